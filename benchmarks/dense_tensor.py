@@ -2,7 +2,7 @@
 
     B(x) = Σ_j Σ_z T_jz(x) c_j d̄_z        with d̄_z the product of the albedos of the objects in z
 
-Kept to be measured against, from the same rays and cells: see `representation` for how it does. Layers have one curve
+Kept to be measured against, from the same rays and cells: see `GatherPolynomial` for how it does. Layers have one curve
 here, and all bounces after the first go by albedo: a second curve, or bands at the second bounce, would multiply it by
 their number of bands again.
 """
@@ -16,10 +16,9 @@ from benchmarks.multisets import NONE, Multisets
 from engine.core.errors import InsituError
 from engine.core.generators import run_to_end
 from engine.precompute.indirect.indirect_layers import IndirectLayer, albedos_of
-from engine.precompute.indirect.indirect_light import IndirectLight
-from engine.precompute.indirect.irradiance import NO_OBJECT, CacheLight, bounce_radiosity
+from engine.precompute.indirect.indirect_light import Freezing, FrozenLight, IndirectLight, SelectedCurve
+from engine.precompute.indirect.irradiance_cache import NO_OBJECT, CacheLight, bounce_radiosity
 from engine.precompute.indirect.reflection import OutgoingRadiance
-from engine.precompute.indirect.representation import Freezing, FrozenLight, SelectedCurve
 
 
 class DenseTensor:
@@ -78,7 +77,7 @@ class DenseTensor:
 def radiosity_by_multiset(
     light: CacheLight, objects: Sequence[int], sets: Multisets, n_bounces: int
 ) -> NDArray[np.float32]:
-    """Radiosity (C, Z, 3) of the cells over the albedos' products, in a picture of N bounces: see `irradiance`."""
+    """Radiosity (C, Z, 3) of the records over the albedos' products, for N bounces: see `irradiance_cache`."""
     latest = np.zeros((len(light.objects), len(sets), 3), np.float32)
     latest[:, 0] = light.irradiance
     total = latest.copy()

@@ -18,7 +18,7 @@ from app.project.project import Project, open_project
 from app.stills.stills import render_picture
 from benchmarks.figures import Figure, not_measured
 from engine.precompute.direct.pipeline import Placement
-from engine.precompute.indirect.series import BounceSeries
+from engine.precompute.indirect.sampling_settings import BounceSeries
 
 ROOM = "storeroom"
 HEIGHT, WINDOW = 256, (48, 40)

@@ -24,7 +24,7 @@ from benchmarks.peer import FIGURE as PEER_FIGURE
 from benchmarks.peer import SERIES, peer_figure
 from benchmarks.references import masked_reference, reference_folder
 from engine.precompute.direct.pipeline import Placement
-from engine.precompute.indirect.series import parse_series
+from engine.precompute.indirect.sampling_settings import parse_series
 
 CSV = "indirect_memory.csv"
 OF_CORNELL = ("gi_edit_ms", "gi_memory_mb_cornell", "gi_first_s", "gi_first_error")

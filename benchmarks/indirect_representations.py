@@ -31,8 +31,13 @@ from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.precompute.direct.pipeline import Placement
 from engine.precompute.indirect.indirect_layers import IndirectLayer, diffuse_slant, indirect_layer
-from engine.precompute.indirect.indirect_light import IndirectLight
-from engine.precompute.indirect.representation import FrozenLight, GatherPolynomial, Representation, SelectedCurve
+from engine.precompute.indirect.indirect_light import (
+    FrozenLight,
+    GatherPolynomial,
+    IndirectLight,
+    Representation,
+    SelectedCurve,
+)
 from engine.precompute.indirect.sampling_settings import ROUGH, SamplingSettings
 from engine.precompute.indirect.solver import Solver
 from engine.scene.scene_loader import Scene

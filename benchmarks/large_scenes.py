@@ -120,7 +120,7 @@ def measure(folder: Path, resolution: tuple[int, int] = RESOLUTION) -> dict[str,
     from engine.core.generators import run_to_end
     from engine.precompute.direct.pipeline import Placement
     from engine.precompute.direct.projection import project_layer
-    from engine.precompute.indirect.series import BounceSeries
+    from engine.precompute.indirect.sampling_settings import BounceSeries
     from engine.render.still import shape_of, still_layers, still_quality, with_maps
     from engine.render.still_indirect import indirect_radiance
     from engine.scene.raycaster import RayCaster

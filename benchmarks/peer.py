@@ -32,7 +32,7 @@ from benchmarks.figures import Figure, NotMeasured, not_measured
 from benchmarks.launches import run_program
 from benchmarks.references import reference_folder
 from engine.precompute.direct.pipeline import Placement
-from engine.precompute.indirect.series import parse_series
+from engine.precompute.indirect.sampling_settings import parse_series
 from engine.scene.primary_hits import PrimaryHits
 
 VARIABLE = "INSITU_PEER_PYTHON"

@@ -24,8 +24,7 @@ from app.system.atomic import save_file
 from engine.core.generators import run_to_end
 from engine.planner import MOST_BANDS, Plan
 from engine.precompute.direct.pipeline import Placement
-from engine.precompute.indirect.sampling_settings import FINE
-from engine.precompute.indirect.series import BounceSeries
+from engine.precompute.indirect.sampling_settings import FINE, BounceSeries
 from engine.render.bounce_plan import MOST_PLANNED, planned_bounces
 from engine.render.error_estimate import compare_errors
 from engine.render.light_pilot import with_light_budget

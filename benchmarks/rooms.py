@@ -18,7 +18,7 @@ from app.project.project import Project, open_project, with_edges
 from app.stills.stills import render_picture
 from benchmarks.figures import Figure, not_measured
 from engine.precompute.direct.pipeline import Placement
-from engine.precompute.indirect.series import BounceSeries
+from engine.precompute.indirect.sampling_settings import BounceSeries
 
 BLOCK = 8
 # Of the picture's mean: in what is darker, a blotch is seen against this.

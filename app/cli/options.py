@@ -8,7 +8,7 @@ import typer
 
 from app.project.project import parse_assignment
 from engine.plan_lines import FEWEST_LIGHTS, MOST_LIGHTS
-from engine.precompute.indirect.series import MOST_BOUNCES
+from engine.precompute.indirect.sampling_settings import MOST_BOUNCES
 from engine.scene.description import MAX_RESOLUTION
 
 

@@ -44,7 +44,7 @@ from engine.core.colour import find_view
 from engine.core.errors import InsituError
 from engine.plan_lines import MODE_LINES
 from engine.planner import N_LIGHTS, N_PATCHES
-from engine.precompute.indirect.series import BounceSeries, parse_series
+from engine.precompute.indirect.sampling_settings import BounceSeries, parse_series
 from engine.scene.builtin import DEFAULT_SCENE
 
 if TYPE_CHECKING:

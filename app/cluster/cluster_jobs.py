@@ -92,7 +92,7 @@ def project_tiles(job: ViewJob, light: VisibleLight, layer: LayerShape, rows: np
 def find_indirect(job: ViewJob, layers: Sequence[LayerState], lit_by: str, n_bounces: int, n_rays: int) -> Arrays:
     """The fine indirect light of a view, as it is cached on disk."""
     from app.worker.indirect_tasks import IndirectTasks
-    from engine.precompute.indirect.stored_light import arrays_of
+    from engine.precompute.indirect.checkpoints import arrays_of
 
     with _exclusive_task(job):
         context = _open_once(job, lambda: _worker_context(job))

@@ -21,7 +21,7 @@ from engine.core.errors import InsituError
 from engine.core.generators import run_to_end
 from engine.precompute.direct.pipeline import Placement
 from engine.precompute.indirect.clamping import BRIGHTEST, clamp_radiance
-from engine.precompute.indirect.series import BounceSeries
+from engine.precompute.indirect.sampling_settings import BounceSeries
 from engine.realtime.triple_product.orbit_engine import Orbit
 from engine.realtime.zonal_harmonics.deform_engine import Deform
 from engine.render.bounce_plan import planned_bounces

@@ -31,10 +31,8 @@ from engine.precompute.direct.bandstore import join_tiles
 from engine.precompute.direct.pipeline import Placement, Quality, SkyState
 from engine.precompute.direct.projection import LayerShape, VisibleLight, project_layer
 from engine.precompute.indirect.clamping import BRIGHTEST, clamp_radiance
-from engine.precompute.indirect.indirect_light import IndirectLight
-from engine.precompute.indirect.representation import GatherPolynomial
-from engine.precompute.indirect.sampling_settings import STILL
-from engine.precompute.indirect.series import BounceSeries
+from engine.precompute.indirect.indirect_light import GatherPolynomial, IndirectLight
+from engine.precompute.indirect.sampling_settings import STILL, BounceSeries
 from engine.render._layer_kernels import add_points
 from engine.render.bounce_plan import planned_bounces
 from engine.render.error_estimate import estimate_error

@@ -16,7 +16,7 @@ from engine.core.threads import on_threads
 from engine.light.environment import Environment
 from engine.material.layer import Layer
 from engine.precompute.direct.pipeline import Placement
-from engine.precompute.indirect.series import BounceSeries
+from engine.precompute.indirect.sampling_settings import BounceSeries
 from engine.render.integrator import integrate_direct
 
 CLAMP_PERCENTILE = 99.9

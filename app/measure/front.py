@@ -29,8 +29,7 @@ from app.project.project import Project, open_project, with_edges
 from app.stills.stills import layers_by_object, plan_still, still_quality
 from engine.core.generators import run_to_end
 from engine.precompute.direct.pipeline import Placement, Quality
-from engine.precompute.indirect.sampling_settings import FINE
-from engine.precompute.indirect.series import BounceSeries
+from engine.precompute.indirect.sampling_settings import FINE, BounceSeries
 from engine.realtime.triple_product.orbit_engine import Orbit
 from engine.realtime.zonal_harmonics.deform_engine import N_POINTS
 from engine.render.bounce_plan import planned_bounces

@@ -38,8 +38,14 @@ from engine.curve.operators import HALF_PI, Operator
 from engine.curve.wavelet import forward
 from engine.material.layer import Layer
 from engine.precompute.direct.pipeline import FINAL, Placement, Quality
-from engine.precompute.indirect.sampling_settings import FINE, ROUGH, STILL, SamplingSettings
-from engine.precompute.indirect.series import BounceSeries, parse_series
+from engine.precompute.indirect.sampling_settings import (
+    FINE,
+    ROUGH,
+    STILL,
+    BounceSeries,
+    SamplingSettings,
+    parse_series,
+)
 from engine.render.path_tracer import trace_halves
 from engine.render.still import StillLayer, still_layers, with_maps
 from engine.render.still_indirect import indirect_radiance

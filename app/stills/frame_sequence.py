@@ -30,7 +30,7 @@ from app.stills.stills import (
 from engine.core.errors import InsituError
 from engine.planner import N_LIGHTS, N_PATCHES
 from engine.precompute.indirect.clamping import BRIGHTEST, clamp_radiance
-from engine.precompute.indirect.series import BounceSeries
+from engine.precompute.indirect.sampling_settings import BounceSeries
 from engine.realtime.zonal_harmonics.pose import Poses
 from engine.realtime.zonal_harmonics.posed_scene import pose_scene
 from engine.scene.camera_moves import orbit_camera

@@ -26,8 +26,7 @@ from engine.material.layer import Layer, object_of
 from engine.planner import N_LIGHTS, N_PATCHES, Plan, plan_scene
 from engine.precompute.direct.pipeline import Placement
 from engine.precompute.indirect.clamping import BRIGHTEST, clamp_radiance
-from engine.precompute.indirect.sampling_settings import STILL
-from engine.precompute.indirect.series import BounceSeries
+from engine.precompute.indirect.sampling_settings import STILL, BounceSeries
 from engine.realtime.triple_product.orbit_engine import Orbit
 from engine.realtime.triple_product.orbit_still import render_orbit
 from engine.realtime.zonal_harmonics.deform_engine import N_LOBES, Deform

@@ -35,13 +35,12 @@ from engine.core.stored_arrays import Arrays
 from engine.material.layer import Layer, object_of
 from engine.precompute.direct.pipeline import Placement, SkyState
 from engine.precompute.indirect.albedo import albedo_bands
+from engine.precompute.indirect.checkpoints import NAMES, arrays_of
 from engine.precompute.indirect.indirect_layers import IndirectLayer, indirect_layer
-from engine.precompute.indirect.indirect_light import IndirectLight
-from engine.precompute.indirect.irradiance import NO_OBJECT
-from engine.precompute.indirect.representation import GatherPolynomial, SelectedCurve
+from engine.precompute.indirect.indirect_light import GatherPolynomial, IndirectLight, SelectedCurve
+from engine.precompute.indirect.irradiance_cache import NO_OBJECT
 from engine.precompute.indirect.sampling_settings import FINE, ROUGH, SamplingSettings
 from engine.precompute.indirect.solver import Solver, relit
-from engine.precompute.indirect.stored_light import NAMES, arrays_of
 from engine.render.bounce_plan import planned_bounces
 from engine.render.still_indirect import direct_mean
 

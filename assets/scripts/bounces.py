@@ -15,7 +15,7 @@ from PIL import Image
 from app.measure.subject import at_most, open_subject
 from app.project.project import open_project
 from app.stills.stills import render_picture
-from engine.precompute.indirect.series import BounceSeries
+from engine.precompute.indirect.sampling_settings import BounceSeries
 from engine.render.display import display_picture
 
 SCENES = ("cornell", "vase", "room", "ring")

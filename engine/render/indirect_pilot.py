@@ -21,16 +21,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.precompute.direct.pipeline import Placement, SkyState
-from engine.precompute.indirect.checkpoints import Checkpoints
+from engine.precompute.indirect.checkpoints import Checkpoints, arrays_of
 from engine.precompute.indirect.gather import GatherSamples
 from engine.precompute.indirect.indirect_layers import IndirectLayer
-from engine.precompute.indirect.irradiance import CacheLight
-from engine.precompute.indirect.irradiance_cache import MAX_RECORDS, IrradianceCache
+from engine.precompute.indirect.irradiance_cache import MAX_RECORDS, CacheLight, IrradianceCache
 from engine.precompute.indirect.lattice import Lattice
 from engine.precompute.indirect.photons import PhotonMap
 from engine.precompute.indirect.sampling_settings import FINE, LEVELS, RayBudget, SamplingSettings
 from engine.precompute.indirect.solver import FULL, PART_POINTS, RECORDS_BY_SETS, CellSizeTry, Progress, Solver, growth
-from engine.precompute.indirect.stored_light import arrays_of
 
 N_BLOCKS = 192
 FEWER = 8

@@ -23,7 +23,7 @@ from engine.core.threads import n_threads, pool
 from engine.light.environment import LUMINANCE
 from engine.material.layer import Layer
 from engine.precompute.direct.pipeline import Placement, SkyState
-from engine.precompute.indirect.series import MOST_BOUNCES
+from engine.precompute.indirect.sampling_settings import MOST_BOUNCES
 from engine.render.map_factors import MapFactors
 from engine.render.path_lights import EmitterLight, LightSamples, PathLight, SkyLight
 from engine.render.path_lobes import N_NUMBERS, Scattering

@@ -12,10 +12,8 @@ from engine.precompute.direct.pipeline import Placement, SkyState
 from engine.precompute.indirect.clamping import clamp_radiance, unscaled
 from engine.precompute.indirect.gather import object_of_rows
 from engine.precompute.indirect.indirect_layers import IndirectLayer, indirect_layer, view_factors
-from engine.precompute.indirect.indirect_light import IndirectLight
-from engine.precompute.indirect.representation import GatherPolynomial
-from engine.precompute.indirect.sampling_settings import STILL, SamplingSettings
-from engine.precompute.indirect.series import BounceSeries
+from engine.precompute.indirect.indirect_light import GatherPolynomial, IndirectLight
+from engine.precompute.indirect.sampling_settings import STILL, BounceSeries, SamplingSettings
 from engine.precompute.indirect.solver import Solver
 from engine.render.path_tracer import trace_halves
 from engine.render.still import StillLayer, StillProgress, by_object

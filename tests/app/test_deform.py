@@ -33,7 +33,7 @@ from app.worker.deform_worker import DeformWorker
 from app.worker.in_process import InProcessClient
 from app.worker.tasks import RequestDispatcher
 from engine.precompute.direct.pipeline import Placement
-from engine.precompute.indirect.series import BounceSeries
+from engine.precompute.indirect.sampling_settings import BounceSeries
 from engine.realtime.zonal_harmonics import heights
 from engine.realtime.zonal_harmonics.gpu_parts import NO_PARTS, PictureExport, PosedPart
 from engine.realtime.zonal_harmonics.pose import Deformation

@@ -20,8 +20,7 @@ from engine.light.radiance_files import read_radiance_image
 from engine.precompute.direct.pipeline import Placement
 from engine.precompute.indirect import lattice
 from engine.precompute.indirect.indirect_light import IndirectLight
-from engine.precompute.indirect.sampling_settings import STILL, SamplingSettings
-from engine.precompute.indirect.series import BounceSeries
+from engine.precompute.indirect.sampling_settings import STILL, BounceSeries, SamplingSettings
 from engine.realtime.triple_product.orbit_engine import Orbit
 from engine.realtime.zonal_harmonics.deform_engine import Deform, finish_deform
 from engine.render import picture_error

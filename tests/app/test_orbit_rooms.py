@@ -11,7 +11,7 @@ from app.document.pareto_front import load_front
 from app.project.project import open_project, with_overrides
 from app.stills.stills import render_project
 from engine.precompute.direct.pipeline import Placement
-from engine.precompute.indirect.series import BounceSeries
+from engine.precompute.indirect.sampling_settings import BounceSeries
 from tests.app.test_orbit_stills import inner, off
 from tests.rooms import ROOMS, inside_out, slit, solid
 

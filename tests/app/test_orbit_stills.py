@@ -12,7 +12,7 @@ from app.stills.stills import render_project
 from engine.core.generators import run_to_end
 from engine.material.layer import Layer
 from engine.precompute.direct.pipeline import Placement
-from engine.precompute.indirect.series import BounceSeries
+from engine.precompute.indirect.sampling_settings import BounceSeries
 from engine.realtime.triple_product.orbit_still import render_orbit
 from tests.app.files.test_brdf_files import insitu
 from tests.engine.realtime.triple_product.conftest import SCENE

@@ -11,7 +11,7 @@ from app.measure.accuracy import errors
 from app.project.project import open_project
 from app.stills.stills import render_project
 from engine.precompute.direct.pipeline import Placement
-from engine.precompute.indirect.series import BounceSeries
+from engine.precompute.indirect.sampling_settings import BounceSeries
 from engine.render.picture_error import POOR
 from tests.scene_text import camera, placed
 

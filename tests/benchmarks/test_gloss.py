@@ -9,7 +9,7 @@ import pytest
 from app.stills.stills import render_picture
 from benchmarks.gloss import BALLS, NAMES, GlossEffort, ball_in_view, error_on_ball, gloss_figures
 from engine.light.radiance_files import read_radiance_image
-from engine.precompute.indirect.series import BounceSeries
+from engine.precompute.indirect.sampling_settings import BounceSeries
 
 JUDGES = Path(__file__).resolve().parents[1] / "golden" / "rooms"
 # Of the mean, to which a lamp's image is three hundred times as bright: that is off by less than a hundredth. The

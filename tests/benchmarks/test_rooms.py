@@ -25,7 +25,7 @@ from benchmarks.rooms import (
 )
 from engine.light.radiance_files import read_radiance_image
 from engine.precompute.direct.pipeline import Placement
-from engine.precompute.indirect.series import BounceSeries
+from engine.precompute.indirect.sampling_settings import BounceSeries
 from engine.render.integrator import integrate_direct
 
 JUDGES = Path(__file__).resolve().parents[1] / "golden" / "rooms"

@@ -6,7 +6,7 @@ from engine.material._kernels import gamma, quotient_cosine
 from engine.precompute.indirect import _ray_kernels as rays
 from engine.precompute.indirect._cache_kernels import NO_RECORD
 from engine.precompute.indirect._reflection_kernels import SampleArrays
-from engine.precompute.indirect.layer_curves import LayerCurves
+from engine.precompute.indirect.indirect_layers import LayerCurves
 
 
 def reflected(fans: SampleArrays, i: int, layer: LayerCurves, radiosity: np.ndarray) -> np.ndarray:

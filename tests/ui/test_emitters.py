@@ -16,7 +16,7 @@ from app.project.project import open_project
 from app.stills.stills import render_picture
 from app.worker.cache import ArrayCache
 from app.worker.tasks import RequestDispatcher
-from engine.precompute.indirect.series import BounceSeries
+from engine.precompute.indirect.sampling_settings import BounceSeries
 from tests.ui.small_scene import (
     SCENE,
     CountingClient,

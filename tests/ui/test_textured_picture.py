@@ -15,7 +15,7 @@ from app.stills.stills import render_picture
 from app.worker.cache import ArrayCache
 from app.worker.in_process import InProcessClient
 from app.worker.tasks import RequestDispatcher
-from engine.precompute.indirect.series import BounceSeries
+from engine.precompute.indirect.sampling_settings import BounceSeries
 from tests.ui.small_scene import linear_picture, opened_window, wait_until_exact
 
 pytestmark = pytest.mark.gl

@@ -30,7 +30,7 @@ from app.modes.placement.edited_curves import edited_layers
 from app.modes.placement.placement_events import Footprint, IndirectRadiance
 from app.modes.placement.placement_messages import FreezeIndirect, IndirectFound, IndirectFrozen, IndirectNoise
 from engine.material.layer import object_of
-from engine.precompute.indirect.albedo_from_curves import albedo_of
+from engine.precompute.indirect.albedo import albedo_of
 from engine.precompute.indirect.clamping import is_clamped, unscaled
 
 FREEZE_PATIENCE = 5.0

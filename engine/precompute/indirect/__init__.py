@@ -6,7 +6,7 @@ A pixel depends on the surfaces it sees indirectly, and on their radiosity:
   the record it hits. The curve with which the point reflects it is applied later.
 - *irradiance cache records* (`irradiance_cache`): patches of surface of the same orientation, with irradiance from the
   lights and from one another.
-- `irradiance`: the bounces between records, as a polynomial in the edited object's equivalent albedo.
+  Between them light bounces, as a polynomial in the edited object's equivalent albedo.
 - `reflection`: the reflection of this light at the gather points, by band of the edited curve or with all curves
   applied.
 

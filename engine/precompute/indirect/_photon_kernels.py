@@ -17,18 +17,24 @@ import numba as nb
 import numpy as np
 
 from engine.material._kernels import gamma, quotient_cosine
-from engine.precompute.indirect._cache_kernels import _point_in_triangle, _position, _shading_normal
-from engine.precompute.indirect._ray_kernels import ABOUT_AXIS, HORIZON, direction_pdf, local_wo, sample_direction
+from engine.precompute.indirect._cache_kernels import _pick, _position, _shading_normal
+from engine.precompute.indirect._ray_kernels import (
+    ABOUT_AXIS,
+    HORIZON,
+    direction_pdf,
+    local_wo,
+    object_tangent,
+    sample_direction,
+    to_local,
+    to_world,
+)
 from engine.precompute.indirect._reflection_kernels import CONSTANT, HALF_PI, ONE, ZERO, _node
 from engine.precompute.indirect._second_bounce_kernels import (
     TINY,
     _add_gloss,
-    _pick_light,
-    _tangent,
-    _to_local,
-    _to_world,
     expected_photons,
     photon_share,
+    towards_light,
 )
 
 TWO = np.float32(2.0)
@@ -58,30 +64,22 @@ def emit(numbers, about, triangles, per_area, mesh, lobe_axes, axes, lamps, offs
             u, v = ONE - u, ONE - v
         px, py, pz = _position(mesh, triangle, u, v)
         # A light source by power, and a point on it.
-        m = _pick_light(lamps, numbers[i, 2])
-        x, y, z = _point_in_triangle(lamps.corners, m, numbers[i, 3], numbers[i, 4])
+        m = _pick(lamps.cumulative, numbers[i, 2])
+        x, y, z, far, geometry = towards_light(lamps, m, numbers[i, 3], numbers[i, 4], px, py, pz)
         is_sky = m < lamps.density.shape[0]
-        if not is_sky:
-            x, y, z = x - px, y - py, z - pz
-        length = np.sqrt(max(x * x + y * y + z * z, TINY))
-        x, y, z = x / length, y / length, z / length
-        # cosθ' / r² of an emitter; 1 for the sky.
-        geometry, limits[i] = ONE, np.float32(1e30)
-        if not is_sky:
-            facing = -(lamps.normals[m, 0] * x + lamps.normals[m, 1] * y + lamps.normals[m, 2] * z)
-            geometry, limits[i] = max(facing, ZERO) / (length * length), max(length * np.float32(0.9999), TINY)
+        limits[i] = far if is_sky else max(far * np.float32(0.9999), TINY)
         # Local frame on the lit side; sample the outgoing direction about the lobe axis.
         nx, ny, nz = _shading_normal(mesh, triangle, u, v)
         if nx * x + ny * y + nz * z < ZERO:
             nx, ny, nz = -nx, -ny, -nz
-        tx, ty, tz = _tangent(axes, o, nx, ny, nz)
-        lx, ly, lz = _to_local(tx, ty, tz, nx, ny, nz, x, y, z)
+        tx, ty, tz = object_tangent(axes, o, nx, ny, nz)
+        lx, ly, lz = to_local(tx, ty, tz, nx, ny, nz, x, y, z)
         if lz <= HORIZON or geometry <= ZERO:
             continue
         ox, oy, oz = sample_direction(about, i, ABOUT_AXIS, ONE, ZERO, lobe_axes[o], lx, ly, lz)
         if oz <= HORIZON:
             continue
-        wx, wy, wz = _to_world(tx, ty, tz, nx, ny, nz, ox, oy, oz)
+        wx, wy, wz = to_world(tx, ty, tz, nx, ny, nz, ox, oy, oz)
         face = mesh.face_normals[triangle]
         side = face[0] * x + face[1] * y + face[2] * z
         # Photons start uniformly by true area, so the outgoing flux uses the cosine to the face, even on smooth
@@ -110,10 +108,10 @@ def photon_power(photons, g, out):
         o = photons.sources[i]
         nx, ny, nz = photons.normals[i, 0], photons.normals[i, 1], photons.normals[i, 2]
         # Directions to the light and onwards in the local frame.
-        tx, ty, tz = _tangent(g.axes, o, nx, ny, nz)
+        tx, ty, tz = object_tangent(g.axes, o, nx, ny, nz)
         to_light, onward = photons.to_light[i], photons.directions[i]
-        x, y, z = _to_local(tx, ty, tz, nx, ny, nz, to_light[0], to_light[1], to_light[2])
-        ox, oy, oz = _to_local(tx, ty, tz, nx, ny, nz, onward[0], onward[1], onward[2])
+        x, y, z = to_local(tx, ty, tz, nx, ny, nz, to_light[0], to_light[1], to_light[2])
+        ox, oy, oz = to_local(tx, ty, tz, nx, ny, nz, onward[0], onward[1], onward[2])
         out[i] = ZERO
         _add_gloss(g, o, nowhere, x, y, z, ox, oy, oz, ONE, out[i])
         for channel in range(3):
@@ -158,7 +156,7 @@ def weigh_photons(samples, begin, end, times, geometric, position, photons, foun
             # Kernel 2 (1 - d²/r²) / (π r²) times the photons' share of the light, over the cosine to the face.
             dx, dy, dz = -photons.directions[n, 0], -photons.directions[n, 1], -photons.directions[n, 2]
             cosine = face[0] * dx + face[1] * dy + face[2] * dz
-            x, y, z = _to_local(tangent[0], tangent[1], tangent[2], normal[0], normal[1], normal[2], dx, dy, dz)
+            x, y, z = to_local(tangent[0], tangent[1], tangent[2], normal[0], normal[1], normal[2], dx, dy, dz)
             if z <= HORIZON or cosine <= ZERO:
                 continue
             sample_set = direction_pdf(n_cosine, n_lobe, samples.lobe_axes[i], x, y, z, ox, oy, oz) / times[i]
@@ -172,7 +170,7 @@ def _arrival(samples, i, n, directions):
     """Local direction to the origin of photon n, and to the camera."""
     r = samples.rows[i]
     tangent, normal = samples.tangent[r], samples.normal[r]
-    x, y, z = _to_local(
+    x, y, z = to_local(
         tangent[0], tangent[1], tangent[2], normal[0], normal[1], normal[2],
         -directions[n, 0], -directions[n, 1], -directions[n, 2],
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Compiled: directions of hemisphere samples, and their density.
+"""Compiled: directions of hemisphere samples, their density, and local frames.
 
 A sample set combines two distributions: one by the cosine, the other about the axis of the point's lobe with density 1
 / (1 - cos t + ε). Each octave of the angle t from the axis then gets the same share, so that no band near the axis is
@@ -22,6 +22,7 @@ _INVERSE_PI = np.float32(1.0 / math.pi)
 _EPSILON = np.float32(EPSILON)
 ONE, ZERO, TWO = np.float32(1.0), np.float32(0.0), np.float32(2.0)
 HORIZON = np.float32(1e-4)
+_TINY = np.float32(1e-30)
 # How a ray is reflected: diffusely, by a lobe, or near the lobe's axis, where reflected images may be sharp: more than
 # `_SHARP_FROM` of the rays about the axis lie in a steradian there. At normal incidence that is within 12° of the
 # mirror direction. EVEN: not a ray of a gather point.
@@ -112,16 +113,37 @@ def pattern_of(seed, nth):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
+def object_tangent(axes, o, nx, ny, nz):
+    """Unit vector Y × n with the object's Y, or its X made perpendicular to n where Y is parallel to n."""
+    yx, yy, yz = axes[o, 0, 0], axes[o, 0, 1], axes[o, 0, 2]
+    tx, ty, tz = yy * nz - yz * ny, yz * nx - yx * nz, yx * ny - yy * nx
+    length2 = tx * tx + ty * ty + tz * tz
+    if length2 < np.float32(1e-8):
+        along = axes[o, 1, 0] * nx + axes[o, 1, 1] * ny + axes[o, 1, 2] * nz
+        tx, ty, tz = axes[o, 1, 0] - along * nx, axes[o, 1, 1] - along * ny, axes[o, 1, 2] - along * nz
+        length2 = tx * tx + ty * ty + tz * tz
+    inverse = ONE / np.sqrt(max(length2, _TINY))
+    return tx * inverse, ty * inverse, tz * inverse
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def to_local(tx, ty, tz, nx, ny, nz, x, y, z):
+    """World to local coordinates, in the frame of tangent, bitangent n × t, and normal."""
+    bx, by, bz = ny * tz - nz * ty, nz * tx - nx * tz, nx * ty - ny * tx
+    return tx * x + ty * y + tz * z, bx * x + by * y + bz * z, nx * x + ny * y + nz * z
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def to_world(tx, ty, tz, nx, ny, nz, x, y, z):
+    """Local to world coordinates."""
+    bx, by, bz = ny * tz - nz * ty, nz * tx - nx * tz, nx * ty - ny * tx
+    return x * tx + y * bx + z * nx, x * ty + y * by + z * ny, x * tz + y * bz + z * nz
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
 def local_wo(tangent, normal, wo):
     """(ox, oy, oz) in the frame of tangent, bitangent, normal."""
-    bx = normal[1] * tangent[2] - normal[2] * tangent[1]
-    by = normal[2] * tangent[0] - normal[0] * tangent[2]
-    bz = normal[0] * tangent[1] - normal[1] * tangent[0]
-    return (
-        tangent[0] * wo[0] + tangent[1] * wo[1] + tangent[2] * wo[2],
-        bx * wo[0] + by * wo[1] + bz * wo[2],
-        normal[0] * wo[0] + normal[1] * wo[1] + normal[2] * wo[2],
-    )
+    return to_local(tangent[0], tangent[1], tangent[2], normal[0], normal[1], normal[2], wo[0], wo[1], wo[2])
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")

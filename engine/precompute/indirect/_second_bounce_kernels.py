@@ -14,16 +14,19 @@ import numba as nb
 import numpy as np
 
 from engine.material._kernels import gamma, quotient_cosine
-from engine.precompute.indirect._cache_kernels import NO_RECORD, _point_in_triangle, _shading_normal
+from engine.precompute.indirect._cache_kernels import NO_RECORD, _pick, _point_in_triangle, _shading_normal, _write_ray
 from engine.precompute.indirect._ray_kernels import (
     ABOUT_AXIS,
     HORIZON,
     direction_pdf,
     hash64,
     local_wo,
+    object_tangent,
     pattern_of,
     pattern_rotation,
     sample_direction,
+    to_local,
+    to_world,
     uniform,
 )
 from engine.precompute.indirect._reflection_kernels import HALF_PI, ONE, ZERO, _is_in_half, _node, _ray
@@ -111,37 +114,10 @@ def _seed(row, nth, n_rays, m, vertex):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _tangent(axes, o, nx, ny, nz):
-    """Unit vector Y × n with the object's Y, or its X made perpendicular to n where Y is parallel to n."""
-    yx, yy, yz = axes[o, 0, 0], axes[o, 0, 1], axes[o, 0, 2]
-    tx, ty, tz = yy * nz - yz * ny, yz * nx - yx * nz, yx * ny - yy * nx
-    length2 = tx * tx + ty * ty + tz * tz
-    if length2 < np.float32(1e-8):
-        along = axes[o, 1, 0] * nx + axes[o, 1, 1] * ny + axes[o, 1, 2] * nz
-        tx, ty, tz = axes[o, 1, 0] - along * nx, axes[o, 1, 1] - along * ny, axes[o, 1, 2] - along * nz
-        length2 = tx * tx + ty * ty + tz * tz
-    inverse = ONE / np.sqrt(max(length2, TINY))
-    return tx * inverse, ty * inverse, tz * inverse
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _to_local(tx, ty, tz, nx, ny, nz, x, y, z):
-    """World to local coordinates, in the frame of tangent, bitangent n × t, and normal."""
-    bx, by, bz = ny * tz - nz * ty, nz * tx - nx * tz, nx * ty - ny * tx
-    return tx * x + ty * y + tz * z, bx * x + by * y + bz * z, nx * x + ny * y + nz * z
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _to_world(tx, ty, tz, nx, ny, nz, x, y, z):
-    """Local to world coordinates."""
-    bx, by, bz = ny * tz - nz * ty, nz * tx - nx * tz, nx * ty - ny * tx
-    return x * tx + y * bx + z * nx, x * ty + y * by + z * ny, x * tz + y * bz + z * nz
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def _towards_light(lamps, m, seed, px, py, pz):
-    """Direction and distance from a position to a point of light m, and cosθ' / r² there; 1 for the sky."""
-    x, y, z = _point_in_triangle(lamps.corners, m, uniform(seed ^ np.uint64(5)), uniform(seed ^ np.uint64(6)))
+def towards_light(lamps, m, u, v, px, py, pz):
+    """Direction and distance from a position to the point of light m at random numbers u and v in [0, 1), and cosθ' /
+    r² there; 1e30 and 1 for the sky."""
+    x, y, z = _point_in_triangle(lamps.corners, m, u, v)
     is_sky = m < lamps.density.shape[0]
     if not is_sky:
         x, y, z = x - px, y - py, z - pz
@@ -163,16 +139,6 @@ def _sample_about_axis(table, seed, lobe_axis, ox, oy, oz):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _pick_light(lamps, u):
-    """The first light whose cumulative share exceeds u."""
-    low, high = 0, lamps.cumulative.shape[0] - 1
-    while low < high:
-        middle = (low + high) // 2
-        low, high = (low, middle) if lamps.cumulative[middle] > u else (middle + 1, high)
-    return low
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
 def _sky_at(lamps, x, y, z):
     """The sky triangle in a direction, −1 where there is no sky."""
     height, width = lamps.raster.shape
@@ -191,12 +157,6 @@ def _share(lamps, m, geometry, lobe_density):
     return geometry / np.float32(N_BY_POWER)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _brightest(lamps, m):
-    light = lamps.radiance[m] if m < lamps.density.shape[0] else lamps.power[m]
-    return max(light[0], light[1], light[2])
-
-
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _candidate(lamps, table, c, m, seed, lobe_axis, frame, place, eye):
     """Candidate c for light m (−1: to be chosen): light, local direction, distance, density about the lobe axis, and
@@ -209,13 +169,14 @@ def _candidate(lamps, table, c, m, seed, lobe_axis, frame, place, eye):
     # The first half draws a light by power, the second half a direction about the lobe axis.
     if c < N_BY_POWER:
         if m < 0:
-            m = _pick_light(lamps, uniform(own ^ np.uint64(4)))
-        wx, wy, wz, far, geometry = _towards_light(lamps, m, own, px, py, pz)
-        x, y, z = _to_local(tx, ty, tz, nx, ny, nz, wx, wy, wz)
+            m = _pick(lamps.cumulative, uniform(own ^ np.uint64(4)))
+        u, v = uniform(own ^ np.uint64(5)), uniform(own ^ np.uint64(6))
+        wx, wy, wz, far, geometry = towards_light(lamps, m, u, v, px, py, pz)
+        x, y, z = to_local(tx, ty, tz, nx, ny, nz, wx, wy, wz)
     else:
         x, y, z = _sample_about_axis(table, own, lobe_axis, ox, oy, oz)
         if m < 0 and z > HORIZON:
-            wx, wy, wz = _to_world(tx, ty, tz, nx, ny, nz, x, y, z)
+            wx, wy, wz = to_world(tx, ty, tz, nx, ny, nz, x, y, z)
             m = _sky_at(lamps, wx, wy, wz)
     # Below the horizon, or no light in this direction.
     if z <= HORIZON or m < 0:
@@ -248,8 +209,8 @@ def choose_lights(which, at, vertex, n_rays, rows, nth, hits, origins, direction
         px, py, pz = origins[r, 0] + far * dx, origins[r, 1] + far * dy, origins[r, 2] + far * dz
         sample_set, m = divmod(which[i], n_rays)
         seed = _seed(rows[sample_set], nth[sample_set], n_rays, m, vertex)
-        tx, ty, tz = _tangent(axes, o, nx, ny, nz)
-        ox, oy, oz = _to_local(tx, ty, tz, nx, ny, nz, -dx, -dy, -dz)
+        tx, ty, tz = object_tangent(axes, o, nx, ny, nz)
+        ox, oy, oz = to_local(tx, ty, tz, nx, ny, nz, -dx, -dy, -dz)
         frame, place, eye = (tx, ty, tz, nx, ny, nz), (px, py, pz), (ox, oy, oz)
         total, chosen = ZERO, ZERO
         lights[i], candidates[i], weights[i], limits[i] = NO_LIGHT, 0, ZERO, ONE
@@ -263,7 +224,8 @@ def choose_lights(which, at, vertex, n_rays, rows, nth, hits, origins, direction
                 )
                 if m < 0:
                     continue
-                worth = share * density * _brightest(lamps, m)
+                light = lamps.radiance[m] if m < lamps.density.shape[0] else lamps.power[m]
+                worth = share * density * max(light[0], light[1], light[2])
                 total += worth
                 if worth > ZERO and uniform(seed ^ np.uint64(1000 + c)) * total < worth:
                     lights[i], candidates[i], chosen = m, c, worth
@@ -271,16 +233,9 @@ def choose_lights(which, at, vertex, n_rays, rows, nth, hits, origins, direction
             if chosen > ZERO:
                 weights[i] = total / chosen
         # The shadow ray.
-        x, y, z = _to_world(tx, ty, tz, nx, ny, nz, lx, ly, lz)
-        to_light[i, 0], to_light[i, 1], to_light[i, 2] = x, y, z
-        _lifted(mesh.face_normals[triangle], px, py, pz, x, y, z, offset, starts[i])
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _lifted(face, px, py, pz, x, y, z, offset, start):
-    """Offsets a position along the face normal to the side that a ray along (x, y, z) leaves to; writes start (3,)."""
-    lift = offset if face[0] * x + face[1] * y + face[2] * z >= ZERO else -offset
-    start[0], start[1], start[2] = px + lift * face[0], py + lift * face[1], pz + lift * face[2]
+        x, y, z = to_world(tx, ty, tz, nx, ny, nz, lx, ly, lz)
+        face = mesh.face_normals[triangle]
+        _write_ray(starts, to_light, i, px, py, pz, face[0], face[1], face[2], x, y, z, offset)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -293,8 +248,8 @@ def sample_lobe_rays(which, n_rays, rows, nth, hits, origins, directions, normal
         triangle, o = hits.triangle[w], mesh.objects[hits.triangle[w]]
         dx, dy, dz = directions[w, 0], directions[w, 1], directions[w, 2]
         nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
-        tx, ty, tz = _tangent(axes, o, nx, ny, nz)
-        ox, oy, oz = _to_local(tx, ty, tz, nx, ny, nz, -dx, -dy, -dz)
+        tx, ty, tz = object_tangent(axes, o, nx, ny, nz)
+        ox, oy, oz = to_local(tx, ty, tz, nx, ny, nz, -dx, -dy, -dz)
         sample_set, m = divmod(w, n_rays)
         x, y, z = _sample_about_axis(
             table, _seed(rows[sample_set], nth[sample_set], n_rays, m, 2), lobe_axes[o], ox, oy, oz
@@ -302,11 +257,11 @@ def sample_lobe_rays(which, n_rays, rows, nth, hits, origins, directions, normal
         there[i] = z > HORIZON
         if not there[i]:
             x, y, z = ZERO, ZERO, ONE
-        x, y, z = _to_world(tx, ty, tz, nx, ny, nz, x, y, z)
-        to_lobe[i, 0], to_lobe[i, 1], to_lobe[i, 2] = x, y, z
+        x, y, z = to_world(tx, ty, tz, nx, ny, nz, x, y, z)
         far = hits.distance[w]
         px, py, pz = origins[w, 0] + far * dx, origins[w, 1] + far * dy, origins[w, 2] + far * dz
-        _lifted(mesh.face_normals[triangle], px, py, pz, x, y, z, offset, starts[i])
+        face = mesh.face_normals[triangle]
+        _write_ray(starts, to_lobe, i, px, py, pz, face[0], face[1], face[2], x, y, z, offset)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -402,12 +357,12 @@ def second_bounce_light(samples, position, records, begin, end, objects, g, lamp
                 continue
             # Second vertex: regenerate the ray from its pattern, then position, frame and direction back along the ray.
             x, y, z = _ray(samples, i, m, pattern, cosine, sine, eye_x, eye_y, eye_z)
-            dx, dy, dz = _to_world(tangent[0], tangent[1], tangent[2], normal[0], normal[1], normal[2], x, y, z)
+            dx, dy, dz = to_world(tangent[0], tangent[1], tangent[2], normal[0], normal[1], normal[2], x, y, z)
             far = records.distance[e]
             px, py, pz = position[r, 0] + far * dx, position[r, 1] + far * dy, position[r, 2] + far * dz
             nx, ny, nz = records.normal[e, 0], records.normal[e, 1], records.normal[e, 2]
-            tx, ty, tz = _tangent(g.axes, o, nx, ny, nz)
-            ox, oy, oz = _to_local(tx, ty, tz, nx, ny, nz, -dx, -dy, -dz)
+            tx, ty, tz = object_tangent(g.axes, o, nx, ny, nz)
+            ox, oy, oz = to_local(tx, ty, tz, nx, ny, nz, -dx, -dy, -dz)
             if oz <= HORIZON:
                 continue
             # Density of stored rays at the gather point, per steradian.
@@ -445,11 +400,11 @@ def second_bounce_light(samples, position, records, begin, end, objects, g, lamp
             if light == NO_LIGHT:
                 continue
             cell, o, far = np.int64(beyond), objects[beyond], records.distance_3[e]
-            dx, dy, dz = _to_world(tx, ty, tz, nx, ny, nz, x, y, z)
+            dx, dy, dz = to_world(tx, ty, tz, nx, ny, nz, x, y, z)
             px, py, pz = px + far * dx, py + far * dy, pz + far * dz
             nx, ny, nz = records.normal_3[e, 0], records.normal_3[e, 1], records.normal_3[e, 2]
-            tx, ty, tz = _tangent(g.axes, o, nx, ny, nz)
-            ox, oy, oz = _to_local(tx, ty, tz, nx, ny, nz, -dx, -dy, -dz)
+            tx, ty, tz = object_tangent(g.axes, o, nx, ny, nz)
+            ox, oy, oz = to_local(tx, ty, tz, nx, ny, nz, -dx, -dy, -dz)
             frame, place, eye = (tx, ty, tz, nx, ny, nz), (px, py, pz), (ox, oy, oz)
             c = np.int64(records.candidate_3[e])
             m, x, y, z, _, _, share = _candidate(lamps, table, c, light, third, g.lobe_axes[o], frame, place, eye)

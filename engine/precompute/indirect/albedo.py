@@ -2,8 +2,11 @@
 
     d = (1/π) ∫∫ ρ(ωi, ωo) cos θ_i cos θ_o dωi dωo
 
-The part that does not depend on curves is computed here, once per model and quotient; `albedo_from_curves` applies the
-curves. Narrow bands are integrated with the distributions of the hemisphere samples: partly by the cosine, partly about
+    d = f_q Σ_o f_o(θ_o) Σ_jk c_j c_k e_ojk
+
+The part e that does not depend on curves is computed once per model and quotient (`albedo_bands`). Applying the curves
+to it is fast enough for every frame (`albedo_of`); the window's process does so, which is why the compiler is imported
+late. Narrow bands are integrated with the distributions of the hemisphere samples: partly by the cosine, partly about
 the axis of the lobe.
 
 Sums over rays use one quotient for all colour channels. Where a model has one per channel (measured materials), albedos
@@ -19,11 +22,8 @@ from numpy.typing import NDArray
 from engine.core.array_cache import cache_recent_arrays
 from engine.material import MODELS, kinds
 from engine.material.layer import Layer
-from engine.precompute.indirect import _albedo_kernels as kernels
-from engine.precompute.indirect.albedo_from_curves import N_SLANTS, N_VIEWS, albedo_of, slant_of, view_angles
-from engine.precompute.indirect.direction_patterns import cosine_tables, lobe_tables
-from engine.precompute.indirect.layer_curves import lobe_axis_of
 
+N_VIEWS, N_SLANTS = 32, 6
 N_AZIMUTHS = 8
 N_VIEW_SAMPLES = 256
 _N_RAYS = 1024
@@ -68,6 +68,9 @@ def _common_bands(
     model_name: str, quotient_parameters: tuple[float, ...], bands: tuple[int, ...]
 ) -> NDArray[np.float64]:
     """e (32, J, K) with the single quotient of these parameters."""
+    from engine.precompute.indirect import _reflection_kernels as kernels
+    from engine.precompute.indirect.direction_patterns import cosine_tables, lobe_axis_of, lobe_tables
+
     model = MODELS[model_name]
     n_a, n_b = (*bands, 1)[:2]
     kind_b = model.factors[1].gamma if len(model.factors) > 1 else -1
@@ -102,3 +105,45 @@ def _bands_and_curves(
     """e and the curves of a layer, in the form that `albedo_of` takes."""
     e = albedo_bands(layer.model.name, tuple(layer.quotient_parameters().tolist()), bands)
     return e, tuple(layer.coefficients(factor.name, n) for factor, n in zip(layer.model.factors, bands, strict=False))
+
+
+def view_angles() -> NDArray[np.float64]:
+    """θ_o at the centres of 32 rings of equal cos θ_o dω_o."""
+    return np.arccos(np.sqrt(1.0 - (np.arange(N_VIEWS) + 0.5) / N_VIEWS))
+
+
+def albedo_of(
+    e: NDArray[np.floating], curves: Sequence[NDArray[np.floating]], gain: NDArray[np.floating],
+    view_curve: NDArray[np.floating],
+) -> NDArray[np.float64]:  # fmt: skip
+    """d (3,) of a layer: e (32, J, K) or (3, 32, J, K), values of its one or two curves (J, 3), (K, 3), f_q (3,), f_o
+    (N, 3) at even angles from 0 to π/2."""
+    angles = np.linspace(0.0, np.pi / 2, len(view_curve))
+    views = np.stack([np.interp(view_angles(), angles, view_curve[:, c]) for c in range(3)], axis=1)
+    first, second = (*curves, np.ones((1, 3)))[:2]
+    seen = np.einsum("oc,cojk->cjk", views, np.broadcast_to(e, (3, *e.shape[-3:])))
+    return np.asarray(gain * np.einsum("cjk,jc,kc->c", seen, first, second))
+
+
+def slant_of(e: NDArray[np.floating], curves: Sequence[NDArray[np.floating]]) -> NDArray[np.float64]:
+    """The directional albedo relative to the equivalent albedo, (N_SLANTS, 3), at `slant_roots`, with constant f_o; e,
+    curves: see `albedo_of`.
+
+    By reciprocity it is the light that comes from all directions to a camera at that angle. 1 where the layer is black.
+    Normalised so that uniform light is reflected by the equivalent albedo.
+    """
+    first, second = (*curves, np.ones((1, 3)))[:2]
+    towards = np.einsum("cojk,jc,kc->oc", np.broadcast_to(e, (3, *e.shape[-3:])), first, second)
+    mean = towards.mean(axis=0)
+    relative = np.divide(towards, mean, out=np.ones_like(towards), where=mean > 0.0)
+    roots = np.sqrt(np.cos(view_angles()))[::-1]
+    nodes = slant_roots()
+    slant = np.stack([np.interp(nodes, roots, relative[::-1, c]) for c in range(3)], axis=1)
+    even = np.stack([np.interp(roots, nodes, slant[:, c]) for c in range(3)], axis=1)
+    return np.asarray(slant / even.mean(axis=0))
+
+
+def slant_roots() -> NDArray[np.float64]:
+    """The square roots of the cosines of incidence between which records divide their direct irradiance: dense at
+    grazing angles, where glossy reflection changes fast."""
+    return np.linspace(0.0, 1.0, N_SLANTS)

@@ -1,14 +1,49 @@
-"""Stratified patterns of directions for gather points and records, computed once; see `_ray_kernels` for their
-densities."""
+"""The directions that gather points and records sample: lobe axes, ray counts, and stratified patterns, computed once.
+See `_ray_kernels` for their densities."""
 
+from collections.abc import Iterable
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.precompute.indirect._ray_kernels import EPSILON, N_PATTERNS
+from engine.material import MODELS, kinds
+from engine.precompute.indirect._ray_kernels import EPSILON, HALF, MIRROR, N_PATTERNS, NORMAL
 
+MAX_SAMPLE_SETS = 4  # per gather point
 _SEED = 20260711
+
+
+def lobe_axis_of(model_names: Iterable[str]) -> int:
+    """The axis about which hemisphere samples of an object with layers of these models are dense."""
+    gammas = {factor.gamma for name in model_names for factor in MODELS[name].factors}
+    if gammas.intersection(kinds.HALF_ANGLES):
+        return HALF
+    return MIRROR if kinds.THETA_R in gammas else NORMAL
+
+
+@dataclass(frozen=True)
+class SampleCounts:
+    """Rays per gather point: powers of two; a diffuse surface has none about a lobe axis."""
+
+    n_cosine: int
+    n_lobe: int
+
+    @property
+    def n_rays(self) -> int:
+        return self.n_cosine + self.n_lobe
+
+
+def sample_counts(n_rays: int, lobe_axis: int) -> SampleCounts:
+    """A diffuse surface samples by the cosine alone; any other sends half of its rays about the lobe axis."""
+    n_lobe = 0 if lobe_axis == NORMAL else n_rays // 2
+    return SampleCounts(n_rays - n_lobe, n_lobe)
+
+
+def direction_tables(size: SampleCounts) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """The direction patterns of sample sets of this size, by the cosine and about lobe axes."""
+    return cosine_tables(size.n_cosine, MAX_SAMPLE_SETS), lobe_tables(size.n_lobe, MAX_SAMPLE_SETS)
 
 
 @lru_cache(maxsize=8)

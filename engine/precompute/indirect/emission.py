@@ -1,4 +1,4 @@
-"""All lights of a scene for indirect light, in units of their own brightness.
+"""All lights of a scene for indirect light, in units of their own brightness, ready to be sampled by power.
 
 Random decisions are then the same under a light and under the same light a billion times as bright, and squares stay
 within single precision: values are of the order of 1, with a separate unit. The unit is a power of two times the sky's
@@ -11,6 +11,7 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from engine.light.emitters import EmitterPatches
 from engine.light.triangle_lights import TriangleLights, cut_lights
@@ -18,10 +19,10 @@ from engine.precompute.direct.lighting import mean_radiance
 from engine.precompute.direct.pipeline import Placement, SkyState
 from engine.precompute.indirect._cache_kernels import Lights
 from engine.precompute.indirect._second_bounce_kernels import SampledLights
-from engine.precompute.indirect.irradiance_cache import patch_lights, sky_lights
-from engine.precompute.indirect.second_bounce import emitters_for_sampling
+from engine.sphere.geodesic import locate
 
 N_LIGHTS, N_PATCHES = 4000, 256
+_RASTER = (512, 1024)  # rows and columns
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,3 +56,86 @@ def in_units(
     if patches is not None:
         patches = replace(patches, radiance=(patches.radiance / np.float64(unit)).astype(np.float32))
     return cut, patches, unit * common if common > 0.0 else unit
+
+
+def sky_lights(cut: TriangleLights) -> Lights:
+    """The triangle lights of a sky, sampled by power."""
+    return _lights(cut.vertices[cut.corners], cut.power, np.zeros((len(cut), 3), np.float32), True)
+
+
+def patch_lights(patches: EmitterPatches) -> Lights:
+    """Patches of emitters, sampled by power."""
+    return _lights(patches.corners, patches.radiance * patches.area[:, None], patches.normal, False)
+
+
+def _lights(
+    corners: NDArray[np.floating], power: NDArray[np.floating], normals: NDArray[np.floating], is_sky: bool
+) -> Lights:
+    """Lights with power, with cumulative shares and powers divided by the share."""
+    strength = power.max(axis=1).astype(np.float64)
+    lit = strength > 0.0
+    share = strength[lit] / max(strength.sum(), 1e-300)
+    return Lights(
+        np.ascontiguousarray(corners[lit], np.float32), np.cumsum(share).astype(np.float32),
+        np.ascontiguousarray(power[lit] / np.maximum(share, 1e-30)[:, None], np.float32),
+        np.ascontiguousarray(normals[lit], np.float32), is_sky,
+    )  # fmt: skip
+
+
+def emitters_for_sampling(cut: TriangleLights | None, patches: EmitterPatches | None) -> SampledLights:
+    """Sky and emitters for sampling by power; half of the samples each where there are both."""
+    parts = [part for part in (_sky(cut), _patches(patches)) if part is not None and part[1].max() > 0.0]
+    if not parts:
+        none = np.zeros((0, 3), np.float32)
+        empty = np.zeros(0, np.float32)
+        return SampledLights(none[:, None], empty, none, none, empty, none, np.zeros((0, 0), np.int32))
+    shares = [strength / strength.sum() / len(parts) for _, strength, _, _ in parts]
+    corners = np.concatenate([part[0] for part in parts]).astype(np.float32)
+    share = np.concatenate(shares)
+    power = np.concatenate([part[2] for part in parts]) / np.maximum(share, 1e-30)[:, None]
+    power[share == 0.0] = 0.0
+    cumulative = np.cumsum(share)
+    cumulative[np.flatnonzero(share)[-1] :] = 2.0  # rounding leaves no sample beyond the last light with power
+    density, radiance, raster = np.zeros(0, np.float32), np.zeros((0, 3), np.float32), np.zeros((0, 0), np.int32)
+    if cut is not None and _sky(cut)[1].max() > 0.0:
+        density = (shares[0] / cut.solid_angle).astype(np.float32)
+        radiance, raster = (cut.power / cut.solid_angle[:, None]).astype(np.float32), _raster(cut)
+    normals = np.concatenate([part[3] for part in parts]).astype(np.float32)
+    return SampledLights(
+        corners, cumulative.astype(np.float32), power.astype(np.float32), normals, density, radiance, raster
+    )
+
+
+_Part = tuple[NDArray[np.floating], NDArray[np.float64], NDArray[np.floating], NDArray[np.floating]]
+
+
+def _sky(cut: TriangleLights | None) -> _Part:
+    """Corners, strengths, powers and (zero) normals of the sky's triangles."""
+    if cut is None:
+        return np.zeros((0, 3, 3)), np.zeros(1), np.zeros((0, 3)), np.zeros((0, 3))
+    return cut.vertices[cut.corners], cut.power.max(axis=1).astype(np.float64), cut.power, np.zeros((len(cut), 3))
+
+
+def _patches(patches: EmitterPatches | None) -> _Part | None:
+    if patches is None:
+        return None
+    power = patches.radiance * patches.area[:, None]
+    return patches.corners, power.max(axis=1).astype(np.float64), power, patches.normal
+
+
+def _raster(cut: TriangleLights) -> NDArray[np.int32]:
+    """The triangle of the cut in each direction of a lat-long grid; columns from -Z over +X."""
+    height, width = _RASTER
+    polar = (np.arange(height) + 0.5) * np.pi / height
+    azimuth = ((np.arange(width) + 0.5) / width - 0.5) * 2 * np.pi
+    directions = np.stack(
+        np.broadcast_arrays(
+            np.sin(polar)[:, None] * np.sin(azimuth), np.cos(polar)[:, None], -np.sin(polar)[:, None] * np.cos(azimuth)
+        ), axis=2,
+    ).reshape(-1, 3)  # fmt: skip
+    finest = int(cut.level.max())
+    size = 4 ** (finest - cut.level.astype(np.int64))
+    first = cut.index.astype(np.int64) * size
+    order = np.argsort(first)
+    found = np.searchsorted(first[order], locate(directions, finest), "right") - 1
+    return order[found].astype(np.int32).reshape(_RASTER)

@@ -3,7 +3,8 @@
 Indirect light is smooth, so few points of the picture suffice. They lie on a lattice of every eighth pixel (denser in
 small pictures), refined in quarters down to single pixels where a block of the lattice shows a silhouette or a crease,
 where the light at its corners differs, or where something is near; the other points interpolate between the corners of
-their block. Each gather point has one set of hemisphere samples, and more where it is noisy, see `adaptive_resampling`.
+their block. Each gather point has one set of hemisphere samples, and more where it is noisy (`extra_sample_sets` in
+`smoothing`).
 """
 
 from __future__ import annotations
@@ -15,31 +16,18 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.core.threads import OrderedSection, run_in_order
 from engine.precompute.direct._projection_kernels import ViewedPoints
 from engine.precompute.indirect import _ray_kernels as kernels
 from engine.precompute.indirect._second_bounce_kernels import GlossyHits
-from engine.precompute.indirect.direction_patterns import cosine_tables, lobe_tables
+from engine.precompute.indirect.direction_patterns import SampleCounts, direction_tables
 from engine.precompute.indirect.irradiance_cache import CHUNK, IrradianceCache, room_for_rays
-from engine.precompute.indirect.ordered_threads import OrderedSection, run_in_order
 from engine.precompute.indirect.second_bounce import SecondBounceTracer, join_glossy_hits, no_glossy_hits
 from engine.scene.primary_hits import PrimaryHits
 
-MAX_SAMPLE_SETS = 4  # per gather point
 # Metres: shorter rays count as this long.
 _TOUCHING = np.float32(1e-6)
 _OPEN = 1e18  # farther than anything, with a square that fits float32
-
-
-@dataclass(frozen=True)
-class SampleCounts:
-    """Rays per gather point: powers of two; a diffuse surface has none about a lobe axis."""
-
-    n_cosine: int
-    n_lobe: int
-
-    @property
-    def n_rays(self) -> int:
-        return self.n_cosine + self.n_lobe
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,11 +99,6 @@ def gather(
         return GatherSamples(chunk, which, seen.reshape(len(chunk), -1), records, _clearance(distances))
 
     yield from run_in_order(trace, range(0, len(rows), step), 1 if second is None else 2)
-
-
-def direction_tables(size: SampleCounts) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """The direction patterns of sample sets of this size, by the cosine and about lobe axes."""
-    return cosine_tables(size.n_cosine, MAX_SAMPLE_SETS), lobe_tables(size.n_lobe, MAX_SAMPLE_SETS)
 
 
 def _clearance(distances: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -1,17 +1,53 @@
 """The layers of a scene as indirect light uses them."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.material import MODELS
 from engine.material.layer import Layer
 from engine.material.layer_maps import LayerMaps
-from engine.precompute.indirect.albedo import N_VIEW_SAMPLES, directional_albedo, equivalent_albedo, tint_of
-from engine.precompute.indirect.albedo_from_curves import N_SLANTS
-from engine.precompute.indirect.layer_curves import LayerCurves
+from engine.material.model import Model
+from engine.precompute.indirect import _reflection_kernels as kernels
+from engine.precompute.indirect.albedo import N_SLANTS, N_VIEW_SAMPLES, directional_albedo, equivalent_albedo, tint_of
 from engine.scene.primary_hits import PrimaryHits
+
+
+@dataclass(frozen=True, eq=False)
+class LayerCurves:
+    """A layer for reflection at gather points: model, quotient parameters (8,), values at the nodes of its one or two
+    curves, (J, 3) and (K, 3); tint (3,): a factor on the sums, see `albedo`."""
+
+    model: Model
+    quotient_parameters: NDArray[np.float64]
+    curves: tuple[NDArray[np.float64], ...]
+    tint: NDArray[np.float64] = field(default_factory=lambda: np.ones(3))
+
+    @property
+    def is_tinted(self) -> bool:
+        return bool((self.tint != 1.0).any())
+
+    @property
+    def bound_parameters(self) -> NDArray[np.float64]:
+        """The quotient parameters with handles that are valid in this process."""
+        return self.model.bind_parameters(np.asarray(self.quotient_parameters, np.float64))
+
+    def optics(self, folded: bool = False) -> kernels.ReflectingLayer:
+        """The layer for the kernels; folded: mark a single constant curve, whose angle is then not required."""
+        first, *second = (np.ascontiguousarray(curve, np.float32) for curve in self.curves)
+        factors = self.model.factors
+        kind_b = factors[1].gamma if len(factors) > 1 else -1
+        other = second[0] if second else np.ones((1, 3), np.float32)
+        q = self.bound_parameters
+        kind_a = kernels.CONSTANT if folded and kind_b < 0 and bool((first == first[0]).all()) else factors[0].gamma
+        return kernels.ReflectingLayer(self.model.number, q, kind_a, kind_b, first, other)
+
+
+def any_glossy(model_names: Iterable[str]) -> bool:
+    """Whether the reflection of an object with layers of these models depends on the outgoing direction."""
+    return not all(MODELS[name].is_diffuse for name in model_names)
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,7 +55,7 @@ class IndirectLayer:
     """A visible layer of one object. curves: towards the camera; second_curves: at the second bounce; gain: f_q (3,);
     view_curve: f_o (N, 3) at even angles from 0 to π/2; albedo (3,): equivalent albedo. f_q and albedo include the mean
     of texture and weight maps over the surface, share (3,); records have their own, see `record_maps`. slant (N_SLANTS,
-    3): relative directional albedo, see `albedo_from_curves.slant_of`."""
+    3): relative directional albedo, see `albedo.slant_of`."""
 
     i_object: int
     curves: LayerCurves

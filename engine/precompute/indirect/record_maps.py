@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from engine.core.errors import LoadError
 from engine.material.layer_maps import Images, LayerMaps, factor_of_means
-from engine.precompute.indirect.albedo_from_curves import N_SLANTS
+from engine.precompute.indirect.albedo import N_SLANTS
 from engine.precompute.indirect.indirect_layers import IndirectLayer, is_glossy
 from engine.scene.surface_uvs import corner_uvs, positions_at, uvs_at
 from engine.texture.stroke_painting import PaintedPoints

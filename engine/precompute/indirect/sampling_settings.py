@@ -1,4 +1,8 @@
-"""Sampling settings of indirect light, and the least number of rays that a picture requires.
+"""Settings of indirect light: bounces and their bands, sampling, and the least number of rays that a picture requires.
+
+A series has the number of bands at each bounce, counted from the camera [BenArtzi07, sect. 5.2]. 64,1,1,1 is a curve of
+64 bands, then three equivalent albedos. 64,8,1 retains eight bands at the second bounce, so that glossy surfaces
+reflect light directionally. Bounces after the second use the equivalent albedo.
 
 The required number of rays follows from the noise in the picture itself: a first pass uses the coarsest lattice and the
 fewest rays, and the difference of its two halves measures their noise [Rousselle12]. A bowl under a uniform sky needs a
@@ -30,6 +34,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.core.errors import InsituError
+
+MOST_BOUNCES = 16
+MOST_BANDS = 512
 LEVELS = (4, 2, 1)
 """As many times fewer rays as there may be, the quickest first."""
 _BY_RAYS, _NOISIEST = 0.63, 99.0
@@ -122,3 +130,35 @@ def noise_of(
     squares = np.minimum(squares, np.percentile(squares, _NOISIEST)) if len(squares) else squares
     square = float(weights @ squares) / total
     return square**0.5 / mean if mean > 0.0 else 0.0
+
+
+@dataclass(frozen=True)
+class BounceSeries:
+    """n_bounces ≥ 1 in all; first, second: the largest number of bands of a curve there, None for its own number."""
+
+    n_bounces: int
+    first: int | None = None
+    second: int | None = None
+
+    def __str__(self) -> str:
+        bands = [str(n or "J") for n in (self.first, self.second)] + ["1"] * self.n_bounces
+        return ",".join(bands[: self.n_bounces])
+
+
+def parse_series(text: str) -> BounceSeries:
+    """The series of a text such as "64,8,1". Raises InsituError with the expected form."""
+    try:
+        numbers = [int(part) for part in text.split(",")]
+    except ValueError:
+        raise _refused(text, "numbers with commas between them, such as 64,8,1") from None
+    if len(numbers) > MOST_BOUNCES:
+        raise _refused(text, f"at most {MOST_BOUNCES} bounces")
+    if any(not 1 <= number <= MOST_BANDS or number & (number - 1) for number in numbers[:2]):
+        raise _refused(text, f"powers of two up to {MOST_BANDS} at the first and second bounce")
+    if any(number != 1 for number in numbers[2:]):
+        raise _refused(text, "1 at every bounce after the second")
+    return BounceSeries(len(numbers), numbers[0], numbers[1] if len(numbers) > 1 else None)
+
+
+def _refused(text: str, expected: str) -> InsituError:
+    return InsituError(f"--series {text}: expected {expected}")

@@ -22,16 +22,34 @@ from engine.precompute.direct.footprint import footprint, lattice_rows
 from engine.precompute.direct.pipeline import Placement, SkyState
 from engine.precompute.indirect._cache_kernels import NO_RECORD, CacheTable
 from engine.precompute.indirect._ray_kernels import HALF, NORMAL
-from engine.precompute.indirect.adaptive_resampling import extra_sample_sets
-from engine.precompute.indirect.checkpoints import Checkpoints, CheckpointStore
+from engine.precompute.indirect.checkpoints import (
+    Checkpoints,
+    CheckpointStore,
+    arrays_of_gathered,
+    arrays_of_table,
+    read_cell_light,
+    read_cell_size,
+    read_footprint,
+    read_gathered,
+    read_ray_budget,
+    read_smoothing,
+    read_table,
+)
+from engine.precompute.indirect.direction_patterns import SampleCounts, lobe_axis_of, sample_counts
 from engine.precompute.indirect.emission import scene_emission
-from engine.precompute.indirect.gather import GatherSamples, SampleCounts, gather, join_samples, object_of_rows
-from engine.precompute.indirect.indirect_layers import IndirectLayer, albedos_of
+from engine.precompute.indirect.gather import GatherSamples, gather, join_samples, object_of_rows
+from engine.precompute.indirect.indirect_layers import IndirectLayer, albedos_of, any_glossy
 from engine.precompute.indirect.indirect_light import Footprint, GatherPoints, IndirectLight
-from engine.precompute.indirect.irradiance import CacheLight, connect, direct_irradiance, radiosity
-from engine.precompute.indirect.irradiance_cache import MAX_RECORDS, CacheFull, IrradianceCache
+from engine.precompute.indirect.irradiance_cache import (
+    MAX_RECORDS,
+    CacheFull,
+    CacheLight,
+    IrradianceCache,
+    connect,
+    direct_irradiance,
+    radiosity,
+)
 from engine.precompute.indirect.lattice import COARSEST, Lattice, count_by_shape, least_alike
-from engine.precompute.indirect.layer_curves import any_glossy, lobe_axis_of
 from engine.precompute.indirect.photons import PhotonMap, PhotonSource, no_nearby_photons, no_photons
 from engine.precompute.indirect.reflection import OutgoingRadiance
 from engine.precompute.indirect.sampling_settings import (
@@ -45,17 +63,7 @@ from engine.precompute.indirect.sampling_settings import (
     required_rays,
 )  # fmt: skip
 from engine.precompute.indirect.second_bounce import SecondBounceTracer, diffuse_share, no_glossy_hits
-from engine.precompute.indirect.stored_light import (
-    arrays_of_gathered,
-    arrays_of_table,
-    read_cell_light,
-    read_cell_size,
-    read_footprint,
-    read_gathered,
-    read_ray_budget,
-    read_smoothing,
-    read_table,
-)
+from engine.precompute.indirect.smoothing import extra_sample_sets
 from engine.scene.object_axes import object_axes
 from engine.scene.primary_hits import PrimaryHits
 
@@ -162,7 +170,7 @@ class Solver:
                 size *= growth(tries, self._expected)
 
     def restored(self, arrays: Arrays) -> IndirectLight:
-        """Restores the result of `solve` from the arrays of `stored_light.arrays_of`. Raises UnsoundArrays for anything
+        """Restores the result of `solve` from the arrays of `checkpoints.arrays_of`. Raises UnsoundArrays for anything
         else."""
         self._settings, self._ray_budget = self._restored_ray_budget(arrays)
         reader = self._reader(arrays)
@@ -201,7 +209,7 @@ class Solver:
                     rows,
                     _first_sets(rows),
                     self._lobe_axes,
-                    _sample_counts_of(_PILOT_RAYS, HALF),
+                    sample_counts(_PILOT_RAYS, HALF),
                     focused=False,
                 )
                 n_hits = sum(int((part.records != NO_RECORD).sum()) for part in pilot)
@@ -400,7 +408,7 @@ class Solver:
 
     def _sample_counts(self) -> tuple[SampleCounts, ...]:
         """The sample counts of each object."""
-        return tuple(_sample_counts_of(self._settings.n_rays, int(lobe_axis)) for lobe_axis in self._lobe_axes)
+        return tuple(sample_counts(self._settings.n_rays, int(lobe_axis)) for lobe_axis in self._lobe_axes)
 
     def _gather(
         self, cells: IrradianceCache, before: GatherSamples, rows: NDArray[np.int32], nth: NDArray[np.uint8],
@@ -501,12 +509,6 @@ def _extra_sets_done(times: float) -> float:
     """The fraction done after extra sample sets, `times` as many as first sets."""
     work, left = times * _ALL_PASSES, _LIGHT_DONE - _REFINED_DONE[-1]
     return _REFINED_DONE[-1] + left * work / (work + left)
-
-
-def _sample_counts_of(n_rays: int, lobe_axis: int) -> SampleCounts:
-    """A diffuse surface samples by the cosine alone; any other sends half of its rays about the lobe axis."""
-    n_lobe = 0 if lobe_axis == NORMAL else n_rays // 2
-    return SampleCounts(n_rays - n_lobe, n_lobe)
 
 
 def _among_all(hits: PrimaryHits, rows: NDArray[np.int32], within: NDArray[np.int32]) -> NDArray[np.int32]:

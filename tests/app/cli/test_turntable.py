@@ -16,7 +16,7 @@ from app.stills.frame_sequence import cameras
 from app.stills.stills import render_project
 from engine.core.errors import InsituError
 from engine.light.radiance_files import read_radiance_image
-from engine.precompute.indirect.series import BounceSeries
+from engine.precompute.indirect.sampling_settings import BounceSeries
 from engine.scene.description import Camera
 from tests.app.files.test_brdf_files import insitu
 from tests.app.system.test_outputs import as_on_a_full_disk

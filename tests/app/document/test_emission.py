@@ -8,7 +8,7 @@ import trimesh
 
 from app.project.project import open_project
 from app.stills.stills import render_project
-from engine.precompute.indirect.series import BounceSeries
+from engine.precompute.indirect.sampling_settings import BounceSeries
 
 GLOW, ALBEDO, SKY = np.array([0.3, 0.1, 0.0]), np.array([0.5, 0.5, 0.8]), 0.7
 BALL = f"""

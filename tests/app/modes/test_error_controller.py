@@ -24,8 +24,7 @@ from app.worker.in_process import InProcessClient
 from app.worker.indirect_tasks import IndirectTasks
 from app.worker.tasks import RequestDispatcher
 from engine.curve.operators import Operator
-from engine.precompute.indirect.sampling_settings import ROUGH
-from engine.precompute.indirect.series import BounceSeries
+from engine.precompute.indirect.sampling_settings import ROUGH, BounceSeries
 from tests.scene_text import ground
 
 LIFT = Operator("translate", "y", 0.1, 0.2, 0.3, 0.4, magnitude=1.0)

@@ -12,7 +12,7 @@ from engine.material import MODELS, make_layer
 from engine.material.layer import Layer
 from engine.planner import plan_scene
 from engine.precompute.direct.pipeline import Placement, SkyState
-from engine.precompute.indirect.series import BounceSeries
+from engine.precompute.indirect.sampling_settings import BounceSeries
 from engine.render.path_tracer import trace_paths
 from engine.render.still import render_reference, render_still, still_layers, still_quality
 from engine.render.still_indirect import indirect_radiance

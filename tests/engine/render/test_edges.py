@@ -10,7 +10,7 @@ from engine.core.generators import run_to_end
 from engine.light.environment import constant_environment
 from engine.planner import plan_scene
 from engine.precompute.direct.pipeline import FINAL, Placement, SkyState
-from engine.precompute.indirect.series import BounceSeries
+from engine.precompute.indirect.sampling_settings import BounceSeries
 from engine.render.error_estimate import estimate_error
 from engine.render.still import reflect_layers, render_still, still_layers
 from engine.render.still_indirect import indirect_radiance

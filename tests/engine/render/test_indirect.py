@@ -10,7 +10,7 @@ from app.stills.stills import render_picture
 from benchmarks.references import masked_reference
 from engine.light.radiance_files import read_radiance_image
 from engine.precompute.direct.pipeline import Placement
-from engine.precompute.indirect.series import BounceSeries, parse_series
+from engine.precompute.indirect.sampling_settings import BounceSeries, parse_series
 
 
 def errors(found: np.ndarray, expected: np.ndarray) -> tuple[float, float]:

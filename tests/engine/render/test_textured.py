@@ -15,7 +15,7 @@ from engine.material.layer_maps import LayerMaps
 from engine.material.strokes import Stroke, Strokes, pack_dabs
 from engine.planner import plan_scene
 from engine.precompute.direct.pipeline import Placement, SkyState
-from engine.precompute.indirect.series import BounceSeries
+from engine.precompute.indirect.sampling_settings import BounceSeries
 from engine.render.map_factors import MapFactors
 from engine.render.path_tracer import trace_paths
 from engine.render.still import render_reference, render_still, still_layers, still_quality, with_maps

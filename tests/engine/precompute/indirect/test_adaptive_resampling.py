@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from engine.light.environment import constant_environment
-from engine.precompute.indirect import adaptive_resampling
-from engine.precompute.indirect.adaptive_resampling import NOISY, VERY_NOISY, extra_sample_sets
+from engine.precompute.indirect import smoothing
 from engine.precompute.indirect.gather import MAX_SAMPLE_SETS
 from engine.precompute.indirect.indirect_light import IndirectLight
 from engine.precompute.indirect.sampling_settings import STILL
+from engine.precompute.indirect.smoothing import NOISY, VERY_NOISY, extra_sample_sets
 from tests.engine.precompute.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placed, placement_of, solve
 
 PLACEMENT = placement_of(CORNER, **CORNER_VIEW, n=32)
@@ -91,8 +91,8 @@ def in_the_corner(most: float, n_rays: int = 64) -> IndirectLight:
 @pytest.fixture
 def touchy(monkeypatch: pytest.MonkeyPatch) -> None:
     """Points ask for what is hardly noise."""
-    monkeypatch.setattr(adaptive_resampling, "NOISY", 0.005)
-    monkeypatch.setattr(adaptive_resampling, "VERY_NOISY", 0.01)
+    monkeypatch.setattr(smoothing, "NOISY", 0.005)
+    monkeypatch.setattr(smoothing, "VERY_NOISY", 0.01)
 
 
 @pytest.mark.usefixtures("touchy")

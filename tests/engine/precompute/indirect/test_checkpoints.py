@@ -11,19 +11,18 @@ from numpy.typing import NDArray
 
 from engine.core.generators import run_to_end
 from engine.core.stored_arrays import UnsoundArrays
+from engine.core.threads import OrderedSection, run_in_order
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.precompute.direct.pipeline import SkyState
-from engine.precompute.indirect import adaptive_resampling
 from engine.precompute.indirect import irradiance_cache as cells_module
 from engine.precompute.indirect import sampling_settings as fineness_module
+from engine.precompute.indirect import smoothing
 from engine.precompute.indirect import solver as solver_module
-from engine.precompute.indirect.checkpoints import CheckpointStore
+from engine.precompute.indirect.checkpoints import Arrays, CheckpointStore, arrays_of
 from engine.precompute.indirect.indirect_layers import IndirectLayer, indirect_layer
-from engine.precompute.indirect.ordered_threads import OrderedSection, run_in_order
 from engine.precompute.indirect.sampling_settings import LEVELS
 from engine.precompute.indirect.solver import Solver
-from engine.precompute.indirect.stored_light import Arrays, arrays_of
 from tests.engine.forging import forged_numbers, forged_shapes
 from tests.engine.precompute.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placed, placement_of
 
@@ -62,7 +61,7 @@ class Memory:
 @pytest.fixture(autouse=True)
 def small_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(solver_module, "PART_POINTS", POINTS)
-    monkeypatch.setattr(adaptive_resampling, "NOISY", 0.0)  # further fans are parts as well
+    monkeypatch.setattr(smoothing, "NOISY", 0.0)  # further fans are parts as well
 
 
 def layers_of(albedo: float = 0.5) -> list[IndirectLayer]:
@@ -84,7 +83,7 @@ def assert_same(one: Arrays, two: Arrays) -> None:
 def at_once() -> Arrays:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(solver_module, "PART_POINTS", POINTS)  # cells are numbered part by part
-        patch.setattr(adaptive_resampling, "NOISY", 0.0)
+        patch.setattr(smoothing, "NOISY", 0.0)
         once = found(None)
         assert once["nth"].any()
         return once

@@ -19,8 +19,8 @@ from engine.material.layer_maps import LayerMaps
 from engine.material.strokes import Stroke, Strokes, pack_dabs
 from engine.precompute.direct.pipeline import Placement, SkyState
 from engine.precompute.indirect.indirect_layers import IndirectLayer, indirect_layer
-from engine.precompute.indirect.irradiance import NO_OBJECT
-from engine.precompute.indirect.series import BounceSeries
+from engine.precompute.indirect.irradiance_cache import NO_OBJECT
+from engine.precompute.indirect.sampling_settings import BounceSeries
 from engine.render.map_sampler import mean_factor
 from engine.render.path_tracer import trace_halves
 from engine.render.still import StillLayer, by_object, with_maps

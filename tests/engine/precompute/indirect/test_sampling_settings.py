@@ -11,10 +11,10 @@ from engine.core.stored_arrays import UnsoundArrays
 from engine.light.environment import constant_environment
 from engine.plan_lines import HEMISPHERE_RAYS, checked_line
 from engine.precompute.direct.pipeline import SkyState
+from engine.precompute.indirect.checkpoints import arrays_of
 from engine.precompute.indirect.indirect_light import IndirectLight
 from engine.precompute.indirect.sampling_settings import FINE, TOLERANCE, RayBudget, noise_of, required_rays
 from engine.precompute.indirect.solver import Solver
-from engine.precompute.indirect.stored_light import arrays_of
 from tests.engine.precompute.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placement_of
 
 ASKING = replace(QUICK, n_rays=512, n_record_rays=64, n_samples=64)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from engine.precompute.indirect._smoothing_kernels import smooth_planes, smooth_rows
+from engine.precompute.indirect._reflection_kernels import smooth_planes, smooth_rows
 from engine.precompute.indirect.smoothing import Smoothing, no_smoothing, smoothing_for
 from tests.engine.precompute.indirect.small_scenes import CORNER, CORNER_VIEW, placement_of
 

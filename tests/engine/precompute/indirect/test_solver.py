@@ -10,10 +10,10 @@ from engine.light.environment import Environment, constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.precompute.direct.pipeline import SkyState
-from engine.precompute.indirect import adaptive_resampling, irradiance
+from engine.precompute.indirect import irradiance_cache, smoothing
 from engine.precompute.indirect.clamping import is_clamped
 from engine.precompute.indirect.indirect_layers import indirect_layer
-from engine.precompute.indirect.irradiance import NO_OBJECT
+from engine.precompute.indirect.irradiance_cache import NO_OBJECT
 from engine.precompute.indirect.sampling_settings import ROUGH
 from engine.precompute.indirect.solver import Solver
 from tests.engine.precompute.indirect.small_scenes import (
@@ -197,7 +197,7 @@ def test_curves_that_make_light_of_nothing_are_bright_and_never_black():
 
 
 def test_its_progress_grows_to_near_its_end(corner, monkeypatch):
-    monkeypatch.setattr(adaptive_resampling, "NOISY", 0.0)
+    monkeypatch.setattr(smoothing, "NOISY", 0.0)
     placement, (_, layers) = placement_of(CORNER, **CORNER_VIEW), corner
     models = {layer.i_object: [layer.curves.model.name] for layer in layers}
     for changes in ({"adaptive": False}, {}, {"max_extra_sets": 1}):
@@ -213,7 +213,7 @@ def test_light_on_cells_and_the_filter_come_in_steps_and_are_the_same(corner, mo
     models = {layer.i_object: [layer.curves.model.name] for layer in layers}
     pictures, told = [], []
     for n_samples in (1 << 30, 64):
-        monkeypatch.setattr(irradiance, "_SAMPLES", n_samples)
+        monkeypatch.setattr(irradiance_cache, "_SAMPLES", n_samples)
         solver, texts = Solver(placement, models, SkyState(constant_environment((1.0, 1.0, 1.0))), 3, QUICK), []
         pictures.append(
             run_to_end(solver.solve(layers), lambda step, texts=texts: texts.append(step[1])).picture(layers)

@@ -9,9 +9,9 @@ from engine.light.environment import constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.precompute.direct.pipeline import SkyState
+from engine.precompute.indirect.checkpoints import NAMES, arrays_of
 from engine.precompute.indirect.indirect_layers import indirect_layer
 from engine.precompute.indirect.solver import Solver, relit
-from engine.precompute.indirect.stored_light import NAMES, arrays_of
 from tests.engine.precompute.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placement_of
 
 

@@ -11,9 +11,9 @@ from engine.core.generators import run_to_end
 from engine.material import MODELS
 from engine.material.layer import Layer, make_layer
 from engine.precompute.direct.pipeline import SkyState
-from engine.precompute.indirect.albedo_from_curves import slant_roots
+from engine.precompute.indirect.albedo import slant_roots
 from engine.precompute.indirect.indirect_layers import indirect_layer
-from engine.precompute.indirect.series import BounceSeries
+from engine.precompute.indirect.sampling_settings import BounceSeries
 from engine.render.integrator import evaluate_layer
 from engine.render.path_tracer import trace_halves
 from engine.render.still import StillLayer, by_object

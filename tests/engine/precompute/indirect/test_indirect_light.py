@@ -15,9 +15,8 @@ from engine.light.environment import constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.precompute.indirect.indirect_layers import diffuse_slant, indirect_layer
-from engine.precompute.indirect.indirect_light import IndirectLight
-from engine.precompute.indirect.irradiance import NO_OBJECT
-from engine.precompute.indirect.representation import GatherPolynomial, Representation, SelectedCurve
+from engine.precompute.indirect.indirect_light import GatherPolynomial, IndirectLight, Representation, SelectedCurve
+from engine.precompute.indirect.irradiance_cache import NO_OBJECT
 from tests.engine.precompute.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placement_of, solve
 
 LAYERS = [

@@ -12,9 +12,8 @@ from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.precompute.indirect import reflection
 from engine.precompute.indirect.indirect_layers import IndirectLayer, indirect_layer
-from engine.precompute.indirect.indirect_light import IndirectLight
+from engine.precompute.indirect.indirect_light import GatherPolynomial, IndirectLight, SelectedCurve
 from engine.precompute.indirect.reflection import HemisphereSamples, OutgoingRadiance
-from engine.precompute.indirect.representation import GatherPolynomial, SelectedCurve
 from tests.engine.precompute.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placement_of, solve
 from tests.naive.fans import reflected as reflected_naively
 
