@@ -1,5 +1,7 @@
 """What is shared among threads comes out the same, to the last bit, on any number of them."""
 
+import threading
+import time
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -9,6 +11,7 @@ from numpy.typing import NDArray
 
 from engine.core import threads
 from engine.core.generators import run_to_end
+from engine.core.threads import OrderedSection, run_in_order
 from engine.light.environment import Environment, _angular_to_latlong, triangle_integrals
 from engine.material import MODELS, make_layer
 from engine.precompute.direct.pipeline import PREVIEW, SkyState
@@ -116,3 +119,33 @@ def test_parts_are_all_of_it_once(count: int, monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(threads, "n_cores", lambda: 4)
     begins, ends = threads.even_parts(count)
     assert [i for a, b in zip(begins, ends, strict=True) for i in range(a, b)] == list(range(count))
+
+
+class Failed(Exception):
+    """The end of an item."""
+
+
+def test_turns_come_in_order_whoever_is_first() -> None:
+    log: list[tuple[int, int]] = []
+
+    def work(item: int, turn: OrderedSection) -> int:
+        for stage in (0, 1):
+            time.sleep(0.002 * (item % 2 == 0))  # the first of two is the later one
+            with turn:
+                log.append((stage, item))
+        return -item
+
+    assert list(run_in_order(work, range(5), 2)) == [0, -1, -2, -3, -4]
+    assert log == [(0, 0), (0, 1), (1, 0), (1, 1), (0, 2), (0, 3), (1, 2), (1, 3), (0, 4), (1, 4)]
+
+
+def test_nobody_waits_for_one_that_failed() -> None:
+    def work(item: int, turn: OrderedSection) -> None:
+        if item == 0:
+            raise Failed
+        with turn:
+            pass
+
+    with pytest.raises(Failed):
+        list(run_in_order(work, range(2), 1))
+    assert not any("ThreadPool" in thread.name for thread in threading.enumerate())

@@ -9,7 +9,7 @@ import pytest
 
 from engine.light.environment import constant_environment
 from engine.precompute.indirect import smoothing
-from engine.precompute.indirect.gather import MAX_SAMPLE_SETS
+from engine.precompute.indirect.direction_patterns import MAX_SAMPLE_SETS
 from engine.precompute.indirect.indirect_light import IndirectLight
 from engine.precompute.indirect.sampling_settings import STILL
 from engine.precompute.indirect.smoothing import NOISY, VERY_NOISY, extra_sample_sets

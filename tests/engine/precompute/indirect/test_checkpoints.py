@@ -1,7 +1,5 @@
 """An interrupted search for indirect light goes on where it was, and finds the same to the last bit."""
 
-import threading
-import time
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -11,7 +9,7 @@ from numpy.typing import NDArray
 
 from engine.core.generators import run_to_end
 from engine.core.stored_arrays import UnsoundArrays
-from engine.core.threads import OrderedSection, run_in_order
+from engine.light.environment import constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.precompute.direct.pipeline import SkyState
@@ -19,10 +17,10 @@ from engine.precompute.indirect import irradiance_cache as cells_module
 from engine.precompute.indirect import sampling_settings as fineness_module
 from engine.precompute.indirect import smoothing
 from engine.precompute.indirect import solver as solver_module
-from engine.precompute.indirect.checkpoints import Arrays, CheckpointStore, arrays_of
+from engine.precompute.indirect.checkpoints import NAMES, Arrays, CheckpointStore, arrays_of
 from engine.precompute.indirect.indirect_layers import IndirectLayer, indirect_layer
 from engine.precompute.indirect.sampling_settings import LEVELS
-from engine.precompute.indirect.solver import Solver
+from engine.precompute.indirect.solver import Solver, relit
 from tests.engine.forging import forged_numbers, forged_shapes
 from tests.engine.precompute.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placed, placement_of
 
@@ -146,32 +144,6 @@ def test_a_grid_that_was_too_fine_is_not_tried_again(at_once: Arrays, monkeypatc
     assert len(memory.parts) == n_parts and memory.read >= n_parts
 
 
-def test_turns_come_in_order_whoever_is_first() -> None:
-    log: list[tuple[int, int]] = []
-
-    def work(item: int, turn: OrderedSection) -> int:
-        for stage in (0, 1):
-            time.sleep(0.002 * (item % 2 == 0))  # the first of two is the later one
-            with turn:
-                log.append((stage, item))
-        return -item
-
-    assert list(run_in_order(work, range(5), 2)) == [0, -1, -2, -3, -4]
-    assert log == [(0, 0), (0, 1), (1, 0), (1, 1), (0, 2), (0, 3), (1, 2), (1, 3), (0, 4), (1, 4)]
-
-
-def test_nobody_waits_for_one_that_failed() -> None:
-    def work(item: int, turn: OrderedSection) -> None:
-        if item == 0:
-            raise Killed
-        with turn:
-            pass
-
-    with pytest.raises(Killed):
-        list(run_in_order(work, range(2), 1))
-    assert not any("ThreadPool" in thread.name for thread in threading.enumerate())
-
-
 # Nothing is indexed by them.
 FREE = ("cells.keys", "cells.seeds", "cells.hashes", "cells.side")
 # Cells that send nothing are cells as well.
@@ -227,3 +199,33 @@ def test_what_a_first_look_foresees_is_not_traced_to_its_end(monkeypatch: pytest
     early = len(found(None)["cells.objects"]), sum(traced)
     assert max(late[0], early[0]) <= n_cells // 2
     assert n_traced < early[1] < late[1]
+
+
+def test_stored_light_is_the_light():
+    fineness = replace(QUICK, n_samples=64)
+    placement, sky = placement_of(CORNER, **CORNER_VIEW), SkyState(constant_environment((1.0, 0.8, 0.6)))
+    layers = [matt(0, 0.5), indirect_layer(1, make_layer(MODELS["rough_conductor"]), (16, 8)), matt(2, 0.3)]
+    models = {0: ["lambert"], 1: ["rough_conductor"], 2: ["lambert"]}
+    light = run_to_end(Solver(placement, models, sky, 4, fineness).solve(layers), lambda progress: None)
+    arrays = {name: array.copy() for name, array in arrays_of(light).items()}
+    assert tuple(arrays) == NAMES
+    for array in arrays.values():
+        array.setflags(write=False)  # as they come from a file
+    other = placement_of(CORNER, **CORNER_VIEW)
+    restored = Solver(other, models, sky, 4, fineness).restored(arrays)
+    assert light.picture(layers).max() > 0.0
+    np.testing.assert_array_equal(restored.picture(layers), light.picture(layers))
+    # Half of the sky on the same rays: the cells are where they were.
+    evening = SkyState(constant_environment((0.5, 0.4, 0.3)))
+    one, two = (relit(each, placement, evening, fineness, 4).picture(layers) for each in (light, restored))
+    np.testing.assert_array_equal(one, two)
+
+
+def test_light_of_points_that_see_nothing_but_sky_is_stored_too():
+    """Nothing is around them: an infinite clearance was taken for damage, and all was found again at every start."""
+    fineness = replace(QUICK, n_samples=64)
+    placement, sky = placement_of(CORNER[:1], **CORNER_VIEW), SkyState(constant_environment((1.0, 0.8, 0.6)))
+    solver = Solver(placement, {0: ["lambert"]}, sky, 2, fineness)
+    light = run_to_end(solver.solve([matt(0, 0.5)]), lambda progress: None)
+    restored = solver.restored(arrays_of(light))
+    np.testing.assert_array_equal(restored.picture([matt(0, 0.5)]), light.picture([matt(0, 0.5)]))
