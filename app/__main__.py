@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from app.editor.script import Step
+    from app.operators.script import Step
     from app.worker.process import StartedWorker
 
 INTERRUPTED = 130

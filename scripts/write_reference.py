@@ -3,7 +3,8 @@
     .venv/bin/python -m scripts.write_reference
 
 The command line comes from typer, the file formats from the pydantic models that read them, models from their tables of
-parameters. What a key of a file means is written in docs/reference/keys.toml.
+parameters; shortcuts, menus and the keys of scripts from the operators (`app.operators`). What a key of a scene or a
+session means is written in docs/reference/keys.toml.
 """
 
 from __future__ import annotations
@@ -20,9 +21,13 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from app.cli.program import cli
-from app.editor.script import DeformRecord, DragRecord, ImportRecord, PaintRecord, ScriptRecord, StepRecord
 from app.files.layer_records import CurveRecord, LayerRecord, OperatorRecord
 from app.files.session import BookmarkRecord, DeformerRecord, LightRecord, ObjectRecord, SessionRecord, ViewRecord
+from app.operators.camera import MoveCamera
+from app.operators.edits import Deform, Drag, PaintStroke
+from app.operators.files import MeasuredFile
+from app.operators.registry import GROUPS, MENUS, OPERATORS, Menu, keys_of, listed_lines
+from app.operators.script import ScriptRecord, StepRecord
 from engine.material import MODELS
 from engine.material.bumps import Bumps
 from engine.material.layer_maps import LayerMaps
@@ -52,8 +57,8 @@ SESSION: Tables = [
     ("[[object.deformer]]", DeformerRecord), ("[[bookmark]]", BookmarkRecord),
 ]  # fmt: skip
 SCRIPT: Tables = [
-    ("Top of the file", ScriptRecord), ("[[step]]", StepRecord), ("drag", DragRecord), ("deform", DeformRecord),
-    ("paint", PaintRecord), ("measured", ImportRecord),
+    ("Top of the file", ScriptRecord), ("[[step]]", StepRecord), ("drag", Drag), ("deform", Deform),
+    ("paint", PaintStroke), ("measured", MeasuredFile), ("camera", MoveCamera),
 ]  # fmt: skip
 SHOWN: dict[tuple[type[BaseModel], str], str] = {(ObjectDescription, "bumps"): "`normal_map` or `bump_map`"}
 PLAIN = {bool: "true or false", int: "an integer", float: "a number", str: "text", tuple: "2 values", Any: "a value"}
@@ -70,6 +75,7 @@ def pages() -> dict[str, str]:
         "session-file.md": _format("The session file", SESSION, meanings),
         "script-file.md": _format("The script file", SCRIPT, meanings),
         "models.md": _models(),
+        "shortcuts.md": _shortcuts(),
     }
 
 
@@ -103,7 +109,7 @@ def _format(title: str, tables: Tables, meanings: Mapping[str, Any]) -> str:
                 (f"`{each.name}`", _kind_of(type(each.default)), _default_of(each.default), own[each.name])
                 for each in dataclasses.fields(LayerMaps)
             ]  # fmt: skip
-        blocks += [f"## {place}", meanings[model.__name__].get("about", "")]
+        blocks += [f"## {place}", meanings.get(model.__name__, {}).get("about", "")]
         blocks.append(_table(("key", "value", "default", "meaning"), rows))
     return _joined(blocks)
 
@@ -121,6 +127,27 @@ def _models() -> str:
     return _joined(blocks)
 
 
+def _shortcuts() -> str:
+    blocks = [_head("Shortcuts and menus", "app/operators/")]
+    blocks.append("`?` shows this list in the window. Keys work while nothing is being typed.")
+    for group in GROUPS:
+        rows = [(f"`{keys}`", text) for keys, text in listed_lines(group)]
+        blocks += [f"## {group}", _table(("keys, mouse", "what they do"), rows)]
+    blocks.append("## Menus")
+    entries = [row for menu in MENUS for row in _menu_rows(menu, menu.title)]
+    return _joined([*blocks, _table(("entry", "keys", "why it cannot be chosen"), entries)])
+
+
+def _menu_rows(menu: Menu, place: str) -> Iterator[tuple[str, str, str]]:
+    for row in menu.rows:
+        if isinstance(row, Menu):
+            yield from _menu_rows(row, f"{place} > {row.title}")
+        elif row is not None:
+            operator, keys = OPERATORS[row], keys_of(row)
+            reason = "" if operator.needs is None else operator.needs.reason
+            yield f"{place} > {operator.entry}", keys and f"`{keys}`", reason
+
+
 def _value(parameter: Parameter) -> str:
     return "" if parameter.kind == "file" else f"`{_literal(parameter.default)}`"
 
@@ -131,7 +158,7 @@ def _head(title: str, *sources: str) -> str:
 
 
 def _meaning(meanings: Mapping[str, Any], model: type[BaseModel], name: str) -> str:
-    text = meanings.get(model.__name__, {}).get(name)
+    text = model.model_fields[name].description or meanings.get(model.__name__, {}).get(name)
     if not text:
         raise SystemExit(f"{model.__name__}.{name}: {MISSING}")
     return text

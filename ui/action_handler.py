@@ -21,9 +21,8 @@ from app.document.commands.paint import without_strokes
 from app.document.linked_layers import Layers
 from app.document.selection import layer_shown
 from app.document.sources import EXPECTED, LIGHT_ENDINGS, PICTURE_ENDINGS, SCENE_ENDINGS, SESSION_ENDING
-from app.document.view_state import OpenPanel, SetView, ViewCommand, Viewpoint
+from app.document.view_state import OpenPanel, ViewCommand
 from app.editor.editor import Editor
-from app.files.bookmarks import add_bookmark, rename_bookmark
 from app.files.journal import Recovery
 from app.files.library import Library
 from app.files.material_file import MAX_MATERIAL_BYTES, dump_material, parse_material
@@ -31,6 +30,7 @@ from app.files.pasting import paste_command
 from app.files.preferences import PreferenceFile
 from app.files.recent import RecentFiles
 from app.files.session import CHANGED
+from app.operators.registry import run_operator
 from app.system.atomic import require_place
 from engine.core.errors import InsituError
 from engine.material.bumps import BUMP_KINDS
@@ -46,7 +46,6 @@ from ui.panels.actions import (
     BeginCameraDrag,
     BeginDrag,
     CancelDrag,
-    CancelWork,
     Copy,
     DeleteMaterial,
     DragCamera,
@@ -61,27 +60,18 @@ from ui.panels.actions import (
     OpenFile,
     OpenImage,
     Paste,
-    Play,
     Quit,
     Recover,
-    Redo,
-    RedoCamera,
     ReloadImages,
-    RenameView,
     ResetLayout,
-    Resize,
-    ResumeWork,
+    RunOperator,
     SaveMaterial,
     SavePicture,
     SaveSession,
-    SaveView,
     Screenshot,
-    Select,
     SetPanel,
     SetPreference,
     ShowPanel,
-    Undo,
-    UndoCamera,
 )
 from ui.panels.window_state import FileQuestion, PanelState
 
@@ -221,8 +211,6 @@ class ActionHandler:
                 editor.begin_drag(action.label)
             case EndDrag():
                 editor.end_drag()
-            case Play():
-                (editor.player.play if action.goes_on else editor.player.pause)()
             case BeginCameraDrag():
                 editor.camera_history.begin_drag(action.label)
             case DragCamera():
@@ -231,41 +219,27 @@ class ActionHandler:
                 editor.camera_history.end_drag()
             case MoveCameraTo():
                 editor.camera_history.set_viewpoint(action.viewpoint, action.label, action.gesture)
-            case UndoCamera():
-                editor.camera_history.undo()
-            case RedoCamera():
-                editor.camera_history.redo()
-            case SaveView() | RenameView() | SetPreference():
-                self._choose(action)
+            case RunOperator():
+                run_operator(editor, action.name, action.value)
+            case SetPreference():
+                self._set_preference(action)
             case MergedEdit():
                 editor.do(action.command, action.gesture)
-            case Undo():
-                editor.undo()
-            case Redo():
-                editor.redo()
-            case Select():
-                editor.select(action.path)
             case OpenFile():
                 self.open(action.path)
             case ImportMeasured():
                 if self._check_file(action.path, "measured"):
-                    editor.import_measured(action.path, action.cloth)
+                    editor.exchange.import_measured(action.path, action.cloth)
             case ExportMeasured():
                 self._folders["measured"] = action.path.absolute().parent
-                editor.export_measured(action.path)
+                editor.exchange.export_measured(action.path)
             case ExportScene():
                 self._folders["export"] = action.folder.absolute().parent
-                editor.export_scene(action.folder)
+                editor.exchange.export_scene(action.folder)
             case OpenImage():
                 self._open_image(action.path, action.key, action.name)
             case ReloadImages():
                 editor.reload_images(action.key)
-            case Resize():
-                editor.camera_history.resize(action.resolution)
-            case CancelWork():
-                editor.cancel_work()
-            case ResumeWork():
-                editor.resume_work()
             case SaveMaterial() | DeleteMaterial():
                 self._change_library(action)
             case Copy():
@@ -277,21 +251,11 @@ class ActionHandler:
             case _:
                 editor.do(cast(EditCommand | ViewCommand, action))
 
-    def _choose(self, action: SaveView | RenameView | SetPreference) -> None:
-        editor = self._editor
-        bookmarks = editor.view.bookmarks
+    def _set_preference(self, action: SetPreference) -> None:
         try:
-            if isinstance(action, SetPreference):
-                self.preferences.choose(**action.changes)
-                return
-            if isinstance(action, SaveView):
-                look = Viewpoint(editor.camera_history.camera, editor.view.resolution)
-                bookmarks = add_bookmark(bookmarks, look, action.name)
-            else:
-                bookmarks = rename_bookmark(bookmarks, action.old, action.new)
-            editor.do(SetView.of(bookmarks=bookmarks))
+            self.preferences.choose(**action.changes)
         except InsituError as error:
-            editor.notify(str(error), True)
+            self._editor.notify(str(error), True)
 
     def open_dropped(self, paths: Sequence[str], image: str | None = None) -> list[Action]:
         """Open the file that was dropped on the window; several at once are refused, because one would hide the other.
@@ -355,7 +319,7 @@ class ActionHandler:
         if not self._check_file(path, kind):
             return
         if suffix in MEASURED_ENDINGS:
-            self._editor.import_measured(path)
+            self._editor.exchange.import_measured(path)
         elif suffix in LIGHT_ENDINGS and self._editor.scene_is_open:
             self._editor.do(set_environment_file(path))
         else:

@@ -1,74 +1,30 @@
 """Runs scripts of edits, and takes pictures of the window, without a display (`insitu screenshot`).
 
-Drags are mouse events through the same frames as a user's; `set`, `select`, `rotate`, `camera`, `undo` and `redo` are
-the commands that panels return.
+A step is an operator (`app.operators`). Drags are mouse events through the same frames as a user's.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
-from app.document.commands import EditCommand
-from app.document.commands.light import SetRotation
 from app.document.commands.paint import Paint
-from app.document.commands.plan import override_from_value
-from app.document.commands.poses import SetTime, with_amounts
-from app.document.commands.series import set_series
 from app.document.document import layer_key, split_key
-from app.document.effective_settings import override_lines_of
-from app.document.pareto_front import load_front
-from app.document.view_state import SetView, ViewCommand, Viewpoint
 from app.editor.editor import Editor, WorkerClient
-from app.editor.script import (
-    AssertErrorBelow,
-    AwaitedPicture,
-    CaptureWindow,
-    ChooseMode,
-    ChooseView,
-    DeformObject,
-    DragItem,
-    DragPoints,
-    GoToView,
-    ImportFile,
-    MoveCamera,
-    OverrideLines,
-    PaintStroke,
-    PickLobe,
-    RedoSteps,
-    RotateLight,
-    SaveViewStep,
-    SelectPath,
-    SetAccuracy,
-    SetValues,
-    ShowPanelStep,
-    Step,
-    UndoSteps,
-    UndoViews,
-    WaitFor,
-)
-from app.files.bookmarks import find_bookmark
 from app.modes.placement.placement_status import PlacementStatus
-from app.project.set_path import set_path
+from app.operators.edits import Drag, PaintStroke
+from app.operators.registry import run_operator
+from app.operators.script import Step
+from app.operators.view import AwaitedPicture
 from app.system.atomic import make_folder_of, require_place
 from app.worker.client import Client
 from engine.core.errors import InsituError
 from engine.scene.builtin import builtin_environments, builtin_scenes
-from engine.scene.camera_moves import (
-    dolly_camera,
-    frame_box,
-    level_horizon,
-    orbit_camera,
-    pan_camera,
-    view_from_side,
-    with_focal_length,
-)
-from engine.scene.description import Camera
 from ui.brush_dabs import sample_path, spots_at, stroke_at
 from ui.headless import DEFAULT_SIZE, HeadlessWindow
 from ui.layout import PANELS
-from ui.panels.actions import SaveView, ShowPanel
+from ui.panels.actions import ShowPanel
 from ui.picture_feed import PictureFeed
 from ui.tone_view import is_table_ready
 
@@ -103,7 +59,7 @@ def take_screenshot(
         window.shell.source = feed
         try:
             wait_for_scene(window, editor)
-            pictures = [output, *(step.path for step in steps if isinstance(step, CaptureWindow))]
+            pictures = [output, *(step.value for step in steps if step.name == "capture")]
             for path in pictures:
                 make_folder_of(path)
             require_place(*pictures)
@@ -159,96 +115,40 @@ def _wait(window: HeadlessWindow, editor: Editor, done: Callable[[], bool], time
 
 
 def _run(window: HeadlessWindow, editor: Editor, step: Step) -> None:
-    match step:
-        case SetValues():
-            for path, value in step.values:
-                _refused(editor.do(_setting(editor, path, value)))
-                _wait_for_files(window, editor)
-        case SelectPath():
-            _refused(editor.select(step.path))
-        case DeformObject():
-            for edit in _deforming(editor, step):
-                _refused(editor.do(edit))
-        case DragItem():
-            _drag_item(window, step)
-        case DragPoints():
-            window.drag(step.start, step.end)
-        case ShowPanelStep():
-            _show(window, step.panel)
-        case ChooseView():
-            _refused(editor.do(SetView.of(tone_mapping=step.view)))
-            window.run_until(lambda: is_table_ready(step.view), WAIT_SECONDS)
-        case GoToView():
-            _refused(
-                editor.camera_history.set_viewpoint(
-                    find_bookmark(editor.view.bookmarks, step.name).viewpoint, step.name
-                )
-            )
-        case SaveViewStep():
-            window.shell.do(SaveView(step.name))
-        case MoveCamera():
-            look = Viewpoint(_moved(editor, step), editor.view.resolution)
-            _refused(editor.camera_history.set_viewpoint(look, "camera"))
-        case UndoViews():
-            _repeat(editor.camera_history.undo, step.count, "undo in the view")
-        case ChooseMode():
-            _choose_mode(editor, step.mode)
-        case PickLobe():
-            _refused(editor.do(SetView.of(lobe_pixel=step.pixel)))
-        case PaintStroke():
-            _paint(window, editor, step)
-        case RotateLight():
-            _refused(editor.do(SetRotation(step.degrees)))
-        case ImportFile():
-            _refused(editor.import_measured(step.file, step.cloth))
-            _wait_for_files(window, editor)
-        case OverrideLines():
-            for line, value in step.lines:
-                _refused(editor.do(override_from_value(line, value)))
-        case SetAccuracy():
-            for command in override_lines_of(
-                load_front().nearest_point(editor.mode.name, step.share).command, editor.document
-            ):
-                _refused(editor.do(command))
-        case UndoSteps():
-            _repeat(editor.undo, step.count, "undo")
-        case RedoSteps():
-            _repeat(editor.redo, step.count, "redo")
-        case WaitFor():
-            wait_for_picture(window, editor, step.picture)
-        case CaptureWindow():
-            window.leave()
-            window.save(step.path)
-        case AssertErrorBelow():
-            _assert_error(editor, step.bound)
+    if step.name in WINDOW_STEPS:
+        WINDOW_STEPS[step.name](window, editor, step.value)
+    else:
+        _run_operator(window, editor, step.name, step.value)
     window.frames(2)
 
 
-def _moved(editor: Editor, move: MoveCamera) -> Camera:
-    """The camera after a step has moved it."""
-    camera = editor.camera_history.own_camera if move.own else editor.camera_history.camera
-    if move.side is not None:
-        camera = view_from_side(camera, move.side)
-    if move.focal is not None:
-        camera = with_focal_length(camera, move.focal)
-    if move.frame is not None:
-        names = [state.name for state in editor.document.objects]
-        box = editor.camera_history.box_of(None if move.frame == "all" and "all" not in names else move.frame)
-        camera = frame_box(camera, box, editor.camera_history.aspect)
-    if move.orbit is not None:
-        camera = orbit_camera(camera, *map(math.radians, move.orbit))
-    if move.pan is not None:
-        camera = pan_camera(camera, *move.pan)
-    if move.dolly is not None:
-        camera = dolly_camera(camera, move.dolly)
-    return level_horizon(camera) if move.level else camera
+def _run_operator(window: HeadlessWindow, editor: Editor, name: str, value: Any) -> None:
+    """Carry out an operator; where it has to read a measured file, wait for that."""
+    refusal = run_operator(editor, name, value)
+    if refusal is not None:
+        raise ScriptError(refusal)
+    if not editor.exchange.reading.is_under_way:
+        return
+    if not window.run_until(lambda: not editor.exchange.reading.is_under_way, WAIT_SECONDS):
+        raise ScriptError(f"the measured file is still being read after {WAIT_SECONDS:.0f} s")
+    if editor.status.is_error:
+        raise ScriptError(editor.status.message)
 
 
-def _choose_mode(editor: Editor, name: str) -> None:
-    names = [mode.name for mode in editor.modes]
-    if name not in names:
-        raise ScriptError(f"mode: there is no {name!r}; available: {', '.join(names)}")
-    _refused(editor.do(SetView.of(mode=name)))
+def _set(window: HeadlessWindow, editor: Editor, values: dict[str, Any]) -> None:
+    """One value after the other: the next may be of a material that is being read."""
+    for path, value in values.items():
+        _run_operator(window, editor, "set", {path: value})
+
+
+def _choose_view(window: HeadlessWindow, editor: Editor, name: str) -> None:
+    _run_operator(window, editor, "view", name)
+    window.run_until(lambda: is_table_ready(editor.view.tone_mapping), WAIT_SECONDS)
+
+
+def _capture(window: HeadlessWindow, editor: Editor, path: Path) -> None:
+    window.leave()
+    window.save(path)
 
 
 def _paint(window: HeadlessWindow, editor: Editor, step: PaintStroke) -> None:
@@ -267,66 +167,39 @@ def _paint(window: HeadlessWindow, editor: Editor, step: PaintStroke) -> None:
         raise ScriptError(f"paint: no point of the stroke sees {name}")
     metres = step.radius * spots[0].metres
     stroke = stroke_at(spots, metres, step.value, step.strength, step.hardness)
-    _refused(editor.do(Paint(layer_key(name, index), stroke)))
+    refusal = editor.do(Paint(layer_key(name, index), stroke))
+    if refusal is not None:
+        raise ScriptError(refusal)
 
 
-def _setting(editor: Editor, path: str, value: object) -> EditCommand | ViewCommand:
-    try:
-        return set_series(path, value) or set_path(editor.document, path, value)
-    except InsituError as error:
-        raise ScriptError(str(error)) from error
-
-
-def _deforming(editor: Editor, step: DeformObject) -> list[EditCommand]:
-    edits: list[EditCommand] = []
-    if step.time is not None:
-        edits.append(SetTime(step.time, step.clip, step.object))
-    if step.object is not None and step.amounts:
-        try:
-            edits.append(with_amounts(editor.document, step.object, dict(step.amounts)))
-        except InsituError as error:
-            raise ScriptError(str(error)) from error
-    return edits
-
-
-def _wait_for_files(window: HeadlessWindow, editor: Editor) -> None:
-    """Wait for a material that has to be read from a measured file."""
-    if not editor.is_reading:
+def _drag(window: HeadlessWindow, editor: Editor, drag: Drag) -> None:
+    if drag.start is not None and drag.to is not None:
+        window.drag(drag.start, drag.to)
         return
-    if not window.run_until(lambda: not editor.is_reading, WAIT_SECONDS):
-        raise ScriptError(f"the measured file is still being read after {WAIT_SECONDS:.0f} s")
-    if editor.status.is_error:
-        raise ScriptError(editor.status.message)
-
-
-def _drag_item(window: HeadlessWindow, step: DragItem) -> None:
+    assert drag.item is not None and drag.by is not None
     window.frames(2)
     try:
-        window.drag_handle(step.item, step.by)
+        window.drag_handle(drag.item, drag.by)
     except KeyError as error:
         raise ScriptError(str(error.args[0])) from error
 
 
-def _show(window: HeadlessWindow, name: str) -> None:
+def _show(window: HeadlessWindow, editor: Editor, name: str) -> None:
     names = [panel.key for panel in PANELS]
     if name not in names:
         raise ScriptError(f"there is no panel {name!r}; available: {', '.join(names)}")
     window.shell.do(ShowPanel(name))
 
 
-def _repeat(move: Callable[[], str | None], count: int, name: str) -> None:
-    for _ in range(count):
-        if move() is None:
-            raise ScriptError(f"nothing to {name}")
-
-
-def _refused(line: str | None) -> None:
-    if line is not None:
-        raise ScriptError(line)
-
-
-def _assert_error(editor: Editor, bound: float) -> None:
+def _assert_error(window: HeadlessWindow, editor: Editor, bound: float) -> None:
     status = editor.status
     error = status.curve_error if isinstance(status, PlacementStatus) else status.image_error
     if error is None or not error < bound:
         raise ScriptError(f"error of the curve = {error}, expected below {bound:g}")
+
+
+# The steps that only a window can carry out, by their operator's name.
+WINDOW_STEPS: dict[str, Callable[[HeadlessWindow, Editor, Any], None]] = {
+    "set": _set, "view": _choose_view, "drag": _drag, "paint": _paint, "show": _show, "wait": wait_for_picture,
+    "capture": _capture, "assert_error_below": _assert_error,
+}  # fmt: skip

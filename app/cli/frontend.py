@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Protocol
 
-from app.editor.script import Step
+from app.operators.script import Step
 
 
 class Frontend(Protocol):

@@ -245,18 +245,18 @@ def screenshot(
     view: ViewName = None,
 ) -> int:
     """Take a picture of the whole editor window; no display is needed."""
-    from app.editor.script import CaptureWindow, ChooseView, load_script
+    from app.operators.script import Step, load_script
     from app.stills.stills import check_output
 
     check_output(output, (".png",))
     steps = load_script(script, Path(os.path.abspath(output)).parent) if script is not None else ()
     for step in steps:
-        if isinstance(step, CaptureWindow):
-            check_output(step.path, (".png",))
+        if step.name == "capture":
+            check_output(step.value, (".png",))
     if problem := state_problem():
         print_error(problem)  # the user's own materials are missing; the picture is made
     if view is not None:
-        steps = (ChooseView(find_view(view)), *steps)
+        steps = (Step("view", find_view(view)), *steps)
     frontend: Frontend = context.obj
     frontend.take_screenshot(find_source(scene), output, steps, size, scale, resolution)
     print_line(f"{output}: {size[0]} x {size[1]}")

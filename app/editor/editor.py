@@ -23,16 +23,14 @@ from app.document.effective_settings import effective_view
 from app.document.history import History
 from app.document.named_files import files_of_document
 from app.document.player import Player
-from app.document.selection import layer_shown, operator_after_edit, selection_after_edit, selection_of
+from app.document.selection import operator_after_edit, selection_after_edit, selection_of
 from app.document.view_state import OpenPanel, SetView, ViewCommand, ViewState
 from app.editor.camera_history import CameraHistory
-from app.editor.export_requests import material_export_request, scene_export_request
+from app.editor.exchange import FileExchange
 from app.editor.opening import Opening
 from app.editor.scene_controller import SceneController
 from app.editor.table_controller import TableController
-from app.export.names import written_names
 from app.files.journal import Journal, Recovery
-from app.files.measured_import import PendingMeasurement, describe_reading, import_measured
 from app.files.session_keeper import SessionStore
 from app.messages.editor_status import Status, StatusMetrics
 from app.messages.picture_events import PictureEvent
@@ -53,7 +51,6 @@ from app.messages.worker_messages import (
 )
 from app.modes.mode import Mode, ModeController, Shared
 from app.modes.registry import MODES
-from app.system.atomic import require_folder, require_place
 from app.system.barrier import Barrier
 from app.system.inputs import add_inputs
 from app.system.lazy_import import import_named
@@ -112,8 +109,8 @@ class Editor:
         self.metrics = StatusMetrics()
         self._client = client
         self._keeper = SessionStore(journal)
-        self._reading = PendingMeasurement(client.send)
-        self._tables = TableController(client.send)
+        self.exchange = FileExchange(self, client.send)
+        self.tables = TableController(client.send)
         self.scenes = SceneController(self, self._keeper)
         self.camera_history = CameraHistory(self, self.scenes.tracing)
         self.player = Player(self)
@@ -145,7 +142,7 @@ class Editor:
         try:
             if isinstance(command, SetView | OpenPanel):
                 self.view = command.apply(self.view)
-            elif self._reading.defer_command(command, self.document):
+            elif self.exchange.reading.defer_command(command, self.document):
                 return None
             elif self.history.do(command, merge_key):
                 self._document_changed(before, command)
@@ -186,6 +183,24 @@ class Editor:
     def redo(self) -> str | None:
         """Redo one step; returns its label, None where there is none."""
         return self._describe_step(self.history.redo, "redone")
+
+    @property
+    def undo_label(self) -> str | None:
+        """The label of the edit that undo would take back; None where there is none."""
+        return self.history.undo_label
+
+    @property
+    def redo_label(self) -> str | None:
+        return self.history.redo_label
+
+    @property
+    def camera_undo_label(self) -> str | None:
+        """The label of the step of the view's own history that its undo would take back."""
+        return self.camera_history.history.undo_label
+
+    @property
+    def camera_redo_label(self) -> str | None:
+        return self.camera_history.history.redo_label
 
     def select(self, path: str | Selection | None) -> str | None:
         """Select an object, layer or curve; of an object its last layer, of a layer its first curve.
@@ -290,49 +305,11 @@ class Editor:
         """Stop the worker; delivered pictures stay on screen, until `resume_work` or an edit that requires new work."""
         self._cancelled = self._client.send(CancelRequests())
         self.controller.cancelled()
-        self._reading.cancel()
+        self.exchange.reading.cancel()
         self.scenes.give_up()
         self.metrics.progress = None
         self.metrics.stopped = not self.status.is_finished
         self.notify(STOPPED if self.metrics.stopped else "stopped")
-
-    def import_measured(self, path: Path, cloth: bool = False) -> str | None:
-        """Make the selected object of a measured file, once the worker has read it: two layers, or one as `cloth`.
-        Returns None, or the reason why not."""
-        if self.view.selected is None:
-            return self._refuse(f"{path.name}: select the object to make of it")
-        try:
-            command = import_measured(self.view.selected.object, path, cloth)
-        except InsituError as error:
-            return self._refuse(str(error))
-        return self.do(command)
-
-    def export_measured(self, path: Path) -> str | None:
-        """Export the selected object's material as a MERL file; returns None, or one line that says why not."""
-        if layer_shown(self.document, self.view.selected) is None or self.view.selected is None:
-            return self._refuse(f"{path.name}: select the object whose material to export")
-        try:
-            require_place(path)
-        except InsituError as error:
-            return self._refuse(str(error))
-        self._client.send(material_export_request(path, self.document, self.view.selected.object))
-        return None
-
-    def export_scene(self, folder: Path) -> str | None:
-        """Export the scene as it is now for Mitsuba 3; returns None, or one line that says why not."""
-        if not self.scene_is_open:
-            return self._refuse(f"{folder.name}: no scene is open that could be written")
-        try:
-            require_folder(folder, written_names([state.name for state in self.document.objects]))
-        except InsituError as error:
-            return self._refuse(str(error))
-        self._client.send(scene_export_request(folder, self.document, self.view))
-        return None
-
-    @property
-    def is_reading(self) -> bool:
-        """Whether an edit waits for a file that the worker is reading."""
-        return self._reading.is_under_way
 
     def resume_work(self) -> None:
         """Request again what was stopped or failed: the picture, or the scene where none is open yet."""
@@ -372,11 +349,6 @@ class Editor:
         """Send a request to the worker; returns its number."""
         return self._client.send(request)
 
-    @property
-    def tables(self) -> TableController:
-        """The tables of measured samples, which the BRDF panel shows."""
-        return self._tables
-
     def reload_images(self, key: str) -> None:
         """Read the images of a layer again after another program has changed them."""
         self.controller.reload_images(key)
@@ -410,10 +382,11 @@ class Editor:
             case RequestFailed():
                 self.take_failure(response)
             case MeasurementsRead():
-                self._take_measurements(response)
+                self.metrics.progress = None
+                self.exchange.take_measurements(response)
             case TableFetched():
                 self.metrics.progress = None
-                self._tables.receive(response)
+                self.tables.receive(response)
             case FilesWritten():
                 self.metrics.progress = None
                 self.notify("; ".join((f"written {response.path}", *response.notes)))
@@ -436,7 +409,7 @@ class Editor:
         gauges = self.metrics
         self.metrics = StatusMetrics(message_number=gauges.message_number, memory_mb=gauges.memory_mb)
         self.metrics.note(*notes)
-        self._tables.scene_opened()
+        self.tables.scene_opened()
 
     def _follow_mode(self) -> list[PictureEvent]:
         """Switch to the mode that the view names, if it is another: the new controller gets the scene as if just
@@ -453,23 +426,12 @@ class Editor:
         self.metrics.progress = None
         return self.scenes.announce_scene(self.controller)
 
-    def _take_measurements(self, response: MeasurementsRead) -> None:
-        """Carry out the edit that waited for these measurements."""
-        self.metrics.progress = None
-        command = self._reading.complete_edit(response)
-        if command is None:
-            return
-        self.controller.add_band_plans(zip(command.layers, response.planned, strict=False))
-        if self.do(command) is None:
-            self.select(command.object)
-            self.notify(describe_reading(command.layers))
-
     def take_failure(self, response: RequestFailed) -> None:
         """Note that a request failed: its response will not come."""
         self.metrics.progress = None
-        if self._tables.receive_failure(response):
+        if self.tables.receive_failure(response):
             return
-        self._reading.cancel(response.id)
+        self.exchange.reading.cancel(response.id)
         self.controller.receive(response)
         self.scenes.take_failure(response)
         self.notify(response.line, True)
@@ -477,7 +439,7 @@ class Editor:
     # ------------------------------------------------------------------------------------------------------------ parts
 
     def _open(self, opening: Opening) -> None:
-        self._reading.cancel()
+        self.exchange.reading.cancel()
         self.scenes.open(opening)
 
     def _autosave(self, now: float) -> None:

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from app.editor.script import load_script
 from app.files.journal import Recovery
 from app.files.material_file import load_material, parse_material
 from app.files.session import load_session
+from app.operators.script import load_script
 from app.project.project import parse_assignment
 from engine.core.errors import LoadError
 from engine.scene.description import load_description

@@ -95,7 +95,7 @@ def test_the_worker_writes_what_the_window_asks_for(tmp_path: Path) -> None:
     editor.do(SetView.of(n_lights=20))
     _tick_until(editor, lambda: editor.scene_is_open)
     editor.do(SetParameter("ground.clay", "albedo", 0.25))
-    editor.export_scene(tmp_path / "out")
+    editor.exchange.export_scene(tmp_path / "out")
     _tick_until(editor, lambda: editor.status.message.startswith("written"))
     root = ElementTree.parse(tmp_path / "out" / "scene.xml").getroot()
     assert root.find("shape/bsdf/bsdf/rgb").get("value") == "0.25 0.25 0.25"  # type: ignore[union-attr]

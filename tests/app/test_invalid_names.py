@@ -9,9 +9,9 @@ import pytest
 from app.document.commands.light import set_environment_file
 from app.document.commands.maps import image_name
 from app.editor.editor import Editor
-from app.editor.script import load_script
 from app.files.material_file import load_material
 from app.files.session import load_session
+from app.operators.script import load_script
 from app.project.project import open_project
 from engine.core.errors import InsituError
 from engine.light.environment import load_environment
@@ -94,7 +94,7 @@ def test_light_images_and_materials(named: tuple[Path, str], client: FakeClient)
 
 def test_what_is_measured_for_the_selected_object(named: tuple[Path, str], settled: Editor) -> None:
     folder, name = named
-    said = settled.import_measured(folder / f"{name}.binary")
+    said = settled.exchange.import_measured(folder / f"{name}.binary")
     assert said and said.isprintable()
 
 

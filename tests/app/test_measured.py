@@ -124,14 +124,14 @@ def test_an_import_is_one_step(client: FakeClient, tmp_path: Path) -> None:
     before, file = editor.document, tmp_path / "drawn.binary"
     assert editor.do(import_measured("pot", file)) is None
     (asked,) = client.sent(ReadMeasured)
-    assert asked.files == (str(file),) and editor.document is before and editor.is_reading
+    assert asked.files == (str(file),) and editor.document is before and editor.exchange.reading.is_under_way
     client.answer(asked, Progress("measured BRDF", 0.5, text="fitting"))
     editor.tick(0.1)
     assert editor.status.text == "fitting"
     client.answer(asked, MeasurementsRead({str(file): replace(drawn_measurement(), file=str(file))}))
     editor.tick(0.2)
     layers = editor.document.object("pot").layers
-    assert [layer.name for layer in layers] == ["diffuse", "highlight"] and not editor.is_reading
+    assert [layer.name for layer in layers] == ["diffuse", "highlight"] and not editor.exchange.reading.is_under_way
     assert unread_files(layers) == () and editor.history.undo_label == "drawn on pot"
     editor.tick(5.0)
     asked = client.sent(ComputeTransport)[-1]
@@ -204,7 +204,7 @@ def test_an_import_that_fails_or_is_cancelled_changes_nothing(client: FakeClient
         asked = client.sent(ReadMeasured)[-1]
         end(asked)
         editor.tick(0.1)
-        assert not editor.is_reading
+        assert not editor.exchange.reading.is_under_way
         client.answer(asked, MeasurementsRead({asked.files[0]: drawn_measurement()}))
         editor.tick(0.2)
         assert editor.document is before
@@ -269,7 +269,7 @@ def test_a_material_is_exported_by_the_worker(client: FakeClient, tmp_path: Path
     editor = Editor(client, "shelf")
     client.open_scene()
     editor.tick(0.0)
-    assert editor.export_measured(tmp_path / "pot.binary") is None
+    assert editor.exchange.export_measured(tmp_path / "pot.binary") is None
     (asked,) = client.sent(WriteFiles)
     assert asked.layers == editor.document.object("pot").layers
     answers = run_in_process(RequestDispatcher(ArrayCache(tmp_path / "cache")), asked)
@@ -285,10 +285,10 @@ def test_an_import_needs_an_object(client: FakeClient, tmp_path: Path) -> None:
     client.open_scene()
     editor.tick(0.0)
     editor.select(None)
-    assert "select the object" in str(editor.import_measured(tmp_path / "x.binary"))
+    assert "select the object" in str(editor.exchange.import_measured(tmp_path / "x.binary"))
     editor.select("pot")
     editor.do(SetFrozen("pot", True))
-    assert "frozen" in str(editor.import_measured(tmp_path / "x.binary")) and not client.sent(ReadMeasured)
+    assert "frozen" in str(editor.exchange.import_measured(tmp_path / "x.binary")) and not client.sent(ReadMeasured)
 
 
 def test_a_path_gives_an_object_what_was_measured(client: FakeClient, tmp_path: Path) -> None:

@@ -100,7 +100,7 @@ def read_session(path: Path) -> None:
 
 
 def read_script(path: Path) -> None:
-    from app.editor.script import load_script
+    from app.operators.script import load_script
 
     load_script(path)
 

@@ -18,7 +18,7 @@ from app.files.session import load_session
 from engine.core.camera import camera_frame
 from tests.ui.stand_in import StandInClient
 from ui.headless import HeadlessWindow
-from ui.panels.actions import MoveCameraTo, OpenFile, RenameView, SaveView, SetPreference
+from ui.panels.actions import MoveCameraTo, OpenFile, RunOperator, SetPreference
 from ui.picture_feed import PictureFeed
 
 pytestmark = pytest.mark.gl
@@ -74,12 +74,13 @@ def something(window: HeadlessWindow, random: Random, folder: Path) -> str:
             if editor.scene_is_open:
                 editor.do(SetParameter("teapot.1", "alpha", random.uniform(0.1, 0.9)))
         case "keep":
-            shell.do(SaveView(random.choice((None, None, *(each.name for each in bookmarks)))))
+            shell.do(RunOperator("save_view", random.choice((None, None, *(each.name for each in bookmarks)))))
         case "go" if bookmarks:
             chosen = random.choice(bookmarks)
             shell.do(MoveCameraTo(chosen.viewpoint, chosen.name))
         case "rename" if bookmarks:
-            shell.do(RenameView(random.choice(bookmarks).name, random.choice(("", "View 1", "a" * 64, "Größe"))))
+            names = random.choice(bookmarks).name, random.choice(("", "View 1", "a" * 64, "Größe"))
+            shell.do(RunOperator("rename_view", names))
         case "delete" if bookmarks:
             editor.do(SetView.of(bookmarks=bookmarks[1:]))
         case "mouse":

@@ -32,7 +32,7 @@ from ui.panels import (
     status_bar,
 )
 from ui.panels import shortcuts as shortcuts
-from ui.panels.actions import Select, ShowPanel
+from ui.panels.actions import RunOperator, ShowPanel
 from ui.picture_feed import PictureFeed
 
 pytestmark = pytest.mark.gl
@@ -142,7 +142,7 @@ def test_a_fault_is_reported_once_and_the_window_goes_on(
         editor.do(SetParameter("teapot.1", "alpha", 0.2 + 0.001 * n_edits))
         for _ in range(8):
             if fault == "an action":
-                window.shell.do(Select("tray"))
+                window.shell.do(RunOperator("select", "tray"))
             window.frames(3)  # half a second in all: the light is asked for when the hand has rested
             holding.clock.now += 0.3
     holding.clock.now += 2.0

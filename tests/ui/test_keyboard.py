@@ -13,12 +13,12 @@ from app.document.commands.curves import SetOperators
 from app.document.commands.layers import SetFrozen
 from app.document.document import Document
 from app.document.view_state import SetView
+from app.operators.registry import GROUPS, listed_lines
 from engine.curve.operators import Operator
 from tests.ui.small_scene import linear_picture, wait_until_exact
 from ui.headless import HeadlessWindow
 from ui.layout import PANELS
 from ui.panels.curve_keys import HANDLES, next_handle
-from ui.panels.shortcuts import SHORTCUTS
 
 pytestmark = pytest.mark.gl
 
@@ -273,6 +273,6 @@ def test_a_drag_after_a_cancelled_one_is_a_step(lifted: HeadlessWindow) -> None:
 
 
 def test_the_keys_are_listed() -> None:
-    listed = {shortcut.keys: shortcut.text for shortcut in SHORTCUTS}
+    listed = dict(line for group in GROUPS for line in listed_lines(group))
     assert {"Tab", "Arrow keys", "Delete", "Esc"} <= listed.keys()
     assert "Shift" in listed["Arrow keys"] and "drag" in listed["Esc"]

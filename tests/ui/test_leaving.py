@@ -16,7 +16,7 @@ from app.files.session import load_session
 from engine.curve.operators import Operator
 from tests.ui.real_window import RealWindow, real_window_fixture
 from ui.headless import HeadlessWindow
-from ui.panels.actions import Action, AnswerUnsaved, OpenFile, Quit, Recover, SaveSession, SetPanel, Undo
+from ui.panels.actions import Action, AnswerUnsaved, OpenFile, Quit, Recover, RunOperator, SaveSession, SetPanel
 
 real = real_window_fixture()
 
@@ -134,7 +134,8 @@ def test_no_sequence_loses_edits_that_nobody_gave_up(window: HeadlessWindow, tmp
         before, history, unsaved, waiting = editor.document, editor.history, editor.unsaved, shell.state.pending_action
         action: Action = chance.choice(
             (
-                SetRotation(chance.uniform(0.0, 90.0)), SetRotation(chance.uniform(0.0, 90.0)), Undo(), Quit(),
+                SetRotation(chance.uniform(0.0, 90.0)), SetRotation(chance.uniform(0.0, 90.0)),
+                RunOperator("undo"), Quit(),
                 OpenFile("teatray"), AnswerUnsaved(is_saved=True), AnswerUnsaved(is_saved=False), SaveSession(saved),
                 SaveSession(),
                 SetPanel({"pending_action": None}), SetPanel({"question": None}),

@@ -12,6 +12,7 @@ from imgui_bundle import imgui
 from app.document.commands.light import SetRotation
 from app.document.view_state import Viewpoint
 from app.files.preferences import PreferenceFile
+from app.operators.registry import keys_of
 from engine.core.errors import InsituError
 from engine.scene.camera_moves import distance, focal_length, is_level
 from engine.scene.description import Camera
@@ -19,7 +20,6 @@ from tests.ui.stand_in import HEIGHT, WIDTH
 from ui.headless import HeadlessWindow
 from ui.panels.actions import SetPreference
 from ui.panels.camera_gestures import CameraGrip, drag_camera, scroll_camera
-from ui.panels.shortcuts import keys_of
 
 Key = imgui.Key
 SHIFT, CTRL, ALT = Key.mod_shift, Key.mod_ctrl, Key.mod_alt
@@ -261,7 +261,7 @@ def test_the_menu_moves_the_camera_and_chooses_the_mouse(window: HeadlessWindow)
     window.click_handle("menu.view_right")
     assert editor.camera_history.camera.position[0] == pytest.approx(distance(OWN))
     window.click_handle("menu.Edit")
-    window.click_handle("menu.undo_look")
+    window.click_handle("menu.undo_view")
     assert editor.camera_history.camera == OWN
 
 

@@ -9,7 +9,7 @@ import pytest
 from imgui_bundle import imgui
 
 from app.document.commands.layers import SetParameter
-from app.editor.script import load_script
+from app.operators.script import load_script
 from tests.ui.stand_in import HEIGHT, WIDTH
 from ui.brush_dabs import SurfaceSpot, stroke_at
 from ui.headless import HeadlessWindow

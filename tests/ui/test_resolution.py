@@ -22,7 +22,7 @@ from app.worker.tasks import RequestDispatcher
 from tests.ui.small_scene import linear_picture, opened_window, wait_until_exact, write_small_scene
 from tests.ui.stand_in import StandInClient
 from ui.headless import HeadlessWindow
-from ui.panels.actions import Resize, SetPanel
+from ui.panels.actions import RunOperator, SetPanel
 from ui.panels.resolution_dialog import scale_size
 
 pytestmark = pytest.mark.gl
@@ -48,7 +48,7 @@ def test_edits_history_and_selection_stay(small: HeadlessWindow, tmp_path: Path)
     wait_until_exact(small)
     document, steps, selected = editor.document, editor.history.undo_steps, editor.view.selected
     large = linear_picture(small)
-    small.shell.do(Resize((48, 32)))
+    small.shell.do(RunOperator("resolution", (48, 32)))
     assert small.run_until(lambda: size(small) == (48, 32), 60.0)
     wait_until_exact(small)
     assert editor.document is document and editor.history.undo_steps is steps and editor.view.selected == selected
@@ -73,7 +73,7 @@ def test_edits_history_and_selection_stay(small: HeadlessWindow, tmp_path: Path)
     editor.open(str(tmp_path / "small.insitu"))
     assert small.run_until(lambda: size(small) == (48, 32), 60.0)
     # Back to the scene's own, which a session need not say.
-    small.shell.do(Resize((96, 64)))
+    small.shell.do(RunOperator("resolution", (96, 64)))
     assert small.run_until(lambda: size(small) == (96, 64), 60.0)
     assert editor.view.resolution is None
 
@@ -87,7 +87,7 @@ def looks(window: HeadlessWindow) -> list[SetCamera]:
 def test_edits_made_while_it_is_opened_stay_too(window: HeadlessWindow) -> None:
     editor = window.shell.editor
     editor.do(SetView.of(compare=editor.document, lobe_pixel=(3, 4)))
-    window.shell.do(Resize((24, 16)))
+    window.shell.do(RunOperator("resolution", (24, 16)))
     editor.do(SetParameter("teapot.1", "alpha", 0.77))  # before the worker has answered
     edited = editor.document
     assert editor.view.resolution == (24, 16)
@@ -139,7 +139,7 @@ def test_more_than_the_memory_is_refused_before_anything_is_done(
     window.frames(3)
     window.click_handle("button.resolution.apply")  # which is grey
     assert shell.state.resolution == (4096, 4096) and len(looks(window)) == asked
-    shell.do(Resize((4096, 4096)))
+    shell.do(RunOperator("resolution", (4096, 4096)))
     status = shell.editor.status
     assert status.is_error and "18.8 GiB" in status.message and "10 MiB are free" in status.message
     assert len(looks(window)) == asked

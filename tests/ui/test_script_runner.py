@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from app.editor.script import CaptureWindow, load_script
 from app.messages.worker_messages import Request, Response
 from app.modes.placement.placement_messages import ErrorEstimated, EstimateError
+from app.operators.script import Step, load_script
 from engine.core.errors import InsituError
 from engine.curve.operators import Operator
 from engine.render.picture_error import ErrorEstimate
@@ -163,7 +163,7 @@ def test_a_captured_picture_survives_a_full_disk(window: HeadlessWindow, tmp_pat
     output = tmp_path / "step.png"
     output.write_bytes(b"hours of work")
     with largest_file(1000), pytest.raises(ScriptError) as caught:
-        run_steps(window, window.shell.editor, [CaptureWindow(output)])
+        run_steps(window, window.shell.editor, [Step("capture", output)])
     assert str(caught.value) == "step 1: " + NOT_WRITTEN.format(output)
     assert output.read_bytes() == b"hours of work" and not list(tmp_path.glob(".*"))
 

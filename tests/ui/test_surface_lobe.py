@@ -11,7 +11,7 @@ import pytest
 from imgui_bundle import imgui
 
 from app.document.commands.layers import SetParameter
-from app.editor.script import PickLobe
+from app.operators.script import Step
 from engine.core.camera import pixel_directions, project
 from engine.material import MODELS, make_layer
 from engine.scene.description import CameraDescription
@@ -155,9 +155,9 @@ def test_a_button_arms_the_next_click(window: HeadlessWindow) -> None:
 def test_a_script_picks_it_and_pixels_that_are_not_there_show_none(window: HeadlessWindow) -> None:
     editor, board = window.shell.editor, window.shell._brdf_board
     editor.select("teapot.1")
-    run_steps(window, editor, [PickLobe((3, 30))])
+    run_steps(window, editor, [Step("lobe", (3, 30))])
     window.frames(4)
     assert board.surface is not None
-    run_steps(window, editor, [PickLobe((4000, 30))])
+    run_steps(window, editor, [Step("lobe", (4000, 30))])
     window.frames(4)
     assert board.surface is None

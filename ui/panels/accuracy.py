@@ -18,7 +18,7 @@ from app.system.lazy_import import import_named
 from engine.render.picture_error import ErrorEstimate, percent
 from ui import theme as look
 from ui.panels import history_plot, number_fields, widgets
-from ui.panels.actions import Action, BeginDrag, CancelWork, EndDrag, ResumeWork
+from ui.panels.actions import Action, BeginDrag, EndDrag, RunOperator
 from ui.panels.context import PanelContext
 from ui.theme import Icon
 
@@ -113,7 +113,7 @@ def _work(context: PanelContext) -> list[Action]:
     if status.fraction > 0.0:
         end = corner.x + max(height, room * min(status.fraction, 1.0))
         draw_list.add_rect_filled(ImVec2(corner.x, top), ImVec2(end, top + height), look.pack(look.ACCENT), height)
-    return [CancelWork()] if pressed else []
+    return [RunOperator("stop")] if pressed else []
 
 
 def _stopped(context: PanelContext) -> list[Action]:
@@ -122,7 +122,7 @@ def _stopped(context: PanelContext) -> list[Action]:
     imgui.same_line()
     widgets.align_right(imgui.calc_text_size(RESUME).x + 2 * imgui.get_style().frame_padding.x)
     hint = "Go on computing the picture from where it was stopped."
-    return [ResumeWork()] if widgets.text_button(context, "resume", RESUME, hint) else []
+    return [RunOperator("resume")] if widgets.text_button(context, "resume", RESUME, hint) else []
 
 
 def work_text(status: Status) -> str:

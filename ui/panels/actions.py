@@ -59,20 +59,12 @@ class MergedEdit:
 
 
 @dataclass(frozen=True)
-class Undo:
-    """Undo one step of the history."""
+class RunOperator:
+    """Carry out an operator (`app.operators.registry`) that needs no window, with a value of its type; None: its
+    default."""
 
-
-@dataclass(frozen=True)
-class Redo:
-    """Redo one step of the history."""
-
-
-@dataclass(frozen=True)
-class Play:
-    """Play the scene's animation; False: stop it where it is."""
-
-    goes_on: bool = True
+    name: str
+    value: Any = None
 
 
 @dataclass(frozen=True)
@@ -104,42 +96,10 @@ class MoveCameraTo:
 
 
 @dataclass(frozen=True)
-class UndoCamera:
-    """Undo one step of the view's history."""
-
-
-@dataclass(frozen=True)
-class RedoCamera:
-    """Redo one step of the view's history."""
-
-
-@dataclass(frozen=True)
-class SaveView:
-    """Bookmark the view under a name, replacing the one that has it; None: as another one."""
-
-    name: str | None = None
-
-
-@dataclass(frozen=True)
-class RenameView:
-    """Rename a bookmarked view."""
-
-    old: str
-    new: str
-
-
-@dataclass(frozen=True)
 class SetPreference:
     """Change a preference of the user (`app.files.preferences.Preferences`)."""
 
     changes: Mapping[str, str]
-
-
-@dataclass(frozen=True)
-class Select:
-    """Select by path: an object, a layer "teapot.0", or a curve "teapot.0.theta_h"; None selects nothing."""
-
-    path: str | None
 
 
 @dataclass(frozen=True)
@@ -227,13 +187,6 @@ class SavePicture:
 
 
 @dataclass(frozen=True)
-class Resize:
-    """Show the scene at another resolution, (width, height); None: its own."""
-
-    resolution: tuple[int, int] | None
-
-
-@dataclass(frozen=True)
 class SaveMaterial:
     """Store an object's material in the library, under a name."""
 
@@ -293,16 +246,6 @@ class ResetLayout:
 
 
 @dataclass(frozen=True)
-class CancelWork:
-    """Stop the precomputation under way; what has been computed stays on screen."""
-
-
-@dataclass(frozen=True)
-class ResumeWork:
-    """Resume what was stopped."""
-
-
-@dataclass(frozen=True)
 class Quit:
     """Close the window; unsaved edits open a question, unless they are to stay in the journal."""
 
@@ -311,12 +254,8 @@ class Quit:
 
 WindowAction = (
     BeginDrag | EndDrag | CancelDrag | MergedEdit | BeginCameraDrag | DragCamera | EndCameraDrag | MoveCameraTo
-    | UndoCamera | RedoCamera
-    | Play | SaveView | RenameView | SetPreference
-    | HoldGrip | Undo | Redo | Select | SetPanel | OpenFile | OpenImage | AskFile
-    | ReloadImages | SaveSession | SavePicture | ImportMeasured | ExportMeasured | ExportScene | Screenshot
-    | SaveMaterial | DeleteMaterial | Copy | Paste | Recover | AnswerUnsaved | Resize | ShowPanel | ResetLayout
-    | CancelWork
-    | ResumeWork | Quit | AnswerQuestion
+    | RunOperator | SetPreference | HoldGrip | SetPanel | OpenFile | OpenImage | AskFile | ReloadImages | SaveSession
+    | SavePicture | ImportMeasured | ExportMeasured | ExportScene | Screenshot | SaveMaterial | DeleteMaterial | Copy
+    | Paste | Recover | AnswerUnsaved | ShowPanel | ResetLayout | Quit | AnswerQuestion
 )  # fmt: skip
 Action = EditCommand | SetView | OpenPanel | WindowAction

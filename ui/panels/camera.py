@@ -9,23 +9,14 @@ from imgui_bundle import ImVec2, imgui
 
 from app.document.view_state import Bookmark, SetView, Viewpoint
 from app.files.bookmarks import MAX_NAME, remove_bookmark
+from app.operators.registry import keys_of
 from engine.scene.camera_moves import focal_length, is_level, with_focal_length
 from engine.scene.description import MAX_RESOLUTION
 from ui import theme as look
 from ui.panels import number_fields, widgets
-from ui.panels.actions import (
-    Action,
-    BeginCameraDrag,
-    DragCamera,
-    EndCameraDrag,
-    MoveCameraTo,
-    RenameView,
-    Resize,
-    SaveView,
-    SetPanel,
-)
-from ui.panels.camera_gestures import command
+from ui.panels.actions import Action, BeginCameraDrag, DragCamera, EndCameraDrag, MoveCameraTo, RunOperator, SetPanel
 from ui.panels.context import PanelContext
+from ui.panels.window_operators import perform
 from ui.theme import Icon
 
 WIDTH, LABEL_WIDTH, GAP = 264.0, 58.0, 6.0
@@ -58,11 +49,11 @@ def _title(context: PanelContext) -> list[Action]:
     imgui.pop_font()
     widgets.same_line_at_right(2 * imgui.get_frame_height() + context.px(GAP))
     actions: list[Action] = []
-    hint = "Back to the scene's own camera. (Keypad 0)"
+    hint = f"Back to the scene's own camera. ({keys_of('own_view')})"
     if widgets.icon_button(context, "camera.reset", Icon.RESET, hint, enabled=context.camera != context.own_camera):
-        actions += command(context, "own_view")
+        actions += perform(context, "own_view")
     imgui.same_line(0.0, context.px(GAP))
-    if widgets.icon_button(context, "camera.close", Icon.CLOSE, "Close this. (N)"):
+    if widgets.icon_button(context, "camera.close", Icon.CLOSE, f"Close this. ({keys_of('camera_panel')})"):
         actions.append(SetPanel({"shows_camera": False, "renames": None}))
     return actions
 
@@ -90,7 +81,7 @@ def _horizon(context: PanelContext) -> list[Action]:
     level = is_level(context.camera)
     hint = "Turn the camera about its line of sight until the horizon is level. Orbiting keeps it level."
     if widgets.text_button(context, "camera.level", "Is level" if level else "Level", hint, enabled=not level):
-        return command(context, "level")
+        return perform(context, "level")
     return []
 
 
@@ -108,7 +99,7 @@ def _size(context: PanelContext, room: ImVec2) -> list[Action]:
     pressed = widgets.segments(context, "camera.size", choices, chosen)
     if pressed == 2:
         return [SetPanel({"resolution": size})]
-    return [] if pressed is None else [Resize((own, panel)[pressed])]
+    return [] if pressed is None else [RunOperator("resolution", (own, panel)[pressed])]
 
 
 # ---------------------------------------------------------------------------------------------------------------- views
@@ -130,7 +121,7 @@ def _views(context: PanelContext, foot: float) -> list[Action]:
     if widgets.text_button(
         context, "camera.save_view", f"{Icon.ADD}  Save this view", "Save it under a name, in the session."
     ):
-        actions.append(SaveView())
+        actions.append(RunOperator("save_view"))
     return actions
 
 
@@ -150,7 +141,7 @@ def _view(context: PanelContext, bookmark: Bookmark) -> list[Action]:
     imgui.begin_group()
     actions += _name(context, name) if context.state.renames == name else _title_of(context, name)
     if widgets.icon_button(context, f"camera.update.{name}", Icon.CAMERA, f"Set {name} to this view.", not is_here):
-        actions.append(SaveView(name))
+        actions.append(RunOperator("save_view", name))
     imgui.same_line(0.0, 0.0)
     if widgets.icon_button(context, f"camera.rename.{name}", Icon.EDITABLE, "Rename it."):
         actions.append(SetPanel({"renames": name}))
@@ -183,8 +174,9 @@ def _name(context: PanelContext, name: str) -> list[Action]:
     if not imgui.is_item_deactivated():
         return []
     new = typed.strip()[: MAX_NAME + 1]
-    named: list[Action] = [RenameView(name, new)] if imgui.is_item_deactivated_after_edit() and new != name else []
-    return [*named, SetPanel({"renames": None})]
+    close = SetPanel({"renames": None})
+    is_renamed = imgui.is_item_deactivated_after_edit() and new != name
+    return [RunOperator("rename_view", (name, new)), close] if is_renamed else [close]
 
 
 def _thumbnail(context: PanelContext, bookmark: Bookmark, corner: ImVec2, size: ImVec2, lit: bool) -> None:

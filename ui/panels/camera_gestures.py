@@ -1,4 +1,4 @@
-"""Gestures that move the camera: over the picture by mouse or trackpad, and by keys.
+"""Gestures that move the camera, over the picture by mouse or trackpad.
 
     middle drag orbits, Shift pans, Ctrl goes nearer or farther         as in Blender
     Alt left drag orbits, Alt middle pans, Alt right nearer or farther  as in Maya
@@ -20,16 +20,12 @@ from imgui_bundle import imgui
 from app.document.view_state import SetView, Viewpoint
 from app.files.preferences import Mouse, Scroll
 from engine.scene.camera_moves import (
-    Side,
     depth_of,
     distance,
     dolly_camera,
-    frame_box,
-    level_horizon,
     orbit_camera,
     pan_camera,
     point_at,
-    view_from_side,
 )
 from engine.scene.description import Camera
 from ui.panels.actions import Action, BeginCameraDrag, DragCamera, EndCameraDrag, HoldGrip, MoveCameraTo, SetPanel
@@ -53,16 +49,8 @@ DEGREES_A_PIXEL, PIXELS_TO_HALVE = 0.4, 150.0
 NOTCH_DEGREES, NOTCH_HEIGHTS, NOTCH_NEARER = 12.0, 0.06, 0.85
 # Wheel turns with less than this between them are one step of the view's history, seconds.
 PAUSE_SECONDS = 1.0
-KEY_DEGREES, KEY_NEARER = 15.0, 0.8
 # Pixels at scale 1 after which a press is a drag.
 DRAG_DISTANCE = 3.0
-SIDES: dict[str, Side] = {
-    "view_front": "front", "view_back": "back", "view_right": "right", "view_left": "left", "view_top": "top",
-    "view_bottom": "bottom",
-}  # fmt: skip
-TURNS: dict[str, tuple[float, float]] = {
-    "turn_left": (-1.0, 0.0), "turn_right": (1.0, 0.0), "turn_up": (0.0, 1.0), "turn_down": (0.0, -1.0),
-}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -102,38 +90,6 @@ def was_a_click(context: PanelContext, actions: list[Action]) -> bool:
     """Whether a left button that could have moved the camera was released where it was pressed."""
     grip = context.state.grip
     return isinstance(grip, CameraGrip) and grip.button == 0 and not grip.begun and HoldGrip(None) in actions
-
-
-def command(context: PanelContext, name: str) -> list[Action]:
-    """The actions of a named key or menu entry; none where there is nothing to frame."""
-    camera = context.camera
-    if name in SIDES:
-        return _there(context, view_from_side(camera, SIDES[name]), f"from the {SIDES[name]}")
-    if name in TURNS:
-        right, up = (math.radians(KEY_DEGREES * turn) for turn in TURNS[name])
-        return _there(context, orbit_camera(camera, right, up), "orbit")
-    if name in ("nearer", "farther"):
-        factor = KEY_NEARER if name == "nearer" else 1.0 / KEY_NEARER
-        return _there(context, dolly_camera(camera, factor), name)
-    if name in ("frame", "frame_all"):
-        return _frame(context, context.view.selected.object if name == "frame" and context.view.selected else None)
-    if name == "level":
-        return _there(context, level_horizon(camera), "level horizon")
-    if name == "own_view":
-        return _there(context, context.own_camera, "the scene's own camera")
-    return []
-
-
-def _frame(context: PanelContext, name: str | None) -> list[Action]:
-    """Frame an object, or all."""
-    box = context.box_of(name)
-    if box is None:
-        return []
-    return _there(context, frame_box(context.camera, box, context.aspect), f"frame {name or 'all'}")
-
-
-def _there(context: PanelContext, camera: Camera, label: str) -> list[Action]:
-    return [MoveCameraTo(Viewpoint(camera, context.view.resolution), label)]
 
 
 # ---------------------------------------------------------------------------------------------------------------- drags

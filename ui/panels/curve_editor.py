@@ -19,7 +19,7 @@ from engine.curve.operators import apply_operators
 from ui import theme as look
 from ui.panels import curve_keys, operator_list, widgets
 from ui.panels import curve_plot as plot
-from ui.panels.actions import Action, Select
+from ui.panels.actions import Action, RunOperator
 from ui.panels.brdf import energy_warning
 from ui.panels.context import PanelContext
 from ui.panels.curve_gestures import HALF_PI, OperatorGroup, channel_of, limit_text, operators_in_use
@@ -101,7 +101,7 @@ def _toolbar(context: PanelContext, curves: DrawnCurves) -> list[Action]:
     names = [f.name for f in factors]
     pressed = widgets.segments(context, "curve.factor", choices, names.index(curves.factor))
     if pressed is not None and names[pressed] != curves.factor:
-        actions.append(Select(f"{curves.key}.{names[pressed]}"))
+        actions.append(RunOperator("select", f"{curves.key}.{names[pressed]}"))
     widgets.same_line_at_right(right)
     actions += _channel_buttons(context, operators_in_use(curves.operators, context.view), least)
     if right <= room:

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from imgui_bundle import imgui
 
 from app.document.view_state import SetView
-from ui.panels.actions import Action, CancelDrag, Select, SetPanel
+from ui.panels.actions import Action, CancelDrag, RunOperator, SetPanel
 from ui.panels.context import PanelContext
 
 _OWNER = 0x1A5172
@@ -106,7 +106,7 @@ def _lobe(context: PanelContext) -> list[Action]:
 
 
 def _selection(context: PanelContext) -> list[Action]:
-    return [Select(None)] if context.view.selected is not None else []
+    return [RunOperator("select")] if context.view.selected is not None else []
 
 
 ESCAPE_ACTIONS: tuple[Callable[[PanelContext], list[Action]], ...] = (

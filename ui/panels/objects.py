@@ -13,7 +13,7 @@ from engine.material import MODELS
 from engine.material.layer import Layer
 from ui import theme as look
 from ui.panels import widgets
-from ui.panels.actions import Action, Copy, Paste, Select
+from ui.panels.actions import Action, Copy, Paste, RunOperator
 from ui.panels.context import PanelContext
 from ui.panels.library import apply, dropped_material
 from ui.theme import Icon
@@ -116,7 +116,7 @@ def _name(
         after = place.x + imgui.calc_text_size(shown).x + context.px(7)
         draw.add_text(ImVec2(after, y), look.pack(look.TEXT_SOFT), icon)
     draw.pop_clip_rect()
-    return [Select(path)] if pressed else []
+    return [RunOperator("select", path)] if pressed else []
 
 
 def _object_buttons(context: PanelContext, state: ObjectState, quiet: look.Colour) -> list[Action]:
@@ -173,7 +173,7 @@ def _drop(context: PanelContext, state: ObjectState) -> list[Action]:
         return []
     entry = dropped_material(context)
     imgui.end_drag_drop_target()
-    return [] if entry is None else [apply(entry, state.name), Select(state.name)]
+    return [] if entry is None else [apply(entry, state.name), RunOperator("select", state.name)]
 
 
 def _object_menu(context: PanelContext, state: ObjectState) -> list[Action]:
@@ -183,9 +183,9 @@ def _object_menu(context: PanelContext, state: ObjectState) -> list[Action]:
         if imgui.menu_item_simple("Copy the material"):
             actions.append(Copy(copy_material(context.document, state.name), f"the material of {state.name}"))
         if imgui.menu_item_simple("Paste"):
-            actions += [Select(state.name), Paste()]
+            actions += [RunOperator("select", state.name), Paste()]
         if imgui.menu_item_simple("Paste as further layers"):
-            actions += [Select(state.name), Paste(as_layers=True)]
+            actions += [RunOperator("select", state.name), Paste(as_layers=True)]
         if imgui.begin_menu("Add a layer"):
             actions += _new_layers(state)
             imgui.end_menu()
@@ -198,7 +198,7 @@ def _new_layers(state: ObjectState) -> list[Action]:
         pressed = imgui.menu_item_simple(model.label)
         widgets.tooltip(model.tooltip)
         if pressed:
-            return [AddLayers(state.name, (new_layer(model.name),)), Select(state.name)]
+            return [AddLayers(state.name, (new_layer(model.name),)), RunOperator("select", state.name)]
     return []
 
 
@@ -209,7 +209,7 @@ def _layer_menu(context: PanelContext, state: ObjectState, path: str, layer: Lay
         if imgui.menu_item_simple("Copy the layer"):
             actions.append(Copy(copy_layer(context.document, path), f"the layer {layer.title}"))
         if imgui.menu_item_simple("Paste"):
-            actions += [Select(path), Paste()]
+            actions += [RunOperator("select", path), Paste()]
         if imgui.menu_item_simple("Delete the layer", None, False, len(state.layers) > 1):
             actions.append(RemoveLayer(path))
         imgui.end_popup()

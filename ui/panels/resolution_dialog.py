@@ -8,7 +8,7 @@ from app.system.memory import bytes_for, gib, memory_bytes
 from engine.scene.description import MAX_RESOLUTION
 from ui import theme as look
 from ui.panels import number_fields, widgets
-from ui.panels.actions import Action, Resize, SetPanel
+from ui.panels.actions import Action, RunOperator, SetPanel
 from ui.panels.context import PanelContext
 
 Size = tuple[int, int]
@@ -77,6 +77,6 @@ def _buttons(context: PanelContext, size: Size, enabled: bool) -> list[Action]:
     imgui.spacing()
     hint = "Compute the picture at this resolution. All edits stay."
     if widgets.text_button(context, "resolution.apply", "Apply", hint, enabled=enabled):
-        return [Resize(size), close]
+        return [RunOperator("resolution", size), close]
     imgui.same_line()
     return [close] if widgets.text_button(context, "resolution.cancel", "Cancel", "Cancel. (Esc)") else []

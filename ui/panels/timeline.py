@@ -9,7 +9,7 @@ from app.document.timeline import Timeline, timeline
 from app.document.view_state import SetView
 from ui import theme as look
 from ui.panels import number_fields, widgets
-from ui.panels.actions import Action, BeginDrag, EndDrag, Play
+from ui.panels.actions import Action, BeginDrag, EndDrag, RunOperator
 from ui.panels.context import PanelContext
 from ui.theme import Icon
 
@@ -40,7 +40,7 @@ def draw(context: PanelContext, corner: ImVec2, room: ImVec2) -> tuple[float, li
 def toggle_playback(context: PanelContext) -> list[Action]:
     """Play or stop; does nothing where nothing is animated."""
     is_animated = timeline(context.document, context.view) is not None
-    return [Play(context.view.playing is None)] if is_animated else []
+    return [RunOperator("play", context.view.playing is None)] if is_animated else []
 
 
 def _play(context: PanelContext) -> list[Action]:
@@ -57,7 +57,7 @@ def _scrub(context: PanelContext, line: Timeline, end: float) -> list[Action]:
         handle="timeline.time", title="Time", jumps=True,
     )  # fmt: skip
     widgets.tooltip("Press or drag to go to a time; double-click to type one. One drag is one step of the history.")
-    actions: list[Action] = [Play(False)] if hand.began and context.view.playing is not None else []
+    actions: list[Action] = [RunOperator("play", False)] if hand.began and context.view.playing is not None else []
     if hand.began:
         actions.append(BeginDrag())
     if hand.changed:
@@ -76,7 +76,7 @@ def _playback_options(context: PanelContext, line: Timeline) -> list[Action]:
         context.handles.note_item("timeline.clip")
         widgets.tooltip("The animation to play.")
         if chosen:
-            actions += [Play(False), SetTime(0.0, line.clips[index])]
+            actions += [RunOperator("play", False), SetTime(0.0, line.clips[index])]
         imgui.same_line()
     loops = context.view.loops
     if widgets.icon_button(context, "timeline.loop", Icon.LOOP, "Loop, or stop at the end.", lit=loops):
@@ -85,7 +85,7 @@ def _playback_options(context: PanelContext, line: Timeline) -> list[Action]:
     moves = line.time is not None
     hint = "Back to rest: the pose that the file has without its animation."
     if widgets.icon_button(context, "timeline.rest", Icon.CLOSE, hint, enabled=moves):
-        actions += [Play(False), SetTime(None)]
+        actions += [RunOperator("play", False), SetTime(None)]
     return actions
 
 

@@ -13,7 +13,7 @@ from app.system.lazy_import import import_named
 from engine.material.layer import object_of
 from ui import theme as look
 from ui.panels import camera_gestures, error_legend, paint, picture_handles, surface_plot, view_sketch, widgets
-from ui.panels.actions import Action, BeginDrag, EndDrag, HoldGrip, Select, SetPanel
+from ui.panels.actions import Action, BeginDrag, EndDrag, HoldGrip, RunOperator, SetPanel
 from ui.panels.context import PanelContext
 from ui.panels.library import apply, dropped_material
 from ui.panels.picture import Picture
@@ -139,7 +139,7 @@ def _drop(context: PanelContext, picture: Picture, placed: PictureRect) -> list[
     actions: list[Action] = [SetView.of(hovered=name)] if name != context.view.hovered else []
     entry = dropped_material(context) if name else None
     if entry is not None and name:
-        actions += [apply(entry, name), Select(name), SetView.of(hovered=None)]
+        actions += [apply(entry, name), RunOperator("select", name), SetView.of(hovered=None)]
     imgui.end_drag_drop_target()
     return actions
 
@@ -197,7 +197,7 @@ def _take_hold(context: PanelContext, picture: Picture, placed: PictureRect, on_
     if imgui.get_io().key_alt or context.state.picks_lobe:
         picked = _pick_lobe(context, picture, placed)
         return [*picked, SetPanel({"picks_lobe": False}), HoldGrip(Grip("lobe", (0.0, 0.0)))]
-    return [Select(_object_at(context, placed.pixel(mouse.x, mouse.y, picture)))]
+    return [RunOperator("select", _object_at(context, placed.pixel(mouse.x, mouse.y, picture)))]
 
 
 def _object_at(context: PanelContext, pixel: tuple[int, int] | None) -> str | None:
@@ -216,7 +216,7 @@ def _pick_lobe(context: PanelContext, picture: Picture, placed: PictureRect) -> 
     if name is None:
         return [SetView.of(lobe_pixel=None)]
     selected = context.view.selected
-    other: list[Action] = [] if selected is not None and selected.object == name else [Select(name)]
+    other: list[Action] = [] if selected is not None and selected.object == name else [RunOperator("select", name)]
     return [*other, SetView.of(lobe_pixel=pixel)] if pixel != context.view.lobe_pixel else other
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from app.cli import program
 from app.cli.console import run_guarded
-from app.editor.script import Step
+from app.operators.script import Step
 from engine.core.errors import InsituError
 
 SCENE = """

@@ -127,13 +127,13 @@ def test_the_editor_replaces_nothing_that_it_has_read(lit: Path, merl_file: Path
 
     assert editor.do(set_environment_file(lit.with_name("other.exr"))) is None
     editor.undo()
-    assert "the project reads this file" in str(editor.export_scene(lit.parent))
+    assert "the project reads this file" in str(editor.exchange.export_scene(lit.parent))
     lit.with_name("sky.exr").rename(lit.with_name("moved.exr"))
-    assert "00_ground.ply: the project reads this file" in str(editor.export_scene(lit.parent))
+    assert "00_ground.ply: the project reads this file" in str(editor.exchange.export_scene(lit.parent))
     lit.with_name("moved.exr").rename(lit.with_name("sky.exr"))
     editor.select("ball.1")
     lit.with_name("a.binary").symlink_to(lit)
-    assert "a.binary: the project reads this file" in str(editor.export_measured(lit.with_name("a.binary")))
+    assert "a.binary: the project reads this file" in str(editor.exchange.export_measured(lit.with_name("a.binary")))
     assert "the project reads this file" in str(editor.save(_linked(lit, "b.insitu")))
     lit.with_name("a.binary").unlink()
     lit.with_name("b.insitu").unlink()

@@ -90,7 +90,7 @@ def test_an_emitter_is_selected_as_it_is(client: FakeClient) -> None:
     assert editor.undo() == "lamp emission"
     assert editor.view.selected == Selection("lamp", 0)
     assert editor.select(editor.view.selected) is None
-    assert editor.export_measured(Path("x.binary")) is not None  # there is no material to write
+    assert editor.exchange.export_measured(Path("x.binary")) is not None  # there is no material to write
     editor.tick(2.0)
     assert editor.controller.edited_layers == ()
 

@@ -10,9 +10,9 @@ from app.__main__ import Desktop
 from app.cli.program import run
 from app.document.pareto_front import FrontPoint, format_front, load_front, parse_front
 from app.document.view_state import LIMITS, SetView, ViewState
-from app.editor.script import SetAccuracy, parse_script
 from app.measure.front import FrontEffort, measure_front, on_the_front
 from app.modes.registry import MODES
+from app.operators.script import Step, parse_script
 from engine.core.errors import InsituError
 
 Captured = pytest.CaptureFixture[str]
@@ -73,7 +73,7 @@ def test_a_front_is_measured() -> None:
 
 def test_a_script_moves_the_slider(tmp_path: Path) -> None:
     steps = parse_script({"step": [{"accuracy": 0.6}]}, tmp_path / "a.toml", tmp_path)
-    assert steps == (SetAccuracy(0.6),)
+    assert steps == (Step("accuracy", 0.6),)
     with pytest.raises(InsituError, match="accuracy"):
         parse_script({"step": [{"accuracy": 1.5}]}, tmp_path / "a.toml", tmp_path)
 

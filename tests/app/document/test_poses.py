@@ -13,10 +13,11 @@ from app.document.document import Document
 from app.document.timeline import visible_poses
 from app.document.view_state import SetView, ViewState
 from app.editor.editor import Editor
-from app.editor.script import DeformObject, load_script
 from app.editor.view_controller import REST_SECONDS
 from app.files.session import dump_session, fit_session, load_session, save_session
 from app.messages.worker_messages import RequestFailed, SetCamera
+from app.operators.edits import Deform
+from app.operators.script import Step, load_script
 from app.project.set_path import set_path
 from engine.core.errors import InsituError, LoadError
 from engine.realtime.zonal_harmonics.pose import Deformation, Moment
@@ -110,7 +111,7 @@ def test_what_grows_without_end_is_refused_in_the_window_and_nothing_is_lost(edi
 def test_a_script_deforms(tmp_path: Path) -> None:
     script = tmp_path / "script.toml"
     script.write_text('[[step]]\ndeform = {object = "vase", bend = 40.0, taper = 1}\n')
-    assert load_script(script) == (DeformObject("vase", (("bend", 40.0), ("taper", 1.0))),)
+    assert load_script(script) == (Step("deform", Deform(object="vase", bend=40.0, taper=1.0)),)
     for wrong in ('{object = "vase"}', '{object = "vase", melt = 1.0}', "{bend = 1.0}", '{object = "v", bend = "x"}'):
         script.write_text(f"[[step]]\ndeform = {wrong}\n")
         with pytest.raises(LoadError, match="deform"):
@@ -174,8 +175,8 @@ def test_a_script_says_a_time(tmp_path: Path) -> None:
         '[[step]]\ndeform = {time = 0.4}\n[[step]]\ndeform = {object = "pot", time = 1, clip = "glide", bend = 40.0}\n'
     )
     assert load_script(script) == (
-        DeformObject(None, (), 0.4),
-        DeformObject("pot", (("bend", 40.0),), 1.0, "glide"),
+        Step("deform", Deform(time=0.4)),
+        Step("deform", Deform(object="pot", time=1.0, clip="glide", bend=40.0)),
     )
     for wrong in ('{clip = "flap"}', '{time = "soon"}', "{time = 1.0, bend = 4.0}", "{time = nan}"):
         script.write_text(f"[[step]]\ndeform = {wrong}\n")

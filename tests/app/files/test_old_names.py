@@ -6,8 +6,8 @@ import pytest
 
 from app.document.document import Document
 from app.document.view_state import SetView, ViewState
-from app.editor.script import OverrideLines, SaveViewStep, WaitFor, load_script
 from app.files.session import load_session, save_session
+from app.operators.script import Step, load_script
 from engine.core.errors import LoadError
 from tests.app.cli.command_line import SCENE, run
 
@@ -53,7 +53,7 @@ def test_an_old_script_is_read(tmp_path: Path) -> None:
         '[[step]]\nwait = "exact"\n'
     )
     assert load_script(path) == (
-        OverrideLines((("lights", 1000),)), SaveViewStep("Spout"), WaitFor("error"), WaitFor("exact")
+        Step("override", {"lights": 1000}), Step("save_view", "Spout"), Step("wait", "error"), Step("wait", "exact")
     )  # fmt: skip
 
 

@@ -4,23 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from app.editor.script import (
-    AssertErrorBelow,
-    CaptureWindow,
-    ChooseView,
-    DragItem,
-    DragPoints,
-    ImportFile,
-    PickLobe,
-    RedoSteps,
-    RotateLight,
-    SelectPath,
-    SetValues,
-    ShowPanelStep,
-    UndoSteps,
-    WaitFor,
-    load_script,
-)
+from app.operators.edits import Drag
+from app.operators.files import MeasuredFile
+from app.operators.script import Step, load_script
 from engine.core.errors import LoadError
 
 ALL_STEPS = """
@@ -58,26 +44,26 @@ assert_error_below = 0.01
 def test_all_kinds_of_steps(tmp_path: Path) -> None:
     (tmp_path / "s.toml").write_text(ALL_STEPS)
     assert load_script(tmp_path / "s.toml") == (
-        SetValues((("teapot.1.alpha", 0.3), ("teapot.0.albedo", (1.0, 0.5, 0.0)), ("tray.visible", False))),
-        SelectPath("teapot.1.theta_h"),
-        DragItem("curve.b", (40.0, -25.0)),
-        DragPoints((10.0, 20.5), (30.0, 40.0)),
-        ShowPanelStep("brdf"),
-        PickLobe((3, 4)),
-        ChooseView("aces_2"),
-        RotateLight(45.0),
-        ImportFile(Path("cloth.binary"), True),
-        UndoSteps(1),
-        RedoSteps(2),
-        WaitFor("exact"),
-        CaptureWindow(tmp_path / "FILE.png"),
-        AssertErrorBelow(0.01),
+        Step("set", {"teapot.1.alpha": 0.3, "teapot.0.albedo": (1.0, 0.5, 0.0), "tray.visible": False}),
+        Step("select", "teapot.1.theta_h"),
+        Step("drag", Drag(item="curve.b", by=(40.0, -25.0))),
+        Step("drag", Drag.model_validate({"from": (10.0, 20.5), "to": (30.0, 40.0)})),
+        Step("show", "brdf"),
+        Step("lobe", (3, 4)),
+        Step("view", "ACES 2.0"),
+        Step("rotate", 45.0),
+        Step("measured", MeasuredFile(file="cloth.binary", cloth=True)),
+        Step("undo", 1),
+        Step("redo", 2),
+        Step("wait", "exact"),
+        Step("capture", tmp_path / "FILE.png"),
+        Step("assert_error_below", 0.01),
     )
 
 
 def test_captures_go_to_their_paths(tmp_path: Path) -> None:
     (tmp_path / "s.toml").write_text('[[step]]\ncapture = "a/b.PNG"')
-    assert load_script(tmp_path / "s.toml", tmp_path / "out") == (CaptureWindow(tmp_path / "out" / "a" / "b.PNG"),)
+    assert load_script(tmp_path / "s.toml", tmp_path / "out") == (Step("capture", tmp_path / "out" / "a" / "b.PNG"),)
 
 
 @pytest.mark.parametrize(

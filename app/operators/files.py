@@ -1,0 +1,55 @@
+"""Operators on files: scenes, sessions, measured materials and pictures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field
+
+from app.editor.editor import Editor
+from app.operators.operator import LAYER, SCENE, Operator, ScriptKey, ValueRecord
+from engine.scene.description import Text
+
+
+class MeasuredFile(ValueRecord):
+    file: Annotated[Text, Field(description="A MERL table or Cornell's samples.")]
+    cloth: Annotated[bool, Field(description="Whether it is fitted as cloth, P·Q·P.")] = False
+
+
+def _import_measured(editor: Editor, measured: MeasuredFile) -> str | None:
+    return editor.exchange.import_measured(Path(measured.file), measured.cloth)
+
+
+FILES = (
+    Operator("open", keys=("Ctrl O",), help="Open a scene or session", entry="Open…"),
+    Operator("new", keys=("Ctrl N",), help="New: the built-in scene", entry="New"),
+    Operator("open_recent", entry="Open recent"),
+    Operator("open_builtin", entry="Built-in scenes"),
+    Operator("open_environment", entry="Open environment…"),
+    Operator("save", keys=("Ctrl S",), help="Save the session", entry="Save session"),
+    Operator("save_as", keys=("Ctrl Shift S",), help="Save the session under a new name", entry="Save session as…"),
+    Operator("recover", entry="Recover edits…"),
+    Operator(
+        "measured", _import_measured, entry="Import measured BRDF…", needs=LAYER,
+        help="Make the selected object of a measured material, MERL .binary or Cornell .brdf: nothing is lost.",
+        script=ScriptKey(MeasuredFile, "Imports a measured BRDF: see below."),
+    ),
+    Operator(
+        "export_measured", entry="Export as measured BRDF…", needs=LAYER,
+        help="Write the selected object's material, edits and all, as a table of angles (MERL .binary).",
+    ),
+    Operator(
+        "export_scene", entry="Export for Mitsuba 3…", needs=SCENE,
+        help="Write the scene as it is now into a folder, with a program that renders the final frame from it.",
+    ),
+    Operator(
+        "picture", keys=("F12",), help="Save the picture: PNG of 8 or 16 bits, EXR", entry="Save the picture…",
+        needs=SCENE,
+    ),
+    Operator(
+        "screenshot", keys=("Shift F12",), help="Save a picture of the window", entry="Save a picture of the window"
+    ),
+    Operator("capture", script=ScriptKey(Text, "Writes the window to a PNG file.")),
+    Operator("quit", keys=("Ctrl Q",), help="Quit; asks where edits are not saved", entry="Quit"),
+)  # fmt: skip

@@ -1,0 +1,93 @@
+"""All operators by name, their groups in the list of shortcuts, and the menus. How one is run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from app.editor.editor import Editor
+from app.operators.camera import CAMERA, CONVENTIONS
+from app.operators.edits import CURVES, EDITS, MATERIAL
+from app.operators.files import FILES
+from app.operators.operator import Gesture, Operator
+from app.operators.view import HELP, PICTURE
+from engine.core.errors import InsituError
+
+GROUPS: dict[str, tuple[Operator | Gesture, ...]] = {
+    "Edit": EDITS, "Picture": PICTURE, "Camera": CAMERA, **CONVENTIONS, "File": FILES, "Material": MATERIAL,
+    "Curve": CURVES, "Help": HELP,
+}  # fmt: skip
+OPERATORS = {each.name: each for group in GROUPS.values() for each in group if isinstance(each, Operator)}
+
+
+@dataclass(frozen=True)
+class Menu:
+    """A menu, or one within another: names of operators, None between two sections."""
+
+    title: str
+    rows: tuple[str | None | Menu, ...]
+
+    def names(self) -> Iterator[str]:
+        """The operators in it, and in the menus within it."""
+        for row in self.rows:
+            if isinstance(row, Menu):
+                yield from row.names()
+            elif row is not None:
+                yield row
+
+
+MENUS = (
+    Menu("File", (
+        "new", "open", "open_recent", "open_builtin", "open_environment", "measured", "export_measured",
+        "export_scene", None, "save", "save_as", "recover", None, "picture", None, "quit",
+    )),
+    Menu("Edit", (
+        "undo", "redo", "undo_view", "redo_view", None, "copy_material", "copy_curve", "paste", "paste_layers", None,
+        "mute", "delete", "reset_curve",
+    )),
+    # The picture's entries come first: in a small window the rest of the menu scrolls.
+    Menu("View", (
+        "alone", "whole", "pixels",
+        Menu("Camera", (
+            "camera_panel", "go_to_view", None, "frame", "frame_all", None, "view_front", "view_right", "view_top",
+            "view_back", "view_left", "view_bottom", None, "level", "own_view", "conventions",
+        )),
+        Menu("Colours", ("view",)), "resolution", "compare", "error", "log", None, "show", "reset_layout", None,
+        "screenshot",
+    )),
+    Menu("Help", ("help",)),
+)  # fmt: skip
+
+
+def keys_of(name: str) -> str:
+    """The keys shown beside an operator's menu entry and in tooltips; "" where it has none."""
+    return next(iter(OPERATORS[name].keys), "")
+
+
+def listed_lines(group: str) -> list[tuple[str, str]]:
+    """The lines of a group in the list of shortcuts: keys or gesture, and what it does."""
+    lines: list[tuple[str, str]] = []
+    for each in GROUPS[group]:
+        if isinstance(each, Gesture):
+            lines.append((each.listed_keys, each.help))
+        elif each.keys and each.help:
+            lines.append((each.listed_keys or each.keys[0], each.help))
+    return lines
+
+
+def run_operator(editor: Editor, name: str, value: Any = None) -> str | None:
+    """Carry out an operator that needs no window, with a value of its type (None: its default).
+
+    Returns None, or one line that says why it was refused; the editor shows that line where it is an error.
+    """
+    operator = OPERATORS[name]
+    if operator.run is None:
+        raise ValueError(f"{name} is carried out by the window")
+    if reason := operator.why_not(editor):
+        return reason
+    try:
+        return operator.run(editor, value)
+    except InsituError as error:
+        editor.notify(str(error), True)
+        return str(error)

@@ -1,0 +1,163 @@
+"""Operators (`app.operators`) as the window carries them out: their keys, and the actions of those that need a window.
+
+An operator that needs none is the action `RunOperator`, by its name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+from imgui_bundle import imgui
+
+from app.document.document import all_factors
+from app.document.view_state import SetView, Tool
+from app.files.pasting import copy_curve, copy_material
+from app.operators.edits import selected_curve
+from app.operators.registry import OPERATORS
+from engine.scene.builtin import DEFAULT_SCENE
+from ui.panels import paint, timeline
+from ui.panels.actions import (
+    Action,
+    AskFile,
+    Copy,
+    OpenFile,
+    Paste,
+    Quit,
+    ResetLayout,
+    RunOperator,
+    SaveSession,
+    Screenshot,
+    SetPanel,
+    ShowPanel,
+)
+from ui.panels.context import PanelContext
+from ui.panels.curve_gestures import operators_in_use, tool_of
+from ui.panels.window_state import StatusMessage
+
+Key = imgui.Key
+CTRL, SHIFT, ALT = (int(key) for key in (Key.mod_ctrl, Key.mod_shift, Key.mod_alt))
+MODIFIERS = {"Ctrl": CTRL, "Shift": SHIFT, "Alt": ALT}
+# Keys whose names imgui writes otherwise; "?" is what the key of the slash prints with Shift.
+KEYS = {
+    "[": int(Key.left_bracket), "]": int(Key.right_bracket), "?": SHIFT | int(Key.slash),
+    "Keypad .": int(Key.keypad_decimal), "Keypad +": int(Key.keypad_add), "Keypad -": int(Key.keypad_subtract),
+}  # fmt: skip
+
+
+def chord_of(keys: str) -> int:
+    """The chord for imgui of keys such as "Ctrl Shift S" or "Keypad 1"."""
+    chord, words = 0, keys.split()
+    while words[0] in MODIFIERS:
+        chord |= MODIFIERS[words.pop(0)]
+    key = " ".join(words)
+    if key in KEYS:
+        return chord | KEYS[key]
+    name = key.replace(" ", "").lower()
+    return chord | int(getattr(Key, f"_{name}" if name.isdigit() else name))
+
+
+# ------------------------------------------------------------------------------------------ what only a window can do
+
+
+def perform(context: PanelContext, name: str) -> list[Action]:
+    """The actions of an operator that a key or a menu invokes; where it cannot run now, a message that says why."""
+    if reason := OPERATORS[name].why_not(context):
+        return [SetPanel({"message": StatusMessage(reason, context.now)})]
+    return WINDOW_OPERATORS[name](context) if name in WINDOW_OPERATORS else [RunOperator(name)]
+
+
+def is_on(context: PanelContext, name: str) -> bool:
+    """Whether a menu shows the operator's entry as checked."""
+    if name == "alone":
+        return context.state.single_panel
+    if name == "camera_panel":
+        return context.state.shows_camera
+    is_on = OPERATORS[name].is_on
+    return is_on is not None and is_on(context)
+
+
+def _leave_alone(context: PanelContext) -> list[Action]:
+    return [SetPanel({"single_panel": not context.state.single_panel})]
+
+
+def play_or_leave_alone(context: PanelContext) -> list[Action]:
+    """Play or stop, where there is a timeline below the picture; else show the picture alone, or all panels again."""
+    return (timeline.toggle_playback(context) if context.mode.strip else []) or _leave_alone(context)
+
+
+def _toggle_camera_panel(context: PanelContext) -> list[Action]:
+    return [SetPanel({"shows_camera": not context.state.shows_camera, "renames": None})]
+
+
+def _expose(name: str, step: int, context: PanelContext) -> list[Action]:
+    """Exposure, or while the brush is in use its size."""
+    if paint.painting_layer_key(context) is not None:
+        return [paint.resize_brush(context.state.brush, step)]
+    return [RunOperator(name)]
+
+
+def _set_tool(context: PanelContext, kind: str = "", axes: str = "") -> list[Action]:
+    """Choose the tool of the next edit: of another kind, or along other axes, than that of the operators in use."""
+    curve = selected_curve(context)
+    tool = tool_of(operators_in_use(() if curve is None else curve[2], context.view))
+    now_kind, _, now_axes = tool.partition("_")
+    chosen: Tool = f"{kind or now_kind}_{axes or now_axes}"  # type: ignore[assignment]
+    return [SetView.of(active_tool=chosen, operator=None)]
+
+
+def _copy_material(context: PanelContext) -> list[Action]:
+    selected = context.selected_layer
+    if selected is None:
+        return []
+    return [Copy(copy_material(context.document, selected.object), f"the material of {selected.object}")]
+
+
+def _copy_curve(context: PanelContext) -> list[Action]:
+    selected = context.selected_layer
+    if selected is None or selected.factor is None:
+        return []
+    factors = all_factors(context.document.layer(selected.key).model)
+    label = next(factor.word for factor in factors if factor.name == selected.factor)
+    return [Copy(copy_curve(context.document, selected.key, selected.factor), f"the curve {label}")]
+
+
+def _set_resolution(context: PanelContext) -> list[Action]:
+    picture = context.picture
+    return [] if picture is None else [SetPanel({"resolution": (picture.width, picture.height)})]
+
+
+def _always(*actions: Action) -> Callable[[PanelContext], list[Action]]:
+    return lambda context: list(actions)
+
+
+WINDOW_OPERATORS: dict[str, Callable[[PanelContext], list[Action]]] = {
+    "new": _always(OpenFile(DEFAULT_SCENE)),
+    "open": _always(AskFile("open_scene")),
+    "open_environment": _always(AskFile("open_environment")),
+    "measured": _always(AskFile("open_measured")),
+    "export_measured": _always(AskFile("save_measured")),
+    "export_scene": _always(AskFile("save_scene")),
+    "save": _always(SaveSession()),
+    "save_as": _always(AskFile("save_session")),
+    "recover": _always(SetPanel({"shows_recoveries": True})),
+    "picture": _always(AskFile("save_picture")),
+    "screenshot": _always(Screenshot()),
+    "quit": _always(Quit()),
+    "copy_material": _copy_material,
+    "copy_curve": _copy_curve,
+    "paste": _always(Paste()),
+    "paste_layers": _always(Paste(as_layers=True)),
+    "brdf": _always(ShowPanel("brdf")),
+    "reset_layout": _always(ResetLayout()),
+    "resolution": _set_resolution,
+    "alone": _leave_alone,
+    "camera_panel": _toggle_camera_panel,
+    "darker": partial(_expose, "darker", -1),
+    "brighter": partial(_expose, "brighter", 1),
+    "translate": partial(_set_tool, kind="translate"),
+    "amplify": partial(_set_tool, kind="amplify"),
+    "axis_x": partial(_set_tool, axes="x"),
+    "axis_y": partial(_set_tool, axes="y"),
+    "axis_xy": partial(_set_tool, axes="xy"),
+}
