@@ -120,7 +120,7 @@ def test_a_screenshot_carries_its_script(scene: Path, tmp_path: Path) -> None:
     ((source, to, steps, size, scale, resolution),) = frontend.shots
     assert (source, to, size, scale, resolution) == (str(scene), output, (900, 700), 1.0, None)
     # Pictures that the script takes go beside the last one, not beside the script.
-    assert steps[1].path == output.resolve().parent / "half.png"
+    assert steps[1].value == output.resolve().parent / "half.png"
 
 
 # ------------------------------------------------------------------------------------------------- whatever goes wrong
