@@ -55,7 +55,7 @@ def measure_first(rig: EditorRig) -> float:
             raise InsituError(rig.editor.status.message)
     if rig.editor.view.n_bounces == 1:
         raise InsituError("the scene is meant to be seen without indirect light")
-    rig.wait_until(lambda: rig.controller.indirect.is_shown and not rig.feed.is_behind)
+    rig.wait_until(lambda: rig.controller.indirect.picture.is_shown and not rig.feed.is_behind)
     return time.perf_counter() - asked
 
 

@@ -83,6 +83,6 @@ def test_it_leaves_the_editor_nothing_to_do(
         editor.tick(time.monotonic())
         if editor.scene_is_open and editor.controller.indirect.is_complete and not client.wait(0.0):
             break
-    assert editor.controller._transport.delivered_final and editor.controller.indirect.is_shown
+    assert editor.controller._transport.delivered_final and editor.controller.indirect.picture.is_shown
     assert store.kept == 5
     editor.close()

@@ -240,9 +240,9 @@ class PlacementController(ModeController):
         events = self.maps.follow(document)
         if planned and not controller.drag_quality:
             changes += self.indirect.follow(document)
-            if self.indirect.is_clamped and not self._warned_clamped:
+            if self.indirect.picture.is_clamped and not self._warned_clamped:
                 self._services.notify(TOO_BRIGHT, True)
-            self._warned_clamped = self.indirect.is_clamped
+            self._warned_clamped = self.indirect.picture.is_clamped
         if was_held and not (changes or events):
             changes.append(DocumentDrawn())
         return _group_events([*changes, *events]) if changes else [*events]
@@ -269,12 +269,12 @@ class PlacementController(ModeController):
         if view.compare is not self._comparison.document:
             self._comparison.begin(view.compare, exact and view.compare is document)
         settings = effective_settings(view, document)
-        return self._comparison.update(now, document, self._transport, settings, exact, self.indirect.is_shown)
+        return self._comparison.update(now, document, self._transport, settings, exact, self.indirect.picture.is_shown)
 
     @property
     def lacks_bounces(self) -> bool:
         """Whether the picture shows direct light alone, and the first indirect light is still to come."""
-        return self._transport.running and self._view.n_bounces != 1 and not self.indirect.is_on_screen
+        return self._transport.running and self._view.n_bounces != 1 and not self.indirect.picture.is_on_screen
 
     @property
     def awaits_response(self) -> bool:
@@ -293,7 +293,7 @@ class PlacementController(ModeController):
         document, change = self._document, self._changeover
         if self._services.history.dragging:
             change.follow_drag(document)
-        elif change.drawn is not document and not (self.indirect.is_on_screen or self.maps.is_wanted(document)):
+        elif change.drawn is not document and not (self.indirect.picture.is_on_screen or self.maps.is_wanted(document)):
             change.draw_now(document, self.edited_layers, self._factor)
         return change.drawn
 

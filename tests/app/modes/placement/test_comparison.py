@@ -9,7 +9,7 @@ from app.document.commands.light import SetEnvironment, SetRotation
 from app.document.view_state import SetView
 from app.editor.editor import Editor
 from app.messages.worker_messages import RequestFailed
-from app.modes.placement.indirect_controller import IndirectController
+from app.modes.placement.indirect_picture import IndirectPicture
 from app.modes.placement.placement_events import ComparisonRefined
 from app.modes.placement.placement_messages import ContractTransport, LayerPicture
 from app.modes.placement.placement_status import RenderReport
@@ -83,7 +83,7 @@ def test_with_indirect_light_an_a_of_other_curves_stays_as_it_is(
 ) -> None:
     early.do(LIFT)
     with monkeypatch.context() as patched:
-        patched.setattr(IndirectController, "is_shown", True)
+        patched.setattr(IndirectPicture, "is_shown", True)
         assert finish_edited(early, client) == []
         assert asked_for_a(client) == [] and not early.status.compared_exact
     refined(early, 1.3)

@@ -10,6 +10,7 @@ from app.document.commands.series import SetFirstBands
 from app.document.document import Selection, document_from_description
 from app.modes.placement.curves import Curves
 from app.modes.placement.indirect_controller import FREEZE_PATIENCE, IDLE_SECONDS, IndirectController
+from app.modes.placement.indirect_picture import edited_albedo
 from app.modes.placement.placement_events import IndirectRadiance
 from app.modes.placement.placement_messages import FreezeIndirect, IndirectFound, IndirectFrozen, IndirectNoise
 from engine.curve.operators import Operator
@@ -56,9 +57,8 @@ class StartedController:
         ]
         albedos = {look.key: np.ones((32, *(*map(len, look.coefficients), 1)[:2])) / 1e4 for look in mine}
         bands = np.ones((3, n_bands, 3, 2), np.float32)
-        self.controller.receive_frozen(
-            IndirectFrozen(number, wish.serial, wish.key, wish.factor, reflected, bands, albedos)
-        )
+        self.answer = IndirectFrozen(number, wish.serial, wish.key, wish.factor, reflected, bands, albedos)
+        self.controller.receive_frozen(self.answer)
         if noise is not None:
             self.controller.receive_noise(IndirectNoise(number, wish.serial, noise, mean=0.5))
 
@@ -85,10 +85,10 @@ def test_one_freezing_and_then_the_sums(controller: StartedController) -> None:
     assert not controller.controller.is_complete
     controller.found()
     controller.frozen()
-    assert not controller.controller.is_shown
+    assert not controller.controller.picture.is_shown
     shown = {event.key: event.radiance for event in controller.update() if isinstance(event, IndirectRadiance)}
-    assert controller.controller.is_shown
-    albedo = controller.controller._albedo(controller.document, controller.controller._frozen[1])
+    assert controller.controller.picture.is_shown
+    albedo = edited_albedo(controller.document, controller.answer, controller.curves)
     expected = 1 + 10 * albedo + 100 * albedo**2
     np.testing.assert_allclose(shown["floor.0"], np.tile(expected, (2, 1)), rtol=1e-5)
     curve = controller.curves.coefficients(controller.document, "pot.1")["theta_h"].sum(axis=0)
@@ -240,12 +240,13 @@ def test_another_selection_keeps_the_picture_until_its_freezing_is_here(controll
     controller.update()
     controller.found()
     controller.frozen()
-    controller.update()
+    before = controller.update()
     assert controller.update(Selection("floor", 0, "theta_i")) == [] and len(controller.asked) == 2
-    footprint = controller.controller._frozen[2]
     controller.frozen()
-    assert controller.controller._frozen[2] is footprint  # it is on the graphics card already
-    assert {event.key for event in controller.update(Selection("floor", 0, "theta_i"))} == {"pot.0", "pot.1", "floor.0"}
+    after = controller.update(Selection("floor", 0, "theta_i"))
+    assert {event.key for event in after} == {"pot.0", "pot.1", "floor.0"}
+    footprints = {id(event.footprint) for event in (*before, *after)}
+    assert len(footprints) == 1  # it is on the graphics card already
 
 
 def test_one_request_at_a_time_but_patience_ends(controller: StartedController) -> None:
@@ -307,7 +308,9 @@ def test_a_new_worker_begins_anew(controller: StartedController) -> None:
     controller.update()
     controller.controller.worker_restarted()
     controller.update()
-    assert len(controller.asked) == 2 and not controller.controller.is_complete and controller.controller.is_shown
+    assert (
+        len(controller.asked) == 2 and not controller.controller.is_complete and controller.controller.picture.is_shown
+    )
 
 
 def test_a_new_transport_is_told_what_to_freeze(controller: StartedController) -> None:
@@ -349,7 +352,7 @@ def test_light_comes_in_units_of_its_own(controller: StartedController) -> None:
     controller.controller.receive_frozen(answer)
     shown = {event.key: event.radiance for event in controller.update()}
     np.testing.assert_allclose(shown["floor.0"], 3e24, rtol=1e-6)
-    assert not controller.controller.is_clamped
+    assert not controller.controller.picture.is_clamped
 
 
 def test_an_albedo_beyond_all_bounds_is_bright_where_there_is_light_and_said(controller: StartedController) -> None:
@@ -366,4 +369,6 @@ def test_an_albedo_beyond_all_bounds_is_bright_where_there_is_light_and_said(con
     controller.controller.receive_frozen(IndirectFrozen(1, wish.serial, wish.key, wish.factor, reflected, bands, e))
     shown = {event.key: event.radiance for event in controller.update()}
     np.testing.assert_array_equal(shown["floor.0"], 1.0)
-    assert np.isfinite(shown["pot.0"]).all() and shown["pot.0"].min() > 1e35 and controller.controller.is_clamped
+    assert (
+        np.isfinite(shown["pot.0"]).all() and shown["pot.0"].min() > 1e35 and controller.controller.picture.is_clamped
+    )

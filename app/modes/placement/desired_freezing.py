@@ -1,0 +1,123 @@
+"""The freezing of indirect light that is desired: the values that `indirect_controller` compares."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.document.document import Document, Selection
+from app.document.scene_state import LayerState, SceneState
+from app.modes.placement.curves import Curves, Float64Array
+from app.modes.placement.edited_curves import edited_layers
+from engine.material.layer import object_of
+
+
+@dataclass(frozen=True, eq=False)
+class LayerReflectance:
+    """The reflectance of a visible layer, to be compared: its curves, f_q (3,) and f_o (N,3), as `Curves` stores
+    them."""
+
+    layer: LayerState
+    coefficients: tuple[Float64Array, ...]
+    gain: Float64Array
+    view_curve: Float64Array
+
+    @property
+    def key(self) -> str:
+        return self.layer.key
+
+
+def layer_reflectances(scene: SceneState, document: Document, curves: Curves) -> tuple[LayerReflectance, ...]:
+    """The reflectance of all visible layers of a document, as the worker gets it."""
+    return tuple(
+        LayerReflectance(
+            layer, tuple(curves.coefficients(document, layer.key).values()),
+            curves.outgoing_gain(document, layer.key), curves.view_curve(document, layer.key),
+        )
+        for layer in scene.visible
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class DesiredFreezing:
+    """The scene that indirect light is frozen for; two serve the same if what they hold fixed is the same.
+
+    edited: for layers that share the selected curve, which of their curves it is: like all that is edited of the
+    object, they have a shape, and are frozen anew once the user is idle.
+    """
+
+    scene: SceneState
+    reflectances: tuple[LayerReflectance, ...]
+    key: str | None
+    factor: int | None
+    second: int | None
+    edited: Mapping[str, int] = field(default_factory=dict)
+
+    def serves(self, other: DesiredFreezing) -> bool:
+        """Whether the response to one is a response to the other as well."""
+        if self is other:
+            return True
+        mine, theirs = (
+            (desired.key, desired.factor, desired.second, len(desired.reflectances)) for desired in (self, other)
+        )
+        if mine != theirs:
+            return False
+        return all(
+            self._alike(mine, theirs) for mine, theirs in zip(self.reflectances, other.reflectances, strict=True)
+        )
+
+    def same(self, other: DesiredFreezing) -> bool:
+        """Whether it was also made with the other's curves of the edited object: glossy ones have a shape, and the
+        noise depends on all of them."""
+        if self is other:
+            return True
+        return len(self.reflectances) == len(other.reflectances) and all(
+            _equal(*pair) for pair in zip(self.reflectances, other.reflectances, strict=True)
+        )
+
+    def _alike(self, mine: LayerReflectance, theirs: LayerReflectance) -> bool:
+        if mine.key != theirs.key or mine.layer.quotient != theirs.layer.quotient:
+            return False
+        for i, (one, two) in enumerate(zip(mine.coefficients, theirs.coefficients, strict=True)):
+            if (mine.key, i) == (self.key, self.factor) or self.edited.get(mine.key) == i or one is two:
+                continue
+            if not _close(one, two):
+                return False
+        if any(a.shape != b.shape for a, b in zip(mine.coefficients, theirs.coefficients, strict=True)):
+            return False  # with another choice of bands, those of the selected curve differ
+        if self.key is not None and object_of(mine.key) == object_of(self.key):
+            return True  # its albedo is a variable
+        return np.array_equal(mine.gain, theirs.gain) and np.array_equal(mine.view_curve, theirs.view_curve)
+
+
+def desired_freezing(
+    document: Document, selected: Selection | None, second: int | None, curves: Curves
+) -> DesiredFreezing:
+    """The freezing that a document and a selection desire. second: the most bands of the second bounce, None for as
+    many as a curve has."""
+    key = factor = None
+    edited: dict[str, int] = {}
+    # An object that the user froze is not edited: it takes no part in the polynomial, and costs no bands.
+    if selected is not None and not (document.object(selected.object).is_lamp or document.is_frozen(selected.key)):
+        key = selected.key
+        names = list(curves.coefficients(document, key))
+        if selected.factor in names and document.object(selected.object).editable:
+            factor = names.index(selected.factor)
+            for other in edited_layers(document, selected)[1:]:
+                theirs = list(curves.coefficients(document, other))
+                edited |= {other: theirs.index(selected.factor)} if selected.factor in theirs else {}
+    scene = curves.scene_state(document)
+    return DesiredFreezing(scene, layer_reflectances(scene, document, curves), key, factor, second, edited)
+
+
+def _equal(one: LayerReflectance, two: LayerReflectance) -> bool:
+    """Whether two reflectances of one layer are equal."""
+    mine, theirs = ((*look.coefficients, look.gain, look.view_curve) for look in (one, two))
+    return all(a is b or _close(a, b) for a, b in zip(mine, theirs, strict=True))
+
+
+def _close(one: NDArray[np.floating], two: NDArray[np.floating]) -> bool:
+    return one.shape == two.shape and bool(np.allclose(one, two, rtol=1e-6, atol=0.0))
