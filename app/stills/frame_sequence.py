@@ -173,7 +173,7 @@ class _OrbitFrames:
 
 class _DeformFrames:
     """Precomputes all once; frames differ only in their poses. Objects that deform cast on all others the coarse
-    shadows that they have while moving, see `engine.realtime.zonal_harmonics.blockers`, whose error
+    shadows that they have while moving, see `engine.realtime.zonal_harmonics.shading`, whose error
     `estimate_frame_error` estimates; a still in one pose has transfer of its own for that, which takes as long as the
     precomputation."""
 

@@ -27,10 +27,9 @@ from engine.planner import N_LIGHTS, N_PATCHES, Plan, plan_scene
 from engine.precompute.direct.pipeline import Placement
 from engine.precompute.indirect.clamping import BRIGHTEST, clamp_radiance
 from engine.precompute.indirect.sampling_settings import STILL, BounceSeries
+from engine.realtime.stills import render_deform, render_orbit
 from engine.realtime.triple_product.orbit_engine import Orbit
-from engine.realtime.triple_product.orbit_still import render_orbit
 from engine.realtime.zonal_harmonics.deform_engine import N_LOBES, Deform
-from engine.realtime.zonal_harmonics.deform_still import render_deform
 from engine.realtime.zonal_harmonics.transfer import N_RAYS as DEFORM_RAYS
 from engine.render.bounce_plan import planned_bounces
 from engine.render.error_estimate import estimate_drawn_errors, estimate_error

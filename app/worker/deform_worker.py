@@ -37,8 +37,8 @@ from engine.scene.scene_loader import Scene
 
 if TYPE_CHECKING:
     from app.document.scene_state import SceneState
+    from engine.realtime.stills import PathReference
     from engine.realtime.zonal_harmonics.deform_engine import Deform
-    from engine.realtime.zonal_harmonics.path_reference import PathReference
     from engine.realtime.zonal_harmonics.zonal import Zonal
 
 STAGE = "deform"
@@ -104,7 +104,7 @@ class DeformWorker(ModeWorker):
 
     def _trace(self, deform: Deform, request: PrepareDeform, sky: SkyState, wanted: PathPreview) -> Steps:
         """Trace paths, pass by pass; continues where it was left off."""
-        from engine.realtime.zonal_harmonics.path_reference import N_PASSES, PathReference
+        from engine.realtime.stills import N_PASSES, PathReference
 
         layers, n_bounces = layers_by_object(deform.scene, request.scene.layers), request.n_bounces or 1
         made_of = wanted, request.scene, n_bounces
@@ -162,7 +162,7 @@ class DeformWorker(ModeWorker):
         split: tuple[float, float],
     ) -> NDArray[np.float32]:  # fmt: skip
         """The split picture: from left to right what paths show, transfer that does not rotate, and the picture."""
-        from engine.realtime.zonal_harmonics.path_reference import compose_split
+        from engine.realtime.stills import compose_split
 
         stays = deform.draw(camera, request.resolution, request.poses, request.quality, turned=False)
         traced = None

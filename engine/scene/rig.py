@@ -1,7 +1,7 @@
 """Describes how the vertices of a mesh are bound to the nodes of its file, and how animations move these [glTF20, 3.7,
 3.11].
 
-Contains descriptions in arrays, and the mesh at rest; `engine.realtime.zonal_harmonics.animated_pose` moves it. A
+Contains descriptions in arrays, and the mesh at rest; `engine.realtime.zonal_harmonics.posed_scene` moves it. A
 *bone* is a node together with the map that takes the mesh as its accessors store it into the node's own axes (a skin's
 inverse bind matrix). A mesh without a skin is bound to one bone, its node, by the identity. A vertex x with weights
 w_b, bones at G_b with inverse bind matrices B_b, and morph targets d_m of weights u_m is at

@@ -1,11 +1,11 @@
-// Provides: how much light clusters of triangles take from a white matt point, as `engine.realtime.zonal_harmonics._blocker_kernels`.
+// Provides: how much light clusters of triangles take from a white matt point, as `engine.realtime.zonal_harmonics._shading_kernels`.
 // Needs deform/light.glsl.
 
-// Clusters, see `engine.realtime.zonal_harmonics.blockers.ROW`, then for each object whether each of those casts its shadow on it.
+// Clusters, see `engine.realtime.zonal_harmonics.shading.CLUSTER_ROW`, then for each object whether each of those casts its shadow on it.
 layout(std430, binding = 6) readonly buffer Blockers { float blockers[]; };
 uniform int n_blockers, n_casters;
 uniform float spread[ORDER];  // by what the light of each band is multiplied
-uniform float least;          // of an even light, see `_blocker_kernels.LEAST`
+uniform float least;          // of an even light, see `_shading_kernels.LEAST_BLOCKED`
 
 const int BLOCKER = 14;
 

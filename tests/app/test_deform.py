@@ -34,7 +34,7 @@ from app.worker.in_process import InProcessClient
 from app.worker.tasks import RequestDispatcher
 from engine.precompute.direct.pipeline import Placement
 from engine.precompute.indirect.sampling_settings import BounceSeries
-from engine.realtime.zonal_harmonics import heights
+from engine.realtime.zonal_harmonics import patches
 from engine.realtime.zonal_harmonics.gpu_parts import NO_PARTS, PictureExport, PosedPart
 from engine.realtime.zonal_harmonics.pose import Deformation
 from engine.render.error_estimate import interior_points
@@ -95,7 +95,7 @@ def test_a_scene_is_made_ready_once_and_drawn_in_any_pose(file: Path) -> None:
 
 
 def test_a_window_that_draws_is_sent_what_moves_and_the_rest_once(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(heights.PATTERNS, "bumps", partial(heights.bumps, 8))
+    monkeypatch.setitem(patches.PATTERNS, "bumps", partial(patches.bumps, 8))
     client = InProcessClient(RequestDispatcher())
     client.send(SetCamera(client.send(OpenScene(str(file)))))
     answers(client)
@@ -151,7 +151,7 @@ def test_a_moving_picture_is_the_windows_where_it_draws_and_one_at_rest_the_work
 
 
 def test_a_split_picture_is_traced_pass_by_pass(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("engine.realtime.zonal_harmonics.path_reference.N_PASSES", 2)
+    monkeypatch.setattr("engine.realtime.stills.N_PASSES", 2)
     client = InProcessClient(RequestDispatcher())
     client.send(SetCamera(client.send(OpenScene(str(file)))))
     answers(client)

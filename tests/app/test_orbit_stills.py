@@ -13,7 +13,7 @@ from engine.core.generators import run_to_end
 from engine.material.layer import Layer
 from engine.precompute.direct.pipeline import Placement
 from engine.precompute.indirect.sampling_settings import BounceSeries
-from engine.realtime.triple_product.orbit_still import render_orbit
+from engine.realtime.stills import render_orbit
 from tests.app.files.test_brdf_files import insitu
 from tests.engine.realtime.triple_product.conftest import SCENE
 from tests.pictures import write_exr

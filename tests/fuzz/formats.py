@@ -213,8 +213,8 @@ def glbs(_: Path) -> list[bytes]:
 
 
 def read_glb_file(path: Path) -> None:
-    from engine.realtime.zonal_harmonics.animated_pose import animated_pose
     from engine.realtime.zonal_harmonics.pose import Pose
+    from engine.realtime.zonal_harmonics.posed_scene import animated_pose
     from engine.scene.loaders.gltf import read_glb
 
     read_mesh_file(path)
@@ -341,7 +341,7 @@ def read_cornell_file(path: Path) -> None:
 def entries(folder: Path) -> list[bytes]:
     """Of visibility, of a store of bands, and of fitted lobes."""
     from engine.realtime.triple_product.stored_visibility import deflate_bits
-    from engine.realtime.zonal_harmonics.membrane import membrane
+    from engine.realtime.zonal_harmonics.zonal import membrane
     from tests.engine.precompute.direct.test_bandstore import sparse_bands, store_of, whole
 
     bits = np.random.default_rng(1).integers(0, 256, (9, 40)).astype(np.uint8)

@@ -29,10 +29,11 @@ from engine.core.threads import n_threads
 from engine.light.emitters import EmitterPatches, emitter_patches, merged_by_object
 from engine.material.bumps import Bumps
 from engine.precompute.direct.pipeline import SkyState
+from engine.realtime.core.terms import LayersOf
 from engine.realtime.triple_product.enclosed_points import find_enclosed
 from engine.realtime.triple_product.incident import SceneEmitters
 from engine.realtime.triple_product.lit_points import EXACTLY, UNLIT, LitPoints
-from engine.realtime.triple_product.reflections import LayersOf, Reflections
+from engine.realtime.triple_product.reflections import Reflections
 from engine.realtime.triple_product.shading_points import ShadingPoints, place_points
 from engine.realtime.triple_product.sky_map import make_sky
 from engine.realtime.triple_product.stored_visibility import deflate_bits, inflate_bits

@@ -17,13 +17,14 @@ from numpy.typing import NDArray
 
 from engine.core.frames import sphere_frames
 from engine.core.threads import even_parts, on_threads
+from engine.realtime.core.terms import MOVING_PROBES
 from engine.realtime.triple_product import _footprint_kernels as footprint_kernels
 from engine.realtime.triple_product import _perturbed_kernels as kernels
 from engine.realtime.triple_product import _picture_kernels, _slice_kernels
 from engine.realtime.triple_product.incident import Incident, hemisphere
 from engine.realtime.triple_product.point_reflection import mirror_directions, peak_lights_of, reflect_at_corners
 from engine.realtime.triple_product.sky_map import SkyMap, make_sky
-from engine.realtime.triple_product.view_maps import MOVING_PROBES, footprints_of
+from engine.realtime.triple_product.view_maps import footprints_of
 from engine.realtime.triple_product.view_samples import ViewSamples
 from engine.scene.object_axes import object_tangents
 from engine.scene.scene_loader import Scene

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,14 +16,14 @@ from numpy.typing import NDArray
 from engine.core.generators import StepRunner, run_to_end
 from engine.material.layer import Layer
 from engine.material.layer_maps import LayerMaps
+from engine.realtime.core.terms import LayersOf, diffuse_reflectance
 from engine.realtime.triple_product import _slice_kernels
 from engine.realtime.triple_product.slice_levels import SliceLevels
-from engine.realtime.triple_product.slices import Slices, diffuse_reflectance, slice_steps
+from engine.realtime.triple_product.slices import Slices, slice_steps
 from engine.realtime.triple_product.visibility import LEVEL
 from engine.render.map_sampler import mean_factor
 from engine.scene.scene_loader import Scene
 
-LayersOf = Mapping[int, Sequence[Layer]]
 # Steradians. Below it are the copper of the tea tray (Ashikhmin-Shirley, 320 and 70) and Beckmann with roughness 0.12.
 SHARP = 0.4
 
@@ -202,7 +201,6 @@ def _terms(layers_of: Mapping[int, Sequence[Layer]]) -> Iterator[Term]:
         yield from (Term(i, (layer,), _diffuse(layer), k) for k, layer in enumerate(visible) if not layer.maps.is_plain)
 
 
-@lru_cache(maxsize=256)
 def _diffuse(layer: Layer) -> tuple[float, float, float] | None:
     found = diffuse_reflectance(layer)
     return None if found is None else (float(found[0]), float(found[1]), float(found[2]))

@@ -6,7 +6,8 @@ from bisect import bisect_right
 from collections.abc import Sequence
 
 from engine.material.layer import Layer
-from engine.realtime.triple_product.slices import LEAST_LEVEL, has_isotropic_reflection, slice_bytes_of, table_bytes_of
+from engine.realtime.core.terms import has_isotropic_reflection
+from engine.realtime.triple_product.slices import LEAST_LEVEL, slice_bytes_of, table_bytes_of
 from engine.realtime.triple_product.visibility import LEVEL
 
 Layers = tuple[Layer, ...]

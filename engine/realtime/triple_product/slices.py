@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from engine.core.threads import n_threads, on_threads
 from engine.material.layer import Layer
+from engine.realtime.core.terms import has_isotropic_reflection, spherical, to_shading_frame
 from engine.realtime.triple_product import _slice_kernels as kernels
 from engine.realtime.triple_product.visibility import LEVEL, upper_triangles
 from engine.render.integrator import evaluate_layer
@@ -181,41 +182,6 @@ def slice_steps(layer: Layer, finer: int = 1) -> Generator[float, None, Slices]:
         on_threads(part, range(begin, end))
         yield end / N_POLAR
     return Slices.of(packed, is_isotropic)
-
-
-def spherical(polar: NDArray[np.floating], azimuth: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Directions (N, 3) on the geodesic sphere: angle to +Y, azimuth from +Z to +X."""
-    return np.stack([np.sin(polar) * np.sin(azimuth), np.cos(polar), np.sin(polar) * np.cos(azimuth)], axis=1)
-
-
-def has_isotropic_reflection(layer: Layer) -> bool:
-    """Whether rotating both directions about the normal, and mirroring them, changes nothing, tested on 256 pairs."""
-    wi, wo = _pairs()
-    turn, mirror = np.array([[0.6, 0, 0.8], [0, 1, 0], [-0.8, 0, 0.6]]), np.array([-1.0, 1.0, 1.0])
-    before = evaluate_layer(layer, to_shading_frame(wi), to_shading_frame(wo))
-    after = evaluate_layer(layer, to_shading_frame(wi @ turn.T * mirror), to_shading_frame(wo @ turn.T * mirror))
-    return bool(np.allclose(before, after, rtol=1e-4, atol=1e-6 * before.max(initial=0.0)))
-
-
-def diffuse_reflectance(layer: Layer) -> NDArray[np.float64] | None:
-    """ρ (3,) of a layer that reflects equally in all directions, for any incident direction; None for any other
-    layer."""
-    wi, wo = _pairs()
-    brdf = evaluate_layer(layer, to_shading_frame(wi), to_shading_frame(wo)) / wi[:, 1:2]
-    mean = brdf.mean(axis=0)
-    return mean if np.abs(brdf - mean).max() <= 1e-4 * mean.max() else None
-
-
-def to_shading_frame(directions: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Convert directions on the sphere, whose +Y is the normal, to tangent, bitangent, normal, as layers take them."""
-    # `ShadingPoints.frames` has tangent × normal for z, which is minus the bitangent.
-    return directions[:, [0, 2, 1]] * np.array([1.0, -1.0, 1.0])
-
-
-def _pairs() -> NDArray[np.float64]:
-    """256 pairs of directions above the surface, (2, 256, 3)."""
-    polar, azimuth = np.random.default_rng(1).random((2, 2, 256)) * np.array([1.5, 2.0 * np.pi])[:, None, None]
-    return np.stack([spherical(polar[0], azimuth[0]), spherical(polar[1], azimuth[1])])
 
 
 @lru_cache(maxsize=4)

@@ -9,17 +9,15 @@ from numpy.typing import NDArray
 
 from engine.core.threads import even_parts, on_threads
 from engine.material.layer import Layer
-from engine.material.layer_maps import Images
+from engine.realtime.core.terms import MOVING_PROBES, map_factor
 from engine.realtime.triple_product import _footprint_kernels as kernels
 from engine.realtime.triple_product.view_samples import Rows, ViewSamples
-from engine.render.map_sampler import paint_weights, sample_images
 from engine.scene.bump_normals import Footprints, gradients
 from engine.scene.scene_loader import Scene
 from engine.scene.surface_uvs import corner_uvs
 from engine.texture.pyramid import MOST_PROBES, Pyramid
 
 Float32Array = NDArray[np.float32]
-MOVING_PROBES = 2
 
 
 def factors(
@@ -27,35 +25,25 @@ def factors(
 ) -> dict[int, Float32Array]:
     """Factors of an object's visible layers that have maps, by the layer's number: (N, 3) at samples (N,).
 
-    In moving pictures, fewer look-ups cover an oblique pixel, each in one level of the image pyramid.
+    In moving pictures, fewer look-ups cover an oblique pixel, each in one level of the image pyramid. Layers and
+    pictures of one camera share what was sampled of an image.
     """
+    is_quick, sampled = quality == "moving", seen.sampled
+    most_probes = MOVING_PROBES if is_quick else MOST_PROBES
+
+    def sample(image: Pyramid, scale: tuple[float, float]) -> Float32Array:
+        key = i_object, image, scale
+        if key not in sampled:
+            footprints = footprints_of(seen, which, scene, i_object)
+            sampled[key] = image.over(*footprints, most_probes, scale, is_quick)
+        return sampled[key]
+
     visible = [layer for layer in layers if layer.visible]
-    mapped = {k: layer.maps for k, layer in enumerate(visible) if not layer.maps.is_plain}
-    at = _Places(seen, which, scene, i_object, quality == "moving")
-    return {k: np.asarray(maps.factor(*at.look_up(maps.images)), np.float32) for k, maps in mapped.items()}
-
-
-class _Places:
-    """Texture coordinates of one object's samples; caches look-ups that layers and pictures of one camera share."""
-
-    def __init__(self, seen: ViewSamples, which: Rows, scene: Scene, i_object: int, is_quick: bool) -> None:
-        self._seen, self._which, self._scene, self._i_object = seen, which, scene, i_object
-        self._is_quick, self._most_probes = is_quick, MOVING_PROBES if is_quick else MOST_PROBES
-
-    def look_up(self, images: Images) -> tuple[Float32Array, Float32Array]:
-        """Texture (N, 3) and weight (N,)."""
-        colours, shares = sample_images(images, self._scene.textures, len(self._which), self._sample)
-        if images.strokes:
-            shares = paint_weights(self._scene, self._seen.in_scene(self._which), images.strokes, shares)
-        return colours, shares
-
-    def _sample(self, image: Pyramid, scale: tuple[float, float]) -> Float32Array:
-        known = self._seen.sampled
-        key = self._i_object, image, scale
-        if key not in known:
-            footprints = footprints_of(self._seen, self._which, self._scene, self._i_object)
-            known[key] = image.over(*footprints, self._most_probes, scale, self._is_quick)
-        return known[key]
+    return {
+        k: np.asarray(map_factor(scene, layer.maps, len(which), sample, lambda: seen.in_scene(which)), np.float32)
+        for k, layer in enumerate(visible)
+        if not layer.maps.is_plain
+    }
 
 
 def footprints_of(seen: ViewSamples, which: Rows, scene: Scene, i_object: int) -> Footprints:

@@ -1,6 +1,6 @@
 """Compiled linear blend skinning: each vertex moves by the weighted mean of its bones' transforms.
 
-Kernels never validate: `engine.realtime.zonal_harmonics.animated_pose` does.
+Kernels never validate: `engine.realtime.zonal_harmonics.posed_scene` does.
 """
 
 from __future__ import annotations

@@ -1,9 +1,10 @@
-"""Compiled fit of zonal lobes to vectors of spherical harmonics, point by point.
+"""Compiled fit of zonal lobes to vectors of spherical harmonics: point by point, and the error of lobes that are
+bilinear between the nodes of a map.
 
 For given axes, the best coefficients of each band solve a small linear system whose matrix is a Legendre polynomial of
 the axes' cosines. So only the axes are searched (variable projection), where [Sloan05, 4.1] searches axes and
 coefficients at once. A ridge term keeps the coefficients bounded where two axes coincide. Kernels never validate:
-`engine.realtime.zonal_harmonics.zonal` does.
+`engine.realtime.zonal_harmonics.zonal` and `engine.realtime.zonal_harmonics.wrinkle` do.
 """
 
 from __future__ import annotations
@@ -25,6 +26,8 @@ _LEAST_GAIN = 1e-7  # share of the error: the search ends when a step gains less
 _FIRST_TURN, _LARGEST_TURN = 0.1, 0.5  # radians
 _ARMIJO = 1e-4  # share of the gain that the slope predicts
 _INVERSE_4PI = 0.25 / math.pi
+
+FIRST = 2  # lower bands are stored exactly
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -344,3 +347,66 @@ def _largest(vectors: Float64Array) -> float:
     for i in range(vectors.shape[0]):
         largest = max(largest, vectors[i, 0] ** 2 + vectors[i, 1] ** 2 + vectors[i, 2] ** 2)
     return math.sqrt(largest)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def map_error(
+    targets: Float64Array, places: Float64Array, axes: Float64Array, coefficients: Float64Array, start: int, stop: int,
+    of_axes: Float64Array, of_coefficients: Float64Array,
+) -> float:  # fmt: skip
+    """Return the squared error of samples start to stop [Sloan05, eq. 17]; add its gradient with respect to the nodes
+    [Sloan05, eqs. 19 to 21].
+
+    targets (S, n^2) at places (S, 2) on the map, in nodes; axes (H, W, N, 3) of any length, coefficients (H, W, N, n).
+    """
+    n_rows, n_columns, n_lobes, n = coefficients.shape
+    legendre, values, slopes = np.zeros((n, n + 1)), np.empty((n_lobes, n * n)), np.empty((n_lobes, n * n, 3))
+    axis, size, share = np.empty((n_lobes, 3)), np.empty(n_lobes), np.empty((n_lobes, n))
+    rest, turned, weight = np.empty(n * n), np.empty(3), np.empty(4)
+    error = 0.0
+    for s in range(start, stop):
+        # The map's cell, and bilinear weights of its four nodes.
+        row, column = min(int(places[s, 0]), n_rows - 2), min(int(places[s, 1]), n_columns - 2)
+        down, right = places[s, 0] - row, places[s, 1] - column
+        for r in range(2):
+            for c in range(2):
+                weight[2 * r + c] = (down if r else 1.0 - down) * (right if c else 1.0 - right)
+        axis[:], share[:] = 0.0, 0.0
+        # Interpolate axes and coefficients, normalize the axes, and evaluate the harmonics and their gradients there.
+        for i in range(n_lobes):
+            for corner in range(4):
+                r, c = row + corner // 2, column + corner % 2
+                for k in range(3):
+                    axis[i, k] += weight[corner] * axes[r, c, i, k]
+                for l in range(FIRST, n):  # noqa: E741
+                    share[i, l] += weight[corner] * coefficients[r, c, i, l]
+            size[i] = math.sqrt(max(axis[i, 0] ** 2 + axis[i, 1] ** 2 + axis[i, 2] ** 2, 1e-24))
+            for k in range(3):
+                axis[i, k] /= size[i]
+            basis_at(axis[i, 0], axis[i, 1], axis[i, 2], legendre, values[i], slopes[i])
+        # Residual t~ - t, with t~ by [Sloan05, eq. 11], and its squared length [Sloan05, eq. 17].
+        for l in range(FIRST, n):  # noqa: E741
+            for k in range(l * l, (l + 1) * (l + 1)):
+                rest[k] = targets[s, k]
+                for i in range(n_lobes):
+                    rest[k] -= share[i, l] * values[i, k]
+                error += rest[k] * rest[k]
+        # Gradient by the coefficients [Sloan05, eq. 19] and by the axis [Sloan05, eq. 20].
+        for i in range(n_lobes):
+            turned[:] = 0.0
+            for l in range(FIRST, n):  # noqa: E741
+                along = 0.0
+                for k in range(l * l, (l + 1) * (l + 1)):
+                    along -= 2.0 * rest[k] * values[i, k]
+                    for c in range(3):
+                        turned[c] -= 2.0 * rest[k] * share[i, l] * slopes[i, k, c]
+                for corner in range(4):
+                    of_coefficients[row + corner // 2, column + corner % 2, i, l] += weight[corner] * along
+            # The axis is normalized, so only the tangential part counts, divided by the length [Sloan05, eq. 21]; the
+            # chain rule through the interpolation multiplies by the node's weight.
+            outward = turned[0] * axis[i, 0] + turned[1] * axis[i, 1] + turned[2] * axis[i, 2]
+            for corner in range(4):
+                for c in range(3):
+                    change = weight[corner] * (turned[c] - outward * axis[i, c]) / size[i]
+                    of_axes[row + corner // 2, column + corner % 2, i, c] += change
+    return error

@@ -1,7 +1,12 @@
 """The points of a scene whose meshes bend: where transfer is known, how they move, and the triangles between them.
 
 The points are Orbit's: a mesh's vertices, and more where the mesh is coarse, so that a floor of two triangles shows the
-shadows on it. Open meshes, and meshes whose backs light reaches, have points on their backs as well.
+shadows on it. Open meshes, and meshes whose backs light reaches, have points on their backs as well. Pose by pose, only
+what moved since the last one is updated.
+
+The axes of detail are along texture coordinates, at the corners of an object's triangles in their current pose. A
+vertex has two sets, for triangles with mirrored and with unmirrored coordinates, so that each side of a seam has its
+own.
 """
 
 from __future__ import annotations
@@ -9,17 +14,18 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
 from engine.core.frames import local_frames, orthonormal
+from engine.realtime.core.raster import RasterTriangles
 from engine.realtime.triple_product.lit_faces import lit_sides
 from engine.realtime.triple_product.shading_points import ShadingPoints, shading_points, with_backs
-from engine.realtime.zonal_harmonics.pose import Pose
-from engine.realtime.zonal_harmonics.raster import RasterTriangles
+from engine.realtime.zonal_harmonics.pose import Motion, Pose, Poses, check_extent, deform
+from engine.realtime.zonal_harmonics.posed_scene import animate_vertices, animation_offset, deformers, moment_of
 from engine.realtime.zonal_harmonics.transfer import TransferPoints
 from engine.scene.raycaster import Intersections, RayCaster
-from engine.scene.scene_loader import Scene
+from engine.scene.scene_loader import MAX_EXTENT, Scene
 from engine.scene.surface_points import SurfacePoints
 from engine.scene.surface_uvs import corner_uvs, uvs_at
 
@@ -219,3 +225,113 @@ def _is_open(scene: Scene) -> NDArray[np.bool_]:
     open_ = np.zeros(len(scene.smooth), bool)
     open_[rows[counts == 1, 0]] = True
     return open_
+
+
+class PosedPoints:
+    """The points of a scene, pose by pose."""
+
+    def __init__(self, scene: Scene, points: BendingPoints) -> None:
+        self._scene, self._points = scene, points
+        self._poses: dict[int, tuple[object, Pose]] = {}
+        self._shifts: dict[int, NDArray[np.float64]] = {}
+        self._axes: dict[int, SurfaceAxes] = {}
+        self._axes_now: dict[int, tuple[object, Float32Array]] = {}
+
+    def at(self, poses: Poses) -> tuple[Float32Array, Float32Array]:
+        """Positions (V, 3) of everything that is drawn, and axes (S, 3, 3) of points. Raises InsituError if an object
+        would extend beyond the largest allowed scene."""
+        scene = self._scene
+        rows = {scene.object_index(name): row for name, row in poses if name in scene.object_names}
+        for i in range(len(scene.smooth)):
+            row = rows.get(i, ())
+            if i not in self._poses or self._poses[i][0] != row:
+                self._poses[i] = row, self._pose(i, row)
+                self._points.set_pose(i, self._poses[i][1])
+        return self._points.places, self._points.frames
+
+    def animation_offsets(self, poses: Poses) -> dict[str, tuple[float, float, float]]:
+        """Translations (x, y, z) by animations of the objects in these poses, by name; unknown names are ignored,
+        because a document may have an object before the scene is opened with it."""
+        self.at(poses)
+        names = [name for name, _ in poses if name in self._scene.object_names]
+        shifts = {name: self._shifts[self._scene.object_index(name)] for name in names}
+        return {name: (float(x), float(y), float(z)) for name, (x, y, z) in shifts.items() if x or y or z}
+
+    def axes_of(self, i: int) -> tuple[Int32Array, Float32Array]:
+        """Indices of the axes along texture coordinates at the corners of an object's triangles, and the current axes,
+        see `SurfaceAxes`."""
+        if i not in self._axes:
+            self._axes[i] = SurfaceAxes(self._scene, self._points, i)
+        pose, own = self._poses[i][1], self._axes[i]
+        if i not in self._axes_now or self._axes_now[i][0] is not pose:
+            self._axes_now[i] = pose, own.now()
+        return own.numbers, self._axes_now[i][1]
+
+    def _pose(self, i: int, row: Motion) -> Pose:
+        """Compute the pose of everything that is drawn of an object."""
+        carried = resting = self._points.rest_geometry(i)
+        self._shifts[i] = np.zeros(3)
+        if moment_of(self._scene, i, row) is not None:
+            rest, moment = animate_vertices(self._scene, i, row)
+            carried, self._shifts[i] = (
+                self._points.move_with_mesh(i, resting, rest, moment),
+                animation_offset(rest, moment),
+            )
+        pose = deform(carried, deformers(row), resting.box + self._shifts[i])
+        check_extent(self._scene.object_names[i], pose.positions, MAX_EXTENT)
+        return pose
+
+
+class SurfaceAxes:
+    """Axes of one object's triangles. numbers (T, 3): indices of the corners' axes, of all triangles, -1 for other
+    objects."""
+
+    def __init__(self, scene: Scene, points: BendingPoints, i_object: int) -> None:
+        surface, self._points = points.surface, points
+        mine = np.flatnonzero(surface.i_object == i_object)
+        self._own, corners = np.unique(surface.corners[mine], return_inverse=True)
+        self._corners = corners.reshape(-1, 3).astype(np.int32)
+        self._uvs = points.corner_uvs(scene, mine)
+        self.numbers = np.full((len(surface.corners), 3), -1, np.int32)
+        self.numbers[mine] = numbers_of(self._corners, self._uvs)
+
+    def now(self) -> NDArray[np.float32]:
+        """The current axes (A, 3, 3), rows: along u, along v, outwards."""
+        places, frames = (each[self._own] for each in (self._points.places, self._points.frames))
+        return uv_axes(places, self._corners, self._uvs, frames).astype(np.float32)
+
+
+def uv_axes(positions: ArrayLike, triangles: Int32Array, uvs: ArrayLike, frames: ArrayLike) -> Float64Array:
+    """Axes (2 V, 3, 3), rows: along u, along v, normal; vertex k has the axes 2 k, and 2 k + 1, left-handed, for
+    triangles with mirrored coordinates.
+
+    positions (V, 3) and frames (V, 3, 3): current vertices; uvs (T, 3, 2). A corner's u is the mean over the triangles
+    of its vertex with the same handedness; where coordinates are degenerate, the vertex's tangent.
+    """
+    positions, uvs, frames = (np.asarray(each, np.float64) for each in (positions, uvs, frames))
+    corners = positions[triangles]
+    edges, steps = corners[:, 1:] - corners[:, :1], uvs[:, 1:] - uvs[:, :1]
+    along = edges[:, 0] * steps[:, 1, 1, None] - edges[:, 1] * steps[:, 0, 1, None]
+    along *= np.where(_is_mirrored(uvs), -1.0, 1.0)[:, None]
+    lengths = np.linalg.norm(along, axis=1, keepdims=True)
+    weight = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1, keepdims=True)
+    along = np.where(lengths > 0.0, along / np.where(lengths > 0.0, lengths, 1.0), 0.0) * weight
+    total = np.zeros((2 * len(positions), 3))
+    for corner in numbers_of(triangles, uvs).T:
+        for axis in range(3):
+            total[:, axis] += np.bincount(corner, along[:, axis], len(total))
+    at = np.repeat(frames, 2, axis=0)
+    found = orthonormal(np.stack([total, at[:, 1], at[:, 2]], axis=1), at)
+    found[1::2, 1] *= -1.0
+    return found
+
+
+def numbers_of(triangles: Int32Array, uvs: ArrayLike) -> Int32Array:
+    """Indices into `uv_axes` of the triangles' corners (T, 3)."""
+    return 2 * triangles + _is_mirrored(np.asarray(uvs, np.float64))[:, None].astype(np.int32)
+
+
+def _is_mirrored(uvs: Float64Array) -> NDArray[np.bool_]:
+    """Which triangles (T,) have coordinates (T, 3, 2) of opposite orientation."""
+    steps = uvs[:, 1:] - uvs[:, :1]
+    return np.asarray(steps[:, 0, 0] * steps[:, 1, 1] - steps[:, 0, 1] * steps[:, 1, 0] < 0.0)

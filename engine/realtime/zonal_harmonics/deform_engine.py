@@ -10,7 +10,7 @@
 What an object's points see of the object itself rotates with them when it bends. What they see of other objects does
 not. So the transfer of an object that bends contains only its own shadows, and that of objects at rest contains one
 another's; bending objects shade all others by a few clusters of their surface
-(`engine.realtime.zonal_harmonics.blockers`). Only distant light counts. Where the scene's file describes an object's
+(`engine.realtime.zonal_harmonics.shading`). Only distant light counts. Where the scene's file describes an object's
 surface (`engine.scene.surface_kinds`), this replaces its own transfer.
 """
 
@@ -27,16 +27,28 @@ from engine.light.environment import triangle_integrals
 from engine.material.layer import Layer
 from engine.material.layer_maps import Images
 from engine.precompute.direct.pipeline import SkyState
+from engine.realtime.core.terms import LayersOf, is_glossy
 from engine.realtime.zonal_harmonics.bending_points import BendingPoints, bending_points
-from engine.realtime.zonal_harmonics.gloss import low_gloss
 from engine.realtime.zonal_harmonics.gpu_export import PictureExporter
 from engine.realtime.zonal_harmonics.gpu_parts import NO_PARTS, Numbers, PictureExport
-from engine.realtime.zonal_harmonics.object_transfer import N_LOBES, ORDER, ObjectTransfer, TransferCache, TransferStore
-from engine.realtime.zonal_harmonics.picture_renderer import PictureRenderer, Quality, camera_position_of
+from engine.realtime.zonal_harmonics.object_transfer import (
+    N_LOBES,
+    ORDER,
+    ObjectTransfer,
+    Reflectance,
+    TransferCache,
+    TransferStore,
+    albedos,
+    reflectance,
+)
+from engine.realtime.zonal_harmonics.picture_renderer import (
+    PictureRenderer,
+    Quality,
+    ShadingState,
+    camera_position_of,
+)
 from engine.realtime.zonal_harmonics.pose import Poses
-from engine.realtime.zonal_harmonics.reflectance import Reflectance, albedos, reflectance
-from engine.realtime.zonal_harmonics.shading import BandLight, Lobes, band_light
-from engine.realtime.zonal_harmonics.shading_state import LayersOf, ShadingState, is_glossy
+from engine.realtime.zonal_harmonics.shading import BandLight, Lobes, band_light, low_gloss
 from engine.realtime.zonal_harmonics.surface_details import Detail, detail
 from engine.realtime.zonal_harmonics.transfer import N_RAYS, unshadowed
 from engine.realtime.zonal_harmonics.zonal import Zonal, fit
@@ -113,7 +125,7 @@ class Deform:
 
     def set_bending(self, names: Sequence[str]) -> None:
         """Set the names of the objects that bend. Their transfer contains only their own shadows; the shadows that they
-        cast on others are coarse, see `engine.realtime.zonal_harmonics.blockers`."""
+        cast on others are coarse, see `engine.realtime.zonal_harmonics.shading`."""
         posed = frozenset(self.scene.object_index(each) for each in names if each in self.scene.object_names)
         if posed != self._posed:
             self._posed = posed
@@ -345,9 +357,6 @@ def band_light_of(sky: SkyState) -> BandLight:
 
 def finish_deform(deform: Deform) -> Deform:
     """Do all the work of a Deform."""
-    run_to_end(_export_picture(deform))
+    for _ in deform.work():
+        pass
     return deform
-
-
-def _export_picture(deform: Deform) -> Generator[StillProgress, None, None]:
-    yield from deform.work()

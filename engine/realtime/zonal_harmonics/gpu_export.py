@@ -9,10 +9,9 @@ from secrets import randbits
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.realtime.zonal_harmonics._blocker_kernels import LEAST
-from engine.realtime.zonal_harmonics.bending_points import BendingPoints
-from engine.realtime.zonal_harmonics.blockers import Blockers, spread_of
-from engine.realtime.zonal_harmonics.gloss import STEEPEST, even_light
+from engine.realtime.core.terms import diffuse_albedo
+from engine.realtime.zonal_harmonics._shading_kernels import LEAST_BLOCKED
+from engine.realtime.zonal_harmonics.bending_points import BendingPoints, PosedPoints
 from engine.realtime.zonal_harmonics.gpu_parts import (
     NO_PARTS,
     AppearancePart,
@@ -26,10 +25,9 @@ from engine.realtime.zonal_harmonics.gpu_parts import (
     ShapePart,
     SkyPart,
 )
+from engine.realtime.zonal_harmonics.picture_renderer import ShadingState
 from engine.realtime.zonal_harmonics.pose import Poses
-from engine.realtime.zonal_harmonics.posed_points import PosedPoints
-from engine.realtime.zonal_harmonics.shading import Lobes
-from engine.realtime.zonal_harmonics.shading_state import ShadingState, albedo
+from engine.realtime.zonal_harmonics.shading import STEEPEST, Blockers, Lobes, even_light, spread_of
 from engine.realtime.zonal_harmonics.surface_details import Detail
 from engine.scene.scene_loader import Scene
 from engine.sphere.harmonics import clamped_cosine
@@ -83,7 +81,7 @@ class PictureExporter:
             firsts[i] = _export_detail(n_exported, each)
             n_exported += _lobe_rows(each).size
         terms = tuple(
-            ExportedTerm(i, _as_triple(albedo(layer)), None if layer.maps.is_plain else images.maps(layer.maps),
+            ExportedTerm(i, _as_triple(diffuse_albedo(layer)), None if layer.maps.is_plain else images.maps(layer.maps),
             firsts.get(i))
             for i in of.layers_of for layer in of.pixel_layers(i)
         )  # fmt: skip
@@ -134,7 +132,7 @@ def appearance_part(of: ShadingState, terms: tuple[ExportedTerm, ...] = ()) -> A
     cosine = (clamped_cosine(order) / np.pi).astype(np.float32)
     return AppearancePart(
         next(_numbers), light.harmonics, light.table, objects, gloss, float(STEEPEST), cosine, even_light(light),
-        of.casts.astype(np.float32), spread_of(order), LEAST, backdrop.turn, backdrop.scale, terms,
+        of.casts.astype(np.float32), spread_of(order), LEAST_BLOCKED, backdrop.turn, backdrop.scale, terms,
     )  # fmt: skip
 
 

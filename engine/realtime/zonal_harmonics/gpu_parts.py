@@ -74,8 +74,8 @@ class AppearancePart:
     """harmonics (n^2, 3) and table (rows, columns, n, 3) of the light, see `BandLight`; objects (M, 8): albedo, first
     glossy layer, emission, number of glossy layers; gloss (G, A, 3 n + 1): for each glossy layer and polar angles of wo
     up to `steepest`, its bands and its lean, see `LowGloss`; cosine (n,): the bands of a white Lambertian surface;
-    even: see `engine.realtime.zonal_harmonics.gloss.even_light`; casts (M, C), spread (n,), least: see
-    `engine.realtime.zonal_harmonics.blockers`; turn, scale: of the sky, see `Backdrop`; terms: refer to the cover that
+    even: see `engine.realtime.zonal_harmonics.shading.even_light`; casts (M, C), spread (n,), least: see
+    `engine.realtime.zonal_harmonics.shading`; turn, scale: of the sky, see `Backdrop`; terms: refer to the cover that
     is exported with it or was before."""
 
     number: int
@@ -106,7 +106,7 @@ class SkyPart:
 class PosedPart:
     """places (V, 12) of everything that is drawn: of points the rows of their axes, then the position; of emitters'
     corners the position alone. axes (A, 9) of details: along u, along v, outwards. blockers (K, 14): clusters that
-    shade other objects, see `engine.realtime.zonal_harmonics.blockers`. camera_position (3,): in the same coordinates.
+    shade other objects, see `engine.realtime.zonal_harmonics.shading`. camera_position (3,): in the same coordinates.
     """
 
     places: Float32Array

@@ -1,8 +1,13 @@
-"""The transfer of one object of a scene: what it depends on, and how it is computed."""
+"""The transfer of one object of a scene: what it depends on, and how it is computed.
+
+It depends on the albedos with which the object's points reflect light onto the object itself, images and strokes
+included. These are quantized so coarsely that most edits of a material do not invalidate the transfer. Light between
+points is colourless, like all transfer: an albedo is its luminance.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -10,18 +15,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.core.generators import map_steps
+from engine.light.environment import LUMINANCE
+from engine.material.layer import Layer
 from engine.material.layer_maps import Images
+from engine.realtime.core.terms import diffuse_albedo, is_glossy, map_factor
 from engine.realtime.zonal_harmonics.bending_points import BendingPoints
-from engine.realtime.zonal_harmonics.membrane import membrane
-from engine.realtime.zonal_harmonics.reflectance import Reflectance
-from engine.realtime.zonal_harmonics.subsurface import Medium, simulate_subsurface
+from engine.realtime.zonal_harmonics.shading import low_gloss
 from engine.realtime.zonal_harmonics.surface_details import heights, n_texels, patch_vectors, wrinkle_lobes
-from engine.realtime.zonal_harmonics.transfer import add_bounces, simulate_shadows
-from engine.realtime.zonal_harmonics.zonal import Zonal, fit, fit_linear_lobe
+from engine.realtime.zonal_harmonics.transfer import Medium, add_bounces, simulate_shadows, simulate_subsurface
+from engine.realtime.zonal_harmonics.zonal import Zonal, fit, fit_linear_lobe, membrane
 from engine.scene.scene_loader import Scene
 from engine.scene.surface_kinds import DeformSurface
+from engine.texture.pyramid import Pyramid
 
 ORDER, N_LOBES = 6, 4
+
+Float64Array = NDArray[np.float64]
+Float32Array = NDArray[np.float32]
+
+ALBEDO_STEPS = 8  # for the brightest point
+SHARE_STEPS = 15  # for the others, relative to it
 
 
 @dataclass(frozen=True)
@@ -136,3 +149,45 @@ def _translucency(scene: Scene, points: BendingPoints, i: int, surface: float | 
     image = scene.textures.weight(Images(weight=surface))
     assert image is not None
     return np.clip(image.at(points.uvs(i))[:, 0].astype(np.float64), 0.0, 1.0)
+
+
+@dataclass(frozen=True)
+class Reflectance:
+    """brightest: the largest albedo of an object's points, in `ALBEDO_STEPS`; shares: each point's share of it, in
+    `SHARE_STEPS`; empty if all are equal."""
+
+    brightest: int = 0
+    shares: bytes = b""
+
+    @property
+    def albedo(self) -> Float64Array:
+        """Albedo of the points (P,), or of all of them ()."""
+        shares = np.frombuffer(self.shares, np.uint8) / SHARE_STEPS if self.shares else np.ones(())
+        return np.asarray(self.brightest / ALBEDO_STEPS * shares)
+
+
+def reflectance(albedo: Float64Array) -> Reflectance:
+    """Quantize the albedos of points (P,), which are below 1."""
+    most = float(albedo.max(initial=0.0))
+    brightest = min(round(most * ALBEDO_STEPS), ALBEDO_STEPS - 1)
+    if not brightest:
+        return Reflectance()
+    shares = np.rint(albedo / most * SHARE_STEPS).astype(np.uint8)
+    return Reflectance(brightest, b"" if (shares == SHARE_STEPS).all() else shares.tobytes())
+
+
+def albedos(scene: Scene, points: BendingPoints, i_object: int, layers: Sequence[Layer], order: int) -> Float64Array:
+    """Albedos of an object's points (P,), gloss taken as diffuse: the mean over the triangles around each, because an
+    image may be finer than the points. order: of the approximation of gloss. Raises LoadError."""
+    middles, uvs, sides = points.middles(i_object)
+    none, total = np.zeros_like(sides), np.zeros(len(sides))
+    across, down = np.stack([sides, none], axis=1), np.stack([none, sides], axis=1)
+
+    def sample(image: Pyramid, repeats: tuple[float, float]) -> Float32Array:
+        return image.over(uvs, across, down, repeats=repeats)
+
+    for layer in layers:
+        factor = map_factor(scene, layer.maps, len(sides), sample, lambda: middles)
+        own = low_gloss(layer, order).albedo if is_glossy(layer) else diffuse_albedo(layer)
+        total += factor @ (own * LUMINANCE)
+    return points.means_around(i_object, total)

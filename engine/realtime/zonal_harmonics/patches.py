@@ -1,13 +1,14 @@
-"""Patches of detail that repeat over a surface: their transfer as a texture [Sloan05, 6].
+"""Patches of detail that repeat over a surface: height fields, and their transfer as a texture [Sloan05, 6].
 
-A patch is a height field, simulated once among copies of itself. Its texels hold zonal lobes in the axes of the surface
-below: tangent along u, bitangent along v, normal. So it fits any surface with texture coordinates, however that bends,
-at no further cost. Detail shades itself, but does not displace the surface.
+A height field (H, W), by formula or from an image's brightness, is in units of the patch's side, with row 0 at the top,
+and continues without a seam on all sides. It is simulated once among copies of itself. Its texels hold zonal lobes in
+the axes of the surface below: tangent along u, bitangent along v, normal. So it fits any surface with texture
+coordinates, however that bends, at no further cost. Detail shades itself, but does not displace the surface.
 """
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,15 +17,17 @@ from numpy.typing import ArrayLike, NDArray
 from engine.core.frames import orthonormal
 from engine.core.generators import map_steps
 from engine.core.threads import even_parts, on_threads
-from engine.realtime.zonal_harmonics import _patch_kernels as kernels
+from engine.realtime.zonal_harmonics import _shading_kernels as kernels
 from engine.realtime.zonal_harmonics.shading import Lobes, lobes
-from engine.realtime.zonal_harmonics.subsurface import Medium, Sources, subsurface
 from engine.realtime.zonal_harmonics.transfer import (
     N_RAYS,
+    Medium,
+    Sources,
     TransferPoints,
     cosine_directions,
     rotate_transfer,
     simulate,
+    subsurface,
 )
 from engine.realtime.zonal_harmonics.zonal import Zonal
 from engine.scene.raycaster import RayCaster
@@ -33,6 +36,8 @@ from engine.scene.surface_points import surface_points
 Float64Array = NDArray[np.float64]
 
 UNDER_EVERY = 4  # texels between the places where light enters from below
+
+N_TEXELS = 128
 
 
 @dataclass(frozen=True)
@@ -155,3 +160,76 @@ def _sources(places: Float64Array, upright: Float64Array, shape: tuple[int, int]
 def _mirrored(n: int) -> Float64Array:
     """Factors (n^2,) that reflect a function of order n at the plane z = 0."""
     return np.array([(-1.0) ** (band + m) for band in range(n) for m in range(-band, band + 1)])
+
+
+def bumps(side: int = N_TEXELS) -> Float64Array:
+    """Hemispheres in staggered rows."""
+    u, v = _texel_centres(side)
+    radius, height = 0.19, np.zeros((side, side))
+    for at_u, at_v in ((0.25, 0.25), (0.75, 0.25), (0.0, 0.75), (0.5, 0.75)):
+        square = _periodic_distance(u, at_u) ** 2 + _periodic_distance(v, at_v) ** 2
+        height = np.maximum(height, np.sqrt(np.maximum(radius**2 - square, 0.0)))
+    return height
+
+
+def waffle(side: int = N_TEXELS) -> Float64Array:
+    """Square pits with slanting sides between bars."""
+    u, v = _texel_centres(side)
+    to_bar = np.minimum(*(0.125 - np.abs(np.mod(each, 0.25) - 0.125) for each in (u, v)))
+    return 0.12 * (1.0 - _smooth_step((to_bar - 0.02) / 0.045))
+
+
+def swirl(side: int = N_TEXELS) -> Float64Array:
+    """Ridges that spiral around the patch's centre and flatten towards its edge."""
+    u, v = _texel_centres(side)
+    x, y = u - 0.5, v - 0.5
+    radius = np.hypot(x, y)
+    wave = 0.5 + 0.5 * np.cos(3.0 * np.arctan2(y, x) + 40.0 * radius)
+    return 0.06 * wave * _smooth_step(radius / 0.06) * (1.0 - _smooth_step((radius - 0.3) / 0.18))
+
+
+def weave(side: int = N_TEXELS) -> Float64Array:
+    """Four round threads in each direction that pass over and under each other."""
+    u, v = _texel_centres(side)
+    up, across = (_thread(each) for each in (u, v))
+    # At a crossing one thread is above: crossings alternate like the squares of a chess board.
+    turn = np.cos(4.0 * np.pi * u) * np.cos(4.0 * np.pi * v)
+    return np.asarray(0.03 * np.maximum(up * (1.0 + 0.8 * turn), across * (1.0 - 0.8 * turn)))
+
+
+def heights_of_image(image: ArrayLike, height: float = 0.1) -> Float64Array:
+    """From an image's brightness (H, W) or linear RGB (H, W, 3): black at 0, the brightest at `height` [Sloan05, 6].
+
+    Raises ValueError if it is not an image of finite numbers.
+    """
+    values = np.asarray(image, np.float64)
+    if values.ndim not in (2, 3) or 0 in values.shape or not np.isfinite(values).all():
+        raise ValueError(f"a picture of shape {values.shape}, expected finite (H, W) or (H, W, 3)")
+    grey = values @ (0.2126, 0.7152, 0.0722) if values.ndim == 3 else values
+    low, high = float(grey.min()), float(grey.max())
+    return np.asarray((grey - low) * (height / (high - low)) if high > low else np.zeros(grey.shape))
+
+
+PATTERNS: dict[str, Callable[..., Float64Array]] = {"bumps": bumps, "waffle": waffle, "swirl": swirl, "weave": weave}
+
+
+def _texel_centres(side: int) -> tuple[Float64Array, Float64Array]:
+    """u and v (H, W) of the texels' centres."""
+    middle = (np.arange(side) + 0.5) / side
+    return np.tile(middle, (side, 1)), np.tile(1.0 - middle[:, None], (1, side))
+
+
+def _periodic_distance(value: Float64Array, place: float, period: float = 1.0) -> Float64Array:
+    """Distance to the nearest of periodic places."""
+    return np.abs(np.mod(value - place + period / 2.0, period) - period / 2.0)
+
+
+def _thread(value: Float64Array) -> Float64Array:
+    """Profile of threads that are a quarter apart."""
+    return np.asarray(np.sqrt(np.maximum(1.0 - (_periodic_distance(value, 0.0, 0.25) / 0.11) ** 2, 0.0)))
+
+
+def _smooth_step(value: Float64Array) -> Float64Array:
+    """Smooth step from 0 below 0 to 1 above 1."""
+    t = np.clip(value, 0.0, 1.0)
+    return np.asarray(t * t * (3.0 - 2.0 * t))

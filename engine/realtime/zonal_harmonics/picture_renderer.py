@@ -1,28 +1,157 @@
-"""Draws pictures of bending points with compiled code: the points' radiance, triangles between them, and details pixel
-by pixel."""
+"""Draws pictures of bending points with compiled code: the points' radiance, triangles between them, and pixel by pixel
+what needs more detail than interpolation between points gives."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.realtime.zonal_harmonics.bending_points import BendingPoints
-from engine.realtime.zonal_harmonics.blockers import Blockers, add_shadows
-from engine.realtime.zonal_harmonics.gloss import add_gloss
-from engine.realtime.zonal_harmonics.object_pixels import Pixels, pixels_of
+from engine.material.layer import Layer
+from engine.material.layer_maps import LayerMaps
+from engine.precompute.direct.pipeline import SkyState
+from engine.realtime.core.raster import BLACK, Backdrop, RasterResult, draw, paint
+from engine.realtime.core.terms import MOVING_PROBES, LayersOf, diffuse_albedo, is_glossy, map_factor
+from engine.realtime.zonal_harmonics.bending_points import BendingPoints, PosedPoints
 from engine.realtime.zonal_harmonics.pose import Poses
-from engine.realtime.zonal_harmonics.posed_points import PosedPoints
-from engine.realtime.zonal_harmonics.raster import RasterResult, draw, paint
-from engine.realtime.zonal_harmonics.shading import shade
-from engine.realtime.zonal_harmonics.shading_state import Float32Array, ShadingState, albedo
-from engine.realtime.zonal_harmonics.surface_details import shade_pixels
+from engine.realtime.zonal_harmonics.shading import (
+    BandLight,
+    Blockers,
+    Lobes,
+    LowGloss,
+    add_gloss,
+    add_shadows,
+    low_gloss,
+    shade,
+)
+from engine.realtime.zonal_harmonics.surface_details import Detail, shade_pixels
 from engine.render.error_colours import error_to_radiance
+from engine.render.map_sampler import mean_factor
 from engine.scene.description import CameraDescription
+from engine.scene.raycaster import Intersections
 from engine.scene.scene_loader import Scene
+from engine.texture.pyramid import MOST_PROBES, Pyramid
 
 Quality = Literal["moving", "rest"]
+
+Float32Array = NDArray[np.float32]
+IntegerArray = NDArray[np.integer]
+Float64Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class ShadingState:
+    """A scene in some light: the visible layers of its objects by index, lobes of all points and errors (S,) of their
+    fit, details of the objects that have any; casters: for each object the other bending objects whose shadows its
+    transfer does not contain. version: differs for different pictures."""
+
+    version: int
+    scene: Scene
+    light: SkyState
+    bands: BandLight
+    layers_of: LayersOf
+    lobes: Lobes
+    errors: Float32Array
+    details: Mapping[int, Detail]
+    casters: tuple[frozenset[int], ...] = ()
+
+    @property
+    def casting_objects(self) -> list[int]:
+        """The C objects whose current shadows differ from those in some object's transfer."""
+        return sorted(frozenset[int]().union(*self.casters))
+
+    @property
+    def casts(self) -> NDArray[np.bool_]:
+        """Whether each of these casts a shadow on an object (M, C)."""
+        shading = self.casting_objects
+        found = np.array([[each in casters for each in shading] for casters in self.casters], bool)
+        return found.reshape(len(self.scene.smooth), len(shading))
+
+    @property
+    def albedos(self) -> Float32Array:
+        """Albedos of objects (M, 3) for the diffuse light of their points; layers with detail or images are added pixel
+        by pixel."""
+        found = np.zeros((len(self.scene.smooth), 3), np.float32)
+        for i, own in self.layers_of.items():
+            if i not in self.details:
+                found[i] = sum((diffuse_albedo(each) for each in own if each.maps.is_plain), np.zeros(3))
+        return found
+
+    @property
+    def backdrop(self) -> Backdrop:
+        environment, turn = self.light.environment, math.radians(self.light.rotation % 360.0)
+        return BLACK if environment is None else Backdrop(environment.radiance, turn, self.light.scale)
+
+    def pixel_layers(self, i: int) -> Iterator[Layer]:
+        """The diffuse layers of an object that are shaded pixel by pixel: those with images, or all if it has
+        detail."""
+        for layer in self.layers_of.get(i, ()):
+            if not is_glossy(layer) and (i in self.details or not layer.maps.is_plain):
+                yield layer
+
+    def glosses_of(self, i: int) -> Iterator[tuple[LowGloss, NDArray[np.floating]]]:
+        """An object's glossy layers, with the mean factor of their images (3,)."""
+        for layer in filter(is_glossy, self.layers_of.get(i, ())):
+            yield low_gloss(layer, self.bands.table.shape[2]), mean_factor(self.scene, i, layer.maps)
+
+
+@dataclass(frozen=True, eq=False)
+class Pixels:
+    """N pixels: rows and columns (N,); the triangle (N,) that each shows, and barycentric weights (N, 3); is_front
+    (N,); points (N, 3) at the corners on the visible side, -1 for none."""
+
+    rows: IntegerArray
+    columns: IntegerArray
+    triangle: IntegerArray
+    weights: Float32Array
+    is_front: NDArray[np.bool_]
+    points: IntegerArray
+    _drawn: RasterResult
+    _all: BendingPoints
+
+    def find_hits(self) -> Intersections:
+        """Positions on the scene's meshes."""
+        u, v = np.einsum("nk,nki->in", self.weights, self._all.within[self.triangle])
+        return Intersections(self._all.source[self.triangle], u, v, np.zeros(len(u), np.float32))
+
+    def uvs(self, scene: Scene) -> Float64Array:
+        """Texture coordinates (N, 2)."""
+        return np.einsum("nk,nki->ni", self.weights, self._corner_uvs(scene))
+
+    def factor(self, scene: Scene, maps: LayerMaps, is_quick: bool) -> Float32Array:
+        """Factor of images and strokes for a layer (N, 3), filtered over the pixel; is_quick: with fewer look-ups."""
+        if maps.is_plain:
+            return np.ones((1, 3), np.float32)
+        corners = self._corner_uvs(scene)
+        uv, right, below = (
+            np.einsum("nk,nki->ni", self._drawn.weights(self.rows, self.columns, *beside), corners)
+            for beside in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))
+        )
+        probes = MOVING_PROBES if is_quick else MOST_PROBES
+
+        def sample(image: Pyramid, repeats: tuple[float, float]) -> Float32Array:
+            return image.over(uv, right - uv, below - uv, probes, repeats, is_quick)
+
+        return np.asarray(map_factor(scene, maps, len(uv), sample, self.find_hits), np.float32)
+
+    def _corner_uvs(self, scene: Scene) -> Float64Array:
+        """Texture coordinates of the visible triangles' corners (N, 3, 2)."""
+        return self._all.corner_uvs(scene, self.triangle)
+
+
+def pixels_of(i_object: int, drawn: RasterResult, points: BendingPoints) -> Pixels | None:
+    """The pixels that show an object; None if there are none."""
+    surface, sees = points.surface, drawn.found >= 0
+    rows, columns = np.nonzero(sees & (surface.i_object[np.where(sees, drawn.found, 0)] == i_object))
+    if not len(rows):
+        return None
+    triangle, is_front = drawn.found[rows, columns], drawn.front[drawn.found[rows, columns]] > 0.0
+    sides = surface.sides[triangle, np.where(is_front, 0, 1)]
+    return Pixels(rows, columns, triangle, drawn.weights(rows, columns), is_front, sides, drawn, points)
 
 
 class PictureRenderer:
@@ -115,7 +244,7 @@ class PictureRenderer:
         diffuse = self._diffuse(of, i, pixels, white) * (pixels.points[:, :1] >= 0)
         for layer in layers:
             factor = pixels.factor(of.scene, layer.maps, quality == "moving")
-            picture[pixels.rows, pixels.columns] += np.maximum(diffuse * factor * albedo(layer), 0.0)
+            picture[pixels.rows, pixels.columns] += np.maximum(diffuse * factor * diffuse_albedo(layer), 0.0)
 
     def _diffuse(self, of: ShadingState, i: int, pixels: Pixels, white: Float32Array) -> Float32Array:
         """Radiance of white Lambertian pixels (N, 3)."""

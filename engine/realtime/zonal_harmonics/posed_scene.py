@@ -1,4 +1,11 @@
-"""A scene with objects in other poses: the same triangles, with moved vertices and normals."""
+"""A scene with objects in other poses: the same triangles, with vertices and normals moved by animations and deformers.
+
+An animation from the object's file poses its mesh at a time: morph targets, then the skin [glTF20, 3.7, 3.11]. Each
+vertex moves by the sum of the displacements of its bones and targets relative to rest, so that a mesh at rest stays
+bit-identical. Axes are transformed from the mesh at rest to the accessors' mesh, then by the Jacobian of the morph
+targets (differences over the triangles), and then by the mean of the bones' linear parts; normals use the mean of their
+inverse transposes. The variation of weights along the surface is ignored, as usual [Sloan05, 5].
+"""
 
 from __future__ import annotations
 
@@ -7,12 +14,35 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.core.frames import local_frames
-from engine.realtime.zonal_harmonics import animated_pose
-from engine.realtime.zonal_harmonics.pose import Deformation, Moment, Motion, Pose, Poses, check_extent, deform
+from engine.core.frames import local_frames, orthonormal
+from engine.core.threads import even_parts, on_threads
+from engine.realtime.zonal_harmonics import _animation_kernels as kernels
+from engine.realtime.zonal_harmonics.pose import (
+    Deformation,
+    Moment,
+    Motion,
+    Pose,
+    Poses,
+    check_extent,
+    deform,
+    deformed_frames,
+)
+from engine.scene.loaders.gltf_nodes import matrix_of
 from engine.scene.mesh import face_normals
 from engine.scene.object_axes import object_tangents
+from engine.scene.rig import PATHS, Clip, Rig, Track, morph_weight, normal_matrices
 from engine.scene.scene_loader import MAX_EXTENT, Scene
+
+Float64Array = NDArray[np.float64]
+Values = dict[tuple[int, str], Float64Array]
+
+REST_TOLERANCE = (
+    # Of the mesh's extent: a bone that displaces no part of it by more is at rest; such differences come from the
+    # file's rounding.
+    1e-5
+)
+
+_FLAT = 1e-12
 
 
 def pose_scene(scene: Scene, poses: Poses) -> Scene:
@@ -56,7 +86,7 @@ def animate_vertices(scene: Scene, i: int, row: Motion) -> tuple[Pose, Pose]:
     if rig is None or moment is None:
         return rest, rest
     triangles = scene.triangles[slice(*scene.triangle_ranges[i])] - scene.vertex_ranges[i, 0]
-    return rest, animated_pose.animated_pose(rig, rest, triangles, moment.clip, moment.time)
+    return rest, animated_pose(rig, rest, triangles, moment.clip, moment.time)
 
 
 def moment_of(scene: Scene, i: int, row: Motion) -> Moment | None:
@@ -70,3 +100,155 @@ def _rest_vertices(scene: Scene, i: int) -> Pose:
     normals = scene.normals[which].astype(np.float64)
     tangents = object_tangents(scene, np.full(len(which), i), normals)
     return Pose(scene.vertices[which].astype(np.float64), local_frames(tangents, normals))
+
+
+def animated_pose(
+    rig: Rig, rest: Pose, triangles: NDArray[np.int32], clip: str, time: float, loop: bool = True
+) -> Pose:
+    """Compute the pose at a time in seconds; after the clip's end it repeats, or without `loop` holds the last frame.
+
+    rest: the object's vertices (V, 3), `Scene.vertices` in its range, and their axes; triangles (T, 3): indices of
+    these. Raises ValueError if there is no such animation or the time is not finite.
+    """
+    if len(rig.binding.bones) != len(rest.positions):
+        raise ValueError(f"{len(rest.positions)} vertices, expected {len(rig.binding.bones)}, as the rig has")
+    values = sample_clip(rig.skeleton.clip(clip), time, loop)
+    weights = {node: values.get((node, "weights"), own) for node, own in rig.skeleton.weights.items()}
+    moves = _bone_moves(rig, values)
+    is_morphed = any(morph_weight(m, weights) != morph_weight(m, rig.skeleton.weights) for m in rig.binding.morphs)
+    if not is_morphed and not moves.any():
+        return rest
+    # Positions before skinning, now and at rest, and the difference transformed by the bones at rest.
+    before, normals = rig.binding.morph_vertices(rig.skeleton.weights)
+    places, positions = before, rest.positions.copy()
+    has_normals = np.asarray(rig.binding.normals.any(axis=1))
+    if is_morphed:
+        places, normals = rig.binding.morph_vertices(weights)
+        positions += np.einsum("vab,vb->va", rig.rest_pose.linear, places - before)
+        for morph in rig.binding.morphs:
+            if morph.normals is None and morph_weight(morph, weights) != 0.0:
+                has_normals[morph.vertices] = False
+    # Displacement by the bones.
+    linear, turned = rig.rest_pose.linear.copy(), np.empty_like(positions)
+    bones, shares, turns = rig.binding.bones, rig.binding.weights, normal_matrices(rig.rest_pose.matrices + moves)
+    on_threads(
+        lambda start, stop: kernels.skin_range(
+            places, normals, bones, shares, moves, turns, start, stop, positions, linear, turned
+        ),
+        *even_parts(len(positions)),
+    )
+    # Transform the axes from the mesh at rest back to before skinning, by the morph targets, and forward again.
+    if is_morphed:
+        linear = linear @ mesh_jacobians(before, places, triangles)
+    axes = deformed_frames(rest.frames, linear @ rig.rest_pose.inverse)
+    about = axes.copy()
+    about[has_normals, 2] = turned[has_normals]
+    return Pose(positions, orthonormal(about, axes))
+
+
+def sample_clip(clip: Clip, time: float, loop: bool = True) -> Values:
+    """Evaluate a clip's tracks, by node and path, at a time. Raises ValueError if it is not finite."""
+    if not np.isfinite(time):
+        raise ValueError(f"time {time}, expected a finite number of seconds")
+    if loop and clip.duration > 0.0 and not 0.0 <= time <= clip.duration:
+        time %= clip.duration
+    return {(track.node, track.path): _track_value(track, time) for track in clip.tracks}
+
+
+def _track_value(track: Track, time: float) -> Float64Array:
+    """Evaluate a track: interpolate between its keys; before the first and after the last, hold its value."""
+    times, is_spline = track.times, track.interpolation == "CUBICSPLINE"
+    after = int(np.searchsorted(times, time, side="right"))
+    before = max(after - 1, 0)
+    if after in (0, len(times)) or track.interpolation == "STEP":
+        return _normalized(track, track.values[before, 1] if is_spline else track.values[before])
+    span = times[after] - times[before]
+    share = (time - times[before]) / span
+    if is_spline:
+        return _normalized(track, _hermite(track.values[before], track.values[after], span, share))
+    if track.path == "rotation":
+        return _slerp(track.values[before], track.values[after], share)
+    return np.asarray((1.0 - share) * track.values[before] + share * track.values[after])
+
+
+def _normalized(track: Track, value: Float64Array) -> Float64Array:
+    """Normalize the value of a rotation; leave other values."""
+    length = float(np.linalg.norm(value)) if track.path == "rotation" else 1.0
+    return value / length if length > 1e-6 else np.array([0.0, 0.0, 0.0, 1.0])
+
+
+def _hermite(before: Float64Array, after: Float64Array, span: float, share: float) -> Float64Array:
+    """Evaluate a cubic spline between two keys (3, W) [glTF20, C.5]."""
+    square, cube = share**2, share**3
+    return np.asarray(
+        (2 * cube - 3 * square + 1) * before[1]
+        + span * (cube - 2 * square + share) * before[2]
+        + (3 * square - 2 * cube) * after[1]
+        + span * (cube - square) * after[0]
+    )
+
+
+def _slerp(before: Float64Array, after: Float64Array, share: float) -> Float64Array:
+    """Interpolate between two rotations along the shorter arc at constant speed [glTF20, C.4]."""
+    before, after = before / np.linalg.norm(before), after / np.linalg.norm(after)
+    cosine = float(before @ after)
+    if cosine < 0.0:
+        after, cosine = -after, -cosine
+    angle = np.arccos(min(cosine, 1.0))
+    if angle < 1e-6:
+        value = (1.0 - share) * before + share * after
+    else:
+        value = (np.sin((1.0 - share) * angle) * before + np.sin(share * angle) * after) / np.sin(angle)
+    return np.asarray(value / np.linalg.norm(value))
+
+
+def _bone_moves(rig: Rig, values: Values) -> Float64Array:
+    """Matrices of bones minus those at rest (B, 3, 4); exactly 0 for bones at rest."""
+    skeleton, moved = rig.skeleton, dict[int, Float64Array]()
+    for node, rest in skeleton.parts.items():
+        if any((node, path) in values for path in PATHS):
+            moved[node] = matrix_of(*(values.get((node, path), part) for path, part in zip(PATHS, rest, strict=True)))
+    places, matrices = rig.binding.places, rig.rest_pose.matrices
+    moves = np.ascontiguousarray(rig.bone_matrices(moved) - matrices)
+    low, high = places.min(axis=0), places.max(axis=0)
+    corners = np.array(
+        [[x, y, z, 1.0] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])]
+    )
+    # The largest displacement by a bone, and the size of the mesh.
+    furthest, size = np.abs(moves @ corners.T).max(axis=(1, 2)), np.ptp(matrices @ corners.T, axis=2).max(axis=1)
+    moves[furthest <= REST_TOLERANCE * size] = 0.0
+    return moves
+
+
+def mesh_jacobians(before: Float64Array, after: Float64Array, triangles: NDArray[np.int32]) -> Float64Array:
+    """Jacobians (V, 3, 3) at the vertices of a mesh that moves from `before` (V, 3) to `after`: the mean over adjacent
+    triangles, weighted by area. A triangle's Jacobian maps its edges to its edges and its normal to its normal. A
+    vertex without triangles of nonzero area gets the identity."""
+    edges, there = _triangle_edges(before, triangles), _triangle_edges(after, triangles)
+    areas = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+    has_area = areas > _FLAT * (edges**2).sum(axis=2).max(axis=1)
+    triangles, areas = triangles[has_area], areas[has_area]
+    maps = _with_normals(there[has_area]) @ np.linalg.inv(_with_normals(edges[has_area]))
+    total = np.zeros((len(before), 9))
+    weight = np.zeros(len(before))
+    for corner in triangles.T:
+        weight += np.bincount(corner, areas, len(before))
+        for k in range(9):
+            total[:, k] += np.bincount(corner, areas * maps.reshape(-1, 9)[:, k], len(before))
+    has_any = weight > 0.0
+    total = total / np.where(has_any, weight, 1.0)[:, None]
+    return np.where(has_any[:, None, None], total.reshape(-1, 3, 3), np.eye(3))
+
+
+def _triangle_edges(places: Float64Array, triangles: NDArray[np.int32]) -> Float64Array:
+    """Two edges of each triangle (T, 2, 3)."""
+    corners = places[triangles]
+    return corners[:, 1:] - corners[:, :1]
+
+
+def _with_normals(edges: Float64Array) -> Float64Array:
+    """Two edges and a normal of comparable length, as columns (T, 3, 3)."""
+    normal = np.cross(edges[:, 0], edges[:, 1])
+    doubled = np.linalg.norm(normal, axis=1, keepdims=True)
+    normal = normal / np.sqrt(np.where(doubled > 0.0, doubled, 1.0))
+    return np.stack([edges[:, 0], edges[:, 1], normal], axis=2)

@@ -16,9 +16,7 @@ from numpy.typing import NDArray
 
 from engine.core.frames import orthonormal
 from engine.material.layer_maps import Images
-from engine.realtime.zonal_harmonics.heights import PATTERNS, of_image
-from engine.realtime.zonal_harmonics.heights import SIDE as TEXELS
-from engine.realtime.zonal_harmonics.patches import Patch, patch, simulate_patch
+from engine.realtime.zonal_harmonics.patches import N_TEXELS, PATTERNS, Patch, heights_of_image, patch, simulate_patch
 from engine.realtime.zonal_harmonics.shading import BandLight, Lobes, lobes, shade
 from engine.realtime.zonal_harmonics.wrinkle import SIDE, wrinkles
 from engine.realtime.zonal_harmonics.wrinkle import Wrinkles as WrinkleMap
@@ -111,9 +109,9 @@ def heights(scene: Scene, surface: PatchSays) -> Float64Array:
         return PATTERNS[surface.kind]() * surface.height
     image = scene.textures.weight(Images(weight=surface.file or ""))
     assert image is not None
-    coarse = next(each for each in image.levels if max(each.shape[:2]) <= TEXELS)[..., 0]
+    coarse = next(each for each in image.levels if max(each.shape[:2]) <= N_TEXELS)[..., 0]
     whole = np.tile(coarse, [2 if n == 1 else 1 for n in coarse.shape])
-    return of_image(whole) * surface.height
+    return heights_of_image(whole) * surface.height
 
 
 def patch_vectors(scene: Scene, surface: PatchSays, n: int, n_rays: int) -> Generator[float, None, Float64Array]:

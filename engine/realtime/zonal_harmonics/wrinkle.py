@@ -19,7 +19,7 @@ from scipy.ndimage import uniform_filter
 from scipy.optimize import minimize
 
 from engine.core.threads import even_parts, on_threads
-from engine.realtime.zonal_harmonics import _wrinkle_kernels as kernels
+from engine.realtime.zonal_harmonics import _zonal_kernels as kernels
 from engine.realtime.zonal_harmonics.transfer import cosine_directions
 from engine.realtime.zonal_harmonics.zonal import Zonal
 from engine.sphere.harmonics import bands, basis
@@ -109,7 +109,7 @@ def _error(
     def part(i: int) -> float:
         ends = len(targets) * i // _PARTS, len(targets) * (i + 1) // _PARTS
         return float(
-            kernels.error_range(targets, places, axes, coefficients, *ends, *_split_values(gradients[i], shapes))
+            kernels.map_error(targets, places, axes, coefficients, *ends, *_split_values(gradients[i], shapes))
         )
 
     return sum(on_threads(part, range(_PARTS))), gradients.sum(axis=0)

@@ -3,6 +3,7 @@
 A lobe is a function that is symmetric about an axis s*: its harmonics are y_lm(s*) g*_l [Sloan05, eq. 6]. Rotation
 rotates the axis and leaves the n coefficients g* unchanged, where rotation of harmonics costs n^3. The constant part of
 a transfer vector and, with three lobes or more, its linear part are stored exactly; lobes are fitted to the remainder.
+The transfer of a thin membrane needs no fit: it is a single lobe in closed form [Sloan05, 4.2].
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from engine.core.threads import even_parts, on_threads
 from engine.realtime.zonal_harmonics import _zonal_kernels as kernels
 from engine.sphere.geodesic import geodesic
-from engine.sphere.harmonics import bands, basis, order_of
+from engine.sphere.harmonics import bands, basis, clamped_cosine, order_of
 
 Float64Array = NDArray[np.float64]
 
@@ -121,3 +122,21 @@ def _scan() -> Float64Array:
     """Directions over half the sphere: the other half gives the same lobes."""
     vertices = geodesic(_SCAN_LEVEL).vertices
     return np.ascontiguousarray(vertices[vertices @ (0.01, 0.02, 1.0) > 0.0])
+
+
+def membrane(translucency: ArrayLike, n: int) -> Zonal:
+    """Lobes of order n for points of translucency alpha (P,) in [0, 1], in their own axes [Sloan05, eqs. 22 and 23].
+
+    Light from above counts by its cosine, light from below by alpha times its cosine.
+    """
+    alpha = np.asarray(translucency, np.float64).reshape(-1, 1)
+    if not ((alpha >= 0.0) & (alpha <= 1.0)).all():
+        raise ValueError("translucency, expected 0 to 1")
+    of_above = clamped_cosine(n) / np.pi  # irradiance to the radiance of a white Lambertian surface
+    of_below = of_above * (-1.0) ** np.arange(n)
+    coefficients = of_above + alpha * of_below
+    low = np.zeros((len(alpha), 4))
+    low[:, 0] = coefficients[:, 0] * basis([0.0, 0.0, 1.0], 1)[0]
+    coefficients[:, 0] = 0.0
+    axes = np.tile([0.0, 0.0, 1.0], (len(alpha), 1, 1))
+    return Zonal(low, axes, coefficients[:, None], np.zeros(len(alpha)))

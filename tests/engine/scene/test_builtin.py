@@ -5,8 +5,8 @@ import pytest
 
 from engine.light.environment import load_environment
 from engine.material import MODELS, validate_parameters
-from engine.realtime.zonal_harmonics.animated_pose import animated_pose
 from engine.realtime.zonal_harmonics.pose import Pose
+from engine.realtime.zonal_harmonics.posed_scene import animated_pose
 from engine.scene.builtin import builtin_environments, builtin_scenes
 from engine.scene.description import load_description
 from engine.scene.scene_loader import load_scene

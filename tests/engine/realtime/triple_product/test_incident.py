@@ -9,6 +9,7 @@ from engine.core.generators import run_to_end
 from engine.light.environment import Environment, constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
+from engine.realtime.core.terms import diffuse_reflectance, has_isotropic_reflection, spherical, to_shading_frame
 from engine.realtime.triple_product import _corner_kernels as corner_kernels
 from engine.realtime.triple_product import _incident_kernels as kernels
 from engine.realtime.triple_product import _slice_kernels as slice_kernels
@@ -33,15 +34,7 @@ from engine.realtime.triple_product.point_reflection import (
 from engine.realtime.triple_product.reflections import SHARP
 from engine.realtime.triple_product.shading_points import shading_points
 from engine.realtime.triple_product.sky_map import MAP_SIDE, make_sky, texel_directions
-from engine.realtime.triple_product.slices import (
-    diffuse_reflectance,
-    has_isotropic_reflection,
-    slice_bytes_of,
-    slice_steps,
-    spherical,
-    table_bytes_of,
-    to_shading_frame,
-)
+from engine.realtime.triple_product.slices import slice_bytes_of, slice_steps, table_bytes_of
 from engine.realtime.triple_product.view_samples import PointMesh, interpolate
 from engine.realtime.triple_product.visibility import trace_hemispheres, trace_patches, upper_triangles
 from engine.render.integrator import evaluate_layers

@@ -9,11 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine.realtime.zonal_harmonics import animated_pose
-from engine.realtime.zonal_harmonics.bending_points import bending_points
+from engine.realtime.zonal_harmonics.bending_points import PosedPoints, bending_points
 from engine.realtime.zonal_harmonics.pose import Deformation, Moment, deform
-from engine.realtime.zonal_harmonics.posed_points import PosedPoints
-from engine.realtime.zonal_harmonics.posed_scene import animate_vertices, pose_scene
+from engine.realtime.zonal_harmonics.posed_scene import animate_vertices, animated_pose, pose_scene
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene, load_scene
 from tests.engine.scene.loaders.test_gltf_rig import Bar
@@ -44,7 +42,7 @@ def scene(tmp_path: Path) -> Scene:
 def test_a_scene_stands_as_its_animation_has_it_and_bends_from_there(scene: Scene) -> None:
     rest, pose = animate_vertices(scene, 0, ROW)
     assert scene.rigs[0] is not None
-    moved = animated_pose.animated_pose(scene.rigs[0], rest, scene.triangles[:3], "bend", 0.7)
+    moved = animated_pose(scene.rigs[0], rest, scene.triangles[:3], "bend", 0.7)
     assert np.array_equal(pose.positions, moved.positions) and np.abs(pose.positions - rest.positions).max() > 0.5
     traced = pose_scene(scene, (("bar", ROW),))
     assert traced.vertices[:5] == pytest.approx(moved.positions, abs=1e-6)

@@ -12,9 +12,9 @@ from engine.light.environment import Environment, constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.precompute.direct.pipeline import Placement, SkyState
-from engine.realtime.zonal_harmonics.blockers import N_CLUSTERS, ROW, add_shadows
 from engine.realtime.zonal_harmonics.deform_engine import Deform, finish_deform
 from engine.realtime.zonal_harmonics.pose import Deformation
+from engine.realtime.zonal_harmonics.shading import CLUSTER_ROW, N_CLUSTERS, add_shadows
 from engine.scene.scene_loader import Scene, load_scene
 from tests.scene_text import camera, placed
 
@@ -115,7 +115,7 @@ def test_the_shadow_goes_along(deform: Deform) -> None:
     for poses in ((), (("ball", (Deformation("bend", 90.0),)),)):
         places, _ = pictures.posed.at(poses)
         rows = pictures.blockers.rows(subject.casting_objects)
-        assert rows.shape == (N_CLUSTERS, ROW) and np.isfinite(rows).all()
+        assert rows.shape == (N_CLUSTERS, CLUSTER_ROW) and np.isfinite(rows).all()
         corners = places[deform._points.surface.corners[deform._points.surface.i_object == 0]].astype(np.float64)
         areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2.0
         middle = (areas[:, None] * corners.mean(axis=1)).sum(axis=0) / areas.sum()

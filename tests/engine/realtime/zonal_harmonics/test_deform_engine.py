@@ -13,9 +13,9 @@ from engine.light.environment import Environment, constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.precompute.direct.pipeline import SkyState
+from engine.realtime.core.raster import RasterTriangles, draw
 from engine.realtime.zonal_harmonics.deform_engine import FEW_RAYS, N_LOBES, ORDER, Deform, finish_deform
 from engine.realtime.zonal_harmonics.pose import Deformation
-from engine.realtime.zonal_harmonics.raster import RasterTriangles, draw
 from engine.realtime.zonal_harmonics.shading import shade
 from engine.realtime.zonal_harmonics.transfer import add_bounces, rotate_transfer, simulate_shadows, unshadowed
 from engine.realtime.zonal_harmonics.zonal import fit

@@ -9,10 +9,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from engine.core.generators import run_to_end
-from engine.realtime.zonal_harmonics.gradients import gradients
-from engine.realtime.zonal_harmonics.membrane import membrane
+from engine.realtime.zonal_harmonics.posed_scene import mesh_jacobians
 from engine.realtime.zonal_harmonics.shading import band_light, lobes, shade
-from engine.realtime.zonal_harmonics.zonal import Zonal, fit
+from engine.realtime.zonal_harmonics.zonal import Zonal, fit, membrane
 from engine.sphere.harmonics import MAX_ORDER
 
 
@@ -52,7 +51,7 @@ def test_radiance_goes_by_the_light_however_much_there_is(scale: float) -> None:
 def test_a_mesh_that_collapses_or_is_mirrored_has_finite_jacobians(map_: np.ndarray) -> None:
     places = np.random.default_rng(3).normal(size=(9, 3))
     triangles = np.array([[0, 1, 2], [2, 3, 4], [4, 5, 6], [6, 6, 7]], np.int32)  # the last has no area, 8 no triangle
-    found = gradients(places, places @ map_.T, triangles)
+    found = mesh_jacobians(places, places @ map_.T, triangles)
     assert np.isfinite(found).all() and (found[8] == np.eye(3)).all() and (found[7] == np.eye(3)).all()
     a, b, c = places[:3]
     for edge in (b - a, c - a):
@@ -62,5 +61,5 @@ def test_a_mesh_that_collapses_or_is_mirrored_has_finite_jacobians(map_: np.ndar
 def test_a_turn_of_a_mesh_has_itself_for_a_jacobian() -> None:
     places = np.random.default_rng(4).normal(size=(6, 3))
     turn = Rotation.from_euler("zyx", [0.3, 1.1, -2.0]).as_matrix()
-    found = gradients(places, 2.0 * places @ turn.T, np.array([[0, 1, 2], [3, 4, 5], [0, 3, 5]], np.int32))
+    found = mesh_jacobians(places, 2.0 * places @ turn.T, np.array([[0, 1, 2], [3, 4, 5], [0, 3, 5]], np.int32))
     assert found == pytest.approx(np.broadcast_to(2.0 * turn, found.shape), abs=1e-9)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from engine.realtime.zonal_harmonics.membrane import membrane
+from engine.realtime.zonal_harmonics.zonal import membrane
 from engine.sphere.harmonics import basis
 
 N = 10

@@ -9,12 +9,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from engine.core.generators import run_to_end
-from engine.realtime.zonal_harmonics import heights
+from engine.realtime.zonal_harmonics import patches
+from engine.realtime.zonal_harmonics.bending_points import numbers_of, uv_axes
 from engine.realtime.zonal_harmonics.patches import Patch, Slab, patch, simulate_patch
 from engine.realtime.zonal_harmonics.shading import band_light, shade
-from engine.realtime.zonal_harmonics.subsurface import Medium
-from engine.realtime.zonal_harmonics.transfer import unshadowed
-from engine.realtime.zonal_harmonics.uv_axes import numbers_of, uv_axes
+from engine.realtime.zonal_harmonics.transfer import Medium, unshadowed
 from engine.realtime.zonal_harmonics.zonal import fit
 from engine.scene.primitives import quad
 from engine.sphere.harmonics import basis
@@ -23,10 +22,10 @@ CONSTANT = math.sqrt(4.0 * math.pi)  # light of radiance 1, in the constant band
 UP, DOWN = basis([0.0, 0.0, 1.0], 4), basis([0.0, 0.0, -1.0], 4)
 
 
-@pytest.mark.parametrize("name", heights.PATTERNS)
+@pytest.mark.parametrize("name", patches.PATTERNS)
 def test_patterns_go_on_without_a_seam(name: str) -> None:
     """No step across an edge is larger than the largest inside."""
-    height = heights.PATTERNS[name](64)
+    height = patches.PATTERNS[name](64)
     assert height.shape == (64, 64) and np.isfinite(height).all() and height.min() >= 0.0 and np.ptp(height) > 0.02
     for axis in (0, 1):
         inside = np.abs(np.diff(height, axis=axis)).max()
@@ -36,11 +35,11 @@ def test_patterns_go_on_without_a_seam(name: str) -> None:
 
 def test_pictures_become_heights_by_their_brightness() -> None:
     grey = np.array([[0.0, 0.5], [1.0, 0.25]])
-    assert heights.of_image(grey, 0.2) == pytest.approx(0.2 * grey)
-    assert heights.of_image(np.repeat(grey[:, :, None], 3, axis=2), 0.2) == pytest.approx(0.2 * grey)
-    assert (heights.of_image(np.full((2, 2), 7.0)) == 0.0).all()
+    assert patches.heights_of_image(grey, 0.2) == pytest.approx(0.2 * grey)
+    assert patches.heights_of_image(np.repeat(grey[:, :, None], 3, axis=2), 0.2) == pytest.approx(0.2 * grey)
+    assert (patches.heights_of_image(np.full((2, 2), 7.0)) == 0.0).all()
     with pytest.raises(ValueError, match="expected finite"):
-        heights.of_image([[np.nan]])
+        patches.heights_of_image([[np.nan]])
 
 
 def test_a_flat_patch_is_a_cosine() -> None:

@@ -12,8 +12,8 @@ from engine.light.environment import Environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.precompute.direct.pipeline import SkyState
+from engine.realtime.stills import PathReference, compose_split
 from engine.realtime.zonal_harmonics.deform_engine import Deform, finish_deform
-from engine.realtime.zonal_harmonics.path_reference import PathReference, compose_split
 from engine.realtime.zonal_harmonics.pose import Deformation
 from engine.scene.scene_loader import load_scene
 from tests.scene_text import camera, placed

@@ -14,8 +14,8 @@ from engine.material.strokes import Stroke, Strokes, pack_dabs
 from engine.precompute.direct.pipeline import SkyState
 from engine.realtime.zonal_harmonics.bending_points import bending_points
 from engine.realtime.zonal_harmonics.deform_engine import Deform, finish_deform
-from engine.realtime.zonal_harmonics.gloss import low_gloss
-from engine.realtime.zonal_harmonics.reflectance import Reflectance, albedos, reflectance
+from engine.realtime.zonal_harmonics.object_transfer import Reflectance, albedos, reflectance
+from engine.realtime.zonal_harmonics.shading import low_gloss
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene, load_scene
 from tests.scene_text import camera

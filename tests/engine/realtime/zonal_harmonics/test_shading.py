@@ -7,9 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from engine.core.generators import run_to_end
-from engine.realtime.zonal_harmonics.membrane import membrane
 from engine.realtime.zonal_harmonics.shading import band_light, lobes, shade
-from engine.realtime.zonal_harmonics.zonal import Zonal, fit
+from engine.realtime.zonal_harmonics.zonal import Zonal, fit, membrane
 from engine.sphere.harmonics import basis, rotate
 
 N = 6

@@ -10,8 +10,14 @@ from scipy.integrate import quad
 
 from engine.core.frames import local_frames
 from engine.core.generators import run_to_end
-from engine.realtime.zonal_harmonics.subsurface import Medium, Sources, simulate_subsurface, subsurface, vertex_areas
-from engine.realtime.zonal_harmonics.transfer import TransferPoints
+from engine.realtime.zonal_harmonics.transfer import (
+    Medium,
+    Sources,
+    TransferPoints,
+    simulate_subsurface,
+    subsurface,
+    vertex_areas,
+)
 from engine.scene.primitives import sphere
 from engine.scene.raycaster import RayCaster
 from engine.scene.surface_points import surface_points

@@ -15,7 +15,7 @@ from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.precompute.direct.pipeline import SkyState
 from engine.realtime.zonal_harmonics.deform_engine import Deform, finish_deform
-from engine.realtime.zonal_harmonics.heights import PATTERNS
+from engine.realtime.zonal_harmonics.patches import PATTERNS
 from engine.realtime.zonal_harmonics.pose import Deformation
 from engine.realtime.zonal_harmonics.surface_details import heights
 from engine.render.error_colours import error_to_radiance

@@ -15,8 +15,8 @@ import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
 from engine.realtime.zonal_harmonics import posed_scene
-from engine.realtime.zonal_harmonics.animated_pose import animated_pose, sample_clip
 from engine.realtime.zonal_harmonics.pose import Moment, Pose
+from engine.realtime.zonal_harmonics.posed_scene import animated_pose, sample_clip
 from engine.scene.loaders.gltf import GlbModel, read_glb
 from engine.scene.rig import Clip, Track
 from engine.scene.scene_loader import Scene, load_scene

@@ -18,7 +18,7 @@ from engine.material.layer import Layer, make_layer
 from engine.material.layer_maps import LayerMaps
 from engine.material.strokes import Stroke, Strokes
 from engine.precompute.direct.pipeline import SkyState
-from engine.realtime.zonal_harmonics import heights
+from engine.realtime.zonal_harmonics import patches
 from engine.realtime.zonal_harmonics.deform_engine import Deform, finish_deform
 from engine.realtime.zonal_harmonics.pose import Deformation, Poses
 from engine.realtime.zonal_harmonics.wrinkle import N_LOBES, SIDE
@@ -85,7 +85,7 @@ def deform(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Deform]:
     uvs = np.where((scene.object_of_triangle == 1)[:, None, None], scene.uvs * np.float32([-1, 1]), scene.uvs)
     scene = Scene(**{**vars(scene), "uvs": uvs})
     with pytest.MonkeyPatch.context() as monkeypatch:
-        monkeypatch.setitem(heights.PATTERNS, "bumps", partial(heights.bumps, 12))
+        monkeypatch.setitem(patches.PATTERNS, "bumps", partial(patches.bumps, 12))
         monkeypatch.setattr("engine.realtime.zonal_harmonics.object_transfer.wrinkle_lobes", grooves)
         made = Deform(scene, n_points=300, n_rays=32)
         image = np.random.default_rng(2).uniform(0.2, 2.0, (16, 32, 3)).astype(np.float32)

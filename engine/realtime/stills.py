@@ -1,5 +1,4 @@
-"""A path-traced picture of a pose, pass by pass, and its comparison with Deform's own picture and with transfer that
-does not rotate, as three parts of one picture [Sloan05, figure 6]."""
+"""Stills by Orbit's and Deform's methods, and a path-traced picture of a pose to compare with."""
 
 from __future__ import annotations
 
@@ -9,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.precompute.direct.pipeline import Placement, SkyState
-from engine.realtime.zonal_harmonics.deform_engine import LayersOf
+from engine.realtime.core.terms import LayersOf
+from engine.realtime.triple_product.orbit_engine import MOST_BYTES, MOST_SLICE_BYTES, N_COEFFICIENTS, N_POINTS, Orbit
+from engine.realtime.zonal_harmonics.deform_engine import Deform
 from engine.realtime.zonal_harmonics.pose import Poses
 from engine.realtime.zonal_harmonics.posed_scene import pose_scene
 from engine.render.path_tracer import render_paths
@@ -18,8 +19,46 @@ from engine.scene.scene_loader import Scene
 
 Float32Array = NDArray[np.float32]
 
+_DRAWING = 0.97  # progress when drawing begins
 N_PASSES, N_SAMPLES = 32, 4  # passes of so many paths a pixel each
 _MISSING = 0.2  # brightness of the own picture where no paths have arrived yet
+
+
+def render_orbit(
+    placement: Placement,
+    layers_of: LayersOf,
+    sky: SkyState,
+    n_patches: int,
+    n_points: int = N_POINTS,
+    n_coefficients: int = N_COEFFICIENTS,
+    n_bounces: int = 1,
+    most_bytes: int = MOST_BYTES,
+    most_slice_bytes: int = MOST_SLICE_BYTES,
+) -> Generator[StillProgress, None, Float32Array]:
+    """Render radiance (H, W, 3) after up to n_bounces reflections, as Orbit shows it at rest; yield the progress.
+
+    layers_of: the layers of each object, by its index; most_bytes and most_slice_bytes: limits for the points' data and
+    for the slices, see `Orbit`.
+    """
+    orbit = Orbit(placement.scene, placement.caster, n_points, n_coefficients, n_patches, most_bytes, most_slice_bytes)
+    orbit.set_light(sky)
+    orbit.set_layers(layers_of)
+    orbit.set_bounces(n_bounces)
+    camera, resolution = placement.scene.description.camera, placement.hits.resolution
+    for step in orbit.work():
+        yield StillProgress(_DRAWING * step.fraction, step.text)
+    picture = orbit.draw(camera, resolution, "still")
+    if not orbit.is_done:  # the picture shows the backs of some objects
+        for step in orbit.work():
+            yield StillProgress(_DRAWING * step.fraction, step.text)
+        picture = orbit.draw(camera, resolution, "still")
+    return picture
+
+
+def render_deform(deform: Deform, resolution: tuple[int, int]) -> Generator[StillProgress, None, Float32Array]:
+    """Render radiance (H, W, 3) of a scene as Deform shows it at rest; yields the progress."""
+    yield from deform.work()
+    return deform.draw(deform.scene.description.camera, resolution, (), "rest")
 
 
 class PathReference:

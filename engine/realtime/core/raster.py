@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from engine.core.camera import camera_frame
 from engine.core.threads import even_parts, n_threads, on_threads
-from engine.realtime.zonal_harmonics import _raster_kernels as kernels
+from engine.realtime.core import _raster_kernels as kernels
 from engine.scene.description import CameraDescription
 
 Float64Array = NDArray[np.float64]

@@ -2,7 +2,7 @@
 
 A pixel's ray is linear in column and row. So are the barycentric coordinates of a triangle along it, divided by the
 distance: homogeneous rasterization needs no division, and no clipping where a triangle extends behind the camera
-[Olano97]. Kernels never validate: `engine.realtime.zonal_harmonics.raster` does.
+[Olano97]. Kernels never validate: `engine.realtime.core.raster` does.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from engine.core._latlong_kernels import between_texels, texels_around
 from engine.core.fast_math import FAST
 
 Float64Array = NDArray[np.float64]
@@ -121,25 +122,17 @@ def paint_rows(
 
     sides (T, 2, 3): a triangle's points on either side, -1 for none; front (T,): positive if seen from the front.
     """
-    height, width = sky.shape[0], sky.shape[1]
     for row in range(start, stop):
         for column in range(found.shape[1]):
             t, x, y = found[row, column], column + 0.5, row + 0.5
             if t < 0:
-                # Background: the pixel's direction to latitude and longitude, then bilinear interpolation.
+                # Background.
                 dx = plane[0, 0] + x * plane[1, 0] + y * plane[2, 0]
                 dy = plane[0, 1] + x * plane[1, 1] + y * plane[2, 1]
                 dz = plane[0, 2] + x * plane[1, 2] + y * plane[2, 2]
-                theta, phi = np.arctan2(np.sqrt(dx * dx + dz * dz), dy), np.arctan2(dx, -dz) + turn
-                u = (phi / (2.0 * np.pi) + 0.5) * width - 0.5
-                v = min(max(theta / np.pi * height - 0.5, 0.0), height - 1.0)
-                top, left = int(np.floor(v)), int(np.floor(u))
-                down, right = np.float32(v - top), np.float32(u - left)
-                bottom, after, left = min(top + 1, height - 1), (left + 1) % width, left % width
+                around = texels_around(sky, dx, dy, dz, turn)
                 for i in range(3):
-                    upper = sky[top, left, i] + right * (sky[top, after, i] - sky[top, left, i])
-                    lower = sky[bottom, left, i] + right * (sky[bottom, after, i] - sky[bottom, left, i])
-                    picture[row, column, i] = np.float32(scale) * (upper + down * (lower - upper))
+                    picture[row, column, i] = np.float32(scale) * between_texels(sky, around, i)
                 continue
             # Emission is visible from the front only.
             side, m = 0 if front[t] > 0.0 else 1, i_object[t]
