@@ -6,9 +6,9 @@ look-up. The lobes rotate, not the light, so the table serves every point of eve
 
 **Gloss** is a lobe about the mean direction of the light that a layer reflects. For each polar angle of wo, the
 reflection is taken to be symmetric about that direction, and n of its bands are stored, changed as little as necessary
-for the lobe to have no rings (`engine.sphere.harmonics.without_rings`): with n = 6 it is at least about 33 degrees wide. The error
-for sharper lobes is known, and reported. The share of light that is blocked is taken to be that of a Lambertian
-surface.
+for the lobe to have no rings (`engine.sphere.harmonics.without_rings`): with n = 6 it is at least about 33 degrees
+wide. The error for sharper lobes is known, and reported. The share of light that is blocked is taken to be that of a
+Lambertian surface.
 
 **Soft shadows** of bending objects on all others while they move: a few flat ellipsoids approximate a surface. A
 cluster of triangles blocks the light of a cone about the direction of its centre, as wide as its outline seen from the
