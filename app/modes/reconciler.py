@@ -29,7 +29,7 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Generic, Literal, TypeVar
 
 Desired = TypeVar("Desired")
@@ -175,6 +175,14 @@ class Reconciler(Generic[Desired, Ready]):
         self.lose()
         self._refused = None
         self._void_ready()
+
+    def revise(self, change: Callable[[Desired], Desired]) -> None:
+        """Describe all states differently from now on: the worker has decided what was left to it."""
+        self.desired = None if self.desired is None else change(self.desired)
+        self.ready_for = None if self.ready_for is None else change(self.ready_for)
+        self._refused = None if self._refused is None else change(self._refused)
+        if self.requested is not None:
+            self.requested = replace(self.requested, desired=change(self.requested.desired))
 
     def lose(self) -> None:
         """What is under way will not be answered: it was cancelled, or its worker has died."""

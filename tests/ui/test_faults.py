@@ -107,7 +107,7 @@ ELSEWHERE = {"menus": menus, "status bar": status_bar, "dialogs": file_dialog, "
 FAULTS: dict[str, Callable[[Holding, pytest.MonkeyPatch], None]] = {
     "what is asked": lambda h, patch: patch.setattr(h.editor.controller._transport, "update", broken),
     "the comparison": lambda h, patch: patch.setattr(h.editor.controller._comparison, "update", broken),
-    "an answer": lambda h, patch: patch.setattr(h.editor.controller._transport, "receive_picture", broken),
+    "an answer": lambda h, patch: patch.setattr(h.editor.controller._transport.contractions, "receive_picture", broken),
     "the poll": lambda h, patch: patch.setattr(h.editor._client, "poll", broken),
     "the renderer's layer": lambda h, patch: patch.setattr(h.feed.source.renderer, "set_layer_gain", broken),
     "the renderer's update": lambda h, patch: patch.setattr(h.feed.source.renderer, "update", broken),

@@ -28,11 +28,12 @@ from app.document.document import Document
 from app.document.scene_state import LayerState, layer_state
 from app.messages.picture_events import PictureEvent
 from app.messages.worker_messages import Request
+from app.modes.placement.contraction_controller import CONTRACT_PATIENCE
 from app.modes.placement.curves import Coefficients, Curves, Float64Array, view_curve_of
 from app.modes.placement.desired_state import same_coefficients
 from app.modes.placement.placement_events import ComparisonRefined, LayerAppearance
 from app.modes.placement.placement_messages import ContractTransport, LayerPicture
-from app.modes.placement.transport_controller import CONTRACT_PATIENCE, TransportController
+from app.modes.placement.transport_controller import TransportController
 from engine.material.layer import Layer
 from engine.material.layer_maps import LayerMaps
 from engine.planner import RenderSettings

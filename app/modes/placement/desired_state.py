@@ -64,17 +64,18 @@ def transport_shape(state: LayerState, coefficients: Coefficients) -> TransportS
 
 @dataclass(frozen=True)
 class DesiredTransport:
-    """All that transport depends on: equal values have equal transport."""
+    """All that transport depends on: equal values have equal transport. is_drag: a quick picture of a dragged light."""
 
     light: LightState
     layers: tuple[TransportShape, ...]
     emission: Emission = ()
     settings: RenderSettings = RenderSettings()
+    is_drag: bool = False
 
     def moved_from(self, other: DesiredTransport) -> bool:
         """Whether only the environment's rotation differs, or what emitters emit."""
         light = replace(self.light, rotation=other.light.rotation)
-        stayed = replace(self, light=light, emission=other.emission, layers=other.layers)
+        stayed = replace(self, light=light, emission=other.emission, layers=other.layers, is_drag=other.is_drag)
         return stayed == other and not self.lights_like(other)
 
     def lights_like(self, other: DesiredTransport) -> bool:
@@ -154,15 +155,6 @@ class ReadyCurve:
     factor: str
     stage: str
     precision: Precision
-
-
-@dataclass
-class PendingContraction:
-    """A contraction under way."""
-
-    id: int
-    desired: DesiredCurve
-    sent_at: float
 
 
 def desired_transport(document: Document, settings: RenderSettings, curves: Curves) -> DesiredTransport:

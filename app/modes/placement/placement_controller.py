@@ -279,7 +279,7 @@ class PlacementController(ModeController):
     @property
     def awaits_response(self) -> bool:
         """Whether a curve's transport, a layer's picture or frozen light is due at any moment."""
-        return self._transport.awaits_contraction or self.indirect.awaits_frozen
+        return self._transport.contractions.is_under_way or self.indirect.awaits_frozen
 
     @property
     def is_running(self) -> bool:
@@ -343,7 +343,7 @@ class PlacementController(ModeController):
         for key in self.edited_layers if report.exact else ():
             wanted = self.drawn_coefficients(key)
             if factor in wanted:
-                self._transport.rendered(key, factor, wanted[factor])
+                self._transport.contractions.rendered(key, factor, wanted[factor])
                 self._changeover.rendered(key, factor, wanted[factor])
 
     def status(self, status: Status) -> PlacementStatus:
@@ -474,7 +474,7 @@ class PlacementController(ModeController):
                 return []
             case LayerPicture():
                 self._changeover.receive_radiance(self._take_radiance(response))
-            case LayerTransport() if self._transport.receive_transport(
+            case LayerTransport() if self._transport.contractions.receive_transport(
                 response, self._document, self._services.view.selected
             ):
                 self._picture_changed()
@@ -488,7 +488,7 @@ class PlacementController(ModeController):
         controller = self._transport
         if controller.requested_light is not None:
             self._accepted_light.accept(controller.requested_light)
-        made_with = controller.receive_picture(response)
+        made_with = controller.contractions.receive_picture(response)
         self._picture_changed()
         footprint, look = self._footprints.get(response.stage), controller.picture_identity(response.key)
         return LayerRadiance(response.key, response.stage, response.radiance, made_with, footprint, look)
