@@ -58,6 +58,7 @@ class BrdfFeed:
         self._tone_mapping: ToneMapping = "filmic"
         self._stack = BrdfStack(self._passes, self._memory, tables.tables)
         self._sphere: LitSphere | None = None
+        self._retired: LitSphere | None = None
         self._slice: brdf_views.Slice | None = None
         self._albedo: brdf_views.AlbedoShares | None = None
         self._drawn_inputs: dict[Part, tuple[object, ...]] = {}
@@ -74,6 +75,9 @@ class BrdfFeed:
 
         `surface_at` returns the point of the selected object that a pixel (column, row) of the picture sees.
         """
+        if self._retired is not None:
+            self._retired.release()
+            self._retired = None
         self._surface_at, self._tone_mapping = surface_at, self._view.follow(editor.view.tone_mapping)
         layers = shown_layers(editor.document, editor.view)
         self._want_tables(editor, layers)
@@ -99,7 +103,7 @@ class BrdfFeed:
 
     def close(self) -> None:
         """Free GL objects."""
-        for thing in (self._sphere, self._slice, self._albedo, self._stack, self._passes):
+        for thing in (self._retired, self._sphere, self._slice, self._albedo, self._stack, self._passes):
             if thing is not None:
                 thing.release()
 
@@ -172,8 +176,7 @@ class BrdfFeed:
         """Draw some rows of the sphere. A step under way is finished, even with other curves, so that one is shown."""
         side, question = self._board.sphere_side, self._inputs_of("sphere", self._stack.layers, view)
         if self._sphere is None or self._sphere.side != side:
-            if self._sphere is not None:
-                self._sphere.release()
+            self._retired = self._sphere  # this frame's panels show it
             self._sphere, self._begun_for["sphere"] = LitSphere(self._passes, self._memory, side), question
             self._board.sphere = None
         elif self._begun_for["sphere"] != question and not self._sphere.is_within_step:

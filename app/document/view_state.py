@@ -13,6 +13,7 @@ from typing import Any, Literal, NamedTuple
 from app.document.document import Document, Selection
 from engine.core.colour import ToneMapping
 from engine.core.errors import InsituError
+from engine.material.parameters import Parameter
 from engine.planner import N_PATCHES, Precision
 from engine.scene.description import Camera, SceneDescription
 
@@ -174,13 +175,25 @@ def channels_of(channel: Channel) -> tuple[bool, bool, bool]:
     return red, green, blue
 
 
+FRAME_BUDGET = Parameter(
+    "frame_budget_ms",
+    "scalar",
+    16.0,
+    "Frame time",
+    "Time for each frame while a curve is dragged. Less is smoother and coarser; the finished picture is exact either "
+    "way.",
+    minimum=2.0,
+    maximum=200.0,
+    logarithmic=True,
+    form="%.0f ms",
+)
 VIEW_FIELDS = frozenset(f.name for f in fields(ViewState))
 LIMITS: dict[str, tuple[float, float]] = {
     "exposure": (-20.0, 20.0),
     "compare_divider": (0.0, 1.0),
     "zoom": (0.05, 64.0),
     "lobe_angle": (0.0, 1.55),
-    "frame_budget_ms": (2.0, 200.0),
+    "frame_budget_ms": FRAME_BUDGET.limits,
     "n_lights": (20, 20000),
     "n_patches": (20, 20000),
     "n_bounces": (1, 8),

@@ -18,7 +18,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, PlainValidator, StrictInt, StrictStr, ValidationError, field_validator, model_validator
 
-from app.document.commands.light import MAX_INTENSITY, check_light
+from app.document.commands.light import INTENSITY, check_light
 from app.document.commands.poses import MAX_DEFORMERS
 from app.document.commands.series import FirstBands
 from app.document.document import Document, LightState, ObjectState, Selection, all_factors
@@ -110,7 +110,7 @@ class LightRecord(StrictModel):
     environment: PathText
     mapping: Literal["latlong", "angular"] = "latlong"
     rotation: Number = 0.0
-    intensity: Annotated[Number, Field(ge=0.0, le=MAX_INTENSITY)] = 1.0
+    intensity: Annotated[Number, Field(ge=0.0, le=INTENSITY.maximum)] = 1.0
     radiance: Radiance | None = None
 
 

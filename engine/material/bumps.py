@@ -13,17 +13,51 @@ its shadows. So transport depends on it, and visibility does not.
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from engine.material.layer_maps import MAX_NAME, MAX_REPEATS, TextureTransform, Wrap, offset_value, wrap_value
-from engine.material.parameters import ParameterError
+from engine.material.layer_maps import (
+    LEAST_REPEATS,
+    MAX_REPEATS,
+    TextureTransform,
+    Wrap,
+    image_file_name,
+    offset_value,
+    wrap_value,
+)
+from engine.material.parameters import Parameter, ParameterError
 
-MAX_STRENGTH = 10.0
-MAX_HEIGHT = 1e3
 DEFAULT_HEIGHT = 0.01
+BUMP_STRENGTH = Parameter(
+    "bump_strength",
+    "scalar",
+    1.0,
+    "Bump strength",
+    "Strength of the bumps: 1 as in the image, 0 flat. Shown when idle.",
+    maximum=10.0,
+)
+BUMP_HEIGHT = Parameter(
+    "bump_height",
+    "scalar",
+    DEFAULT_HEIGHT,
+    "Height",
+    "Metres between black and white; below 0 the image is pressed in.",
+    minimum=-1e3,
+    maximum=1e3,
+    step=0.0,
+    form="%.4g m",
+)
+BUMP_REPEATS = Parameter(
+    "bump_repeats",
+    "pair",
+    (1.0, 1.0),
+    "Repeats",
+    "How often the image repeats along u, across, and v, upwards; below 0 it is mirrored.",
+    minimum=-MAX_REPEATS,
+    maximum=MAX_REPEATS,
+    least=LEAST_REPEATS,
+)
 
 
 @dataclass(frozen=True)
@@ -148,42 +182,12 @@ _KEYS = {
 }  # fmt: skip
 
 
-def _file_name(name: str, value: object) -> str:
-    if isinstance(value, str) and len(value) <= MAX_NAME and value.isprintable():
-        return value
-    raise ParameterError(name, value, "the name of an image (PNG, JPEG or EXR), or nothing")
-
-
-def _number(low: float, high: float) -> Callable[[str, object], float]:
-    def accepted(name: str, value: object) -> float:
-        if _is_number(value) and low <= float(value) <= high:  # type: ignore[arg-type]
-            return float(value)  # type: ignore[arg-type]
-        raise ParameterError(name, value, f"a number from {low:g} to {high:g}")
-
-    return accepted
-
-
-def _repeats(name: str, value: object) -> tuple[float, float]:
-    pair = [value, value] if _is_number(value) else value
-    if isinstance(pair, (list, tuple)) and len(pair) == 2 and all(map(_is_repeat, pair)):
-        return float(pair[0]), float(pair[1])
-    raise ParameterError(name, value, f"a number or two from {-MAX_REPEATS:g} to {MAX_REPEATS:g}, none 0")
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
-
-
-def _is_repeat(value: object) -> bool:
-    return _is_number(value) and 1e-3 <= abs(value) <= MAX_REPEATS  # type: ignore[arg-type]
-
-
 _ACCEPTED: dict[str, Callable[[str, object], Any]] = {
-    "normal_map": _file_name,
-    "bump_map": _file_name,
-    "bump_strength": _number(0.0, MAX_STRENGTH),
-    "bump_height": _number(-MAX_HEIGHT, MAX_HEIGHT),
-    "bump_repeats": _repeats,
+    "normal_map": image_file_name,
+    "bump_map": image_file_name,
+    "bump_strength": lambda name, value: BUMP_STRENGTH.accept(value),
+    "bump_height": lambda name, value: BUMP_HEIGHT.accept(value),
+    "bump_repeats": lambda name, value: BUMP_REPEATS.accept(value),
     "bump_offset": offset_value,
     "bump_wrap": wrap_value,
 }

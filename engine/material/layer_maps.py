@@ -23,15 +23,39 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.material.parameters import ParameterError
+from engine.material.parameters import Parameter, ParameterError
 from engine.material.strokes import Strokes, stroke_values, strokes_from
 
 Space = Literal["", "srgb", "linear"]
 SPACES: tuple[Space, ...] = ("", "srgb", "linear")
 Wrap = Literal["repeat", "mirror", "clamp"]
 WRAPS: tuple[Wrap, ...] = get_args(Wrap)
-MAX_REPEATS = 1000.0
+MAX_REPEATS, LEAST_REPEATS = 1000.0, 1e-3
 MAX_NAME = 4096
+TEXTURE_STRENGTH = Parameter(
+    "texture_strength", "scalar", 1.0, "Strength", "Strength of the texture: 1 is all of it, 0 the plain layer."
+)
+TEXTURE_SCALE = Parameter(
+    "texture_scale",
+    "pair",
+    (1.0, 1.0),
+    "Repeats",
+    "How often the texture repeats along u, across, and v, upwards; below 0 it is mirrored.",
+    minimum=-MAX_REPEATS,
+    maximum=MAX_REPEATS,
+    least=LEAST_REPEATS,
+)
+TEXTURE_SPACE = Parameter(
+    "texture_space",
+    "choice",
+    "",
+    "Colour space",
+    "Colour space of the file: sRGB is meant for a screen, linear is proportional to reflectance. Auto: as files of "
+    "this kind usually are, sRGB with 8 bits per channel, else linear.",
+    choices=SPACES,
+    titles=("Auto", "sRGB", "Linear"),
+)
+WEIGHT_START = Parameter("weight_start", "scalar", 1.0, "Start", "The share of the layer where nothing is painted.")
 
 
 def split_image_name(name: str) -> tuple[str, str | None]:
@@ -197,7 +221,8 @@ def map_values(maps: LayerMaps) -> dict[str, Any]:
     return found | {"strokes": stroke_values(maps.strokes)} if maps.strokes else found
 
 
-def _file_name(name: str, value: object) -> str:
+def image_file_name(name: str, value: object) -> str:
+    """The name of an image, "" for none. Raises ParameterError."""
     if isinstance(value, str) and len(value) <= MAX_NAME and value.isprintable():
         return value
     raise ParameterError(name, value, "the name of an image (PNG, JPEG or EXR), or nothing")
@@ -208,13 +233,6 @@ def _space(name: str, value: object) -> Space:
         if value == space:
             return space
     raise ParameterError(name, value, '"srgb" or "linear"')
-
-
-def _scale(name: str, value: object) -> tuple[float, float]:
-    pair = [value, value] if _is_number(value) else value
-    if isinstance(pair, (list, tuple)) and len(pair) == 2 and all(map(_is_repeat, pair)):
-        return float(pair[0]), float(pair[1])
-    raise ParameterError(name, value, f"a number or two from {-MAX_REPEATS:g} to {MAX_REPEATS:g}, none 0")
 
 
 def offset_value(name: str, value: object) -> tuple[float, float]:
@@ -242,12 +260,6 @@ def _rotation(name: str, value: object) -> float:
     raise ParameterError(name, value, "degrees from -360 to 360")
 
 
-def _strength(name: str, value: object) -> float:
-    if _is_number(value) and 0.0 <= float(value) <= 1.0:  # type: ignore[arg-type]
-        return float(value)  # type: ignore[arg-type]
-    raise ParameterError(name, value, "a number from 0 to 1")
-
-
 def _flag(name: str, value: object) -> bool:
     if isinstance(value, bool):
         return value
@@ -258,20 +270,16 @@ def _is_number(value: object) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
 
 
-def _is_repeat(value: object) -> bool:
-    return _is_number(value) and 1e-3 <= abs(value) <= MAX_REPEATS  # type: ignore[arg-type]
-
-
 _ACCEPTED = {
-    "texture": _file_name,
+    "texture": image_file_name,
     "texture_space": _space,
-    "texture_scale": _scale,
+    "texture_scale": lambda name, value: TEXTURE_SCALE.accept(value),
     "texture_offset": offset_value,
     "texture_rotation": _rotation,
     "texture_wrap": wrap_value,
-    "texture_strength": _strength,
-    "weight": _file_name,
+    "texture_strength": lambda name, value: TEXTURE_STRENGTH.accept(value),
+    "weight": image_file_name,
     "weight_invert": _flag,
-    "weight_start": _strength,
+    "weight_start": lambda name, value: WEIGHT_START.accept(value),
     "strokes": lambda name, value: strokes_from(value),
 }

@@ -1,6 +1,7 @@
-"""Parameters of models: one table defines sliders, the validation of files and the command line.
+"""Parameters: one declaration of a number, colour or choice defines its control, its tooltip, and what files accept.
 
-A range is both that of a slider and that of files.
+A parameter is declared once, beside what it sets: those of reflection models in their files, those of the document in
+`app.document.commands`, those of the view in `app.document.view_state`. `ui.panels.rows` draws them.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import numpy as np
 from engine.core.errors import InsituError
 from engine.measured.measurement import Measurement
 
-Value = float | tuple[float, float, float] | str | Measurement
+Value = float | tuple[float, float] | tuple[float, float, float] | str | Measurement
 Drive = Literal["A", "B", "o", "scale", "quotient"]
 
 
@@ -30,24 +31,52 @@ class ParameterError(InsituError, ValueError):
 
 @dataclass(frozen=True)
 class Parameter:
-    """A user-controlled variable. `drives` names the parts of eq. 3.1 that change with it.
+    """A user-controlled variable, of a model or of anything else that a panel edits.
 
-    A parameter that drives "quotient" changes the curve at once and the transport when the user is idle. `power` is the
-    exponent with which a visible size, such as the width of a highlight, depends on it: -1/2 for an exponent.
+    kind: "pair" are two numbers, along u and along v. label and tooltip: its name and effect, for the user. drives: the
+    parts of eq. 3.1 that change with a model's parameter; one that drives "quotient" changes the curve at once and the
+    transport when the user is idle. minimum, maximum: the accepted range; soft: that of its slider, where it is
+    narrower; least: the least absolute value, where 0 makes no sense. unit: shown after the number. logarithmic:
+    perceived by ratio. power: the exponent with which a visible size, such as the width of a highlight, depends on it:
+    -1/2 for an exponent. choices: with `titles` in place of their names. step: change per pixel of a drag of a number,
+    0 in proportion to the number; None for one with a slider. form: a printf format of the number with its unit, "" for
+    one by its range.
     """
 
     name: str
-    kind: Literal["scalar", "rgb", "choice", "file"]
+    kind: Literal["scalar", "rgb", "pair", "choice", "file"]
     default: Value
     label: str
     tooltip: str
-    drives: tuple[Drive, ...]
+    drives: tuple[Drive, ...] = ()
     minimum: float = 0.0
     maximum: float = 1.0
     unit: str = ""
     logarithmic: bool = False
     power: float = 1.0
     choices: tuple[str, ...] = ()
+    titles: tuple[str, ...] = ()
+    soft: tuple[float, float] | None = None
+    step: float | None = None
+    least: float = 0.0
+    form: str = ""
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """The range of its control."""
+        return self.soft or (self.minimum, self.maximum)
+
+    @property
+    def number_format(self) -> str:
+        """A printf format with as many digits as the range requires, and the unit."""
+        digits = "%.4g" if self.logarithmic or self.maximum > 10.0 else "%.3f"
+        return self.form or f"{digits} {self.unit}".rstrip().replace(" °", "°")
+
+    def title_of(self, choice: str) -> str:
+        """A choice as it is shown; without a title, short ones are upper-case abbreviations."""
+        if self.titles:
+            return self.titles[self.choices.index(choice)]
+        return choice.upper() if len(choice) <= 3 else choice.capitalize()
 
     @property
     def expected(self) -> str:
@@ -56,12 +85,12 @@ class Parameter:
             return "the name of a file with a measured BRDF"
         if self.kind == "choice":
             return " or ".join(f'"{choice}"' for choice in self.choices)
-        numbers = "a number" if self.kind == "scalar" else "a number or three"
-        return f"{numbers} from {self.minimum:g} to {self.maximum:g}"
+        numbers = {"scalar": "a number", "pair": "a number or two", "rgb": "a number or three"}[self.kind]
+        return f"{numbers} from {self.minimum:g} to {self.maximum:g}{', none 0' if self.least else ''}"
 
     def accept(self, value: object) -> Value:
-        """The value in its plain form: float, triple of floats (one number is used for three), choice or measurement
-        (from a name: one that has not been read).
+        """The value in its plain form: float, pair or triple of floats (one number is used for all), choice or
+        measurement (from a name: one that has not been read).
 
         Raises ParameterError for anything else, anything out of range, and anything not finite.
         """
@@ -73,16 +102,20 @@ class Parameter:
             if value not in self.choices:
                 raise ParameterError(self.name, value, self.expected)
             return str(value)
-        numbers = value if self.kind == "rgb" and isinstance(value, (list, tuple, np.ndarray)) else [value]
-        if len(numbers) not in (1, 3) or not all(map(self._in_range, numbers)):
+        count = {"scalar": 1, "pair": 2, "rgb": 3}[self.kind]
+        numbers = value if count > 1 and isinstance(value, (list, tuple, np.ndarray)) else [value]
+        if len(numbers) not in (1, count) or not all(map(self._in_range, numbers)):
             raise ParameterError(self.name, value, self.expected)
         plain = [float(cast(float, number)) for number in numbers]
-        return plain[0] if self.kind == "scalar" else (plain[0], plain[len(plain) // 2], plain[-1])
+        if count == 1:
+            return plain[0]
+        return (plain[0], plain[-1]) if count == 2 else (plain[0], plain[len(plain) // 2], plain[-1])
 
     def _in_range(self, number: object) -> bool:
         if not isinstance(number, (int, float, np.integer, np.floating)) or isinstance(number, bool):
             return False
-        return bool(self.minimum <= number <= self.maximum)  # false for NaN too
+        plain = float(number)
+        return self.minimum <= plain <= self.maximum and abs(plain) >= self.least  # false for NaN too
 
 
 ETA = Parameter(

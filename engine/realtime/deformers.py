@@ -12,6 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.material.parameters import Parameter
+
 Float64Array = NDArray[np.float64]
 Move = Callable[[Float64Array, float], tuple[Float64Array, Float64Array]]
 
@@ -32,6 +34,16 @@ class DeformerKind(NamedTuple):
     limits: tuple[float, float]
     move: Move
     grip: tuple[float, float]
+
+    @property
+    def amount(self) -> Parameter:
+        """The amount as a panel shows it: an angle as a number, because two turns are too much for a slider, of which a
+        few pixels would be a right angle."""
+        (low, high), is_angle = self.limits, self.unit == "degrees"
+        return Parameter(
+            "amount", "scalar", 0.0, self.title, "Amount; 0 leaves the object undeformed.", minimum=low, maximum=high,
+            step=0.5 if is_angle else None, form="%.1f°" if is_angle else "%.3f",
+        )  # fmt: skip
 
 
 def bend(points: Float64Array, degrees: float) -> tuple[Float64Array, Float64Array]:

@@ -14,10 +14,22 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.core.camera import camera_frame, pixel_directions, unit
+from engine.material.parameters import Parameter
 from engine.scene.description import MAX_COORDINATE, Camera
 
 FILM_HEIGHT = 24.0  # millimetres
 LEAST_FOV, LARGEST_FOV = 0.01, 179.0
+FOCAL_LENGTH = Parameter(
+    "focal_length",
+    "scalar",
+    35.0,
+    "Lens",
+    "Focal length on film of 36 x 24 mm, whose 24 mm are the picture's height. The camera stays where it is.",
+    minimum=4.0,
+    maximum=1200.0,
+    unit="mm",
+    logarithmic=True,
+)
 MOST_ELEVATION = math.radians(89.99)
 # A camera is level if its right vector is at most this far off the horizontal (a sine); if its up is further from Y
 # than the second value, it orbits about its own axis.

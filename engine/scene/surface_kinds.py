@@ -150,6 +150,10 @@ def _slider(
     return Parameter(name, "scalar", default, label, tooltip, (), low, high, unit, is_wide)
 
 
+def _pair_of(name: str, default: float, label: str, tooltip: str, high: float, low: float) -> Parameter:
+    return Parameter(name, "pair", (default, default), label, tooltip, (), low, high)
+
+
 def _choice(name: str, label: str, tooltip: str, choices: tuple[str, ...]) -> Parameter:
     return Parameter(name, "choice", choices[0], label, tooltip, (), choices=choices)
 
@@ -178,7 +182,7 @@ SURFACES: Mapping[str, SurfaceKind] = {
         "Detail that repeats over the surface and shades itself, as a texture of transfer.",
         (
             _choice("kind", "Pattern", "What is repeated.", get_args(PATTERNS)),
-            _slider("repeats", 8.0, "Repeats", _REPEATS, 100.0, 1.0, is_wide=True),
+            _pair_of("repeats", 8.0, "Repeats", _REPEATS, 100.0, 1.0),
             _slider("height", 1.0, "Height", "Factor of the pattern's heights.", 10.0, 0.01, is_wide=True),
         ),
     ),

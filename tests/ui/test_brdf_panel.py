@@ -96,6 +96,15 @@ def test_sphere_and_plots_follow_the_curve(window: HeadlessWindow) -> None:
     assert settled(window).lobe.values == pytest.approx(lobe.values)
 
 
+def test_a_panel_of_another_height_shows_a_sphere_of_its_own_in_every_frame(window: HeadlessWindow) -> None:
+    board = settled(window)
+    side = board.sphere_side
+    for height in (440, 600):
+        window.resize((960, height))
+        window.frames(12)  # a texture that this frame's panels draw must not be freed before they are drawn
+    assert board.sphere_side == side and settled(window).sphere is not None
+
+
 def test_the_light_of_the_lobe_is_dragged(window: HeadlessWindow) -> None:
     settled(window)
     x, y = window.shell.handle_position("brdf.light")

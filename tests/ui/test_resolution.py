@@ -126,7 +126,7 @@ def test_a_side_is_typed_and_one_out_of_range_is_said(window: HeadlessWindow) ->
         window.key(imgui.Key.enter)
         assert shell.state.resolution == expected
     assert shell.state.message is not None
-    assert shell.state.message.text == "width = 99999, expected 1 to 16384; nothing was changed"
+    assert shell.state.message.text == "Width = 99999, expected 1 to 16384; nothing was changed"
 
 
 def test_more_than_the_memory_is_refused_before_anything_is_done(

@@ -8,21 +8,23 @@ of a frame and the worker's progress are shown in each mode; what is between the
 
 from __future__ import annotations
 
+from functools import partial
+from typing import Any
+
 from imgui_bundle import ImVec2, imgui
 
 from app.document.effective_settings import effective_view, override_lines_of
 from app.document.pareto_front import FrontPoint, ParetoFront, load_front
-from app.document.view_state import SetView
+from app.document.view_state import FRAME_BUDGET, SetView
 from app.messages.editor_status import Status, duration
 from app.system.lazy_import import import_named
 from engine.render.picture_error import ErrorEstimate, percent
 from ui import theme as look
-from ui.panels import history_plot, number_fields, widgets
+from ui.panels import history_plot, number_fields, rows, widgets
 from ui.panels.actions import Action, BeginDrag, EndDrag, RunOperator
 from ui.panels.context import PanelContext
 from ui.theme import Icon
 
-LEAST_BUDGET, LARGEST_BUDGET = 2.0, 200.0
 GAP, SLIDER_SHARE = 4.0, 0.68
 # The width that the slider with its labels and the frame time need side by side.
 TRADE_WIDTH = 152.0
@@ -57,7 +59,13 @@ def _trade(context: PanelContext) -> list[Action]:
         imgui.set_next_item_width((1.0 - SLIDER_SHARE) * (room - gap))
     else:
         imgui.set_next_item_width(room)
-    return actions + _budget(context)
+    make, own = partial(_set_view, "frame_budget_ms"), FRAME_BUDGET.default
+    budget = rows.Row(FRAME_BUDGET, context.view.frame_budget_ms, make, "accuracy.frame_time", own, drag=None)
+    return actions + rows.control(context, budget)
+
+
+def _set_view(name: str, value: Any) -> SetView:
+    return SetView.of(**{name: value})
 
 
 def _slider(context: PanelContext) -> list[Action]:
@@ -79,16 +87,6 @@ def _slider(context: PanelContext) -> list[Action]:
 def expected(table: ParetoFront, stop: FrontPoint, resolution: tuple[int, int]) -> str:
     """The error and time to expect of a stop, for a picture of (width, height) pixels, in words."""
     return f"{percent(stop.error)} · {duration(table.seconds(stop, resolution[0] * resolution[1]))}"
-
-
-def _budget(context: PanelContext) -> list[Action]:
-    hand, moved = number_fields.slider(
-        context, "budget", context.view.frame_budget_ms, LEAST_BUDGET, LARGEST_BUDGET, "%.0f ms", True,
-        handle="accuracy.frame_time", title="frame time",
-    )  # fmt: skip
-    widgets.tooltip("Time for each frame while a curve is dragged. Less is smoother and coarser; the finished "
-                    "picture is exact either way.")  # fmt: skip
-    return [SetView.of(frame_budget_ms=moved)] if hand.changed else []
 
 
 def _work(context: PanelContext) -> list[Action]:

@@ -109,7 +109,7 @@ def _choice(context: PanelContext) -> list[Action]:
         actions.append(SetView.of(brdf_plot=BRDF_PLOTS[pressed]))
     hint = "All visible layers of the object together; off: the selected layer alone."
     widgets.same_line_at_right(widgets.segments_width(context, ["All"], 34.0))
-    if widgets.segments(context, "brdf.whole", [("All", hint)], 0 if view.brdf_whole else -1, least=34) == 0:
+    if widgets.switch(context, "brdf.whole", "All", hint, view.brdf_whole, 34.0):
         actions.append(SetView.of(brdf_whole=not view.brdf_whole))
     return actions
 
@@ -249,14 +249,14 @@ def _plane(context: PanelContext, place: ImVec2, size: ImVec2) -> list[Action]:
     actions: list[Action] = []
     if view.brdf_plot == "lobe":
         hint = "Logarithmic radius, four decades: shows the faint skirts beside the highlight."
-        if widgets.segments(context, "brdf.log", [("log", hint)], 0 if view.lobe_log else -1, least=28) == 0:
+        if widgets.switch(context, "brdf.log", "log", hint, view.lobe_log, 28.0):
             actions.append(SetView.of(lobe_log=not view.lobe_log))
         imgui.same_line(0.0, context.px(3))
         actions += _pick(context)
     if is_anisotropic(context):
         hint = "The plane across the tangent; off: along it, around a vessel."
         imgui.set_cursor_screen_pos(ImVec2(place.x + size.x - context.px(55), place.y + context.px(5)))
-        if widgets.segments(context, "brdf.across", [("across", hint)], 0 if view.brdf_across else -1, least=50) == 0:
+        if widgets.switch(context, "brdf.across", "across", hint, view.brdf_across, 50.0):
             actions.append(SetView.of(brdf_across=not view.brdf_across))
     imgui.pop_style_var()
     imgui.pop_font()
@@ -270,7 +270,7 @@ def _pick(context: PanelContext) -> list[Action]:
         "Show the lobe on the surface: then click a point of the picture. Alt-click does both, and Alt-drag moves it. "
         "It shows which light around that point the layer reflects to the camera."
     )
-    if widgets.segments(context, "brdf.pick", [("pick", hint)], 0 if on else -1, least=30) != 0:
+    if not widgets.switch(context, "brdf.pick", "pick", hint, on):
         return []
     return [SetPanel({"picks_lobe": not on}), SetView.of(lobe_pixel=None)]
 

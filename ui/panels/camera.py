@@ -10,10 +10,10 @@ from imgui_bundle import ImVec2, imgui
 from app.document.view_state import Bookmark, SetView, Viewpoint
 from app.files.bookmarks import MAX_NAME, remove_bookmark
 from app.operators.registry import keys_of
-from engine.scene.camera_moves import focal_length, is_level, with_focal_length
+from engine.scene.camera_moves import FOCAL_LENGTH, focal_length, is_level, with_focal_length
 from engine.scene.description import MAX_RESOLUTION
 from ui import theme as look
-from ui.panels import number_fields, widgets
+from ui.panels import rows, widgets
 from ui.panels.actions import Action, BeginCameraDrag, DragCamera, EndCameraDrag, MoveCameraTo, RunOperator, SetPanel
 from ui.panels.context import PanelContext
 from ui.panels.window_operators import perform
@@ -21,11 +21,7 @@ from ui.theme import Icon
 
 WIDTH, LABEL_WIDTH, GAP = 264.0, 58.0, 6.0
 THUMBNAIL, LEAST_LIST, MARGIN = (64.0, 48.0), 60.0, 10.0
-LEAST_FOCAL, LARGEST_FOCAL = 4.0, 1200.0
-LENS_HINT = (
-    "Focal length on film of 36 x 24 mm, whose 24 mm are the picture's height: here {angle:.1f}° upright. The camera "
-    "stays where it is. Right click for the scene's own."
-)
+CAMERA_DRAG = (BeginCameraDrag("focal length"), EndCameraDrag())
 
 
 def draw(context: PanelContext, corner: ImVec2, room: ImVec2) -> list[Action]:
@@ -59,21 +55,18 @@ def _title(context: PanelContext) -> list[Action]:
 
 
 def _lens(context: PanelContext) -> list[Action]:
-    widgets.label(context, "Lens", LABEL_WIDTH)
-    camera = context.camera
-    focal = focal_length(camera.fov_y)
-    hand, moved = number_fields.slider(
-        context, "focal_length", focal, LEAST_FOCAL, LARGEST_FOCAL, "%.4g mm", True, handle="camera.focal",
-        origin=focal_length(context.own_camera.fov_y), pixels_to_double=number_fields.PIXELS_TO_DOUBLE,
+    camera, own = context.camera, focal_length(context.own_camera.fov_y)
+
+    def set_focal_length(focal: float) -> Action:
+        back = camera.model_copy(update={"fov_y": context.own_camera.fov_y})  # to the last bit
+        moved = back if focal == own else with_focal_length(camera, focal)
+        return DragCamera(Viewpoint(moved, context.view.resolution))
+
+    row = rows.Row(
+        FOCAL_LENGTH, focal_length(camera.fov_y), set_focal_length, "camera.focal", own, CAMERA_DRAG, own,
+        note=f"Here {camera.fov_y:.1f}° upright.",
     )  # fmt: skip
-    widgets.tooltip(LENS_HINT.format(angle=camera.fov_y))
-    if imgui.is_item_clicked(1):
-        own = camera.model_copy(update={"fov_y": context.own_camera.fov_y})
-        return [MoveCameraTo(Viewpoint(own, context.view.resolution), "focal length")]
-    actions: list[Action] = [BeginCameraDrag("focal length")] if hand.began else []
-    if hand.changed:
-        actions.append(DragCamera(Viewpoint(with_focal_length(camera, moved), context.view.resolution)))
-    return [*actions, EndCameraDrag()] if hand.ended else actions
+    return rows.draw(context, row, LABEL_WIDTH)
 
 
 def _horizon(context: PanelContext) -> list[Action]:

@@ -107,7 +107,7 @@ def _toolbar(context: PanelContext, curves: DrawnCurves) -> list[Action]:
     if right <= room:
         imgui.same_line()
     log_hint = "Logarithmic height: shows the faint skirts of a highlight beside its peak. The picture does not change."
-    if widgets.segments(context, "curve.log", [("log", log_hint)], 0 if context.view.log_y else -1, least=40) == 0:
+    if widgets.switch(context, "curve.log", "log", log_hint, context.view.log_y, 40.0):
         actions.append(SetView.of(log_y=not context.view.log_y, curve_zoom=None))
     imgui.same_line()
     if widgets.icon_button(

@@ -14,10 +14,18 @@ from pathlib import Path
 
 from imgui_bundle import ImVec2, imgui
 
-from app.document.commands.light import SetEnvironment, SetIntensity, SetMapping, SetRotation
+from app.document.commands.light import (
+    INTENSITY,
+    MAPPING,
+    ROTATION,
+    SetEnvironment,
+    SetIntensity,
+    SetMapping,
+    SetRotation,
+)
 from app.document.document import CONSTANT_ENVIRONMENT, SCENE_ENVIRONMENT, Mapping
 from ui import theme as look
-from ui.panels import number_fields, widgets
+from ui.panels import rows, widgets
 from ui.panels.actions import Action, AskFile, BeginDrag, EndDrag, HoldGrip, MergedEdit, SetPanel
 from ui.panels.context import PanelContext
 from ui.panels.drag_travel import Travel
@@ -30,7 +38,10 @@ MAPPINGS: tuple[Mapping, ...] = ("latlong", "angular")
 DEGREES_A_NOTCH, FINE_DEGREES = 5.0, 0.5
 # Turns of the mouse wheel with less than this between them are one step of the history.
 PAUSE_SECONDS = 1.0
-LEAST_INTENSITY, LARGEST_INTENSITY = 0.01, 100.0
+MAPPING_HINTS = (
+    "The file is a panorama, twice as wide as high: azimuth across, elevation upright.",
+    "The file is a light probe, a disc in a square: straight ahead in the middle, behind at the rim.",
+)
 
 
 def draw(context: PanelContext) -> list[Action]:
@@ -50,8 +61,12 @@ def draw(context: PanelContext) -> list[Action]:
     actions += _environment(context)
     if context.document.light.is_file:
         actions += _mapping(context)
-    actions += _rotation(context)
-    actions += _intensity(context)
+    light, own = context.document.light, context.scene_document.light
+    for row in (
+        rows.Row(ROTATION, light.rotation, SetRotation, "light.rotation", own.rotation),
+        rows.Row(INTENSITY, light.intensity, SetIntensity, "light.intensity", own.intensity, origin=1.0),
+    ):
+        actions += rows.draw(context, row)
     note = context.status.light_note
     widgets.caption(note[:1].upper() + note[1:])  # its line stays, so that no scroll bar appears during a drag
     return actions
@@ -68,81 +83,32 @@ def environment_label(environment: str) -> str:
 
 
 def _environment(context: PanelContext) -> list[Action]:
-    actions: list[Action] = []
     light = context.document.light
+    names = [SCENE_ENVIRONMENT, *context.environments, CONSTANT_ENVIRONMENT]
+    choices = [widgets.Choice(environment_label(name)) for name in names]
+    choices.append(widgets.Choice("Open a file…", apart=True))
+    chosen = [names.index(light.environment)] if light.environment in names else []
+    hint = "The environment. EXR and HDR files may also be dropped on the window."
     widgets.label(context, "Environment")
-    if widgets.begin_combo("##environment", environment_label(light.environment)):
-        for name in (SCENE_ENVIRONMENT, *context.environments):
-            pressed, _ = imgui.selectable(environment_label(name), name == light.environment)
-            if pressed:
-                actions.append(SetEnvironment(name))
-        pressed, _ = imgui.selectable(
-            environment_label(CONSTANT_ENVIRONMENT), light.environment == CONSTANT_ENVIRONMENT
-        )
-        if pressed:
-            actions.append(SetEnvironment(CONSTANT_ENVIRONMENT, radiance=(1.0, 1.0, 1.0)))
-        imgui.separator()
-        pressed, _ = imgui.selectable("Open a file…", False)
-        if pressed:
-            actions.append(AskFile("open_environment"))
-        imgui.end_combo()
-    context.handles.note_item("light.environment")
-    widgets.tooltip("The environment. EXR and HDR files may also be dropped on the window.")
-    return actions
+    picked = widgets.choose(
+        context, "light.environment", choices, chosen, hint, shown=environment_label(light.environment)
+    )
+    if picked is None:
+        return []
+    if picked == len(names):
+        return [AskFile("open_environment")]
+    radiance = (1.0, 1.0, 1.0) if names[picked] == CONSTANT_ENVIRONMENT else None
+    return [SetEnvironment(names[picked], radiance=radiance)]
 
 
 def _mapping(context: PanelContext) -> list[Action]:
     """How the file is read; pressed where it cannot be read so, the status bar says why."""
-    widgets.label(context, "Mapping")
-    choices = (
-        ("Lat-long", "The file is a panorama, twice as wide as high: azimuth across, elevation upright."),
-        ("Angular", "The file is a light probe, a disc in a square: straight ahead in the middle, behind at the rim."),
-    )
-    chosen = MAPPINGS.index(context.document.light.mapping)
+    widgets.label(context, MAPPING.label)
+    choices = list(zip(MAPPING.titles, MAPPING_HINTS, strict=True))
+    chosen = MAPPING.choices.index(context.document.light.mapping)
     share = max(imgui.get_content_region_avail().x - 1.0, 1.0) / 2.0 / context.theme.scale
     pressed = widgets.segments(context, "light.mapping", choices, chosen, least=share)
     return [] if pressed is None else [SetMapping(MAPPINGS[pressed])]
-
-
-def _rotation(context: PanelContext) -> list[Action]:
-    widgets.label(context, "Rotation")
-    touch, degrees = number_fields.slider(
-        context, "rotation", context.document.light.rotation, 0.0, FULL_TURN, "%.1f°", handle="light.rotation"
-    )
-    widgets.tooltip(
-        "Turns the light around the scene, counter-clockwise from above. So does Shift-drag in the picture."
-    )
-    return _edits(touch, SetRotation(degrees), "rotate the environment")
-
-
-def _intensity(context: PanelContext) -> list[Action]:
-    widgets.label(context, "Intensity")
-    value = context.document.light.intensity
-    touch, moved = number_fields.slider(
-        context,
-        "intensity",
-        value,
-        LEAST_INTENSITY,
-        LARGEST_INTENSITY,
-        "× %.3g",
-        True,
-        handle="light.intensity",
-        origin=1.0,
-        pixels_to_double=number_fields.PIXELS_TO_DOUBLE,
-    )
-    widgets.tooltip("Multiplies all light in the scene. Free: the picture is only scaled.")
-    return _edits(touch, SetIntensity(moved), "light intensity")
-
-
-def _edits(touch: number_fields.Touch, command: Action, label: str) -> list[Action]:
-    actions: list[Action] = []
-    if touch.began:
-        actions.append(BeginDrag(label))
-    if touch.changed:
-        actions.append(command)
-    if touch.ended:
-        actions.append(EndDrag())
-    return actions
 
 
 def _thumbnail(context: PanelContext, width: float, height: float) -> list[Action]:

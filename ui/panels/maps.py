@@ -1,18 +1,22 @@
-"""The images of the selected layer, its texture and its weight map: a part of the material panel."""
+"""The images of the selected layer, its texture and its weight map, and its object's bumps: parts of the material
+panel."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from imgui_bundle import ImVec2, imgui
 
 from app.document.commands.maps import SetMap
 from app.document.commands.paint import ClearMap
-from engine.material.layer_maps import MAX_REPEATS, SPACES, LayerMaps
+from app.document.commands.surfaces import SetBumps
+from app.document.document import ObjectState
+from engine.material.bumps import BUMP_HEIGHT, BUMP_REPEATS, BUMP_STRENGTH
+from engine.material.layer_maps import SPACES, TEXTURE_SCALE, TEXTURE_SPACE, TEXTURE_STRENGTH, LayerMaps
 from ui import theme as look
-from ui.panels import number_fields, paint, widgets
-from ui.panels.actions import Action, AskFile, BeginDrag, EndDrag, ReloadImages
+from ui.panels import paint, rows, widgets
+from ui.panels.actions import Action, AskFile, ReloadImages
 from ui.panels.context import Handles, PanelContext
 from ui.panels.picture import Picture
 from ui.theme import Icon, Theme
@@ -25,23 +29,51 @@ HINTS = {
     "coordinates. Files may be dropped on this row, a PNG or JPEG anywhere.",
     "weight": "A grey image with the weight of the layer: white is all of it, black none. Two layers with one "
     "map, in one of them inverted, are blended by it. Files may be dropped on this row.",
+    "normal_map": "An image of directions that turns the object's normals, under all of its layers (tangent space, as "
+    "glTF has it: red to the right, green up): PNG, JPEG or OpenEXR.",
+    "bump_map": "A grey image of heights that turns the object's normals, under all of its layers: PNG, JPEG or "
+    "OpenEXR.",
 }
-SPACE_CHOICES = (
-    ("Auto", "Auto: as files of this kind usually are, sRGB with 8 bits per channel, else linear."),
-    ("sRGB", "sRGB: meant for a screen."),
-    ("Linear", "Linear: proportional to reflectance."),
-)
+GAP = 4.0
 
 
 def draw(context: PanelContext, key: str, maps: LayerMaps, width: float) -> list[Action]:
     """The rows of both images."""
     actions = _image(context, key, "texture", maps, width)
     if maps.texture:
-        actions += _strength(context, key, maps, width) + _repeats(context, key, maps, width)
+        make, handle = partial(SetMap, key, TEXTURE_STRENGTH.name), "material.texture_strength"
+        strength = rows.Row(TEXTURE_STRENGTH, maps.texture_strength, make, handle, TEXTURE_STRENGTH.default)
+        actions += rows.draw(context, strength, width) + _repeats(context, key, maps, width)
     actions += _image(context, key, "weight", maps, width) + paint.draw(context, key, maps, width)
     if context.map_refusal:
         widgets.caption(context.map_refusal)
     return actions
+
+
+def draw_bumps(context: PanelContext, state: ObjectState, width: float) -> list[Action]:
+    """The rows of an object's normal or bump map: the image, and where there is one its strength and repeats."""
+    bumps, gap = state.bumps, context.px(GAP)
+    widgets.label(context, "Bumps", width)
+    if not bumps.file:
+        room = 0.5 * (imgui.get_content_region_avail().x - gap)
+        actions = _bump_button(context, state.name, "normal_map", "Normal map…", "", room)
+        imgui.same_line(0.0, gap)
+        return actions + _bump_button(context, state.name, "bump_map", "Heights…", "", room)
+    room = imgui.get_content_region_avail().x - imgui.get_frame_height() - gap
+    actions = _bump_button(context, state.name, bumps.kind, image_label(bumps.file), bumps.file, room)
+    imgui.same_line(0.0, gap)
+    if widgets.icon_button(context, "clear_bumps", Icon.CLOSE, "Remove the image; Ctrl+Z brings it back."):
+        actions.append(SetBumps(state.name, bumps.kind, ""))
+    heights = (BUMP_HEIGHT,) if bumps.bump_map else ()
+    for parameter in (BUMP_STRENGTH, *heights, BUMP_REPEATS):
+        value, make = getattr(bumps, parameter.name), partial(SetBumps, state.name, parameter.name)
+        row = rows.Row(parameter, value, make, f"material.{parameter.name}", parameter.default)
+        actions += rows.draw(context, row, width)
+    return actions
+
+
+def _bump_button(context: PanelContext, name: str, kind: str, words: str, file: str, room: float) -> list[Action]:
+    return file_button(context, f"material.{kind}", words, file, HINTS[kind], room, AskFile(f"open_{kind}", name))
 
 
 def image_label(name: str) -> str:
@@ -68,7 +100,7 @@ def _image(context: PanelContext, key: str, what: str, maps: LayerMaps, width: f
     """The picture and its file's name, which opens the file dialog; a weight map's inversion; a button to remove it."""
     widgets.label(context, LABELS[what], width)
     name = maps.texture if what == "texture" else maps.weight
-    side, gap = imgui.get_frame_height(), context.px(4)
+    side, gap = imgui.get_frame_height(), context.px(GAP)
     there = bool(name) if what == "texture" else maps.has_weight
     right = side + gap if there else 0.0
     if there and what == "weight":
@@ -78,23 +110,22 @@ def _image(context: PanelContext, key: str, what: str, maps: LayerMaps, width: f
         if _thumbnail(context, what, thumbnail, side, bool(name)) and name:
             actions.append(ReloadImages(key))
         imgui.same_line(0.0, gap)
-    words = image_label(name) if name else _without_file(maps) if there else "Load an image…"
-    actions += _file_button(context, key, what, name, words, imgui.get_content_region_avail().x - right)
+    without = "Painted" if maps.strokes else "Even"
+    words = image_label(name) if name else without if there else "Load an image…"
+    room = imgui.get_content_region_avail().x - right
+    actions += file_button(context, f"material.{what}", words, name, HINTS[what], room, AskFile(f"open_{what}", key))
     if not there:
         return actions
     imgui.same_line(0.0, gap)
     if what == "weight":
-        actions += _invert(context, key, maps)
+        hint = "Invert the map: the layer is where the map is black."
+        if widgets.switch(context, "material.weight_invert", "Invert", hint, maps.weight_invert):
+            actions.append(SetMap(key, "weight_invert", not maps.weight_invert))
         imgui.same_line(0.0, gap)
     what_goes = "the map, image and strokes" if what == "weight" else "the image"
     if widgets.icon_button(context, f"clear_{what}", Icon.CLOSE, f"Removes {what_goes}; Ctrl+Z brings it back."):
         actions.append(ClearMap(key) if what == "weight" else SetMap(key, what, ""))
     return actions
-
-
-def _without_file(maps: LayerMaps) -> str:
-    """The label of a weight map without an image."""
-    return "Painted" if maps.strokes else "Even"
 
 
 def _thumbnail(context: PanelContext, what: str, picture: Picture, side: float, of_file: bool) -> bool:
@@ -112,78 +143,38 @@ def _thumbnail(context: PanelContext, what: str, picture: Picture, side: float, 
     return pressed
 
 
-def _file_button(context: PanelContext, key: str, what: str, name: str, words: str, room: float) -> list[Action]:
+def file_button(
+    context: PanelContext, handle: str, words: str, file: str, hint: str, room: float, action: Action
+) -> list[Action]:
+    """A button `room` pixels wide with the name of an image, "" for none; pressed, it gives the action."""
     inside = room - 2.0 * imgui.get_style().frame_padding.x
     fits = imgui.calc_text_size(words).x <= inside
     text = words if fits else widgets.fitting(short_label(words), inside)
-    imgui.push_style_color(imgui.Col_.text, look.pack(look.TEXT if name else look.TEXT_SOFT))
+    imgui.push_style_color(imgui.Col_.text, look.pack(look.TEXT if file else look.TEXT_SOFT))
     imgui.push_style_var(imgui.StyleVar_.button_text_align, ImVec2(0.0, 0.5))
-    pressed = imgui.button(f"{text}##{what}", ImVec2(max(room, 1.0), 0.0))
+    pressed = imgui.button(f"{text}##{handle}", ImVec2(max(room, 1.0), 0.0))
     imgui.pop_style_var()
     imgui.pop_style_color()
-    context.handles.note_item(f"material.{what}")
-    widgets.tooltip(f"{name}\n\n{HINTS[what]}" if name else HINTS[what])
-    return [AskFile(f"open_{what}", key)] if pressed else []
-
-
-def _strength(context: PanelContext, key: str, maps: LayerMaps, width: float) -> list[Action]:
-    widgets.label(context, "Strength", width)
-    touch, moved = number_fields.slider(
-        context, "texture_strength", maps.texture_strength, 0.0, 1.0, handle="material.texture_strength"
-    )
-    widgets.tooltip("Strength of the texture: 1 is all of it, 0 the plain layer.")
-    return _edits(touch, key, "texture_strength", moved)
+    context.handles.note_item(handle)
+    widgets.tooltip(f"{file}\n\n{hint}" if file else hint)
+    return [action] if pressed else []
 
 
 def _repeats(context: PanelContext, key: str, maps: LayerMaps, width: float) -> list[Action]:
-    """The repeats of the texture across and upwards, and how its numbers are meant."""
-    widgets.label(context, "Repeats", width)
-    gap = context.px(4)
-    room = imgui.get_content_region_avail().x - _segment_width(context, "Linear") - 2.0 * gap
-    actions: list[Action] = []
-    for index, (axis, across) in enumerate((("u", "across"), ("v", "upwards"))):
-        imgui.set_next_item_width(0.5 * room)
-        value = maps.texture_scale[index]
-        touch, moved = number_fields.number(
-            context, f"repeats {axis}", value, f"{axis} × %.3g", f"material.texture_scale.{axis}",
-            -MAX_REPEATS, MAX_REPEATS,
-        )  # fmt: skip
-        hint = f"How often the texture repeats {across}; below 0 it is mirrored."
-        widgets.tooltip(f"{hint} Drag sideways, or double-click to type.")
-        pair = (moved, maps.texture_scale[1]) if index == 0 else (maps.texture_scale[0], moved)
-        actions += _edits(replace(touch, changed=touch.changed and abs(moved) >= 1e-3), key, "texture_scale", pair)
-        imgui.same_line(0.0, gap)
-    return actions + _space(context, key, maps)
-
-
-def _space(context: PanelContext, key: str, maps: LayerMaps) -> list[Action]:
-    """One button that steps through the three colour spaces."""
-    chosen = SPACES.index(maps.texture_space)
-    text, meaning = SPACE_CHOICES[chosen]
-    hint = f"Colour space of the file. {meaning} Click to change it."
-    least = _segment_width(context, "Linear") / context.theme.scale
-    pressed = widgets.segments(context, "material.texture_space", [(text, hint)], -1, least=least)
-    return [] if pressed is None else [SetMap(key, "texture_space", SPACES[(chosen + 1) % len(SPACES)])]
-
-
-def _invert(context: PanelContext, key: str, maps: LayerMaps) -> list[Action]:
-    hint = "Invert the map: the layer is where the map is black."
-    pressed = widgets.segments(context, "material.weight_invert", [("Invert", hint)], 0 if maps.weight_invert else -1)
-    return [] if pressed is None else [SetMap(key, "weight_invert", not maps.weight_invert)]
+    """The repeats of the texture across and upwards, and one button that steps through the colour spaces."""
+    make = partial(SetMap, key, TEXTURE_SCALE.name)
+    row = rows.Row(TEXTURE_SCALE, maps.texture_scale, make, "material.texture_scale", TEXTURE_SCALE.default)
+    widgets.label(context, TEXTURE_SCALE.label, width)
+    gap, least = context.px(GAP), _segment_width(context, "Linear")
+    actions = rows.pair(context, row, imgui.get_content_region_avail().x - least - gap)
+    imgui.same_line(0.0, gap)
+    title, hint = TEXTURE_SPACE.title_of(maps.texture_space), f"{TEXTURE_SPACE.tooltip} Click to change it."
+    if widgets.switch(context, "material.texture_space", title, hint, False, least / context.theme.scale):
+        following = SPACES[(SPACES.index(maps.texture_space) + 1) % len(SPACES)]
+        actions.append(SetMap(key, TEXTURE_SPACE.name, following))
+    return actions
 
 
 def _segment_width(context: PanelContext, text: str) -> float:
     """The width of a button of `widgets.segments` with such a text."""
     return widgets.rich_width(text) + context.px(16)
-
-
-def _edits(touch: number_fields.Touch, key: str, name: str, value: object) -> list[Action]:
-    """One drag of a control as one step of the history."""
-    actions: list[Action] = []
-    if touch.began:
-        actions.append(BeginDrag(f"{key} {name.replace('_', ' ')}"))
-    if touch.changed:
-        actions.append(SetMap(key, name, value))
-    if touch.ended:
-        actions.append(EndDrag())
-    return actions

@@ -2,27 +2,34 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
-from imgui_bundle import ImVec2, imgui
+from imgui_bundle import imgui
 
 from app.document.commands.layers import SetFresnelTerm, SetModel, SetParameter
-from app.document.document import ObjectState, Selection
+from app.document.commands.light import EMISSION, STRENGTH, SetEmission, emission_of
+from app.document.document import RGB, ObjectState, Selection
 from app.document.linked_layers import linked_indices
 from app.files.measured_import import describe_measurement
 from app.system.lazy_import import import_named
 from engine.material import MODELS, Layer, Parameter
+from engine.material.bumps import BUMP_STRENGTH
 from engine.material.parameters import Value
 from engine.measured.measurement import Measurement
-from ui.panels import bumps, colour_controls, emitter, maps, number_fields, widgets
-from ui.panels.actions import Action, BeginDrag, EndDrag, SetPanel
+from ui.panels import maps, rows, widgets
+from ui.panels.actions import Action, SetPanel
 from ui.panels.context import PanelContext
 from ui.theme import Icon
 
-RGB = tuple[float, float, float]
 LARGEST_LABEL = 136.0
-# The width that three numbers, or a model's name, need.
-WIDE_CONTROL = 136.0
+IMAGES_HINT = "A texture that multiplies the layer, a map of how much of it there is, and the object's bumps."
+FRESNEL_HINT = (
+    "A second, additive layer of the same curves, edited once, that rises towards grazing angles: the colour becomes "
+    "R, what is reflected head-on, and the rest comes at grazing angles."
+)
 
 
 def draw(context: PanelContext) -> list[Action]:
@@ -38,14 +45,15 @@ def _material(context: PanelContext) -> list[Action]:
         widgets.caption("Click an object in the picture, or a layer in the list.")
         return []
     state = context.document.object(selection.object)
-    actions = [] if state.emission is None else emitter.draw(context, state, state.emission)
+    actions = [] if state.emission is None else _emission(context, state, state.emission)
     if state.is_lamp:
         return actions
     if state.emits:
         imgui.spacing()
     layer = context.document.layer(selection.key)
     editable = state.editable and not context.document.is_frozen(selection.key)
-    width = _label_width(context, layer)
+    shows_bumps = context.state.shows_images or bool(state.bumps.file)
+    width = _label_width(context, (*layer.parameter_table, *([BUMP_STRENGTH] if shows_bumps else [])))
     actions += _heading(context, selection, layer, editable)
     imgui.begin_disabled(not editable)
     actions += _model(context, selection.key, layer, width)
@@ -53,8 +61,8 @@ def _material(context: PanelContext) -> list[Action]:
         actions += _parameter(context, selection.key, layer, parameter, width)
     if _shows_images(context, layer):
         actions += maps.draw(context, selection.key, layer.maps, width)
-    if context.state.shows_images or state.bumps.file:
-        actions += bumps.draw(context, state, width)
+    if shows_bumps:
+        actions += maps.draw_bumps(context, state, width)
     imgui.end_disabled()
     if note := _sharing_note(state, selection.layer):
         widgets.caption(note)
@@ -97,7 +105,8 @@ def _shows_images(context: PanelContext, layer: Layer) -> bool:
 
 
 def _switches(context: PanelContext, key: str, layer: Layer) -> list[Action]:
-    """The switches of what few layers have, at the right: images, and a second term."""
+    """The switches of what few layers have, at the right: rows for images, which layers that have images always show,
+    and a second term."""
     has_term = layer.rises or not layer.follows
     gap, texts = context.px(4), ["Images", *(["Fresnel"] if has_term else [])]
     widgets.same_line_at_right(
@@ -105,84 +114,44 @@ def _switches(context: PanelContext, key: str, layer: Layer) -> list[Action]:
     )
     top = imgui.get_cursor_pos_y() - imgui.get_style().frame_padding.y  # aligns the text
     imgui.set_cursor_pos_y(top)
-    actions = _image_switch(context, layer)
+    actions: list[Action] = []
+    if widgets.switch(context, "material.images", "Images", IMAGES_HINT, _shows_images(context, layer)):
+        actions.append(SetPanel({"shows_images": not context.state.shows_images}))
     if has_term:
         imgui.same_line(0.0, gap)
         imgui.set_cursor_pos_y(top)
-        actions += _fresnel_switch(context, key, layer)
+        has_fresnel = layer.fresnel is not None
+        if widgets.switch(context, "material.fresnel_term", "Fresnel", FRESNEL_HINT, has_fresnel):
+            actions.append(SetFresnelTerm(key, not has_fresnel))
     return actions
 
 
-def _image_switch(context: PanelContext, layer: Layer) -> list[Action]:
-    """Whether the rows of images are shown; those of a layer that has images always are."""
-    shown = _shows_images(context, layer)
-    hint = "A texture that multiplies the layer, a map of how much of it there is, and the object's bumps."
-    pressed = widgets.segments(context, "material.images", [("Images", hint)], 0 if shown else -1)
-    return [] if pressed is None else [SetPanel({"shows_images": not context.state.shows_images})]
-
-
-def _fresnel_switch(context: PanelContext, key: str, layer: Layer) -> list[Action]:
-    """Whether there is a second term."""
-    there = layer.fresnel is not None
-    hint = (
-        "A second, additive layer of the same curves, edited once, that rises towards grazing angles: the colour "
-        "becomes R, what is reflected head-on, and the rest comes at grazing angles."
-    )
-    pressed = widgets.segments(context, "material.fresnel_term", [("Fresnel", hint)], 0 if there else -1)
-    return [] if pressed is None else [SetFresnelTerm(key, not there)]
-
-
-def _label_width(context: PanelContext, layer: Layer) -> float:
-    """The width of a column, at scale 1, in which the model's longest label fits, within limits."""
-    longest = max((widgets.rich_width(widgets.subscripted(p.label)) for p in layer.parameter_table), default=0.0)
+def _label_width(context: PanelContext, parameters: Sequence[Parameter]) -> float:
+    """The width of a column, at scale 1, in which the longest label fits, within limits."""
+    longest = max((widgets.rich_width(widgets.subscripted(each.label)) for each in parameters), default=0.0)
     return min(max(longest / context.theme.scale + 10.0, widgets.LABEL_WIDTH), LARGEST_LABEL)
 
 
 def _model(context: PanelContext, key: str, layer: Layer, width: float) -> list[Action]:
-    actions: list[Action] = []
-    widgets.label(context, "Model", width, WIDE_CONTROL)
-    if widgets.begin_combo("##model", layer.model.label):
-        for model in (each for each in MODELS.values() if not each.needs_file or each is layer.model):
-            pressed, _ = imgui.selectable(model.label, model is layer.model)
-            widgets.tooltip(model.tooltip)
-            if pressed and model is not layer.model:
-                actions.append(SetModel(key, model.name))
-        imgui.end_combo()
-    context.handles.note_item("material.model")
-    widgets.tooltip(
-        f"{layer.model.tooltip} Another model starts from its own defaults; edits of curves that both have stay."
-    )
-    return actions
+    models = [each for each in MODELS.values() if not each.needs_file or each is layer.model]
+    choices = [widgets.Choice(model.label, model.tooltip, model.name) for model in models]
+    hint = f"{layer.model.tooltip} Another model starts from its own defaults; edits of curves that both have stay."
+    widgets.label(context, "Model", width, rows.WIDE_CONTROL)
+    picked = widgets.choose(context, "material.model", choices, [models.index(layer.model)], hint)
+    return [] if picked is None else [SetModel(key, models[picked].name)]
 
 
 def _parameter(context: PanelContext, key: str, layer: Layer, parameter: Parameter, width: float) -> list[Action]:
     value = layer.values[parameter.name]
-    least = WIDE_CONTROL if isinstance(value, tuple) else widgets.LEAST_CONTROL
-    n_lines = 2 if widgets.is_stacked(context, width, least) else 1
-    reset = _right_clicked(n_lines) and not isinstance(parameter.default, Measurement)
-    widgets.label(context, parameter.label, width, least)
-    imgui.push_id(parameter.name)
     if isinstance(value, Measurement):
-        actions = _measured(value)
-    elif isinstance(value, str):
-        actions = _choice(context, key, parameter, value)
-    elif isinstance(value, tuple):
-        actions = _colour(context, key, parameter, value)
-    else:
-        actions = _scalar(context, key, parameter, value)
-    if reset:
-        actions = [SetParameter(key, parameter.name, _own_value(context, key, layer, parameter))]
-    imgui.pop_id()
-    return actions
-
-
-def _right_clicked(n_lines: int) -> bool:
-    """Whether the row about to be drawn, of so many lines, is clicked with the right button."""
-    corner, room = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
-    height = imgui.get_frame_height() + (n_lines - 1) * imgui.get_frame_height_with_spacing()
-    end = ImVec2(corner.x + room.x, corner.y + height)
-    inside = imgui.is_mouse_hovering_rect(corner, end) and imgui.is_window_hovered()
-    return inside and imgui.is_mouse_clicked(1)
+        widgets.label(context, parameter.label, width)
+        return _measured(value)
+    own = _own_value(context, key, layer, parameter)
+    later = "Self-shadowing follows when idle." if "quotient" in parameter.drives else ""
+    row = rows.Row(
+        parameter, value, partial(SetParameter, key, parameter.name), f"material.{parameter.name}", own, note=later
+    )
+    return rows.draw(context, row, width)
 
 
 def _measured(value: Measurement) -> list[Action]:
@@ -202,82 +171,47 @@ def _own_value(context: PanelContext, key: str, layer: Layer, parameter: Paramet
     return described.values.get(parameter.name, parameter.default)
 
 
-def _hint(context: PanelContext, key: str, parameter: Parameter) -> str:
-    later = " Self-shadowing follows when idle." if "quotient" in parameter.drives else ""
-    own = _own_value(context, key, context.document.layer(key), parameter)
-    return f"{parameter.tooltip}{later} Right click: back to {value_text(own)}."
+# ------------------------------------------------------------------------------------------- the light of an emitter
 
 
-def value_text(value: Value) -> str:
-    """A parameter's value for a tooltip."""
-    if isinstance(value, tuple):
-        return f"{value[0]:.4g}" if len(set(value)) == 1 else ", ".join(f"{each:.3g}" for each in value)
-    return choice_label(value) if isinstance(value, str) else f"{value:.4g}"
-
-
-def _choice(context: PanelContext, key: str, parameter: Parameter, value: str) -> list[Action]:
-    actions: list[Action] = []
-    if widgets.begin_combo("##choice", choice_label(value)):
-        for choice in parameter.choices:
-            pressed, _ = imgui.selectable(choice_label(choice), choice == value)
-            if pressed and choice != value:
-                actions.append(SetParameter(key, parameter.name, choice))
-        imgui.end_combo()
-    context.handles.note_item(f"material.{parameter.name}")
-    widgets.tooltip(_hint(context, key, parameter))
-    return actions
-
-
-def choice_label(choice: str) -> str:
-    """A choice as it is shown; short ones are upper-case abbreviations."""
-    return choice.upper() if len(choice) <= 3 else choice.capitalize()
-
-
-def _scalar(context: PanelContext, key: str, parameter: Parameter, value: float) -> list[Action]:
-    text = number_format(parameter)
-    touch, moved = number_fields.slider(
-        context, parameter.name, value, parameter.minimum, parameter.maximum, text, parameter.logarithmic,
-        handle=f"material.{parameter.name}", title=parameter.label,
-        pixels_to_double=abs(parameter.power) * number_fields.PIXELS_TO_DOUBLE if parameter.logarithmic else None,
+def _emission(context: PanelContext, state: ObjectState, emission: RGB) -> list[Action]:
+    """The heading, and the strength and colour of the object's light."""
+    context.theme.push_bold()
+    imgui.text_unformatted(state.name)
+    imgui.pop_font()
+    imgui.same_line()
+    imgui.text_disabled("/  light")
+    imgui.begin_disabled(state.frozen)
+    own = next((each for name, each in emission_of(context.scene_document) if name == state.name), None)
+    actions = rows.draw(
+        context,
+        rows.Row(
+            STRENGTH, max(emission), lambda strength: SetEmission(state.name, scaled(emission, strength)),
+            "emitter.strength", None if own is None else max(own),
+        ),
     )  # fmt: skip
-    widgets.tooltip(_hint(context, key, parameter))
-    return _edits(touch, key, parameter, moved)
-
-
-def number_format(parameter: Parameter) -> str:
-    """A number format with as many digits as the range requires, and the unit."""
-    digits = "%.4g" if parameter.logarithmic else "%.3f" if parameter.maximum <= 10.0 else "%.4g"
-    return f"{digits} {parameter.unit}".rstrip().replace(" °", "°")
-
-
-def _edits(touch: number_fields.Touch, key: str, parameter: Parameter, value: float | RGB) -> list[Action]:
-    """One drag of a control as one step of the history."""
-    actions: list[Action] = []
-    if touch.began:
-        actions.append(BeginDrag(f"{key} {parameter.name.replace('_', ' ')}"))
-    if touch.changed:
-        actions.append(SetParameter(key, parameter.name, value))
-    if touch.ended:
-        actions.append(EndDrag())
+    actions += _emitted_colour(context, state.name, emission)
+    imgui.end_disabled()
+    if note := context.status.emitter_note:
+        widgets.caption(f"{note[0].upper()}{note[1:]}.")
     return actions
 
 
-def _colour(context: PanelContext, key: str, parameter: Parameter, value: RGB) -> list[Action]:
-    """Three numbers; a swatch with a colour wheel where they are reflectances."""
+def _emitted_colour(context: PanelContext, name: str, emission: RGB) -> list[Action]:
+    """The radiance of each channel, and a swatch whose wheel keeps the strength."""
+    parameter = replace(EMISSION, step=max(max(emission), STRENGTH.minimum) / 200.0)
+    row = rows.Row(parameter, emission, partial(SetEmission, name), "emitter")
     actions: list[Action] = []
-    hint = f"{_hint(context, key, parameter)} Drag sideways, or double-click to type."
-    numbers = colour_controls.NumberTriple(
-        f"material.{parameter.name}", parameter.label, hint,
-        parameter.minimum, parameter.maximum, min((parameter.maximum - parameter.minimum) / 400.0, 0.02), "%.3f",
-    )  # fmt: skip
-    swatch = parameter.maximum <= 1.0
-    for touch, moved in colour_controls.row(context, numbers, value, swatch):
-        actions += _edits(touch, key, parameter, moved)
-    if swatch:
-        touch, picked = colour_controls.swatch(
-            context, numbers, value, f"{parameter.tooltip} Click for a colour wheel."
-        )
-        low, high = parameter.minimum, parameter.maximum
-        red, green, blue = (min(max(v, low), high) for v in picked)
-        actions += _edits(touch, key, parameter, (red, green, blue))
-    return actions
+    widgets.label(context, "Colour")
+    for touch, moved in rows.triple(context, row, has_swatch=True):
+        actions += rows.one_step(touch, [row.make(moved)])
+    hint = "The colour at full brightness. Click for a colour wheel; the strength stays."
+    touch, picked = rows.swatch(context, row.handle, scaled(emission, 1.0), hint)
+    return actions + rows.one_step(touch, [row.make(scaled(picked, max(emission)))])
+
+
+def scaled(emission: RGB, strength: float) -> RGB:
+    """The colour with this as its brightest channel; black becomes white."""
+    largest = max(emission)
+    red, green, blue = (strength * value / largest if largest > 0.0 else strength for value in emission)
+    return red, green, blue

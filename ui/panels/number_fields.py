@@ -58,8 +58,14 @@ class _Field:
 
     def parts(self) -> tuple[str, str]:
         """The number alone as it is shown and typed, and the unit after it."""
-        found = re.search(r"%[-+ #0]*\d*(?:\.\d+)?[a-zA-Z]", self.text)
-        return (found.group() % self.value, self.text[found.end() :].replace("%%", "%")) if found else ("", "")
+        number, unit = split_format(self.text)
+        return (number % self.value, unit) if number else ("", "")
+
+
+def split_format(text: str) -> tuple[str, str]:
+    """The conversion of a printf format without what is before it, and the unit after it: "%.3g" and "°"."""
+    found = re.search(r"%[-+ #0]*\d*(?:\.\d+)?[a-zA-Z]", text)
+    return (found.group(), text[found.end() :].replace("%%", "%")) if found else ("", "")
 
 
 def touch(changed: bool) -> Touch:
@@ -181,7 +187,7 @@ def _control(
     visible."""
     corner, size = field.corner, field.size
     hovered = imgui.is_mouse_hovering_rect(corner, ImVec2(corner.x + size.x, corner.y + size.y))
-    hovered = hovered and imgui.is_window_hovered() and not _is_disabled()
+    hovered = hovered and imgui.is_window_hovered() and not is_disabled()
     if _is_typed(field, hovered):
         return _typed_text(context, field)
     ground(hovered)
@@ -198,7 +204,8 @@ def _control(
     return _moved(context, field, law, changed, keyed)
 
 
-def _is_disabled() -> bool:
+def is_disabled() -> bool:
+    """Whether controls that are drawn now take no input."""
     return bool(imgui.get_current_context().current_item_flags & imgui.ItemFlags_.disabled)
 
 

@@ -20,8 +20,8 @@ from app.document.commands.curves import (
 from app.document.view_state import SetView, Tool
 from engine.curve.operators import HALF_PI, SMALLEST_STRETCH, Operator, OperatorError, edits_of
 from ui import theme as look
-from ui.panels import number_fields, widgets
-from ui.panels.actions import Action, BeginDrag, EndDrag
+from ui.panels import number_fields, rows, widgets
+from ui.panels.actions import Action
 from ui.panels.context import PanelContext
 from ui.panels.curve_gestures import END_NAMES, OperatorGroup, defaults_from, operators_in_use, tool_of
 from ui.theme import Icon
@@ -250,15 +250,9 @@ def _region_fields(
                                       f"curve.{name}.number", 0.0, 90.0, DEGREES_A_PIXEL)  # fmt: skip
         imgui.pop_style_var()
         widgets.tooltip(f"{name} in degrees, 0 to 90: where the edit {_REGION_WORDS[name]}. {_HOW}")
-        changed = _with_region(key, factor, operators, group, name, math.radians(moved)) if touch.changed else []
-        actions += _one_step(touch, changed)
+        changed = _with_region(key, factor, operators, group, name, math.radians(moved))
+        actions += rows.one_step(touch, changed)
     return actions
-
-
-def _one_step(touch: number_fields.Touch, changed: list[Action]) -> list[Action]:
-    """The changes of a field; a drag of it is one step of the history."""
-    began: list[Action] = [BeginDrag(None)] if touch.began else []
-    return [*began, *changed, *([EndDrag()] if touch.ended else [])]
 
 
 _HOW = "Drag sideways, or double-click to type."
@@ -296,7 +290,7 @@ def _magnitude_fields(
     )  # fmt: skip
     widgets.tooltip(f"How strong the edit is. Along X it stops where the curve would fold over. {_HOW}")
     changed = _with_member(key, factor, operators, group, offset, _checked(operator, magnitude=moved * unit))
-    actions += _one_step(touch, changed if touch.changed else [])
+    actions += rows.one_step(touch, changed)
     if not amplify:
         return actions
     imgui.same_line(0.0, gap)
@@ -311,7 +305,7 @@ def _magnitude_fields(
     )  # fmt: skip
     widgets.tooltip(f"Where amplifying leaves the curve as it is: what lies here does not move. {_HOW}")
     changed = _with_member(key, factor, operators, group, offset, _checked(operator, baseline=moved * unit))
-    return actions + _one_step(touch, changed if touch.changed else [])
+    return actions + rows.one_step(touch, changed)
 
 
 def magnitude_range(operator: Operator) -> tuple[float, float]:

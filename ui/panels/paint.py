@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 from imgui_bundle import ImVec2, imgui
 
@@ -13,13 +14,12 @@ from engine.material.layer import object_of
 from engine.material.layer_maps import LayerMaps
 from ui import theme as look
 from ui.brush_dabs import sample_path, spots_at, stroke_at
-from ui.panels import number_fields, widgets
+from ui.panels import rows, widgets
 from ui.panels.actions import Action, BeginDrag, EndDrag, HoldGrip, SetPanel
 from ui.panels.context import PanelContext
-from ui.panels.window_state import Brush, PaintGrip
+from ui.panels.window_state import BRUSH, Brush, PaintGrip
 from ui.theme import Icon
 
-LEAST_RADIUS, MOST_RADIUS = 1.0, 400.0
 STEP = 2.0**0.25
 STRIP = 320.0  # the least width of the strip, at scale 1
 Point = tuple[float, float]
@@ -34,13 +34,6 @@ TOWARDS = (
     ("Remove", "The brush takes the layer away. With Ctrl or Alt held it brings it."),
 )
 BLEND = "Another layer gets this map inverted: where one is, the other is not. They are painted together from then on."
-SLIDERS = (
-    ("radius", (LEAST_RADIUS, MOST_RADIUS), "Radius %.0f px",
-     "The circle under the mouse, in pixels of the picture. Keys [ and ] change it."),
-    ("hardness", (0.0, 1.0), "Hardness %.2f",
-     "How far from its middle the brush paints in full; beyond, it fades towards its edge."),
-    ("strength", (0.01, 1.0), "Strength %.2f", "How much one stroke changes the map: 1 is all the way."),
-)  # fmt: skip
 
 
 def painting_layer_key(context: PanelContext) -> str | None:
@@ -58,13 +51,16 @@ def draw(context: PanelContext, key: str, maps: LayerMaps, width: float) -> list
     widgets.label(context, "", width)
     on = context.state.paints
     actions: list[Action] = []
-    if widgets.segments(context, "material.paint", [("Paint", PAINT)], 0 if on else -1) is not None:
+    if widgets.switch(context, "material.paint", "Paint", PAINT, on):
         actions.append(_switched(context, maps, not on))
     if not maps.weight and (on or maps.has_weight):
         imgui.same_line(0.0, context.px(4))
         start = widgets.segments(context, "material.weight_start", START, 0 if maps.weight_start == 1.0 else 1)
         if start is not None:
-            actions += [SetMap(key, "weight_start", 1.0 - start), _with(context.state.brush, erases=start == 0)]
+            actions += [
+                SetMap(key, "weight_start", 1.0 - start),
+                _with_value(context.state.brush, "erases", start == 0),
+            ]
     return actions + (_blend(context, key, width) if maps.has_weight else [])
 
 
@@ -86,19 +82,14 @@ def _blend(context: PanelContext, key: str, width: float) -> list[Action]:
     }
     if not others:
         return []
-    together = [other for other in blended_with(context.document, key) if other in others]
+    together = [text for other, text in others.items() if other in blended_with(context.document, key)]
+    choices = [widgets.Choice(text) for text in others.values()]
+    chosen = [place for place, text in enumerate(others.values()) if text in together]
     widgets.label(context, "Blend with", width)
-    actions: list[Action] = []
-    if widgets.begin_combo("##blend", ", ".join(others[other] for other in together) or "No other layer"):
-        for other, text in others.items():
-            pressed, _ = imgui.selectable(text, other in together)
-            context.handles.note_item(f"material.blend.{text}")
-            if pressed:
-                actions.append(BlendByMap(key, other))
-        imgui.end_combo()
-    context.handles.note_item("material.blend")
-    widgets.tooltip(BLEND)
-    return actions
+    picked = widgets.choose(
+        context, "material.blend", choices, chosen, BLEND, shown=", ".join(together) or "No other layer"
+    )
+    return [] if picked is None else [BlendByMap(key, list(others)[picked])]
 
 
 def draw_strip(context: PanelContext, corner: ImVec2, room: ImVec2) -> list[Action]:
@@ -117,28 +108,32 @@ def _brush(context: PanelContext, width: float) -> list[Action]:
     """Paint or erase, three sliders, and a button that ends painting."""
     brush, gap = context.state.brush, context.px(6)
     pressed = widgets.segments(context, "brush", TOWARDS, int(brush.erases))
-    actions = [] if pressed is None else [_with(brush, erases=bool(pressed))]
-    for name, ends, text, hint in SLIDERS:
+    actions = [] if pressed is None else [_with_value(brush, "erases", bool(pressed))]
+    for parameter in BRUSH:
         imgui.same_line(0.0, gap)
         imgui.set_next_item_width(width)
-        hand, moved = number_fields.slider(
-            context, f"brush_{name}", getattr(brush, name), *ends, text, name == "radius", handle=f"brush.{name}"
-        )
-        widgets.tooltip(hint)
-        actions += [_with(brush, **{name: moved})] if hand.changed else []
+        name = parameter.name
+        actions += rows.control(
+            context,
+            rows.Row(
+                parameter, getattr(brush, name), partial(_with_value, brush, name), f"brush.{name}", parameter.default,
+                drag=None,
+            ),
+        )  # fmt: skip
     imgui.same_line(0.0, gap)
     if widgets.icon_button(context, "brush_off", Icon.CLOSE, "End painting (Esc)."):
         actions.append(SetPanel({"paints": False}))
     return actions
 
 
-def _with(brush: Brush, **changes: float | bool) -> Action:
-    return SetPanel({"brush": replace(brush, **changes)})  # type: ignore[arg-type]
+def _with_value(brush: Brush, name: str, value: float | bool) -> Action:
+    return SetPanel({"brush": replace(brush, **{name: value})})  # type: ignore[arg-type]
 
 
 def resize_brush(brush: Brush, steps: int) -> Action:
     """The brush, larger or smaller by so many steps."""
-    return _with(brush, radius=min(max(brush.radius * STEP**steps, LEAST_RADIUS), MOST_RADIUS))
+    low, high = BRUSH[0].limits
+    return _with_value(brush, "radius", min(max(brush.radius * STEP**steps, low), high))
 
 
 # ---------------------------------------------------------------------------------------------------------- the picture

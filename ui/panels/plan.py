@@ -70,20 +70,9 @@ def _line(context: PanelContext, line: PlanTableRow) -> list[Action]:
 
 
 def _value(context: PanelContext, line: PlanTableRow, width: float) -> list[Action]:
-    """The value, and a list of the choices."""
-    actions: list[Action] = []
+    """The value, and a list of the choices, the plan's own first."""
+    choices = [widgets.Choice(PLANNED), *(widgets.Choice(text) for text, _ in line.choices)]
+    chosen = [1 + place for place, (text, _) in enumerate(line.choices) if text == line.value] if line.is_set else [0]
     imgui.set_next_item_width(width)
-    name = f"plan.{line.line}"
-    if widgets.begin_combo(f"##{name}", line.value):
-        if imgui.selectable(PLANNED, not line.is_set)[0] and line.is_set:
-            actions.append(OverrideLine(line.line, None))
-        context.handles.note_item(f"{name}.{PLANNED}")
-        for text, value in line.choices:
-            if imgui.selectable(text, line.is_set and text == line.value)[0]:
-                actions.append(OverrideLine(line.line, value))
-            context.handles.note_item(f"{name}.{text}")
-        imgui.end_combo()
-    else:
-        context.handles.note_item(name)
-    widgets.tooltip(HINT)
-    return actions
+    picked = widgets.choose(context, f"plan.{line.line}", choices, chosen, HINT, shown=line.value)
+    return [] if picked is None else [OverrideLine(line.line, line.choices[picked - 1][1] if picked else None)]

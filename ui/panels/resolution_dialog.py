@@ -5,9 +5,10 @@ from __future__ import annotations
 from imgui_bundle import ImVec2, ImVec4, imgui
 
 from app.system.memory import bytes_for, gib, memory_bytes
+from engine.material.parameters import Parameter
 from engine.scene.description import MAX_RESOLUTION
 from ui import theme as look
-from ui.panels import number_fields, widgets
+from ui.panels import rows, widgets
 from ui.panels.actions import Action, RunOperator, SetPanel
 from ui.panels.context import PanelContext
 
@@ -15,6 +16,13 @@ Size = tuple[int, int]
 PRESETS = ((0.25, "1/4"), (0.5, "1/2"), (1.0, "Scene"), (2.0, "2 x"), (4.0, "4 x"))
 HINT = "Share of the scene's own resolution."
 FIELD = 84.0
+SIDES = tuple(
+    Parameter(
+        side, "scalar", 512.0, side.capitalize(), f"The picture's {side} in pixels.", minimum=1.0,
+        maximum=float(MAX_RESOLUTION), step=2.0, form="%.0f",
+    )
+    for side in ("width", "height")
+)  # fmt: skip
 
 
 def draw(context: PanelContext) -> list[Action]:
@@ -30,8 +38,8 @@ def draw(context: PanelContext) -> list[Action]:
             presets = [scale_size(context.own_resolution, share) for share, _ in PRESETS]
             chosen = presets.index(size) if size in presets else -1
             pressed = widgets.segments(context, "resolution", [(text, HINT) for _, text in PRESETS], chosen, least=44.0)
-            requested = _numbers(context, size) if pressed is None else presets[pressed]
-            actions += [SetPanel({"resolution": requested})] if requested != size else []
+            actions += _numbers(context, size)
+            actions += [] if pressed is None else [SetPanel({"resolution": presets[pressed]})]
             costs_too_much = _cost(context, size, (picture.width, picture.height))
             actions += _buttons(context, size, not costs_too_much)
     return actions
@@ -43,20 +51,23 @@ def scale_size(size: Size, share: float) -> Size:
     return width, height
 
 
-def _numbers(context: PanelContext, size: Size) -> Size:
-    sides = list(size)
-    for index, name in enumerate(("width", "height")):
+def _numbers(context: PanelContext, size: Size) -> list[Action]:
+    actions: list[Action] = []
+    for index, (name, other) in enumerate((("width", size[1]), ("height", size[0]))):
         if index:
             imgui.same_line()
             imgui.text_unformatted("x")
             imgui.same_line()
         imgui.set_next_item_width(context.px(FIELD))
-        hand, moved = number_fields.number(
-            context, name, sides[index], "%.0f", f"resolution.{name}", 1, MAX_RESOLUTION, 2.0
+
+        def set_side(side: float, other: int = other, is_width: bool = index == 0) -> Action:
+            return SetPanel({"resolution": (round(side), other) if is_width else (other, round(side))})
+
+        own = float(context.own_resolution[index])
+        actions += rows.control(
+            context, rows.Row(SIDES[index], float(size[index]), set_side, f"resolution.{name}", own, drag=None)
         )
-        widgets.tooltip(f"The picture's {name} in pixels, 1 to {MAX_RESOLUTION}. Drag, or double-click to type.")
-        sides[index] = round(moved) if hand.changed else sides[index]
-    return sides[0], sides[1]
+    return actions
 
 
 def _cost(context: PanelContext, size: Size, now: Size) -> bool:

@@ -8,8 +8,8 @@ from app.document.commands import SetTime
 from app.document.timeline import Timeline, timeline
 from app.document.view_state import SetView
 from ui import theme as look
-from ui.panels import number_fields, widgets
-from ui.panels.actions import Action, BeginDrag, EndDrag, RunOperator
+from ui.panels import number_fields, rows, widgets
+from ui.panels.actions import Action, RunOperator
 from ui.panels.context import PanelContext
 from ui.theme import Icon
 
@@ -57,14 +57,8 @@ def _scrub(context: PanelContext, line: Timeline, end: float) -> list[Action]:
         handle="timeline.time", title="Time", jumps=True,
     )  # fmt: skip
     widgets.tooltip("Press or drag to go to a time; double-click to type one. One drag is one step of the history.")
-    actions: list[Action] = [RunOperator("play", False)] if hand.began and context.view.playing is not None else []
-    if hand.began:
-        actions.append(BeginDrag())
-    if hand.changed:
-        actions.append(SetTime(time))
-    if hand.ended:
-        actions.append(EndDrag())
-    return actions
+    stop: list[Action] = [RunOperator("play", False)] if hand.began and context.view.playing is not None else []
+    return stop + rows.one_step(hand, [SetTime(time)])
 
 
 def _playback_options(context: PanelContext, line: Timeline) -> list[Action]:
@@ -72,11 +66,10 @@ def _playback_options(context: PanelContext, line: Timeline) -> list[Action]:
     actions: list[Action] = []
     if len(line.clips) > 1:
         imgui.set_next_item_width(context.px(_CLIP_WIDTH))
-        chosen, index = imgui.combo("##clip", line.clips.index(line.clip), list(line.clips))
-        context.handles.note_item("timeline.clip")
-        widgets.tooltip("The animation to play.")
-        if chosen:
-            actions += [RunOperator("play", False), SetTime(0.0, line.clips[index])]
+        choices, chosen = [widgets.Choice(clip) for clip in line.clips], [line.clips.index(line.clip)]
+        picked = widgets.choose(context, "timeline.clip", choices, chosen, "The animation to play.")
+        if picked is not None:
+            actions += [RunOperator("play", False), SetTime(0.0, line.clips[picked])]
         imgui.same_line()
     loops = context.view.loops
     if widgets.icon_button(context, "timeline.loop", Icon.LOOP, "Loop, or stop at the end.", lit=loops):

@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from typing import NamedTuple
 
 from imgui_bundle import ImVec2, ImVec4, imgui
 
@@ -77,6 +78,35 @@ def shortened(text: str, room: float) -> str:
     while text and imgui.calc_text_size(text + "…").x > room:
         text = text[:-1]
     return text.rstrip() + "…"
+
+
+class Choice(NamedTuple):
+    """A line of a list: its text and tooltip; its name for scripts, where that is not its text; apart: below a line."""
+
+    text: str
+    hint: str = ""
+    key: str = ""
+    apart: bool = False
+
+
+def choose(
+    context: PanelContext, name: str, choices: Sequence[Choice], chosen: Sequence[int], hint: str, shown: str = ""
+) -> int | None:
+    """A list, with the indices of those that are chosen; `shown` while it is closed, the chosen one where empty.
+    Returns the index of another one that was picked, or None."""
+    picked = None
+    if begin_combo(f"##{name}", shown or choices[chosen[0]].text):
+        for index, (text, explanation, key, apart) in enumerate(choices):
+            if apart:
+                imgui.separator()
+            if imgui.selectable(text, index in chosen)[0] and index not in chosen:
+                picked = index
+            context.handles.note_item(f"{name}.{key or text}")
+            tooltip(explanation)
+        imgui.end_combo()
+    context.handles.note_item(name)
+    tooltip(hint)
+    return picked
 
 
 def begin_combo(name: str, shown: str) -> bool:
@@ -153,6 +183,11 @@ def segments(
                  inks[index] if inks else None)  # fmt: skip
         tooltip(hint)
     return pressed
+
+
+def switch(context: PanelContext, name: str, text: str, hint: str, is_on: bool, least: float = 30.0) -> bool:
+    """A button that stays on; returns whether it was pressed."""
+    return segments(context, name, [(text, hint)], 0 if is_on else -1, least=least) is not None
 
 
 def segments_width(context: PanelContext, texts: Sequence[str], least: float = 30.0) -> float:

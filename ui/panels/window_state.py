@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from engine.curve.operators import Operator, TabulatedCurve
+from engine.material.parameters import Parameter
 from ui.panels.drag_travel import Travel
 
 if TYPE_CHECKING:
@@ -80,6 +81,38 @@ class ScrollTurn:
     last: float
     place: tuple[float, float]
     about: tuple[float, float, float]
+
+
+BRUSH = (
+    Parameter(
+        "radius",
+        "scalar",
+        24.0,
+        "Radius",
+        "The circle under the mouse, in pixels of the picture. Keys [ and ] change it.",
+        minimum=1.0,
+        maximum=400.0,
+        logarithmic=True,
+        form="Radius %.0f px",
+    ),
+    Parameter(
+        "hardness",
+        "scalar",
+        0.5,
+        "Hardness",
+        "How far from its middle the brush paints in full; beyond, it fades towards its edge.",
+        form="Hardness %.2f",
+    ),
+    Parameter(
+        "strength",
+        "scalar",
+        1.0,
+        "Strength",
+        "How much one stroke changes the map: 1 is all the way.",
+        minimum=0.01,
+        form="Strength %.2f",
+    ),
+)
 
 
 @dataclass(frozen=True)

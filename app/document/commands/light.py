@@ -10,17 +10,58 @@ from app.document.document import RGB, Document, LightState, Mapping
 from app.document.probe_file import likely_mapping, probe_size
 from engine.core.errors import InsituError, LoadError
 from engine.core.safe_files import resolved
-from engine.material.parameters import Parameter
+from engine.material.parameters import Parameter, ParameterError
 
-MAX_INTENSITY = 1e6
+ROTATION = Parameter(
+    "rotation",
+    "scalar",
+    0.0,
+    "Rotation",
+    "Turns the light around the scene, counter-clockwise from above. So does Shift-drag in the picture.",
+    minimum=-1e9,
+    maximum=1e9,
+    soft=(0.0, 360.0),
+    form="%.1f°",
+)
+INTENSITY = Parameter(
+    "intensity",
+    "scalar",
+    1.0,
+    "Intensity",
+    "Multiplies all light in the scene. Free: the picture is only scaled.",
+    maximum=1e6,
+    soft=(0.01, 100.0),
+    logarithmic=True,
+    form="× %.3g",
+)
+MAPPING = Parameter(
+    "mapping",
+    "choice",
+    "latlong",
+    "Mapping",
+    "How the file is read.",
+    choices=("latlong", "angular"),
+    titles=("Lat-long", "Angular"),
+)
+RADIANCE = Parameter("radiance", "scalar", 1.0, "Radiance", "Radiance from everywhere, of a channel.", maximum=1e12)
 EMISSION = Parameter(
     "emission",
     "rgb",
     (1.0, 1.0, 1.0),
     "Emission",
     "Radiance of the light's surface, per channel: how bright it is, and how much it lights the scene.",
-    (),
     maximum=1e9,
+    logarithmic=True,
+    form="%.4g",
+)
+STRENGTH = Parameter(
+    "strength",
+    "scalar",
+    1.0,
+    "Strength",
+    "Radiance of the brightest channel. The light itself follows at once.",
+    minimum=0.01,
+    maximum=1e5,
     logarithmic=True,
 )
 
@@ -36,7 +77,7 @@ class SetRotation:
         return "rotate the environment"
 
     def apply(self, document: Document) -> Document:
-        degrees = _number("light.rotation", self.degrees, -1e9, 1e9) % 360.0
+        degrees = _number("light.rotation", ROTATION, self.degrees) % 360.0
         return replace(document, light=replace(document.light, rotation=0.0 if degrees == 360.0 else degrees))
 
 
@@ -51,7 +92,7 @@ class SetIntensity:
         return "light intensity"
 
     def apply(self, document: Document) -> Document:
-        value = _number("light.intensity", self.intensity, 0.0, MAX_INTENSITY)
+        value = _number("light.intensity", INTENSITY, self.intensity)
         return replace(document, light=replace(document.light, intensity=value))
 
 
@@ -137,19 +178,19 @@ def check_light(light: LightState, where: str) -> LightState:
     """The light itself when all of it is valid, else LoadError."""
     if not light.environment:
         raise LoadError(where, "environment", light.environment, "a name or a path")
-    if light.mapping not in ("latlong", "angular"):
-        raise LoadError(where, "mapping", light.mapping, "latlong or angular")
+    if light.mapping not in MAPPING.choices:
+        raise LoadError(where, "mapping", light.mapping, " or ".join(MAPPING.choices))
     if (light.radiance is None) == (light.environment == "constant"):
         raise LoadError(where, "radiance", light.radiance, "a radiance with environment = constant, and only then")
     for value in light.radiance or ():
-        _number(f"{where}.radiance", value, 0.0, 1e12)
-    _number(f"{where}.rotation", light.rotation, -1e9, 1e9)
-    _number(f"{where}.intensity", light.intensity, 0.0, MAX_INTENSITY)
+        _number(f"{where}.radiance", RADIANCE, value)
+    _number(f"{where}.rotation", ROTATION, light.rotation)
+    _number(f"{where}.intensity", INTENSITY, light.intensity)
     return light
 
 
-def _number(where: str, value: Any, low: float, high: float) -> float:
-    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    if not is_number or not low <= value <= high:
-        raise LoadError(where, "value", value, f"a number from {low:g} to {high:g}")
-    return float(value)
+def _number(where: str, parameter: Parameter, value: Any) -> float:
+    try:
+        return cast(float, parameter.accept(value))
+    except ParameterError:
+        raise LoadError(where, "value", value, parameter.expected) from None

@@ -42,7 +42,8 @@ class SetSurface:
 
     @property
     def label(self) -> str:
-        return f"{self.object} {self.kind or 'surface'}"
+        what = self.values[0][0] if self.values else self.kind or SURFACE
+        return f"{self.object} {what}"
 
     def apply(self, document: Document) -> Document:
         state = _reflecting(document, self.object, "a surface for Deform")

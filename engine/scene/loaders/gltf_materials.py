@@ -20,7 +20,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from engine.material.bumps import MAX_STRENGTH, NO_BUMPS, Bumps
+from engine.material.bumps import BUMP_STRENGTH, NO_BUMPS, Bumps
 from engine.material.layer_maps import LayerMaps
 from engine.scene.description import MAX_RADIANCE, LayerDescription
 from engine.scene.loaders.glb import JsonObject
@@ -86,7 +86,7 @@ def _bumps(info: JsonObject, images: GltfImages, notes: list[str]) -> Bumps:
     if used is None:
         return NO_BUMPS
     scale = info.number("scale", 1.0)
-    strength = min(max(scale, 0.0), MAX_STRENGTH)
+    strength = min(max(scale, BUMP_STRENGTH.minimum), BUMP_STRENGTH.maximum)
     if strength != scale:
         notes.append(f"a normal map's scale of {scale:g} is taken as {strength:g}")
     if used.transform.rotation != 0.0:

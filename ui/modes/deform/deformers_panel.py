@@ -2,20 +2,33 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from imgui_bundle import imgui
 
-from app.document.commands import AddDeformer, MoveDeformer, RemoveDeformer, SetDeformer, SetPose
+from app.document.commands import AddDeformer, MoveDeformer, RemoveDeformer, SetDeformer, SetPose, SetSurface
 from app.document.commands.poses import MAX_DEFORMERS
-from engine.realtime.deformers import KINDS, DeformerKind
+from app.document.document import ObjectState
+from engine.material.parameters import Parameter
+from engine.realtime.deformers import KINDS
 from engine.realtime.zonal_harmonics.pose import Deformation
-from ui.panels import number_fields, surfaces, widgets
-from ui.panels.actions import Action, BeginDrag, EndDrag
+from engine.scene.surface_kinds import SURFACES
+from ui.panels import rows, widgets
+from ui.panels.actions import Action, AskFile
 from ui.panels.context import PanelContext
+from ui.panels.maps import file_button
 from ui.theme import Icon
 
 AXES = ("x", "y", "z")
 REST = "Back to rest"
-DEGREES_A_PIXEL = 0.5
+PLAIN, PLAIN_HINT = "As its material", "An opaque surface, shaded by its layers."
+# By the parameter that it replaces: which of `SURFACE_IMAGES` it is, and its effect.
+IMAGES = {
+    "translucency": (
+        "translucency", "A grey image of translucency by texture coordinates: black lets no light through, white all.",
+    ),
+    "kind": ("heights", "A grey image of heights that repeats in the place of a pattern; white is the highest."),
+}  # fmt: skip
 FROM_AFAR = "A deformed object shadows only itself; shadows between objects come back when idle."
 
 
@@ -37,7 +50,7 @@ def draw(context: PanelContext) -> list[Action]:
         if not getattr(context.status, "deform_only", ()):
             widgets.caption(FROM_AFAR)
     if not state.is_lamp:
-        actions += surfaces.draw(context, state)
+        actions += _surface(context, state)
     imgui.separator_text("Material")
     return actions
 
@@ -66,32 +79,13 @@ def _row(context: PanelContext, name: str, index: int, deformation: Deformation,
         if what != "delete":
             imgui.same_line(0.0, 0.0)
     imgui.set_next_item_width(-1.0)
-    low, high = kind.limits
-    handle = f"pose.{index}"
-    if kind.unit == "degrees":  # two turns are too much for a track: a few of its pixels would be a right angle
-        touch, amount = number_fields.number(
-            context, "amount", deformation.amount, _format(kind), handle, low, high, DEGREES_A_PIXEL, kind.title
-        )
-    else:
-        touch, amount = number_fields.slider(
-            context, "amount", deformation.amount, low, high, _format(kind), handle=handle, origin=0.0,
-            title=kind.title,
-        )  # fmt: skip
-    widgets.tooltip("Amount; double-click to type, drag with Shift for fine steps. 0 leaves the object undeformed.")
-    actions += edits(touch, name, index, amount)
+
+    def set_amount(amount: float) -> SetDeformer:
+        return SetDeformer(name, index, amount=amount)
+
+    row = rows.Row(kind.amount, deformation.amount, set_amount, f"pose.{index}", 0.0, origin=0.0)
+    actions += rows.control(context, row)
     imgui.pop_id()
-    return actions
-
-
-def edits(touch: number_fields.Touch, name: str, index: int, amount: float) -> list[Action]:
-    """One drag of a deformer's amount as one step of the history."""
-    actions: list[Action] = []
-    if touch.began:
-        actions.append(BeginDrag())
-    if touch.changed:
-        actions.append(SetDeformer(name, index, amount=amount))
-    if touch.ended:
-        actions.append(EndDrag())
     return actions
 
 
@@ -114,5 +108,52 @@ def _beside(title: str) -> None:
     widgets.same_line_if_room(imgui.calc_text_size(title).x + 2.0 * imgui.get_style().frame_padding.x)
 
 
-def _format(kind: DeformerKind) -> str:
-    return "%.1f°" if kind.unit == "degrees" else "%.3f"
+# --------------------------------------------------------------------------------------------------------- its surface
+
+
+def _surface(context: PanelContext, state: ObjectState) -> list[Action]:
+    """The kind of the object's surface, which Deform alone draws, and the parameters of that kind."""
+    imgui.separator_text(f"Surface of {state.name}")
+    imgui.begin_disabled(state.frozen or not state.editable)
+    kind, kinds, actions = state.surface.kind, ["", *SURFACES], list[Action]()
+    choices = [widgets.Choice(PLAIN, PLAIN_HINT, "none")]
+    choices += [widgets.Choice(each.title, each.tooltip, name) for name, each in SURFACES.items()]
+    hint = f"{SURFACES[kind].tooltip if kind else PLAIN_HINT} Deform alone shows it."
+    widgets.label(context, "Kind")
+    picked = widgets.choose(context, "surface.kind", choices, [kinds.index(kind)], hint)
+    if picked is not None:
+        actions.append(SetSurface(state.name, kinds[picked]))
+    for parameter in SURFACES[kind].parameters if kind else ():
+        actions += _surface_row(context, state, parameter)
+    imgui.end_disabled()
+    return actions
+
+
+def _surface_row(context: PanelContext, state: ObjectState, parameter: Parameter) -> list[Action]:
+    """A parameter; one that an image can replace has a button for that, or the image's name in its place."""
+
+    def set_value(value: object) -> SetSurface:
+        return SetSurface(state.name, state.surface.kind, ((parameter.name, value),))
+
+    value, handle = state.surface.values.get(parameter.name), f"surface.{parameter.name}"
+    row = rows.Row(parameter, value, set_value, handle, parameter.default)
+    if parameter.name not in IMAGES:
+        return rows.draw(context, row)
+    what, hint = IMAGES[parameter.name]
+    file = value if parameter.kind == "scalar" else state.surface.values.get("file")
+    open_file, gap = AskFile(f"open_{what}", state.name), context.px(rows.GAP)
+    widgets.label(context, parameter.label)
+    room = imgui.get_content_region_avail().x - imgui.get_frame_height() - gap
+    if isinstance(file, str):
+        actions = file_button(context, f"{handle}.file", Path(file).name, file, hint, room, open_file)
+        imgui.same_line(0.0, gap)
+        remove = "Remove the image; Ctrl+Z brings it back."
+        if widgets.icon_button(context, f"{handle}.clear", Icon.CLOSE, remove):
+            actions.append(set_value(parameter.default))
+        return actions
+    imgui.set_next_item_width(room)
+    actions = rows.control(context, row)
+    imgui.same_line(0.0, gap)
+    if widgets.icon_button(context, f"{handle}.image", Icon.IMAGE, hint):
+        actions.append(open_file)
+    return actions

@@ -154,26 +154,14 @@ def _combo(
     context: PanelContext, name: str, choices: Mapping[str, int | None], chosen: int | None, width: float, hint: str
 ) -> list[int | None]:
     """A list of numbers; returns what was picked, if anything."""
-    picked = []
-    shown = next((text for text, bands in choices.items() if bands == chosen), str(chosen))
-    seen = _short_of(shown, width - 2.0 * imgui.get_style().frame_padding.x)
+    texts, numbers = list(choices), list(choices.values())
+    marked = [numbers.index(chosen)] if chosen in numbers else []
+    shown = texts[marked[0]] if marked else str(chosen)
+    if imgui.calc_text_size(shown).x > width - 2.0 * imgui.get_style().frame_padding.x:
+        shown = shown.partition(" ")[0]  # the number alone: "768 patches"
     imgui.set_next_item_width(width)
-    if widgets.begin_combo(f"##{name}", seen):
-        for text, bands in choices.items():
-            pressed, _ = imgui.selectable(text, bands == chosen)
-            context.handles.note_item(f"{name}.{text}")
-            if pressed and bands != chosen:
-                picked.append(bands)
-        imgui.end_combo()
-    else:
-        context.handles.note_item(name)
-    widgets.tooltip(hint)
-    return picked
-
-
-def _short_of(shown: str, room: float) -> str:
-    """The choice, or where that is wider than the room, its number alone: "768 patches"."""
-    return shown if imgui.calc_text_size(shown).x <= room else shown.partition(" ")[0]
+    picked = widgets.choose(context, name, [widgets.Choice(text) for text in texts], marked, hint, shown=shown)
+    return [] if picked is None else [numbers[picked]]
 
 
 def _least(context: PanelContext, texts: Iterable[str]) -> float:
