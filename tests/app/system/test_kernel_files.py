@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from filelock import FileLock
 
 from app.system import kernel_cache
 from app.system.kernel_cache import kernel_folders, use_kernel_cache
@@ -32,16 +33,28 @@ print(sum(twice.stats.cache_hits.values()))
 """
 
 
-def n_read(place: Path, folder: Path, largest: int = 1 << 30) -> int:
+IMPATIENT = "import app.system.kernel_files as files; files._PATIENCE_SECONDS = 0.1"
+
+
+def n_read(place: Path, folder: Path, largest: int = 1 << 30, program: str = PROGRAM) -> int:
     """How many kernels another process reads from its files, where it runs one."""
     (folder / "kernel.py").write_text(KERNEL)
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(place), "PYTHONPATH": f"{ROOT}{os.pathsep}{folder}"}
-    environment.pop("NUMBA_DISABLE_JIT", None)
     done = subprocess.run(
-        [sys.executable, "-c", PROGRAM, str(largest)], env=environment, capture_output=True, text=True, timeout=120
+        [sys.executable, "-c", program, str(largest)],
+        env=compiling(place, folder),
+        capture_output=True,
+        text=True,
+        timeout=120,
     )
     assert done.returncode == 0 and not done.stderr, done.stderr
     return int(done.stdout)
+
+
+def compiling(place: Path, folder: Path) -> dict[str, str]:
+    """The environment of a process that imports kernels from a folder and keeps them in a place."""
+    path = f"{ROOT}{os.pathsep}{folder}"
+    kept = {name: value for name, value in os.environ.items() if name != "NUMBA_DISABLE_JIT"}
+    return {**kept, "NUMBA_CACHE_DIR": str(place), "PYTHONPATH": path}
 
 
 def test_a_full_disk_costs_time_alone(tmp_path: Path) -> None:
@@ -112,8 +125,70 @@ assert "cfunc." not in compiled.library.get_llvm_str()
 assert cfunc("float64(float64)")(lambda x: twice(x)).ctypes(21.0) == 42.0
 """
     (tmp_path / "kernel.py").write_text(KERNEL)
-    path = f"{ROOT}{os.pathsep}{tmp_path}"
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "kernels"), "PYTHONPATH": path}
-    environment.pop("NUMBA_DISABLE_JIT", None)
+    environment = compiling(tmp_path / "kernels", tmp_path)
     done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
+
+
+CALLING = """
+from numba import njit
+
+@njit(cache=True)
+def inner(x):
+    return x + x
+
+@njit(cache=True)
+def outer(x):
+    return inner(x) * 2
+"""
+# Compiles slowly, and prints how many kernels it has compiled. The argument: for which types.
+SLOW_PROGRAM = """
+import sys, time
+from app.system.kernel_cache import use_kernel_cache
+use_kernel_cache()
+from numba.core import dispatcher
+from calling import inner, outer
+compiler = dispatcher._FunctionCompiler
+compile = compiler.compile
+compiler.compile = lambda *of: (time.sleep(0.5), compile(*of))[1]
+print("ready", flush=True)
+sys.stdin.readline()
+x = 21 if sys.argv[1] == "int" else 21.0
+assert outer(x) == 84
+print(sum(sum(kernel.stats.cache_misses.values()) for kernel in (inner, outer)))
+"""
+
+
+@pytest.mark.parametrize(("types", "n_compiled"), [(("int", "int"), 2), (("int", "float"), 4)])
+def test_processes_compile_each_kernel_once(tmp_path: Path, types: tuple[str, ...], n_compiled: int) -> None:
+    """Two that begin together share the work; what either has stored is there afterwards, of all types."""
+    (tmp_path / "calling.py").write_text(CALLING)
+    environment = compiling(tmp_path / "kernels", tmp_path)
+
+    def start(kind: str) -> subprocess.Popen[str]:
+        command = [sys.executable, "-c", SLOW_PROGRAM, kind]
+        return subprocess.Popen(command, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+
+    def finish(processes: list[subprocess.Popen[str]]) -> int:
+        for process in processes:
+            assert process.stdout is not None and process.stdout.readline() == "ready\n"
+        for process in processes:
+            assert process.stdin is not None
+            process.stdin.write("\n")
+            process.stdin.flush()
+        return sum(int(process.communicate(timeout=120)[0]) for process in processes)
+
+    assert finish([start(kind) for kind in types]) == n_compiled
+    assert finish([start(kind) for kind in types]) == 0
+
+
+def test_a_kernel_whose_lock_is_never_given_back_is_compiled_all_the_same(tmp_path: Path) -> None:
+    assert n_read(tmp_path / "kernels", tmp_path) == 0
+    (folder,) = {file.parent for file in (tmp_path / "kernels").rglob("*.nbi")}
+    (lock,) = folder.glob("*.lock")
+    for file in folder.glob("*.nb?"):
+        file.unlink()
+    impatient = PROGRAM.replace("from kernel", f"{IMPATIENT}\nfrom kernel")
+    with FileLock(lock):
+        assert n_read(tmp_path / "kernels", tmp_path, program=impatient) == 0
+    assert n_read(tmp_path / "kernels", tmp_path) == 1
