@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from app.system.kernel_cache import use_kernel_cache
-from app.worker.kernels import Kernels
+from app.worker.kernels import compile_all
 
 use_kernel_cache()
 # The same examples each time, and no failure for a slow machine: time is measured elsewhere.
@@ -20,7 +20,6 @@ settings.load_profile("insitu")
 # What tests and libraries brought stays: looking through it again and again takes half of collecting.
 gc.set_threshold(10_000)
 
-COMPILING_SECONDS = 600.0
 UNCOMPILED = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
 
 
@@ -31,14 +30,10 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
-    """Before several processes run the tests, compile what most tests need: once, not in each of them."""
-    if not getattr(session.config.option, "numprocesses", None):
-        return
-    kernels = Kernels()
-    session.config.add_cleanup(kernels.close)  # else it is a process that nobody has waited for
-    if kernels.first_time:
-        kernels.prepare()
-        kernels.wait(COMPILING_SECONDS)
+    """Before several processes run the tests, compile what they need: else each worker that a test starts would start
+    a process that compiles."""
+    if getattr(session.config.option, "numprocesses", None) and not UNCOMPILED:
+        compile_all()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

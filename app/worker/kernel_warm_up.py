@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -103,9 +103,9 @@ class SmallDeform(DeformWorker):
     n_points, n_rays = 60, 16
 
 
-def warm_up_later(first: str = "") -> Iterator[str]:
+def warm_up_later(first: str = "", is_done: Callable[[str], bool] = lambda what: False) -> Iterator[str]:
     """Compile all, `first` (Orbit or Deform) before the others, of these the quickest first; yields each of
-    `kernels.LATER` when it is compiled."""
+    `kernels.LATER` when it is compiled. A mode that `is_done` already, by another process, is left out."""
     if first == DEFORM:
         warm_up_deform()
         yield DEFORM
@@ -134,10 +134,10 @@ def warm_up_later(first: str = "") -> Iterator[str]:
         turned = replace(state, light=replace(state.light, rotation=90.0))
         _ask(client, ComputeTransport(turned, "ball.1", "theta_h", 50, RenderSettings(100, 64), is_drag=True))
         yield RELIGHTING
-        if first != ORBIT:
+        if first != ORBIT and not is_done(ORBIT):
             _warm_up_orbit(client, Path(folder))
             yield ORBIT
-    if first != DEFORM:
+    if first != DEFORM and not is_done(DEFORM):
         warm_up_deform()
         yield DEFORM
 

@@ -186,14 +186,19 @@ def _compiler() -> str:
 
 
 def compile_all() -> None:
-    """Compile all that the first picture needs, in two processes, where it is missing; then what is needed later."""
+    """Compile all that the first picture needs, then what is needed later, each in two processes, where it is
+    missing."""
     if are_compiled() and all(map(are_compiled, LATER)):
         return
     kernels = Kernels()
     kernels.prepare_and_wait(patience_s=None)
+    other = _start_compiler(LATER_PART, DEFORM)  # from the other end: what either of them compiles, both read
     for what in LATER:
         for _ in kernels.until_ready(what):
             pass
+    if other is not None:
+        other.kill()
+        other.wait()
 
 
 def _start_compiler(part: str, first: str = "") -> subprocess.Popen[bytes] | None:
@@ -226,7 +231,7 @@ def _warm_up_later(first: str) -> None:
     if not all(map(are_compiled, LATER)):
         from app.worker.kernel_warm_up import warm_up_later
 
-        for what in warm_up_later(first):
+        for what in warm_up_later(first, are_compiled):
             note_compiled(what)
             if what == INDIRECT:
                 step_behind(LAST)  # up to here the user may be waiting, for indirect light
@@ -244,22 +249,7 @@ def main() -> None:
     end_with_parent(int(sys.argv[2]))
     gc.set_threshold(GC_THRESHOLD if sys.argv[1] == LATER_PART else 0)  # the parts are too short for it
     load_compiler()
-    with compile_lock(sys.argv[1]):
-        warm_up(sys.argv[1], *sys.argv[3:])
-
-
-@contextlib.contextmanager
-def compile_lock(part: str) -> Iterator[None]:
-    """While one process compiles a part, others wait and then read it: an editor that is started while `make setup`
-    still compiles would do all of it a second time, beside that. Without a lock, it does."""
-    from filelock import FileLock  # late: the worker does not need it
-
-    with contextlib.ExitStack() as held:
-        with contextlib.suppress(OSError, KeyError):
-            folder = Path(os.environ[NUMBA_VARIABLE])
-            folder.mkdir(parents=True, exist_ok=True)
-            held.enter_context(FileLock(folder / f"{part}-{kernel_digest()}.lock"))
-        yield
+    warm_up(sys.argv[1], *sys.argv[3:])
 
 
 if __name__ == "__main__":

@@ -38,13 +38,16 @@ ROOT = Path(__file__).resolve().parents[3]
 class Compiler:
     """A compiling process that ends when it is told to."""
 
-    def __init__(self, part: str, log: list[str]) -> None:
-        self.part, self._log = part, log
-        self.done = threading.Event()
+    def __init__(self, part: str, first: str, log: list[str]) -> None:
+        self.part, self.first, self._log = part, first, log
+        self.done, self.is_killed = threading.Event(), False
 
     def wait(self, timeout_s: float | None) -> None:
         assert self.done.wait(10.0)
         self._log.append(f"{self.part} compiled")
+
+    def kill(self) -> None:
+        self.is_killed = True
 
 
 @pytest.fixture
@@ -60,8 +63,8 @@ def log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
 def compilers(log: list[str], monkeypatch: pytest.MonkeyPatch) -> list[Compiler]:
     started: list[Compiler] = []
 
-    def start(part: str) -> Compiler:
-        started.append(Compiler(part, log))
+    def start(part: str, first: str = "") -> Compiler:
+        started.append(Compiler(part, first, log))
         return started[-1]
 
     monkeypatch.setattr(kernels, "_start_compiler", start)
@@ -115,29 +118,6 @@ def test_what_other_sources_were_compiled_to_is_not_there(log: list[str], monkey
     assert kernels.are_compiled() and not kernels.are_compiled(kernels.INDIRECT)
     monkeypatch.setattr(kernels, "kernel_digest", lambda: "of others")
     assert not kernels.are_compiled()
-
-
-def test_a_part_is_compiled_by_one_process_at_a_time(log: list[str]) -> None:
-    """Who comes second waits for the first: what that has compiled, it reads."""
-
-    def second() -> None:
-        with kernels.compile_lock("the rest"):
-            log.append("second")
-
-    waiting = threading.Thread(target=second)
-    with kernels.compile_lock("the rest"), kernels.compile_lock("projection"):
-        waiting.start()
-        waiting.join(0.2)
-        log.append("first")
-    waiting.join(10.0)
-    assert log == ["first", "second"]
-
-
-def test_where_no_lock_can_be_had_it_is_compiled_all_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "file").touch()
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "file"))
-    with kernels.compile_lock("the rest"):
-        pass
 
 
 def test_where_no_kernels_are_kept_nobody_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -311,7 +291,7 @@ def test_the_user_may_wait_for_indirect_light_and_for_nothing_after_it(
     def behind(niceness: int) -> None:
         log.append(f"behind by {niceness}, compiled: {[what for what in kernels.LATER if kernels.are_compiled(what)]}")
 
-    monkeypatch.setattr("app.worker.kernel_warm_up.warm_up_later", lambda first: iter(kernels.LATER))
+    monkeypatch.setattr("app.worker.kernel_warm_up.warm_up_later", lambda first, is_done: iter(kernels.LATER))
     monkeypatch.setattr(kernels, "step_behind", behind)
     monkeypatch.setattr(kernels, "yield_to_window", lambda last: log.append(f"last: {last}"))
     monkeypatch.setattr(kernels, "warm_up", lambda part: kernels._warm_up_later(""))
@@ -370,11 +350,14 @@ def test_as_many_files_are_compiled_as_are_counted(tmp_path: Path) -> None:
 
 
 def test_an_installation_compiles_all_once(compilers: list[Compiler], log: list[str], monkeypatch) -> None:
-    monkeypatch.setattr(Compiler, "wait", lambda compiler, timeout_s: log.append(f"{compiler.part} compiled"))
+    monkeypatch.setattr(Compiler, "wait", lambda compiler, timeout_s=0.0: log.append(f"{compiler.part} compiled"))
     kernels.compile_all()
     first, later = [f"{part} compiled" for part in PARTS], f"{kernels.LATER_PART} compiled"
-    assert kernels.are_compiled() and log == [*first, *(f"{part} read" for part in PARTS), later]
+    # What is needed later is compiled from both ends: by one process in order, by another Deform first.
+    assert kernels.are_compiled() and log == [*first, *(f"{part} read" for part in PARTS), later, later]
+    assert [compiler.first for compiler in compilers] == ["", "", "", kernels.DEFORM]
+    assert [compiler.is_killed for compiler in compilers] == [False, False, False, True]
     for what in kernels.LATER:
         kernels.note_compiled(what)
     kernels.compile_all()
-    assert len(compilers) == len(PARTS) + 1
+    assert len(compilers) == len(PARTS) + 2
