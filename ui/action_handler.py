@@ -16,9 +16,9 @@ from typing import cast
 
 from app.document.commands import EditCommand, SetBumps, SetSurface
 from app.document.commands.light import set_environment_file
-from app.document.commands.maps import IMAGE_SUFFIXES, SetMap, image_name, with_full_names
-from app.document.commands.paint import without_strokes
+from app.document.commands.maps import SetMap, without_strokes
 from app.document.linked_layers import Layers
+from app.document.named_files import IMAGE_SUFFIXES, image_name, with_full_names
 from app.document.selection import layer_shown
 from app.document.sources import EXPECTED, LIGHT_ENDINGS, PICTURE_ENDINGS, SCENE_ENDINGS, SESSION_ENDING
 from app.document.view_state import OpenPanel, ViewCommand

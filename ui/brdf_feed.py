@@ -17,7 +17,7 @@ import moderngl
 
 from app.document.document import Document
 from app.document.linked_layers import linked_indices
-from app.document.measurements import measurement_in
+from app.document.named_files import measurement_in
 from app.document.selection import layer_shown
 from app.document.view_state import ViewState
 from app.editor.editor import Editor

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from app.document.commands.paint import Paint
+from app.document.commands.maps import Paint
 from app.document.document import layer_key, split_key
 from app.editor.editor import Editor, WorkerClient
 from app.modes.placement.placement_status import PlacementStatus

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.document.linked_layers import Layers
-from app.document.measurements import measurement_in, with_measurements
+from app.document.named_files import measurement_in, with_measurements
 from app.editor.editor import Editor
 from engine.measured.measurement import Measurement
 from ui.gl.context import GraphicsError

@@ -41,7 +41,7 @@ def export_brdf(
     set_: Values = None,
 ) -> int:
     """Write the edited material of an object: as a MERL table, or as a material file."""
-    from app.document.commands.maps import with_full_names
+    from app.document.named_files import with_full_names
     from app.files.brdf_files import check_merl_name, export_steps
     from app.files.material_file import SUFFIX, Material, save_material
     from engine.render.tabulate import untabulated_features

@@ -17,8 +17,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
-from app.document.described_layers import layers_from_descriptions
-from app.document.linked_layers import linked_indices, with_layer
+from app.document.linked_layers import layers_from_descriptions, linked_indices, with_layer
 from app.system.paths import is_file_name
 from engine.core.errors import InsituError
 from engine.material.bumps import NO_BUMPS, Bumps, BumpsByObject, bump_fields

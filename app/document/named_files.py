@@ -1,15 +1,122 @@
-"""The files that a document names: its picture depends on them besides the scene's own file and meshes."""
+"""The files that a document names: measured BRDFs, images, its light, the scene.
+
+A measured layer that a scene, a session or a material describes has only a file's name. The worker reads the file and
+answers with a `Measurement`, small enough to be the layer's parameter; its table stays there. An image has a name in
+the scene's folder, so that the folder can move, or an absolute path.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 
-from app.document.commands.maps import scene_folder
 from app.document.document import Document, ObjectState
-from app.document.measurements import measurement_in
+from app.document.linked_layers import Layers
+from app.system.paths import full_path
+from engine.core.safe_files import resolved
+from engine.material.layer import Layer
 from engine.material.layer_maps import split_image_name
+from engine.measured.measurement import Measurement
 from engine.scene.builtin import builtin_environments, scene_path
+
+FILE = "file"
+IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".exr")
+
+
+def measurement_in(layer: Layer) -> Measurement | None:
+    """The measurement of a layer, read or not; None for one that is not measured."""
+    value = layer.values.get(FILE)
+    return value if isinstance(value, Measurement) and value.file else None
+
+
+def unread_files(layers: Iterable[Layer]) -> tuple[str, ...]:
+    """The files that layers name and that have not been read for them, each once."""
+    found = (measurement_in(layer) for layer in layers)
+    return tuple(dict.fromkeys(each.file for each in found if each is not None and not each.is_read))
+
+
+def layers_of_document(document: Document) -> list[Layer]:
+    """All layers."""
+    return [layer for _, layer in document.layers()]
+
+
+def measured_files(layers: Iterable[Layer]) -> tuple[tuple[str, int], ...]:
+    """(file, number) of all measurements that were read, each once."""
+    found = (measurement_in(layer) for layer in layers)
+    return tuple(dict.fromkeys((each.file, each.number) for each in found if each is not None and each.is_read))
+
+
+def with_measurements(layers: Layers, found: Mapping[str, Measurement]) -> Layers:
+    """The layers with the measurements read from their files."""
+    return tuple(_with_measurement(layer, found) for layer in layers)
+
+
+def document_with_measurements(document: Document, found: Mapping[str, Measurement]) -> Document:
+    """The document with the measurements read from its layers' files."""
+    if not found:
+        return document
+    return replace(
+        document, objects=tuple(replace(o, layers=with_measurements(o.layers, found)) for o in document.objects)
+    )
+
+
+def with_full_paths(layers: Layers, folder: Path) -> Layers:
+    """The layers with absolute names for files that are named from `folder`."""
+    names = unread_files(layers)
+    return with_measurements(layers, {name: Measurement(full_path(name, folder)) for name in names})
+
+
+def _with_measurement(layer: Layer, found: Mapping[str, Measurement]) -> Layer:
+    there = measurement_in(layer)
+    if there is None or there.is_read or there.file not in found:
+        return layer
+    return layer.with_parameter(FILE, found[there.file])
+
+
+# ------------------------------------------------------------------------------------------------------------ images
+
+
+def image_name(path: Path, source: str) -> str:
+    """The name of a file in a document of the scene `source`: its path in the scene's folder where it is inside, so
+    that the folder can move, else the absolute path."""
+    folder = scene_folder(source)
+    full = resolved(path)
+    return full.relative_to(folder).as_posix() if full.is_relative_to(folder) else str(full)
+
+
+def with_full_names(layers: Layers, source: str) -> Layers:
+    """The layers with absolute names of their images, for another scene or the library."""
+    return _with_image_names(layers, lambda name: str(resolved(scene_folder(source) / name)))
+
+
+def with_scene_names(layers: Layers, source: str) -> Layers:
+    """The layers with the names that documents of the scene `source` have for their images."""
+    return _with_image_names(layers, lambda name: image_name(scene_folder(source) / name, source))
+
+
+def _with_image_names(layers: Layers, new_name: Callable[[str], str]) -> Layers:
+    """Every file under a new name; of a picture in a GLB file its number stays."""
+
+    def renamed(name: str) -> str:
+        file, number = split_image_name(name)
+        return "" if not name else new_name(file) if number is None else f"{new_name(file)}#{number}"
+
+    return tuple(
+        layer if layer.maps.is_plain
+        else layer.replace(maps=replace(
+            layer.maps, texture=renamed(layer.maps.texture), weight=renamed(layer.maps.weight)
+        ))
+        for layer in layers
+    )  # fmt: skip
+
+
+def scene_folder(source: str) -> Path:
+    """The folder of a built-in scene or a scene file."""
+    return resolved(scene_path(source)).parent
+
+
+# ----------------------------------------------------------------------------------------------------- all of these
 
 
 def files_of_document(document: Document, known: Document | None = None) -> set[Path]:

@@ -1,4 +1,4 @@
-"""The animations of a scene's files on one timeline, and the document's time on it, or that of the playing view.
+"""The animations of a scene's files on one timeline, the document's time on it, and the player.
 
 A time is a part of the document, so that undo, sessions and scripts have it. While it plays the view has one of its own
 instead: playing is no edit, and when it stops the document takes the time over without a step of the history.
@@ -6,10 +6,12 @@ instead: playing is no edit, and when it stops the document takes the time over 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Protocol
 
 from app.document.commands.poses import SetTime
 from app.document.document import Document, ObjectState
+from app.document.history import History
 from app.document.view_state import ViewState
 from engine.realtime.zonal_harmonics.pose import Poses
 
@@ -55,3 +57,56 @@ def advance_playback(line: Timeline, seconds: float, loops: bool) -> tuple[float
     if time < line.duration:
         return time, True
     return (time % line.duration, True) if loops and line.duration > 0.0 else (line.duration, False)
+
+
+class PlayerHost(Protocol):
+    """What the player needs of the editor."""
+
+    view: ViewState
+    history: History[Document]
+
+    @property
+    def document(self) -> Document: ...
+
+    def playback_stopped(self, before: Document) -> None: ...
+
+
+class Player:
+    """Plays and stops the animation of `stage`. Its times are `now` of `advance`, a steady clock in seconds."""
+
+    def __init__(self, stage: PlayerHost) -> None:
+        self._host = stage
+        self._advanced_at: float | None = None
+
+    def play(self) -> None:
+        """Continue the animation from its time, or from its start where it is at its end."""
+        stage = self._host
+        line = timeline(stage.document, stage.view)
+        if line is not None and stage.view.playing is None:
+            starts_anew = line.time is None or not stage.view.loops and line.time >= line.duration
+            self._advanced_at = None
+            stage.view = replace(stage.view, playing=0.0 if starts_anew else line.time)
+
+    def pause(self) -> None:
+        """Stop it; the document takes the shown time over, which is no step of the history."""
+        stage = self._host
+        time, stage.view = stage.view.playing, replace(stage.view, playing=None)
+        if time is not None and timeline(stage.document, stage.view) is not None:
+            before = stage.document
+            stage.history.apply_unrecorded(SetTime(time))
+            stage.playback_stopped(before)
+
+    def advance(self, now: float) -> None:
+        """Advance the shown time while playing; once a frame."""
+        stage = self._host
+        before, self._advanced_at = self._advanced_at, now
+        if stage.view.playing is None:
+            return
+        line = timeline(stage.document, stage.view)
+        if line is None:
+            stage.view = replace(stage.view, playing=None)
+            return
+        time, goes_on = advance_playback(line, 0.0 if before is None else max(now - before, 0.0), stage.view.loops)
+        stage.view = replace(stage.view, playing=time)
+        if not goes_on:
+            self.pause()

@@ -17,13 +17,13 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from app.document.commands import EditCommand
-from app.document.commands.material import SetMaterial
+from app.document.commands.layers import SetMaterial
 from app.document.document import Document, Selection
 from app.document.effective_settings import effective_view
 from app.document.history import History
 from app.document.named_files import files_of_document
-from app.document.player import Player
 from app.document.selection import operator_after_edit, selection_after_edit, selection_of
+from app.document.timeline import Player
 from app.document.view_state import OpenPanel, SetView, ViewCommand, ViewState
 from app.editor.camera_history import CameraHistory
 from app.editor.exchange import FileExchange

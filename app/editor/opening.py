@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from app.document.document import Document, document_from_description
-from app.document.measurements import document_with_measurements, layers_of_document, unread_files
+from app.document.named_files import document_with_measurements, layers_of_document, unread_files
 from app.document.sources import source_of
 from app.document.view_state import Viewpoint
 from app.files.journal import Recovery

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from app.document.measurements import with_measurements
+from app.document.named_files import with_measurements
 from app.files.material_file import Material, dump_material
 from app.files.measured_import import measured_layers
 from app.system.atomic import require_place, save_file

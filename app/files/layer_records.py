@@ -13,9 +13,8 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from app.document.commands.curves import MAX_OPERATORS, CurveEdit
-from app.document.described_layers import layers_from_descriptions
 from app.document.document import all_factors, layer_key
-from app.document.linked_layers import FRESNEL_NAME, Layers, synchronize_layers
+from app.document.linked_layers import FRESNEL_NAME, Layers, layers_from_descriptions, synchronize_layers
 from app.system.paths import written_path
 from engine.core.errors import LoadError
 from engine.curve.operators import Operator, TabulatedCurve

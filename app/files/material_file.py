@@ -23,9 +23,8 @@ from typing import Annotated, Any
 
 from pydantic import Field, ValidationError
 
-from app.document.described_layers import layers_from_descriptions
-from app.document.linked_layers import Layers, synchronize_layers
-from app.document.measurements import with_full_paths
+from app.document.linked_layers import Layers, layers_from_descriptions, synchronize_layers
+from app.document.named_files import with_full_paths
 from app.files.layer_records import MAX_LAYERS, CurveRecord, StrictModel, description_of, operator_lines, with_curves
 from app.system.atomic import save_file
 from engine.core.errors import InsituError, LoadError

@@ -10,10 +10,10 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from app.document.commands.material import AddLayers, SetMaterial
+from app.document.commands.layers import AddLayers, SetMaterial
 from app.document.document import Document
 from app.document.linked_layers import Layers
-from app.document.measurements import FILE, measurement_in, unread_files, with_measurements
+from app.document.named_files import FILE, measurement_in, unread_files, with_measurements
 from app.messages.worker_messages import MeasurementsRead, ReadMeasured, Request
 from engine.core.safe_files import resolved
 from engine.material import MODELS

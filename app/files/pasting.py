@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from app.document.commands.curves import SetOperators
-from app.document.commands.material import AddLayers, SetMaterial, operators_of_copy
+from app.document.commands.layers import AddLayers, SetMaterial, operators_of_copy
 from app.document.document import Document, Selection, split_key
 from app.document.linked_layers import Layers, linked_indices
 from app.files.material_file import LAYER, Material

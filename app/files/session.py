@@ -19,10 +19,10 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, PlainValidator, StrictInt, StrictStr, ValidationError, field_validator, model_validator
 
 from app.document.commands.light import INTENSITY, check_light
+from app.document.commands.plan import FirstBands
 from app.document.commands.poses import MAX_DEFORMERS
-from app.document.commands.series import FirstBands
 from app.document.document import Document, LightState, ObjectState, Selection, all_factors
-from app.document.measurements import with_full_paths
+from app.document.named_files import with_full_paths
 from app.document.sources import SESSION_ENDING
 from app.document.view_state import AS_PLANNED, Bookmark, SetView, Viewpoint, ViewState
 from app.files.bookmarks import MAX_BOOKMARKS, MAX_NAME, MAX_THUMBNAIL_BYTES, check_thumbnail, is_name

@@ -9,9 +9,8 @@ from pydantic import ConfigDict, Field, StrictInt, StrictStr, model_validator
 
 from app.document.commands.curves import MuteOperator, RemoveOperator, ResetCurve
 from app.document.commands.light import SetRotation
-from app.document.commands.plan import override_from_value
+from app.document.commands.plan import override_from_value, set_series
 from app.document.commands.poses import SetTime, with_amounts
-from app.document.commands.series import set_series
 from app.document.document import Selection
 from app.document.effective_settings import override_lines_of
 from app.document.pareto_front import load_front

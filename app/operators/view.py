@@ -6,8 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from app.document.selection import layer_shown
-from app.document.solo import toggle_solo
+from app.document.selection import layer_shown, toggle_solo
 from app.document.view_state import SetView, Viewpoint
 from app.editor.editor import Editor
 from app.files.bookmarks import add_bookmark, find_bookmark, rename_bookmark

@@ -12,8 +12,7 @@ from app.document.commands.light import emission_of, set_environment_file
 from app.document.commands.plan import active_overrides, override_from_value
 from app.document.document import Document, document_from_description, reflecting_layers
 from app.document.effective_settings import effective_view
-from app.document.measurements import document_with_measurements, layers_of_document, unread_files
-from app.document.named_files import files_of_document
+from app.document.named_files import document_with_measurements, files_of_document, layers_of_document, unread_files
 from app.document.sources import find_source, source_of
 from app.document.view_state import AS_PLANNED, Viewpoint, ViewState
 from app.files.bookmarks import find_bookmark

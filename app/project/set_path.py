@@ -6,15 +6,13 @@ from pathlib import Path
 from typing import Any
 
 from app.document.commands import EditCommand
-from app.document.commands.layers import SetEditable, SetFresnelTerm, SetFrozen, SetParameter, SetVisible
+from app.document.commands.layers import SetEditable, SetFresnelTerm, SetFrozen, SetMaterial, SetParameter, SetVisible
 from app.document.commands.light import SetEmission, SetEnvironment, SetIntensity, SetMapping, SetRotation
-from app.document.commands.maps import SetMap
-from app.document.commands.material import SetMaterial
+from app.document.commands.maps import SetBumps, SetMap, surface_named
+from app.document.commands.plan import FIRST_BANDS, set_first_bands
 from app.document.commands.poses import with_amounts, with_time
-from app.document.commands.series import FIRST_BANDS, set_first_bands
-from app.document.commands.surfaces import SetBumps, surface_named
 from app.document.document import EMISSION, FRESNEL_TERM, MATERIAL, TIME, Document, Target, resolve
-from app.document.probe_file import likely_mapping
+from app.document.sources import likely_mapping
 from app.files.library import Library
 from app.files.material_file import load_material
 from app.files.measured_import import import_measured

@@ -6,8 +6,7 @@ from collections.abc import Generator
 from pathlib import Path
 
 from app.document.document import Document
-from app.document.measurements import layers_of_document
-from app.document.named_files import files_of_document
+from app.document.named_files import files_of_document, layers_of_document
 from app.export.mitsuba import export_steps
 from app.messages.worker_messages import FilesWritten, Progress, Response, WriteFiles
 from app.project.project import Project

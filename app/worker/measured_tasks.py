@@ -7,7 +7,7 @@ from collections.abc import Generator, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from app.document.measurements import measured_files, with_measurements
+from app.document.named_files import measured_files, with_measurements
 from app.files.brdf_files import export_steps
 from app.messages.worker_messages import (
     FetchTable,

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from app.document.document import document_from_description
-from app.document.measurements import document_with_measurements, layers_of_document, unread_files, with_measurements
+from app.document.named_files import document_with_measurements, layers_of_document, unread_files, with_measurements
 from app.messages.worker_messages import (
     FetchTable,
     OpenScene,

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from app.document.commands.light import set_environment_file
-from app.document.commands.maps import image_name
+from app.document.named_files import image_name
 from app.editor.editor import Editor
 from app.files.material_file import load_material
 from app.files.session import load_session

@@ -9,7 +9,7 @@ import pytest
 
 from app.document.commands.layers import SetFrozen, SetParameter
 from app.document.document import Document, document_from_description
-from app.document.measurements import (
+from app.document.named_files import (
     layers_of_document,
     measured_files,
     measurement_in,
@@ -71,7 +71,7 @@ def scene(tmp_path: Path, merl_file: Path) -> Path:
 
 
 def document_of(opened: SceneOpened, source: Path) -> Document:
-    from app.document.measurements import document_with_measurements
+    from app.document.named_files import document_with_measurements
 
     description = SceneDescription.model_validate_json(opened.description)
     return document_with_measurements(document_from_description(str(source), description), opened.measurements)

@@ -5,8 +5,7 @@ from itertools import pairwise
 
 import pytest
 
-from app.document.commands.layers import SetModel
-from app.document.commands.material import SetMaterial
+from app.document.commands.layers import SetMaterial, SetModel
 from app.editor.editor import Editor
 from app.files.library import Library, LibraryEntry
 from app.modes.placement.desired_state import same_coefficients

@@ -58,8 +58,7 @@ def sessions(folder: Path) -> list[bytes]:
     from app.document.commands.curves import AddOperator, CollapseOperators
     from app.document.commands.layers import SetFresnelTerm
     from app.document.commands.light import SetEnvironment
-    from app.document.commands.maps import SetMap
-    from app.document.commands.paint import Paint
+    from app.document.commands.maps import Paint, SetMap
     from app.document.commands.poses import AddDeformer
     from app.document.document import document_from_description
     from app.document.view_state import Bookmark, Viewpoint, ViewState

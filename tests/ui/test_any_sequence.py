@@ -14,9 +14,18 @@ import numpy as np
 import pytest
 
 from app.document.commands.curves import AddOperator, ResetCurve
-from app.document.commands.layers import SetEditable, SetFresnelTerm, SetModel, SetParameter, SetVisible
+from app.document.commands.layers import (
+    AddLayers,
+    RemoveLayer,
+    SetEditable,
+    SetFresnelTerm,
+    SetMaterial,
+    SetModel,
+    SetParameter,
+    SetVisible,
+    new_layer,
+)
 from app.document.commands.light import SetEnvironment, SetRotation
-from app.document.commands.material import AddLayers, RemoveLayer, SetMaterial, new_layer
 from app.document.view_state import SetView
 from app.editor.editor import Editor
 from app.files.library import Library

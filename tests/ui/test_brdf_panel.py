@@ -15,9 +15,8 @@ import pytest
 from imgui_bundle import ImVec2, imgui
 
 from app.document.commands.curves import SetOperators
-from app.document.commands.layers import SetModel, SetParameter
-from app.document.commands.material import SetMaterial
-from app.document.measurements import with_measurements
+from app.document.commands.layers import SetMaterial, SetModel, SetParameter
+from app.document.named_files import with_measurements
 from app.document.view_state import OpenPanel, SetView, ViewState
 from app.files.measured_import import measured_layers
 from app.messages.worker_messages import FetchTable, RequestFailed, TableFetched

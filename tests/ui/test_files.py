@@ -12,7 +12,7 @@ from imgui_bundle import imgui
 
 from app.document.commands.light import SetIntensity
 from app.document.document import LightState
-from app.document.probe_file import likely_mapping, probe_size
+from app.document.sources import likely_mapping, probe_size
 from app.editor.editor import Editor
 from app.files.session import load_session
 from app.modes.placement.placement_messages import ComputeTransport

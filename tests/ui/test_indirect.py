@@ -9,7 +9,7 @@ import pytest
 
 from app.document.commands.curves import AddOperator
 from app.document.commands.layers import SetParameter, SetVisible
-from app.document.commands.series import SetFirstBands
+from app.document.commands.plan import SetFirstBands
 from app.document.view_state import SetView
 from app.worker.cache import ArrayCache
 from app.worker.in_process import InProcessClient

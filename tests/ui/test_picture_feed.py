@@ -11,9 +11,8 @@ import moderngl
 import numpy as np
 import pytest
 
-from app.document.commands.layers import SetParameter, SetVisible
+from app.document.commands.layers import SetMaterial, SetParameter, SetVisible, new_layer
 from app.document.commands.light import SetEnvironment, SetIntensity, SetRotation
-from app.document.commands.material import SetMaterial, new_layer
 from app.document.view_state import SetView
 from app.editor.editor import Editor
 from app.messages.worker_messages import SkyImage

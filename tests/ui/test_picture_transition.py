@@ -13,9 +13,8 @@ import numpy as np
 import pytest
 
 from app.document.commands.curves import AddOperator
-from app.document.commands.layers import SetParameter
+from app.document.commands.layers import SetMaterial, SetParameter
 from app.document.commands.light import SetEmission, SetEnvironment, SetRotation
-from app.document.commands.material import SetMaterial
 from app.document.view_state import SetView
 from app.worker.cache import ArrayCache
 from tests.ui.small_scene import SCENE, write_small_scene

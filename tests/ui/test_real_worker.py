@@ -17,7 +17,7 @@ small = real_window_fixture(small_scene=True, resolution=(48, 32))
 
 SET_MATERIAL = """
 from app.files.library import Library
-from app.document.commands.material import SetMaterial
+from app.document.commands.layers import SetMaterial
 library = Library()
 library.read_all()
 editor.do(SetMaterial("teapot", library.entry({name!r}).material.layers))

@@ -7,9 +7,17 @@ import re
 import pytest
 
 from app.document.commands.curves import AddOperator, CollapseOperators, MoveOperator, ResetCurve, SetOperators
-from app.document.commands.layers import SetFresnelTerm, SetFrozen, SetModel, SetParameter, SetVisible
+from app.document.commands.layers import (
+    AddLayers,
+    RemoveLayer,
+    SetFresnelTerm,
+    SetFrozen,
+    SetModel,
+    SetParameter,
+    SetVisible,
+    new_layer,
+)
 from app.document.commands.light import SetEmission
-from app.document.commands.material import AddLayers, RemoveLayer, new_layer
 from app.document.document import Document, all_factors, document_from_description
 from engine.curve.operators import Operator
 from engine.material import MODELS

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from imgui_bundle import ImVec2, imgui
 
-from app.document.commands.maps import IMAGE_SUFFIXES
+from app.document.named_files import IMAGE_SUFFIXES
 from app.document.sources import LIGHT_ENDINGS, SCENE_ENDINGS, SESSION_ENDING
 from engine.measured.measurement import ENDINGS as MEASURED_ENDINGS
 from ui import theme as look

@@ -8,9 +8,7 @@ from pathlib import Path
 
 from imgui_bundle import ImVec2, imgui
 
-from app.document.commands.maps import SetMap
-from app.document.commands.paint import ClearMap
-from app.document.commands.surfaces import SetBumps
+from app.document.commands.maps import ClearMap, SetBumps, SetMap
 from app.document.document import ObjectState
 from engine.material.bumps import BUMP_HEIGHT, BUMP_REPEATS, BUMP_STRENGTH
 from engine.material.layer_maps import SPACES, TEXTURE_SCALE, TEXTURE_SPACE, TEXTURE_STRENGTH, LayerMaps

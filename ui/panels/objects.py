@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, ImVec4, imgui
 
-from app.document.commands.layers import SetEditable, SetFrozen, SetVisible
-from app.document.commands.material import AddLayers, RemoveLayer, new_layer
+from app.document.commands.layers import AddLayers, RemoveLayer, SetEditable, SetFrozen, SetVisible, new_layer
 from app.document.document import ObjectState, layer_key
-from app.document.solo import is_layer_visible, solo_layer, toggle_solo
+from app.document.selection import is_layer_visible, solo_layer, toggle_solo
 from app.files.pasting import copy_layer, copy_material
 from engine.material import MODELS
 from engine.material.layer import Layer

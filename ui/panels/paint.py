@@ -7,8 +7,7 @@ from functools import partial
 
 from imgui_bundle import ImVec2, imgui
 
-from app.document.commands.maps import SetMap
-from app.document.commands.paint import BlendByMap, Paint, blended_with
+from app.document.commands.maps import BlendByMap, Paint, SetMap, blended_with
 from app.document.document import layer_key
 from engine.material.layer import object_of
 from engine.material.layer_maps import LayerMaps

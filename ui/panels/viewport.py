@@ -6,7 +6,7 @@ from __future__ import annotations
 from imgui_bundle import ImVec2, imgui
 
 from app.document.commands.light import SetRotation
-from app.document.solo import solo_layer
+from app.document.selection import solo_layer
 from app.document.view_state import SetView
 from app.messages.editor_status import Status
 from app.system.lazy_import import import_named

@@ -17,15 +17,21 @@ from app.document.commands.curves import (
     ResetCurve,
     SetOperators,
 )
-from app.document.commands.layers import SetEditable, SetFresnelTerm, SetFrozen, SetModel, SetParameter, SetVisible
+from app.document.commands.layers import (
+    AddLayers,
+    RemoveLayer,
+    SetEditable,
+    SetFresnelTerm,
+    SetFrozen,
+    SetMaterial,
+    SetModel,
+    SetParameter,
+    SetVisible,
+)
 from app.document.commands.light import SetEmission, SetEnvironment, SetIntensity, SetMapping, SetRotation
-from app.document.commands.maps import SetMap
-from app.document.commands.material import AddLayers, RemoveLayer, SetMaterial
-from app.document.commands.paint import BlendByMap, ClearMap, Paint
-from app.document.commands.plan import OverrideLine
+from app.document.commands.maps import BlendByMap, ClearMap, Paint, SetBumps, SetMap, SetSurface
+from app.document.commands.plan import OverrideLine, SetFirstBands
 from app.document.commands.poses import AddDeformer, MoveDeformer, RemoveDeformer, SetDeformer, SetPose, SetTime
-from app.document.commands.series import SetFirstBands
-from app.document.commands.surfaces import SetBumps, SetSurface
 
 EditCommand = (
     SetParameter | SetModel | SetOperators | AddOperator | ReplaceOperator | RemoveOperator | MoveOperator

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from app.document.document import RGB, Document, LightState, Mapping
-from app.document.probe_file import likely_mapping, probe_size
+from app.document.sources import likely_mapping, probe_size
 from engine.core.errors import InsituError, LoadError
 from engine.core.safe_files import resolved
 from engine.material.parameters import Parameter, ParameterError

@@ -1,20 +1,28 @@
-"""Edits of a layer's texture and weight map (`engine.material.layer_maps`), and the names of files in documents."""
+"""Edits of a layer's texture and weight map (`engine.material.layer_maps`), strokes painted on it among them, and of
+the surface below all layers: normal or bump map (`engine.material.bumps`), settings for Deform
+(`engine.scene.surface_kinds`).
+
+Layers of one object with the same weight map, some of them with it inverted, are blended by it: they are painted
+together, or the first stroke would separate them. A stroke's value is meant for the selected layer; where that has the
+map inverted, one minus it is painted.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 from app.document.commands.layers import editable_layer
-from app.document.document import Document
+from app.document.document import SURFACE, Document, ObjectState, split_key
 from app.document.linked_layers import Layers
-from engine.core.safe_files import resolved
-from engine.material.layer_maps import set_map_field, split_image_name
-from engine.scene.builtin import scene_path
+from engine.core.errors import InsituError, LoadError
+from engine.material.bumps import set_bump_field
+from engine.material.layer import Layer
+from engine.material.layer_maps import LayerMaps, set_map_field
+from engine.material.strokes import MAX_DABS, MAX_STROKES, Stroke, Strokes
+from engine.scene.surface_kinds import SURFACES, surface_with
 
-IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".exr")
+NONE = "none"
 
 
 @dataclass(frozen=True)
@@ -34,40 +42,150 @@ class SetMap:
         return document.with_layer(self.key, layer.replace(maps=set_map_field(layer.maps, self.name, self.value)))
 
 
-def image_name(path: Path, source: str) -> str:
-    """The name of a file in a document of the scene `source`: its path in the scene's folder where it is inside, so
-    that the folder can move, else the absolute path."""
-    folder = scene_folder(source)
-    full = resolved(path)
-    return full.relative_to(folder).as_posix() if full.is_relative_to(folder) else str(full)
+@dataclass(frozen=True)
+class Paint:
+    """Begin a stroke on a layer's weight map, or (`begins` False) continue the newest with the dabs of this one."""
+
+    key: str
+    stroke: Stroke
+    begins: bool = True
+
+    @property
+    def label(self) -> str:
+        return f"paint {self.key}"
+
+    def apply(self, document: Document) -> Document:
+        maps = editable_layer(document, self.key).maps
+        strokes = maps.strokes
+        if strokes.n_dabs + self.stroke.n_dabs > MAX_DABS or len(strokes.strokes) >= MAX_STROKES:
+            raise InsituError(f"{self.key}: its map is full, it holds {MAX_DABS} dabs; undo some strokes or clear it")
+        if self.begins or not strokes:
+            value = 1.0 - self.stroke.value if maps.weight_invert else self.stroke.value
+            strokes = strokes.with_stroke(replace(self.stroke, value=value))
+        else:
+            strokes = strokes.with_dabs(self.stroke)
+        for key in blended_with(document, self.key):
+            layer = document.layer(key)
+            document = document.with_layer(key, layer.replace(maps=replace(layer.maps, strokes=strokes)))
+        return document
 
 
-def with_full_names(layers: Layers, source: str) -> Layers:
-    """The layers with absolute names of their images, for another scene or the library."""
-    return _renamed(layers, lambda name: str(resolved(scene_folder(source) / name)))
+@dataclass(frozen=True)
+class BlendByMap:
+    """Give the layer `other` the map of the layer `key`, inverted: where one is, the other is not."""
+
+    key: str
+    other: str
+
+    @property
+    def label(self) -> str:
+        return f"blend {self.key} and {self.other} by a map"
+
+    def apply(self, document: Document) -> Document:
+        maps, layer = document.layer(self.key).maps, editable_layer(document, self.other)
+        theirs = replace(
+            layer.maps, weight=maps.weight, weight_start=maps.weight_start, strokes=maps.strokes,
+            weight_invert=not maps.weight_invert,
+        )  # fmt: skip
+        return document.with_layer(self.other, layer.replace(maps=theirs))
 
 
-def with_scene_names(layers: Layers, source: str) -> Layers:
-    """The layers with the names that documents of the scene `source` have for their images."""
-    return _renamed(layers, lambda name: image_name(scene_folder(source) / name, source))
+@dataclass(frozen=True)
+class ClearMap:
+    """Remove a layer's weight map, image and strokes."""
+
+    key: str
+
+    @property
+    def label(self) -> str:
+        return f"{self.key} without weight map"
+
+    def apply(self, document: Document) -> Document:
+        layer = editable_layer(document, self.key)
+        return document.with_layer(self.key, layer.replace(maps=_without_weight(layer.maps)))
 
 
-def _renamed(layers: Layers, new_name: Callable[[str], str]) -> Layers:
-    """Every file under a new name; of a picture in a GLB file its number stays."""
+def blended_with(document: Document, key: str) -> tuple[str, ...]:
+    """Keys of the layers that are painted with this one, itself among them."""
+    name, index = split_key(document, key)
+    layers = document.object(name).layers
+    same = [i for i, layer in enumerate(layers) if _map_of(layer) == _map_of(layers[index])]
+    blended = layers[index].maps.has_weight and len({layers[i].maps.weight_invert for i in same}) == 2
+    return tuple(f"{name}.{i}" for i in same) if blended else (f"{name}.{index}",)
 
-    def renamed(name: str) -> str:
-        file, number = split_image_name(name)
-        return "" if not name else new_name(file) if number is None else f"{new_name(file)}#{number}"
 
+def without_strokes(layers: Layers) -> Layers:
+    """The layers for another object: strokes belong to the place where they were painted, and are removed, with the
+    maps that have no image."""
     return tuple(
-        layer if layer.maps.is_plain
-        else layer.replace(maps=replace(
-            layer.maps, texture=renamed(layer.maps.texture), weight=renamed(layer.maps.weight)
-        ))
+        layer.replace(maps=replace(layer.maps, strokes=Strokes()) if layer.maps.weight else _without_weight(layer.maps))
+        if layer.maps.strokes else layer
         for layer in layers
     )  # fmt: skip
 
 
-def scene_folder(source: str) -> Path:
-    """The folder of a built-in scene or a scene file."""
-    return resolved(scene_path(source)).parent
+def _map_of(layer: Layer) -> tuple[str, float, Strokes]:
+    return layer.maps.weight, layer.maps.weight_start, layer.maps.strokes
+
+
+def _without_weight(maps: LayerMaps) -> LayerMaps:
+    return replace(maps, weight="", weight_start=1.0, weight_invert=False, strokes=Strokes())
+
+
+@dataclass(frozen=True)
+class SetBumps:
+    """Set a part of an object's bumps; an image's name of "" removes it."""
+
+    object: str
+    name: str
+    value: Any
+
+    @property
+    def label(self) -> str:
+        return f"{self.object} {self.name.replace('_', ' ')}"
+
+    def apply(self, document: Document) -> Document:
+        state = _reflecting(document, self.object, "bumps")
+        bumps = set_bump_field(state.bumps, self.name, self.value)
+        return document.with_object(replace(state, new_bumps=None if bumps == state.own_bumps else bumps))
+
+
+@dataclass(frozen=True)
+class SetSurface:
+    """Make an object's surface one of a kind ("": of none), with these values of that kind's parameters."""
+
+    object: str
+    kind: str
+    values: tuple[tuple[str, Any], ...] = ()
+
+    @property
+    def label(self) -> str:
+        what = self.values[0][0] if self.values else self.kind or SURFACE
+        return f"{self.object} {what}"
+
+    def apply(self, document: Document) -> Document:
+        state = _reflecting(document, self.object, "a surface for Deform")
+        new = surface_with(state.surface, self.kind, dict(self.values), self.object)
+        return document.with_object(replace(state, new_surface=None if new == state.own_surface else new))
+
+
+def surface_named(object_name: str, path: str, value: Any) -> SetSurface:
+    """The command for "surface" = "membrane", or "none"; or "membrane.translucency" = 0.5. Raises LoadError."""
+    kind, _, name = path.partition(".")
+    if kind == SURFACE and not name:
+        if value not in (NONE, *SURFACES):
+            raise LoadError(object_name, SURFACE, value, f"one of {', '.join((NONE, *SURFACES))}")
+        return SetSurface(object_name, "" if value == NONE else value)
+    if kind == SURFACE or not name:
+        raise LoadError(object_name, path, value, f"{SURFACE}, or one of its values such as membrane.translucency")
+    return SetSurface(object_name, kind, ((name, value),))
+
+
+def _reflecting(document: Document, name: str, what: str) -> ObjectState:
+    """An object to edit. Raises InsituError where it is frozen or cannot have `what`."""
+    state = document.object(name)
+    if state.frozen:
+        raise InsituError(f"{name} is frozen; thaw it to edit it")
+    if state.is_lamp:
+        raise InsituError(f"{name} is an emitter; only objects that reflect have {what}")
+    return state

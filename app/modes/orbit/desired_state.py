@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from app.document.document import Document
 from app.document.scene_state import LayerState, SceneState, scene_state
-from app.document.solo import is_layer_visible
+from app.document.selection import is_layer_visible
 from app.document.view_state import Viewpoint, ViewState
 from app.modes.orbit.orbit_messages import Quality
 from engine.realtime.zonal_harmonics.pose import Poses

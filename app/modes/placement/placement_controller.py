@@ -15,7 +15,7 @@ from dataclasses import replace
 from functools import partial
 
 from app.document.commands import EditCommand
-from app.document.commands.material import SetMaterial
+from app.document.commands.layers import SetMaterial
 from app.document.document import Document, layer_key
 from app.document.effective_settings import effective_settings, effective_view
 from app.document.view_state import AS_PLANNED, ViewState

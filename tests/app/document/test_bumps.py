@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from app.document.commands.surfaces import SetBumps
+from app.document.commands.maps import SetBumps
 from app.document.document import resolve
 from app.document.view_state import ViewState
 from app.editor.editor import Editor

@@ -21,7 +21,7 @@ from app.document.commands.curves import (
 )
 from app.document.commands.layers import SetEditable, SetFrozen, SetModel, SetParameter, SetVisible
 from app.document.commands.light import SetEnvironment, SetIntensity, SetMapping, SetRotation
-from app.document.commands.series import SetFirstBands
+from app.document.commands.plan import SetFirstBands
 from app.document.document import Document
 from app.project.set_path import set_path
 from engine.core.errors import InsituError, LoadError

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from app.document.commands.layers import SetFrozen
-from app.document.commands.maps import SetMap
-from app.document.commands.paint import BlendByMap, ClearMap, Paint, blended_with, without_strokes
+from app.document.commands.maps import BlendByMap, ClearMap, Paint, SetMap, blended_with, without_strokes
 from app.document.document import Document
 from app.document.history import History
 from app.document.view_state import ViewState

@@ -10,7 +10,7 @@ import pytest
 from app.__main__ import Desktop
 from app.cli.console import run_guarded
 from app.cli.program import run
-from app.document.measurements import measurement_in
+from app.document.named_files import measurement_in
 from app.files.material_file import load_material
 from engine.core.generators import run_to_end
 from engine.material import MODELS, make_layer

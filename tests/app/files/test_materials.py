@@ -8,8 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.document.commands.layers import SetFresnelTerm, SetParameter
-from app.document.commands.material import AddLayers, RemoveLayer, SetMaterial, new_layer, operators_of_copy
+from app.document.commands.layers import (
+    AddLayers,
+    RemoveLayer,
+    SetFresnelTerm,
+    SetMaterial,
+    SetParameter,
+    new_layer,
+    operators_of_copy,
+)
 from app.document.document import Document, ObjectState
 from app.document.linked_layers import with_fresnel
 from app.files.library import Library, categories

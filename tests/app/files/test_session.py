@@ -17,7 +17,7 @@ from PIL import Image
 from app.document.commands.curves import AddOperator, CollapseOperators, SetOperators
 from app.document.commands.layers import SetFrozen, SetParameter, SetVisible
 from app.document.commands.light import SetEnvironment
-from app.document.commands.series import SetFirstBands
+from app.document.commands.plan import SetFirstBands
 from app.document.document import Document, Selection, document_from_description
 from app.document.view_state import Bookmark, Viewpoint, ViewState
 from app.files.session import fit_session, load_session, save_session

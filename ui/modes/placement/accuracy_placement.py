@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from imgui_bundle import ImVec2, imgui
 
-from app.document.commands.series import SetFirstBands
+from app.document.commands.plan import SetFirstBands
 from app.document.effective_settings import effective_view, override_lines_of
 from app.document.view_state import SetView
 from app.modes.placement.placement_status import PlacementStatus

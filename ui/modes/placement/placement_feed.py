@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from app.document.commands.light import emission_of
 from app.document.document import RGB, Document, LightState, ObjectState, layer_key
-from app.document.solo import is_layer_visible
+from app.document.selection import is_layer_visible
 from app.editor.editor import Editor
 from app.messages.picture_events import PictureEvent, SceneFrame, SkyChanged
 from app.modes.placement.placement_controller import PlacementController

@@ -5,8 +5,7 @@ from collections.abc import Callable
 import pytest
 
 from app.document.commands import EditCommand
-from app.document.commands.layers import SetModel, SetParameter
-from app.document.commands.material import AddLayers, SetMaterial, new_layer
+from app.document.commands.layers import AddLayers, SetMaterial, SetModel, SetParameter, new_layer
 from app.document.document import Document
 from app.document.view_state import SetView
 from app.editor.editor import Editor

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from app.document.commands.layers import SetFresnelTerm, SetFrozen
-from app.document.commands.series import SetFirstBands
+from app.document.commands.plan import SetFirstBands
 from app.document.document import Selection, document_from_description
 from app.modes.placement.curves import Curves
 from app.modes.placement.indirect_controller import FREEZE_PATIENCE, IDLE_SECONDS, IndirectController

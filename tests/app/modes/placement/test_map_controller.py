@@ -5,8 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.document.commands.maps import SetMap
-from app.document.commands.paint import BlendByMap, Paint
+from app.document.commands.maps import BlendByMap, Paint, SetMap
 from app.document.view_state import SetView
 from app.editor.editor import Editor
 from app.messages.worker_messages import WorkerRestarted

@@ -10,9 +10,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from app.document.commands.curves import AddOperator, ResetCurve
-from app.document.commands.layers import SetEditable, SetFresnelTerm, SetModel, SetParameter, SetVisible
+from app.document.commands.layers import (
+    AddLayers,
+    RemoveLayer,
+    SetEditable,
+    SetFresnelTerm,
+    SetMaterial,
+    SetModel,
+    SetParameter,
+    SetVisible,
+    new_layer,
+)
 from app.document.commands.light import SetEnvironment, SetIntensity, SetRotation
-from app.document.commands.material import AddLayers, RemoveLayer, SetMaterial, new_layer
 from app.document.commands.plan import OverrideLine, active_overrides
 from app.document.document import LightState, reflecting_layers
 from app.document.effective_settings import effective_settings, effective_view
