@@ -81,9 +81,10 @@ class Reconciler(Generic[Desired, Ready]):
         self._refused: Desired | None = None
         self._since = math.inf
         self._skips_idle = False
-        self._void_ready()
+        self.forget_ready()
 
-    def _void_ready(self) -> None:
+    def forget_ready(self) -> None:
+        """Forget what is ready: it is void, or let go."""
         self.ready: Ready | None = None
         self.ready_for: Desired | None = None
 
@@ -92,7 +93,7 @@ class Reconciler(Generic[Desired, Ready]):
     def desire(self, now: float, desired: Desired | None) -> None:
         """Note the desired state; once a frame. None: nothing is, and what is ready is of no more use."""
         if desired is None:
-            self._void_ready()
+            self.forget_ready()
         elif self.desired is None or not self._covers(self.desired, desired):
             self._since = now
         self.desired = desired
@@ -145,7 +146,7 @@ class Reconciler(Generic[Desired, Ready]):
         assert state is not None
         self.requested, self.is_under_way, self._refused = SentRequest(id, state, now), True, None
         if self._replaces:
-            self._void_ready()
+            self.forget_ready()
 
     def receive(self, id: int, ready: Ready, is_last: bool = True) -> bool:
         """Take a response, the last or one before it; returns whether it is one to the newest request."""
@@ -174,7 +175,7 @@ class Reconciler(Generic[Desired, Ready]):
         """Request again what is desired, even if it is ready, has failed or was stopped."""
         self.lose()
         self._refused = None
-        self._void_ready()
+        self.forget_ready()
 
     def revise(self, change: Callable[[Desired], Desired]) -> None:
         """Describe all states differently from now on: the worker has decided what was left to it."""
@@ -191,4 +192,4 @@ class Reconciler(Generic[Desired, Ready]):
     def resent(self) -> None:
         """A new worker was given the newest request again, by its old number: it is under way, and nothing ready."""
         self.is_under_way = self.is_under_way or self.ready_for is not None
-        self._void_ready()
+        self.forget_ready()

@@ -1,10 +1,10 @@
-"""The state that Orbit desires of the worker, and the state that is ready: the values that `orbit_controller`
-compares."""
+"""The state that Orbit desires of the worker, and the state that is ready: the values that its controllers compare."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from app.document.document import Document
 from app.document.scene_state import LayerState, SceneState, scene_state
@@ -12,7 +12,13 @@ from app.document.selection import is_layer_visible
 from app.document.view_state import Viewpoint, ViewState
 from app.modes.orbit.orbit_messages import Quality
 from engine.realtime.zonal_harmonics.pose import Poses
+from engine.scene.description import Camera, CameraDescription
 
+if TYPE_CHECKING:
+    from app.modes.orbit.orbit_drawing import OrbitDrawing
+
+# The pointer is idle after so long without input.
+IDLE_SECONDS = 0.2
 # Seconds that a picture may take while something moves; a slower one is drawn in a lower resolution.
 MOVING_SECONDS = 0.04
 # From the best to the quickest: the share of the picture's sides, and coefficients of light per point.
@@ -40,6 +46,16 @@ class DesiredOrbit:
         seen = (each for each in scene.layers if is_layer_visible(document, view, each.key))
         layers = tuple(LayerState(each.key, each.layer.replace(visible=True)) for each in seen)
         return cls(replace(scene, layers=layers), view.n_bounces, view.n_points, view.n_coefficients)
+
+
+class PictureContent(NamedTuple):
+    """What a picture shows, except its `DesiredOrbit`: the view, the poses (none where objects are as the worker
+    has traced them), and what it shows besides light alone (`ViewState.split`, `fit_error`)."""
+
+    viewpoint: Viewpoint
+    poses: Poses = ()
+    split: tuple[float, float] | None = None
+    fit_error: bool = False
 
 
 class ShownPicture(NamedTuple):
@@ -81,6 +97,64 @@ class PictureRequest:
         if same != other:
             return False
         return self.resolution >= other.resolution and (self.quality == "rest" or other.quality == "moving")
+
+
+class DesiredDrawing:
+    """What document and view desire to be drawn, and since when it stays.
+
+    desired: all but the camera, content: the rest; None before the first update.
+    """
+
+    def __init__(self, drawing: OrbitDrawing) -> None:
+        self._drawing = drawing
+        self.scene_opened(None)
+
+    def scene_opened(self, camera: CameraDescription | None) -> None:
+        """Another scene is open, seen by its own camera."""
+        self._own_camera = camera
+        self.desired: DesiredOrbit | None = None
+        self.content: PictureContent | None = None
+        self._scene: DesiredOrbit | None = None  # the desired state without what is added once the view rests
+        self._inputs: tuple[object, ...] = ()
+        self._moved_at = -math.inf
+
+    def update(self, now: float, document: Document, view: ViewState) -> bool:
+        """Note what is desired; returns whether it is another scene than before, and not only another view."""
+        inputs, scene, before = self._drawing.desired_inputs(document, view), self._scene, self.content
+        if scene is None or inputs != self._inputs:
+            scene, self._inputs = self._drawing.desired_state(document, view), inputs
+        self.content = content = self._drawing.content(document, view)
+        is_other = scene != self._scene
+        if is_other or before is None or (before.viewpoint, before.poses) != (content.viewpoint, content.poses):
+            self._moved_at = -math.inf if self._scene is None else now
+        self._scene = scene
+        camera = self.camera(content.viewpoint)
+        self.desired = self._drawing.idle_state(scene, content, camera, self.full_resolution, self.rests(now))
+        return is_other
+
+    def skip_idle(self) -> None:
+        """A drag ended: the view rests at once."""
+        self._moved_at = -math.inf
+
+    def rests(self, now: float) -> bool:
+        """Whether nothing has changed for a while."""
+        return now - self._moved_at >= IDLE_SECONDS
+
+    def has_followed(self, document: Document, view: ViewState) -> bool:
+        """Whether document and view are as they were at the last update."""
+        is_same = self.content is not None and view.viewpoint == self.content.viewpoint
+        return is_same and self._drawing.desired_inputs(document, view) == self._inputs
+
+    def camera(self, viewpoint: Viewpoint) -> Camera:
+        """The camera of a view."""
+        assert self._own_camera is not None
+        return viewpoint.camera or self._own_camera
+
+    @property
+    def full_resolution(self) -> tuple[int, int]:
+        """The resolution (width, height) of an idle picture."""
+        own = (1, 1) if self._own_camera is None else self._own_camera.resolution
+        return (self.content and self.content.viewpoint.resolution) or own
 
 
 class QualityPacer:

@@ -15,8 +15,8 @@ from app.document.view_state import ViewState
 from app.messages.editor_status import Status, StatusMetrics
 from app.messages.worker_messages import CancelRequests, Request, RequestFailed
 from app.modes.mode import OpenedScene
-from app.modes.orbit.desired_state import MOVING_SECONDS, STEPS, WINDOW_SECONDS, QualityPacer
-from app.modes.orbit.orbit_controller import IDLE_SECONDS, PRIORITIZE_SECONDS, OrbitController
+from app.modes.orbit.desired_state import IDLE_SECONDS, MOVING_SECONDS, STEPS, WINDOW_SECONDS, QualityPacer
+from app.modes.orbit.orbit_controller import OrbitController
 from app.modes.orbit.orbit_events import OrbitPicture
 from app.modes.orbit.orbit_messages import (
     DrawHeadlight,
@@ -29,6 +29,7 @@ from app.modes.orbit.orbit_messages import (
     PrepareOrbit,
     PrioritizeView,
 )
+from app.modes.orbit.picture_controller import PRIORITIZE_SECONDS
 from app.modes.placement.placement_messages import ComputeTransport
 from app.system.barrier import Barrier
 from engine.planner import band_counts

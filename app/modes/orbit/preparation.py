@@ -1,0 +1,82 @@
+"""Requests that the worker makes ready what pictures are drawn of, coarse first."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from app.messages.worker_messages import Request
+from app.modes.orbit.desired_state import DesiredOrbit, ReadyState
+from app.modes.orbit.orbit_drawing import OrbitDrawing
+from app.modes.orbit.orbit_messages import OrbitProgress
+from app.modes.reconciler import Reconciler
+
+
+class Preparation:
+    """What is prepared of a scene. send: sends a request; drawing: makes it.
+
+    id: the number of the newest request; ready: how much is ready of the last one that pictures were drawn of, which
+    may be an older one; n_bytes: of memory held for it.
+    """
+
+    def __init__(self, send: Callable[[Request], int], drawing: OrbitDrawing) -> None:
+        self._send, self._drawing = send, drawing
+        self._reconciler = Reconciler[DesiredOrbit, ReadyState](replaces=True)
+        self.id = 0
+        self.worker_lost()
+
+    def scene_opened(self) -> None:
+        """Another scene is open: nothing is ready."""
+        self.id = 0
+        self.worker_lost()
+
+    def worker_lost(self) -> None:
+        """What was ready is lost, and requests will not be answered."""
+        self._reconciler.clear()
+        self.ready, self.n_bytes = ReadyState(), 0
+
+    @property
+    def requested(self) -> DesiredOrbit | None:
+        """The state that was requested last, and is not to be requested again."""
+        return None if self._reconciler.requested is None else self._reconciler.requested.desired
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether all is ready that the last request needs."""
+        return self.ready.is_done and self.ready.prepared == self.id
+
+    @property
+    def is_running(self) -> bool:
+        """Whether a request is under way."""
+        return self.requested is not None and not self.is_ready
+
+    def update(self, now: float, desired: DesiredOrbit, may_request: bool) -> None:
+        """Request what is desired."""
+        self._reconciler.desire(now, desired)
+        if self._reconciler.action(now, may_request) == "request":
+            self.id = self._send(self._drawing.preparation(desired))
+            self._reconciler.sent(now, self.id)
+
+    def restart(self) -> None:
+        """Request again what is desired, even if it is ready or under way."""
+        self._reconciler.restart()
+
+    def resume(self) -> None:
+        """Request again what was not completed: a newly traced view has cancelled it."""
+        if not self.is_ready:
+            self.restart()
+
+    def receive(self, response: OrbitProgress) -> bool:
+        """Note how much is ready; returns whether it is of the newest request."""
+        if response.id != self.id:
+            return False
+        self.note_ready(ReadyState(response.id, response.version, response.is_done))
+        self.n_bytes = response.n_bytes
+        return True
+
+    def note_ready(self, known: ReadyState) -> None:
+        """Note how much is ready of the newest request. Where that was all there, a picture needs what no picture has
+        used before: it is still to be prepared."""
+        if self.is_ready and not known.is_done:
+            self._reconciler.restart()
+        self.ready = known
+        self._reconciler.receive(self.id, known, known.is_done)
