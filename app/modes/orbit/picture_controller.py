@@ -173,8 +173,9 @@ class PictureController:
         whole, rests = self._state.full_resolution, self._state.rests(now)
         quality: Quality = "rest" if rests and is_ready else "moving"
         resolution = whole if rests else self._pace.resolution(whole)
-        viewpoint, *shows = content
-        return PictureRequest(viewpoint, resolution, quality, ready, *shows)
+        return PictureRequest(
+            content.viewpoint, resolution, quality, ready, content.poses, content.split, content.fit_error
+        )
 
     def _desired_headlight_picture(self, now: float, is_away: bool) -> PictureRequest | None:
         """The picture before there is any other: where camera or poses have moved on from the traced ones, the objects
