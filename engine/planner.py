@@ -142,7 +142,7 @@ class Plan:
     """What is computed for one scene. reasons: the reason for each line; overridden: the lines that the user set.
 
     bounces: None until a pilot has determined it (`engine.render.bounce_plan`); n_rays: rays per sample set of indirect
-    light, 0 for as many as required (`engine.precompute.indirect.sampling_settings`); n_edge_rays: one of
+    light, 0 for as many as required (`engine.precompute.indirect.ray_budget`); n_edge_rays: one of
     `engine.plan_lines.EDGE_RAYS`; is_still: the result is not edited afterwards.
     """
 

@@ -13,22 +13,20 @@ have; the solver's tries are then simulated.
 
 import math
 import time
-from collections.abc import Callable, Generator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import NamedTuple, TypeVar
-
-import numpy as np
-from numpy.typing import NDArray
+from collections.abc import Generator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
 
 from engine.precompute.direct.pipeline import Placement, SkyState
-from engine.precompute.indirect.checkpoints import Checkpoints, arrays_of
-from engine.precompute.indirect.gather import GatherSamples
+from engine.precompute.indirect.attempt import PART_POINTS
+from engine.precompute.indirect.cell_size import FULL, RECORDS_BY_SETS, CellSizeTry, growth
+from engine.precompute.indirect.checkpoints import arrays_of
 from engine.precompute.indirect.indirect_layers import IndirectLayer
-from engine.precompute.indirect.irradiance_cache import MAX_RECORDS, CacheLight, IrradianceCache
-from engine.precompute.indirect.lattice import Lattice
-from engine.precompute.indirect.photons import PhotonMap
-from engine.precompute.indirect.sampling_settings import FINE, LEVELS, RayBudget, SamplingSettings
-from engine.precompute.indirect.solver import FULL, PART_POINTS, RECORDS_BY_SETS, CellSizeTry, Progress, Solver, growth
+from engine.precompute.indirect.irradiance_cache import MAX_RECORDS
+from engine.precompute.indirect.progress import Progress
+from engine.precompute.indirect.ray_budget import LEVELS, RayBudget
+from engine.precompute.indirect.sampling_settings import FINE, SamplingSettings
+from engine.precompute.indirect.solver import Solver, Trial
 
 N_BLOCKS = 192
 FEWER = 8
@@ -37,8 +35,6 @@ FEWER = 8
 # Size of cells in the second trial, relative to the first; the largest number of the solver's tries that are simulated.
 COARSER, MOST_TRIES = 1.5, 8
 RECORDS_BY_SMALL_SETS = 0.55  # with sets of the fewest rays, records grow with the sets to this power
-
-Value = TypeVar("Value")
 
 
 class WastedTries(NamedTuple):
@@ -63,119 +59,47 @@ class IndirectCost:
     ray_budget: RayBudget | None = None
 
 
-class _Trial(Solver):
-    """The solver on some blocks; seconds: of processor time, by the kind of work."""
-
-    def __init__(
-        self, placement: Placement, models: Mapping[int, Sequence[str]], sky: SkyState, n_bounces: int,
-        settings: SamplingSettings, n_blocks: int, larger: float = 1.0, other_light: float | None = None,
-    ) -> None:  # fmt: skip
-        """larger: factor from the solver's first cell size. `n_rays_traced`: of all sample sets."""
-        fewer = replace(
-            settings, n_record_rays=settings.n_record_rays // FEWER, n_samples=settings.n_samples // FEWER,
-            n_photons=settings.n_photons // FEWER,
-        )  # fmt: skip
-        super().__init__(placement, models, sky, n_bounces, fewer, other_light=other_light)
-        self._whole = settings
-        self._n_blocks, self._larger = n_blocks, larger
-        self.seconds = dict.fromkeys(("size", "photons", "fans", "rough", "cells"), 0.0)
-        self.n_rays_traced = 0
-        self.lattice: Lattice | None = None
-
-    def _lattice(self) -> Lattice:
-        self.lattice = super()._lattice()
-        self.lattice.thin(self._n_blocks, np.random.default_rng(1))
-        return self.lattice
-
-    def _rough_settings(self) -> SamplingSettings:
-        """As in the solver: noise of the records would count as contrast of the picture."""
-        whole = self._whole
-        return replace(self._most, n_record_rays=whole.n_record_rays // 4, n_samples=whole.n_samples // 4)
-
-    @property
-    def n_first(self) -> int:
-        """Number of sample sets in the first pass over the whole picture."""
-        return len(self._whole_lattice().missing_rows())
-
-    def _forecast(self, cells: IrradianceCache, n_sample_sets: int) -> None:
-        """Does nothing: some blocks never have too many records."""
-
-    def _cell_size(self) -> float:
-        return self._larger * self._timed("size", super()._cell_size)
-
-    def _photons(self, cells: IrradianceCache) -> PhotonMap:
-        return self._timed("photons", super()._photons, cells)
-
-    def _gather(
-        self, cells: IrradianceCache, before: GatherSamples, rows: NDArray[np.int32], nth: NDArray[np.uint8],
-        parts: Checkpoints,
-        span: tuple[float, float], first_open: int = 0,
-    ) -> Generator[Progress, None, GatherSamples]:  # fmt: skip
-        self.n_rays_traced += len(rows) * self._settings.n_rays
-        return (yield from self._steps("fans", super()._gather(cells, before, rows, nth, parts, span, first_open)))
-
-    def _light(
-        self, cells: IrradianceCache, settings: SamplingSettings, parts: Checkpoints, span: tuple[float, float]
-    ) -> Generator[Progress, None, CacheLight]:
-        what = "cells" if settings is self._settings else "rough"
-        return (yield from self._steps(what, super()._light(cells, settings, parts, span)))
-
-    def _timed(self, what: str, work: Callable[..., Value], *arguments: object) -> Value:
-        started = time.process_time()
-        value = work(*arguments)
-        self.seconds[what] += time.process_time() - started
-        return value
-
-    def _steps(self, what: str, steps: Generator[Progress, None, Value]) -> Generator[Progress, None, Value]:
-        while True:
-            started = time.process_time()
-            try:
-                step = next(steps)
-            except StopIteration as end:
-                return end.value
-            finally:
-                self.seconds[what] += time.process_time() - started
-            yield step
-
-
 def indirect_cost(
     placement: Placement, models: Mapping[int, Sequence[str]], sky: SkyState, n_bounces: int,
     layers: Sequence[IndirectLayer], settings: SamplingSettings = FINE, other_light: float | None = None,
 ) -> Generator[Progress, None, IndirectCost]:  # fmt: skip
     """Estimate the cost of the solver with these arguments for these layers; yields its progress."""
+
+    def solver(n_blocks: int, larger: float = 1.0) -> Solver:
+        trial = Trial(n_blocks, FEWER, larger)
+        return Solver(placement, models, sky, n_bounces, settings, other_light=other_light, trial=trial)
+
     seconds = first = 0.0
     for n_blocks in (2, N_BLOCKS):  # the first loads kernels
-        trial = _Trial(placement, models, sky, n_bounces, settings, n_blocks, other_light=other_light)
+        tried = solver(n_blocks)
         started, first = time.process_time(), seconds
-        found = yield from trial.solve(layers)
+        found = yield from tried.solve(layers)
         seconds = time.process_time() - started
-    if trial.lattice is None:
-        raise ValueError(f"fineness {settings.name!r}: expected one that refines a lattice")
-    tried = trial.seconds
-    n_points, n_tried_cells = trial.lattice.n_expected, max(len(found.cells), 1)
+    if tried.lattice is None:
+        raise ValueError(f"sampling settings {settings.name!r}: expected some that refine a lattice")
+    spent = tried.stopwatch.seconds
+    n_points, n_tried_cells = tried.lattice.n_expected, max(len(found.cells), 1)
     by_point = n_points / max(len(found.points.samples.points), 1)
     is_small = found.ray_budget.n_rays <= found.ray_budget.max_rays // LEVELS[0]
     wanted = n_tried_cells * max(by_point, 1.0) ** (RECORDS_BY_SMALL_SETS if is_small else RECORDS_BY_SETS)
     lost = NO_WASTE
     if wanted > MAX_RECORDS:
-        coarser = _Trial(placement, models, sky, n_bounces, settings, N_BLOCKS, COARSER, other_light)
-        n_coarser = len((yield from coarser.solve(layers)).cells)
-        lost = expected_waste(
-            wanted, n_points, trial.n_first, math.log(n_tried_cells / max(n_coarser, 1)) / math.log(COARSER)
-        )
+        n_coarser = len((yield from solver(N_BLOCKS, COARSER).solve(layers)).cells)
+        power = math.log(n_tried_cells / max(n_coarser, 1)) / math.log(COARSER)
+        lost = expected_waste(wanted, n_points, tried.n_first_sets, power)
     n_cells = min(wanted, FULL * MAX_RECORDS) if lost.n_tries else wanted
     by_cell = n_cells / n_tried_cells
-    rest = seconds - sum(tried.values())
+    rest = seconds - sum(spent.values())
     # An abandoned try ends with its first pass, and most know by then how many rays are needed.
-    by_sample_set = tried["fans"] * found.ray_budget.n_rays / max(trial.n_rays_traced, 1)
-    reading = max(first - tried["size"] - tried["photons"], 0.0)
+    by_sample_set = spent["samples"] * found.ray_budget.n_rays / max(tried.n_rays_traced, 1)
+    reading = max(first - spent["size"] - spent["photons"], 0.0)
     total = (
         reading
-        + tried["size"]
-        + (1 + lost.n_tries) * (FEWER * tried["photons"] + by_cell * tried["rough"])
-        + by_point * (tried["fans"] + rest)
+        + spent["size"]
+        + (1 + lost.n_tries) * (FEWER * spent["photons"] + by_cell * spent["rough"])
+        + by_point * (spent["samples"] + rest)
         + lost.sets * n_points * by_sample_set
-        + by_cell * FEWER * tried["cells"]
+        + by_cell * FEWER * spent["records"]
     )
     arrays = arrays_of(found).items()
     n_bytes = sum(array.nbytes * _times(name, len(array), n_tried_cells, by_point, by_cell) for name, array in arrays)

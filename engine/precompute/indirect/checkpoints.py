@@ -26,7 +26,7 @@ from engine.precompute.indirect.direction_patterns import MAX_SAMPLE_SETS
 from engine.precompute.indirect.gather import GatherSamples
 from engine.precompute.indirect.indirect_light import Footprint, IndirectLight
 from engine.precompute.indirect.irradiance_cache import N_SLOTS, CacheFull, CacheLight
-from engine.precompute.indirect.sampling_settings import LEVELS, RayBudget
+from engine.precompute.indirect.ray_budget import LEVELS, RayBudget
 from engine.precompute.indirect.smoothing import Smoothing, no_smoothing
 
 Made = TypeVar("Made")
@@ -45,9 +45,9 @@ class CheckpointStore(Protocol):
 class Checkpoints:
     """One run through the parts, in order: `begin` each part, and `store_part` if it had to be computed."""
 
-    def __init__(self, keeper: CheckpointStore | None = None) -> None:
-        """keeper: None to store nothing."""
-        self._keeper = keeper
+    def __init__(self, storage: CheckpointStore | None = None) -> None:
+        """storage: None to store nothing."""
+        self._storage = storage
         self._index = 0
         self._finished = self._current = b""
 
@@ -83,13 +83,13 @@ class Checkpoints:
 
     def _store(self, digest: bytes, arrays: Arrays) -> None:
         """Stores a part with its digest, and ends it."""
-        if self._keeper is not None:
-            self._keeper.store(self._index, {_DIGEST: np.frombuffer(digest, np.uint8), **arrays})
+        if self._storage is not None:
+            self._storage.store(self._index, {_DIGEST: np.frombuffer(digest, np.uint8), **arrays})
         self._end(digest)
 
     def _stored(self) -> tuple[Arrays | None, bytes | None]:
         """The stored part at the current index, and its digest."""
-        stored = None if self._keeper is None else self._keeper.load(self._index)
+        stored = None if self._storage is None else self._storage.load(self._index)
         digest = None if stored is None else stored.get(_DIGEST)
         return stored, None if digest is None else digest.tobytes()
 

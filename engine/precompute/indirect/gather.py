@@ -53,6 +53,13 @@ class GatherSamples:
         return sum(array.nbytes for array in (*own, *self.glossy_hits))
 
 
+def no_samples(n_rays: int) -> GatherSamples:
+    """No sample sets, of n_rays each."""
+    none = np.zeros(0, np.float32)
+    records = np.zeros((0, n_rays), np.uint16)
+    return GatherSamples(none.astype(np.int32), none.astype(np.uint8), records, no_glossy_hits(0), none)
+
+
 def join_samples(parts: Sequence[GatherSamples]) -> GatherSamples:
     """All sample sets as one, by row; extra sets of a point come in later parts, or later in a part."""
     rows = np.concatenate([part.rows for part in parts])

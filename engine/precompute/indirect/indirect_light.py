@@ -30,9 +30,9 @@ from engine.precompute.indirect.photons import (
     join_nearby,
     photon_flux,
 )
+from engine.precompute.indirect.ray_budget import RayBudget
 from engine.precompute.indirect.record_maps import RecordReflectance
 from engine.precompute.indirect.reflection import HemisphereSamples, OutgoingRadiance
-from engine.precompute.indirect.sampling_settings import RayBudget
 from engine.precompute.indirect.second_bounce import (
     SecondBounceLight,
     glossy_tables,
@@ -175,17 +175,17 @@ class IndirectLight:
         own = np.repeat(firsts, ranges[:, 1] - ranges[:, 0])[:, None]
         return np.asarray(np.where(weights > 0.0, rows - own, 0), np.int32), weights
 
-    def unfiltered(self) -> IndirectLight:
-        """The same without the filter."""
-        return replace(self, points=replace(self.points, smoothing=None))
+    def with_smoothing(self, smoothing: Smoothing | None) -> IndirectLight:
+        """The same with this filter, None for none."""
+        return replace(self, points=replace(self.points, smoothing=smoothing))
 
     def smoothed(self, layers: Sequence[IndirectLayer]) -> Generator[None, None, IndirectLight]:
         """The same with the filter that the noise under these layers requires. A generator of steps."""
-        points, light = self.unfiltered().points, self.outgoing_radiance(layers)
+        points, light = self.with_smoothing(None).points, self.outgoing_radiance(layers)
         first, second = yield from points.halves(layers, light)
         turns = least_alike(self.points.lobe_axes != NORMAL)
         smoothing = smoothing_for(self.points.hits, self.points.samples.points, turns, first, second)
-        return replace(self, points=replace(self.points, smoothing=smoothing))
+        return self.with_smoothing(smoothing)
 
     def radiosity(self, layers: Sequence[IndirectLayer], edited: int = NO_OBJECT) -> NDArray[np.float32]:
         """Radiosity (C, D, 3) of the records under these layers, see `irradiance_cache.radiosity`."""

@@ -97,7 +97,7 @@ def touchy(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("touchy")
 def test_a_point_has_the_mean_of_its_hemisphere_samples() -> None:
-    found = in_the_corner(1.5).unfiltered()
+    found = in_the_corner(1.5).with_smoothing(None)
     gathered = found.points.samples
     point = np.cumsum(gathered.nth == 0) - 1
     counts = np.bincount(point)

@@ -13,13 +13,11 @@ from engine.light.environment import constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.precompute.direct.pipeline import SkyState
+from engine.precompute.indirect import attempt, cell_size, ray_budget, smoothing
 from engine.precompute.indirect import irradiance_cache as cells_module
-from engine.precompute.indirect import sampling_settings as fineness_module
-from engine.precompute.indirect import smoothing
-from engine.precompute.indirect import solver as solver_module
 from engine.precompute.indirect.checkpoints import NAMES, Arrays, CheckpointStore, arrays_of
 from engine.precompute.indirect.indirect_layers import IndirectLayer, indirect_layer
-from engine.precompute.indirect.sampling_settings import LEVELS
+from engine.precompute.indirect.ray_budget import LEVELS
 from engine.precompute.indirect.solver import Solver, relit
 from tests.engine.forging import forged_numbers, forged_shapes
 from tests.engine.precompute.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placed, placement_of
@@ -58,7 +56,7 @@ class Memory:
 
 @pytest.fixture(autouse=True)
 def small_parts(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(solver_module, "PART_POINTS", POINTS)
+    monkeypatch.setattr(attempt, "PART_POINTS", POINTS)
     monkeypatch.setattr(smoothing, "NOISY", 0.0)  # further fans are parts as well
 
 
@@ -80,7 +78,7 @@ def assert_same(one: Arrays, two: Arrays) -> None:
 @pytest.fixture(scope="module")
 def at_once() -> Arrays:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(solver_module, "PART_POINTS", POINTS)  # cells are numbered part by part
+        patch.setattr(attempt, "PART_POINTS", POINTS)  # cells are numbered part by part
         patch.setattr(smoothing, "NOISY", 0.0)
         once = found(None)
         assert once["nth"].any()
@@ -100,7 +98,7 @@ def test_what_is_resumed_is_what_is_found_at_once(at_once: Arrays) -> None:
 
 @pytest.mark.parametrize("tolerance", [0.0, 1.0], ids=["looked at anew", "by the fewest rays"])
 def test_wherever_it_ends_it_goes_on_with_as_many_rays(monkeypatch: pytest.MonkeyPatch, tolerance: float) -> None:
-    monkeypatch.setattr(fineness_module, "TOLERANCE", tolerance)
+    monkeypatch.setattr(ray_budget, "TOLERANCE", tolerance)
     whole = Memory()
     once = found(whole, other_light=0.0)
     assert once["n_rays"] == FINENESS.n_rays // (1 if tolerance == 0.0 else LEVELS[0]) and once["noise"] > 0.0
@@ -182,20 +180,20 @@ def test_a_part_that_was_forged_is_found_anew(at_once: Arrays, wanted: str) -> N
 def test_what_a_first_look_foresees_is_not_traced_to_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
     n_cells = len(found(None)["cells.objects"])
     traced: list[int] = []
-    gather = solver_module.gather
+    gather = attempt.gather
 
     def counted(hits: object, cells: object, rows: np.ndarray, *rest: object, **named: object) -> object:
         traced.append(len(rows))
         return gather(hits, cells, rows, *rest, **named)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(solver_module, "gather", counted)
+    monkeypatch.setattr(attempt, "gather", counted)
     found(None)
     n_traced = sum(traced)
     traced.clear()
     monkeypatch.setattr(cells_module, "MAX_RECORDS", n_cells // 2)
     late = len(found(None)["cells.objects"]), sum(traced)
     traced.clear()
-    monkeypatch.setattr(solver_module, "MAX_RECORDS", n_cells // 2)
+    monkeypatch.setattr(cell_size, "MAX_RECORDS", n_cells // 2)
     early = len(found(None)["cells.objects"]), sum(traced)
     assert max(late[0], early[0]) <= n_cells // 2
     assert n_traced < early[1] < late[1]

@@ -62,7 +62,7 @@ def _on_floor(found, layers, placement):
 @pytest.mark.parametrize("scene", ["under_lamp", "under_sky"])
 def test_photons_and_rays_bring_what_rays_alone_bring(scene, request):
     found, layers, placement = request.getfixturevalue(scene)
-    found = found.unfiltered()  # of all the light together, not of a part
+    found = found.with_smoothing(None)  # of all the light together, not of a part
     rays = _on_floor(_without_photons(found), layers, placement).mean(axis=0)
     weightless = found.points.landed._replace(weight=0 * found.points.landed.weight)
     rest = replace(found, points=replace(found.points, landed=weightless))
@@ -96,7 +96,7 @@ def test_nothing_is_missing_on_a_surface_that_turns_away():
     rod = {"name": "rod", "primitive": "sphere", "smooth": True, "transform": placed(0.1, 0.35, 0.1, 0.5, 0.02, 0.02)}
     placement = placement_of([rod, WALL, SPARK], eye=(0.1, 0.6, -0.3), target=(0.1, 0.35, 0.1), n=96)
     layers = [matt(0, 0.7), indirect_layer(1, make_layer(MODELS["rough_conductor"], GOLD | {"alpha": 0.3}), (128, 16))]
-    found = solve(placement, layers, 2, replace(FINENESS, n_rays=128, n_photons=1 << 20)).unfiltered()
+    found = solve(placement, layers, 2, replace(FINENESS, n_rays=128, n_photons=1 << 20)).with_smoothing(None)
     both, rays = (_on_floor(each, layers, placement).mean() for each in (found, _without_photons(found)))
     weightless = found.points.landed._replace(weight=0 * found.points.landed.weight)
     rest = _on_floor(replace(found, points=replace(found.points, landed=weightless)), layers, placement).mean()
@@ -158,7 +158,7 @@ def test_photons_bring_what_a_sum_over_the_wall_brings(lean):
     layers = [matt(0, 0.7), indirect_layer(1, gold, (128, 16))]
     # At every pixel: means over fewer points say where these lie. Other photons and rays make it 0.7 % more or less,
     # the mean of a dozen tries is 0.03 % off.
-    found = solve(placement, layers, 2, replace(FINENESS, n_photons=1 << 19, close=True)).unfiltered()
+    found = solve(placement, layers, 2, replace(FINENESS, n_photons=1 << 19, close=True)).with_smoothing(None)
     ours = _on_floor(found, layers, placement)
     truth = 0.7 / np.pi * _irradiance_by_wall(placement, gold, normal, placement.hits.position[placement.rows_of(0)])
     np.testing.assert_allclose(ours.mean(axis=0), truth.mean(axis=0), rtol=0.012)

@@ -98,7 +98,7 @@ def test_other_lamps_are_other_light(found):
 def test_contraction_is_the_sum_over_the_rays(found, i_layer):
     layer = louder(LAYERS, LAYERS[i_layer].i_object)[i_layer]
     matt_only = OutgoingRadiance(found.radiosity(LAYERS, 1), None, None)
-    fans = found.unfiltered().points.hemisphere_samples(layer.i_object)
+    fans = found.with_smoothing(None).points.hemisphere_samples(layer.i_object)
     [reflected] = run_to_end(fans.reflect([layer.curves], matt_only))
     points = range(0, len(fans), len(fans) // 6)
     slowly = np.array([reflected_naively(fans._samples, i, layer.curves, matt_only.diffuse) for i in points])

@@ -39,7 +39,7 @@ def thrice(placement: Placement) -> IndirectLight:
 
 def test_light_of_a_third_gloss_is_that_of_paths(placement: Placement, thrice: IndirectLight) -> None:
     twice = solve(placement, LAYERS, 2, FINENESS)
-    ours = thrice.unfiltered().picture(LAYERS).mean() - twice.unfiltered().picture(LAYERS).mean()
+    ours = thrice.with_smoothing(None).picture(LAYERS).mean() - twice.with_smoothing(None).picture(LAYERS).mean()
     materials = {0: [COPPER], 1: [COPPER]}
     two, three = (
         run_to_end(trace_paths(placement, materials, SkyState(None), n, 2048)).radiance.mean() for n in (2, 3)

@@ -13,7 +13,8 @@ from engine.plan_lines import HEMISPHERE_RAYS, checked_line
 from engine.precompute.direct.pipeline import SkyState
 from engine.precompute.indirect.checkpoints import arrays_of
 from engine.precompute.indirect.indirect_light import IndirectLight
-from engine.precompute.indirect.sampling_settings import FINE, TOLERANCE, RayBudget, noise_of, required_rays
+from engine.precompute.indirect.ray_budget import TOLERANCE, RayBudget, noise_of, required_rays
+from engine.precompute.indirect.sampling_settings import FINE
 from engine.precompute.indirect.solver import Solver
 from tests.engine.precompute.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placement_of
 
@@ -74,7 +75,7 @@ def test_a_quiet_picture_is_found_by_few_rays_and_a_noisy_one_by_all() -> None:
 
 def test_all_rays_are_those_of_a_solver_that_never_asked(monkeypatch: pytest.MonkeyPatch) -> None:
     # Cells that the first look alone has hit have other places: so alike, not equal.
-    monkeypatch.setattr("engine.precompute.indirect.sampling_settings.TOLERANCE", 0.0)
+    monkeypatch.setattr("engine.precompute.indirect.ray_budget.TOLERANCE", 0.0)
     asked, plain = solved(0.0), solved(None)
     assert asked.ray_budget.n_rays == 512 and asked.ray_budget.reason.startswith("256 would be")
     assert asked.points.samples.records.shape == plain.points.samples.records.shape
