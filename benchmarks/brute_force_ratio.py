@@ -21,8 +21,7 @@ from app.measure.precomputed import Precomputed, precompute, visibility_seconds
 from app.measure.subject import Subject
 from engine.precompute.direct.pipeline import Placement, Quality
 from engine.scene.primary_hits import PrimaryHits
-from engine.visibility.point_visibility import brute_force_visibility
-from engine.visibility.targets import VISIBILITY_LEVEL, sphere_targets
+from engine.visibility.point_visibility import VISIBILITY_LEVEL, brute_force_visibility, sphere_targets
 
 RAW_RAYS = 2_000_000
 POINTS_AT_ONCE = 1024

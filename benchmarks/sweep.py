@@ -2,7 +2,7 @@
 
 Precomputation: lights × bands × half or float, with coherent visibility; at the planned bands also with visibility by
 brute force, and with the rays of the cut alone. The seconds of a row are those of shadows, light and projection, from
-nothing. Half floats are what the GPU holds (`engine.precompute.direct.planes`), contracted here as the GPU would.
+nothing. Half floats are what the GPU holds (`engine.precompute.direct.bandstore`), contracted here as the GPU would.
 
 Editing: K wavelets in one frame after an edit of the whole curve. The error is that of the picture the frame shows,
 against the oracle of the edited material; the seconds are those of the frame on this machine's renderer.

@@ -23,8 +23,7 @@ from engine.scene.primary_hits import PrimaryHits
 from engine.scene.raycaster import RayCaster
 from engine.visibility import _kernels as kernels
 from engine.visibility.coherent_grid import grid_steps
-from engine.visibility.point_visibility import BLOCK, Visibility, empty_visibility, horizons
-from engine.visibility.targets import Targets
+from engine.visibility.point_visibility import BLOCK, Targets, Visibility, empty_visibility, horizons
 
 Variant = Literal["SNB", "SNU", "SWB", "SWU", "GNB", "GNU", "GWB", "GWU", "OPT", "TRUE"]
 VARIANTS: tuple[Variant, ...] = get_args(Variant)

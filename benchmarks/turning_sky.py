@@ -24,7 +24,7 @@ from engine.material.layer import Layer
 from engine.precompute.direct.pipeline import FINAL, Placement
 from engine.precompute.direct.relight import MEAN_TERMS, RowMaker, light_coefficients, turning_effects
 from engine.sphere.haar import levels_of_coefficients
-from engine.visibility.targets import VISIBILITY_LEVEL
+from engine.visibility.point_visibility import VISIBILITY_LEVEL
 
 ROWS = "rows, each pixel's own"
 FILE = "turning.csv"

@@ -34,8 +34,16 @@ from engine.light.triangle_lights import cut_lights
 from engine.scene.primary_hits import PrimaryHits, trace_primary
 from engine.scene.raycaster import Intersections, RayCaster
 from engine.visibility.coherent_grid import coherent_visibility
-from engine.visibility.point_visibility import Visibility, empty_visibility, evaluate_rows
-from engine.visibility.targets import DOUBT_STEP, WEAK_STEP, WEAKEST_STEP, Targets, sphere_targets
+from engine.visibility.point_visibility import (
+    DOUBT_STEP,
+    WEAK_STEP,
+    WEAKEST_STEP,
+    Targets,
+    Visibility,
+    empty_visibility,
+    evaluate_rows,
+    sphere_targets,
+)
 
 FILE, PLOT, TABLES = "visibility.csv", "visibility.png", "visibility.md"
 TRUE, OPT, OURS = "TRUE", "OPT", "ours"

@@ -15,7 +15,7 @@ and J is the least power of two with d(J) <= 0.02. The picture is then within ab
 narrower than the curve's features. The largest pointwise difference was rejected: it never falls below half a step at
 an edge, however narrow the band. A curve gets at least `EDITABLE_BANDS`: the next edit is unknown, and bands also
 determine how finely a light is split before its cosine and quotient are evaluated. A layer that is not to be edited is
-computed with as many bands and stores none of them, only its picture (`engine.precompute.direct.fixed_picture`). A
+computed with as many bands and stores none of them, only its picture (`engine.precompute.direct.bandstore`). A
 still stores none either, and uses twice as many. This module imports little, because the window's process uses its
 table.
 """

@@ -15,13 +15,11 @@ from app.measure.subject import Subject, layer_bands, layer_shape
 from engine.core.generators import run_to_end
 from engine.material.layer import Layer
 from engine.planner import Precision
-from engine.precompute.direct.bandstore import BandStore, join_tiles
+from engine.precompute.direct.bandstore import BandStore, curve_planes, join_tiles
 from engine.precompute.direct.pipeline import Placement, Quality
-from engine.precompute.direct.planes import curve_planes
 from engine.precompute.direct.projection import VisibleLight, project_layer
 from engine.visibility.coherent_grid import coherent_visibility
-from engine.visibility.point_visibility import empty_visibility, evaluate_rows
-from engine.visibility.targets import VISIBILITY_LEVEL, sphere_targets
+from engine.visibility.point_visibility import VISIBILITY_LEVEL, empty_visibility, evaluate_rows, sphere_targets
 
 PRECISIONS: tuple[Precision, ...] = ("half", "float")
 BYTES = {"half": 2, "float": 4}

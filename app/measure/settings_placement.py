@@ -49,7 +49,7 @@ from engine.precompute.indirect.sampling_settings import (
 from engine.render.path_tracer import trace_halves
 from engine.render.still import StillLayer, still_layers, with_maps
 from engine.render.still_indirect import indirect_radiance
-from engine.visibility.targets import VISIBILITY_LEVEL
+from engine.visibility.point_visibility import VISIBILITY_LEVEL
 
 FloatingArray = NDArray[np.floating]
 

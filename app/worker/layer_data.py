@@ -18,10 +18,19 @@ from app.messages.worker_messages import Response
 from app.modes.placement.placement_messages import LayerPicture, LayerTransport
 from engine.core.stored_arrays import Arrays
 from engine.planner import Precision, RenderSettings
-from engine.precompute.direct.bandstore import BandStore, BandTile, arrays_of_file, join_tiles, store_from_arrays
-from engine.precompute.direct.fixed_picture import FixedPicture, join_pictures, picture_of_file, picture_of_tile
+from engine.precompute.direct.bandstore import (
+    BandStore,
+    BandTile,
+    FixedPicture,
+    arrays_of_file,
+    curve_planes,
+    join_pictures,
+    join_tiles,
+    picture_of_file,
+    picture_of_tile,
+    store_from_arrays,
+)
 from engine.precompute.direct.pipeline import COARSE, DRAG, FINAL, PREVIEW
-from engine.precompute.direct.planes import curve_planes
 from engine.precompute.direct.projection import LayerShape
 
 # As fine as a preview, of a scene that is lit anew (`app.worker.relighting`): its pictures have no bands.

@@ -14,8 +14,7 @@ from app.document.scene_state import LayerState
 from app.worker.layer_data import Part, join_tile_contents, part_of_file, picture_of_part, shape_of, tile_content
 from app.worker.tiles import Tiles
 from engine.core.stored_arrays import Writable
-from engine.precompute.direct.bandstore import BandStore, BandTile, arrays_in_pieces
-from engine.precompute.direct.fixed_picture import FixedPicture, join_pictures
+from engine.precompute.direct.bandstore import BandStore, BandTile, FixedPicture, arrays_in_pieces, join_pictures
 from engine.precompute.direct.projection import TILE
 
 

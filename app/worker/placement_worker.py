@@ -61,8 +61,7 @@ from engine.core.stored_arrays import ArrayReader, Arrays, n_bytes_of
 from engine.light.environment import downsample
 from engine.material.layer import Layer
 from engine.planner import Precision, RenderSettings, band_counts
-from engine.precompute.direct.bandstore import BandStore
-from engine.precompute.direct.fixed_picture import FixedPicture
+from engine.precompute.direct.bandstore import BandStore, FixedPicture
 from engine.precompute.direct.pipeline import COARSE, DRAG, FINAL, PREVIEW, Placement, Quality, SkyState, final_quality
 from engine.precompute.direct.projection import TILE, VisibleLight
 from engine.render.light_pilot import LightBudget

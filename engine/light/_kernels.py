@@ -36,7 +36,7 @@ def integrate_above_edges(
     vertex.
 
     Positive where azimuth increases along the edge. row_edges (H + 1, 2): cosine and cotangent of theta at the rows'
-    edges. See `engine.light.triangle_integrals` for the formulas.
+    edges. See `engine.light.environment` for the formulas.
     """
     for e in range(start, stop):
         integrals[e, 0] = integrals[e, 1] = integrals[e, 2] = 0.0

@@ -28,10 +28,10 @@ from typing import Any, BinaryIO, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.core.colour import to_rec709, xyz_to_rec709
 from engine.core.errors import LoadError
 from engine.core.safe_files import local_path
 from engine.light.resampling import block_means, reduction
-from engine.light.rgb_primaries import to_rec709, xyz_to_rec709
 
 MAX_FILE_BYTES = 1 << 30
 MAX_SIDE = 16_384

@@ -17,7 +17,7 @@ from engine.core.generators import map_steps, run_to_end
 from engine.core.threads import n_threads, on_threads
 from engine.light.triangle_lights import cut_lights
 from engine.planner import Cost, Plan
-from engine.precompute.direct.fixed_picture import BYTES_A_POINT
+from engine.precompute.direct.bandstore import BYTES_A_POINT
 from engine.precompute.direct.lighting import prepare_lighting
 from engine.precompute.direct.near_leaves import near_leaves
 from engine.precompute.direct.pipeline import Placement, Quality, SkyState

@@ -45,8 +45,7 @@ from engine.render.picture_error import ErrorEstimate
 from engine.render.still import StillLayer, StillProgress, by_object, layer_radiance, shape_of
 from engine.scene.primary_hits import PrimaryHits
 from engine.scene.raycaster import RayCaster
-from engine.visibility.point_visibility import Visibility, empty_visibility, evaluate_rows
-from engine.visibility.targets import Targets
+from engine.visibility.point_visibility import Targets, Visibility, empty_visibility, evaluate_rows
 
 N_POINTS = 256
 FINER, FINER_PATCHES = 4, 16  # times as many lights, and as many leaves of the tree of emitters

@@ -31,8 +31,7 @@ from engine.scene.primary_hits import PrimaryHits
 from engine.scene.raycaster import RayCaster
 from engine.sphere.geodesic import geodesic
 from engine.visibility import _kernels as kernels
-from engine.visibility.point_visibility import BLOCK, Guess, Visibility, evaluate_block, horizons
-from engine.visibility.targets import VISIBILITY_LEVEL
+from engine.visibility.point_visibility import BLOCK, VISIBILITY_LEVEL, Guess, Visibility, evaluate_block, horizons
 
 COARSEST_STEP = 16
 ALIKE_COSINE = 0.8

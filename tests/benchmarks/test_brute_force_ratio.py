@@ -10,8 +10,7 @@ from app.measure.subject import open_subject
 from benchmarks.brute_force_ratio import RawRate, hemisphere_directions, precompute_ratios, shadow_rays, wrong_answers
 from engine.precompute.direct.pipeline import FINAL, PREVIEW, Placement
 from engine.sphere.geodesic import geodesic
-from engine.visibility.point_visibility import brute_force_visibility
-from engine.visibility.targets import VISIBILITY_LEVEL
+from engine.visibility.point_visibility import VISIBILITY_LEVEL, brute_force_visibility
 
 
 @pytest.fixture(scope="module")

@@ -33,7 +33,7 @@ JUDGES = Path(__file__).resolve().parents[1] / "golden" / "rooms"
 # pixels, in which paths are quiet.
 # The noise of the stairwell's judge is 0.005 in direct light; by patches of equal area it was 0.085 off, and 0.033 in
 # the mean; the storeroom 0.0101. The stairwell is 0.011 to 0.018 off by which of its leaves happen to be cut, as found
-# with `engine.precompute.direct.point_emitters.UNCERTAIN_SHARE` from 0 to 0.5, and 0.0133 with the one that is.
+# with `engine.precompute.direct.lighting.UNCERTAIN_SHARE` from 0 to 0.5, and 0.0133 with the one that is.
 DIRECT = {"stairwell": (0.015, 0.003), "ajar": (0.012, 0.002), "storeroom": (0.005, 0.002)}
 BOUNCES = {"stairwell": (0.009, 0.005), "ajar": (0.010, 0.003), "storeroom": (0.006, 0.004)}
 # The stairwell is 0.5 to 0.9 % off and 0.2 to 0.5 % too light, by the processor, whose rounding chooses other rays.

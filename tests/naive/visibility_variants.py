@@ -10,7 +10,7 @@ from benchmarks.thesis_visibility import Variant
 from engine.scene.primary_hits import PrimaryHits
 from engine.scene.raycaster import RayCaster
 from engine.visibility.coherent_grid import grid_steps
-from engine.visibility.targets import Targets
+from engine.visibility.point_visibility import Targets
 
 Bits = NDArray[np.bool_]
 Rows = NDArray[np.int32]

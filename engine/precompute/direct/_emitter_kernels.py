@@ -16,7 +16,7 @@ import numpy as np
 
 from engine.material.kinds import THETA_R
 from engine.precompute.direct._angle_kernels import HALF_PI, TINY, is_highlight
-from engine.precompute.direct._split_kernels import distance_from_axis
+from engine.precompute.direct._share_kernels import distance_from_axis
 
 # The error of a node relative to a point's light: of its centre for the whole, and of its visible part.
 CUT_TOLERANCE = np.float32(0.003)

@@ -1,4 +1,4 @@
-"""Compiled: searches the samples that a point interpolates: see `footprint`."""
+"""Compiled: searches the samples that a point interpolates: see `pipeline.footprint`."""
 
 import math
 

@@ -11,7 +11,7 @@ import numba as nb
 import numpy as np
 
 from engine.precompute.direct._angle_kernels import HALF_PI, fill_gammas, tint, weigh
-from engine.precompute.direct._visible_kernels import gather_local, set_frame
+from engine.precompute.direct._projection_kernels import gather_local, set_frame
 from engine.sphere.haar import N_ROOTS
 
 # Values of a row are stored as fractions of its largest, in so many steps.

@@ -11,6 +11,21 @@ For P points, J bands of factor A and K bands of factor B (K = 1 for a layer wit
 Compared on a 512×512 teapot on a tray: float32 matrices need 12 bytes an entry and every entry, half floats with a
 16-bit column index 8 bytes an entry; this needs 4 and two bytes a row. Entries are never negative (nor are light,
 visibility and BRDF), which is why they are stored as bands and transformed to wavelets on export.
+
+Transport along one curve is exported to the renderer as a plane of numbers for each coefficient, with the picture:
+
+    T = c_Bᵀ U or U c_A [BenArtzi07, eq. 4.16], transformed by Daubechies-4;   numbers = T / scale
+
+Curve switching waits for this, so contraction, transform, scaling, rounding, norms and picture take one pass over the
+packed bands. Halves hold nine decades and the planes span many more, so each plane has its own scale: a power of two,
+estimated from a thousand points with room for 4,000 times as much. Where the estimate fails, the pass is repeated with
+the maxima of the first one. Separate passes, through single precision, took five times as long.
+
+The transport of a fixed layer is its picture under the current curves, without bands. The bands that it is computed
+with are summed tile by tile and discarded, so that it takes twelve bytes a point: fixed objects include their BRDF in
+the precomputation, and "the BRDF bases need not be considered" [BenArtzi07, sect. 6.1.3]. Using only the few bands that
+its curves require was rejected: bands also determine how finely a light is split, and with those alone the error of the
+Cornell box was 3.9 % instead of 1.1 %.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -21,8 +36,13 @@ import numpy as np
 
 from engine.core.stored_arrays import ArrayInPieces, ArrayReader, Arrays, UnsoundArrays
 from engine.core.threads import on_threads
+from engine.planner import Precision
 from engine.precompute.direct import _band_kernels as kernels
-from engine.precompute.direct import _plane_kernels as plane_kernels
+
+SCALE_SAMPLES = 1024
+# The largest number of a scaled plane: its estimated position, and its permitted range. Halves end at 65,504.
+SCALE_MARGIN, LEAST_NUMBER, MOST_NUMBER = 16.0, 2.0**-4, 65504.0
+BYTES_A_POINT = 12  # of a `FixedPicture`
 
 
 @dataclass(frozen=True)
@@ -41,8 +61,8 @@ class BandTile:
         return sum(a.nbytes for a in (self.scale, self.first, self.count, self.start, self.values))
 
     @property
-    def packed(self) -> plane_kernels.PackedTile:
-        return plane_kernels.PackedTile(self.scale, self.first, self.count, self.start, self.values)
+    def packed(self) -> kernels.PackedTile:
+        return kernels.PackedTile(self.scale, self.first, self.count, self.start, self.values)
 
     def arrays(self) -> dict[str, np.ndarray]:
         return {
@@ -102,11 +122,11 @@ class BandStore:
         maxima = np.zeros((len(self.tiles), n_kept), np.float32)
         squares = np.zeros((len(self.tiles), n_kept, 3))
         dormant = np.ascontiguousarray(coefficients[1 - factor].T, np.float32)
-        curve = np.tile(np.asarray(coefficients[factor], np.float64), (1, plane_kernels.BLOCK))
+        curve = np.tile(np.asarray(coefficients[factor], np.float64), (1, kernels.BLOCK))
         scaling = inverse.astype(np.float32)
 
         def fill_tile(tile: BandTile, largest: np.ndarray, summed: np.ndarray) -> None:
-            plane_kernels.contract_tile(
+            kernels.contract_tile(
                 tile.packed, tile.begin, self.bands[1], factor == 0, wavelet, dormant, curve, scaling, words,
                 radiance.reshape(-1), largest, summed,
             )  # fmt: skip
@@ -210,3 +230,80 @@ def store_from_arrays(bands: tuple[int, int], arrays: Mapping[str, np.ndarray], 
 
 def join_tiles(bands: tuple[int, int], tiles: Iterable[BandTile]) -> BandStore:
     return BandStore(bands, tuple(sorted(tiles, key=lambda tile: tile.begin)))
+
+
+@dataclass(frozen=True, eq=False)
+class CurvePlanes:
+    """numbers (J, P, 3) float16 or float32; true values are numbers · scale (J,).
+
+    norms (J, 3): lengths of the true planes, per channel; radiance (P, 3) float32: the layer's picture.
+    """
+
+    numbers: np.ndarray
+    scale: np.ndarray
+    norms: np.ndarray
+    radiance: np.ndarray
+
+
+def curve_planes(
+    store: BandStore, factor: int, coefficients: tuple[np.ndarray, np.ndarray], unit: float, precision: Precision
+) -> CurvePlanes:
+    """The planes of factor 0 (A) or 1 (B) of a layer with these curves, (J, 3) and (K, 3), times `unit`.
+
+    Raises ValueError for coefficients whose shape is not the store's.
+    """
+    dtype = np.float16 if precision == "half" else np.float32
+    guessed = store.thin(SCALE_SAMPLES).fill(factor, coefficients, np.ones(store.bands[factor]), dtype)
+    scale = _power_of_two(guessed.maxima) / SCALE_MARGIN
+    found = store.fill(factor, coefficients, 1.0 / scale, dtype)
+    if ((found.maxima > MOST_NUMBER) | ((found.maxima < LEAST_NUMBER) & (found.maxima > 0.0))).any():
+        scale *= _power_of_two(found.maxima)
+        found = store.fill(factor, coefficients, 1.0 / scale, dtype)
+    scale *= unit
+    norms = np.sqrt(found.squares) * scale[:, None]
+    return CurvePlanes(found.numbers, scale, norms, found.radiance * np.float32(unit))
+
+
+def _power_of_two(largest: np.ndarray) -> np.ndarray:
+    """The power of two from each number up to its double, 1 for 0; within the range of single precision."""
+    _, exponents = np.frexp(np.where((largest > 0.0) & np.isfinite(largest), largest, 0.5))
+    return np.exp2(np.clip(exponents, -100, 100).astype(np.float64))
+
+
+@dataclass(frozen=True, eq=False)
+class FixedPicture:
+    """A layer's picture Σ_jk c_j c_k U_jk, (P, 3) float32."""
+
+    picture: np.ndarray
+
+    @property
+    def n_points(self) -> int:
+        return len(self.picture)
+
+    @property
+    def n_bytes(self) -> int:
+        return int(self.picture.nbytes)
+
+    def radiance(self, *_: np.ndarray) -> np.ndarray:
+        """The picture, (P, 3), with the curves that it was computed with; ignores the arguments."""
+        return self.picture
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """The arrays for a file."""
+        return {"picture": self.picture}
+
+
+def picture_of_file(n_points: int, arrays: Arrays) -> np.ndarray:
+    """The picture of P points, of a layer or a tile, from a file. Raises UnsoundArrays."""
+    return ArrayReader(arrays, P=n_points).take("picture", np.float32, "P", 3)
+
+
+def picture_of_tile(tile: BandTile, bands: tuple[int, int], curves: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    """One tile's picture (p, 3) float32 under the layer's curves, (J, 3) and (K, 3)."""
+    alone = BandTile(0, tile.scale, tile.first, tile.count, tile.start, tile.values)
+    return BandStore(bands, (alone,)).radiance(*curves)
+
+
+def join_pictures(parts: Mapping[int, np.ndarray]) -> FixedPicture:
+    """The layer's picture from those of its tiles, by their first point."""
+    return FixedPicture(np.concatenate([np.zeros((0, 3), np.float32), *(parts[begin] for begin in sorted(parts))]))

@@ -14,11 +14,11 @@ import numpy as np
 from engine.light.environment import constant_environment
 from engine.material import MODELS
 from engine.precompute.direct import _projection_kernels as kernels
-from engine.precompute.direct.bandstore import BandTile, join_tiles
+from engine.precompute.direct._band_kernels import PackedTile
+from engine.precompute.direct.bandstore import BandTile, curve_planes, join_tiles
 from engine.precompute.direct.lighting import prepare_lighting
 from engine.precompute.direct.near_leaves import no_near_leaves
 from engine.precompute.direct.pipeline import COARSE, Placement, Quality, SkyState
-from engine.precompute.direct.planes import curve_planes
 from engine.precompute.direct.projection import LayerShape, VisibleLight, project_layer
 from engine.scene.description import parse_description
 from engine.scene.edges import nearest_centres
@@ -87,7 +87,7 @@ def warm_up_projection_details() -> None:
     rows, tree = np.zeros(1, np.int64), np.zeros((0, 6), np.float32)
     kernels._split_curved(corners, rows, tree, 0, one, one, optics, frame, one, one, one, scratch)
     kernels.share_out(bands, scratch.colours, 0, scratch.spots, one, one)
-    encoded = kernels.EncodedTile(*_empty_tile(n_a))
+    encoded = PackedTile(*_empty_tile(n_a))
     cells, maxima = np.zeros((n_a, n_b), np.float32), np.zeros(n_a, np.float32)
     kernels.encode_bands(bands[:n_a, :n_b], one, cells, maxima, encoded, 0, 0)
 

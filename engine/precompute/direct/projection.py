@@ -8,6 +8,7 @@ import numpy as np
 from engine.core.threads import n_threads, pool
 from engine.material import MODELS
 from engine.precompute.direct import _projection_kernels as kernels
+from engine.precompute.direct._band_kernels import PackedTile
 from engine.precompute.direct.bandstore import BandTile
 from engine.precompute.direct.lighting import Lighting
 from engine.precompute.direct.near_leaves import NearLeaves
@@ -61,7 +62,7 @@ def project_points(hits: PrimaryHits, rows: np.ndarray, light: VisibleLight, lay
     model = MODELS[layer.model]
     kind_a = model.factors[0].gamma
     kind_b = model.factors[1].gamma if len(model.factors) > 1 else kind_a
-    encoded = kernels.EncodedTile(
+    encoded = PackedTile(
         np.empty(n_points, np.float32),
         np.zeros((n_points, n_a if n_b > 1 else 0), np.uint8),
         np.zeros((n_points, n_a if n_b > 1 else 0), np.uint8),

@@ -33,8 +33,7 @@ from engine.precompute.direct._projection_kernels import ViewedPoints
 from engine.scene.primary_hits import PrimaryHits
 from engine.sphere.geodesic import geodesic
 from engine.sphere.haar import forward, levels_of_coefficients
-from engine.visibility.point_visibility import Visibility
-from engine.visibility.targets import VISIBILITY_LEVEL
+from engine.visibility.point_visibility import VISIBILITY_LEVEL, Visibility
 
 TILE = 512
 N_TURNS = 16

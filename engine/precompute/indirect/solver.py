@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 
 from engine.core.generators import run_to_end
 from engine.core.stored_arrays import ArrayReader, Arrays
-from engine.precompute.direct.footprint import footprint, lattice_rows
-from engine.precompute.direct.pipeline import Placement, SkyState
+from engine.precompute.direct.pipeline import Placement, SkyState, footprint, lattice_rows
 from engine.precompute.indirect._ray_kernels import NORMAL
 from engine.precompute.indirect.attempt import Attempt, SampledScene
 from engine.precompute.indirect.cell_size import CellSizeSearch, first_cell_size

@@ -21,8 +21,7 @@ from engine.precompute.direct.projection import LayerShape, VisibleLight, projec
 from engine.render.integrator import evaluate_layer, integrate_direct
 from engine.scene.builtin import builtin_scenes
 from engine.scene.scene_loader import load_scene
-from engine.visibility.point_visibility import brute_force_visibility
-from engine.visibility.targets import sphere_targets
+from engine.visibility.point_visibility import brute_force_visibility, sphere_targets
 from tests.engine.precompute.direct.by_hand import caster_of, points_at, square
 
 UP = np.array([[0.0, 1.0, 0.0]])

@@ -16,8 +16,14 @@ from engine.scene.surface_points import surface_points
 from engine.sphere.geodesic import geodesic, locate
 from engine.visibility import _kernels as kernels
 from engine.visibility.coherent_grid import coherent_visibility, grid_steps
-from engine.visibility.point_visibility import Visibility, brute_force_visibility, empty_visibility, evaluate_rows
-from engine.visibility.targets import Targets, sphere_targets
+from engine.visibility.point_visibility import (
+    Targets,
+    Visibility,
+    brute_force_visibility,
+    empty_visibility,
+    evaluate_rows,
+    sphere_targets,
+)
 from tests.engine.precompute.direct.by_hand import NOWHERE, caster_of, points_at, square
 from tests.naive.visibility import visible
 from tests.scene_text import camera, placed

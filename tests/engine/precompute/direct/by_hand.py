@@ -16,8 +16,7 @@ from engine.precompute.direct.projection import LayerShape, VisibleLight, projec
 from engine.scene.picture_frame import no_lamps
 from engine.scene.primary_hits import PrimaryHits
 from engine.scene.raycaster import RayCaster
-from engine.visibility.point_visibility import brute_force_visibility
-from engine.visibility.targets import sphere_targets
+from engine.visibility.point_visibility import brute_force_visibility, sphere_targets
 
 # Far below everything and tiny: a caster needs a triangle, an empty scene has none.
 NOWHERE = np.array([[[0.0, -900.0, 0.0], [1e-3, -900.0, 0.0], [0.0, -900.0, 1e-3]]])

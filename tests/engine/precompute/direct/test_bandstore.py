@@ -8,16 +8,16 @@ from hypothesis import strategies as st
 from engine.core.stored_arrays import UnsoundArrays
 from engine.curve import wavelet
 from engine.precompute.direct import _band_kernels as kernels
-from engine.precompute.direct._projection_kernels import EncodedTile
+from engine.precompute.direct._band_kernels import PackedTile
 from engine.precompute.direct.bandstore import (
     BandStore,
     BandTile,
     arrays_in_pieces,
     arrays_of_file,
     join_tiles,
+    picture_of_file,
     store_from_arrays,
 )
-from engine.precompute.direct.fixed_picture import picture_of_file
 from tests.engine.forging import forged_numbers, forged_shapes
 from tests.engine.precompute.direct.by_hand import contract
 from tests.naive.transport import decode
@@ -29,7 +29,7 @@ def encode_tile(dense: np.ndarray, begin: int = 0, trim: np.float32 = TRIM) -> B
     """A tile that holds dense bands (p, J, K, 3)."""
     n_points, n_a, n_b, _ = dense.shape
     runs = (n_points, n_a if n_b > 1 else 0)
-    encoded = EncodedTile(
+    encoded = PackedTile(
         np.empty(n_points, np.float32),
         np.zeros(runs, np.uint8),
         np.zeros(runs, np.uint8),

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from engine.precompute.direct.footprint import footprint, lattice_rows
-from engine.precompute.direct.pipeline import Placement
+from engine.precompute.direct.pipeline import Placement, footprint, lattice_rows
 from engine.scene.scene_loader import load_scene
 
 SCENE = """version = 1

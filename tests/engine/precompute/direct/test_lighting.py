@@ -9,7 +9,7 @@ from engine.light.triangle_lights import cut_lights
 from engine.precompute.direct import lighting
 from engine.precompute.direct.lighting import longest_edges, nearest_neighbours, prepare_lighting
 from engine.sphere.geodesic import geodesic, locate
-from engine.visibility.targets import VISIBILITY_LEVEL
+from engine.visibility.point_visibility import VISIBILITY_LEVEL
 from tests.engine.precompute.direct.by_hand import irradiance, light_of, points_at, square
 
 

@@ -5,9 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.precompute.direct import _plane_kernels as kernels
-from engine.precompute.direct.bandstore import BandStore
-from engine.precompute.direct.planes import LEAST, MOST, SCALE_SAMPLES, curve_planes
+from engine.precompute.direct import _band_kernels as kernels
+from engine.precompute.direct.bandstore import LEAST_NUMBER, MOST_NUMBER, SCALE_SAMPLES, BandStore, curve_planes
 from tests.engine.precompute.direct.by_hand import contract
 from tests.engine.precompute.direct.test_bandstore import dense_of, sparse_bands, store_of
 
@@ -94,7 +93,7 @@ def test_a_guess_that_fails_is_mended(others: int, peak: int, is_seen: bool) -> 
     store = store_of(dense, chunk=4096)
     found = curve_planes(store, 0, (np.ones((2, 3)), np.ones((1, 3))), 1.0, "half")
     largest = np.abs(found.numbers.astype(float)).max(axis=(1, 2))
-    assert largest[0] <= MOST and largest[0] >= LEAST
+    assert largest[0] <= MOST_NUMBER and largest[0] >= LEAST_NUMBER
     # Bands that are equal: the first coefficient is their sum over the root of 2.
     expected = np.sqrt(2) * dense_of(store)[place, 0, 0]
     allowed = 2.0**-19 * max(float(expected.max()), np.sqrt(2) * 10.0**others)

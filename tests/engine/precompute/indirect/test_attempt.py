@@ -8,8 +8,7 @@ import pytest
 from engine.core.generators import run_to_end
 from engine.core.stored_arrays import Arrays
 from engine.light.environment import constant_environment
-from engine.precompute.direct.footprint import lattice_rows
-from engine.precompute.direct.pipeline import SkyState
+from engine.precompute.direct.pipeline import SkyState, lattice_rows
 from engine.precompute.indirect import attempt as attempt_module
 from engine.precompute.indirect.attempt import Attempt
 from engine.precompute.indirect.cell_size import CellSizeSearch

@@ -2,8 +2,8 @@
 
 One coefficient is one layer of an array texture; its (p,3) numbers are stored as they come from the worker (see
 ``sample_layout``), so an upload copies and never rearranges nor converts: halves stay halves. They are numbers h with T
-= scale·h, one scale for each coefficient (see ``engine.precompute.direct.planes``): a scale for each pixel would zero
-the weak bands, none would overflow. The shader decodes every half exactly.
+= scale·h, one scale for each coefficient (see ``engine.precompute.direct.bandstore``): a scale for each pixel would
+zero the weak bands, none would overflow. The shader decodes every half exactly.
 
 Reading one coefficient at a time leaves the choice of terms free; the packing is what makes it fast on a CPU. One layer
 of 60,000 samples, llvmpipe (Mesa 22.3, LLVM 15) on two cores of an AMD EPYC, best of 25 while others used the machine;
