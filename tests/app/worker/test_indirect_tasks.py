@@ -19,7 +19,7 @@ from app.worker import indirect_tasks as indirect_module
 from app.worker.cache import ArrayCache
 from app.worker.indirect_tasks import IndirectTasks
 from engine.precompute.direct.pipeline import Placement
-from engine.precompute.indirect import solver as solver_module
+from engine.precompute.indirect import attempt as attempt_module
 from engine.precompute.indirect.gather import GatherSamples, gather
 from engine.precompute.indirect.sampling_settings import ROUGH
 from engine.precompute.indirect.solver import Solver
@@ -109,12 +109,12 @@ import os, signal, sys
 from pathlib import Path
 from app.worker import indirect_tasks, tiles
 from app.worker.cache import ArrayCache
-from engine.precompute.indirect import solver
+from engine.precompute.indirect import attempt
 from engine.scene.scene_loader import load_scene
 from engine.precompute.direct.pipeline import Placement
 from tests.app.worker.test_indirect_tasks import PART_POINTS, found_by
 
-indirect_tasks.FINE, solver.PART_POINTS = indirect_tasks.ROUGH, PART_POINTS
+indirect_tasks.FINE, attempt.PART_POINTS = indirect_tasks.ROUGH, PART_POINTS
 append = tiles.Tiles.append_tile
 
 def append_and_die(self, index, arrays):
@@ -133,7 +133,7 @@ PART_POINTS = 8
 
 
 def test_a_search_that_was_killed_goes_on(scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(solver_module, "PART_POINTS", PART_POINTS)
+    monkeypatch.setattr(attempt_module, "PART_POINTS", PART_POINTS)
     killed = subprocess.run([sys.executable, "-c", KILLED, str(tmp_path)], cwd=ROOT, timeout=300, check=False)
     assert killed.returncode == -signal.SIGKILL
     assert {path.suffix for path in (tmp_path / "cache").iterdir()} == {".tiles", ".lock"}
@@ -143,7 +143,7 @@ def test_a_search_that_was_killed_goes_on(scene: Scene, tmp_path: Path, monkeypa
         gathered.extend([] if named else [len(given[2])])  # the first look is named otherwise
         return gather(*given, **named)
 
-    monkeypatch.setattr(solver_module, "gather", counted)
+    monkeypatch.setattr(attempt_module, "gather", counted)
     store = ArrayCache(tmp_path / "cache")
     where, frozen = found_by(IndirectTasks(Placement(scene), store, "scene"), scene)
     n_resumed = sum(gathered)
