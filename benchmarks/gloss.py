@@ -62,7 +62,8 @@ def ball_in_view(ball: str, resolution: tuple[int, int] = WINDOW) -> Project:
     camera = project.scene.description.camera
     fov_y = 2.0 * math.degrees(math.atan(math.tan(math.radians(camera.fov_y) / 2) * WINDOW[1] / HEIGHT))
     close = camera.model_copy(update={"target": BALLS[ball], "fov_y": fov_y})
-    return replace(project, scene=project.scene.from_camera(close, resolution), n_edge_rays=0)
+    seen = replace(project, scene=project.scene.from_camera(close, resolution))
+    return seen.with_settings(n_edge_rays=0)
 
 
 def error_on_ball(ball: str, project: Project, ours: NDArray[np.floating], truth: NDArray[np.floating]) -> Errors:

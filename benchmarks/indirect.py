@@ -12,7 +12,7 @@ import numpy as np
 
 from app.measure.accuracy import Errors, errors
 from app.measure.subject import at_most, open_subject
-from app.project.project import open_project, with_edges
+from app.project.project import open_project
 from app.stills.stills import render_picture
 from benchmarks.figures import Figure, NotMeasured, not_measured
 from benchmarks.indirect_memory import growth_figure, memory_rows, write_rows
@@ -177,7 +177,9 @@ def _reference_figures(name: str) -> Sequence[Figure]:
 def series_errors(folder: Path, name: str, text: str) -> Errors:
     """A reference scene with four bounces against the path-traced picture of as many."""
     series = parse_series(text)
-    project = with_edges(open_project(str(folder / f"{name}.toml")), 0)  # rays of the references pass centres alone
+    project = open_project(str(folder / f"{name}.toml")).with_settings(
+        n_edge_rays=0
+    )  # rays of the references pass centres alone
     ours = render_picture(project, lambda step: None, series=series)
     truth, mask = masked_reference(folder, name, series.n_bounces, Placement(project.scene).hits)
     if ours.shape != truth.shape:

@@ -101,7 +101,8 @@ def compared(
     if cost is None:
         raise ValueError("expected a plan with its cost")
     return PlanRow(
-        Path(source).stem, "{} x {}".format(*resolution), n_triangles, plan.bounces or 1, cost.seconds, was.seconds,
+        Path(source).stem, "{} x {}".format(*resolution), n_triangles, plan.settings.n_bounces or 1,
+        cost.seconds, was.seconds,
         cost.memory_mib, was.memory_mib, cost.disk_mib, was.disk_mib, planning_seconds,
     )  # fmt: skip
 

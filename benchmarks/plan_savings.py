@@ -118,8 +118,9 @@ def saving(project: Project, name: str) -> SavingRow:
         )
     )  # fmt: skip
     carried, further = planned.plan, planned.further
+    settings = carried.settings
     return SavingRow(
-        name, len(planned.radiance), carried.n_lights, carried.n_patches, carried.needs_sphere, carried.n_edge_rays,
+        name, len(planned.radiance), settings.n_lights, settings.n_patches, settings.keeps_sphere, carried.n_edge_rays,
         further.n_bounces, further.n_rays, everything.seconds, planned.seconds, everything.further.seconds,
         further.seconds, *errors,
     )  # fmt: skip
@@ -136,7 +137,7 @@ def _of_pixels(project: Project, most: int) -> Project:
 def _draw_everything(project: Project, plan: Plan) -> _Drawn:
     """With the most there is of each line."""
     started = time.process_time()
-    plan = replace(plan, needs_sphere=True)
+    plan = replace(plan, settings=replace(plan.settings, keeps_sphere=True))
     placement, layers = _opened(project, plan)
     seconds = time.process_time() - started
     further = _further(project, placement, layers, MOST_PLANNED, as_needed=False)

@@ -25,8 +25,9 @@ from app.worker.cache import ArrayCache
 from app.worker.in_process import InProcessClient
 from app.worker.tasks import RequestDispatcher
 from benchmarks.figures import Figure, NotMeasured, not_measured
-from engine.planner import RenderSettings, band_counts
+from engine.planner import band_counts
 from engine.precompute.direct.pipeline import FINAL, PREVIEW
+from engine.settings import RenderSettings
 
 NAMES = ("turn_error", "turn_cpu_s", "relight_rows_s")
 SCENE = "teatray"

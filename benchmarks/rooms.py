@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.measure.accuracy import Errors, errors
-from app.project.project import Project, open_project, with_edges
+from app.project.project import Project, open_project
 from app.stills.stills import render_picture
 from benchmarks.figures import Figure, not_measured
 from engine.precompute.direct.pipeline import Placement
@@ -64,7 +64,7 @@ def _figures_of(names: Sequence[str], room: str, effort: RoomEffort, n_bounces: 
 def room_errors(name: str, effort: RoomEffort, n_bounces: int, block: int = 1) -> tuple[Errors, float, float]:
     """A room's still against paths through it, the noise (relative RMS, a pixel) of those paths, and the largest
     blotch."""
-    project, noise = with_edges(open_project(name, effort.resolution), 0), 0.0
+    project, noise = open_project(name, effort.resolution).with_settings(n_edge_rays=0), 0.0
 
     def listen(step: object) -> None:
         nonlocal noise

@@ -42,8 +42,8 @@ from app.measure.subject import Subject
 from app.system.atomic import save_file
 from engine.curve.wavelet import forward
 from engine.material.layer import Layer
-from engine.planner import Precision
 from engine.precompute.direct.pipeline import FINAL, Placement
+from engine.settings import Precision
 from engine.visibility.point_visibility import brute_force_visibility
 
 Shadows = Literal["coherent", "brute", "cut"]

@@ -25,7 +25,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -34,7 +34,21 @@ from engine.curve.bands import band_nodes, band_values, band_weights
 from engine.material import MODELS, kinds
 from engine.material.layer import Layer
 from engine.material.model import Model
-from engine.plan_lines import MAX_BANDS_OVERRIDDEN, MODE_LINES, PICTURE_LINES, LineValue, checked_bands, checked_line
+from engine.settings import (
+    AS_PLANNED,
+    DEFAULT_SETTINGS,
+    FIELD_OF_LINE,
+    MAX_BANDS_OVERRIDDEN,
+    MODE_LINES,
+    N_LIGHTS,
+    N_PATCHES,
+    NEEDED_LINES,
+    PICTURE_LINES,
+    LineValue,
+    RenderSettings,
+    checked_bands,
+    checked_line,
+)
 
 if TYPE_CHECKING:
     from engine.scene.description import SceneDescription
@@ -59,42 +73,12 @@ BANDWIDTH_TOLERANCE = 0.02
 # For measured highlights, which should be within 1 % of the data while unedited. Nickel, whose lobe is half as high at
 # 1.1°, has an error of 4 % with 64 bands (d = 0.008) and 0.9 % with 128; broader lobes get 64.
 MEASURED_TOLERANCE = 0.005
-N_LIGHTS = 4000
-N_PATCHES = 768
 # Up to about this many lights, tracing the lights of the cut costs less than the sphere's 5,120 directions.
 MIN_LIGHTS_FOR_SPHERE = 1280
-# Lines whose planned number a pilot may reduce.
-NEEDED_LINES = frozenset({"lights", "patches"})
 N_FINE = 512
 ONCE_REASON = "light is reflected once"
 RAYS_REASON = "as few as the noise of a pilot allows"
 PRECISION_REASON = "each coefficient's plane has its own scale, so half floats hold it to 0.05 %"
-
-Precision = Literal["half", "float"]
-
-
-@dataclass(frozen=True)
-class RenderSettings:
-    """The settings that the light of a picture is computed with: the lines of the plan that transport depends on.
-
-    n_lights, n_patches: the number that sky and emitters are cut into at the final stage, or fewer where these suffice
-    (`render.light_pilot`) and the user has not overridden it; keeps_sphere: compute and store visibility in all
-    directions, otherwise only that of the lights; overridden: the lines that the user set; n_bounces: 0 for as many as
-    the scene requires; n_rays: rays per sample set of indirect light, 0 for as many as the picture requires
-    (`indirect.sampling_settings`).
-    """
-
-    n_lights: int = N_LIGHTS
-    n_patches: int = N_PATCHES
-    n_bounces: int = 1
-    keeps_sphere: bool = True
-    overridden: frozenset[str] = frozenset()
-    n_rays: int = 0
-
-    @property
-    def direct_settings(self) -> RenderSettings:
-        """The same for direct light alone."""
-        return replace(self, n_bounces=1, n_rays=0)
 
 
 @dataclass(frozen=True)
@@ -139,42 +123,41 @@ class Cost:
 
 @dataclass(frozen=True)
 class Plan:
-    """What is computed for one scene. reasons: the reason for each line; overridden: the lines that the user set.
+    """What is computed for one scene. reasons: the reason for each line; is_still: the result is not edited afterwards.
 
     bounces: None until a pilot has determined it (`engine.render.bounce_plan`); n_rays: rays per sample set of indirect
     light, 0 for as many as required (`engine.precompute.indirect.ray_budget`); n_edge_rays: one of
-    `engine.plan_lines.EDGE_RAYS`; is_still: the result is not edited afterwards.
+    `engine.settings.EDGE_RAYS`; is_still: the result is not edited afterwards.
     """
 
     layers: tuple[LayerPlan, ...]
-    n_lights: int
-    n_patches: int
-    needs_sphere: bool
-    precision: Precision
-    bounces: int | None
-    n_edge_rays: int
+    settings: RenderSettings
     reasons: Mapping[str, str]
-    overridden: frozenset[str] = frozenset()
     cost: Cost | None = None
     is_still: bool = False
-    n_rays: int = 0
 
     @property
-    def settings(self) -> RenderSettings:
-        """The settings that its light is computed with."""
-        n_lights, n_patches = self.n_lights or N_LIGHTS, self.n_patches or N_PATCHES
-        overridden = self.overridden & NEEDED_LINES
-        return RenderSettings(n_lights, n_patches, self.bounces or 0, self.needs_sphere, overridden, self.n_rays)
+    def n_edge_rays(self) -> int:
+        """Rays through a pixel at an edge."""
+        return self.settings.n_edge_rays or 0
 
-    def with_light_budget(self, settings: RenderSettings, reasons: Mapping[str, str]) -> Plan:
+    @property
+    def light_settings(self) -> RenderSettings:
+        """The settings that its light is computed with."""
+        settings = self.settings
+        n_lights, n_patches = settings.n_lights or N_LIGHTS, settings.n_patches or N_PATCHES
+        return replace(settings, n_lights=n_lights, n_patches=n_patches).of_light
+
+    def with_light_budget(self, budget: RenderSettings, reasons: Mapping[str, str]) -> Plan:
         """The plan with the numbers of lights and patches that a pilot found sufficient; the sphere remains as the user
         has set it."""
-        n_lights, n_patches = self.n_lights and settings.n_lights, self.n_patches and settings.n_patches
-        needs_sphere = self.needs_sphere and (settings.keeps_sphere or "sphere" in self.overridden)
-        reasons = {**self.reasons, **reasons}
-        if needs_sphere != self.needs_sphere:
-            reasons["sphere"] = sphere_reason(True, needs_sphere)
-        return replace(self, n_lights=n_lights, n_patches=n_patches, needs_sphere=needs_sphere, reasons=reasons)
+        settings, reasons = self.settings, {**self.reasons, **reasons}
+        keeps_sphere = settings.keeps_sphere and (budget.keeps_sphere or "sphere" in settings.overridden)
+        if keeps_sphere != settings.keeps_sphere:
+            reasons["sphere"] = sphere_reason(True, keeps_sphere)
+        n_lights, n_patches = settings.n_lights and budget.n_lights, settings.n_patches and budget.n_patches
+        settings = replace(settings, n_lights=n_lights, n_patches=n_patches, keeps_sphere=keeps_sphere)
+        return replace(self, settings=settings, reasons=reasons)
 
     def layer(self, key: str) -> LayerPlan:
         """The plan of one layer, which must exist."""
@@ -236,30 +219,33 @@ def plan_scene(
     has_sky: bool,
     editable: Collection[str] = (),
     still: bool = False,
-    n_lights: int = N_LIGHTS,
-    n_patches: int = N_PATCHES,
+    settings: RenderSettings = DEFAULT_SETTINGS,
     overrides: Mapping[str, LineValue] | None = None,
 ) -> Plan:
     """The plan for the layers by key ("object.index"). editable: keys of the layers that the user will edit; still:
     nothing is stored, so bands cost only time, and each curve gets twice the number of an editable one.
 
-    overrides: values by line of the plan (`engine.plan_lines`). Raises InsituError for a line that is not in the plan
+    overrides: values by line of the plan (`engine.settings`). Raises InsituError for a line that is not in the plan
     or an invalid value.
     """
     has_emitters = bool(scene.emitters.any())
-    needs_sphere = has_sky and (n_lights >= MIN_LIGHTS_FOR_SPHERE or not still)
+    keeps_sphere = has_sky and (settings.n_lights >= MIN_LIGHTS_FOR_SPHERE or not still)
     plan = Plan(
         layers=tuple(_plan_layer(key, layer, key in editable, still) for key, layer in layers.items()),
-        n_lights=n_lights if has_sky else 0,
-        n_patches=n_patches if has_emitters else 0,
-        needs_sphere=needs_sphere,
-        precision="half",
-        bounces=scene.description.bounces,
-        n_edge_rays=planned_edge_rays(scene.description),
+        settings=replace(
+            settings,
+            n_lights=settings.n_lights if has_sky else 0,
+            n_patches=settings.n_patches if has_emitters else 0,
+            n_bounces=scene.description.bounces or AS_PLANNED,
+            keeps_sphere=keeps_sphere,
+            precision="half",
+            n_hemisphere_rays=AS_PLANNED,
+            n_edge_rays=planned_edge_rays(scene.description),
+        ),
         reasons={
             "lights": "triangles cut from the sky where it is bright" if has_sky else "no sky",
             "patches": "of the emitters" if has_emitters else "no emitters",
-            "sphere": sphere_reason(has_sky, needs_sphere),
+            "sphere": sphere_reason(has_sky, keeps_sphere),
             "precision": PRECISION_REASON,
             "bounces": "as the scene says",
             "rays": ONCE_REASON if scene.description.bounces == 1 else RAYS_REASON,
@@ -289,23 +275,24 @@ def plan_lines(plan: Plan) -> Iterator[tuple[str, str, str]]:
     for layer in plan.layers:
         for factor, n_bands, reason in zip(layer.factors, layer.bands, layer.reasons, strict=True):
             yield f"{layer.key}.{factor}", f"{n_bands} bands" + ("" if layer.editable else ", not stored"), reason
+    settings = plan.settings
     values = {
-        "lights": plan.n_lights,
-        "patches": plan.n_patches,
-        "sphere": "5,120 directions" if plan.needs_sphere else "not needed",
-        "precision": plan.precision,
-        "bounces": plan.bounces or "to be planned",
-        "rays": _rays_text(plan),
+        "lights": settings.n_lights,
+        "patches": settings.n_patches,
+        "sphere": "5,120 directions" if settings.keeps_sphere else "not needed",
+        "precision": settings.precision,
+        "bounces": settings.n_bounces or "to be planned",
+        "rays": _rays_text(settings),
         "edges": f"{plan.n_edge_rays} rays a pixel" if plan.n_edge_rays else "off",
     }
     for line, value in values.items():
         yield line, f"{value:,}" if isinstance(value, int) else value, plan.reasons[line]
 
 
-def _rays_text(plan: Plan) -> str:
-    if plan.bounces == 1:
+def _rays_text(settings: RenderSettings) -> str:
+    if settings.n_bounces == 1:
         return "none"
-    return f"{plan.n_rays:,} per gather point" if plan.n_rays else "as needed"
+    return f"{settings.n_hemisphere_rays:,} per gather point" if settings.n_hemisphere_rays else "as needed"
 
 
 def _plan_layer(key: str, layer: Layer, editable: bool, still: bool) -> LayerPlan:
@@ -340,60 +327,44 @@ def _plan_still_layer(key: str, layer: Layer) -> LayerPlan:
     return LayerPlan(key, layer.model.name, False, tuple(counts), tuple(counts.values()), tuple(reasons))
 
 
-def sphere_reason(has_sky: bool, needs_sphere: bool) -> str:
+def sphere_reason(has_sky: bool, keeps_sphere: bool) -> str:
     """Why visibility in all directions is computed, or not."""
     if not has_sky:
         return "no sky, so only emitters cast shadows"
-    if needs_sphere:
+    if keeps_sphere:
         return "shadows are reused when the sky changes"
     return f"fewer than {MIN_LIGHTS_FOR_SPHERE:,} lights are traced one by one"
 
 
 def _override(plan: Plan, line: str, value: LineValue) -> Plan:
     """The plan with one line set by the user. Raises InsituError for a line that does not exist."""
-    overridden = plan.overridden | {line}
     if any(line in lines for lines in MODE_LINES.values()):
         return plan
+    settings = replace(plan.settings, overridden=plan.settings.overridden | {line})
     if line in PICTURE_LINES:
-        changed = _switch(plan, line, checked_line(line, value))
-        return replace(changed, reasons={**changed.reasons, line: "overridden"}, overridden=overridden)
+        return _with_line(replace(plan, settings=settings), line, checked_line(line, value))
     for index, layer in enumerate(plan.layers):
         for place, factor in enumerate(layer.factors):
             if line == f"{layer.key}.{factor}":
                 layers = (*plan.layers[:index], _with_bands(layer, place, line, value), *plan.layers[index + 1 :])
-                return replace(plan, layers=layers, overridden=overridden)
+                return replace(plan, layers=layers, settings=settings)
     there = [name for name, _, _ in plan_lines(plan)]
     raise InsituError(f"the plan has no line {line!r} to override; lines are: {', '.join(there)}")
 
 
-def _switch(plan: Plan, line: str, value: LineValue) -> Plan:
-    """The plan with a checked value for one of `PICTURE_LINES`."""
-    match line, value:
-        case "precision", "half" | "float":
-            return replace(plan, precision=value)
-        case "sphere", int():
-            return replace(plan, needs_sphere=bool(value) and plan.n_lights > 0)
-        case "edges", int():
-            return replace(plan, n_edge_rays=value)
-        case "rays", int():
-            return replace(plan, n_rays=value)
-        case "bounces", int():
-            return replace(plan, bounces=value)
-        case "lights", int():
-            return _with_lights(plan, value if plan.n_lights else 0)
-        case "patches", int():
-            return replace(plan, n_patches=value if plan.n_patches else 0)
-    raise AssertionError(f"{line} = {value} was checked")
-
-
-def _with_lights(plan: Plan, n_lights: int) -> Plan:
-    """The plan with this number of lights, and with the sphere where it then pays, unless the user has set that
-    line."""
-    if "sphere" in plan.overridden or not plan.is_still:
-        return replace(plan, n_lights=n_lights)
-    needs_sphere = n_lights >= MIN_LIGHTS_FOR_SPHERE
-    reasons = {**plan.reasons, "sphere": sphere_reason(n_lights > 0, needs_sphere)}
-    return replace(plan, n_lights=n_lights, needs_sphere=needs_sphere, reasons=reasons)
+def _with_line(plan: Plan, line: str, value: LineValue) -> Plan:
+    """The plan with a checked value for one of `PICTURE_LINES`; lights that the scene has not are none."""
+    settings, reasons = plan.settings, {**plan.reasons, line: "overridden"}
+    changes: dict[str, Any] = {FIELD_OF_LINE[line]: value}
+    if line in NEEDED_LINES and not getattr(settings, FIELD_OF_LINE[line]):
+        return replace(plan, reasons=reasons)
+    if line == "sphere":
+        changes["keeps_sphere"] = bool(value) and settings.n_lights > 0
+    if line == "lights" and plan.is_still and "sphere" not in settings.overridden:
+        # The sphere is computed where it then pays.
+        changes["keeps_sphere"] = int(value) >= MIN_LIGHTS_FOR_SPHERE
+        reasons["sphere"] = sphere_reason(True, changes["keeps_sphere"])
+    return replace(plan, settings=replace(settings, **changes), reasons=reasons)
 
 
 def _with_bands(layer: LayerPlan, place: int, line: str, value: LineValue) -> LayerPlan:

@@ -3,8 +3,8 @@
     .venv/bin/python -m scripts.write_reference
 
 The command line comes from typer, the file formats from the pydantic models that read them, models from their tables of
-parameters; shortcuts, menus and the keys of scripts from the operators (`app.operators`). What a key of a scene or a
-session means is written in docs/reference/keys.toml.
+parameters; shortcuts, menus and the keys of scripts from the operators (`app.operators`), render settings from
+`engine.settings`. What another key of a scene or a session means is written in docs/reference/keys.toml.
 """
 
 from __future__ import annotations
@@ -40,6 +40,7 @@ from engine.scene.description import (
     ObjectDescription,
     SceneDescription,
 )
+from engine.settings import SETTINGS, Setting
 
 Tables = list[tuple[str, type[BaseModel]]]
 
@@ -159,9 +160,20 @@ def _head(title: str, *sources: str) -> str:
 
 def _meaning(meanings: Mapping[str, Any], model: type[BaseModel], name: str) -> str:
     text = model.model_fields[name].description or meanings.get(model.__name__, {}).get(name)
+    if model is ViewRecord and name in SETTINGS:
+        text = _setting_meaning(SETTINGS[name])
     if not text:
         raise SystemExit(f"{model.__name__}.{name}: {MISSING}")
     return text
+
+
+def _setting_meaning(setting: Setting) -> str:
+    """A render setting's meaning, with that of the value for as many as required."""
+    if not setting.as_required:
+        return setting.help
+    (value,) = setting.as_required
+    rest = "as many as required where it is left out" if value is None else f"{value}: as many as required"
+    return f"{setting.help[:-1]}; {rest}."
 
 
 def _kind(field: FieldInfo) -> str:

@@ -7,9 +7,9 @@ from typing import Annotated, Any
 import typer
 
 from app.project.project import parse_assignment
-from engine.plan_lines import FEWEST_LIGHTS, MOST_LIGHTS
 from engine.precompute.indirect.sampling_settings import MOST_BOUNCES
 from engine.scene.description import MAX_RESOLUTION
+from engine.settings import SETTINGS
 
 
 def picture_size(value: tuple[int, int] | None) -> tuple[int, int] | None:
@@ -26,6 +26,17 @@ def window_size(value: tuple[int, int]) -> tuple[int, int]:
     return value
 
 
+def setting_option(name: str, most: int | None = None) -> Any:
+    """The option of a render setting."""
+    setting = SETTINGS[name]
+    if isinstance(setting.values, range):
+        least, greatest = setting.values[0], most or setting.values[-1]
+        return typer.Option(setting.option, min=least, max=greatest, help=setting.help)
+    *some, last = setting.values
+    help_text = f"{setting.help[:-1]}: {', '.join(map(str, some))} or {last}."
+    return typer.Option(setting.option, metavar="N", help=help_text)
+
+
 SCENE_HELP = "A scene file, a session, a mesh, an environment, or a built-in scene's name."
 Scene = Annotated[str, typer.Argument(help=SCENE_HELP)]
 Values = Annotated[
@@ -35,12 +46,9 @@ Resolution = Annotated[
     tuple[int, int] | None,
     typer.Option("--resolution", metavar="W H", callback=picture_size, help="In place of the scene's own."),
 ]
-LIGHTS = typer.Option("--lights", min=FEWEST_LIGHTS, max=MOST_LIGHTS, help="Lights that stand for the environment.")
+LIGHTS = setting_option("n_lights")
 Lights = Annotated[int, LIGHTS]
-Patches = Annotated[
-    int,
-    typer.Option("--patches", min=FEWEST_LIGHTS, max=MOST_LIGHTS, help="Patches that emitters are cut into."),
-]
+Patches = Annotated[int, setting_option("n_patches")]
 ViewName = Annotated[
     str | None,
     typer.Option("--view", metavar="NAME", help="Filmic, AgX, ACES 2.0, ACES 1.3, Standard or False colour."),
@@ -50,17 +58,12 @@ Rotation = Annotated[float | None, typer.Option("--rotation", help="Of the envir
 Time = Annotated[
     float | None, typer.Option("--time", metavar="SECONDS", help="Time in the scene's animation; it repeats.")
 ]
-Bounces = Annotated[
-    int | None,
-    typer.Option("--bounces", min=1, max=MOST_BOUNCES, help="Reflections between light and camera."),
-]
+# Path tracing follows more bounces than the view shows.
+Bounces = Annotated[int | None, setting_option("n_bounces", most=MOST_BOUNCES)]
 Series = Annotated[
     str | None, typer.Option("--series", metavar="J,1,...", help="Bands of each bounce, from the camera: 64,1,1,1.")
 ]
-Edges = Annotated[
-    int | None,
-    typer.Option("--edges", metavar="N", help="Rays per pixel at edges: 0 (off), 4, 8 or 16."),
-]
+Edges = Annotated[int | None, setting_option("n_edge_rays")]
 Override = Annotated[
     list[str] | None,
     typer.Option("--override", metavar="LINE=VALUE", help="Override a line of `insitu plan`: teapot.1.theta_h=64."),

@@ -42,10 +42,9 @@ from app.system.atomic import require_folder, require_place
 from app.system.paths import state_problem
 from engine.core.colour import find_view
 from engine.core.errors import InsituError
-from engine.plan_lines import MODE_LINES
-from engine.planner import N_LIGHTS, N_PATCHES
 from engine.precompute.indirect.sampling_settings import BounceSeries, parse_series
 from engine.scene.builtin import DEFAULT_SCENE
+from engine.settings import DEFAULT_SETTINGS, MODE_LINES, N_LIGHTS, N_PATCHES
 
 if TYPE_CHECKING:
     from app.stills.frame_sequence import Frames
@@ -98,15 +97,16 @@ def render(
     if mode is not StillMode.PLACEMENT and (series is not None or lights != N_LIGHTS):
         hint, name = "--lights" if series is None else "--series", mode.value.capitalize()
         raise typer.BadParameter(f"{name} cuts no lights and has no bands, expected --mode placement", param_hint=hint)
-    knobs = _knobs(accuracy, mode, reference, lights, patches)
-    lights, patches = knobs.pop("n_lights", lights), knobs.pop("n_patches", patches)
+    settings: dict[str, Any] = {"n_lights": lights, "n_patches": patches}
+    if accuracy is not None:
+        settings |= _settings_at(accuracy, mode, reference, settings)
     chosen = None if series is None else parse_series(series)
     if bounces is not None:
         if chosen is not None and chosen.n_bounces != bounces:
             raise InsituError(f"--bounces {bounces} --series {series}: expected as many bounces in both")
         chosen = chosen or BounceSeries(bounces)
     planned = lines(overrides)
-    if n_hemisphere_rays := knobs.pop("n_hemisphere_rays", 0):
+    if n_hemisphere_rays := settings.pop("n_hemisphere_rays", 0):
         planned = {"rays": n_hemisphere_rays, **planned}
     _check_lines(planned, mode, reference)
     if "precision" in planned:
@@ -114,16 +114,17 @@ def render(
     if samples is not None and not reference:
         raise InsituError(f"--samples {samples}: transport takes no samples, expected --reference as well")
     values = assignments(set_, rotation, time_)
-    if (turntable is not None or frames is not None) and mode is not StillMode.PLACEMENT and knobs:
+    if (turntable is not None or frames is not None) and mode is not StillMode.PLACEMENT and accuracy is not None:
         many = "--turntable" if frames is None else "--frames"
         raise InsituError(f"--accuracy {accuracy:g} {many}: expected --mode placement, or one picture")
+    own = () if edges is None else (("n_edge_rays", edges),)
+    words = ProjectSpec(scene, resolution, tuple(values), camera, own, tuple(planned.items()))
     if turntable is not None or frames is not None:
         from app.stills.frame_sequence import Frames
 
         _check_frames(turntable, frames, mode, reference, time_)
         count, animated = (frames, True) if turntable is None else (turntable, False)
-        requested = Frames(count or 0, animated, mode.value, lights, patches, chosen)
-        words = ProjectSpec(scene, resolution, tuple(values), camera, edges, tuple(planned.items()))
+        requested = Frames(count or 0, animated, mode.value, tuple(settings.items()), chosen)
         return _frames(words, output, requested, view, scheduler)
     if scheduler is not None:
         raise InsituError(
@@ -137,7 +138,7 @@ def render(
     if shown is not None and output.suffix.lower() == ".exr":
         raise InsituError(f"--view {view}: {output} holds light itself, expected a name that ends in .png")
     started = time.monotonic()
-    project = ProjectSpec(scene, resolution, tuple(values), camera, edges, tuple(planned.items())).open()
+    project = words.open()
     require_place(output)  # now the files that were read are known
     noise: float | None = None
     with progress() as report:
@@ -148,8 +149,8 @@ def render(
             report(step.fraction, step.text)
 
         still = render_project(
-            project, follow, n_lights=lights, n_patches=patches, reference=reference, series=chosen, n_samples=samples,
-            estimates_error=True, mode=mode.value, knobs=knobs,
+            project, follow, reference=reference, series=chosen, n_samples=samples, estimates_error=True,
+            mode=mode.value, **settings,
         )  # fmt: skip
     print_project_notes(project)
     picture, error = still.picture, still.error
@@ -167,16 +168,14 @@ def render(
     return 0
 
 
-def _knobs(accuracy: float | None, mode: StillMode, reference: bool, lights: int, patches: int) -> dict[str, int]:
-    """The settings of the mode by name, where they are set by one number."""
-    if accuracy is None:
-        return {}
-    if reference or (lights, patches) != (N_LIGHTS, N_PATCHES):
+def _settings_at(accuracy: float, mode: StillMode, reference: bool, chosen: Mapping[str, int]) -> Mapping[str, int]:
+    """The settings of the mode by name, as one number sets them."""
+    if reference or any(value != getattr(DEFAULT_SETTINGS, name) for name, value in chosen.items()):
         other = "--reference" if reference else "--lights, --patches"
         raise InsituError(f"--accuracy {accuracy:g} {other}: expected one of them")
     from app.document.pareto_front import load_front
 
-    return dict(load_front().nearest_point(mode.value, accuracy).knobs)
+    return dict(load_front().nearest_point(mode.value, accuracy).settings)
 
 
 def _check_lines(planned: Mapping[str, Any], mode: StillMode, reference: bool) -> None:

@@ -34,14 +34,13 @@ class ActualCost:
     disk_mib: float
 
 
-def carry_out(words: ProjectSpec, n_lights: int | None = None) -> ActualCost:
-    """Fill an empty cache with what `words` open, in a process of its own; n_lights: None for as many as the editor
-    would take. Raises InsituError."""
+def carry_out(words: ProjectSpec) -> ActualCost:
+    """Fill an empty cache with what `words` open, in a process of its own. Raises InsituError."""
     import psutil
 
     with tempfile.TemporaryDirectory(prefix="insitu-measure-") as folder:
         environment = os.environ | {CACHE_VARIABLE: folder}
-        command = [sys.executable, "-m", qualified("app.cli.plan_check"), json.dumps([asdict(words), n_lights])]
+        command = [sys.executable, "-m", qualified("app.cli.plan_check"), json.dumps(asdict(words))]
         with psutil.Popen(
             command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
         ) as process:
@@ -62,12 +61,12 @@ def main(said: str) -> None:
     """Carry out and say, as one line of JSON, how long it took the processors; in a process of its own."""
     from app.cli.precompute import fill
 
-    words, n_lights = json.loads(said)
-    words |= {name: tuple(map(tuple, words[name])) for name in ("values", "overrides")}
+    words = json.loads(said)
+    words |= {name: tuple(map(tuple, words[name])) for name in ("values", "settings", "overrides")}
     words["resolution"] = words["resolution"] and tuple(words["resolution"])
     project = ProjectSpec(**words).open()
     started = time.process_time()
-    fill(project, lambda progress: None, n_lights, ArrayCache())
+    fill(project, lambda progress: None, ArrayCache())
     print(json.dumps({"seconds": time.process_time() - started}))
 
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 from app.project.project import Project
 from app.stills.stills import chosen_bounces
 from engine.core.generators import run_to_end
-from engine.planner import N_LIGHTS, Plan, plan_scene
+from engine.planner import Plan, plan_scene
 from engine.precompute.direct.pipeline import Placement
 from engine.render.bounce_plan import planned_bounces
 from engine.render.cost_pilot import estimate_cost
@@ -21,7 +21,6 @@ def plan_project(
     project: Project,
     report: Callable[[StillProgress], None],
     *,
-    n_lights: int = N_LIGHTS,
     opening_seconds: float = 0.0,
 ) -> Plan:
     """The plan of the project with its cost; opening_seconds: the processor time of opening it.
@@ -31,16 +30,19 @@ def plan_project(
     started = time.process_time()
     layers, sky = project.layers, project.sky
     plan = plan_scene(
-        project.scene, layers, has_sky=sky.environment is not None, editable=project.editable, n_lights=n_lights,
-        overrides=project.overrides,
+        project.scene, layers, has_sky=sky.environment is not None, editable=project.editable,
+        settings=project.settings, overrides=project.overrides,
     )  # fmt: skip
     placement = Placement(project.scene, n_edge_rays=plan.n_edge_rays)
     planned_layers = with_maps(placement, still_layers(layers.items(), project.object_names, plan))
     wanted = chosen_bounces(project, plan)
     bounces = planned_bounces(placement, project.indexed_layers, wanted)
-    said = bounces.reason or ("as the session says" if wanted == project.n_bounces else plan.reasons["bounces"])
+    said = bounces.reason or (
+        "as the session says" if wanted == project.settings.n_bounces else plan.reasons["bounces"]
+    )
     reason = "; ".join(filter(None, (said, bounces.warning)))
-    plan = replace(plan, bounces=bounces.n_bounces, reasons={**plan.reasons, "bounces": reason})
+    settings = replace(plan.settings, n_bounces=bounces.n_bounces)
+    plan = replace(plan, settings=settings, reasons={**plan.reasons, "bounces": reason})
     plan = run_to_end(with_light_budget(placement, planned_layers, sky, plan))
     spent = opening_seconds + time.process_time() - started  # carrying it out runs the same trials
     return run_to_end(estimate_cost(placement, planned_layers, sky, plan, spent_seconds=spent), report)

@@ -11,7 +11,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeVar
 
-from app.document.effective_settings import effective_settings
 from app.document.scene_state import SceneState
 from app.messages.worker_messages import (
     OpenScene,
@@ -60,29 +59,26 @@ class FilledCache:
 
 
 def precompute(
-    project: Project, report: Report, n_lights: int | None = None, store: ArrayCache | None = None,
-    cluster: ClusterProject | None = None,
-) -> CacheContents:  # fmt: skip
+    project: Project, report: Report, store: ArrayCache | None = None, cluster: ClusterProject | None = None
+) -> CacheContents:
     """Compute all transport of a project into the cache, and its indirect light.
 
-    n_lights: None for as many as the editor would take; store: None for the editor's; cluster: who does the long work,
-    None for this process. Raises InsituError when it cannot be computed, or not be stored.
+    store: None for the editor's; cluster: who does the long work, None for this process. Raises InsituError when it
+    cannot be computed, or not be stored.
     """
-    filled = fill(project, report, n_lights, store or ArrayCache(), cluster)
+    filled = fill(project, report, store or ArrayCache(), cluster)
     report(Progress(WHAT, 0.0))
     filled.client.send(EstimateError(filled.scene, revision=filled.transport))
     return CacheContents(filled.n_bytes, _poll_until(filled.client, ErrorEstimated, report).estimate)
 
 
-def fill(
-    project: Project, report: Report, n_lights: int | None, store: ArrayCache, cluster: ClusterProject | None = None
-) -> FilledCache:
+def fill(project: Project, report: Report, store: ArrayCache, cluster: ClusterProject | None = None) -> FilledCache:
     """The same without an estimate of the error, as far as something can be stored."""
-    decided = project.render_settings
+    settings = project.editor_settings
     store.require()
     document, seen = project.document, project.scene
     scene = OpenScene(document.source)
-    camera, bumps, n_edge_rays = seen.description.camera, document.new_bumps, decided.n_edge_rays
+    camera, bumps, n_edge_rays = seen.description.camera, document.new_bumps, settings.n_edge_rays
     view = SetCamera(0, camera, seen.resolution, document.poses, bumps, n_edge_rays)
     executor = None if cluster is None else cluster.executor(scene, view, document)
     client = InProcessClient(RequestDispatcher(store, fills=True, executor=executor))
@@ -93,10 +89,7 @@ def fill(
     client.send(replace(view, scene=number))
     _poll_until(client, ViewTraced, report)
     controller.scene_opened()
-    settings = effective_settings(decided, document)
-    if n_lights is not None:
-        settings = replace(settings, n_lights=n_lights)
-    controller.update(time.monotonic(), document, None, settings, False)
+    controller.update(time.monotonic(), document, None, settings.of_light, False)
     while not (stage := _poll_until(client, StageDone, report)).exact:
         pass
     store.require_stored()

@@ -19,8 +19,8 @@ from app.document.sources import find_source
 from app.files.old_names import upgrade_arguments, upgrade_part
 from app.project.project import ProjectSpec
 from app.system.memory import available_memory
-from engine.planner import N_LIGHTS
 from engine.scene.builtin import DEFAULT_SCENE, builtin_scenes
+from engine.settings import N_LIGHTS
 
 
 def edit(context: typer.Context, scene: Scene = DEFAULT_SCENE) -> int:
@@ -38,9 +38,10 @@ def precompute(
     from app.cluster.cluster_project import open_on_cluster
 
     started = time.monotonic()
-    words = ProjectSpec(scene, resolution, tuple(assignments(set_)), overrides=tuple(lines(overrides).items()))
+    own = () if lights is None else (("n_lights", lights),)
+    words = ProjectSpec(scene, resolution, tuple(assignments(set_)), None, own, tuple(lines(overrides).items()))
     with progress() as report, open_on_cluster(words, scheduler) as (project, cluster):
-        done = fill(project, lambda step: report(step.fraction, f"{step.stage}: {step.text}"), lights, cluster=cluster)
+        done = fill(project, lambda step: report(step.fraction, f"{step.stage}: {step.text}"), cluster=cluster)
     megabytes, seconds = done.n_bytes / 2**20, time.monotonic() - started
     print_line(f"{scene}: {megabytes:.0f} MiB of transport, {seconds:.1f} s, {done.error.text}")
     if done.error.is_large:
@@ -62,13 +63,12 @@ def plan(
     from app.cli.planning import plan_project
 
     started = time.process_time()
-    words = ProjectSpec(scene, resolution, tuple(assignments(set_)), overrides=tuple(lines(overrides).items()))
+    own = (("n_lights", lights),)
+    words = ProjectSpec(scene, resolution, tuple(assignments(set_)), None, own, tuple(lines(overrides).items()))
     project = words.open()
     opening = time.process_time() - started
     with progress() as report:
-        planned = plan_project(
-            project, lambda step: report(step.fraction, step.text), n_lights=lights, opening_seconds=opening
-        )
+        planned = plan_project(project, lambda step: report(step.fraction, step.text), opening_seconds=opening)
     for line in describe_plan(planned):
         print_line(line)
     if note := memory_note(planned, available_memory()):
@@ -76,7 +76,7 @@ def plan(
     if check:
         from app.cli.plan_check import carry_out
 
-        print_line(describe_check(planned, carry_out(words, lights)))
+        print_line(describe_check(planned, carry_out(words)))
     print_project_notes(project)
     return 0
 

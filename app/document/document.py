@@ -24,12 +24,12 @@ from engine.material.bumps import NO_BUMPS, Bumps, BumpsByObject, bump_fields
 from engine.material.layer import Layer
 from engine.material.layer_maps import map_fields
 from engine.material.model import Factor, Model
-from engine.plan_lines import LineValue
 from engine.realtime.deformers import KINDS
 from engine.realtime.zonal_harmonics.pose import Deformation, Moment, Motion, Poses, without_identity
 from engine.scene.description import ObjectDescription, SceneDescription
 from engine.scene.rig import Animations
 from engine.scene.surface_kinds import NO_SURFACE, SURFACES, DeformSurface, SurfacesByObject
+from engine.settings import LineValue
 
 Mapping = Literal["latlong", "angular"]
 Kind = Literal[

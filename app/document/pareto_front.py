@@ -1,7 +1,7 @@
 """The accuracy front from speed to accuracy, measured: the settings of each mode that no others beat in both.
 
 The table `front.toml` is written by `app.measure.front` and names the source of its numbers. A mode's settings are
-fields of the view: they determine the place of the slider, and nothing else is stored.
+fields of `engine.settings.RenderSettings`: they determine the place of the slider, and nothing else is stored.
 """
 
 from __future__ import annotations
@@ -21,21 +21,21 @@ FRONT_FILE = Path(__file__).with_name("front.toml")
 
 @dataclass(frozen=True)
 class FrontPoint:
-    """A mode's settings, fields of the view by name, with their measured error, relative RMS, and the seconds that a
+    """A mode's settings, by name, with their measured error, relative RMS, and the seconds that a
     picture takes."""
 
-    knobs: tuple[tuple[str, int], ...]
+    settings: tuple[tuple[str, int], ...]
     error: float
     seconds: float
 
     def is_set(self, view: ViewState) -> bool:
         """Whether the view has these settings."""
-        return all(getattr(view, name) == value for name, value in self.knobs)
+        return all(getattr(view.settings, name) == value for name, value in self.settings)
 
     @property
     def command(self) -> SetView:
         """The command that sets them."""
-        return SetView(self.knobs)
+        return SetView(self.settings)
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class ParetoFront:
 
     def seconds(self, stop: FrontPoint, n_pixels: int) -> float:
         """The seconds that a picture of so many pixels takes at a stop."""
-        if POINT_SETTINGS.intersection(name for name, _ in stop.knobs):
+        if POINT_SETTINGS.intersection(name for name, _ in stop.settings):
             return stop.seconds
         return stop.seconds * max(n_pixels, 1) / self.n_pixels
 
@@ -78,8 +78,8 @@ def parse_front(text: str) -> ParetoFront:
 
 
 def _parse_point(row: Mapping[str, float]) -> FrontPoint:
-    knobs = tuple((name, int(value)) for name, value in row.items() if name not in ("error", "seconds"))
-    return FrontPoint(knobs, row["error"], row["seconds"])
+    settings = tuple((name, int(value)) for name, value in row.items() if name not in ("error", "seconds"))
+    return FrontPoint(settings, row["error"], row["seconds"])
 
 
 def format_front(origin: str, n_pixels: int, stops: Mapping[str, Sequence[FrontPoint]]) -> str:
@@ -87,6 +87,6 @@ def format_front(origin: str, n_pixels: int, stops: Mapping[str, Sequence[FrontP
     lines = [f'origin = "{origin}"', f"n_pixels = {n_pixels}"]
     for mode, rows in stops.items():
         for stop in rows:
-            lines += ["", f"[[stops.{mode}]]", *(f"{name} = {value}" for name, value in stop.knobs)]
+            lines += ["", f"[[stops.{mode}]]", *(f"{name} = {value}" for name, value in stop.settings)]
             lines += [f"error = {stop.error:.3g}", f"seconds = {stop.seconds:.3g}"]
     return "\n".join(lines) + "\n"

@@ -14,8 +14,8 @@ from app.document.document import Document, Selection
 from engine.core.colour import ToneMapping
 from engine.core.errors import InsituError
 from engine.material.parameters import Parameter
-from engine.planner import N_PATCHES, Precision
 from engine.scene.description import Camera, SceneDescription
+from engine.settings import AS_PLANNED, SETTINGS, RenderSettings
 
 Tool = Literal["translate_x", "translate_y", "translate_xy", "amplify_x", "amplify_y", "amplify_xy"]
 Channel = Literal["rgb", "r", "g", "b"]
@@ -23,7 +23,6 @@ BrdfPlot = Literal["lobe", "slice", "albedo"]
 
 CHANNELS: tuple[Channel, ...] = ("rgb", "r", "g", "b")
 BRDF_PLOTS: tuple[BrdfPlot, ...] = ("lobe", "slice", "albedo")
-AS_PLANNED = 0
 HALF_PI = 1.5707963267948966
 DEFAULT_REGIONS = (0.1, 0.25, 0.45, 0.6)
 DEFAULT_PANELS = MappingProxyType(
@@ -72,14 +71,8 @@ class Bookmark:
 class ViewState:
     """Selection and display. Angles in radians, exposure in stops, frame budget in milliseconds.
 
-    ``mode`` is the name of the mode that makes the picture. ``n_lights`` is the number of lights that the environment
-    is divided into in the finished picture, ``n_patches`` that of the emitters' patches; ``n_bounces`` are the
-    reflections between light and camera (``AS_PLANNED`` until the worker has found how many the scene requires), the
-    second of at most ``second_bands`` bands a curve (1: by albedo; None: as many as it has), ``precision`` is that of
-    transport on the GPU; ``n_hemisphere_rays``, of `engine.plan_lines.HEMISPHERE_RAYS`, are traced from each gather
-    point of indirect light (0: as many as are needed); ``n_edge_rays`` of `engine.planner.EDGE_RAYS` are traced through
-    a pixel at an edge (None: as many as the scene requires). Orbit has ``n_points`` besides the meshes' own, and stores
-    ``n_coefficients`` of light at each; Deform traces ``n_rays`` from each and fits ``n_lobes``. ``compare`` is the
+    ``mode`` is the name of the mode that makes the picture. ``settings`` are those of that
+    picture; its number of bounces is 0 until the worker has found how many the scene requires. ``compare`` is the
     document that A/B shows left of ``compare_divider`` (0 the left edge, 1 the right). Unless it is shown to ``fit``,
     the picture has ``zoom`` screen pixels for each of its own, and its point ``centre`` (fractions across, down) is in
     the panel's middle. ``camera`` and ``resolution``, (width, height) of the picture, replace the scene's own, None for
@@ -119,17 +112,7 @@ class ViewState:
     lobe_angle: float = 0.7853981633974483
     lobe_log: bool = False
     frame_budget_ms: float = 16.0
-    precision: Precision = "half"
-    n_lights: int = 4000
-    n_patches: int = N_PATCHES
-    n_bounces: int = 1
-    second_bands: int | None = None
-    n_edge_rays: int | None = None
-    n_hemisphere_rays: int = 0
-    n_points: int = 40_000
-    n_coefficients: int = 320
-    n_rays: int = 1000
-    n_lobes: int = 4
+    settings: RenderSettings = RenderSettings()
     panels: Mapping[str, bool] = field(default_factory=lambda: DEFAULT_PANELS)
     show_shortcuts: bool = False
     camera: Camera | None = None
@@ -156,7 +139,7 @@ class ViewState:
         return replace(
             self, selected=None, hovered=None, compare=None, operator=None, curve_zoom=None, solo=None,
             lobe_pixel=None, camera=None, resolution=None, bookmarks=(), playing=None,
-            n_bounces=description.bounces or AS_PLANNED,
+            settings=replace(self.settings, n_bounces=description.bounces or AS_PLANNED),
         )  # fmt: skip
 
     def from_viewpoint(self, look: Viewpoint) -> ViewState:
@@ -187,39 +170,34 @@ FRAME_BUDGET = Parameter(
     logarithmic=True,
     form="%.0f ms",
 )
-VIEW_FIELDS = frozenset(f.name for f in fields(ViewState))
+VIEW_FIELDS = frozenset(f.name for f in fields(ViewState)) - {"settings"}
 LIMITS: dict[str, tuple[float, float]] = {
     "exposure": (-20.0, 20.0),
     "compare_divider": (0.0, 1.0),
     "zoom": (0.05, 64.0),
     "lobe_angle": (0.0, 1.55),
     "frame_budget_ms": FRAME_BUDGET.limits,
-    "n_lights": (20, 20000),
-    "n_patches": (20, 20000),
-    "n_bounces": (1, 8),
-    "n_hemisphere_rays": (0, 1024),
-    "n_points": (0, 200_000),
-    "n_coefficients": (20, 1280),
-    "n_rays": (32, 20000),
-    "n_lobes": (1, 4),
 }
 
 
 @dataclass(frozen=True)
 class SetView:
-    """Change fields of the view: ``SetView.of(exposure=1.0)``. Numbers are clamped to their range."""
+    """Change fields of the view or of its settings: ``SetView.of(exposure=1.0, n_lights=400)``. Numbers are clamped to
+    their range."""
 
     changes: tuple[tuple[str, Any], ...]
 
     @classmethod
     def of(cls, **changes: Any) -> SetView:
-        unknown = sorted(set(changes) - VIEW_FIELDS)
+        unknown = sorted(set(changes) - VIEW_FIELDS - SETTINGS.keys())
         if unknown:
             raise InsituError(f"the view has no {', '.join(unknown)}")
         return cls(tuple(changes.items()))
 
     def apply(self, view: ViewState) -> ViewState:
-        return replace(view, **{name: _in_range(name, value) for name, value in self.changes})
+        settings = {name: SETTINGS[name].nearest(value) for name, value in self.changes if name in SETTINGS}
+        rest = {name: _in_range(name, value) for name, value in self.changes if name not in SETTINGS}
+        return replace(view, settings=replace(view.settings, **settings), **rest)
 
 
 @dataclass(frozen=True)

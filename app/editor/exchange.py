@@ -90,7 +90,7 @@ class FileExchange:
             require_folder(folder, written_names([state.name for state in host.document.objects]))
         except InsituError as error:
             return self._refuse(str(error))
-        self._send(WriteFiles(str(resolved(folder)), (), host.document, max(host.view.n_bounces, 1)))
+        self._send(WriteFiles(str(resolved(folder)), (), host.document, max(host.view.settings.n_bounces, 1)))
         return None
 
     def _refuse(self, line: str) -> str:

@@ -81,7 +81,7 @@ class SceneController:
         host.controller.scene_closed()
         id = host.send(opening.request())
         view = opening.initial_view(host.resolution)
-        self.tracing.request_view(TracedView(view, opening.poses, opening.bumps, host.view.n_edge_rays, id))
+        self.tracing.request_view(TracedView(view, opening.poses, opening.bumps, host.view.settings.n_edge_rays, id))
         self._opening = replace(opening, id=id)
         host.metrics.progress = None
 
@@ -107,7 +107,7 @@ class SceneController:
         settings."""
         document, controller = self._host.document, self._host.controller
         poses = visible_poses(document, self._host.view)
-        desired = TracedView(view.viewpoint, poses, document.new_bumps, view.n_edge_rays)
+        desired = TracedView(view.viewpoint, poses, document.new_bumps, view.settings.n_edge_rays)
         if self._opening is None and self.tracing.update(now, desired):
             (controller.view_moved if self.tracing.is_away else controller.view_restored)()
 

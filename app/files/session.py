@@ -16,7 +16,16 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, PlainValidator, StrictInt, StrictStr, ValidationError, field_validator, model_validator
+from pydantic import (
+    Field,
+    PlainValidator,
+    StrictInt,
+    StrictStr,
+    ValidationError,
+    create_model,
+    field_validator,
+    model_validator,
+)
 
 from app.document.commands.light import INTENSITY, check_light
 from app.document.commands.plan import FirstBands
@@ -24,7 +33,7 @@ from app.document.commands.poses import MAX_DEFORMERS
 from app.document.document import Document, LightState, ObjectState, Selection, all_factors
 from app.document.named_files import with_full_paths
 from app.document.sources import SESSION_ENDING
-from app.document.view_state import AS_PLANNED, Bookmark, SetView, Viewpoint, ViewState
+from app.document.view_state import Bookmark, SetView, Viewpoint, ViewState
 from app.files.bookmarks import MAX_BOOKMARKS, MAX_NAME, MAX_THUMBNAIL_BYTES, check_thumbnail, is_name
 from app.files.layer_records import MAX_LAYERS, Flag, LayerRecord, StrictModel, layer_lines, layers_of
 from app.files.old_names import upgrade_session
@@ -36,13 +45,20 @@ from engine.core.safe_files import read_regular_file, resolved
 from engine.material.bumps import Bumps, bump_parts, bumps_of_parts
 from engine.material.layer import object_of, place_of
 from engine.material.parameters import ParameterError
-from engine.plan_lines import PICTURE_LINES, LineValue, checked_bands, checked_line
-from engine.planner import N_PATCHES
 from engine.realtime.zonal_harmonics.pose import MAX_GROWTH, Deformation, Moment, largest_growth
-from engine.scene.description import MAX_BOUNCES, MAX_OBJECTS, Camera, Name, Number, Pixels, Radiance, Text
+from engine.scene.description import MAX_OBJECTS, Camera, Name, Number, Pixels, Radiance, Text
 from engine.scene.surface_kinds import DeformSurface
 from engine.scene.toml_text import check_version, parse_toml_bytes, toml_lines, toml_value
 from engine.scene.validation_errors import first_validation_error
+from engine.settings import (
+    PICTURE_LINES,
+    SETTINGS,
+    LineValue,
+    RenderSettings,
+    Setting,
+    checked_bands,
+    checked_line,
+)
 
 SUFFIX = SESSION_ENDING
 SESSION_VERSION = 2
@@ -114,7 +130,22 @@ class LightRecord(StrictModel):
     radiance: Radiance | None = None
 
 
-class ViewRecord(StrictModel):
+def _type_of(setting: Setting) -> Any:
+    """The type of a setting's values in a session."""
+    if isinstance(setting.values, range):
+        least, most = setting.bounds
+        return Annotated[int, Field(ge=least, le=most, strict=True)]
+    values = tuple(value for value in (*setting.as_required, *setting.values) if value is not None)
+    return Literal[values] | None if None in setting.as_required else Literal[values]  # type: ignore[valid-type]
+
+
+# The render settings that are saved with a view, and a model that has them all.
+SAVED_SETTINGS = tuple(name for name, setting in SETTINGS.items() if setting.is_saved)
+_FIELDS: Any = {name: (_type_of(SETTINGS[name]), getattr(RenderSettings(), name)) for name in SAVED_SETTINGS}
+_SettingsRecord = create_model("_SettingsRecord", __base__=StrictModel, **_FIELDS)
+
+
+class ViewRecord(_SettingsRecord):  # type: ignore[misc, valid-type]
     mode: Text = "placement"
     selected: Text | None = None
     exposure: Annotated[Number, Field(ge=-20.0, le=20.0)] = 0.0
@@ -122,17 +153,6 @@ class ViewRecord(StrictModel):
     fit: Flag = True
     log_y: Flag = False
     frame_budget_ms: Annotated[Number, Field(ge=2.0, le=200.0)] = 16.0
-    n_lights: Annotated[int, Field(ge=20, le=20000, strict=True)] = 4000
-    n_patches: Annotated[int, Field(ge=20, le=20000, strict=True)] = N_PATCHES
-    n_bounces: Annotated[int, Field(ge=AS_PLANNED, le=MAX_BOUNCES, strict=True)] = 1
-    second_bands: Literal[1, 8, 16] | None = None
-    n_edge_rays: Literal[0, 4, 8, 16] | None = None
-    n_hemisphere_rays: Literal[0, 128, 256, 512, 1024] = 0
-    n_points: Annotated[int, Field(ge=0, le=200_000, strict=True)] = 40_000
-    n_coefficients: Annotated[int, Field(ge=20, le=1280, strict=True)] = 320
-    n_rays: Annotated[int, Field(ge=32, le=20000, strict=True)] = 1000
-    n_lobes: Annotated[int, Field(ge=1, le=4, strict=True)] = 4
-    precision: Literal["half", "float"] = "half"
     camera: Camera | None = None
     resolution: tuple[Pixels, Pixels] | None = None
 
@@ -411,9 +431,10 @@ def _object_lines(state: ObjectState, folder: Path | None) -> Iterator[str]:
 
 
 def _view_values(view: ViewState) -> dict[str, Any]:
-    values = {name: getattr(view, name) for name in ViewRecord.model_fields if name != "selected"}
+    settings = {name: getattr(view.settings, name) for name in SAVED_SETTINGS}
+    others = {name: getattr(view, name) for name in ViewRecord.model_fields if name not in ("selected", *settings)}
     selected = None if view.selected is None else view.selected.path
-    return {"selected": selected, **values, "camera": _camera_values(view.camera)}
+    return {"selected": selected, **others, **settings, "camera": _camera_values(view.camera)}
 
 
 def _camera_values(camera: Camera | None) -> dict[str, Any] | None:

@@ -176,7 +176,7 @@ class PlacementPictures:
         return self._view
 
     def _lit(self, project: Project, view: _View, layers: Sequence[StillLayer], plan: Plan) -> _Light:
-        settings = plan.settings.direct_settings
+        settings = plan.light_settings.of_direct_light
         key = (view.key, replace(project.document.light, intensity=1.0), settings)
         if self._light is None or self._light.key != key:
             placement, sky = view.placement, project.sky
@@ -238,12 +238,13 @@ class PlacementPictures:
         """The radiance that reaches the camera after two bounces and more, (P, 3)."""
         view, light = self._made()
         models = tuple((key, layer.model.name) for key, layer in project.layers.items())
-        key = (light.key, models, n_bounces, plan.n_rays)
+        n_rays = plan.settings.n_hemisphere_rays
+        key = (light.key, models, n_bounces, n_rays)
         kept = self._indirect
         if kept is None or kept.key != key:
             finding = find_indirect(
-                view.placement, layers, light.sky, BounceSeries(n_bounces), STILL.with_rays(plan.n_rays),
-                not plan.n_rays,
+                view.placement, layers, light.sky, BounceSeries(n_bounces), STILL.with_rays(n_rays),
+                not n_rays,
             )  # fmt: skip
             found = run_to_end(finding)
             self._indirect = kept = _KeptIndirect(key, found, GatherPolynomial(found))

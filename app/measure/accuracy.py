@@ -108,4 +108,4 @@ def box_averaged(picture: NDArray[np.floating], n: int) -> Radiance:
 
 def direct_picture(project: Project, n_edge_rays: int) -> NDArray[np.floating]:
     """The still (H, W, 3) of direct light with so many rays through pixels at edges."""
-    return render_picture(replace(project, n_edge_rays=n_edge_rays), lambda step: None, series=BounceSeries(1))
+    return render_picture(project.with_settings(n_edge_rays=n_edge_rays), lambda step: None, series=BounceSeries(1))

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from app.document.pareto_front import FRONT_FILE, FrontPoint, format_front
 from app.measure.machine import machine_facts
 from app.measure.settings_deform import BentRelief, DeformValues
-from app.project.project import Project, open_project, with_edges
+from app.project.project import Project, open_project
 from app.stills.stills import layers_by_object, plan_still, still_quality
 from engine.core.generators import run_to_end
 from engine.precompute.direct.pipeline import Placement, Quality
@@ -79,17 +79,17 @@ def on_the_front(stops: Sequence[FrontPoint]) -> tuple[FrontPoint, ...]:
 
 def _told(mode: str, scene: str, stops: Iterator[FrontPoint], report: Callable[[str], None]) -> Iterator[FrontPoint]:
     for stop in stops:
-        report(f"{mode} {scene} {dict(stop.knobs)}: {stop.error:.2%}, {stop.seconds:.2f} s")
+        report(f"{mode} {scene} {dict(stop.settings)}: {stop.error:.2%}, {stop.seconds:.2f} s")
         yield stop
 
 
 def _mean(stops: Sequence[FrontPoint]) -> FrontPoint:
     error, seconds = np.exp(np.log([(each.error, each.seconds) for each in stops]).mean(axis=0)).tolist()
-    return FrontPoint(stops[0].knobs, error, seconds)
+    return FrontPoint(stops[0].settings, error, seconds)
 
 
 def _project(scene: str, size: tuple[int, int]) -> Project:
-    return with_edges(open_project(scene, size), 0)
+    return open_project(scene, size).with_settings(n_edge_rays=0)
 
 
 def _placement(project: Project, effort: FrontEffort) -> Iterator[FrontPoint]:
@@ -104,8 +104,8 @@ def _placement(project: Project, effort: FrontEffort) -> Iterator[FrontPoint]:
         radiance, indirect = _placement_picture(project, layers, wanted, series, n_fan_rays)
         seconds = time.process_time() - began
         judged = run_to_end(estimate_point_errors(judging, layers, project.sky, quality, n_bounces, radiance, indirect))
-        knobs = _knobs(n_lights=n_lights, n_patches=n_patches, n_hemisphere_rays=n_fan_rays)
-        yield FrontPoint(knobs, judged.estimate.overall, seconds)
+        settings = _settings(n_lights=n_lights, n_patches=n_patches, n_hemisphere_rays=n_fan_rays)
+        yield FrontPoint(settings, judged.estimate.overall, seconds)
 
 
 def _placement_picture(
@@ -130,7 +130,9 @@ def _orbit(project: Project, effort: FrontEffort) -> Iterator[FrontPoint]:
             pass
         picture = _drawn(project, orbit)
         seconds = time.process_time() - began
-        yield FrontPoint(_knobs(n_points=n_points, n_coefficients=n_coefficients), _judged(project, picture), seconds)
+        yield FrontPoint(
+            _settings(n_points=n_points, n_coefficients=n_coefficients), _judged(project, picture), seconds
+        )
 
 
 def _deform(mesh: BentRelief, effort: FrontEffort) -> Iterator[FrontPoint]:
@@ -139,7 +141,7 @@ def _deform(mesh: BentRelief, effort: FrontEffort) -> Iterator[FrontPoint]:
         began = time.process_time()
         shaded = mesh.shaded(n_rays, n_lobes)
         seconds = (time.process_time() - began) * N_POINTS / len(shaded)
-        yield FrontPoint(_knobs(n_rays=n_rays, n_lobes=n_lobes), mesh.error(shaded), seconds)
+        yield FrontPoint(_settings(n_rays=n_rays, n_lobes=n_lobes), mesh.error(shaded), seconds)
 
 
 def _drawn(project: Project, engine: Orbit) -> NDArray[np.float32]:
@@ -158,8 +160,8 @@ def _layers(placement: Placement, project: Project) -> tuple[StillLayer, ...]:
     return with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
 
 
-def _knobs(**knobs: int) -> tuple[tuple[str, int], ...]:
-    return tuple(knobs.items())
+def _settings(**settings: int) -> tuple[tuple[str, int], ...]:
+    return tuple(settings.items())
 
 
 def main() -> None:

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from app.measure.subject import Subject, layer_bands, layer_shape
 from engine.core.generators import run_to_end
 from engine.material.layer import Layer
-from engine.planner import Precision
 from engine.precompute.direct.bandstore import BandStore, curve_planes, join_tiles
 from engine.precompute.direct.pipeline import Placement, Quality
 from engine.precompute.direct.projection import VisibleLight, project_layer
+from engine.settings import Precision
 from engine.visibility.coherent_grid import coherent_visibility
 from engine.visibility.point_visibility import VISIBILITY_LEVEL, empty_visibility, evaluate_rows, sphere_targets
 

@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from app.document.view_state import ViewState
 from app.measure.accuracy import errors
 from app.measure.precomputed import MIB
 from app.measure.relief import BEND, relief, varied_sky
@@ -37,6 +36,7 @@ from engine.realtime.zonal_harmonics.transfer import (
 from engine.realtime.zonal_harmonics.zonal import MAX_LOBES, fit
 from engine.scene.raycaster import RayCaster
 from engine.scene.surface_points import surface_points
+from engine.settings import DEFAULT_SETTINGS
 from engine.sphere.harmonics import project
 
 Float64Array = NDArray[np.float64]
@@ -70,7 +70,7 @@ def deform_settings(effort: DeformValues) -> Iterator[Setting]:
         present = N_LOBES if n == ORDER else None
         yield mesh.setting(f"lobes, order {n}", effort.lobes, lambda k, n=n: mesh.by_lobes(n, k), present, frame)
     rays = sorted({each for each in effort.rays if each <= max(N_RAYS, effort.n_rays)})
-    yield mesh.setting("rays a point", rays, mesh.by_rays, ViewState().n_rays, "transfer and its lobes")
+    yield mesh.setting("rays a point", rays, mesh.by_rays, DEFAULT_SETTINGS.n_rays, "transfer and its lobes")
 
 
 class BentRelief:

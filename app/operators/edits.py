@@ -19,9 +19,9 @@ from app.document.view_state import SetView
 from app.editor.editor import Editor
 from app.operators.operator import CURVE, LAYER, Gesture, Need, Operator, OperatorContext, ScriptKey, ValueRecord
 from app.project.set_path import set_path
-from engine.plan_lines import LineValue
 from engine.realtime.deformers import KINDS
 from engine.scene.description import Number, Parameter, Text
+from engine.settings import LineValue
 
 MAX_PIXELS = 100_000.0
 

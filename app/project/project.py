@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING, Any
 from app.document.commands.light import emission_of, set_environment_file
 from app.document.commands.plan import active_overrides, override_from_value
 from app.document.document import Document, document_from_description, reflecting_layers
-from app.document.effective_settings import effective_view
 from app.document.named_files import document_with_measurements, files_of_document, layers_of_document, unread_files
 from app.document.sources import find_source, source_of
-from app.document.view_state import AS_PLANNED, Viewpoint, ViewState
+from app.document.view_state import Viewpoint
 from app.files.bookmarks import find_bookmark
 from app.files.session import Session, fit_session, load_session
 from app.project.set_path import set_path
@@ -24,10 +23,9 @@ from app.system.paths import full_path
 from engine.core.colour import ToneMapping
 from engine.core.errors import InsituError, LoadError
 from engine.material.layer import object_of
-from engine.plan_lines import EDGE_RAYS, LineValue
-from engine.planner import N_LIGHTS, N_PATCHES
 from engine.scene.builtin import DEFAULT_SCENE, scene_path
 from engine.scene.toml_text import parse_toml
+from engine.settings import AS_PLANNED, LineValue, RenderSettings, checked_setting
 
 if TYPE_CHECKING:
     from engine.material.layer import Layer
@@ -39,19 +37,14 @@ if TYPE_CHECKING:
 class Project:
     """A loaded scene, the document to edit, and its view; emitters have the document's emission.
 
-    n_bounces: as many as its session has, None for as many as the scene says or requires; n_lights, n_patches: as its
-    session has, None where there is none; n_edge_rays: None for as many as the scene requires, n_hemisphere_rays: 0 for
-    as many. at_rest: the scene where no object is deformed, None where that is it.
+    view: its tone mapping; settings: those of its session, with those of the user. at_rest: the scene where no object
+    is deformed, None where that is it.
     """
 
     scene: Scene
     document: Document
     view: ToneMapping = "filmic"
-    n_bounces: int | None = None
-    n_lights: int | None = None
-    n_patches: int | None = None
-    n_edge_rays: int | None = None
-    n_hemisphere_rays: int = 0
+    settings: RenderSettings = RenderSettings(n_bounces=AS_PLANNED)
     at_rest: Scene | None = None
 
     @property
@@ -85,25 +78,26 @@ class Project:
     @property
     def overrides(self) -> dict[str, LineValue]:
         """The overrides of the plan, by its session or the user."""
-        edges: dict[str, LineValue] = {} if self.n_edge_rays is None else {"edges": self.n_edge_rays}
-        rays: dict[str, LineValue] = {"rays": self.n_hemisphere_rays} if self.n_hemisphere_rays else {}
+        n_edge_rays, n_hemisphere_rays = self.settings.n_edge_rays, self.settings.n_hemisphere_rays
+        edges: dict[str, LineValue] = {} if n_edge_rays is None else {"edges": n_edge_rays}
+        rays: dict[str, LineValue] = {"rays": n_hemisphere_rays} if n_hemisphere_rays else {}
         return edges | rays | active_overrides(self.document)
 
     @property
     def chosen_bounces(self) -> int | None:
         """The user's override, or the session's number; None: as many as the scene says or requires."""
-        chosen = self.overrides.get("bounces", self.n_bounces)
-        return chosen if isinstance(chosen, int) else None
+        return self.settings.with_lines(dict(self.document.overrides)).n_bounces or None
 
     @property
-    def render_settings(self) -> ViewState:
+    def editor_settings(self) -> RenderSettings:
         """The settings of its picture in the editor."""
-        n_bounces = self.n_bounces or self.scene.description.bounces or AS_PLANNED
-        view = ViewState(
-            n_lights=self.n_lights or N_LIGHTS, n_patches=self.n_patches or N_PATCHES, n_bounces=n_bounces,
-            n_edge_rays=self.n_edge_rays, n_hemisphere_rays=self.n_hemisphere_rays,
-        )  # fmt: skip
-        return effective_view(view, self.document)
+        n_bounces = self.settings.n_bounces or self.scene.description.bounces or AS_PLANNED
+        return replace(self.settings, n_bounces=n_bounces).with_lines(dict(self.document.overrides))
+
+    def with_settings(self, **changes: Any) -> Project:
+        """The project with other render settings, by name. Raises InsituError for an invalid value."""
+        checked = {name: checked_setting(name, value) for name, value in changes.items()}
+        return replace(self, settings=replace(self.settings, **checked))
 
     def edited(self, document: Document, look: Viewpoint) -> Project:
         """The same scene under another document, from another camera; what neither changes is shared. look: its camera
@@ -133,19 +127,19 @@ class Project:
 @dataclass(frozen=True)
 class ProjectSpec:
     """A project's specification, to open it here or on another machine: a scene or session by name, and the user's
-    options; see `open_project`, `with_edges` and `with_overrides`."""
+    options, settings among them by name; see `open_project` and `with_overrides`."""
 
     name: str | None
     resolution: tuple[int, int] | None = None
     values: tuple[tuple[str, Any], ...] = ()
     camera: str | None = None
-    n_edge_rays: int | None = None
+    settings: tuple[tuple[str, Any], ...] = ()
     overrides: tuple[tuple[str, Any], ...] = ()
 
     def open(self) -> Project:
         """The project. Raises InsituError with one line for the user."""
         project = open_project(self.name, self.resolution, self.values, self.camera)
-        return with_overrides(with_edges(project, self.n_edge_rays), dict(self.overrides))
+        return with_overrides(project.with_settings(**dict(self.settings)), dict(self.overrides))
 
     def with_absolute_paths(self) -> ProjectSpec:
         """The same with absolute paths, so that it can be opened from any folder."""
@@ -191,17 +185,7 @@ def open_project(
     set_inputs((*scene.files, *files_of_document(document), *sessions))
     if session is None:
         return Project(scene, document, at_rest=at_rest)
-    return Project(
-        scene,
-        document,
-        session.view.tone_mapping,
-        session.view.n_bounces or None,
-        session.view.n_lights,
-        session.view.n_patches,
-        session.view.n_edge_rays,
-        session.view.n_hemisphere_rays,
-        at_rest,
-    )
+    return Project(scene, document, session.view.tone_mapping, session.view.settings, at_rest)
 
 
 def with_overrides(project: Project, lines: Mapping[str, Any]) -> Project:
@@ -211,16 +195,6 @@ def with_overrides(project: Project, lines: Mapping[str, Any]) -> Project:
     for line, value in lines.items():
         document = override_from_value(line, value).apply(document)
     return replace(project, document=document)
-
-
-def with_edges(project: Project, n_edge_rays: int | None) -> Project:
-    """The project with so many rays through pixels at edges, None: as it has them. Raises InsituError for an invalid
-    number."""
-    if n_edge_rays is None:
-        return project
-    if n_edge_rays not in EDGE_RAYS:
-        raise InsituError(f"--edges {n_edge_rays}: expected one of {', '.join(map(str, EDGE_RAYS))}")
-    return replace(project, n_edge_rays=n_edge_rays)
 
 
 def _viewpoint_of(session: Session | None, camera: str | None) -> Viewpoint:

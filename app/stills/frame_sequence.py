@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,9 +26,9 @@ from app.stills.stills import (
     prepared_deform,
     prepared_orbit,
     render_project,
+    still_settings,
 )
 from engine.core.errors import InsituError
-from engine.planner import N_LIGHTS, N_PATCHES
 from engine.precompute.indirect.clamping import BRIGHTEST, clamp_radiance
 from engine.precompute.indirect.sampling_settings import BounceSeries
 from engine.realtime.zonal_harmonics.pose import Poses
@@ -44,14 +44,13 @@ Picture = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Frames:
-    """A number of frames, and how they are drawn. animated: of the scene's animation, else all around it; series: None
-    for as many bounces as a still of the scene has."""
+    """A number of frames, and how they are drawn. animated: of the scene's animation, else all around it; settings:
+    those that differ from a still's, by name; series: None for as many bounces as a still of the scene has."""
 
     count: int
     animated: bool = False
     mode: Mode = "placement"
-    n_lights: int = N_LIGHTS
-    n_patches: int = N_PATCHES
+    settings: tuple[tuple[str, Any], ...] = ()
     series: BounceSeries | None = None
 
 
@@ -143,9 +142,8 @@ class _PlacementFrames:
     def draw(self, i: int) -> Picture:
         own, frames = replace(self._project, scene=self._seen[i]), self._frames
         return render_project(
-            own, lambda step: None, n_lights=frames.n_lights, n_patches=frames.n_patches, series=frames.series,
-            caster=self._caster,
-        ).picture  # fmt: skip
+            own, lambda step: None, series=frames.series, caster=self._caster, **dict(frames.settings)
+        ).picture
 
 
 class _OrbitFrames:
@@ -154,7 +152,8 @@ class _OrbitFrames:
     ready_at = 0.3
 
     def __init__(self, project: Project, frames: Frames, seen: Sequence[Scene]) -> None:
-        self._orbit, self._seen = prepared_orbit(project, frames.n_patches, frames.series), seen
+        settings = still_settings(project, "orbit", dict(frames.settings))
+        self._orbit, self._seen = prepared_orbit(project, frames.series, settings), seen
         self._intensity = np.float64(project.document.light.intensity)
 
     def prepare(self, report: Report) -> None:

@@ -13,7 +13,6 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from app.document.effective_settings import mode_knobs
 from app.project.project import Project
 from app.system.atomic import make_folder_of, require_place, save_file
 from app.system.memory import orbit_bytes, orbit_slice_bytes
@@ -23,13 +22,13 @@ from engine.core.colour import ToneMapping
 from engine.core.errors import InsituError
 from engine.core.generators import run_to_end
 from engine.material.layer import Layer, object_of
-from engine.planner import N_LIGHTS, N_PATCHES, Plan, plan_scene
+from engine.planner import Plan, plan_scene
 from engine.precompute.direct.pipeline import Placement
 from engine.precompute.indirect.clamping import BRIGHTEST, clamp_radiance
 from engine.precompute.indirect.sampling_settings import STILL, BounceSeries
 from engine.realtime.stills import render_deform, render_orbit
 from engine.realtime.triple_product.orbit_engine import Orbit
-from engine.realtime.zonal_harmonics.deform_engine import N_LOBES, Deform
+from engine.realtime.zonal_harmonics.deform_engine import Deform
 from engine.realtime.zonal_harmonics.transfer import N_RAYS as DEFORM_RAYS
 from engine.render.bounce_plan import planned_bounces
 from engine.render.error_estimate import estimate_drawn_errors, estimate_error
@@ -51,7 +50,10 @@ from engine.render.still import (
 from engine.render.still_indirect import find_indirect, noise_in, reflected_light
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene
+from engine.settings import MODE_LINES, RenderSettings
 
+# Deform's transfer of a still has more rays than that of the editor.
+STILL_SETTINGS = RenderSettings(n_rays=DEFORM_RAYS)
 REFERENCE_PATCHES = 1024
 ENDINGS = (".exr", ".png")
 
@@ -82,32 +84,29 @@ class Still:
 
 
 def render_picture(
-    project: Project, report: Report, *, n_lights: int = N_LIGHTS, n_patches: int = N_PATCHES, reference: bool = False,
-    series: BounceSeries | None = None, n_samples: int | None = None,
+    project: Project, report: Report, *, reference: bool = False, series: BounceSeries | None = None,
+    n_samples: int | None = None, **settings: Any,
 ) -> NDArray[np.float32]:  # fmt: skip
     """The picture of a still."""
-    return render_project(
-        project, report, n_lights=n_lights, n_patches=n_patches, reference=reference, series=series,
-        n_samples=n_samples,
-    ).picture  # fmt: skip
+    still = render_project(project, report, reference=reference, series=series, n_samples=n_samples, **settings)
+    return still.picture
 
 
 def render_project(
-    project: Project, report: Report, *, n_lights: int = N_LIGHTS, n_patches: int = N_PATCHES, reference: bool = False,
-    series: BounceSeries | None = None, n_samples: int | None = None, estimates_error: bool = False,
-    mode: Mode = "placement", caster: RayCaster | None = None, knobs: Mapping[str, int] = MappingProxyType({}),
+    project: Project, report: Report, *, reference: bool = False, series: BounceSeries | None = None,
+    n_samples: int | None = None, estimates_error: bool = False, mode: Mode = "placement",
+    caster: RayCaster | None = None, **settings: Any,
 ) -> Still:  # fmt: skip
     """A still of a project, with the editor's transport, by the mode's engine or by brute force.
 
     series: None for as many bounces as the scene says, or requires; the document may set the bands of the first bounce;
     by brute force bands do not matter. n_samples: paths per pixel, by brute force; without them direct light alone is
-    integrated over all directions, without noise. n_lights, n_patches: at most, see `light_pilot`. estimates_error:
-    whether its error is estimated; not by brute force, which knows its noise. caster: the ray caster of the scene's
-    triangles, where there is one already; knobs: settings of Orbit and Deform that differ from the defaults, see
-    `app.document.pareto_front`.
+    integrated over all directions, without noise. estimates_error: whether its error is estimated; not by brute force,
+    which knows its noise. caster: the ray caster of the scene's triangles, where there is one already; settings: those
+    that differ from `STILL_SETTINGS`, the numbers of lights and patches at most (`engine.render.light_pilot`).
     """
-    sky = project.sky
-    plan = plan_still(project, n_lights, n_patches)
+    sky, chosen = project.sky, still_settings(project, mode, settings)
+    plan = plan_still(project, chosen)
     placement = Placement(project.scene, caster, plan.n_edge_rays)
     wanted = series.n_bounces if series else chosen_bounces(project, plan)
     bounces = planned_bounces(placement, project.indexed_layers, wanted)
@@ -119,14 +118,14 @@ def render_project(
     layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
     if mode != "placement":
         if mode == "orbit":
-            knobs = {**mode_knobs(mode, project.overrides), **knobs}
             drawing = render_orbit(
-                placement, layers_by_object(project), sky, n_patches, n_bounces=series.n_bounces,
-                most_bytes=orbit_bytes(), most_slice_bytes=orbit_slice_bytes(), **knobs,
+                placement, layers_by_object(project), sky, chosen.n_patches, n_bounces=series.n_bounces,
+                most_bytes=orbit_bytes(), most_slice_bytes=orbit_slice_bytes(), n_points=chosen.n_points,
+                n_coefficients=chosen.n_coefficients,
             )  # fmt: skip
         else:
             # A still has one pose: transfer of the meshes in it includes the shadows between objects.
-            deform = prepared_deform(project, project.scene, (), series, knobs)
+            deform = prepared_deform(project, project.scene, (), series, chosen)
             drawing = render_deform(deform, project.scene.resolution)
         picture, warning = run_to_end(drawing, report), bounces.warning
         alone = _deform_only_objects(project) if mode == "deform" else ()
@@ -140,7 +139,8 @@ def render_project(
         return Still(clamp_radiance(picture * intensity, BRIGHTEST), error, warning)
     layers = _at_most(layers, series.first or project.document.first_bands)
     if series.n_bounces > 1:
-        fineness, as_needed = STILL.with_rays(plan.n_rays), not plan.n_rays
+        n_rays = plan.settings.n_hemisphere_rays
+        fineness, as_needed = STILL.with_rays(n_rays), not n_rays
         found = run_to_end(find_indirect(placement, layers, sky, series, fineness, as_needed), report)
         indirect = run_to_end(reflected_light(found, layers, series.second, placement.hits))
         noise = run_to_end(noise_in(found, layers, series.second)) if estimates_error else None
@@ -173,11 +173,16 @@ def estimate_picture_error(project: Project, picture: NDArray[np.float32], serie
     return "" if estimated.estimate is None else estimated.estimate.text
 
 
-def prepared_orbit(project: Project, n_patches: int = N_PATCHES, series: BounceSeries | None = None) -> Orbit:
+def prepared_orbit(
+    project: Project, series: BounceSeries | None = None, settings: RenderSettings | None = None
+) -> Orbit:
     """Orbit's engine for pictures from any camera, with all its work still to be done. series: None for as many bounces
-    as the session or the scene says, or Orbit takes."""
-    knobs: dict[str, Any] = {"n_patches": n_patches, **mode_knobs("orbit", project.overrides)}
-    orbit = Orbit(project.scene, most_bytes=orbit_bytes(), most_slice_bytes=orbit_slice_bytes(), **knobs)
+    as the session or the scene says, or Orbit takes; settings: None for those of a still."""
+    settings = settings or still_settings(project, "orbit")
+    orbit = Orbit(
+        project.scene, None, settings.n_points, settings.n_coefficients, settings.n_patches, orbit_bytes(),
+        most_slice_bytes=orbit_slice_bytes(),
+    )  # fmt: skip
     orbit.set_light(project.sky)
     orbit.set_layers(layers_by_object(project))
     if n_bounces := series.n_bounces if series else project.chosen_bounces:
@@ -192,13 +197,13 @@ def _deform_only_objects(project: Project) -> tuple[str, ...]:
 
 def prepared_deform(
     project: Project, scene: Scene, posed: Sequence[str], series: BounceSeries | None = None,
-    knobs: Mapping[str, int] = MappingProxyType({}),
+    settings: RenderSettings | None = None,
 ) -> Deform:  # fmt: skip
     """Deform's engine for pictures of the project's scene, at rest or in a pose, with all its work still to be done;
-    posed: names of the objects that are to deform further. knobs: as in `render_project`."""
+    posed: names of the objects that are to deform further. settings: None for those of a still."""
+    settings = settings or still_settings(project, "deform")
     deform = Deform(scene, store=StoredLobes(ArrayCache()))
-    usual = {"n_rays": DEFORM_RAYS, "n_lobes": N_LOBES}
-    deform.set_effort(**{**usual, **mode_knobs("deform", project.overrides), **knobs})
+    deform.set_effort(settings.n_rays, settings.n_lobes)
     deform.set_light(project.sky)
     deform.set_layers(layers_by_object(project))
     deform.set_surfaces(project.document.new_surfaces)
@@ -222,18 +227,25 @@ def _at_most(layers: Sequence[StillLayer], most: int | None) -> tuple[StillLayer
     return tuple(replace(each, bands=(min(each.bands[0], most), min(each.bands[1], most))) for each in layers)
 
 
-def plan_still(project: Project, n_lights: int = N_LIGHTS, n_patches: int = N_PATCHES) -> Plan:
+def still_settings(project: Project, mode: Mode, changes: Mapping[str, int] = MappingProxyType({})) -> RenderSettings:
+    """The settings of a project's stills in a mode: `STILL_SETTINGS` with the project's overrides of that mode's own
+    lines, and with changes, by name."""
+    own = {line: value for line, value in project.overrides.items() if line in MODE_LINES.get(mode, ())}
+    return replace(STILL_SETTINGS.with_lines(own), **changes)  # type: ignore[arg-type]
+
+
+def plan_still(project: Project, settings: RenderSettings = STILL_SETTINGS) -> Plan:
     """The plan of a still, with so many lights and patches where they are not overridden."""
     has_sky = project.sky.environment is not None
     return plan_scene(
-        project.scene, project.layers, has_sky=has_sky, still=True, n_lights=n_lights, n_patches=n_patches,
+        project.scene, project.layers, has_sky=has_sky, still=True, settings=settings,
         overrides=project.overrides,
     )  # fmt: skip
 
 
 def chosen_bounces(project: Project, plan: Plan) -> int | None:
     """The user's override, the session's number, or the scene's; None: to be planned."""
-    return project.chosen_bounces or plan.bounces
+    return project.chosen_bounces or plan.settings.n_bounces or None
 
 
 def write_picture(path: Path, radiance: NDArray[np.float32], view: ToneMapping = "filmic", comment: str = "") -> None:

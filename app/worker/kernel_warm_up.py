@@ -33,7 +33,7 @@ from app.worker.tasks import RequestDispatcher
 from engine.core.generators import run_to_end
 from engine.material.layer_maps import Images
 from engine.material.strokes import Stroke, Strokes, pack_dabs
-from engine.planner import RenderSettings, band_counts
+from engine.planner import band_counts
 from engine.realtime.zonal_harmonics.gpu_parts import NO_PARTS
 from engine.realtime.zonal_harmonics.pose import Deformation, Moment
 from engine.realtime.zonal_harmonics.wrinkle import wrinkles
@@ -41,6 +41,7 @@ from engine.scene.builtin import ASSETS
 from engine.scene.description import SceneDescription, parse_description
 from engine.scene.surface_kinds import DeformSurface, Detail, Membrane, Subsurface
 from engine.scene.toml_text import parse_toml
+from engine.settings import RenderSettings
 
 _SCENE = """version = 1
 name = "warm-up"

@@ -17,7 +17,6 @@ from app.document.scene_state import LayerState
 from app.messages.worker_messages import Response
 from app.modes.placement.placement_messages import LayerPicture, LayerTransport
 from engine.core.stored_arrays import Arrays
-from engine.planner import Precision, RenderSettings
 from engine.precompute.direct.bandstore import (
     BandStore,
     BandTile,
@@ -32,6 +31,7 @@ from engine.precompute.direct.bandstore import (
 )
 from engine.precompute.direct.pipeline import COARSE, DRAG, FINAL, PREVIEW
 from engine.precompute.direct.projection import LayerShape
+from engine.settings import Precision, RenderSettings
 
 # As fine as a preview, of a scene that is lit anew (`app.worker.relighting`): its pictures have no bands.
 RELIT = replace(PREVIEW, name="relit")

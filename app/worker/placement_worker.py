@@ -60,12 +60,13 @@ from engine.core.generators import map_steps
 from engine.core.stored_arrays import ArrayReader, Arrays, n_bytes_of
 from engine.light.environment import downsample
 from engine.material.layer import Layer
-from engine.planner import Precision, RenderSettings, band_counts
+from engine.planner import band_counts
 from engine.precompute.direct.bandstore import BandStore, FixedPicture
 from engine.precompute.direct.pipeline import COARSE, DRAG, FINAL, PREVIEW, Placement, Quality, SkyState, final_quality
 from engine.precompute.direct.projection import TILE, VisibleLight
 from engine.render.light_pilot import LightBudget
 from engine.scene.scene_loader import Scene
+from engine.settings import Precision, RenderSettings
 
 if TYPE_CHECKING:
     from app.worker.indirect_tasks import IndirectTasks
@@ -218,7 +219,7 @@ class PlacementWorker(ModeWorker):
                 yield from self._until_compiled(INDIRECT, "indirect light")
                 tasks = self._indirect_tasks()
                 yield from tasks.find(
-                    scene.visible, sky, _lit_key(sky, placement.scene), n_bounces, exact, settings.n_rays
+                    scene.visible, sky, _lit_key(sky, placement.scene), n_bounces, exact, settings.n_hemisphere_rays
                 )
             # A cached picture waits for the first indirect light, and for nothing else.
             if due or exact or quality.name == COARSE.name and n_bounces > 1:

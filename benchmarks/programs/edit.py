@@ -42,7 +42,7 @@ def measure(
             rig.wait_until_exact()
         return {
             "renderer": describe_context(rig.context),
-            "n_bounces": rig.editor.view.n_bounces,
+            "n_bounces": rig.editor.view.settings.n_bounces,
             **times,
         }, pictures
 

@@ -36,7 +36,7 @@ def measure(source: str, resolution: tuple[int, int] | None, repetitions: int, r
         return {
             "renderer": describe_context(rig.context),
             "resolution": list(first.shape[1::-1]),
-            "n_bounces": rig.editor.view.n_bounces,
+            "n_bounces": rig.editor.view.settings.n_bounces,
             "first_s": first_seconds,
             "freeze_s": freezing,
             "edit_ms": {name: framed for name, (framed, _) in edits.items()},
@@ -53,7 +53,7 @@ def measure_first(rig: EditorRig) -> float:
         rig.frame()
         if rig.editor.status.is_error:
             raise InsituError(rig.editor.status.message)
-    if rig.editor.view.n_bounces == 1:
+    if rig.editor.view.settings.n_bounces == 1:
         raise InsituError("the scene is meant to be seen without indirect light")
     rig.wait_until(lambda: rig.controller.indirect.picture.is_shown and not rig.feed.is_behind)
     return time.perf_counter() - asked

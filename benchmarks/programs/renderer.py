@@ -29,7 +29,7 @@ from engine.core.errors import InsituError
 from engine.curve.operators import HALF_PI, Operator
 from engine.curve.wavelet import forward
 from engine.material.layer import object_of, place_of
-from engine.planner import Precision
+from engine.settings import Precision
 from ui.gl.context import create_headless_context, describe_context
 from ui.gl.display import DisplayView
 from ui.headless import POLL_SECONDS, HeadlessWindow

@@ -70,7 +70,7 @@ def estimate_cost(
         projection_seconds += seconds * len(rows_of[each.i_object])
         n_bytes += size * len(rows_of[each.i_object])
     indirect = yield from _measure_indirect(placement, layers, sky, plan)
-    n_bytes += indirect.n_bytes + (placement.sphere.bits.nbytes if plan.needs_sphere else 0)
+    n_bytes += indirect.n_bytes + (placement.sphere.bits.nbytes if plan.settings.keeps_sphere else 0)
     cost = Cost(
         seconds=spent_seconds + reading_seconds + visibility_seconds + projection_seconds + indirect.seconds,
         visibility_seconds=visibility_seconds,
@@ -83,11 +83,11 @@ def estimate_cost(
         n_cores=n_threads(),
     )
     plan = replace(plan, cost=cost)
-    if indirect.ray_budget is None or plan.n_rays:
+    budget = indirect.ray_budget
+    if budget is None or plan.settings.n_hemisphere_rays:
         return plan
-    return replace(
-        plan, n_rays=indirect.ray_budget.n_rays, reasons={**plan.reasons, "rays": indirect.ray_budget.reason}
-    )
+    settings = replace(plan.settings, n_hemisphere_rays=budget.n_rays)
+    return replace(plan, settings=settings, reasons={**plan.reasons, "rays": budget.reason})
 
 
 def _sample(rows: np.ndarray, most: int, generator: np.random.Generator) -> np.ndarray:
@@ -102,12 +102,13 @@ def _light_of(placement: Placement, samples: Mapping[int, np.ndarray], sky: SkyS
         cut = cut_lights(
             sky.environment, quality.n_lights, sky.rotation, quality.max_level, peak_level=quality.sun_level
         )
-    lighting = prepare_lighting(cut, placement.emitters(quality.n_patches), quality.tolerance, not plan.needs_sphere)
+    own_rays = not plan.settings.keeps_sphere
+    lighting = prepare_lighting(cut, placement.emitters(quality.n_patches), quality.tolerance, own_rays)
     sphere = empty_visibility(placement.hits, placement.sphere.targets)
     fine = empty_visibility(placement.hits, lighting.fine_targets)
     emitters = empty_visibility(placement.hits, lighting.emitter_targets)
     rows = np.unique(np.concatenate([np.zeros(0, np.int32), *samples.values()]))
-    for visibility in [fine, emitters] + ([sphere] if plan.needs_sphere else []):
+    for visibility in [fine, emitters] + ([] if own_rays else [sphere]):
         if len(visibility.targets.positions):
             evaluate_rows(placement.hits, placement.caster, visibility, rows)
     near = near_leaves(placement.hits, placement.caster, lighting.emitters, emitters, rows)
@@ -166,14 +167,15 @@ def _measure_layer(
 def _measure_indirect(
     placement: Placement, layers: Sequence[StillLayer], sky: SkyState, plan: Plan
 ) -> Generator[StillProgress, None, IndirectCost]:
-    if (plan.bounces or 1) < 2 or not len(placement.hits.pixel):
+    settings = plan.settings
+    if settings.n_bounces < 2 or not len(placement.hits.pixel):
         return NO_INDIRECT
-    overridden, other_light = plan.n_rays, None
+    overridden, other_light = settings.n_hemisphere_rays, None
     if not overridden:
         looking = StillProgress(0.5, "sampling: direct light")
         other_light = yield from map_steps(direct_mean(placement, by_object(layers), sky), lambda step: looking)
     trying = indirect_cost(
-        placement, models_of(layers), sky, plan.bounces or 1, indirect_layers(layers),
+        placement, models_of(layers), sky, settings.n_bounces, indirect_layers(layers),
         FINE.with_rays(overridden), other_light,
     )  # fmt: skip
     return (yield from map_steps(trying, lambda step: StillProgress(0.5 + 0.5 * step[0], f"sampling: {step[1]}")))
@@ -184,15 +186,15 @@ def _memory_bytes(placement: Placement, sky: SkyState, plan: Plan, indirect: flo
     triangles, the points' hits and, if the sphere is traced, their bits."""
     hits, scene, environment = placement.hits, placement.scene, sky.environment
     is_even = environment is None or environment.radiance.nbytes < MIB
-    light = 0 if is_even and plan.bounces == 1 and not scene.emitters.any() else LIGHT_BYTES
+    light = 0 if is_even and plan.settings.n_bounces == 1 and not scene.emitters.any() else LIGHT_BYTES
     arrays = (value for name in hits.__dataclass_fields__ if isinstance(value := getattr(hits, name), np.ndarray))
     points = len(hits.pixel) * POINT_BYTES + sum(array.nbytes for array in arrays)
-    bits = placement.sphere.bits.nbytes if plan.needs_sphere else 0
+    bits = placement.sphere.bits.nbytes if plan.settings.keeps_sphere else 0
     return PROGRAM_BYTES + max(light, indirect) + len(scene.triangles) * TRIANGLE_BYTES + points + bits
 
 
 def _gpu_bytes(layers: Sequence[StillLayer], n_points: Mapping[int, int], plan: Plan) -> float:
     """The largest curve's transport, one plane for each coefficient, and an accumulator for every layer."""
-    channel_bytes = 2 if plan.precision == "half" else 4
+    channel_bytes = 2 if plan.settings.precision == "half" else 4
     planes = [max(e.bands) * n_points[e.i_object] * CHANNELS * channel_bytes for e in layers if e.editable]
     return max(planes, default=0) + sum(n_points[each.i_object] * ACCUMULATOR_BYTES for each in layers)

@@ -24,11 +24,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.core.generators import map_steps
-from engine.planner import MIN_LIGHTS_FOR_SPHERE, SLOW_ANGLES, Plan, RenderSettings
+from engine.planner import MIN_LIGHTS_FOR_SPHERE, SLOW_ANGLES, Plan
 from engine.precompute.direct.pipeline import Placement, SkyState, final_quality
 from engine.precompute.direct.projection import VisibleLight, project_points
 from engine.render.still import StillLayer, curves_of, radiance_with_curves, shape_of
 from engine.scene.primary_hits import PrimaryHits
+from engine.settings import RenderSettings
 
 # Whole pictures differed by what the points predicted: 0.22 % for 0.2, 0.18 % for 0.1, 0.23 % for 0.2.
 TOLERANCE, EDITED_TOLERANCE = 0.004, 0.01
@@ -123,7 +124,7 @@ def with_light_budget(
     placement: Placement, layers: Sequence[StillLayer], sky: SkyState, plan: Plan
 ) -> Generator[None, None, Plan]:
     """Return a plan with the required light."""
-    most = plan.settings
+    most = plan.light_settings
     need = yield from find_light_budget(placement, layers, sky, most, plan.is_still)
     return plan.with_light_budget(need.limit_settings(most, plan.is_still), need.reasons(most))
 

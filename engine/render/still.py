@@ -93,7 +93,7 @@ class StillProgress:
 
 def still_quality(plan: Plan) -> Quality:
     """The quality of a plan: every pixel, its lights and patches, the sphere where needed."""
-    return replace(final_quality(plan.settings), name="still")
+    return replace(final_quality(plan.light_settings), name="still")
 
 
 def render_still(

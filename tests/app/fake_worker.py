@@ -34,11 +34,12 @@ from app.modes.placement.placement_messages import (
 from app.worker.band_planning import plan_bands
 from engine.material.layer import Layer
 from engine.measured.measurement import Measurement
-from engine.planner import Precision, band_counts
+from engine.planner import band_counts
 from engine.render.picture_error import ErrorEstimate
 from engine.scene.description import parse_description
 from engine.scene.picture_frame import PictureFrame
 from engine.scene.rig import Animations
+from engine.settings import Precision
 
 METAL = {"model": "rough_conductor", "alpha": 0.15}
 SCENE: dict[str, Any] = {

@@ -13,7 +13,7 @@ from scipy.ndimage import zoom
 from app.__main__ import Desktop
 from app.cli.program import run
 from app.measure.accuracy import errors
-from app.project.project import Project, open_project, with_edges
+from app.project.project import Project, open_project
 from app.stills.stills import Still, layers_by_object, plan_still, render_picture, render_project
 from engine.core.generators import run_to_end
 from engine.light.radiance_files import read_radiance_image
@@ -38,7 +38,7 @@ Captured = pytest.CaptureFixture[str]
 
 def judged(scene: str, n_bounces: int, size: tuple[int, int] = (48, 36), **effort: int) -> tuple[Still, ErrorEstimate]:
     still = render_project(
-        with_edges(open_project(scene, size), 0), lambda step: None, series=BounceSeries(n_bounces),
+        open_project(scene, size).with_settings(n_edge_rays=0), lambda step: None, series=BounceSeries(n_bounces),
         estimates_error=True, **effort,
     )  # fmt: skip
     assert still.error is not None
@@ -134,7 +134,7 @@ def test_errors_of_other_modes_are_estimated_within_a_factor_of_two(
 ) -> None:
     path = tmp_path / "scene.toml"
     path.write_text(ground((24, 18)) + placed("box", "cube", "1,0,0,0, 0,1,0,0.5, 0,0,1,0, 0,0,0,1", MATT))
-    project = with_edges(open_project(str(path)), 0)
+    project = open_project(str(path)).with_settings(n_edge_rays=0)
     placement = Placement(project.scene)
     picture = drawn(project)
     # Its own noise, 2.9 % of the mean at most, is little beside the errors.
@@ -157,7 +157,7 @@ def test_errors_of_other_modes_are_estimated_within_a_factor_of_two(
 def test_the_chance_of_paths_is_not_taken_for_an_error() -> None:
     # Some 40 paths a point are far noisier than the picture, whose own noise the solver tells; 2.5 times too much was
     # told by them alone. What is a third too bright they still tell.
-    project = with_edges(open_project("cornell", (24, 18)), 0)
+    project = open_project("cornell", (24, 18)).with_settings(n_edge_rays=0)
     placement, plan, series = Placement(project.scene), plan_still(project), BounceSeries(2)
     layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
     found = run_to_end(find_indirect(placement, layers, project.sky, series, STILL, True))
@@ -189,7 +189,7 @@ def test_the_chance_of_paths_is_not_taken_for_an_error() -> None:
 def test_the_error_of_interpolated_indirect_light_is_estimated(room: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Against fans of its own at every pixel, with 4,096 rays each. The judge of `ajar` cannot tell: it seemed to be
     1.65 times as far off as it said, nearly all of it the noise of the judge's own paths."""
-    project, series = with_edges(open_project(room, (64, 48)), 0), BounceSeries(4)
+    project, series = open_project(room, (64, 48)).with_settings(n_edge_rays=0), BounceSeries(4)
     placement, plan = Placement(project.scene), plan_still(project)
     layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
     direct = run_to_end(reflect_layers(placement, layers, project.sky, still_quality(plan)))
@@ -214,7 +214,7 @@ def test_the_error_of_interpolated_indirect_light_is_estimated(room: str, monkey
 
 
 def test_the_whole_error_is_measured_and_not_added_up() -> None:
-    project = with_edges(open_project("cornell", (16, 12)), 0)
+    project = open_project("cornell", (16, 12)).with_settings(n_edge_rays=0)
     placement, plan = Placement(project.scene), plan_still(project)
     layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
     quality = still_quality(plan)

@@ -8,11 +8,12 @@ import pytest
 
 from app.project.project import Project, open_project
 from engine.core.generators import run_to_end
-from engine.planner import RenderSettings, plan_scene
+from engine.planner import plan_scene
 from engine.precompute.direct.pipeline import Placement, final_quality
 from engine.render import light_pilot
 from engine.render.light_pilot import LightBudget, find_light_budget
 from engine.render.still import reflect_layers, still_layers
+from engine.settings import RenderSettings
 from tests.direct_rooms import gap_room
 from tests.scene_text import ground, placed
 

@@ -42,8 +42,9 @@ from app.worker.tasks import RequestDispatcher
 from engine.core.errors import InsituError, LoadError
 from engine.measured import tables
 from engine.measured.sample_files import merl_samples, read_merl
-from engine.planner import RenderSettings, band_counts
+from engine.planner import band_counts
 from engine.scene.description import SceneDescription
+from engine.settings import RenderSettings
 from tests.app.fake_worker import FakeClient
 from tests.naive.measured import drawn_measurement
 from tests.opened import open_in_process, run_in_process

@@ -27,7 +27,7 @@ def still(room: Path, size: tuple[int, int], n_bounces: int, **how: Any) -> np.n
 
 
 WAYS: list[tuple[str, dict[str, Any], float]] = [
-    ("orbit", {"mode": "orbit", "knobs": FEW}, 0.03),
+    ("orbit", {"mode": "orbit", **FEW}, 0.03),
     ("placement", {}, 0.03),
     ("paths", {"reference": True, "n_samples": 32}, 0.12),
 ]
@@ -53,8 +53,8 @@ def test_which_way_a_shell_is_wound_is_nothing_to_see(
 
 def test_no_light_comes_through_a_wall(tmp_path: Path) -> None:
     # Two rooms with 12 cm of wall between them, the lamp in the other one: what the camera sees is dark.
-    dark = still(slit(tmp_path / "shut", width=0.0), (32, 24), 3, n_patches=16, mode="orbit", knobs=FEW)
-    ajar = still(slit(tmp_path / "open", width=0.3), (32, 24), 3, n_patches=16, mode="orbit", knobs=FEW)
+    dark = still(slit(tmp_path / "shut", width=0.0), (32, 24), 3, n_patches=16, mode="orbit", **FEW)
+    ajar = still(slit(tmp_path / "open", width=0.3), (32, 24), 3, n_patches=16, mode="orbit", **FEW)
     assert dark.max() < 1e-3 * ajar.mean()
 
 
@@ -70,7 +70,7 @@ MEASURED = {
 @pytest.mark.parametrize("name", MEASURED)
 def test_rooms_at_rest_are_as_bright_as_in_placement(name: str, tmp_path: Path) -> None:
     room = str(ROOMS[name](tmp_path)) if name in ROOMS else name
-    finest = dict(load_front().nearest_point("placement", 1.0).knobs)
+    finest = dict(load_front().nearest_point("placement", 1.0).settings)
     project = open_project(room, (64, 48))
     fine = with_overrides(project, {"rays": finest.pop("n_hemisphere_rays")})
     truth = render_project(fine, lambda _: None, series=BounceSeries(4), **finest).picture

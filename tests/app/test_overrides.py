@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,8 +10,8 @@ from app.cli.precompute import fill
 from app.document.commands.layers import SetModel
 from app.document.commands.plan import OverrideLine, active_overrides, override_from_value
 from app.document.document import Document
-from app.document.effective_settings import effective_settings, effective_view
-from app.document.view_state import AS_PLANNED, SetView, ViewState
+from app.document.effective_settings import effective_view
+from app.document.view_state import SetView, ViewState
 from app.editor.editor import Editor
 from app.files.session import load_session, save_session
 from app.messages.worker_messages import SetCamera
@@ -20,11 +19,12 @@ from app.modes.placement.placement_messages import BouncesPlanned
 from app.project.project import open_project, with_overrides
 from app.worker.cache import ArrayCache
 from engine.core.errors import InsituError, LoadError
-from engine.planner import RenderSettings
+from engine.settings import AS_PLANNED, RenderSettings
 from tests.app.fake_worker import SCENE, FakeClient, computed
 from tests.scene_text import ground
 
 LINES = {"lights": 1000, "patches": 256, "bounces": 2, "sphere": 0, "precision": "float", "edges": 4}
+CHOSEN = RenderSettings(1000, 256, 2, keeps_sphere=False, overridden=frozenset({"lights", "patches"}))
 
 
 def with_lines(document: Document, **lines: int | str) -> Document:
@@ -37,8 +37,8 @@ def test_a_line_is_set_by_its_name_and_given_back(document: Document) -> None:
     changed = with_lines(document, **LINES, **{"pot.1.theta_h": 32})
     assert dict(changed.overrides) == LINES | {"pot.1.theta_h": 32}
     view = effective_view(ViewState(), changed)
-    assert effective_settings(view, changed) == RenderSettings(1000, 256, 2, False, frozenset({"lights", "patches"}))
-    assert (view.precision, view.n_edge_rays) == ("float", 4)
+    assert view.settings.of_light == CHOSEN
+    assert (view.settings.precision, view.settings.n_edge_rays) == ("float", 4)
     for line in dict(changed.overrides):
         changed = override_from_value(line, "auto").apply(changed)
     assert changed == document and effective_view(view, changed) is view
@@ -96,10 +96,7 @@ def test_the_editor_asks_for_what_is_set_and_undo_brings_back(settled: Editor, c
     client.see_scene()
     settled.tick(1.5)
     request = computed(client)[-1]
-    assert (
-        request.settings == RenderSettings(1000, 256, 2, False, frozenset({"lights", "patches"}))
-        and request.precision == "float"
-    )
+    assert request.settings == CHOSEN and request.precision == "float"
     assert {state.key: state.bands for state in request.scene.layers}["pot.1"][0] == 32
     for _ in range(7):
         settled.undo()
@@ -126,7 +123,7 @@ def test_bounces_set_by_the_user_do_not_hide_how_many_are_planned(client: FakeCl
     assert computed(client)[-1].settings.n_bounces == AS_PLANNED
 
 
-def test_a_knob_of_the_view_gives_way(settled: Editor, client: FakeClient) -> None:
+def test_a_setting_of_the_view_gives_way(settled: Editor, client: FakeClient) -> None:
     settled.do(OverrideLine("lights", 600))
     settled.do(SetView.of(n_lights=5000))
     settled.tick(1.1)
@@ -142,8 +139,8 @@ def test_a_command_line_changes_what_is_computed(tmp_path: Path) -> None:
     by_hand = with_overrides(project, lines)
     session = save_session(tmp_path / "work", by_hand.document, ViewState())
     kept = {}
-    for name, each in {"plain": replace(project, n_lights=480), "hand": by_hand, "session": None}.items():
-        fill(each or open_project(str(session)), lambda progress: None, None, ArrayCache(tmp_path / name))
+    for name, each in {"plain": project.with_settings(n_lights=480), "hand": by_hand, "session": None}.items():
+        fill(each or open_project(str(session)), lambda progress: None, ArrayCache(tmp_path / name))
         kept[name] = {file.name: file.stat().st_size for file in (tmp_path / name).iterdir()}
     assert kept["hand"] == kept["session"]
     assert sum(kept["hand"].values()) < 0.6 * sum(kept["plain"].values())  # fewer bands, and no sphere

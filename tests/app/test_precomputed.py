@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from app.cli.precompute import precompute
-from app.document.view_state import ViewState
+from app.document.view_state import SetView, ViewState
 from app.editor.editor import Editor
 from app.files.session import save_session
 from app.project.project import open_project
@@ -63,9 +63,8 @@ def scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def session_of(scene: Path) -> Path:
     """With another number of lights than a scene has, other bounces, and another size."""
     document = open_project(str(scene)).document
-    return save_session(
-        scene.with_suffix(".insitu"), document, ViewState(n_lights=600, n_bounces=2, resolution=(20, 16))
-    )
+    view = SetView.of(n_lights=600, n_bounces=2, resolution=(20, 16)).apply(ViewState())
+    return save_session(scene.with_suffix(".insitu"), document, view)
 
 
 @pytest.mark.parametrize("is_session", [False, True])

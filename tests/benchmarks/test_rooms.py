@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from app.measure.accuracy import Errors, errors
-from app.project.project import Project, open_project, with_edges
+from app.project.project import Project, open_project
 from app.stills.stills import render_picture
 from benchmarks.rooms import (
     BLOCK,
@@ -117,7 +117,7 @@ def against_judge(name: str, n_bounces: int, block: int = 1) -> Errors:
 def judged(name: str, n_bounces: int) -> tuple[Project, NDArray[np.floating], NDArray[np.floating]]:
     """A room, its still, and the small picture that is kept of it."""
     truth = read_radiance_image(JUDGES / f"{name}_{n_bounces}.exr")
-    project = with_edges(open_project(name, truth.shape[1::-1]), 0)  # the judges' rays pass centres alone
+    project = open_project(name, truth.shape[1::-1]).with_settings(n_edge_rays=0)  # the judges' rays pass centres alone
     return project, render_picture(project, lambda step: None, series=BounceSeries(n_bounces)), truth
 
 

@@ -25,6 +25,7 @@ from engine.planner import (
     plan_scene,
 )
 from engine.scene.scene_loader import Scene, load_scene
+from engine.settings import AS_PLANNED, RenderSettings
 
 SCENE = """
 version = 1
@@ -147,16 +148,17 @@ def test_bands_are_kept_of_what_may_be_edited(scene: Scene, layers: dict[str, La
 
 
 def test_light_and_shadow_follow_the_scene(scene: Scene, layers: dict[str, Layer]) -> None:
-    shines = bool(scene.emitters.any())
+    shines, few = bool(scene.emitters.any()), RenderSettings(n_lights=400)
     bright = plan(scene, layers)
-    assert bright.needs_sphere and bright.n_lights == 4000 and bool(bright.n_patches) == shines
-    dark = plan(scene, layers, has_sky=False)
+    chosen = bright.settings
+    assert chosen.keeps_sphere and chosen.n_lights == 4000 and bool(chosen.n_patches) == shines
+    dark = plan(scene, layers, has_sky=False).settings
     # No sky: nothing is far enough away to need shadows in every direction.
-    assert not dark.needs_sphere and dark.n_lights == 0 and bool(dark.n_patches) == shines
+    assert not dark.keeps_sphere and dark.n_lights == 0 and bool(dark.n_patches) == shines
     # In an editor shadows outlive what is lit; a still of few lights asks for theirs alone.
-    assert plan(scene, layers, n_lights=400).needs_sphere
-    assert not plan(scene, layers, n_lights=400, still=True).needs_sphere
-    assert bright.bounces is None and dict(_values(bright))["bounces"] == "to be planned"
+    assert plan(scene, layers, settings=few).settings.keeps_sphere
+    assert not plan(scene, layers, settings=few, still=True).settings.keeps_sphere
+    assert chosen.n_bounces == AS_PLANNED and dict(_values(bright))["bounces"] == "to be planned"
 
 
 def test_every_line_can_be_overridden(scene: Scene, layers: dict[str, Layer]) -> None:
@@ -166,16 +168,17 @@ def test_every_line_can_be_overridden(scene: Scene, layers: dict[str, Layer]) ->
     }  # fmt: skip
     changed = plan(scene, layers, overrides=overrides)
     assert changed.layer("ball.1").bands == (8, 4)
-    assert (changed.n_lights, changed.needs_sphere, changed.bounces, changed.precision) == (100, False, 3, "float")
-    assert changed.n_edge_rays == 0 and changed.overridden == set(overrides)
+    chosen = changed.settings
+    assert (chosen.n_lights, chosen.keeps_sphere, chosen.n_bounces, chosen.precision) == (100, False, 3, "float")
+    assert changed.n_edge_rays == 0 and changed.settings.overridden == set(overrides)
     reasons = {name: reason for name, _, reason in plan_lines(changed)}
     assert all(reasons[line] == "overridden" for line in overrides)
     assert plan(scene, layers, overrides={"ball.0.theta_i": 512}).layer("ball.0").bands == (512,)
 
 
 def test_the_sphere_goes_by_the_lights_that_the_user_wants(scene: Scene, layers: dict[str, Layer]) -> None:
-    assert not plan(scene, layers, still=True, overrides={"lights": 100}).needs_sphere
-    assert plan(scene, layers, still=True, overrides={"sphere": 1, "lights": 100}).needs_sphere
+    assert not plan(scene, layers, still=True, overrides={"lights": 100}).settings.keeps_sphere
+    assert plan(scene, layers, still=True, overrides={"sphere": 1, "lights": 100}).settings.keeps_sphere
     assert not plan(scene, layers, overrides={"sphere": 0}).settings.keeps_sphere
 
 
@@ -211,7 +214,7 @@ def test_the_pilot_estimates_what_the_work_takes(scene: Scene, layers: dict[str,
     from engine.render.still import still_layers
 
     placement, sky = Placement(scene), SkyState(constant_environment(1.0))
-    planned = plan(scene, layers, n_lights=FINAL.n_lights, editable=("ball.1",))
+    planned = plan(scene, layers, settings=RenderSettings(FINAL.n_lights), editable=("ball.1",))
     works = still_layers(layers.items(), ("ball", "lamp"), planned)
     before = placement.sphere.done.copy()
     cost = run_to_end(estimate_cost(placement, works, sky, planned), lambda step: None).cost

@@ -37,9 +37,10 @@ from app.modes.placement.placement_messages import (
 )
 from app.worker.band_planning import plan_bands
 from engine.curve.wavelet import forward
-from engine.planner import Precision, band_counts
+from engine.planner import band_counts
 from engine.scene.description import SceneDescription
 from engine.scene.picture_frame import PictureFrame
+from engine.settings import Precision
 from tests.naive.measured import drawn_measurement
 
 WIDTH, HEIGHT = 48, 32

@@ -90,11 +90,11 @@ def test_the_stand_in_is_called_as_the_engine_is() -> None:
 def expected_colour(editor: Editor) -> np.ndarray:
     document = editor.document
     view = effective_view(editor.view, document)
-    layers, effort = DesiredOrbit.of(document, view).scene.layers, (view.n_rays, view.n_lobes)
+    layers, effort = DesiredOrbit.of(document, view).scene.layers, (view.settings.n_rays, view.settings.n_lobes)
     names = [state.name for state in document.objects]
     own = [said_of_layers([each.layer for each in layers if each.object == name]) for name in names]
     posed = tuple(state.name for state in document.objects if state.deformations or state.moment is not None)
-    wanted = document.light.rotation, own, posed, document.new_surfaces, document.poses, effort, view.n_bounces
+    wanted = document.light.rotation, own, posed, document.new_surfaces, document.poses, effort, view.settings.n_bounces
     return colour_of(editor.camera_history.camera, *wanted)
 
 

@@ -129,7 +129,7 @@ def test_a_press_cuts_lamps_more_finely(context: moderngl.Context, tmp_path: Pat
         asked = client.n_asked(ComputeTransport)
         window.click_handle("accuracy.patches")
         window.click_handle("accuracy.patches.3k patches")
-        assert window.shell.editor.view.n_patches == 3000
+        assert window.shell.editor.view.settings.n_patches == 3000
         wait_until_exact(window)
         assert client.n_asked(ComputeTransport) == asked + 1
         assert [r.settings.n_patches for r in client.requests if isinstance(r, ComputeTransport)][-1] == 3000

@@ -110,7 +110,7 @@ def test_bounces_are_planned_where_the_scene_names_none(
     scene = write_small_scene(folder, SCENE.replace("bounces = 1\n", ""))
     with opened_window(context, scene, client(folder), n_lights=400) as planned:
         wait_until_exact(planned)
-        n_bounces = planned.shell.editor.view.n_bounces
+        n_bounces = planned.shell.editor.view.settings.n_bounces
         assert n_bounces > 1 and planned.shell.editor.controller.indirect.picture.is_shown
         window.shell.editor.do(SetView.of(n_bounces=n_bounces))
         wait_until_exact(window)

@@ -93,7 +93,7 @@ def test_a_frame_shows_one_document_as_well_as_it_was_shown(walk: Walk) -> None:
         before = walk.feed.source.renderer.linear_image()
         act(walk)
         shown = pictures(walk)
-        most = allowed[walk.editor.view.n_bounces]
+        most = allowed[walk.editor.view.settings.n_bounces]
         assert relative_error(before, shown[-1]) > 5 * most, name  # there is something to be seen
         found[name] = farthest(before, shown)
         assert found[name] < most, found

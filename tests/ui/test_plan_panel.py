@@ -61,13 +61,14 @@ def test_rays_of_indirect_light_are_reported_once_there_is_any() -> None:
     from app.document.document import Document
 
     found = PlacementStatus(found_rays=256, plan_reasons={"rays": "within 0.3 % of what 512 show"})
+    view = SetView.of(n_bounces=3).apply(ViewState())
     for status, told in (
         (PlacementStatus(), ("as needed", "as few as the noise of a pilot allows")),
         (found, ("256", "within 0.3 % of what 512 show")),
     ):
-        lines = {line.line: line for line in plan_table(Document("scene"), ViewState(n_bounces=3), status)}
+        lines = {line.line: line for line in plan_table(Document("scene"), view, status)}
         assert (lines["rays"].value, lines["rays"].reason) == told
-    assert all(line.line != "rays" for line in plan_table(Document("scene"), ViewState(n_bounces=1), found))
+    assert all(line.line != "rays" for line in plan_table(Document("scene"), ViewState(), found))
 
 
 def test_the_first_line_says_what_the_picture_takes(shown: HeadlessWindow) -> None:
@@ -104,34 +105,34 @@ def test_a_line_is_set_in_its_list_and_given_back(shown: HeadlessWindow) -> None
     assert editor.document.overrides == ()
 
 
-def test_a_knob_of_the_accuracy_panel_follows_the_line_that_stands_over_it(window: HeadlessWindow) -> None:
+def test_a_setting_of_the_accuracy_panel_follows_the_line_that_stands_over_it(window: HeadlessWindow) -> None:
     editor = window.shell.editor
     editor.do(OverrideLine("precision", "float"))
     window.frames(2)
     window.click_handle("accuracy.precision.0")
     window.frames(2)
-    assert dict(editor.document.overrides) == {"precision": "half"} and editor.view.precision == "half"
+    assert dict(editor.document.overrides) == {"precision": "half"} and editor.view.settings.precision == "half"
     editor.do(OverrideLine("precision", None))
     window.frames(2)
     window.click_handle("accuracy.precision.1")
     window.frames(2)
-    assert editor.document.overrides == () and editor.view.precision == "float"
+    assert editor.document.overrides == () and editor.view.settings.precision == "float"
     assert effective_view(editor.view, editor.document) is editor.view
 
 
 @pytest.mark.parametrize(
-    ("mode", "own", "value", "knob"),
+    ("mode", "own", "value", "name"),
     [("orbit", ("points", "coefficients"), 80, "n_coefficients"), ("deform", ("transfer_rays", "lobes"), 2, "n_lobes")],
 )
 def test_other_modes_have_the_lines_that_they_carry_out(
-    window: HeadlessWindow, mode: str, own: tuple[str, str], value: int, knob: str
+    window: HeadlessWindow, mode: str, own: tuple[str, str], value: int, name: str
 ) -> None:
     editor = window.shell.editor
     editor.do(SetView.of(mode=mode))
     window.frames(2)
     assert set(sheet(window)) == {"bounces", "edges", *own}
     editor.do(OverrideLine(own[1], value))
-    assert getattr(effective_view(editor.view, editor.document), knob) == value
+    assert getattr(effective_view(editor.view, editor.document).settings, name) == value
     line = sheet(window)[own[1]]
     assert line.is_set and line.value == str(value) and line.reason.startswith("set by the user; planned: ")
     editor.undo()

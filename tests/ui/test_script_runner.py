@@ -95,12 +95,12 @@ def test_a_script_chooses_the_series(window: HeadlessWindow, tmp_path: Path) -> 
     series = '[[step]]\nset = { "series.bounces" = 3, "series.first" = 128, "series.second" = 8 }\n'
     run(window, tmp_path, series)
     view = editor.view
-    assert (view.n_bounces, editor.document.first_bands, view.second_bands) == (3, 128, 8)
+    assert (view.settings.n_bounces, editor.document.first_bands, view.settings.second_bands) == (3, 128, 8)
     # 64 × 16 as planned for the coat, 16 for the base: with 128 for the sharpest, what varies slowly stays.
     assert [len(values) for values in editor.controller.wanted_coefficients("teapot.1").values()] == [128, 16]
     assert [len(values) for values in editor.controller.wanted_coefficients("teapot.0").values()] == [16]
     run(window, tmp_path, '[[step]]\nundo = 1\n[[step]]\nset = { "series.second" = "all" }\n')
-    assert editor.document.first_bands is None and editor.view.second_bands is None
+    assert editor.document.first_bands is None and editor.view.settings.second_bands is None
 
 
 def test_a_script_overrides_the_plan(window: HeadlessWindow, tmp_path: Path) -> None:

@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
 
 from app.document.document import Document, resolve
-from app.document.view_state import LIMITS, SetView
+from app.document.view_state import SetView
 from engine.core.errors import InsituError, LoadError
-from engine.plan_lines import PICTURE_LINES, LineValue, bands_of_lines, checked_bands, checked_line
+from engine.settings import PICTURE_LINES, SETTINGS, LineValue, bands_of_lines, checked_bands, checked_line
 
 AS_PLANNED = "auto"
 
@@ -84,7 +84,6 @@ def _curve(document: Document, path: str) -> tuple[str, int]:
 FIRST_BANDS = "series.first"
 FirstBands = Literal[1, 2, 4, 8, 16, 32, 64, 128, 256, 512]
 FIRST_BANDS_CHOICES: tuple[int, ...] = get_args(FirstBands)
-SECOND_BANDS_CHOICES = (1, 8, 16)
 
 
 @dataclass(frozen=True)
@@ -112,13 +111,14 @@ def set_series(path: str, value: Any) -> SetView | None:
     Raises LoadError for a value that it cannot have.
     """
     if path == "series.bounces":
-        low, high = map(int, LIMITS["n_bounces"])
-        if isinstance(value, bool) or value not in range(low, high + 1):
-            raise LoadError(path, "value", value, f"a whole number from {low} to {high}")
+        bounces = SETTINGS["n_bounces"]
+        if isinstance(value, bool) or value not in bounces.values:
+            raise LoadError(path, "value", value, bounces.expected)
         return SetView.of(n_bounces=int(value))
     if path == "series.second":
-        if isinstance(value, bool) or value not in (*SECOND_BANDS_CHOICES, "all"):
-            raise LoadError(path, "value", value, f"{', '.join(map(str, SECOND_BANDS_CHOICES))} or all")
+        choices = SETTINGS["second_bands"].values
+        if isinstance(value, bool) or value not in (*choices, "all"):
+            raise LoadError(path, "value", value, f"{', '.join(map(str, choices))} or all")
         return SetView.of(second_bands=None if value == "all" else int(value))
     return None
 

@@ -85,8 +85,8 @@ class DeformDrawing(OrbitDrawing):
             if state.deformations or state.moment is not None or plays and state.animations
         )  # fmt: skip
         return DesiredDeform(
-            desired.scene, desired.n_bounces, posed=posed, surfaces=document.new_surfaces, n_rays=view.n_rays,
-            n_lobes=view.n_lobes,
+            desired.scene, desired.n_bounces, posed=posed, surfaces=document.new_surfaces, n_rays=view.settings.n_rays,
+            n_lobes=view.settings.n_lobes,
         )  # fmt: skip
 
     def content(self, document: Document, view: ViewState) -> PictureContent:

@@ -45,7 +45,8 @@ class DesiredOrbit:
         scene = scene_state(document)
         seen = (each for each in scene.layers if is_layer_visible(document, view, each.key))
         layers = tuple(LayerState(each.key, each.layer.replace(visible=True)) for each in seen)
-        return cls(replace(scene, layers=layers), view.n_bounces, view.n_points, view.n_coefficients)
+        settings = view.settings
+        return cls(replace(scene, layers=layers), settings.n_bounces, settings.n_points, settings.n_coefficients)
 
 
 class PictureContent(NamedTuple):

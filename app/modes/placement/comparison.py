@@ -36,7 +36,7 @@ from app.modes.placement.placement_messages import ContractTransport, LayerPictu
 from app.modes.placement.transport_controller import TransportController
 from engine.material.layer import Layer
 from engine.material.layer_maps import LayerMaps
-from engine.planner import RenderSettings
+from engine.settings import RenderSettings
 
 Samples = Callable[[str, LayerMaps], NDArray[np.float16] | None]
 

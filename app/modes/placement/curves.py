@@ -19,8 +19,8 @@ from engine.material.layer import Layer, object_of
 from engine.material.layer_maps import Images, MapMeans
 from engine.material.measured import MeasuredModel
 from engine.material.model import Model
-from engine.plan_lines import bands_of_lines
 from engine.planner import MOST_BANDS, bands_for_sharpest
+from engine.settings import bands_of_lines
 
 Float64Array = NDArray[np.float64]
 Coefficients = Mapping[str, Float64Array]

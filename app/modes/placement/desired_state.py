@@ -12,7 +12,7 @@ from app.document.document import RGB, Document, LightState
 from app.document.scene_state import LayerState
 from app.document.view_state import ViewState
 from app.modes.placement.curves import Coefficients, Curves, Float64Array
-from engine.planner import Precision, RenderSettings
+from engine.settings import Precision, RenderSettings
 
 Emission = tuple[tuple[str, RGB], ...]
 
@@ -84,7 +84,7 @@ class DesiredTransport:
 
     def can_mix_with(self, other: DesiredTransport) -> bool:
         """Whether pictures of layers under both can be shown side by side."""
-        return self.lights_like(other) and self.settings.direct_settings == other.settings.direct_settings
+        return self.lights_like(other) and self.settings.of_direct_light == other.settings.of_direct_light
 
     def alike(self, before: DesiredTransport) -> tuple[str, ...]:
         """Keys of the layers that have the same picture as under the desired transport before."""
@@ -102,12 +102,13 @@ class RestingPicture:
     undo comes back to those."""
 
     document: Document
-    made_with: tuple[int | None, ...]
+    made_with: tuple[object, ...]
 
     @classmethod
     def of(cls, document: Document, view: ViewState) -> RestingPicture:
-        knobs = view.n_lights, view.n_patches, view.n_bounces, view.second_bands
-        return cls(document, (*knobs, view.shows_error))
+        settings = view.settings
+        chosen = settings.n_lights, settings.n_patches, settings.n_bounces, settings.second_bands
+        return cls(document, (*chosen, view.shows_error))
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, RestingPicture):

@@ -12,7 +12,7 @@ from app.document.document import Document, Selection
 from app.document.linked_layers import linked_indices
 from app.modes.placement.curves import Curves
 from app.modes.placement.desired_state import DesiredCurve, ReadyCurve, ReadyLayer, same_coefficients
-from engine.planner import Precision
+from engine.settings import Precision
 
 
 def edited_layers(document: Document, selected: Selection | None) -> tuple[str, ...]:

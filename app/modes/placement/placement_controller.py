@@ -17,8 +17,8 @@ from functools import partial
 from app.document.commands import EditCommand
 from app.document.commands.layers import SetMaterial
 from app.document.document import Document, layer_key
-from app.document.effective_settings import effective_settings, effective_view
-from app.document.view_state import AS_PLANNED, ViewState
+from app.document.effective_settings import effective_view
+from app.document.view_state import SetView, ViewState
 from app.messages.editor_status import PictureState, Status
 from app.messages.picture_events import PictureEvent, SkyChanged
 from app.messages.worker_messages import CancelRequests, RequestFailed, Response
@@ -68,6 +68,7 @@ from app.modes.placement.relight_controller import RelightController
 from app.modes.placement.transport_controller import TransportController
 from engine.material.layer import Layer
 from engine.precompute.indirect.clamping import TOO_BRIGHT
+from engine.settings import AS_PLANNED
 
 # How long a picture is to be on screen, whole, before its error is estimated.
 ERROR_IDLE_SECONDS = 0.5
@@ -207,7 +208,7 @@ class PlacementController(ModeController):
 
         def request() -> EstimateError:
             scene = self.curves.scene_state(document)
-            return EstimateError(scene, view.second_bands, view.shows_error, revision=revision)
+            return EstimateError(scene, view.settings.second_bands, view.shows_error, revision=revision)
 
         self._error.update(now, RestingPicture.of(document, view), rests, request, revision)
 
@@ -215,15 +216,15 @@ class PlacementController(ModeController):
         """Request what is missing; returns whether the bands of all layers are known."""
         controller, revision = self._transport, self._transport.revision
         planned = self._bands.update(document)
-        settings = effective_settings(view, document)
+        settings = view.settings.of_light
         dragging, is_fine = self._services.history.dragging, self._changeover.is_fine
-        controller.update(now, document, view.selected, settings, dragging, view.precision, planned, is_fine)
+        controller.update(now, document, view.selected, settings, dragging, view.settings.precision, planned, is_fine)
         if controller.revision != revision:
             self._changeover.transport_requested(controller.received)
         self.maps.request_missing(document)
         if planned and not controller.drag_quality:
             self.indirect.request_missing(
-                now, document, view.selected, view.n_bounces, view.second_bands, controller.revision
+                now, document, view.selected, view.settings.n_bounces, view.settings.second_bands, controller.revision
             )
         return planned
 
@@ -256,7 +257,7 @@ class PlacementController(ModeController):
         has_rest = self.maps.is_complete and not self.indirect.is_outdated(
             controller.revision if controller.running else None
         )
-        if controller.running and not self._changeover.has_picture and self._view.n_bounces != 1:
+        if controller.running and not self._changeover.has_picture and self._view.settings.n_bounces != 1:
             # A first picture without indirect light would have black metal.
             has_rest = has_rest and controller.has_stage and not self.indirect.is_pending
         return RequestedTransport(
@@ -268,13 +269,13 @@ class PlacementController(ModeController):
         exact = self._picture in ("finished", "exact")
         if view.compare is not self._comparison.document:
             self._comparison.begin(view.compare, exact and view.compare is document)
-        settings = effective_settings(view, document)
+        settings = view.settings.of_light
         return self._comparison.update(now, document, self._transport, settings, exact, self.indirect.picture.is_shown)
 
     @property
     def lacks_bounces(self) -> bool:
         """Whether the picture shows direct light alone, and the first indirect light is still to come."""
-        return self._transport.running and self._view.n_bounces != 1 and not self.indirect.picture.is_on_screen
+        return self._transport.running and self._view.settings.n_bounces != 1 and not self.indirect.picture.is_on_screen
 
     @property
     def awaits_response(self) -> bool:
@@ -356,7 +357,7 @@ class PlacementController(ModeController):
         is_whole = picture in ("finished", "exact")
         estimated = self._error.estimated(RestingPicture.of(self._document, view)) if is_whole else None
         estimate = None if estimated is None else estimated.estimate
-        missing = transport_note(controller, report.precision, view.precision)
+        missing = transport_note(controller, report.precision, view.settings.precision)
         n_bounces, bounces_note = self._bounces
         done = self._done if self._done is not None and self._done.revision == controller.revision else None
         light = self._light_plan if self._light_plan.revision == controller.revision else LightPlanned(0, 0)
@@ -383,7 +384,7 @@ class PlacementController(ModeController):
             curve_error=report.image_error if known else None,
             bands=tuple((shape.key, shape.bands_kept) for shape in controller.requested_layers),
             indirect_noise=self.indirect.noise,
-            bounces_note=bounces_note if n_bounces == view.n_bounces else "",
+            bounces_note=bounces_note if n_bounces == view.settings.n_bounces else "",
             transport_note=missing,
             has_sky=controller.has_sky,
             planned_bands=self.curves.all_planned(self._document),
@@ -461,7 +462,7 @@ class PlacementController(ModeController):
         match response:
             case LightPlanned():
                 self._light_plan = response
-            case BouncesPlanned() if self._view.n_bounces in (AS_PLANNED, response.n_bounces):
+            case BouncesPlanned() if self._view.settings.n_bounces in (AS_PLANNED, response.n_bounces):
                 self._take_bounces(response)  # else the user has chosen meanwhile
             case ErrorEstimated():
                 self._error.receive(response)
@@ -495,8 +496,8 @@ class PlacementController(ModeController):
 
     def _take_bounces(self, response: BouncesPlanned) -> None:
         services, (n_bounces, said) = self._services, self._bounces
-        if self._view.n_bounces == AS_PLANNED:
-            services.view = replace(services.view, n_bounces=response.n_bounces)
+        if self._view.settings.n_bounces == AS_PLANNED:
+            services.view = SetView.of(n_bounces=response.n_bounces).apply(services.view)
             self._transport.receive_bounces(response.n_bounces)
         if response.warning and (response.n_bounces, response.warning) != (n_bounces, said):
             services.notify(response.warning)

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from app.document.scene_state import LayerState, SceneState
     from engine.material.layer import Layer
     from engine.material.layer_maps import Images, MapMeans
-    from engine.planner import Precision, RenderSettings
     from engine.render.picture_error import ErrorEstimate
+    from engine.settings import Precision, RenderSettings
 
 
 # ------------------------------------------------------------------------------------------------------------- requests
@@ -66,7 +66,7 @@ class ComputeTransport(Request):
     @property
     def lit(self) -> RenderSettings:
         """The settings of direct light; a picture of a dragged light has its own."""
-        return replace(self.settings.direct_settings, n_lights=0) if self.is_drag else self.settings.direct_settings
+        return replace(self.settings.of_direct_light, n_lights=0) if self.is_drag else self.settings.of_direct_light
 
 
 @dataclass(frozen=True, eq=False)

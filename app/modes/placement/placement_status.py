@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 from app.document.document import LightState
 from app.messages.editor_status import Status
 from app.modes.placement.transport_controller import TransportController
-from engine.planner import Precision
 from engine.render.picture_error import NONE, percent
+from engine.settings import Precision
 
 # Noise of the whole picture below which it counts as none.
 NO_NOISE = NONE

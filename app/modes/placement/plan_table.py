@@ -10,38 +10,20 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from app.document.document import Document, reflecting_layers
-from app.document.effective_settings import KNOBS
 from app.document.view_state import ViewState
 from app.messages.editor_status import Status, duration
 from app.modes.placement.placement_status import PlacementStatus
 from engine.material.layer import Layer, object_of
-from engine.plan_lines import HEMISPHERE_RAYS, MAX_BANDS_OVERRIDDEN, MODE_LINES, LineValue
 from engine.planner import PRECISION_REASON, RAYS_REASON, edge_reason, sphere_reason, usual_bands
-from engine.scene.description import MAX_BOUNCES
+from engine.settings import FIELD_OF_LINE, MAX_BANDS_OVERRIDDEN, MODE_LINES, SETTINGS, LineValue
 
 Choices = tuple[tuple[str, LineValue], ...]
 
-LIGHT_CHOICES = (400, 1000, 2000, 4000, 10_000, 20_000)
-PATCH_CHOICES = (96, 256, 768, 3000, 10_000)
 BAND_CHOICES = tuple(2**n for n in range(10))
-SPHERE = {1: "every direction", 0: "the lights' alone"}
-EDGES = {0: "off", 4: "4 rays", 8: "8 rays", 16: "16 rays"}
-OF_MODES = {
-    "points": ("Points", "beside the meshes' own, where light bends between these", (0, 2000, 10_000, 40_000, 100_000)),
-    "coefficients": (
-        "Coefficients",
-        "of light, stored at each point; few blur highlights",
-        (40, 80, 160, 320, 640, 1280),
-    ),
-    "transfer_rays": (
-        "Rays per point",
-        "sent once, to find unblocked directions",
-        (64, 128, 256, 1000, 5000, 20_000),
-    ),
-    "lobes": ("Lobes", "fitted to what the rays found", (1, 2, 3, 4)),
-}
-KNOB = "set in the scene or the Accuracy panel"
-HALVES = {"half": "half floats", "float": "full floats"}
+SPHERE: Mapping[LineValue, str] = {1: "every direction", 0: "the lights' alone"}
+EDGES: Mapping[LineValue, str] = {0: "off", 4: "4 rays", 8: "8 rays", 16: "16 rays"}
+BY_USER = "set in the scene or the Accuracy panel"
+PRECISIONS: Mapping[LineValue, str] = {"half": "half floats", "float": "full floats"}
 
 
 @dataclass(frozen=True)
@@ -92,38 +74,45 @@ def _cost_line(status: PlacementStatus) -> PlanTableRow:
     return PlanTableRow("cost", "Cost", duration(status.spent_seconds), reason, (), False)
 
 
+def _setting_line(
+    document: Document, line: str, planned: LineValue | str, reason: str, names: Mapping[LineValue, str] | None = None
+) -> PlanTableRow:
+    """The line of a render setting; names: of its choices."""
+    setting = SETTINGS[FIELD_OF_LINE[line]]
+    values = names or (setting.values if setting.choices is None else setting.choices)
+    choices = tuple((f"{value:,}" if names is None else names[value], value) for value in values)
+    return _line(document, line, setting.label, planned, reason, choices)
+
+
 def _light_lines(document: Document, view: ViewState, status: PlacementStatus) -> Iterator[PlanTableRow]:
-    why = status.plan_reasons
+    why, settings = status.plan_reasons, view.settings
     if status.has_sky:
         reason = why.get("lights", "triangles cut from the sky where it is bright")
-        n_lights = status.needed_lights or view.n_lights
-        yield _line(document, "lights", "Sky lights", n_lights, reason, _numbers(LIGHT_CHOICES))
-        yield _line(document, "sphere", "Shadows from", 1, sphere_reason(True, True), _named(SPHERE))
+        yield _setting_line(document, "lights", status.needed_lights or settings.n_lights, reason)
+        yield _setting_line(document, "sphere", 1, sphere_reason(True, True), SPHERE)
     if any(state.emission is not None and any(state.emission) for state in document.objects):
         reason = why.get("patches", "parts of the emitters in the scene")
-        n_patches = status.needed_patches or view.n_patches
-        yield _line(document, "patches", "Lamp patches", n_patches, reason, _numbers(PATCH_CHOICES))
-    if dict(document.overrides).get("bounces", view.n_bounces) != 1:
-        n_rays = view.n_hemisphere_rays or status.found_rays or "as needed"
-        reason = KNOB if view.n_hemisphere_rays else why.get("rays") or RAYS_REASON
-        yield _line(document, "rays", "Hemisphere rays", n_rays, reason, _numbers(HEMISPHERE_RAYS))
-    yield _line(document, "precision", "Transport", view.precision, PRECISION_REASON, _named(HALVES))
+        yield _setting_line(document, "patches", status.needed_patches or settings.n_patches, reason)
+    if dict(document.overrides).get("bounces", settings.n_bounces) != 1:
+        n_rays = settings.n_hemisphere_rays or status.found_rays or "as needed"
+        reason = BY_USER if settings.n_hemisphere_rays else why.get("rays") or RAYS_REASON
+        yield _setting_line(document, "rays", n_rays, reason)
+    yield _setting_line(document, "precision", settings.precision, PRECISION_REASON, PRECISIONS)
 
 
 def _common_lines(document: Document, view: ViewState, status: Status) -> Iterator[PlanTableRow]:
     why = status.plan_reasons.get("bounces") if isinstance(status, PlacementStatus) else ""
-    planned = view.n_bounces or "automatic"
-    yield _line(document, "bounces", "Bounces", planned, why or KNOB, _numbers(range(1, MAX_BOUNCES + 1)))
-    n_rays = status.planned_edges if view.n_edge_rays is None else view.n_edge_rays
-    reason = edge_reason(n_rays) if view.n_edge_rays is None else KNOB
-    yield _line(document, "edges", "Edges", n_rays, reason, _named(EDGES))
+    yield _setting_line(document, "bounces", view.settings.n_bounces or "automatic", why or BY_USER)
+    chosen = view.settings.n_edge_rays
+    n_rays = status.planned_edges if chosen is None else chosen
+    yield _setting_line(document, "edges", n_rays, edge_reason(n_rays) if chosen is None else BY_USER, EDGES)
 
 
 def _mode_lines(document: Document, view: ViewState) -> Iterator[PlanTableRow]:
     """The lines of Orbit's or Deform's own light."""
     for line in MODE_LINES.get(view.mode, ()):
-        title, reason, choices = OF_MODES[line]
-        yield _line(document, line, title, getattr(view, KNOBS[line]), reason, _numbers(choices))
+        name = FIELD_OF_LINE[line]
+        yield _setting_line(document, line, getattr(view.settings, name), SETTINGS[name].meaning)
 
 
 def _curve_lines(document: Document, status: PlacementStatus) -> Iterator[PlanTableRow]:
@@ -144,11 +133,3 @@ def _why_so_many(document: Document, key: str, layer: Layer, name: str, counts: 
     if counts[name] > usual_bands(layer.model)[name]:
         return "the curve's own bandwidth" + kept
     return ("room for edits" if not kept else "as finely as if it were editable") + kept
-
-
-def _numbers(values: range | tuple[int, ...]) -> Choices:
-    return tuple((f"{n:,}", n) for n in values)
-
-
-def _named(names: Mapping[int, str] | Mapping[str, str]) -> Choices:
-    return tuple((name, value) for value, name in names.items())

@@ -33,7 +33,7 @@ from app.modes.placement.desired_state import (
 from app.modes.placement.edited_curves import desired_curves
 from app.modes.placement.placement_messages import ComputeTransport, StageDone
 from app.modes.reconciler import Reconciler
-from engine.planner import Precision, RenderSettings
+from engine.settings import Precision, RenderSettings
 
 IDLE_SECONDS = 0.25
 N_LIGHTS_PREVIEW = 400

@@ -36,8 +36,8 @@ import numpy as np
 
 from engine.core.stored_arrays import ArrayInPieces, ArrayReader, Arrays, UnsoundArrays
 from engine.core.threads import on_threads
-from engine.planner import Precision
 from engine.precompute.direct import _band_kernels as kernels
+from engine.settings import Precision
 
 SCALE_SAMPLES = 1024
 # The largest number of a scaled plane: its estimated position, and its permitted range. Halves end at 65,504.

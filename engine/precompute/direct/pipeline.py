@@ -13,7 +13,6 @@ import numpy as np
 from engine.light.emitters import EmitterPatches, EmitterTree, emitter_patches
 from engine.light.environment import Environment
 from engine.light.triangle_lights import cut_lights
-from engine.planner import RenderSettings
 from engine.precompute.direct import _footprint_kernels as kernels
 from engine.precompute.direct.lighting import emitters_for, prepare_lighting
 from engine.precompute.direct.near_leaves import NearLight
@@ -21,6 +20,7 @@ from engine.precompute.direct.projection import VisibleLight
 from engine.scene.primary_hits import PrimaryHits, trace_primary
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene
+from engine.settings import RenderSettings
 from engine.visibility.coherent_grid import coherent_visibility
 from engine.visibility.point_visibility import (
     VISIBILITY_LEVEL,

@@ -17,7 +17,7 @@ from app.cli.output import memory_note
 from app.cli.plan_check import carry_out
 from app.cli.planning import plan_project
 from app.cli.precompute import precompute
-from app.document.view_state import ViewState
+from app.document.view_state import SetView, ViewState
 from app.editor.editor import Editor
 from app.files.session import save_session
 from app.messages.worker_messages import Progress
@@ -28,6 +28,7 @@ from app.worker.tasks import RequestDispatcher
 from engine.core.errors import InsituError
 from engine.planner import Cost, Plan
 from engine.scene.builtin import builtin_scenes
+from engine.settings import DEFAULT_SETTINGS
 from tests.scene_text import ground
 
 # Within a ball whose texture takes four fifths of the light: by its albedo alone it would need four bounces.
@@ -57,17 +58,17 @@ def scene(tmp_path: Path) -> str:
 
 
 def planned_bounces_of(source: str, resolution: tuple[int, int] | None = None) -> int | None:
-    return plan_project(open_project(source, resolution), lambda step: None).bounces
+    return plan_project(open_project(source, resolution), lambda step: None).settings.n_bounces
 
 
 def edited(source: str, resolution: tuple[int, int] | None = None) -> int:
     """How many bounces the editor takes."""
     editor = Editor(InProcessClient(RequestDispatcher()), source, resolution=resolution)
     end = time.monotonic() + 300.0
-    while not (editor.scene_is_open and editor.view.n_bounces):
+    while not (editor.scene_is_open and editor.view.settings.n_bounces):
         assert time.monotonic() < end and not editor.status.is_error, editor.status
         editor.tick()
-    return editor.view.n_bounces
+    return editor.view.settings.n_bounces
 
 
 def rendered(source: str, monkeypatch: pytest.MonkeyPatch) -> int:
@@ -96,9 +97,9 @@ def test_plan_still_and_editor_take_as_many_bounces(scene: str, monkeypatch: pyt
 
 def test_a_number_that_a_session_has_counts(scene: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     document = open_project(scene).document
-    session = str(save_session(tmp_path / "work.insitu", document, ViewState(n_bounces=2)))
+    session = str(save_session(tmp_path / "work.insitu", document, SetView.of(n_bounces=2).apply(ViewState())))
     plan = plan_project(open_project(session), lambda step: None)
-    assert (plan.bounces, plan.reasons["bounces"]) == (2, "as the session says")
+    assert (plan.settings.n_bounces, plan.reasons["bounces"]) == (2, "as the session says")
     assert rendered(session, monkeypatch) == 2 and edited(session) == 2
 
 
@@ -108,7 +109,7 @@ def test_precompute_finds_the_indirect_light_that_the_editor_will_want(scene: st
     def note(progress: Progress) -> None:
         stages.append(progress.stage)
 
-    precompute(open_project(scene), note, 100)
+    precompute(open_project(scene).with_settings(n_lights=100), note)
     assert "indirect light" in stages
 
 
@@ -165,7 +166,7 @@ def test_what_the_pilots_take_is_in_the_cost(tmp_path: Path, monkeypatch: pytest
 
 def test_a_plan_that_does_not_fit_into_memory_says_so() -> None:
     cost = Cost(1.0, 0.0, 0.0, memory_mib=1024.0, disk_mib=2048.0, gpu_mib=0.0, n_points=1, n_sampled=1)
-    plan = Plan((), 0, 0, False, "half", 1, 8, {}, cost=cost)
+    plan = Plan((), DEFAULT_SETTINGS, {}, cost=cost)
     assert memory_note(plan, 4 << 30) == memory_note(replace(plan, cost=None), 1) == ""
     assert memory_note(plan, 2 << 30).startswith("to edit it takes 3.0 GiB of main memory, 2.0 GiB are free")
     assert memory_note(plan, 1 << 20).startswith("to precompute it takes 1.0 GiB")

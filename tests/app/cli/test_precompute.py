@@ -33,9 +33,17 @@ def entries(folder: Path) -> dict[str, bytes]:
 
 
 def test_it_keeps_what_the_editor_keeps_bit_by_bit(scene: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    precompute(open_project(scene, (40, 30)), lambda progress: None, N_LIGHTS, ArrayCache(tmp_path / "filled"))
+    precompute(
+        open_project(scene, (40, 30)).with_settings(n_lights=N_LIGHTS),
+        lambda progress: None,
+        ArrayCache(tmp_path / "filled"),
+    )
     monkeypatch.setattr(filling, "RequestDispatcher", lambda store, fills, executor: RequestDispatcher(store))
-    precompute(open_project(scene, (40, 30)), lambda progress: None, N_LIGHTS, ArrayCache(tmp_path / "worker"))
+    precompute(
+        open_project(scene, (40, 30)).with_settings(n_lights=N_LIGHTS),
+        lambda progress: None,
+        ArrayCache(tmp_path / "worker"),
+    )
     assert len(entries(tmp_path / "worker")) == 4  # visibility, two layers, and the unit they are in
     assert entries(tmp_path / "filled") == entries(tmp_path / "worker")
 
@@ -52,10 +60,10 @@ def test_what_is_on_disk_is_not_held(scene: str, tmp_path: Path) -> None:
         elif progress.stage == WHAT:  # what that takes does not grow with the transport
             peaks.append(tracemalloc.get_traced_memory()[1])
 
-    project = open_project(scene)
+    project = open_project(scene).with_settings(n_lights=N_LIGHTS)
     tracemalloc.start()
     try:
-        done = precompute(project, watch, N_LIGHTS, ArrayCache(tmp_path / "cache"))
+        done = precompute(project, watch, ArrayCache(tmp_path / "cache"))
     finally:
         tracemalloc.stop()
     assert done.n_bytes > 12e6
@@ -63,8 +71,8 @@ def test_what_is_on_disk_is_not_held(scene: str, tmp_path: Path) -> None:
 
 
 def test_what_is_hidden_leaves_an_empty_picture(scene: str, tmp_path: Path) -> None:
-    project = open_project(scene, (8, 6))
+    project = open_project(scene, (8, 6)).with_settings(n_lights=N_LIGHTS)
     for key, _ in project.document.layers():
         project = replace(project, document=SetVisible(key, False).apply(project.document))
-    done = precompute(project, lambda progress: None, N_LIGHTS, ArrayCache(tmp_path / "cache"))
+    done = precompute(project, lambda progress: None, ArrayCache(tmp_path / "cache"))
     assert done.error.is_negligible

@@ -47,7 +47,7 @@ transform = [1, 0, 0, 0.6, 0, 1, 0, -1.5, 0, 0, 1, 0, 0, 0, 0, 1]
 layer = [{ model = "lambert", name = "clay", albedo = [0.7, 0.4, 0.2] }]
 """
 )
-FRAMES = Frames(4, n_lights=60, n_patches=20, series=BounceSeries(1))
+FRAMES = Frames(4, settings=(("n_lights", 60), ("n_patches", 20)), series=BounceSeries(1))
 
 
 class Machines:
@@ -153,10 +153,10 @@ def test_a_cache_is_filled_with_the_same_though_the_worker_with_the_light_is_kil
         return light
 
     words = replace(words, resolution=(48, 36))
-    done = precompute(words.open(), silent, 500, ArrayCache(tmp_path / "here"))
+    done = precompute(words.open().with_settings(n_lights=500), silent, ArrayCache(tmp_path / "here"))
     monkeypatch.setattr(ClusterExecutor, "compute_light", losing)
     with open_on_cluster(words, machines.address) as (project, cluster):
-        assert precompute(project, silent, 500, ArrayCache(tmp_path / "there"), cluster) == done
+        assert precompute(project.with_settings(n_lights=500), silent, ArrayCache(tmp_path / "there"), cluster) == done
     here, there = ({file.name: file.read_bytes() for file in (tmp_path / name).iterdir()} for name in ("here", "there"))
     assert len(here) >= 5 and here == there  # visibility, unit, two layers, indirect light
 

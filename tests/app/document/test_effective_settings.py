@@ -1,17 +1,17 @@
-"""Knobs of the view, and the lines of the plan that stand over them."""
+"""Settings of the view, and the lines of the plan that override them."""
 
 from dataclasses import replace
 
 from app.document.commands.plan import OverrideLine
 from app.document.document import Document
-from app.document.effective_settings import effective_settings, effective_view, override_lines_of
+from app.document.effective_settings import effective_view, override_lines_of
 from app.document.view_state import SetView, ViewState
 
 DOCUMENT = Document("scene")
 STOP = SetView.of(n_lights=400, n_patches=256, n_hemisphere_rays=0)
 
 
-def test_without_lines_the_knobs_are_set() -> None:
+def test_without_lines_the_settings_of_the_view_are_set() -> None:
     assert override_lines_of(STOP, DOCUMENT) == (STOP,)
 
 
@@ -28,11 +28,11 @@ def test_what_a_line_stands_over_is_set_by_that_line() -> None:
 
 def test_after_it_the_picture_goes_by_what_was_set() -> None:
     document, view = replace(DOCUMENT, overrides=(("lights", 1000), ("rays", 512))), ViewState()
-    assert effective_settings(effective_view(view, document), document).n_rays == 512
+    assert effective_view(view, document).settings.n_hemisphere_rays == 512
     for command in override_lines_of(STOP, document):
         if isinstance(command, SetView):
             view = command.apply(view)
         else:
             document = command.apply(document)
-    decided = effective_settings(effective_view(view, document), document)
-    assert (decided.n_lights, decided.n_patches, decided.n_rays) == (400, 256, 0)
+    decided = effective_view(view, document).settings
+    assert (decided.n_lights, decided.n_patches, decided.n_hemisphere_rays) == (400, 256, 0)

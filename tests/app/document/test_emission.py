@@ -54,10 +54,10 @@ def test_a_glowing_ball_under_an_even_sky_shows_its_glow_and_what_it_reflects(
     trimesh.creation.icosphere(subdivisions=3).export(tmp_path / "ball.ply")
     (tmp_path / "scene.toml").write_text(BALL)
     project = open_project(str(tmp_path / "scene.toml"))
-    n_samples, knobs = 1024 if reference else None, QUICK.get(mode, {})
+    n_samples, settings = 1024 if reference else None, QUICK.get(mode, {})
     series, report = BounceSeries(1), lambda _: None
     still = render_project(
-        project, report, mode=mode, reference=reference, series=series, n_samples=n_samples, knobs=knobs
+        project, report, mode=mode, reference=reference, series=series, n_samples=n_samples, **settings
     )
     picture = still.picture
     inside = (slice(6, 12), slice(9, 15))  # away from the silhouette's facets

@@ -1,4 +1,4 @@
-"""The slider's table: what is on the front, where the knobs stand on it, and who reads it."""
+"""The slider's table: what is on the front, where the settings stand on it, and who reads it."""
 
 from __future__ import annotations
 
@@ -9,11 +9,12 @@ import pytest
 from app.__main__ import Desktop
 from app.cli.program import run
 from app.document.pareto_front import FrontPoint, format_front, load_front, parse_front
-from app.document.view_state import LIMITS, SetView, ViewState
+from app.document.view_state import SetView, ViewState
 from app.measure.front import FrontEffort, measure_front, on_the_front
 from app.modes.registry import MODES
 from app.operators.script import Step, parse_script
 from engine.core.errors import InsituError
+from engine.settings import SETTINGS
 
 Captured = pytest.CaptureFixture[str]
 
@@ -29,12 +30,12 @@ def test_what_another_beats_in_error_and_time_is_not_on_the_front() -> None:
 
 
 @pytest.mark.parametrize("mode", [mode.name for mode in MODES])
-def test_every_mode_has_a_front_from_speed_to_accuracy_which_its_knobs_can_follow(mode: str) -> None:
+def test_every_mode_has_a_front_from_speed_to_accuracy_which_its_settings_can_follow(mode: str) -> None:
     table, view = load_front(), ViewState()
     stops = table.points[mode]
     assert len(stops) >= 2 and stops == on_the_front(stops) and "processor" in table.origin
     for i, each in enumerate(stops):
-        assert all(LIMITS[name][0] <= value <= LIMITS[name][1] for name, value in each.knobs)
+        assert all(SETTINGS[name].nearest(value) == value for name, value in each.settings)
         moved = each.command.apply(view)
         assert (
             table.position(mode, moved) == i / (len(stops) - 1)
@@ -67,7 +68,7 @@ def test_a_front_is_measured() -> None:
     effort = FrontEffort(("cornell",), (), (24, 18), rays=(), lights=((20, 20, 128), (2000, 768, 0)))
     told: list[str] = []
     stops = measure_front(effort, told.append)["placement"]
-    assert len(told) == 2 and stops[-1].knobs == (("n_lights", 2000), ("n_patches", 768), ("n_hemisphere_rays", 0))
+    assert len(told) == 2 and stops[-1].settings == (("n_lights", 2000), ("n_patches", 768), ("n_hemisphere_rays", 0))
     assert stops[-1].error < 0.2 and all(each.seconds > 0.0 for each in stops)
 
 
@@ -78,13 +79,13 @@ def test_a_script_moves_the_slider(tmp_path: Path) -> None:
         parse_script({"step": [{"accuracy": 1.5}]}, tmp_path / "a.toml", tmp_path)
 
 
-def test_the_command_line_takes_accuracy_in_place_of_knobs(tmp_path: Path, capsys: Captured) -> None:
-    said, first = [], dict(load_front().points["placement"][0].knobs)
+def test_the_command_line_takes_accuracy_in_place_of_settings(tmp_path: Path, capsys: Captured) -> None:
+    said, first = [], dict(load_front().points["placement"][0].settings)
     by_hand = [f"--lights={first['n_lights']}", f"--patches={first['n_patches']}"]
     by_hand += [f"--override=rays={first['n_hemisphere_rays']}"] if first.get("n_hemisphere_rays") else []
-    for name, knobs in {"accuracy": ["--accuracy", "0"], "knobs": by_hand}.items():
+    for name, options in {"accuracy": ["--accuracy", "0"], "settings": by_hand}.items():
         out = tmp_path / f"{name}.exr"
-        words = ["render", "cornell", "-o", str(out), "--resolution", "16", "12", "--bounces", "2", *knobs]
+        words = ["render", "cornell", "-o", str(out), "--resolution", "16", "12", "--bounces", "2", *options]
         assert run(words, Desktop()) == 0
         said.append(capsys.readouterr().out.split(" s, ", 1)[1])
     assert said[0] == said[1]

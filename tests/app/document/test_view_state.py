@@ -8,8 +8,8 @@ from engine.core.errors import InsituError
 
 def test_numbers_are_clamped() -> None:
     view = SetView.of(exposure=99.0, compare_divider=-1.0, frame_budget_ms=0.0, n_lights=7).apply(ViewState())
-    assert (view.exposure, view.compare_divider, view.frame_budget_ms, view.n_lights) == (20.0, 0.0, 2.0, 20)
-    assert isinstance(view.n_lights, int)
+    assert (view.exposure, view.compare_divider, view.frame_budget_ms, view.settings.n_lights) == (20.0, 0.0, 2.0, 20)
+    assert isinstance(view.settings.n_lights, int)
 
 
 def test_regions_are_brought_into_order_and_domain() -> None:

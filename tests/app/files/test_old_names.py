@@ -28,7 +28,7 @@ def old_session(document: Document, tmp_path: Path) -> Path:
 def test_a_session_of_version_1_opens_and_is_saved_with_the_present_names(old_session: Path) -> None:
     found = load_session(old_session)
     assert found.document.overrides == (("lights", 1000), ("precision", "float"))
-    assert found.view.n_hemisphere_rays == 256
+    assert found.view.settings.n_hemisphere_rays == 256
     text = save_session(old_session, found.document, found.view).read_text()
     assert "overrule" not in text and "n_fan_rays" not in text
     assert load_session(old_session).document == found.document

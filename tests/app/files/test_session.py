@@ -24,6 +24,7 @@ from app.files.session import fit_session, load_session, save_session
 from engine.core.errors import InsituError, LoadError
 from engine.curve.operators import Operator, diagonal
 from engine.scene.description import Camera, parse_description
+from engine.settings import RenderSettings
 from tests.app.fake_worker import SCENE
 from tests.app.limits import largest_file
 
@@ -64,7 +65,7 @@ def test_a_session_cut_at_any_line_is_refused(edited: Document, tmp_path: Path) 
 
 def test_a_session_comes_back_equal(edited: Document, tmp_path: Path) -> None:
     view = ViewState(
-        selected=Selection("pot", 1, "theta_d"), exposure=-1 / 3, tone_mapping="agx", n_lights=800, n_patches=3000
+        selected=Selection("pot", 1, "theta_d"), exposure=-1 / 3, tone_mapping="agx", settings=RenderSettings(800, 3000)
     )
     path = save_session(tmp_path / "mine", edited, view)
     assert path.name == "mine.insitu"

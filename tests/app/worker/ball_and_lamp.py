@@ -19,9 +19,9 @@ from app.worker.tasks import RequestDispatcher
 from engine.curve.operators import Operator
 from engine.material import MODELS
 from engine.material.layer import make_layer
-from engine.planner import RenderSettings
 from engine.precompute.direct.bandstore import BandTile
 from engine.precompute.direct.projection import project_layer
+from engine.settings import RenderSettings
 from tests.opened import open_in_process
 
 SCENE = """version = 1

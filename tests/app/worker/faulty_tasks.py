@@ -20,7 +20,7 @@ from app.modes.placement.placement_messages import (
 from app.worker import channel
 from app.worker.cache import ArrayCache
 from engine.core.errors import LoadError
-from engine.planner import RenderSettings
+from engine.settings import RenderSettings
 
 HANDLERS = "tests.app.worker.faulty_tasks:FaultyTasks"
 

@@ -18,9 +18,9 @@ from app.worker.executor import LocalExecutor
 from app.worker.tasks import RequestDispatcher
 from engine.material import MODELS
 from engine.material.layer import make_layer
-from engine.planner import RenderSettings
 from engine.precompute.direct.pipeline import Placement, Quality, SkyState
 from engine.render import light_pilot
+from engine.settings import RenderSettings
 from tests.app.worker.ball_and_lamp import work
 from tests.opened import open_in_process, run_in_process
 from tests.scene_text import ground

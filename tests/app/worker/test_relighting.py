@@ -22,7 +22,7 @@ from app.worker.tasks import RequestDispatcher
 from engine.curve.operators import Operator
 from engine.material import MODELS
 from engine.material.layer import make_layer
-from engine.planner import RenderSettings
+from engine.settings import RenderSettings
 from tests.opened import open_in_process, run_in_process
 from tests.pictures import write_exr
 from tests.scene_text import camera, placed

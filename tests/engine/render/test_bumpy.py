@@ -17,6 +17,7 @@ from engine.render.path_tracer import trace_paths
 from engine.render.still import render_reference, render_still, still_layers, still_quality
 from engine.render.still_indirect import indirect_radiance
 from engine.scene.scene_loader import load_scene
+from engine.settings import RenderSettings
 from tests.engine.bump_images import FLOOR, TILT, write_bump_images
 from tests.scene_text import camera, placed
 
@@ -36,7 +37,7 @@ def placement_of(folder: Path, bumps: str, more: str = "", size: int = 16) -> Pl
 
 def still(placement: Placement, layers: Mapping[str, Layer], sky: SkyState, n_lights: int = 2000) -> np.ndarray:
     """Direct light at the hits, (P, 3)."""
-    plan = plan_scene(placement.scene, dict(layers), has_sky=True, still=True, n_lights=n_lights)
+    plan = plan_scene(placement.scene, dict(layers), has_sky=True, still=True, settings=RenderSettings(n_lights))
     names = [described.name for described in placement.scene.description.objects]
     drawn = run_to_end(render_still(placement, still_layers(layers.items(), names, plan), sky, still_quality(plan)))
     return drawn.reshape(-1, 3)[placement.hits.pixel]
@@ -116,7 +117,7 @@ def test_what_bounces_on_lights_bumps_alike(folder: Path) -> None:
     placement = walled(folder, "lambert")
     sky, layers = bright_side(), {"floor.0": lambert(0.6), "wall.0": lambert(0.8)}
     mine = slice(*placement.hits.object_ranges[0])
-    plan = plan_scene(placement.scene, layers, has_sky=True, still=True, n_lights=400)
+    plan = plan_scene(placement.scene, layers, has_sky=True, still=True, settings=RenderSettings(400))
     flat = still_layers(layers.items(), ["floor", "wall"], plan)
     bounced = run_to_end(indirect_radiance(placement, flat, sky, BounceSeries(2, 1)))[mine].mean()
     once, twice = (traced(placement, layers, sky, 512, n)[mine].mean() for n in (1, 2))

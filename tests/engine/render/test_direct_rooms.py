@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.project.project import Project, open_project, with_edges
+from app.project.project import Project, open_project
 from app.stills.stills import layers_by_object, plan_still
 from engine.core.generators import run_to_end
 from engine.precompute.direct import near_leaves
@@ -22,7 +22,7 @@ from tests.engine.render.test_indirect import errors
 
 def lit(scene: Path | str, n_patches: int = 768) -> tuple[Project, Placement, np.ndarray]:
     """Direct light (P, 3) of a scene at its pixels' centres."""
-    project = with_edges(open_project(str(scene), (48, 36) if isinstance(scene, str) else None), 0)
+    project = open_project(str(scene), (48, 36) if isinstance(scene, str) else None).with_settings(n_edge_rays=0)
     placement, plan = Placement(project.scene), plan_still(project, n_patches=n_patches)
     layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
     return project, placement, run_to_end(reflect_layers(placement, layers, project.sky, still_quality(plan)))
@@ -85,7 +85,7 @@ def test_a_ball_of_many_triangles_shines_as_a_ball(tmp_path: Path, n_patches: in
 def test_small_lamps_in_a_polished_plate(tmp_path: Path) -> None:
     # With an editor's 128 bands, each wider than the highlight, it is in blocks, 168 % off the path tracer; more bands
     # than a still has change nothing any more.
-    project = with_edges(open_project(str(plate_room(tmp_path, (40, 30)))), 0)
+    project = open_project(str(plate_room(tmp_path, (40, 30)))).with_settings(n_edge_rays=0)
     placement, plan = Placement(project.scene), plan_still(project)
     (planned,) = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from app.project.project import open_project, with_edges
+from app.project.project import open_project
 from engine.core.generators import run_to_end
 from engine.precompute.direct.pipeline import Placement
 from engine.render.display import false_colour
@@ -15,7 +15,7 @@ from engine.render.picture_error import ErrorEstimate
 
 
 def test_errors_stay_on_their_object_and_follow_their_points() -> None:
-    hits = Placement(with_edges(open_project("cornell", (48, 36)), 0).scene).hits
+    hits = Placement(open_project("cornell", (48, 36)).with_settings(n_edge_rays=0).scene).hits
     objects, off, fine = hits.objects, 0.08, 0.005
     first = int(objects[0])
     # One object is off by 8 %, but for chance that makes every other point's square less than 0; others by 0.5 %.
@@ -31,7 +31,7 @@ def test_errors_stay_on_their_object_and_follow_their_points() -> None:
 
 
 def test_colours_are_those_of_the_errors_and_clear_where_nothing_is_known() -> None:
-    hits = Placement(with_edges(open_project("cornell", (24, 18)), 0).scene).hits
+    hits = Placement(open_project("cornell", (24, 18)).with_settings(n_edge_rays=0).scene).hits
     judged = PointErrors(ErrorEstimate(0.0), hits.pixel, np.full(len(hits.pixel), 0.03**2))
     image = run_to_end(error_colours(hits, judged))
     seen = hits.row_image >= 0

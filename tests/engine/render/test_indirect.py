@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.project.project import open_project, with_edges
+from app.project.project import open_project
 from app.stills.stills import render_picture
 from benchmarks.references import masked_reference
 from engine.light.radiance_files import read_radiance_image
@@ -29,7 +29,9 @@ def test_the_cornell_box_with_its_light_between_walls(
 ) -> None:
     from PIL import Image
 
-    project = with_edges(open_project(str(shared_reference / "cornell.toml"), None, []), 0)  # one ray a pixel
+    project = open_project(str(shared_reference / "cornell.toml"), None, []).with_settings(
+        n_edge_rays=0
+    )  # one ray a pixel
     found = render_picture(project, lambda step: None, n_lights=400, series=parse_series(series))
     expected = read_radiance_image(shared_reference / f"cornell_{bounces}.exr")
     mask = np.array(Image.open(shared_reference / "cornell_mask.png").convert("L")) > 127
@@ -40,7 +42,7 @@ def test_the_cornell_box_with_its_light_between_walls(
 @pytest.mark.sweep
 def test_copper_is_seen_in_copper(shared_reference: Path) -> None:
     # By albedo from the third gloss on, and with photons missing on what is thin and curved: 2.7 % and -0.4 %.
-    project = with_edges(open_project(str(shared_reference / "teatray.toml")), 0)
+    project = open_project(str(shared_reference / "teatray.toml")).with_settings(n_edge_rays=0)
     found = render_picture(project, lambda step: None, series=BounceSeries(4))
     expected, mask = masked_reference(shared_reference, "teatray", 4, Placement(project.scene).hits)
     rmse, mean = errors(found[mask], expected[mask])

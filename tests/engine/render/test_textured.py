@@ -22,6 +22,7 @@ from engine.render.still import render_reference, render_still, still_layers, st
 from engine.render.still_indirect import indirect_radiance
 from engine.scene.primary_hits import object_ids
 from engine.scene.scene_loader import Scene, load_scene
+from engine.settings import RenderSettings
 from tests.scene_text import camera, placed
 
 # A card of two units, nearly filling 24 pixels,  that it throws light on.
@@ -64,7 +65,7 @@ def layer(model: str, maps: LayerMaps | None = None, **parameters: object) -> La
 
 def still(placement: Placement, layers: Mapping[str, Layer]) -> np.ndarray:
     names = [described.name for described in placement.scene.description.objects]
-    plan = plan_scene(placement.scene, dict(layers), has_sky=True, still=True, n_lights=400)
+    plan = plan_scene(placement.scene, dict(layers), has_sky=True, still=True, settings=RenderSettings(400))
     seen = with_maps(placement, still_layers(layers.items(), names, plan))
     return run_to_end(render_still(placement, seen, SKY, still_quality(plan)), lambda step: None)
 
@@ -143,7 +144,7 @@ def test_further_bounces_see_the_mean(corner: Placement) -> None:
     maps = LayerMaps("checker.png", "linear", (8.0, 8.0))
     layers = {"card.0": layer("lambert", maps, albedo=0.9), "floor.0": layer("lambert", albedo=0.8)}
     names = [described.name for described in corner.scene.description.objects]
-    plan = plan_scene(corner.scene, layers, has_sky=True, still=True, n_lights=400)
+    plan = plan_scene(corner.scene, layers, has_sky=True, still=True, settings=RenderSettings(400))
     seen = with_maps(corner, still_layers(layers.items(), names, plan))
     np.testing.assert_allclose(seen[0].mean_factor, [0.6, 0.2, 0.6], atol=2e-3)
     indirect = run_to_end(indirect_radiance(corner, seen, SKY, BounceSeries(2)), lambda step: None)

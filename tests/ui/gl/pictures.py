@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from engine.planner import Precision
 from engine.scene.picture_frame import PictureFrame
+from engine.settings import Precision
 from ui.modes.placement.gl.renderer import PlacementRenderer
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from imgui_bundle import ImVec2, imgui
@@ -11,7 +11,7 @@ from app.document.commands.plan import SetFirstBands
 from app.document.effective_settings import effective_view, override_lines_of
 from app.document.view_state import SetView
 from app.modes.placement.placement_status import PlacementStatus
-from engine.planner import N_PATCHES
+from engine.settings import N_PATCHES
 from ui import theme as look
 from ui.display_names import with_display_names
 from ui.panels import widgets
@@ -37,6 +37,7 @@ LIGHTS_HINT = (
 PATCHES_HINT = (
     "Patches that emitters are cut into in the finished picture: more give more accurate shadows and take longer."
 )
+BOUNCES_HINT = "Reflections between light and camera. 1 is direct light; more add colour bleeding and indirect light."
 EDGES = {"Auto edges": None, "No edges": 0, "4 edge rays": 4, "8 edge rays": 8, "16 edge rays": 16}
 EDGES_HINT = (
     "Rays through each pixel where objects meet or normals turn fast: smooth edges and rims, for a little more time "
@@ -67,23 +68,14 @@ def draw(context: PanelContext) -> list[Action]:
 
 
 def _quality(context: PanelContext, status: PlacementStatus) -> list[Action]:
+    settings = context.view.settings
     actions: list[Action] = []
     if any(state.emits for state in context.document.objects):
         actions += _lights_and_patches(context)
     else:
-        widgets.label(context, "Lights", least=_least(context, map(_short, LIGHT_CHOICES)))
-        chosen = LIGHT_CHOICES.index(context.view.n_lights) if context.view.n_lights in LIGHT_CHOICES else -1
-        choices = [(_short(n), LIGHTS_HINT) for n in LIGHT_CHOICES]
-        pressed = widgets.segments(context, "accuracy.lights", choices, chosen, least=_share(context, len(choices)))
-        if pressed is not None:
-            actions.append(SetView.of(n_lights=LIGHT_CHOICES[pressed]))
-    widgets.label(context, "Bounces")
-    hint = "Reflections between light and camera. 1 is direct light; more add colour bleeding and indirect light."
-    chosen = BOUNCE_CHOICES.index(context.view.n_bounces) if context.view.n_bounces in BOUNCE_CHOICES else -1
-    choices = [(str(n), hint) for n in BOUNCE_CHOICES]
-    pressed = widgets.segments(context, "accuracy.bounces", choices, chosen, least=_share(context, len(choices)))
-    if pressed is not None:
-        actions.append(SetView.of(n_bounces=BOUNCE_CHOICES[pressed]))
+        least = _least(context, map(_short, LIGHT_CHOICES))
+        actions += _numbers(context, "Lights", "n_lights", LIGHT_CHOICES, LIGHTS_HINT, least)
+    actions += _numbers(context, "Bounces", "n_bounces", BOUNCE_CHOICES, BOUNCES_HINT)
     if status.bounces_note:
         widgets.caption(status.bounces_note)
     actions += _series(context)
@@ -91,7 +83,7 @@ def _quality(context: PanelContext, status: PlacementStatus) -> list[Action]:
         ("Half", "Half floats on the graphics card: half the memory, errors of a thousandth."),
         ("Float", "Full floats on the graphics card: twice the memory, increments without rounding."),
     )
-    chosen = 0 if context.view.precision == "half" else 1
+    chosen = 0 if settings.precision == "half" else 1
     gap = context.px(GAP)
     widgets.label(context, "Transport", least=2.0 * _least(context, [text for text, _ in options]) + GAP)
     room = imgui.get_content_region_avail().x - gap
@@ -100,45 +92,60 @@ def _quality(context: PanelContext, status: PlacementStatus) -> list[Action]:
     if pressed is not None:
         actions.append(SetView.of(precision="half" if pressed == 0 else "float"))
     imgui.same_line(0.0, gap)
-    picked = _combo(context, "accuracy.edges", EDGES, context.view.n_edge_rays, 0.5 * room, EDGES_HINT)
+    picked = _combo(context, "accuracy.edges", EDGES, settings.n_edge_rays, 0.5 * room, EDGES_HINT)
     actions += [SetView.of(n_edge_rays=n) for n in picked]
     if status.transport_note:
         widgets.caption(with_display_names(context.document, status.transport_note))
     return actions
 
 
+def _numbers(
+    context: PanelContext, title: str, name: str, choices: Sequence[int], hint: str, least: float | None = None
+) -> list[Action]:
+    """A line with a button for each choice of a setting."""
+    widgets.label(context, title, **({} if least is None else {"least": least}))
+    chosen = getattr(context.view.settings, name)
+    pressed = widgets.segments(
+        context, f"accuracy.{title.lower()}", [(_short(n), hint) for n in choices],
+        choices.index(chosen) if chosen in choices else -1, least=_share(context, len(choices)),
+    )  # fmt: skip
+    return [] if pressed is None else [SetView.of(**{name: choices[pressed]})]
+
+
 def _lights_and_patches(context: PanelContext) -> list[Action]:
     """Where there are emitters: both numbers on one line."""
+    settings = context.view.settings
     widgets.label(context, "Lights", least=LIGHTS_WIDTH)
     gap = context.px(GAP)
     room = imgui.get_content_region_avail().x - gap
     lights = {_short(n): n for n in LIGHT_CHOICES}
     actions: list[Action] = [
         SetView.of(n_lights=pick)
-        for pick in _combo(context, "accuracy.lights", lights, context.view.n_lights, 0.4 * room, LIGHTS_HINT)
+        for pick in _combo(context, "accuracy.lights", lights, settings.n_lights, 0.4 * room, LIGHTS_HINT)
         if pick is not None
     ]
     imgui.same_line(0.0, gap)
     patches = {f"{_short(n)} patches": n for n in PATCH_CHOICES}
-    chosen = _combo(context, "accuracy.patches", patches, context.view.n_patches, 0.6 * room, PATCHES_HINT)
+    chosen = _combo(context, "accuracy.patches", patches, settings.n_patches, 0.6 * room, PATCHES_HINT)
     return actions + [SetView.of(n_patches=pick) for pick in chosen if pick is not None]
 
 
 def _series(context: PanelContext) -> list[Action]:
     """The bands of each bounce from the camera: the first and the second can be chosen, later ones depend on albedo."""
     actions: list[Action] = []
-    widgets.label(context, "Bands", least=BANDS_WIDTH if context.view.n_bounces > 1 else widgets.LEAST_CONTROL)
-    n_later = context.view.n_bounces - 2
+    settings = context.view.settings
+    widgets.label(context, "Bands", least=BANDS_WIDTH if settings.n_bounces > 1 else widgets.LEAST_CONTROL)
+    n_later = settings.n_bounces - 2
     later = "  1" * n_later
     gap = context.px(GAP)
     room = imgui.get_content_region_avail().x - (imgui.calc_text_size(later).x if later else 0.0)
-    both = context.view.n_bounces > 1
+    both = settings.n_bounces > 1
     first = context.document.first_bands
     chosen = _combo(context, "accuracy.first", FIRST_BANDS, first, (room - gap) / 2 if both else room, FIRST_HINT)
     actions += [SetFirstBands(pick) for pick in chosen]
     if both:
         imgui.same_line(0.0, gap)
-        second = context.view.second_bands
+        second = settings.second_bands
         chosen = _combo(context, "accuracy.second", SECOND_BANDS, second, (room - gap) / 2, SECOND_HINT)
         actions += [SetView.of(second_bands=pick) for pick in chosen]
     if n_later > 0:

@@ -46,7 +46,7 @@ class Table:
     def __init__(self) -> None:
         self.description = SceneDescription.model_validate(SCENE)
         self.document = document_from_description("stand-in", self.description)
-        self.barrier, self.metrics, self.view = Barrier(), StatusMetrics(), ViewState(mode="orbit", n_bounces=1)
+        self.barrier, self.metrics, self.view = Barrier(), StatusMetrics(), ViewState(mode="orbit")
         self.history = History(self.document)
         self.sent: list[Request] = []
         self._kept: dict[type, object] = {}

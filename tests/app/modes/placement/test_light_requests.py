@@ -3,13 +3,14 @@
 import numpy as np
 
 from app.document.commands.light import SetEnvironment, SetRotation
-from app.document.view_state import AS_PLANNED, SetView
+from app.document.view_state import SetView
 from app.editor.editor import Editor
 from app.messages.picture_events import SkyChanged
 from app.messages.worker_messages import SkyImage
 from app.modes.placement.placement_events import LayerRadiance, TransportReady
 from app.modes.placement.placement_messages import BouncesPlanned
 from app.modes.placement.placement_status import RenderReport
+from engine.settings import AS_PLANNED
 from tests.app.fake_worker import SCENE, FakeClient, computed
 
 EXACT = RenderReport(128, 128, 0.0, True)
@@ -104,11 +105,11 @@ def test_bounces_are_as_planned_unless_the_user_chose_meanwhile(client: FakeClie
     assert request.settings.n_bounces == AS_PLANNED
     client.answer(request, BouncesPlanned(3, "the last carries 2 %"))
     editor.tick(0.1)
-    assert editor.view.n_bounces == 3 and len(computed(client)) == 1  # the worker goes on by itself
+    assert editor.view.settings.n_bounces == 3 and len(computed(client)) == 1  # the worker goes on by itself
     editor.do(SetView.of(n_bounces=1))
     client.answer(request, BouncesPlanned(3, "the last carries 2 %"))
     editor.tick(0.11)
-    assert editor.view.n_bounces == 1
+    assert editor.view.settings.n_bounces == 1
 
 
 def test_the_sky_is_handed_on(editor: Editor, client: FakeClient) -> None:

@@ -24,7 +24,7 @@ from app.document.commands.layers import (
 from app.document.commands.light import SetEnvironment, SetIntensity, SetRotation
 from app.document.commands.plan import OverrideLine, active_overrides
 from app.document.document import LightState, reflecting_layers
-from app.document.effective_settings import effective_settings, effective_view
+from app.document.effective_settings import effective_view
 from app.document.view_state import SetView
 from app.editor.editor import Editor
 from app.files.session import load_session
@@ -33,7 +33,7 @@ from app.modes.placement.placement_events import LayerRadiance, TransportReady
 from app.modes.placement.placement_messages import ComputeTransport, ContractTransport, EstimateError
 from app.modes.placement.placement_status import RenderReport
 from engine.curve.operators import Operator
-from engine.planner import RenderSettings
+from engine.settings import RenderSettings
 from tests.app.fake_worker import ServingClient
 
 LIFT = Operator("translate", "y", 0.1, 0.2, 0.3, 0.4, magnitude=1.0)
@@ -169,9 +169,9 @@ def test_the_picture_comes_right(seed: int, actions: list[str], step: float) -> 
     for key in editor.controller.edited_layers:
         if selected is not None and selected.factor in editor.controller.wanted_coefficients(key):
             view = effective_view(editor.view, editor.document)
-            assert renderer.curves[key] == (selected.factor, view.precision)
+            assert renderer.curves[key] == (selected.factor, view.settings.precision)
     (*_, request) = client.sent(ComputeTransport)
-    assert request.settings == effective_settings(effective_view(editor.view, editor.document), editor.document)
+    assert request.settings == effective_view(editor.view, editor.document).settings.of_light
     for key, n_bands in active_overrides(editor.document).items():
         layer, _, factor = key.rpartition(".")
         if layer:

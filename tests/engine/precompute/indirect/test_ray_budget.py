@@ -9,13 +9,13 @@ from engine.core.errors import InsituError
 from engine.core.generators import run_to_end
 from engine.core.stored_arrays import UnsoundArrays
 from engine.light.environment import constant_environment
-from engine.plan_lines import HEMISPHERE_RAYS, checked_line
 from engine.precompute.direct.pipeline import SkyState
 from engine.precompute.indirect.checkpoints import arrays_of
 from engine.precompute.indirect.indirect_light import IndirectLight
 from engine.precompute.indirect.ray_budget import TOLERANCE, RayBudget, noise_of, required_rays
 from engine.precompute.indirect.sampling_settings import FINE
 from engine.precompute.indirect.solver import Solver
+from engine.settings import SETTINGS, checked_line
 from tests.engine.precompute.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placement_of
 
 ASKING = replace(QUICK, n_rays=512, n_record_rays=64, n_samples=64)
@@ -104,6 +104,6 @@ def test_each_reason_can_be_read() -> None:
 
 @pytest.mark.parametrize("value", [0, 100, 2048, "many", True, 128.0])
 def test_a_line_takes_valid_numbers_of_rays(value: object) -> None:
-    assert all(checked_line("rays", n) == n for n in HEMISPHERE_RAYS)
+    assert all(checked_line("rays", n) == n for n in SETTINGS["n_hemisphere_rays"].values)
     with pytest.raises(InsituError, match="rays = .*, expected 128, 256, 512 or 1024"):
         checked_line("rays", value)

@@ -15,6 +15,7 @@ from engine.precompute.direct.pipeline import Placement, SkyState
 from engine.realtime.triple_product.orbit_engine import Orbit
 from engine.render.still import render_still, still_layers, still_quality
 from engine.scene.scene_loader import Scene, load_scene
+from engine.settings import RenderSettings
 from tests.engine.bump_images import FLOOR, TILT, write_bump_images
 from tests.scene_text import camera, placed
 
@@ -107,7 +108,7 @@ def test_it_is_placements_picture(
     image = 0.3 + 6.0 * np.exp(-((row[0] - 18.0) ** 2 + (row[1] - 84.0) ** 2) / 60.0)
     sky = SkyState(Environment(np.repeat(image[..., None], 3, axis=2).astype(np.float32), "test"))
     placement = Placement(scene)
-    plan = plan_scene(scene, {"floor.0": layer}, has_sky=True, still=True, n_lights=1000)
+    plan = plan_scene(scene, {"floor.0": layer}, has_sky=True, still=True, settings=RenderSettings(1000))
     layers = still_layers({"floor.0": layer}.items(), ["floor"], plan)
     expected = run_to_end(render_still(placement, layers, sky, still_quality(plan)))
     inside = placement.hits.pixel

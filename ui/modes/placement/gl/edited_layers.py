@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.planner import Precision
+from engine.settings import Precision
 from ui.gl.context import GraphicsError
 from ui.gl.textures import TextureMemory
 from ui.modes.placement.gl.accumulator import TermSum

@@ -26,8 +26,8 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.planner import Precision
 from engine.scene.picture_frame import PictureFrame
+from engine.settings import Precision
 from ui.gl.context import GraphicsError
 from ui.gl.display import Display, DisplayView
 from ui.gl.passes import Box, Passes

@@ -34,7 +34,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.planner import Precision
+from engine.settings import Precision
 from ui.gl.context import GraphicsError
 from ui.gl.textures import TextureMemory
 from ui.modes.placement.gl.sample_layout import GROUPS_PER_ROW, SAMPLES_PER_ROW, row_count
