@@ -8,7 +8,7 @@ from pathlib import Path
 
 from app.cli.console import run_guarded
 from app.document.sources import find_source
-from app.measure.ending import ended_in_order
+from app.measure.study import ended_in_order
 from app.system.kernel_cache import use_kernel_cache
 from benchmarks import PARTS
 from engine.scene.builtin import DEFAULT_SCENE

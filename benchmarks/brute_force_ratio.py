@@ -17,8 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from app.measure.precomputed import Precomputed, precompute, visibility_seconds
-from app.measure.subject import Subject
+from app.measure.subject import Precomputed, Subject, precompute, visibility_seconds
 from engine.precompute.direct.pipeline import Placement, Quality
 from engine.scene.primary_hits import PrimaryHits
 from engine.visibility.point_visibility import VISIBILITY_LEVEL, brute_force_visibility, sphere_targets

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from app.measure.relief import BEND, relief, varied_sky
+from app.measure.settings_deform import BEND, relief, varied_sky
 from benchmarks.figures import Figure, NotMeasured, not_measured
 from benchmarks.launches import run_program
 from benchmarks.zonal_fit_errors import MESH, fit_errors, random_vectors, shadowed_mesh

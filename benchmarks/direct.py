@@ -7,9 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from app.measure.accuracy import Errors
-from app.measure.precomputed import Precomputed, largest_on_gpu, precompute
-from app.measure.subject import Subject, open_subject
+from app.measure.subject import Errors, Precomputed, Subject, largest_on_gpu, open_subject, precompute
 from benchmarks.brute_force_ratio import Ratio, precompute_ratios, visibility_ratios, wrong_answers
 from benchmarks.effort import Effort, open_at_most, size_text
 from benchmarks.figures import Figure, not_measured

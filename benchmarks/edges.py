@@ -18,9 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from app.measure.accuracy import CLAMP_PERCENTILE, box_averaged, direct_picture
-from app.measure.precomputed import precompute_on
-from app.measure.subject import Subject
+from app.measure.subject import CLAMP_PERCENTILE, Subject, box_averaged, direct_picture, precompute_on
 from app.project.project import Project, open_project
 from app.stills.stills import layers_by_object, plan_still
 from benchmarks.figures import Figure, not_measured

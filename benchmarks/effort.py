@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-from app.measure.settings_study import QUICK as QUICK_STUDY
-from app.measure.settings_study import StudyEffort
+from app.measure.study import QUICK as QUICK_STUDY
+from app.measure.study import StudyEffort
 from app.measure.subject import Subject, at_most, open_subject
 from benchmarks.api_edit import ApiEditEffort
 from benchmarks.brute_force_ratio import RAW_RAYS

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from app.measure.accuracy import Errors, errors
+from app.measure.subject import Errors, errors
 from app.project.project import Project, open_project
 from app.stills.stills import render_picture
 from benchmarks.figures import Figure, not_measured

@@ -18,8 +18,8 @@ from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from app.measure.accuracy import errors
-from app.measure.plots import save_figure
+from app.measure.report import save_figure
+from app.measure.subject import errors
 from engine.core.frames import local_frames
 from engine.light.environment import triangle_integrals
 from engine.material.layer import Layer

@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from app.measure.accuracy import Errors, errors
-from app.measure.subject import at_most, open_subject
+from app.measure.subject import Errors, at_most, errors, open_subject
 from app.project.project import open_project
 from app.stills.stills import render_picture
 from benchmarks.figures import Figure, NotMeasured, not_measured

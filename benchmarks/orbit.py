@@ -14,8 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from app.measure.accuracy import errors
 from app.measure.settings_orbit import finish_orbit, inner_rows
+from app.measure.subject import errors
 from app.project.project import Project, open_project
 from app.stills.stills import layers_by_object
 from benchmarks.figures import Figure, NotMeasured, not_measured

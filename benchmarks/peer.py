@@ -25,7 +25,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from app.measure.accuracy import CLAMP_PERCENTILE, errors
+from app.measure.subject import CLAMP_PERCENTILE, errors
 from app.project.project import Project, open_project
 from app.stills.stills import render_picture
 from benchmarks.figures import Figure, NotMeasured, not_measured

@@ -1,4 +1,4 @@
-"""What plans say that scenes will cost, against what they cost (`app.cli.plan_check`): built-in ones, those with
+"""What plans say that scenes will cost, against what they cost (`app.cli.precompute`): built-in ones, those with
 references, and hills of more and more triangles."""
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from app.cli.plan_check import ActualCost, carry_out
 from app.cli.planning import plan_project
+from app.cli.precompute import ActualCost, carry_out
 from app.project.project import ProjectSpec, open_project
 from app.system.atomic import save_file
 from benchmarks.references import REFERENCES, reference_folder

@@ -8,9 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from app.measure.accuracy import Errors, errors, reflected
-from app.measure.precomputed import Precomputed
-from app.measure.subject import Subject
+from app.measure.subject import Errors, Precomputed, Subject, errors, reflected
 from engine.light.radiance_files import read_radiance_image
 from engine.render.still import compose
 from engine.scene.primary_hits import PrimaryHits

@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 
 from app.document.document import document_from_description
 from app.document.scene_state import SceneState, layer_state, scene_state
-from app.measure.accuracy import errors
+from app.measure.subject import errors
 from app.messages.worker_messages import OpenScene, Request, RequestFailed, Response, SetCamera
 from app.modes.placement.placement_messages import ComputeTransport, LayerPicture, PrepareRelighting, RelightingPrepared
 from app.project.project import open_project
 from app.worker.cache import ArrayCache
-from app.worker.in_process import InProcessClient
+from app.worker.schedule import InProcessClient
 from app.worker.tasks import RequestDispatcher
 from benchmarks.figures import Figure, NotMeasured, not_measured
 from engine.planner import band_counts

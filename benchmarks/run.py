@@ -7,10 +7,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from app.measure.machine import load_average, machine_facts
-from app.measure.precomputed import precompute
-from app.measure.settings_study import measure_settings
-from app.measure.subject import Subject
+from app.measure.study import load_average, machine_facts, measure_settings
+from app.measure.subject import Subject, precompute
 from app.system.atomic import make_folder_of, require_place
 from benchmarks import PARTS
 from benchmarks.api_edit import api_edit_figures

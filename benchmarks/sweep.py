@@ -24,21 +24,26 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from app.measure.accuracy import Errors, errors, oracle, random_rows, reflected, seen_scale
-from app.measure.precomputed import (
+from app.measure.settings import pareto_front
+from app.measure.settings_placement import EDIT
+from app.measure.subject import (
     BYTES,
     MIB,
     PRECISIONS,
+    Errors,
     Precomputed,
+    Subject,
+    errors,
     gpu_planes,
     largest_on_gpu,
     layer_coefficients,
+    oracle,
     precompute_on,
+    random_rows,
+    reflected,
+    seen_scale,
     visibility_seconds,
 )
-from app.measure.settings import pareto_front
-from app.measure.settings_placement import EDIT
-from app.measure.subject import Subject
 from app.system.atomic import save_file
 from engine.curve.wavelet import forward
 from engine.material.layer import Layer

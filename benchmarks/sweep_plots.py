@@ -9,9 +9,8 @@ from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from app.measure.plots import FRONT, INK, save_figure
+from app.measure.report import FRONT_COLOUR, INK, read_well, save_figure
 from app.measure.settings import pareto_front
-from app.measure.ticks import read_well
 from benchmarks.sweep import SweepRow
 
 SIZE = (8.0, 5.0)
@@ -88,4 +87,4 @@ def _axes(title: str, cost: str) -> tuple[Figure, Axes]:
 def _draw_front(axes: Axes, costs: Sequence[float], wrongs: Sequence[float]) -> None:
     front = pareto_front(costs, wrongs)
     points = sorted((c, 100 * w) for c, w, best in zip(costs, wrongs, front, strict=True) if best)
-    axes.plot(*zip(*points, strict=True), color=FRONT, linewidth=1.4, zorder=2, label="Pareto front")
+    axes.plot(*zip(*points, strict=True), color=FRONT_COLOUR, linewidth=1.4, zorder=2, label="Pareto front")

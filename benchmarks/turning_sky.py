@@ -1,6 +1,6 @@
 """A sky that turns over frozen materials, by n wavelets of its light a frame, shared by all pixels [BenArtzi07, 7.2].
 
-Three strategies choose them (`app.measure.frame_coefficients`); a coefficient counts by its size times the RMS of what
+Three strategies choose them (`app.measure.settings_placement`); a coefficient counts by its size times the RMS of what
 pixels reflect of it. Beside them stand the rows that Placement keeps, whose terms each pixel chooses for itself
 (`engine.precompute.direct.relight`). docs/relighting.md has the results.
 """
@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from app.measure.frame_coefficients import STRATEGIES, Strategy, frame_coefficients
+from app.measure.settings_placement import STRATEGIES, Strategy, frame_coefficients
 from app.project.project import Project, open_project
 from app.system.atomic import save_file
 from engine.core.generators import run_to_end

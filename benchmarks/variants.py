@@ -14,12 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from app.measure.frame_coefficients import Strategy
-from app.measure.precomputed import visibility_seconds
 from app.measure.settings import Outcome, Setting
 from app.measure.settings_orbit import inner_rows
-from app.measure.settings_placement import DirectPictures, DraggedCurve, PlacementValues
-from app.measure.subject import Subject
+from app.measure.settings_placement import DirectPictures, DraggedCurve, PlacementValues, Strategy
+from app.measure.subject import Subject, visibility_seconds
 from app.project.project import Project
 from app.stills.stills import layers_by_object
 from benchmarks.haar_truncation import direct_factors

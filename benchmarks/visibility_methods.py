@@ -24,8 +24,7 @@ import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 
-from app.measure.markdown import table
-from app.measure.plots import save_figure
+from app.measure.report import save_figure, table
 from app.project.project import Project, open_project
 from app.system.atomic import save_file
 from benchmarks.references import reference_folder

@@ -21,8 +21,17 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from app.cli.program import cli
-from app.files.layer_records import CurveRecord, LayerRecord, OperatorRecord
-from app.files.session import BookmarkRecord, DeformerRecord, LightRecord, ObjectRecord, SessionRecord, ViewRecord
+from app.files.records import (
+    BookmarkRecord,
+    CurveRecord,
+    DeformerRecord,
+    LayerRecord,
+    LightRecord,
+    ObjectRecord,
+    OperatorRecord,
+    SessionRecord,
+    ViewRecord,
+)
 from app.operators.camera import MoveCamera
 from app.operators.edits import Deform, Drag, PaintStroke
 from app.operators.files import MeasuredFile

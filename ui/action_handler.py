@@ -24,11 +24,8 @@ from app.document.sources import EXPECTED, LIGHT_ENDINGS, PICTURE_ENDINGS, SCENE
 from app.document.view_state import OpenPanel, ViewCommand
 from app.editor.editor import Editor
 from app.files.journal import Recovery
-from app.files.library import Library
-from app.files.material_file import MAX_MATERIAL_BYTES, dump_material, parse_material
-from app.files.pasting import paste_command
-from app.files.preferences import PreferenceFile
-from app.files.recent import RecentFiles
+from app.files.materials import MAX_MATERIAL_BYTES, Library, dump_material, parse_material, paste_command
+from app.files.preferences import PreferenceFile, RecentFiles
 from app.files.session import CHANGED
 from app.operators.registry import run_operator
 from app.system.atomic import require_place

@@ -28,9 +28,8 @@ from app.document.selection import layer_shown
 from app.document.view_state import Bookmark
 from app.editor.editor import Editor
 from app.editor.performance_record import PerformanceRecord
-from app.files.library import LibraryEntry
-from app.files.preferences import PreferenceFile
-from app.files.recent import RecentFiles
+from app.files.materials import LibraryEntry
+from app.files.preferences import PreferenceFile, RecentFiles
 from engine.core.errors import InsituError
 from ui import theme
 from ui.action_handler import ActionHandler, FrameOutcome

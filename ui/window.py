@@ -22,8 +22,7 @@ from imgui_bundle import imgui
 
 from app.editor.editor import Editor, WorkerClient
 from app.files.journal import Journal, Recovery, recoverable_sessions
-from app.files.preferences import PreferenceFile
-from app.files.recent import RecentFiles
+from app.files.preferences import PreferenceFile, RecentFiles
 from app.system.atomic import save_file
 from app.system.barrier import Barrier
 from app.system.paths import layout_file, preference_file, recent_file

@@ -1,4 +1,5 @@
-"""Output to the terminal: one line on standard error, an exit status, never a traceback.
+"""What commands speak to: the terminal (one line on standard error, an exit status, never a traceback) and the window,
+which the composition root passes in, because `app` itself never imports `ui`.
 
 It imports little: the editor starts through it without the command line's own library.
 """
@@ -9,11 +10,16 @@ import io
 import os
 import sys
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
 
 from app.system.atomic import write_atomically
 from app.system.paths import state_directory
 from engine.core.errors import InsituError, plain_line
+
+if TYPE_CHECKING:
+    from app.operators.script import Step
 
 FAILED, USAGE, INTERRUPTED = 1, 2, 130
 ERROR_FILE = "last-error.txt"
@@ -77,3 +83,22 @@ def _forget_output() -> None:
     descriptor = os.open(os.devnull, os.O_WRONLY)
     os.dup2(descriptor, sys.stdout.fileno())
     os.close(descriptor)
+
+
+class Frontend(Protocol):
+    """The window, with a display and without one."""
+
+    def open_window(self, source: str) -> int:
+        """Open the editor and run until it is closed; returns the exit status."""
+
+    def take_screenshot(
+        self, source: str, output: Path, steps: Sequence[Step], size: tuple[int, int], scale: float,
+        resolution: tuple[int, int] | None,
+    ) -> None:  # fmt: skip
+        """Save a picture of the whole editor window after the steps, without a display. Raises InsituError."""
+
+    def describe_graphics(self) -> str:
+        """Renderer and version of OpenGL without a display. Raises InsituError that says what to install."""
+
+    def describe_display(self) -> str:
+        """The display and the OpenGL that a window would get. Raises InsituError where there is none."""

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from app.cli.frontend import Frontend
+from app.cli.console import Frontend
 from app.system.lazy_import import IMPORT_FOLDER, qualified
 from app.system.memory import gib, memory_bytes
 from app.system.paths import state_directory

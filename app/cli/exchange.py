@@ -9,8 +9,7 @@ from typing import Annotated
 import typer
 
 from app.cli.console import print_line
-from app.cli.options import SCENE_HELP, Bounces, Resolution, Values, assignments
-from app.cli.output import print_notes, progress
+from app.cli.options import SCENE_HELP, Bounces, Resolution, Values, assignments, print_notes, progress
 from app.project.project import open_project
 from app.system.atomic import require_folder, require_place
 
@@ -43,7 +42,7 @@ def export_brdf(
     """Write the edited material of an object: as a MERL table, or as a material file."""
     from app.document.named_files import with_full_names
     from app.files.brdf_files import check_merl_name, export_steps
-    from app.files.material_file import SUFFIX, Material, save_material
+    from app.files.materials import SUFFIX, Material, save_material
     from engine.render.tabulate import untabulated_features
 
     as_it_is = output.suffix == SUFFIX

@@ -1,12 +1,17 @@
-"""Options that more than one command has."""
+"""Options that more than one command has, and the output that commands share: notes and progress bars."""
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from typing import Annotated, Any
 
 import typer
 
-from app.project.project import parse_assignment
+from app.cli.console import print_line
+from app.project.project import Project, parse_assignment
+from engine.core.errors import plain_line, plain_notes
 from engine.precompute.indirect.sampling_settings import MOST_BOUNCES
 from engine.scene.description import MAX_RESOLUTION
 from engine.settings import SETTINGS
@@ -93,3 +98,39 @@ def assignments(
     given = [parse_assignment(text) for text in values or ()]
     own = {"light.rotation": rotation, "time": time}
     return [*given, *((path, value) for path, value in own.items() if value is not None)]
+
+
+Report = Callable[[float, str], None]
+
+
+def print_project_notes(project: Project) -> None:
+    """Print warnings about the scene and its light, and what was done about them."""
+    environment = project.sky.environment
+    print_notes((*project.scene.notes, *(() if environment is None else environment.notes)))
+
+
+def print_notes(notes: Iterable[str]) -> None:
+    """Print notes, a line each; of very many only the first."""
+    for note in plain_notes(notes):
+        print_line(f"note: {note}")
+
+
+@contextmanager
+def progress() -> Iterator[Report]:
+    """A progress bar on standard error where that is a terminal; nothing otherwise."""
+    if not sys.stderr.isatty():
+        yield lambda fraction, text: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+    columns = (BarColumn(), TaskProgressColumn(), TimeRemainingColumn(), TextColumn("{task.description}", markup=False))
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("", total=1.0)
+
+        def report(fraction: float, text: str) -> None:
+            if fraction < bar.tasks[0].completed - 0.01:
+                bar.reset(task)  # another stage begins
+            bar.update(task, completed=fraction, description=plain_line(text))
+
+        yield report

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from app.cli.console import print_error, print_line
-from app.cli.frontend import Frontend
+from app.cli.console import Frontend, print_error, print_line
 from app.cli.options import (
     Accuracy,
     Bounces,
@@ -33,9 +32,10 @@ from app.cli.options import (
     ViewName,
     assignments,
     lines,
+    print_project_notes,
+    progress,
     window_size,
 )
-from app.cli.output import print_project_notes, progress
 from app.document.sources import find_source
 from app.project.project import ProjectSpec
 from app.system.atomic import require_folder, require_place

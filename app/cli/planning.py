@@ -1,15 +1,17 @@
-"""A project's plan with its cost: what `insitu plan` prints."""
+"""A project's plan with its cost, and as lines of text: what `insitu plan` prints."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
+from app.cli.precompute import ActualCost
 from app.project.project import Project
 from app.stills.stills import chosen_bounces
+from app.system.memory import gib
 from engine.core.generators import run_to_end
-from engine.planner import Plan, plan_scene
+from engine.planner import Plan, plan_lines, plan_scene
 from engine.precompute.direct.pipeline import Placement
 from engine.render.bounce_plan import planned_bounces
 from engine.render.cost_pilot import estimate_cost
@@ -46,3 +48,50 @@ def plan_project(
     plan = run_to_end(with_light_budget(placement, planned_layers, sky, plan))
     spent = opening_seconds + time.process_time() - started  # carrying it out runs the same trials
     return run_to_end(estimate_cost(placement, planned_layers, sky, plan, spent_seconds=spent), report)
+
+
+def describe_plan(plan: Plan) -> Iterator[str]:
+    """A plan as aligned lines of text."""
+    lines = list(plan_lines(plan))
+    first, second = (max(len(line[i]) for line in lines) for i in (0, 1))
+    for name, value, reason in lines:
+        yield f"{name:<{first}}  {value:<{second}}  {reason}"
+    if plan.cost is not None:
+        cost = plan.cost
+        yield (
+            f"about {cost.seconds / cost.n_cores:.0f} s on {cost.n_cores} cores "
+            f"({cost.seconds:.0f} s of processor time, "
+            f"{cost.visibility_seconds:.0f} s of them shadows, {cost.indirect_seconds:.0f} s indirect light), "
+            f"{cost.memory_mib:.0f} MiB of main memory, {cost.disk_mib:.0f} MiB on disk, "
+            f"{cost.gpu_mib:.0f} MiB on the GPU (largest layer selected)"
+        )
+        yield f"measured on {cost.n_sampled:,} of {cost.n_points:,} points and a few windows: within about 30 %"
+
+
+def memory_note(plan: Plan, free: int) -> str:
+    """A warning where a plan needs more main memory than so many bytes, else "".
+
+    An editor also holds what precomputation leaves on the disk.
+    """
+    if plan.cost is None:
+        return ""
+    precomputing, editing = plan.cost.memory_mib * 2**20, (plan.cost.memory_mib + plan.cost.disk_mib) * 2**20
+    if editing <= free:
+        return ""
+    who = "to precompute it" if precomputing > free else "to edit it"
+    needed = precomputing if precomputing > free else editing
+    return f"{who} takes {gib(round(needed))} of main memory, {gib(free)} are free; give a smaller --resolution"
+
+
+def describe_check(plan: Plan, was: ActualCost) -> str:
+    """The actual cost of a plan that was carried out, as one line."""
+    cost = plan.cost
+    if cost is None:
+        raise ValueError("expected a plan with its cost")
+    pairs = (
+        (was.seconds, cost.seconds, "s of processor time"),
+        (was.memory_mib, cost.memory_mib, "MiB of main memory"),
+        (was.disk_mib, cost.disk_mib, "MiB on disk"),
+    )
+    said = (f"{is_:.0f} {unit} (planned {100 * (planned / max(is_, 1e-9) - 1):+.0f} %)" for is_, planned, unit in pairs)
+    return "carried out: " + ", ".join(said)

@@ -1,14 +1,26 @@
-"""Fills the cache: runs the worker's own computation in this process, for the transport that the editor will request.
+"""Fills the cache: runs the worker's own computation in this process, for the transport that the editor will request;
+and what that costs, for `insitu plan --check`.
 
 The requests are the editor's (`app.modes.placement.transport_controller`), so that what is computed is what the editor
 looks up. Stopped half-way, it resumes after the last complete tile.
+
+The cost is that of a process of its own, with an empty cache, until all is there that the editor would look for; what
+the error's estimate takes afterwards is no part of the plan. Time is that of the processors, by which a machine that
+others use as well can be measured.
 """
 
 from __future__ import annotations
 
+import contextlib
+import json
+import os
+import subprocess
+import sys
+import tempfile
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from app.document.scene_state import SceneState
@@ -24,9 +36,10 @@ from app.messages.worker_messages import (
 from app.modes.placement.curves import Curves
 from app.modes.placement.placement_messages import ErrorEstimated, EstimateError, StageDone
 from app.modes.placement.transport_controller import TransportController
-from app.project.project import Project
-from app.worker.cache import ArrayCache
-from app.worker.in_process import InProcessClient
+from app.project.project import Project, ProjectSpec
+from app.system.lazy_import import qualified
+from app.worker.cache import CACHE_VARIABLE, ArrayCache
+from app.worker.schedule import InProcessClient
 from app.worker.tasks import RequestDispatcher
 from engine.core.errors import InsituError
 from engine.render.error_estimate import WHAT
@@ -34,6 +47,7 @@ from engine.render.picture_error import ErrorEstimate
 
 if TYPE_CHECKING:
     from app.cluster.cluster_project import ClusterProject
+
 
 Report = Callable[[Progress], None]
 Answer = TypeVar("Answer", bound=Response)
@@ -107,3 +121,56 @@ def _poll_until(client: InProcessClient, kind: type[Answer], report: Report) -> 
             if isinstance(response, kind):
                 return response
     raise InsituError("the computation ended without a result")
+
+
+MIB = 2.0**20
+
+
+@dataclass(frozen=True)
+class ActualCost:
+    """Seconds of the processors, the peak of main memory and what is stored on disk, MiB."""
+
+    seconds: float
+    memory_mib: float
+    disk_mib: float
+
+
+def carry_out(words: ProjectSpec) -> ActualCost:
+    """Fill an empty cache with what `words` open, in a process of its own. Raises InsituError."""
+    import psutil
+
+    with tempfile.TemporaryDirectory(prefix="insitu-measure-") as folder:
+        environment = os.environ | {CACHE_VARIABLE: folder}
+        command = [sys.executable, "-m", qualified("app.cli.precompute"), json.dumps(asdict(words))]
+        with psutil.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
+        ) as process:
+            peak = 0
+            while process.poll() is None:
+                with contextlib.suppress(psutil.Error):
+                    peak = max(peak, process.memory_info().rss)
+                time.sleep(0.02)
+            said, complaint = process.communicate()
+        if process.returncode:
+            raise InsituError(complaint.strip().splitlines()[-1] if complaint.strip() else f"{words.name}: no result")
+        seconds = json.loads(said.splitlines()[-1])["seconds"]
+        kept = sum(file.stat().st_size for file in Path(folder).rglob("*") if file.is_file())
+    return ActualCost(seconds, peak / MIB, kept / MIB)
+
+
+def main(said: str) -> None:
+    """Carry out and say, as one line of JSON, how long it took the processors; in a process of its own."""
+    words = json.loads(said)
+    words |= {name: tuple(map(tuple, words[name])) for name in ("values", "settings", "overrides")}
+    words["resolution"] = words["resolution"] and tuple(words["resolution"])
+    project = ProjectSpec(**words).open()
+    started = time.process_time()
+    fill(project, lambda progress: None, ArrayCache())
+    print(json.dumps({"seconds": time.process_time() - started}))
+
+
+if __name__ == "__main__":
+    try:
+        main(sys.argv[1])
+    except InsituError as error:
+        sys.exit(str(error))

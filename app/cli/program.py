@@ -9,11 +9,21 @@ from typing import Annotated
 
 import typer
 
-from app.cli.console import FAILED, INTERRUPTED, USAGE, print_error, print_line
+from app.cli.console import FAILED, INTERRUPTED, USAGE, Frontend, print_error, print_line
 from app.cli.exchange import export, export_brdf, import_brdf
-from app.cli.frontend import Frontend
-from app.cli.options import LIGHTS, Lights, Override, Resolution, Scene, Scheduler, Values, assignments, lines
-from app.cli.output import describe_check, describe_plan, memory_note, print_project_notes, progress
+from app.cli.options import (
+    LIGHTS,
+    Lights,
+    Override,
+    Resolution,
+    Scene,
+    Scheduler,
+    Values,
+    assignments,
+    lines,
+    print_project_notes,
+    progress,
+)
 from app.cli.pictures import render, screenshot
 from app.document.sources import find_source
 from app.files.old_names import upgrade_arguments, upgrade_part
@@ -60,7 +70,7 @@ def plan(
     ] = False,
 ) -> int:
     """Print what the scene requires: settings, reasons and cost."""
-    from app.cli.planning import plan_project
+    from app.cli.planning import describe_check, describe_plan, memory_note, plan_project
 
     started = time.process_time()
     own = (("n_lights", lights),)
@@ -74,7 +84,7 @@ def plan(
     if note := memory_note(planned, available_memory()):
         print_line(f"note: {note}")
     if check:
-        from app.cli.plan_check import carry_out
+        from app.cli.precompute import carry_out
 
         print_line(describe_check(planned, carry_out(words)))
     print_project_notes(project)
@@ -95,8 +105,7 @@ def measure(
     ] = None,
 ) -> int:
     """Measure what each setting of a scene costs and brings: errors, seconds, the Pareto front."""
-    from app.measure.ending import ended_in_order
-    from app.measure.settings_study import FULL, PARTS, QUICK, measure_settings
+    from app.measure.study import FULL, PARTS, QUICK, ended_in_order, measure_settings
 
     with ended_in_order():
         effort, parts = QUICK if quick else FULL, [upgrade_part(name) for name in only or PARTS]

@@ -1,7 +1,13 @@
-"""The jobs of a cluster's workers: open the project that a job names, from the files that came with it, and compute.
+"""The long work on a cluster: the jobs of its workers, and the executor that sends them out.
 
-A worker stores what it has opened last, so that the tasks of one scene open it once. It runs one task at a time, on all
-the cores that its process may use.
+    worker A   compute_light ──► project_tiles ...        find_indirect
+    worker B        └──────► project_tiles ...
+    here       visibility    tiles, into their file   indirect light: into the cache as if they were made here
+
+A worker opens the project that a job names, from the files that came with it, and stores what it has opened last, so
+that the tasks of one scene open it once. It runs one task at a time, on all the cores that its process may use. The
+light stays where it was made and is sent from worker to worker; if the worker that had it is lost, it is computed
+again.
 """
 
 from __future__ import annotations
@@ -9,30 +15,35 @@ from __future__ import annotations
 import contextlib
 import platform
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from app.cluster.file_cache import FileCache, fetch_piece
+import numpy as np
+
+from app.cluster.dask import Cluster
 from app.cluster.program import describe_mismatch, program_digest
-from app.cluster.scene_bundle import SceneBundle
+from app.cluster.scene_bundle import FileCache, SceneBundle, fetch_piece
 from app.document.scene_state import LayerState, SceneState
-from app.messages.worker_messages import OpenScene, SetCamera
+from app.messages.worker_messages import OpenScene, Progress, SetCamera
 from app.worker.cache import ArrayCache
+from app.worker.worker_context import IndirectSteps, LightSteps
 from engine.core.errors import InsituError
 from engine.core.safe_files import redirect_files
 from engine.core.stored_arrays import Arrays
 from engine.precompute.direct.bandstore import BandTile
-from engine.precompute.direct.pipeline import Quality
-from engine.precompute.direct.projection import LayerShape, VisibleLight, project_layer
+from engine.precompute.direct.pipeline import Placement, Quality, SkyState
+from engine.precompute.direct.projection import TILE, LayerShape, VisibleLight, project_layer
 
 if TYPE_CHECKING:
     import numpy as np
+    from distributed import Future
 
     from app.project.project import ProjectSpec
     from app.stills.frame_sequence import Drawer, Frames, Picture
     from app.worker.worker_context import WorkerContext
+
 
 _one_task_at_a_time = threading.Lock()
 _opened_by_job: dict[str, object] = {}
@@ -143,7 +154,7 @@ def _drawer(job: FrameJob) -> Drawer:
 
 def _worker_context(job: ViewJob) -> WorkerContext:
     """A worker context with the open view, and the tables of its measured layers read."""
-    from app.worker.measured_tasks import ensure_tables
+    from app.worker.file_tasks import ensure_tables
     from app.worker.tasks import RequestDispatcher
 
     tasks = RequestDispatcher(ArrayCache(), fills=True)
@@ -154,3 +165,61 @@ def _worker_context(job: ViewJob) -> WorkerContext:
         pass
     tasks.context.open_placement.set_emission(dict(job.scene.emission))
     return tasks.context
+
+
+TILES_OF_A_TASK = 16
+Result = TypeVar("Result")
+StepValue = TypeVar("StepValue")
+
+
+class ClusterExecutor:
+    """Does the long work on the view of a job on a cluster."""
+
+    def __init__(self, cluster: Cluster, job: ViewJob) -> None:
+        self._cluster, self._job = cluster, job
+        self._lights: dict[int, Future] = {}
+
+    def compute_light(self, placement: Placement, sky: SkyState, quality: Quality) -> LightSteps:
+        task = self._cluster.submit(compute_light, self._job, quality)
+        light: VisibleLight = yield from self._wait_for_result(task, 0.0)
+        placement.sphere.bits[:], placement.sphere.done[:] = light.sphere.bits, light.sphere.done
+        self._lights = {id(light): task}
+        return light
+
+    def project_tiles(
+        self, placement: Placement, rows: np.ndarray, light: VisibleLight, layer: LayerShape,
+        skip: frozenset[int] = frozenset(),
+    ) -> Iterator[BandTile | None]:  # fmt: skip
+        seen = self._lights[id(light)]
+        tasks = {}
+        for begin, end in _tile_ranges(-(-len(rows) // TILE), skip):
+            part = rows[begin * TILE : end * TILE]
+            tasks[begin] = self._cluster.submit(project_tiles, self._job, seen, layer, part, begin * TILE)
+        for found in self._cluster.results(tasks):
+            yield from [None] if found is None else found[1]
+
+    def find_indirect(
+        self, layers: Sequence[LayerState], lit_by: str, n_bounces: int, n_rays: int
+    ) -> IndirectSteps | None:
+        task = self._cluster.submit(find_indirect, self._job, tuple(layers), lit_by, n_bounces, n_rays)
+        return self._wait_for_result(task, Progress("indirect light", 0.0, text="on one worker"))
+
+    def _wait_for_result(self, task: Future, meanwhile: StepValue) -> Generator[StepValue, None, Result]:
+        """The result of one task."""
+        for found in self._cluster.results({0: task}):
+            if found is not None:
+                return found[1]
+            yield meanwhile
+        raise AssertionError("a task ends with a result or an error")
+
+
+def _tile_ranges(n_tiles: int, skip: frozenset[int]) -> Iterator[tuple[int, int]]:
+    """First and last (excluded) of consecutive tiles, as many as a task has, without those to skip."""
+    begin = 0
+    while begin < n_tiles:
+        end = begin
+        while end < n_tiles and end not in skip and end - begin < TILES_OF_A_TASK:
+            end += 1
+        if end > begin:
+            yield begin, end
+        begin = max(end, begin + 1)

@@ -17,7 +17,7 @@ from engine.core.safe_files import record_files
 from engine.material.layer_maps import Images
 
 if TYPE_CHECKING:
-    from app.cluster.cluster_executor import ClusterExecutor
+    from app.cluster.cluster_jobs import ClusterExecutor
     from app.cluster.dask import Cluster
     from app.cluster.scene_bundle import SceneBundle
     from app.document.document import Document
@@ -51,8 +51,7 @@ class ClusterProject:
 
     def executor(self, scene: OpenScene, view: SetCamera, document: Document) -> ClusterExecutor:
         """The executor of the long work on this view of a document's scene; its requests have no numbers yet."""
-        from app.cluster.cluster_executor import ClusterExecutor
-        from app.cluster.cluster_jobs import ViewJob
+        from app.cluster.cluster_jobs import ClusterExecutor, ViewJob
 
         scene, view = replace(scene, id=1), replace(view, scene=1, id=2)
         return ClusterExecutor(self.cluster, ViewJob(*self.named, scene, view, scene_state(document)))

@@ -23,9 +23,8 @@ from typing import Any
 from distributed import Client, Future, KilledWorker
 from distributed.comm import CommClosedError
 
-from app.cluster.file_cache import missing_pieces, store_piece
 from app.cluster.program import QUESTION, describe_mismatch, program_digest
-from app.cluster.scene_bundle import SceneBundle, bundle_files, pieces_of
+from app.cluster.scene_bundle import SceneBundle, bundle_files, missing_pieces, pieces_of, store_piece
 from engine.core.errors import InsituError
 from engine.core.safe_files import portable_name
 

@@ -30,8 +30,7 @@ from app.editor.exchange import FileExchange
 from app.editor.opening import Opening
 from app.editor.scene_controller import SceneController
 from app.editor.table_controller import TableController
-from app.files.journal import Journal, Recovery
-from app.files.session_keeper import SessionStore
+from app.files.journal import Journal, Recovery, SessionStore
 from app.messages.editor_status import Status, StatusMetrics
 from app.messages.picture_events import PictureEvent
 from app.messages.worker_messages import (
@@ -51,8 +50,8 @@ from app.messages.worker_messages import (
 )
 from app.modes.mode import Mode, ModeController, Shared
 from app.modes.registry import MODES
+from app.system.atomic import add_inputs
 from app.system.barrier import Barrier
-from app.system.inputs import add_inputs
 from app.system.lazy_import import import_named
 from app.system.paths import display_name, is_file_name
 from engine.core.errors import InsituError, plain_line

@@ -10,8 +10,8 @@ from app.document.commands import EditCommand
 from app.document.document import Document, Selection
 from app.document.selection import layer_shown
 from app.document.view_state import ViewState
-from app.export.names import written_names
-from app.files.measured_import import PendingMeasurement, describe_reading, import_measured
+from app.export import written_names
+from app.files.materials import PendingMeasurement, describe_reading, import_measured
 from app.messages.worker_messages import MeasurementsRead, Request, WriteFiles
 from app.modes.mode import ModeController
 from app.system.atomic import require_folder, require_place

@@ -21,13 +21,13 @@ from app.document.view_state import ViewState
 from app.editor.camera_history import CameraHistory
 from app.editor.opening import Opening
 from app.editor.view_controller import TracedView, ViewController, describe_empty_frame
+from app.files.journal import SessionStore
 from app.files.session import Session
-from app.files.session_keeper import SessionStore
 from app.messages.editor_status import StatusMetrics
 from app.messages.picture_events import PictureEvent, SceneFrame, SkyChanged
 from app.messages.worker_messages import Request, RequestFailed, SceneOpened, SkyImage, ViewTraced
 from app.modes.mode import ModeController, OpenedScene
-from app.system.inputs import add_inputs, set_inputs
+from app.system.atomic import add_inputs, set_inputs
 from engine.core.errors import InsituError
 from engine.scene.builtin import DEFAULT_SCENE
 from engine.scene.description import SceneDescription

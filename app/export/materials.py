@@ -7,17 +7,27 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from xml.etree.ElementTree import Element
+from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from app.export.xml_parts import add, add_numbers
 from app.system.atomic import write_atomically
 from engine.material.layer import Layer
 from engine.material.model import channels
 from engine.render.integrator import evaluate_layers
 from engine.render.tabulate import is_anisotropic
+
+
+def add(parent: Element, tag: str, **attributes: str) -> Element:
+    """A child with these attributes."""
+    return SubElement(parent, tag, attributes)
+
+
+def add_numbers(parent: Element, tag: str, name: str, values: ArrayLike) -> Element:
+    """A child that holds numbers: `<rgb name="reflectance" value="0.5 0.5 0.5"/>`."""
+    return add(parent, tag, name=name, value=" ".join(f"{v:.9g}" for v in np.ravel(values)))
+
 
 Float64Array = NDArray[np.float64]
 

@@ -18,11 +18,10 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
+from numpy.typing import NDArray
 
-from app.export.materials import WrittenMaterial, write_material
-from app.export.meshes import ply_bytes
-from app.export.names import stem_of, written_names
-from app.export.xml_parts import add, add_numbers
+from app.export import stem_of, written_names
+from app.export.materials import WrittenMaterial, add, add_numbers, write_material
 from app.project.project import Project
 from app.system.atomic import replacing_folder, require_folder, write_atomically
 from engine.core.generators import run_to_end
@@ -30,6 +29,7 @@ from engine.material.layer import Layer, object_of
 from engine.render.map_sampler import mean_factor
 from engine.render.picture_files import exr_bytes
 from engine.scene.object_axes import object_axes
+from engine.scene.scene_loader import Scene
 
 RENDER = Path(__file__).with_name("render.py")
 MITSUBA = "3.5.0"
@@ -123,3 +123,24 @@ def _add_object(root: ElementTree.Element, project: Project, folder: Path, index
     factors = np.array([mean_factor(scene, index, layer.maps) for layer in layers]).reshape(-1, 3)
     written: WrittenMaterial = write_material(shape, layers, folder, stem, object_axes(scene)[index, [1, 0]], factors)
     return [f"{name}: {note}" for note in written.notes]
+
+
+def ply_bytes(scene: Scene, index: int) -> bytes:
+    """The object's triangles with vertex normals, and texture coordinates where it has them."""
+    first, last = scene.triangle_ranges[index]
+    triangles: NDArray[np.integer] = scene.triangles[first:last]
+    names = ["x", "y", "z", "nx", "ny", "nz"]
+    if scene.has_uvs[index] and scene.uvs is not None:  # vertices of their own: coordinates differ between triangles
+        corners, triangles = triangles.ravel(), np.arange(triangles.size).reshape(-1, 3)
+        columns = [scene.uvs[first:last].reshape(-1, 2)]
+        names += ["u", "v"]
+    else:
+        corners, triangles = np.unique(triangles, return_inverse=True)
+        triangles, columns = triangles.reshape(-1, 3), []
+    rows = np.concatenate([scene.vertices[corners], scene.normals[corners], *columns], axis=1).astype("<f4")
+    faces = np.empty(len(triangles), np.dtype([("n", "u1"), ("corners", "<i4", 3)]))
+    faces["n"], faces["corners"] = 3, triangles
+    head = ["ply", "format binary_little_endian 1.0", f"element vertex {len(rows)}"]
+    head += [f"property float {name}" for name in names]
+    head += [f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header", ""]
+    return "\n".join(head).encode() + rows.tobytes() + faces.tobytes()

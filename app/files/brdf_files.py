@@ -6,10 +6,8 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from app.document.named_files import with_measurements
-from app.files.material_file import Material, dump_material
-from app.files.measured_import import measured_layers
-from app.system.atomic import require_place, save_file
-from app.system.inputs import set_inputs
+from app.files.materials import Material, dump_material, measured_layers
+from app.system.atomic import require_place, save_file, set_inputs
 from engine.core.errors import InsituError
 from engine.core.generators import run_to_end
 from engine.core.safe_files import resolved

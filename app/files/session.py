@@ -2,250 +2,53 @@
 
 The scene's own file is referred to and never written. All values are checked by pydantic models and by the parameter
 tables before anything changes; a faulty file is refused with the place of the error. A document saved and opened is
-equal to the last bit (see `app.files.layer_records`).
+equal to the last bit (see `app.files.records`).
 """
 
 from __future__ import annotations
 
 import base64
-import binascii
 import hashlib
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
 from pydantic import (
-    Field,
-    PlainValidator,
-    StrictInt,
-    StrictStr,
     ValidationError,
-    create_model,
-    field_validator,
-    model_validator,
 )
 
-from app.document.commands.light import INTENSITY, check_light
-from app.document.commands.plan import FirstBands
-from app.document.commands.poses import MAX_DEFORMERS
+from app.document.commands.light import check_light
 from app.document.document import Document, LightState, ObjectState, Selection, all_factors
 from app.document.named_files import with_full_paths
 from app.document.sources import SESSION_ENDING
-from app.document.view_state import Bookmark, SetView, Viewpoint, ViewState
-from app.files.bookmarks import MAX_BOOKMARKS, MAX_NAME, MAX_THUMBNAIL_BYTES, check_thumbnail, is_name
-from app.files.layer_records import MAX_LAYERS, Flag, LayerRecord, StrictModel, layer_lines, layers_of
+from app.document.view_state import Bookmark, SetView, ViewState
 from app.files.old_names import upgrade_session
+from app.files.records import (
+    SAVED_SETTINGS,
+    JournalRecord,
+    ObjectRecord,
+    SessionRecord,
+    ViewRecord,
+    layer_lines,
+    layers_of,
+)
 from app.system.atomic import save_file
 from app.system.paths import full_path, written_path
-from engine.core.colour import ToneMapping
 from engine.core.errors import InsituError, LoadError, describe_value
 from engine.core.safe_files import read_regular_file, resolved
-from engine.material.bumps import Bumps, bump_parts, bumps_of_parts
+from engine.material.bumps import bump_parts
 from engine.material.layer import object_of, place_of
-from engine.material.parameters import ParameterError
-from engine.realtime.zonal_harmonics.pose import MAX_GROWTH, Deformation, Moment, largest_growth
-from engine.scene.description import MAX_OBJECTS, Camera, Name, Number, Pixels, Radiance, Text
-from engine.scene.surface_kinds import DeformSurface
+from engine.realtime.zonal_harmonics.pose import Moment
+from engine.scene.description import Camera
 from engine.scene.toml_text import check_version, parse_toml_bytes, toml_lines, toml_value
 from engine.scene.validation_errors import first_validation_error
-from engine.settings import (
-    PICTURE_LINES,
-    SETTINGS,
-    LineValue,
-    RenderSettings,
-    Setting,
-    checked_bands,
-    checked_line,
-)
 
 SUFFIX = SESSION_ENDING
 SESSION_VERSION = 2
 MAX_SESSION_BYTES = 64 * 2**20
-MAX_OVERRIDES = 4096
 CHANGED = "it has been written elsewhere since it was opened here; save under another name, or replace it"
-# A path of any length that systems take, each byte of it as "%E9".
-PathText = Annotated[str, Field(min_length=1, max_length=3 * 4096 + 5, strict=True)]
-
-
-class DeformerRecord(StrictModel):
-    """One of an object's deformers; amounts in degrees or fractions, as its kind defines."""
-
-    kind: Text
-    amount: Number
-    axis: Literal["x", "y", "z"] = "y"
-
-    @model_validator(mode="after")
-    def _is_one(self) -> DeformerRecord:
-        self.deformation  # noqa: B018 - it says what is wrong
-        return self
-
-    @property
-    def deformation(self) -> Deformation:
-        """The deformer."""
-        return Deformation(self.kind, self.amount, self.axis)
-
-
-def _bumps(value: object) -> Bumps:
-    """An object's bumps, from their parts by name."""
-    if not isinstance(value, dict):
-        raise ValueError("a table")
-    try:
-        return bumps_of_parts(value)
-    except ParameterError as error:
-        raise ValueError(f"{error.what}: {error.expected}") from None
-
-
-SavedBumps = Annotated[Bumps, PlainValidator(_bumps)]
-
-
-class ObjectRecord(StrictModel):
-    name: Name
-    visible: Flag = True
-    frozen: Flag = False
-    editable: Flag = True
-    emission: Radiance | None = None
-    layers: tuple[LayerRecord, ...] = Field(default=(), alias="layer", max_length=MAX_LAYERS)
-    bumps: SavedBumps | None = None
-    deform: DeformSurface | None = None
-    time: Number | None = None
-    clip: Text | None = None
-    deformers: tuple[DeformerRecord, ...] = Field(default=(), alias="deformer", max_length=MAX_DEFORMERS)
-
-    @model_validator(mode="after")
-    def _is_a_pose(self) -> ObjectRecord:
-        if (self.time is None) != (self.clip is None):
-            raise ValueError("time and clip: both or none")
-        if (times := largest_growth([each.deformation for each in self.deformers])) > MAX_GROWTH:
-            raise ValueError(f"deformers make it {times:.3g} times as large: at most {MAX_GROWTH:g} times")
-        return self
-
-
-class LightRecord(StrictModel):
-    environment: PathText
-    mapping: Literal["latlong", "angular"] = "latlong"
-    rotation: Number = 0.0
-    intensity: Annotated[Number, Field(ge=0.0, le=INTENSITY.maximum)] = 1.0
-    radiance: Radiance | None = None
-
-
-def _type_of(setting: Setting) -> Any:
-    """The type of a setting's values in a session."""
-    if isinstance(setting.values, range):
-        least, most = setting.bounds
-        return Annotated[int, Field(ge=least, le=most, strict=True)]
-    values = tuple(value for value in (*setting.as_required, *setting.values) if value is not None)
-    return Literal[values] | None if None in setting.as_required else Literal[values]  # type: ignore[valid-type]
-
-
-# The render settings that are saved with a view, and a model that has them all.
-SAVED_SETTINGS = tuple(name for name, setting in SETTINGS.items() if setting.is_saved)
-_FIELDS: Any = {name: (_type_of(SETTINGS[name]), getattr(RenderSettings(), name)) for name in SAVED_SETTINGS}
-_SettingsRecord = create_model("_SettingsRecord", __base__=StrictModel, **_FIELDS)
-
-
-class ViewRecord(_SettingsRecord):  # type: ignore[misc, valid-type]
-    mode: Text = "placement"
-    selected: Text | None = None
-    exposure: Annotated[Number, Field(ge=-20.0, le=20.0)] = 0.0
-    tone_mapping: ToneMapping = "filmic"
-    fit: Flag = True
-    log_y: Flag = False
-    frame_budget_ms: Annotated[Number, Field(ge=2.0, le=200.0)] = 16.0
-    camera: Camera | None = None
-    resolution: tuple[Pixels, Pixels] | None = None
-
-
-class BookmarkRecord(StrictModel):
-    """A bookmark; camera and resolution None: the scene's own. thumbnail: a JPEG file in base 64."""
-
-    name: Annotated[str, Field(strict=True)]
-    camera: Camera | None = None
-    resolution: tuple[Pixels, Pixels] | None = None
-    thumbnail: Annotated[str, Field(strict=True, max_length=4 * MAX_THUMBNAIL_BYTES // 3 + 4)] = ""
-
-    @field_validator("name")
-    @classmethod
-    def _is_a_name(cls, name: str) -> str:
-        if not is_name(name):
-            raise ValueError(f"a name of 1 to {MAX_NAME} characters")
-        return name
-
-    @field_validator("thumbnail")
-    @classmethod
-    def _is_a_picture(cls, text: str) -> str:
-        if text:
-            check_thumbnail(_decoded(text))
-        return text
-
-    @property
-    def bookmark(self) -> Bookmark:
-        """The bookmark."""
-        return Bookmark(self.name, Viewpoint(self.camera, self.resolution), _decoded(self.thumbnail))
-
-
-def _decoded(text: str) -> bytes:
-    try:
-        return base64.b64decode(text, validate=True)
-    except (binascii.Error, ValueError):
-        return b"?"  # no picture
-
-
-class JournalRecord(StrictModel):
-    """In a journal only: when it was written (seconds since 1970), the session's last file, and what distinguishes that
-    file from one that another window may have saved there since."""
-
-    written_at: Number
-    session_path: PathText | None = None
-    session_digest: Text | None = None
-
-
-class EndRecord(StrictModel):
-    """The last line: without it a file that was cut between two lines would be taken for a shorter one."""
-
-
-class SessionRecord(StrictModel):
-    """A whole session file; `ends`: it has its last line."""
-
-    version: Annotated[int, Field(strict=True)]
-    ends: Flag = False
-    scene: PathText
-    light: LightRecord
-    first_bands: FirstBands | None = None
-    overrides: Annotated[dict[Text, StrictInt | StrictStr], Field(max_length=MAX_OVERRIDES)] = {}
-    view: ViewRecord = ViewRecord()
-    journal: JournalRecord | None = None
-    objects: tuple[ObjectRecord, ...] = Field(alias="object", min_length=1, max_length=MAX_OBJECTS)
-    bookmarks: tuple[BookmarkRecord, ...] = Field(default=(), alias="bookmark", max_length=MAX_BOOKMARKS)
-    end: EndRecord | None = None
-
-    @model_validator(mode="after")
-    def _is_whole(self) -> SessionRecord:
-        if self.ends and self.end is None:
-            raise ValueError("end: the file's last line; it was cut short")
-        return self
-
-    @field_validator("overrides")
-    @classmethod
-    def _are_lines(cls, lines: dict[str, LineValue]) -> dict[str, LineValue]:
-        try:
-            for line, value in lines.items():  # that of a curve may be of a layer that no longer exists
-                checked_line(line, value) if line in PICTURE_LINES else checked_bands(line, value, 1)
-        except InsituError as error:
-            raise ValueError(str(error)) from None
-        return lines
-
-    @model_validator(mode="after")
-    def _names_differ(self) -> SessionRecord:
-        names = [record.name for record in self.objects]
-        twice = next((name for name in names if names.count(name) > 1), None)
-        if twice is not None:
-            raise ValueError(f"object {twice!r}: names that differ")
-        views = [record.name for record in self.bookmarks]
-        if len(set(views)) < len(views):
-            raise ValueError("bookmark: names that differ")
-        return self
 
 
 @dataclass(frozen=True)

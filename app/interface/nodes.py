@@ -1,7 +1,8 @@
 """The nodes that a scene is edited through: its objects, their layers and curves, the light and the camera.
 
 A node holds only a path into the document: reading one of its attributes reads the document, setting one carries out
-the command that the same path has in scripts and on the command line (`app.project.set_path`).
+the command that the same path has in scripts and on the command line (`app.project.project`). Commands and moves of the
+camera are steps of one history (`Editing`).
 """
 
 from __future__ import annotations
@@ -9,16 +10,19 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import ValidationError
 
+from app.document.commands import EditCommand
 from app.document.commands.curves import AddOperator, ResetCurve, SetOperators
 from app.document.document import EMISSION, LIGHT_FIELDS, MATERIAL, SWITCHES, TIME, Document, all_factors, resolve
-from app.interface.editing import Editing
-from app.project.set_path import set_path
+from app.document.history import History
+from app.document.view_state import Viewpoint
+from app.project.project import read_measurements, set_path
 from engine.core.errors import InsituError
 from engine.curve.operators import ALL_CHANNELS, HALF_PI, Channels, Edit, Operator, OperatorError
 from engine.material.bumps import bump_fields
@@ -29,6 +33,82 @@ from engine.scene.camera_moves import orbit_camera
 from engine.scene.description import Camera
 from engine.scene.surface_kinds import SURFACES
 from engine.scene.validation_errors import first_validation_error
+
+
+@dataclass(frozen=True)
+class EditedScene:
+    """A state of the history: the document and the viewpoint."""
+
+    document: Document
+    viewpoint: Viewpoint
+
+
+@dataclass(frozen=True)
+class _Edit:
+    """One of the document's commands; measured BRDFs that it names are read at once."""
+
+    command: EditCommand
+
+    @property
+    def label(self) -> str:
+        return self.command.label
+
+    def apply(self, state: EditedScene) -> EditedScene:
+        return replace(state, document=read_measurements(self.command.apply(state.document)))
+
+
+@dataclass(frozen=True)
+class _MoveCamera:
+    """Moves the camera."""
+
+    camera: Camera
+    label: str = "camera"
+
+    def apply(self, state: EditedScene) -> EditedScene:
+        return replace(state, viewpoint=state.viewpoint._replace(camera=self.camera))
+
+
+class Editing:
+    """The present state of a scene and the steps around it."""
+
+    def __init__(self, document: Document, camera: Camera, resolution: tuple[int, int]) -> None:
+        self._camera, self._resolution = camera, resolution
+        self._history = History(EditedScene(document, Viewpoint(camera, resolution)))
+
+    @property
+    def document(self) -> Document:
+        return self._history.document.document
+
+    @property
+    def viewpoint(self) -> Viewpoint:
+        return self._history.document.viewpoint
+
+    @property
+    def camera(self) -> Camera:
+        """The camera that pictures are seen from."""
+        return self.viewpoint.camera or self._camera
+
+    @property
+    def resolution(self) -> tuple[int, int]:
+        """Width and height of pictures."""
+        return self.viewpoint.resolution or self._resolution
+
+    def do(self, command: EditCommand) -> None:
+        """Carry out one of the editor's commands. Raises InsituError, and nothing changes then."""
+        self._history.do(_Edit(command))
+
+    def look_from(self, camera: Camera) -> None:
+        """Move the camera."""
+        self._history.do(_MoveCamera(camera))
+
+    def undo(self) -> str | None:
+        """Undo one step; returns its label, None where there is none."""
+        return self._history.undo()
+
+    def redo(self) -> str | None:
+        """Redo one step; returns its label, None where there is none."""
+        return self._history.redo()
+
 
 Region = tuple[float, float] | tuple[float, float, float, float]
 EVERYWHERE: Region = (0.0, 0.0, HALF_PI, HALF_PI)

@@ -11,10 +11,8 @@ from app.document.document import Document
 from app.document.sources import SESSION_ENDING, find_source, source_of
 from app.document.view_state import Viewpoint, ViewState
 from app.files.session import load_session, save_session
-from app.interface.editing import Editing
-from app.interface.nodes import CameraNode, LightNode, ObjectNode
-from app.interface.pictures import Mode, Pictures
-from app.interface.placement import Picture
+from app.interface.nodes import CameraNode, Editing, LightNode, ObjectNode
+from app.interface.pictures import Mode, Picture, Pictures
 from app.project.project import Project, open_project
 from app.stills.frame_sequence import own_camera
 from app.stills.stills import ENDINGS, check_output, write_picture

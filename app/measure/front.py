@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.document.pareto_front import FRONT_FILE, FrontPoint, format_front
-from app.measure.machine import machine_facts
 from app.measure.settings_deform import BentRelief, DeformValues
+from app.measure.study import machine_facts
 from app.project.project import Project, open_project
 from app.stills.stills import layers_by_object, plan_still, still_quality
 from engine.core.generators import run_to_end

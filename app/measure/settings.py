@@ -24,7 +24,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from app.measure.accuracy import errors
+from app.measure.subject import errors
 from app.system.atomic import save_file
 
 Mode = Literal["placement", "orbit", "deform"]

@@ -12,10 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from app.measure.accuracy import oracle
-from app.measure.precomputed import MIB
 from app.measure.settings import Outcome, Setting
-from app.measure.subject import Subject
+from app.measure.subject import MIB, Subject, oracle
 from app.project.project import Project
 from app.stills.stills import layers_by_object
 from engine.core.errors import InsituError

@@ -3,6 +3,11 @@
 Direct light is judged at random points by brute force over 81,920 directions, indirect light by paths of four bounces.
 A frame is what is shown after a drag of eight frames that bends a whole curve, with K coefficients each, and judged
 against the edited material by brute force.
+
+Three strategies choose the coefficients that frames show of a light or a curve that changes, where each frame may
+change n of them: *anew*, the n that count most; *incremented*, the n whose changes count most, added to the frame
+before [BenArtzi07, eq. 7.4]; *by bands*, where each level of the wavelets is given up and begun anew in the frames in
+which it is farther from what it should be than zeros are.
 """
 
 from __future__ import annotations
@@ -10,27 +15,31 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from app.measure.accuracy import box_averaged, direct_picture, oracle, random_rows, reflected, seen_scale
-from app.measure.frame_coefficients import Strategy, frame_coefficients
-from app.measure.precomputed import (
+from app.measure.settings import Outcome, Setting
+from app.measure.subject import (
     BYTES,
     MIB,
     PRECISIONS,
     ComputedLayer,
     Precomputed,
+    Subject,
+    box_averaged,
+    direct_picture,
     gpu_planes,
     largest_on_gpu,
     layer_coefficients,
+    oracle,
     precompute_on,
+    random_rows,
+    reflected,
+    seen_scale,
     visibility_seconds,
 )
-from app.measure.settings import Outcome, Setting
-from app.measure.subject import Subject
 from app.project.project import Project, open_project
 from app.stills.stills import layers_by_object, plan_still
 from engine.core.generators import run_to_end
@@ -50,6 +59,32 @@ from engine.render.path_tracer import trace_halves
 from engine.render.still import StillLayer, still_layers, with_maps
 from engine.render.still_indirect import indirect_radiance
 from engine.visibility.point_visibility import VISIBILITY_LEVEL
+
+Strategy = Literal["anew", "incremented", "by bands"]
+STRATEGIES: tuple[Strategy, ...] = get_args(Strategy)
+
+
+def frame_coefficients(
+    weight: NDArray[np.floating], levels: NDArray[np.integer], desired: Sequence[NDArray[np.floating]], n_terms: int,
+    strategy: Strategy,
+) -> list[NDArray[np.floating]]:  # fmt: skip
+    """The coefficients (T, 3) shown in each frame by those desired in it (T, 3), of which the first are shown whole.
+
+    weight (T,): by which a coefficient counts; levels (T,): on which it is; n_terms: how many change in a frame.
+    """
+    held, frames = desired[0].copy(), []
+    for light in desired:
+        if strategy == "anew":
+            held = np.zeros_like(light)
+        if strategy == "by bands":
+            stale, missing = (np.bincount(levels, weight**2 * (each**2).sum(axis=1)) for each in (light - held, light))
+            held[(missing < stale)[levels]] = 0.0
+        change = weight * np.abs(light - held).max(axis=1)
+        chosen = np.argsort(-change, kind="stable")[:n_terms]
+        held[chosen] = light[chosen]
+        frames.append(held.copy())
+    return frames
+
 
 FloatingArray = NDArray[np.floating]
 

@@ -1,33 +1,61 @@
-"""Opens what the command line names: a scene (built-in or a file) or a session, with values set by path."""
+"""Opens what the command line names: a scene (built-in or a file) or a session, with values set by path, as scripts set
+them."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from app.document.commands.light import emission_of, set_environment_file
-from app.document.commands.plan import active_overrides, override_from_value
-from app.document.document import Document, document_from_description, reflecting_layers
+from app.document.commands import EditCommand
+from app.document.commands.layers import SetEditable, SetFresnelTerm, SetFrozen, SetMaterial, SetParameter, SetVisible
+from app.document.commands.light import (
+    SetEmission,
+    SetEnvironment,
+    SetIntensity,
+    SetMapping,
+    SetRotation,
+    emission_of,
+    set_environment_file,
+)
+from app.document.commands.maps import SetBumps, SetMap, surface_named
+from app.document.commands.plan import FIRST_BANDS, active_overrides, override_from_value, set_first_bands
+from app.document.commands.poses import with_amounts, with_time
+from app.document.document import (
+    CONSTANT_ENVIRONMENT,
+    EMISSION,
+    FRESNEL_TERM,
+    MATERIAL,
+    SCENE_ENVIRONMENT,
+    TIME,
+    Document,
+    LightState,
+    Target,
+    document_from_description,
+    reflecting_layers,
+    resolve,
+)
 from app.document.named_files import document_with_measurements, files_of_document, layers_of_document, unread_files
-from app.document.sources import find_source, source_of
+from app.document.sources import find_source, likely_mapping, source_of
 from app.document.view_state import Viewpoint
 from app.files.bookmarks import find_bookmark
+from app.files.materials import Library, import_measured, load_material
 from app.files.session import Session, fit_session, load_session
-from app.project.set_path import set_path
-from app.system.inputs import set_inputs
+from app.system.atomic import set_inputs
 from app.system.memory import require_memory_for
-from app.system.paths import full_path
+from app.system.paths import full_path, is_file_name
 from engine.core.colour import ToneMapping
 from engine.core.errors import InsituError, LoadError
 from engine.material.layer import object_of
-from engine.scene.builtin import DEFAULT_SCENE, scene_path
+from engine.measured.measurement import ENDINGS as MEASURED_ENDINGS
+from engine.scene.builtin import DEFAULT_SCENE, builtin_environments, scene_path
 from engine.scene.toml_text import parse_toml
 from engine.settings import AS_PLANNED, LineValue, RenderSettings, checked_setting
 
 if TYPE_CHECKING:
+    from engine.light.environment import Environment
     from engine.material.layer import Layer
     from engine.precompute.direct.pipeline import SkyState
     from engine.scene.scene_loader import Scene
@@ -55,8 +83,6 @@ class Project:
     @cached_property
     def sky(self) -> SkyState:
         """The distant light; loads the environment, once."""
-        from app.project.sky import sky_of
-
         return sky_of(self.scene, self.document.light)
 
     @property
@@ -188,6 +214,28 @@ def open_project(
     return Project(scene, document, session.view.tone_mapping, session.view.settings, at_rest)
 
 
+def sky_of(scene: Scene, light: LightState, load: Callable[[Path, str], Environment] | None = None) -> SkyState:
+    """The distant light of a document's light state: environment, rotation and the scene's scale. `intensity` is left
+    out: it multiplies the finished picture. load: reads a file's environment, None for the engine's own reader."""
+    from engine.light.environment import constant_environment, load_environment
+    from engine.precompute.direct.pipeline import SkyState
+
+    load = load or load_environment  # type: ignore[assignment]
+    assert load is not None
+    if light.environment == CONSTANT_ENVIRONMENT:
+        return SkyState(constant_environment(light.radiance or (1.0, 1.0, 1.0)), light.rotation)
+    if light.environment != SCENE_ENVIRONMENT:
+        path = builtin_environments().get(light.environment) or Path(light.environment)
+        return SkyState(load(path, light.mapping), light.rotation)
+    described = scene.description.environment
+    if described is None:
+        return SkyState(None)
+    if scene.environment_path is None:
+        radiance = described.radiance or (0.0, 0.0, 0.0)
+        return SkyState(constant_environment(radiance), light.rotation, described.scale)
+    return SkyState(load(scene.environment_path, described.mapping), light.rotation, described.scale)
+
+
 def with_overrides(project: Project, lines: Mapping[str, Any]) -> Project:
     """The project with these lines of its plan overridden. Raises InsituError for an unknown line or an invalid
     value."""
@@ -210,7 +258,7 @@ def read_measurements(document: Document, folder: Path | None = None, scene: Pat
     if not names:
         return document
     from app.worker.cache import ArrayCache
-    from app.worker.measured_tasks import described_paths
+    from app.worker.file_tasks import described_paths
     from engine.core.generators import run_to_end
     from engine.measured.tables import read_measurement
 
@@ -233,3 +281,66 @@ def parse_assignment(text: str) -> tuple[str, Any]:
         return path, parse_toml(f"value = {value}", "--set")["value"]
     except LoadError:
         return path, value
+
+
+def set_path(document: Document, path: str, value: Any) -> EditCommand:
+    """The command that sets ``path`` to ``value``: ``"teapot.1.alpha"``, ``"light.rotation"``…
+
+    Raises InsituError for a path that names nothing with a value. The command line and scripts set by path.
+    """
+    if path == FIRST_BANDS:
+        return set_first_bands(value)
+    if path == TIME and all(state.name != TIME for state in document.objects):
+        return with_time(value)
+    target = resolve(document, path)
+    if target.kind == "parameter" and target.key is not None and target.name is not None:
+        return SetParameter(target.key, target.name, value)
+    if target.kind == "map" and target.key is not None and target.name is not None:
+        return SetMap(target.key, target.name, value)
+    if target.kind == "bumps" and target.name is not None:
+        return SetBumps(target.object, target.name, value)
+    if target.kind == "surface" and target.name is not None:
+        return surface_named(target.object, target.name, value)
+    if target.kind == "deformer" and target.name is not None:
+        return with_amounts(document, target.object, {target.name: value})
+    if target.kind == "time":
+        return with_time(value, target.object)
+    if target.kind == "light":
+        return _set_light(path, target, value)
+    if target.kind == "switch":
+        return _set_switch(path, target, value)
+    raise InsituError(f"{path!r} is a {target.kind} and has no value; name a parameter of it")
+
+
+def _set_light(path: str, target: Target, value: Any) -> EditCommand:
+    if target.name == "environment":
+        if not isinstance(value, str):
+            raise LoadError(path, "value", value, "a built-in environment's name or a file's path")
+        return SetEnvironment(value, likely_mapping(Path(value)))
+    if target.name == "mapping":
+        return SetMapping(value)
+    return SetRotation(value) if target.name == "rotation" else SetIntensity(value)
+
+
+def _set_switch(path: str, target: Target, value: Any) -> EditCommand:
+    if target.name == MATERIAL:
+        return _set_material(path, target.object, value)
+    if target.name == EMISSION:
+        return SetEmission(target.object, value)
+    if not isinstance(value, bool):
+        raise LoadError(path, "value", value, "true or false")
+    owner = target.key or target.object
+    if target.name == "editable":
+        return SetEditable(owner, value)
+    if target.name == FRESNEL_TERM:
+        return SetFresnelTerm(owner, value)
+    return SetVisible(owner, value) if target.name == "visible" else SetFrozen(owner, value)
+
+
+def _set_material(path: str, name: str, value: Any) -> SetMaterial:
+    if not isinstance(value, str):
+        raise LoadError(path, "value", value, "the name of a material in the library, a material's or a measured file")
+    if Path(value).suffix.lower() in MEASURED_ENDINGS:
+        return import_measured(name, Path(value))
+    material = load_material(Path(value)) if is_file_name(value) else Library().entry(value).material
+    return SetMaterial(name, material.layers, material.name)

@@ -6,9 +6,12 @@ which the next write to the same name removes. Writing in place, even with a bac
 between truncation and the last write loses both the old text and the new.
 
 Files that the user asked for are written by `save_file` and `replacing_folder`, whose error names the path; neither
-replaces anything but a regular file, nor one that the open project was read from (`app.system.inputs`). `require_place`
-checks that before the work rather than after it. Files that the program stores for itself (`private`) can be read by
-the user alone.
+replaces anything but a regular file, nor one that the open project was read from. `require_place` checks that before
+the work rather than after it. Files that the program stores for itself (`private`) can be read by the user alone.
+
+Code that opens a project sets the files that it was read from (`set_inputs`), code that reads more into it adds to them
+(`add_inputs`). Files are compared by identity and not by their names: a link, or another spelling on a disk that
+ignores case, is the same file.
 """
 
 from __future__ import annotations
@@ -26,10 +29,45 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import BinaryIO
 
-from app.system.inputs import require_no_input
 from app.system.system import process_lives
 from engine.core.errors import InsituError
 from engine.core.safe_files import file_kind
+
+_inputs: set[Path] = set()
+
+
+def set_inputs(paths: Iterable[Path]) -> None:
+    """Set the files that the newly opened project was read from."""
+    _inputs.clear()
+    add_inputs(paths)
+
+
+def add_inputs(paths: Iterable[Path]) -> None:
+    """Add files that the project has read; those of an undone edit may be needed again."""
+    _inputs.update(Path(os.path.abspath(path)) for path in paths)
+
+
+def require_no_input(path: str | os.PathLike[str], session: Path | None = None) -> None:
+    """Raise InsituError where an output at `path` would replace a file that the project was read from.
+
+    session: that of the project, which may be saved where it was read from.
+    """
+    spared = None if session is None else Path(os.path.abspath(session))
+    place = _identity(path)
+    for known in _inputs - {spared} if place is not None else ():
+        if _identity(known) == place:
+            same = "" if os.path.abspath(path) == str(known) else f" ({known})"
+            raise InsituError(f"{os.fspath(path)}: the project reads this file{same}; expected another name")
+
+
+def _identity(path: str | os.PathLike[str]) -> tuple[int, int] | None:
+    """The identity of the file behind a name, its links followed; None where there is none, which cannot be lost."""
+    try:
+        status = os.stat(path)
+    except (OSError, ValueError):
+        return None
+    return status.st_dev, status.st_ino
+
 
 PRIVATE_FILE, PRIVATE_FOLDER = 0o600, 0o700
 _LONGEST_STEM = 100  # bytes of a name that its temporary one repeats: no system takes more than 255 in all

@@ -22,8 +22,7 @@ import platformdirs
 from numpy.typing import NDArray
 
 from app.system.atomic import make_private_folder, replacing, sweep_temporaries
-from app.worker.array_record import RecordError, read_record, record_size, write_record
-from app.worker.tiles import Tiles
+from app.worker.array_files import RecordError, Tiles, read_record, record_size, write_record
 from engine.core.errors import InsituError
 from engine.core.stored_arrays import Arrays, UnsoundArrays, Writable
 

@@ -25,8 +25,8 @@ from app.modes.deform.deform_messages import (
 from app.modes.mode import ModeWorker
 from app.modes.orbit.orbit_messages import OrbitNotReady, OrbitPictureDrawn, OrbitProgress
 from app.worker.cache import ArrayCache, content_key
+from app.worker.file_tasks import ensure_tables
 from app.worker.kernels import DEFORM, FIRST_TIME, are_compiled, note_compiled
-from app.worker.measured_tasks import ensure_tables
 from app.worker.orbit_worker import layers_by_object, until_compiled
 from app.worker.schedule import Handlers, Steps
 from app.worker.worker_context import WorkerContext

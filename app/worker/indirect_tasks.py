@@ -27,9 +27,9 @@ from app.modes.placement.placement_messages import (
     IndirectFrozen,
     IndirectNoise,
 )
+from app.worker.array_files import Tiles
 from app.worker.cache import ArrayCache, content_key
-from app.worker.executor import IndirectSteps
-from app.worker.tiles import Tiles
+from app.worker.worker_context import IndirectSteps
 from engine.core.generators import map_steps
 from engine.core.stored_arrays import Arrays
 from engine.material.layer import Layer, object_of

@@ -27,8 +27,8 @@ from app.modes.registry import DEFORM as DEFORM_MODE
 from app.modes.registry import MODES
 from app.worker.cache import ArrayCache
 from app.worker.deform_worker import DeformWorker
-from app.worker.in_process import InProcessClient
 from app.worker.kernels import DEFORM, ESTIMATE, INDIRECT, ORBIT, PAINTING, RELIGHTING
+from app.worker.schedule import InProcessClient
 from app.worker.tasks import RequestDispatcher
 from engine.core.generators import run_to_end
 from engine.material.layer_maps import Images

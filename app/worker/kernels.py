@@ -7,7 +7,7 @@
 
 Numba compiles under one lock and mostly in Python, so that threads would take turns; processes share what they have
 compiled through the folder of `app.system.kernel_cache`, which begins with what the installation has
-(`app.system.installed_kernels`). A file in it, written when all was ready, tells that no other process is needed; there
+(`app.system.kernel_cache`). A file in it, written when all was ready, tells that no other process is needed; there
 is one for each of `LATER` as well. Requests that need one of those meanwhile wait in steps (`Kernels.until_ready`), so
 that others are answered; Orbit and Deform, which a scene may be opened in, have theirs compiled before the others. A
 fault here costs only time: a kernel that is not ready is compiled when it is called.
@@ -29,11 +29,17 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from app.system.installed_kernels import keep_installed, take_installed
-from app.system.kernel_cache import NUMBA_VARIABLE, kernel_digest, kernel_folders, use_kernel_cache
+from app.system.kernel_cache import (
+    NUMBA_VARIABLE,
+    keep_installed,
+    kernel_digest,
+    kernel_folders,
+    take_installed,
+    use_kernel_cache,
+)
 from app.system.lazy_import import qualified
 from app.system.system import end_with_parent
-from app.worker.background import LAST, step_behind, yield_to_window
+from app.worker.process import LAST, step_behind, yield_to_window
 
 if TYPE_CHECKING:
     from app.worker.tasks import RequestDispatcher

@@ -30,8 +30,8 @@ from app.modes.orbit.orbit_messages import (
 )
 from app.system.memory import orbit_bytes, orbit_slice_bytes
 from app.worker.cache import content_key
+from app.worker.file_tasks import ensure_tables
 from app.worker.kernels import COMPILING, FIRST_TIME, ORBIT, are_compiled, note_compiled
-from app.worker.measured_tasks import ensure_tables
 from app.worker.schedule import Handlers, Steps
 from app.worker.worker_context import WorkerContext
 from engine.core.generators import map_steps

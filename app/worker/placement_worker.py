@@ -1,24 +1,16 @@
 """Placement in the worker: transport, indirect light and images, the engine's generators turned into messages.
 
-A transport runs through stages, each a whole picture: *coarse* (every fourth pixel, 400 lights) within a second or two,
-*preview* (every pixel, 400 lights), *final* (4,000 lights). A dragged light gets one *drag* stage instead (every eighth
-pixel, nothing traced); a sky that is rotated or exchanged over a scene that was prepared for it lights it anew, at
-every pixel (`relighting`). Within a stage the selected layer comes first. A stage's results replace those before, and
-what is there already in such quality is not made again (see `layer_data`).
-
-Visibility, final transport and fine indirect light are cached on disk, the latter two part by part while they are made,
-so that a scene opened before opens at once and a worker that follows one that died continues where that was.
+A transport runs through stages (`transport_stages`), coarse to fine. A sky that is rotated or exchanged over a scene
+that was prepared for it lights it anew, at every pixel (`relighting`). Within a stage the selected layer comes first. A
+stage's results replace those before, and what is there already in such quality is not made again (`layer_data`).
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Generator, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
-from functools import partial
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from app.document.scene_state import LayerState
 from app.messages.worker_messages import Progress, Response
@@ -36,36 +28,25 @@ from app.modes.placement.placement_messages import (
     StageDone,
     StageFootprint,
 )
-from app.worker.band_planning import plan_bands
-from app.worker.cache import content_key
+from app.worker.file_tasks import ensure_tables
 from app.worker.kernels import COMPILING, ESTIMATE, FIRST_TIME, INDIRECT, PAINTING, RELIGHTING
 from app.worker.layer_data import (
     RELIT,
     STAGES,
     LayerData,
     LightingState,
-    both_curves,
-    join_tile_contents,
-    shape_of,
-    store_of,
-    tile_content,
 )
-from app.worker.layer_tiles import LayerTiles
-from app.worker.light_plan import LightBudgets
-from app.worker.measured_tasks import ensure_tables
+from app.worker.planning import LightBudgets, plan_bands
 from app.worker.relighting import Relighting
 from app.worker.schedule import Handlers, Steps
-from app.worker.worker_context import CACHE_VERSION, WorkerContext
-from engine.core.generators import map_steps
-from engine.core.stored_arrays import ArrayReader, Arrays, n_bytes_of
+from app.worker.transport_stages import StageClock, TransportStages, lit_key, rows_of, stages_of
+from app.worker.worker_context import WorkerContext
 from engine.light.environment import downsample
 from engine.material.layer import Layer
 from engine.planner import band_counts
-from engine.precompute.direct.bandstore import BandStore, FixedPicture
-from engine.precompute.direct.pipeline import COARSE, DRAG, FINAL, PREVIEW, Placement, Quality, SkyState, final_quality
-from engine.precompute.direct.projection import TILE, VisibleLight
+from engine.precompute.direct.bandstore import FixedPicture
+from engine.precompute.direct.pipeline import COARSE, DRAG, FINAL, Placement, Quality, SkyState, final_quality
 from engine.render.light_pilot import LightBudget
-from engine.scene.scene_loader import Scene
 from engine.settings import Precision, RenderSettings
 
 if TYPE_CHECKING:
@@ -81,9 +62,8 @@ class PlacementWorker(ModeWorker):
 
     def __init__(self, context: WorkerContext) -> None:
         self._context, self._cache = context, context.store
-        self._parts_are_dropped: dict[str, int] = {}
+        self._stages = TransportStages(context)
         self._layers: dict[str, LayerData] = {}
-        self._light: tuple[str, VisibleLight] | None = None
         self._indirect: IndirectTasks | None = None
         self._contracted: dict[str, LayerState] = {}
         self._selected: dict[str, str] = {}
@@ -107,11 +87,12 @@ class PlacementWorker(ModeWorker):
         }
 
     def view_traced(self) -> None:
-        self._layers, self._current, self._light = {}, {}, None
+        self._layers, self._current = {}, {}
         self._indirect, self._maps, self._relighting = None, None, Relighting()
         self._light_plans = LightBudgets(self._context)
         self._selected = {}
-        self._recall_visibility(self._context.open_placement)
+        self._stages = TransportStages(self._context)
+        self._stages.recall_visibility(self._context.open_placement)
 
     def plan(self, layers: Iterable[Layer]) -> tuple[tuple[Layer, dict[str, int]], ...]:
         return tuple((layer, band_counts(layer)) for layer in layers)
@@ -160,17 +141,6 @@ class PlacementWorker(ModeWorker):
 
     # -------------------------------------------------------------------------------------------------------- transport
 
-    def _recall_visibility(self, placement: Placement) -> None:
-        mine = placement.sphere.bits
-
-        def bits_of(arrays: Arrays) -> np.ndarray:
-            return ArrayReader(arrays).take("bits", mine.dtype, *mine.shape)
-
-        kept = self._cache.get(content_key("visibility", self._context.geometry_key), bits_of)
-        if kept is not None:
-            mine[:] = kept
-            placement.sphere.done[:] = True
-
     def _compute(self, request: ComputeTransport) -> Steps:
         placement, scene, settings = self._context.open_placement, request.scene, request.settings
         yield from ensure_tables((work.layer for work in scene.layers), self._cache)
@@ -182,7 +152,7 @@ class PlacementWorker(ModeWorker):
         placement.set_emission(dict(scene.emission))
         sky = self._context.sky(scene.light)
         if self._indirect is not None:
-            self._indirect.transport_requested(_lit_key(sky, placement.scene), settings.n_bounces)
+            self._indirect.transport_requested(lit_key(sky, placement.scene), settings.n_bounces)
         if (image := self._context.sky_image(sky, scene.light)) is not None:
             yield image
         lit_by = LightingState(scene.light, request.lit, scene.emission)
@@ -197,7 +167,7 @@ class PlacementWorker(ModeWorker):
         yield from self._send_relit(request, sky, lit_by)
         n_bounces, bounces_reported, bounces_found = settings.n_bounces, settings.n_bounces == 1, False
         begun = time.process_time()
-        for quality, exact in _stages(request)[-1 if self._context.fills else 0 :]:
+        for quality, exact in stages_of(request)[-1 if self._context.fills else 0 :]:
             started = time.monotonic()
             works = self._selected_first(request)
             due = [work for work in works if not self._is_needless(work, lit_by, quality.name, exact)]
@@ -219,7 +189,7 @@ class PlacementWorker(ModeWorker):
                 yield from self._until_compiled(INDIRECT, "indirect light")
                 tasks = self._indirect_tasks()
                 yield from tasks.find(
-                    scene.visible, sky, _lit_key(sky, placement.scene), n_bounces, exact, settings.n_hemisphere_rays
+                    scene.visible, sky, lit_key(sky, placement.scene), n_bounces, exact, settings.n_hemisphere_rays
                 )
             # A cached picture waits for the first indirect light, and for nothing else.
             if due or exact or quality.name == COARSE.name and n_bounces > 1:
@@ -230,7 +200,7 @@ class PlacementWorker(ModeWorker):
     @property
     def _n_bytes(self) -> int:
         """Memory of all that was computed."""
-        n_bytes = sum(data.store.n_bytes for data in self._layers.values()) + sum(self._parts_are_dropped.values())
+        n_bytes = sum(data.store.n_bytes for data in self._layers.values()) + sum(self._stages.dropped_bytes.values())
         return n_bytes + self._relighting.n_bytes + (0 if self._indirect is None else self._indirect.n_bytes)
 
     def _indirect_tasks(self) -> IndirectTasks:
@@ -261,20 +231,19 @@ class PlacementWorker(ModeWorker):
         self, placement: Placement, request: ComputeTransport, sky: SkyState, lit_by: LightingState
     ) -> Steps:
         """Answer with what is cached of the last stage: a view that was computed before is there at once."""
-        quality, _ = _stages(request)[-1]
+        quality, _ = stages_of(request)[-1]
         if quality.name == FINAL.name and lit_by.planned_settings is not None:
             quality = final_quality(lit_by.planned_settings)
-        light_key = self._light_key(sky, placement.scene, quality)
-        unit = (
-            None if quality.name != FINAL.name or self._context.fills else self._cache.get(_unit_key(light_key), _unit)
-        )
+        if quality.name != FINAL.name or self._context.fills:
+            return
+        light_key = self._stages.light_key(sky, placement.scene, quality)
+        unit = self._stages.cached_unit(light_key)
         if unit is None:
             return
         for work in self._selected_first(request):
             if self._is_needless(work, lit_by, quality.name, True):
                 continue
-            rows = _rows_of(placement, work, quality)
-            kept = self._cache.get(_transport_key(light_key, work), partial(store_of, work, len(rows)))
+            kept = self._stages.cached_store(light_key, work, len(rows_of(placement, work, quality)))
             if kept is not None:
                 data = self._hold(LayerData(work, lit_by, quality.name, kept, unit))
                 yield from self._answers(data, self._selected_factor(work.key), self._precision)
@@ -300,7 +269,7 @@ class PlacementWorker(ModeWorker):
         kernels = self._context.kernels
         if kernels is None:
             return
-        clock = _Clock(COMPILING)
+        clock = StageClock(COMPILING)
         while not kernels.wait(KERNEL_SECONDS):
             yield clock.progress(kernels.fraction, FIRST_TIME) if kernels.first_time else None
 
@@ -317,19 +286,19 @@ class PlacementWorker(ModeWorker):
     def _stage(
         self, placement: Placement, works: list[LayerState], sky: SkyState, lit_by: LightingState, quality: Quality
     ) -> Steps:
-        clock = _Clock(quality.name)
+        clock = StageClock(quality.name)
         if quality is DRAG and sky.environment is not None:
             sky = replace(sky, environment=downsample(sky.environment, DRAG_ENVIRONMENT_HEIGHT))
-        key = self._light_key(sky, placement.scene, quality) if quality.name == FINAL.name else ""
-        light = yield from self._final_light(placement, sky, quality, key, clock)
+        key = self._stages.light_key(sky, placement.scene, quality) if quality.name == FINAL.name else ""
+        light = yield from self._stages.final_light(placement, sky, quality, key, clock)
         total = (
             sum(len(placement.rows_of(placement.scene.object_index(work.object), quality.stride)) for work in works)
             or 1
         )
         done = 0
         for work in works:
-            rows = _rows_of(placement, work, quality)
-            store = yield from self._project(placement, rows, work, light, key, clock, done, total)
+            rows = rows_of(placement, work, quality)
+            store = yield from self._stages.project(placement, rows, work, light, key, clock, done, total)
             done += len(rows)
             data = LayerData(work, lit_by, quality.name, store, light.lighting.unit)
             if self._context.fills:
@@ -337,65 +306,6 @@ class PlacementWorker(ModeWorker):
                 continue
             data = self._hold(data)
             yield from self._answers(data, self._selected_factor(work.key), self._precision)
-
-    def _final_light(
-        self, placement: Placement, sky: SkyState, quality: Quality, key: str, clock: _Clock
-    ) -> Generator[Response | None, None, VisibleLight]:
-        """The light of a stage; that of the last final stage is stored, for layers that change under it."""
-        if key and self._light is not None and self._light[0] == key:
-            return self._light[1]
-        self._light = None
-        light = yield from self._trace_visibility(placement, sky, quality, clock)
-        if key:
-            self._light = key, light
-            self._cache.put(_unit_key(key), {"unit": np.array([light.lighting.unit], np.float64)})
-        return light
-
-    def _trace_visibility(
-        self, placement: Placement, sky: SkyState, quality: Quality, clock: _Clock
-    ) -> Generator[Response | None, None, VisibleLight]:
-        was_done = bool(placement.sphere.done.all())
-        light = yield from map_steps(
-            self._context.executor.compute_light(placement, sky, quality),
-            lambda fraction: clock.progress(0.3 * fraction, "shadows"),
-        )
-        if not was_done and placement.sphere.done.all():
-            self._cache.put(content_key("visibility", self._context.geometry_key), {"bits": placement.sphere.bits})
-        return light
-
-    def _project(
-        self, placement: Placement, rows: np.ndarray, work: LayerState, light: VisibleLight, light_key: str,
-        clock: _Clock, done: int, total: int,
-    ) -> Generator[Response | None, None, BandStore | FixedPicture]:  # fmt: skip
-        """The layer's transport; or its picture, where only the cache needs it."""
-        shape = shape_of(work)
-        parts: dict[int, dict[str, np.ndarray]] = {}
-        if not light_key or not len(rows):
-            for tile in self._context.executor.project_tiles(placement, rows, light, shape):
-                if tile is not None:
-                    parts[tile.begin] = tile_content(work, tile)
-                yield clock.progress(0.3 + 0.7 * (done + len(parts) * TILE) / total, work.key)
-            return join_tile_contents(work, parts)
-        key = _transport_key(light_key, work)
-        kept = self._cache.get(key, partial(store_of, work, len(rows)))
-        if kept is not None:
-            if not self._context.fills:
-                return kept
-            self._parts_are_dropped[work.key] = kept.n_bytes
-            return FixedPicture(kept.radiance(*both_curves(work)))
-        with self._cache.open_tiles(key, -(-len(rows) // TILE)) as file:
-            tiles = LayerTiles(work, len(rows), file, held=not self._context.fills)
-            for tile in self._context.executor.project_tiles(placement, rows, light, shape, tiles.complete):
-                if tile is not None:
-                    tiles.add(tile)
-                yield clock.progress(0.3 + 0.7 * (done + len(tiles.complete) * TILE) / total, work.key)
-            arrays = tiles.arrays()
-            if self._cache.put(key, arrays):
-                file.finish()
-            if not self._context.fills:
-                return tiles.store()
-            self._parts_are_dropped[work.key] = n_bytes_of(arrays)
-            return tiles.picture()
 
     def _selected_factor(self, key: str) -> str | None:
         """The curve of a layer that was selected last."""
@@ -423,43 +333,6 @@ class PlacementWorker(ModeWorker):
         # The selected curve may belong to the model that the layer had before.
         yield from data.responses(factor if factor in data.work.factors else None, precision, picture)
 
-    def _light_key(self, sky: SkyState, scene: Scene, quality: Quality) -> str:
-        return content_key(
-            CACHE_VERSION, self._context.view_key, _lit_key(sky, scene),
-            quality.n_lights, quality.n_patches, quality.max_level, quality.own_rays,
-        )  # fmt: skip
-
-
-class _Clock:
-    """Turns a stage's fraction into Progress with the time left."""
-
-    def __init__(self, stage: str) -> None:
-        self._stage, self._started, self._last_sent, self._most = stage, time.monotonic(), 0.0, 0.0
-
-    def progress(self, fraction: float, text: str) -> Progress | None:
-        """At most twenty a second, never less than before; the time left is known once two percent are done."""
-        self._most = fraction = min(max(self._most, fraction), 1.0)
-        now = time.monotonic()
-        if now - self._last_sent < 0.05:
-            return None
-        self._last_sent = now
-        left = (now - self._started) * (1 - fraction) / fraction if fraction > 0.02 else None
-        return Progress(self._stage, fraction, left, text)
-
-
-def _stages(request: ComputeTransport) -> list[tuple[Quality, bool]]:
-    """The stages of a request and whether each is the last."""
-    if request.is_drag:
-        return [(DRAG, True)]
-    coarse = replace(COARSE, n_lights=request.n_lights_preview)
-    if request.is_fine:
-        return [(coarse, False), (final_quality(request.settings), True)]
-    preview = replace(PREVIEW, n_lights=request.n_lights_preview)
-    if request.settings.n_lights <= request.n_lights_preview:
-        return [(coarse, False), (replace(preview, stays=True), True)]
-    final = final_quality(request.settings)
-    return [(coarse, False), (preview, False), (final, True)]
-
 
 def _with_planned_light(lit_by: LightingState, settings: RenderSettings) -> tuple[LightingState, Quality]:
     """The light of a last stage once it is known how much of it is needed."""
@@ -469,28 +342,3 @@ def _with_planned_light(lit_by: LightingState, settings: RenderSettings) -> tupl
 def _light_plan_message(need: LightBudget, most: RenderSettings) -> Iterator[LightPlanned]:
     if need.errors:
         yield LightPlanned(need.lights, need.patches, tuple(need.reasons(most).items()))
-
-
-def _transport_key(light_key: str, work: LayerState) -> str:
-    baked = work.coefficients if work.fixed else ()
-    return content_key("transport", light_key, work.key, work.model, work.quotient_parameters, work.bands, *baked)
-
-
-def _unit_key(light_key: str) -> str:
-    """The key of the unit that transport under this light is in."""
-    return content_key("unit", light_key)
-
-
-def _unit(arrays: Arrays) -> float:
-    return float(ArrayReader(arrays).take("unit", np.float64, 1)[0])
-
-
-def _lit_key(sky: SkyState, scene: Scene) -> str:
-    """The key of all light in the scene."""
-    radiance = None if sky.environment is None else sky.environment.radiance
-    return content_key(radiance, sky.rotation, sky.scale, scene.emission)
-
-
-def _rows_of(placement: Placement, work: LayerState, quality: Quality) -> np.ndarray:
-    """The points of a layer in a stage."""
-    return placement.rows_of(placement.scene.object_index(work.object), quality.stride)

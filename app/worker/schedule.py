@@ -3,16 +3,20 @@
 A job is the iterator that a handler returns; each `next` is one step, short enough (about 100 ms) that a new request is
 noticed soon. Quick ones are served between the steps of a long one that is under way. There are no threads and no queue
 but a place for the newest request of each kind, so old requests cannot pile up. Each class of request defines its kind
-and which others it cancels (`messages.Request`).
+and which others it cancels (`messages.Request`). `InProcessClient` serves the same requests in this process, for
+commands without a window and for most tests.
 """
 
 from __future__ import annotations
 
+import itertools
 import logging
+import time
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, Protocol
 
 from app.messages.worker_messages import CancelRequests, Request, RequestFailed, Response, with_numbers
+from app.worker.client import PendingRequests
 from engine.core.errors import InsituError
 
 _log = logging.getLogger("insitu.jobs")
@@ -140,3 +144,46 @@ def _line_for(error: Exception, request: Request, details: str) -> str:
     if isinstance(error, MemoryError):
         return "out of memory; lower the resolution, the lights or the bands" + details
     return "the computation failed: a bug in Insitu. Undo the last edit to go on" + details
+
+
+class InProcessClient:
+    """Has the interface of `client.Client`; `poll` itself does the work, one step at least, until its budget is used
+    up."""
+
+    alive = True
+    pid: int | None = None
+
+    def __init__(self, handler: RequestHandler) -> None:
+        self._schedule = Schedule(handler)
+        self._pending = PendingRequests()
+        self._ids = itertools.count(1)
+
+    def send(self, request: Request) -> int:
+        request = with_numbers(request, request.id or next(self._ids), request.revision)
+        self._pending.add(request)
+        self._schedule.accept(request)
+        return request.id
+
+    def poll(self, budget_s: float = 0.004) -> list[Response]:
+        deadline = time.monotonic() + budget_s
+        responses = []
+        while self._schedule.choose() is not None:
+            response = self._schedule.step()
+            if response is not None:
+                self._pending.settle(response)
+                responses.append(response)
+            if time.monotonic() >= deadline:
+                break
+        return responses
+
+    @property
+    def arriving(self) -> bool:
+        """Always False: responses are handed over whole."""
+        return False
+
+    def wait(self, timeout_s: float) -> bool:
+        """Whether `poll` has something to do; there is no other process to wait for."""
+        return self._schedule.choose() is not None
+
+    def close(self) -> None:
+        """Does nothing: there is no process to end."""

@@ -25,11 +25,10 @@ from app.modes.mode import Mode
 from app.modes.registry import MODES
 from app.system.lazy_import import import_named
 from app.worker.cache import ArrayCache
-from app.worker.executor import Executor
+from app.worker.file_tasks import described_paths, fetch_table, read_files, read_for, write_file, write_scene
 from app.worker.kernels import Kernels
-from app.worker.measured_tasks import described_paths, fetch_table, read_files, read_for, write_file
 from app.worker.schedule import Steps
-from app.worker.worker_context import WorkerContext
+from app.worker.worker_context import Executor, WorkerContext
 from engine.scene.builtin import scene_path
 from engine.scene.picture_frame import picture_frame
 from engine.scene.scene_loader import load_scene
@@ -47,8 +46,8 @@ class RequestDispatcher:
         self._handlers: dict[type[Request], Callable[[Any], Steps]] = {
             OpenScene: self._open,
             SetCamera: self._set_camera,
-            ReadMeasured: self._read,
-            FetchTable: self._fetch_table,
+            ReadMeasured: lambda request: read_for(request, self.context.store),
+            FetchTable: lambda request: fetch_table(request, self.context.store),
             WriteFiles: self._write,
         }
         for work in self._workers:
@@ -84,17 +83,9 @@ class RequestDispatcher:
         flaws = tuple(" ".join(str(error).split()) for error in placement.scene.bump_normals.flaws.values())
         yield ViewTraced(picture_frame(placement.hits, placement.scene.camera_position), flaws)
 
-    def _read(self, request: ReadMeasured) -> Steps:
-        yield from read_for(request, self.context.store)
-
-    def _fetch_table(self, request: FetchTable) -> Steps:
-        yield from fetch_table(request, self.context.store)
-
     def _write(self, request: WriteFiles) -> Steps:
         if request.document is None:
             yield from write_file(request, self.context.store)
         else:
-            from app.worker.export_tasks import write_scene
-
             scene = self.context.open_placement.scene
             yield from write_scene(request, request.document, scene, self.context.store)

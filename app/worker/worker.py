@@ -25,8 +25,8 @@ from app.system.kernel_cache import use_kernel_cache
 from app.system.lazy_import import import_named
 from app.system.paths import log_directory
 from app.system.system import end_with_parent, inherited_socket, keep_memory_compact, release_memory
-from app.worker.background import Background
 from app.worker.channel import Channel, ChannelClosed
+from app.worker.process import Background
 from app.worker.schedule import Schedule
 from app.worker.shared_arrays import OutOfMemory, sweep_dead_blocks
 

@@ -1,33 +1,41 @@
-"""The state that all work in the worker shares: the cache, the open scene, and its light.
+"""The state that all work in the worker shares: the cache, the open scene and its light, and who does the long work.
 
 A scene is open as a camera sees it: its surfaces, what can be traced in them, the primary hits and, as far as it has
 been computed, the part of the sphere that each of those sees. A scene that is only loaded replaces the open one when
-its first view is traced.
+its first view is traced. The long work on it is done by an executor: this process, or others (`app.cluster.jobs`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from app.document.document import LightState
 from app.messages.worker_messages import SetCamera, SkyImage, WorkerWarnings
-from app.project.sky import sky_of
+from app.project.project import sky_of
 from app.worker.cache import ArrayCache, content_key
-from app.worker.executor import Executor, LocalExecutor
 from app.worker.kernels import Kernels
 from engine.core.errors import InsituError
 from engine.light.environment import Environment, downsample, load_environment
 from engine.planner import planned_edge_rays
-from engine.precompute.direct.pipeline import Placement, SkyState
+from engine.precompute.direct.bandstore import BandTile
+from engine.precompute.direct.pipeline import Placement, Quality, SkyState
+from engine.precompute.direct.projection import LayerShape, VisibleLight, project_layer
 from engine.realtime.zonal_harmonics.pose import Poses
 from engine.realtime.zonal_harmonics.posed_scene import pose_scene
 from engine.scene.primary_hits import trace_primary_steps
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene
+
+if TYPE_CHECKING:
+    from app.document.scene_state import LayerState
+    from app.messages.worker_messages import Response
+    from engine.core.stored_arrays import Arrays
+
 
 # Raised when anything that changes the numbers in a cached array changes.
 CACHE_VERSION = 6
@@ -158,3 +166,45 @@ def _geometry_key(scene: Scene, n_edge_rays: int) -> str:
         CACHE_VERSION, camera, scene.origin, scene.resolution, n_edge_rays, scene.vertices, scene.normals,
         scene.triangles, scene.object_of_triangle, scene.smooth, scene.emission,
     )  # fmt: skip
+
+
+LightSteps = Generator[float, None, VisibleLight]
+IndirectSteps = Generator["Response | None", None, "Arrays"]
+
+
+class Executor(Protocol):
+    """Does the long work; the result is the same to the last bit for each executor."""
+
+    def compute_light(self, placement: Placement, sky: SkyState, quality: Quality) -> LightSteps:
+        """Compute all the light of a stage; yields the fraction done. A final stage leaves the sphere's visibility in
+        `placement_worker`."""
+
+    def project_tiles(
+        self, placement: Placement, rows: np.ndarray, light: VisibleLight, layer: LayerShape,
+        skip: frozenset[int] = frozenset(),
+    ) -> Iterator[BandTile | None]:  # fmt: skip
+        """The tiles of a layer's points as they are made, in any order, except those to skip; None while there is
+        none."""
+
+    def find_indirect(
+        self, layers: Sequence[LayerState], lit_by: str, n_bounces: int, n_rays: int
+    ) -> IndirectSteps | None:
+        """The fine indirect light, cached on disk; None: it is to be computed here."""
+
+
+class LocalExecutor:
+    """Does all the work in this process."""
+
+    def compute_light(self, placement: Placement, sky: SkyState, quality: Quality) -> LightSteps:
+        return placement.light(sky, quality)
+
+    def project_tiles(
+        self, placement: Placement, rows: np.ndarray, light: VisibleLight, layer: LayerShape,
+        skip: frozenset[int] = frozenset(),
+    ) -> Iterator[BandTile | None]:  # fmt: skip
+        return project_layer(placement.hits, rows, light, layer, skip)
+
+    def find_indirect(
+        self, layers: Sequence[LayerState], lit_by: str, n_bounces: int, n_rays: int
+    ) -> IndirectSteps | None:
+        return None

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from app.files.library import Library
+from app.files.materials import Library
 from engine.measured.sample_files import merl_bytes
 from engine.render.tabulate import tabulate_layers
 

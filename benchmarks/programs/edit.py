@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 import psutil
 
-from app.project.project import parse_assignment
-from app.project.set_path import set_path
+from app.project.project import parse_assignment, set_path
 from benchmarks.programs.command_line import Figures, Pictures, command_line, resolution_of, write_found
 from benchmarks.programs.renderer import EditorRig
 from engine.core.errors import InsituError

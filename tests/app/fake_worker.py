@@ -31,7 +31,7 @@ from app.modes.placement.placement_messages import (
     RelightingPrepared,
     StageDone,
 )
-from app.worker.band_planning import plan_bands
+from app.worker.planning import plan_bands
 from engine.material.layer import Layer
 from engine.measured.measurement import Measurement
 from engine.planner import band_counts

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from app.files.journal import Recovery
-from app.files.material_file import load_material, parse_material
+from app.files.materials import load_material, parse_material
 from app.files.session import load_session
 from app.operators.script import load_script
 from app.project.project import parse_assignment

@@ -30,7 +30,7 @@ from app.project.project import open_project
 from app.stills import stills
 from app.stills.stills import render_project
 from app.worker.deform_worker import DeformWorker
-from app.worker.in_process import InProcessClient
+from app.worker.schedule import InProcessClient
 from app.worker.tasks import RequestDispatcher
 from engine.precompute.direct.pipeline import Placement
 from engine.precompute.indirect.sampling_settings import BounceSeries

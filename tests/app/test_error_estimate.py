@@ -12,7 +12,7 @@ from scipy.ndimage import zoom
 
 from app.__main__ import Desktop
 from app.cli.program import run
-from app.measure.accuracy import errors
+from app.measure.subject import errors
 from app.project.project import Project, open_project
 from app.stills.stills import Still, layers_by_object, plan_still, render_picture, render_project
 from engine.core.generators import run_to_end

@@ -21,7 +21,7 @@ from app.export.mitsuba import export_scene
 from app.project.project import open_project
 from app.stills.stills import render_picture
 from app.worker.cache import ArrayCache
-from app.worker.in_process import InProcessClient
+from app.worker.schedule import InProcessClient
 from app.worker.tasks import RequestDispatcher
 from benchmarks.peer import VARIABLE
 from engine.core.errors import InsituError

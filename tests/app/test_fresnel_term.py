@@ -14,7 +14,7 @@ from app.document.view_state import ViewState
 from app.editor.editor import Editor
 from app.files.session import fit_session, load_session, save_session
 from app.modes.placement.placement_messages import ComputeTransport
-from app.project.set_path import set_path
+from app.project.project import set_path
 from engine.core.errors import InsituError, LoadError
 from engine.curve.operators import Operator
 from engine.material import MODELS

@@ -9,7 +9,7 @@ import pytest
 from app.document.commands.light import set_environment_file
 from app.document.named_files import image_name
 from app.editor.editor import Editor
-from app.files.material_file import load_material
+from app.files.materials import load_material
 from app.files.session import load_session
 from app.operators.script import load_script
 from app.project.project import open_project

@@ -17,8 +17,7 @@ from app.document.named_files import (
     with_measurements,
 )
 from app.editor.editor import Editor
-from app.files.material_file import Material, dump_material, load_material, parse_material
-from app.files.measured_import import import_measured, measured_layers
+from app.files.materials import Material, dump_material, import_measured, load_material, measured_layers, parse_material
 from app.files.session import load_session
 from app.messages.worker_messages import (
     FetchTable,
@@ -34,10 +33,9 @@ from app.messages.worker_messages import (
 )
 from app.modes.placement.curves import Curves
 from app.modes.placement.placement_messages import ComputeTransport, LayerPicture, PlanBands
-from app.project.project import open_project
-from app.project.set_path import set_path
+from app.project.project import open_project, set_path
 from app.worker.cache import ArrayCache
-from app.worker.in_process import InProcessClient
+from app.worker.schedule import InProcessClient
 from app.worker.tasks import RequestDispatcher
 from engine.core.errors import InsituError, LoadError
 from engine.measured import tables
@@ -229,7 +227,7 @@ def test_the_worker_hands_a_table_out(merl_file: Path, tmp_path: Path, monkeypat
     number = given.measurement.number
     assert np.array_equal(given.samples, tables.table_of(number).samples) and given.samples.dtype == np.float32
     # By its number at once; a copy of the file is the same table, by its own name; another number is another file.
-    monkeypatch.delattr("app.worker.measured_tasks.read_measurement")
+    monkeypatch.delattr("app.worker.file_tasks.read_measurement")
     (again,) = run_in_process(tasks, FetchTable("copy.binary", number))
     assert isinstance(again, TableFetched) and again.measurement == replace(given.measurement, file="copy.binary")
     monkeypatch.undo()

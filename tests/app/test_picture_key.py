@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 from pydantic import BaseModel
 
-from app.cli.picture_key import parts_of, picture_key
+from app.cli.turntable import parts_of, picture_key
 from app.project.project import Project, open_project
 from app.stills.frame_sequence import Frames
 from app.worker.cache import content_key

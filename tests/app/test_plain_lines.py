@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from app.cli.console import print_line
-from app.cli.output import print_project_notes
+from app.cli.options import print_project_notes
 from app.messages.editor_status import StatusMetrics
 from engine.core.errors import LONGEST_LINE, MOST_NOTES
 from engine.precompute.direct.pipeline import SkyState

@@ -15,7 +15,7 @@ from app.files.session import save_session
 from app.project.project import open_project
 from app.worker import indirect_tasks
 from app.worker.cache import ArrayCache
-from app.worker.in_process import InProcessClient
+from app.worker.schedule import InProcessClient
 from app.worker.tasks import RequestDispatcher
 from engine.precompute.indirect.sampling_settings import ROUGH
 from engine.precompute.indirect.solver import Solver

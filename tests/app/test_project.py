@@ -9,15 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.cli.output import print_project_notes
+from app.cli.options import print_project_notes
 from app.document.commands.layers import SetParameter
 from app.document.commands.light import SetEnvironment
 from app.document.document import LightState
 from app.document.sources import find_source
 from app.document.view_state import ViewState
 from app.files.session import save_session
-from app.project.project import open_project, parse_assignment
-from app.project.sky import sky_of
+from app.project.project import open_project, parse_assignment, sky_of
 from engine.core.errors import InsituError, LoadError
 from engine.scene.builtin import builtin_environments
 from tests.app.cli.command_line import SCENE

@@ -7,7 +7,7 @@ import pytest
 
 from app.document.commands.layers import SetMaterial, SetModel
 from app.editor.editor import Editor
-from app.files.library import Library, LibraryEntry
+from app.files.materials import Library, LibraryEntry
 from app.modes.placement.desired_state import same_coefficients
 from engine.material import MODELS
 from tests.app.fake_worker import ServingClient

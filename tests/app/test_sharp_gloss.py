@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.measure.accuracy import errors
+from app.measure.subject import errors
 from app.project.project import open_project
 from app.stills.stills import render_project
 from engine.precompute.direct.pipeline import Placement

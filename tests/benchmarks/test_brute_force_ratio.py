@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from app.measure.precomputed import precompute, visibility_seconds
-from app.measure.subject import open_subject
+from app.measure.subject import open_subject, precompute, visibility_seconds
 from benchmarks.brute_force_ratio import RawRate, hemisphere_directions, precompute_ratios, shadow_rays, wrong_answers
 from engine.precompute.direct.pipeline import FINAL, PREVIEW, Placement
 from engine.sphere.geodesic import geodesic

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from app.measure.accuracy import box_averaged
+from app.measure.subject import box_averaged
 from benchmarks.edges import SCENES, box_error, edge_figures
 
 

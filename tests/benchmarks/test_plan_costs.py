@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from app.cli.plan_check import ActualCost
+from app.cli.precompute import ActualCost
 from benchmarks import plan_costs
 from tests.scene_text import ground
 

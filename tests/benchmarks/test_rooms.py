@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from app.measure.accuracy import Errors, errors
+from app.measure.subject import Errors, errors
 from app.project.project import Project, open_project
 from app.stills.stills import render_picture
 from benchmarks.rooms import (

@@ -9,9 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.measure.accuracy import reflected
-from app.measure.precomputed import precompute
-from app.measure.subject import layer_bands, open_subject
+from app.measure.subject import layer_bands, open_subject, precompute, reflected
 from benchmarks.sweep import Grid, SweepRow, precision_picture, run_sweep, terms_by_effect, write_csv
 from engine.material import MODELS
 from engine.material.layer import make_layer

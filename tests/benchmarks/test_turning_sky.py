@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.measure.frame_coefficients import STRATEGIES, Strategy
+from app.measure.settings_placement import STRATEGIES, Strategy
 from benchmarks.turning_sky import ROWS, TurningEffort, followed, turning_errors, write_turning
 from engine.sphere.haar import levels_of_coefficients
 from tests.app.worker.test_relighting import SCENE, skylight

@@ -105,7 +105,7 @@ def read_script(path: Path) -> None:
 
 
 def read_material(path: Path) -> None:
-    from app.files.material_file import load_material
+    from app.files.materials import load_material
 
     load_material(path)
 
@@ -113,7 +113,7 @@ def read_material(path: Path) -> None:
 def materials(folder: Path) -> list[bytes]:
     from app.document.commands.curves import AddOperator
     from app.document.document import document_from_description
-    from app.files.material_file import Material, dump_material
+    from app.files.materials import Material, dump_material
     from engine.curve.operators import Operator
     from engine.scene.description import parse_description
     from tests.app.fake_worker import SCENE as SHELF
@@ -141,7 +141,7 @@ def read_preferences(path: Path) -> None:
 
 
 def read_recent(path: Path) -> None:
-    from app.files.recent import RecentFiles
+    from app.files.preferences import RecentFiles
 
     RecentFiles(path).entries()
 
@@ -159,7 +159,7 @@ def read_mesh_file(path: Path) -> None:
 
 
 def plys(folder: Path) -> list[bytes]:
-    from app.export.meshes import ply_bytes
+    from app.export.mitsuba import ply_bytes
     from engine.scene.scene_loader import load_scene
     from tests.engine.scene.loaders.test_ply import ASCII_CORNERS, binary, header
     from tests.engine.scene.test_costs import ply_of_lists

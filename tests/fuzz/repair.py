@@ -6,7 +6,7 @@ import re
 import struct
 import zlib
 
-_FIXED = struct.Struct("<8sIIQI")  # see app.worker.array_record
+_FIXED = struct.Struct("<8sIIQI")  # see app.worker.array_files
 _ROW = re.compile(rb'\["[^"]*", "[<>|]([biufc])(\d+)", \[([\d, ]*)\], (\d+), "([0-9a-f]{8})"\]')
 
 

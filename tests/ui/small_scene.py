@@ -12,7 +12,7 @@ import numpy as np
 from app.document.view_state import SetView
 from app.editor.editor import Editor, WorkerClient
 from app.messages.worker_messages import Request
-from app.worker.in_process import InProcessClient
+from app.worker.schedule import InProcessClient
 from app.worker.tasks import RequestDispatcher
 from tests.pictures import write_exr
 from ui.headless import HeadlessWindow

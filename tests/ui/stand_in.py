@@ -35,7 +35,7 @@ from app.modes.placement.placement_messages import (
     StageDone,
     StageFootprint,
 )
-from app.worker.band_planning import plan_bands
+from app.worker.planning import plan_bands
 from engine.curve.wavelet import forward
 from engine.planner import band_counts
 from engine.scene.description import SceneDescription

@@ -28,10 +28,10 @@ from app.document.commands.layers import (
 from app.document.commands.light import SetEnvironment, SetRotation
 from app.document.view_state import SetView
 from app.editor.editor import Editor
-from app.files.library import Library
+from app.files.materials import Library
 from app.messages.worker_messages import CancelRequests, Request, RequestFailed, Response, WorkerRestarted, with_numbers
 from app.worker.cache import ArrayCache
-from app.worker.pending_requests import PendingRequests
+from app.worker.client import PendingRequests
 from app.worker.schedule import Schedule
 from app.worker.tasks import RequestDispatcher
 from engine.curve.operators import Operator

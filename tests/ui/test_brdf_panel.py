@@ -18,7 +18,7 @@ from app.document.commands.curves import SetOperators
 from app.document.commands.layers import SetMaterial, SetModel, SetParameter
 from app.document.named_files import with_measurements
 from app.document.view_state import OpenPanel, SetView, ViewState
-from app.files.measured_import import measured_layers
+from app.files.materials import measured_layers
 from app.messages.worker_messages import FetchTable, RequestFailed, TableFetched
 from engine.curve.operators import Operator
 from engine.measured.measurement import evaluate_table

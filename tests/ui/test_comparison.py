@@ -15,7 +15,7 @@ from app.document.commands.layers import SetParameter, SetVisible
 from app.document.commands.light import SetIntensity
 from app.document.view_state import SetView
 from app.worker.cache import ArrayCache
-from app.worker.in_process import InProcessClient
+from app.worker.schedule import InProcessClient
 from app.worker.tasks import RequestDispatcher
 from engine.curve.operators import Operator
 from tests.ui.small_scene import linear_picture, opened_window, wait_until_exact, write_small_scene

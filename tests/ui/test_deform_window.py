@@ -15,7 +15,7 @@ from imgui_bundle import imgui
 from app.document.commands import AddDeformer, SetDeformer
 from app.worker.cache import ArrayCache
 from app.worker.deform_worker import DeformWorker
-from app.worker.in_process import InProcessClient
+from app.worker.schedule import InProcessClient
 from app.worker.tasks import RequestDispatcher
 from engine.realtime.zonal_harmonics.gpu_parts import PictureExport
 from engine.realtime.zonal_harmonics.pose import Deformation

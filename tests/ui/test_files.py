@@ -16,7 +16,7 @@ from app.document.sources import likely_mapping, probe_size
 from app.editor.editor import Editor
 from app.files.session import load_session
 from app.modes.placement.placement_messages import ComputeTransport
-from app.system.inputs import add_inputs
+from app.system.atomic import add_inputs
 from app.system.paths import display_name
 from tests.ui.stand_in import StandInClient
 from ui.action_handler import ActionHandler, picture_name

@@ -27,7 +27,7 @@ from PIL import Image
 from app.document.commands.light import SetRotation
 from app.document.view_state import OpenPanel, SetView
 from app.worker.cache import ArrayCache
-from app.worker.in_process import InProcessClient
+from app.worker.schedule import InProcessClient
 from app.worker.tasks import RequestDispatcher
 from tests.ui.small_scene import opened_window, wait_until_exact, write_small_scene
 from ui.headless import HeadlessWindow

@@ -10,8 +10,7 @@ import pytest
 from imgui_bundle import imgui
 from PIL import Image
 
-from app.files.library import Library
-from app.files.measured_import import measured_layers
+from app.files.materials import Library, measured_layers
 from engine.material import MODELS, make_layer
 from engine.material.layer import Layer
 from ui.gl.lit_sphere import sphere_picture

@@ -22,7 +22,7 @@ from app.messages.worker_messages import Request, Response, SetCamera
 from app.modes.mode import EditorServices, Mode, ModeController, ModeWorker
 from app.modes.registry import PLACEMENT
 from app.worker.cache import ArrayCache
-from app.worker.in_process import InProcessClient
+from app.worker.schedule import InProcessClient
 from app.worker.tasks import RequestDispatcher
 from app.worker.worker_context import WorkerContext
 from tests.ui.small_scene import linear_picture, wait_until_exact, write_small_scene

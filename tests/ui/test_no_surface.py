@@ -11,8 +11,8 @@ import pytest
 from app.document.view_state import Viewpoint
 from app.modes.registry import MODES
 from app.worker.cache import ArrayCache
-from app.worker.in_process import InProcessClient
 from app.worker.orbit_worker import OrbitWorker
+from app.worker.schedule import InProcessClient
 from app.worker.tasks import RequestDispatcher
 from engine.core.camera import centre_directions
 from engine.light.environment import load_environment

@@ -14,8 +14,8 @@ import pytest
 from app.document.view_state import Bookmark, SetView, Viewpoint
 from app.modes.orbit.orbit_messages import DrawOrbit
 from app.worker.cache import ArrayCache
-from app.worker.in_process import InProcessClient
 from app.worker.orbit_worker import OrbitWorker
+from app.worker.schedule import InProcessClient
 from app.worker.tasks import RequestDispatcher
 from engine.scene.description import Camera
 from tests.ui.small_scene import CountingClient, is_drawn, opened_window, wait_until_exact, write_small_scene

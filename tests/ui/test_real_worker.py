@@ -16,7 +16,7 @@ real = real_window_fixture()
 small = real_window_fixture(small_scene=True, resolution=(48, 32))
 
 SET_MATERIAL = """
-from app.files.library import Library
+from app.files.materials import Library
 from app.document.commands.layers import SetMaterial
 library = Library()
 library.read_all()

@@ -17,7 +17,7 @@ from app.messages.worker_messages import SetCamera
 from app.project.project import open_project
 from app.system.memory import memory_bytes
 from app.worker.cache import ArrayCache
-from app.worker.in_process import InProcessClient
+from app.worker.schedule import InProcessClient
 from app.worker.tasks import RequestDispatcher
 from tests.ui.small_scene import linear_picture, opened_window, wait_until_exact, write_small_scene
 from tests.ui.stand_in import StandInClient

@@ -13,7 +13,7 @@ from app.document.commands.maps import SetMap
 from app.project.project import open_project
 from app.stills.stills import render_picture
 from app.worker.cache import ArrayCache
-from app.worker.in_process import InProcessClient
+from app.worker.schedule import InProcessClient
 from app.worker.tasks import RequestDispatcher
 from engine.precompute.indirect.sampling_settings import BounceSeries
 from tests.ui.small_scene import linear_picture, opened_window, wait_until_exact

@@ -15,7 +15,7 @@ import numpy as np
 from PIL import Image
 
 from app.document.linked_layers import Layers
-from app.files.library import Library, LibraryEntry
+from app.files.materials import Library, LibraryEntry
 from ui.gl.brdf_stack import BrdfStack
 from ui.gl.context import GraphicsError, create_headless_context
 from ui.gl.lit_sphere import LitSphere, sphere_picture

@@ -14,7 +14,7 @@ from typing import Any
 from app.document.commands import EditCommand
 from app.document.view_state import OpenPanel, SetView, Viewpoint
 from app.files.journal import Recovery
-from app.files.material_file import Material
+from app.files.materials import Material
 from ui.panels.window_state import Grip
 
 

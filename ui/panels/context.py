@@ -19,9 +19,8 @@ from app.document.view_state import Bookmark, ViewState
 from app.editor.camera_history import NO_CAMERA
 from app.editor.performance_record import PerformanceRecord
 from app.files.journal import Recovery
-from app.files.library import LibraryEntry
-from app.files.preferences import Preferences
-from app.files.recent import Recent
+from app.files.materials import LibraryEntry
+from app.files.preferences import Preferences, Recent
 from app.messages.editor_status import Status
 from app.modes.mode import Mode
 from engine.scene.description import Camera

@@ -8,7 +8,7 @@ from dataclasses import replace
 from imgui_bundle import ImVec2, ImVec4, imgui
 
 from app.document.commands.layers import SetMaterial
-from app.files.library import LibraryEntry, categories
+from app.files.materials import LibraryEntry, categories
 from engine.material.layer import Layer
 from ui import theme as look
 from ui.panels import widgets

@@ -13,7 +13,7 @@ from app.document.commands.layers import SetFresnelTerm, SetModel, SetParameter
 from app.document.commands.light import EMISSION, STRENGTH, SetEmission, emission_of
 from app.document.document import RGB, ObjectState, Selection
 from app.document.linked_layers import linked_indices
-from app.files.measured_import import describe_measurement
+from app.files.materials import describe_measurement
 from app.system.lazy_import import import_named
 from engine.material import MODELS, Layer, Parameter
 from engine.material.bumps import BUMP_STRENGTH

@@ -7,7 +7,7 @@ from imgui_bundle import ImVec2, ImVec4, imgui
 from app.document.commands.layers import AddLayers, RemoveLayer, SetEditable, SetFrozen, SetVisible, new_layer
 from app.document.document import ObjectState, layer_key
 from app.document.selection import is_layer_visible, solo_layer, toggle_solo
-from app.files.pasting import copy_layer, copy_material
+from app.files.materials import copy_layer, copy_material
 from engine.material import MODELS
 from engine.material.layer import Layer
 from ui import theme as look

@@ -12,7 +12,7 @@ from imgui_bundle import imgui
 
 from app.document.document import all_factors
 from app.document.view_state import SetView, Tool
-from app.files.pasting import copy_curve, copy_material
+from app.files.materials import copy_curve, copy_material
 from app.operators.edits import selected_curve
 from app.operators.registry import OPERATORS
 from engine.scene.builtin import DEFAULT_SCENE

@@ -65,15 +65,7 @@ class OrbitDrawing:
 
     def desired_inputs(self, document: Document, view: ViewState) -> tuple[object, ...]:
         """All that the desired state is made of."""
-        return (
-            document,
-            view.solo,
-            view.settings.n_bounces,
-            view.settings.n_points,
-            view.settings.n_coefficients,
-            view.settings.n_rays,
-            view.settings.n_lobes,
-        )
+        return document, view.solo, view.settings
 
     def desired_state(self, document: Document, view: ViewState) -> DesiredOrbit:
         """The desired state: what pictures are to be drawn of."""

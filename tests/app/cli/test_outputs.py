@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from app.editor.editor import Editor
-from app.worker.in_process import InProcessClient
+from app.worker.schedule import InProcessClient
 from app.worker.tasks import RequestDispatcher
 from engine.scene.scene_loader import load_scene
 from tests.app.cli.command_line import SCENE, run

@@ -13,17 +13,15 @@ import pytest
 from PIL import Image
 
 from app.cli import planning as cli_planning
-from app.cli.output import memory_note
-from app.cli.plan_check import carry_out
-from app.cli.planning import plan_project
-from app.cli.precompute import precompute
+from app.cli.planning import memory_note, plan_project
+from app.cli.precompute import carry_out, precompute
 from app.document.view_state import SetView, ViewState
 from app.editor.editor import Editor
 from app.files.session import save_session
 from app.messages.worker_messages import Progress
 from app.project.project import ProjectSpec, open_project
 from app.stills import stills
-from app.worker.in_process import InProcessClient
+from app.worker.schedule import InProcessClient
 from app.worker.tasks import RequestDispatcher
 from engine.core.errors import InsituError
 from engine.planner import Cost, Plan

@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 from app.__main__ import Desktop
 from app.cli import console, program
 from app.cli.console import COMMANDS, run_guarded
-from app.cli.output import progress
+from app.cli.options import progress
 from engine.core.errors import InsituError
 from tests.app.cli.command_line import Recorder, run
 

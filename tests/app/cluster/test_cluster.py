@@ -25,8 +25,7 @@ pytest.importorskip("distributed", reason="dask.distributed is not installed: pi
 
 from app.cli.precompute import precompute
 from app.cluster import dask as cluster_module
-from app.cluster.cluster_executor import ClusterExecutor
-from app.cluster.cluster_jobs import FrameJob, draw_frame
+from app.cluster.cluster_jobs import ClusterExecutor, FrameJob, draw_frame
 from app.cluster.cluster_project import ClusterProject, open_on_cluster
 from app.cluster.dask import Cluster
 from app.project.project import ProjectSpec

@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from app.cluster import scene_bundle as parcels
-from app.cluster.file_cache import FileCache
-from app.cluster.scene_bundle import bundle_files, digest_of, pieces_of
+from app.cluster.scene_bundle import FileCache, bundle_files, digest_of, pieces_of
 from app.project.project import open_project
 from engine.core.errors import LoadError
 from engine.core.safe_files import exists, portable_name, read_regular_file, record_files, redirect_files

@@ -13,9 +13,8 @@ from app.editor.editor import Editor
 from app.editor.view_controller import REST_SECONDS
 from app.files.session import load_session, save_session
 from app.messages.worker_messages import OpenScene, SetCamera, ViewTraced
-from app.project.project import open_project
-from app.project.set_path import set_path
-from app.worker.in_process import InProcessClient
+from app.project.project import open_project, set_path
+from app.worker.schedule import InProcessClient
 from app.worker.tasks import RequestDispatcher
 from app.worker.worker_context import WorkerContext
 from engine.core.errors import InsituError

@@ -23,7 +23,7 @@ from app.document.commands.layers import SetEditable, SetFrozen, SetModel, SetPa
 from app.document.commands.light import SetEnvironment, SetIntensity, SetMapping, SetRotation
 from app.document.commands.plan import SetFirstBands
 from app.document.document import Document
-from app.project.set_path import set_path
+from app.project.project import set_path
 from engine.core.errors import InsituError, LoadError
 from engine.curve.operators import Operator, TabulatedCurve, diagonal
 

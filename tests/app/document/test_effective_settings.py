@@ -26,6 +26,11 @@ def test_what_a_line_stands_over_is_set_by_that_line() -> None:
     assert override_lines_of(SetView.of(n_edge_rays=0), edges) == (OverrideLine("edges", 0),)  # off, not as planned
 
 
+def test_as_many_as_required_takes_a_line_back() -> None:
+    edges = replace(DOCUMENT, overrides=(("edges", 8),))
+    assert override_lines_of(SetView.of(n_edge_rays=None), edges) == (OverrideLine("edges", None),)
+
+
 def test_after_it_the_picture_goes_by_what_was_set() -> None:
     document, view = replace(DOCUMENT, overrides=(("lights", 1000), ("rays", 512))), ViewState()
     assert effective_view(view, document).settings.n_hemisphere_rays == 512

@@ -15,7 +15,7 @@ from app.document.document import Document, document_from_description
 from app.document.named_files import image_name, scene_folder, with_full_names
 from app.document.view_state import ViewState
 from app.files.session import fit_session, load_session, save_session
-from app.project.set_path import set_path
+from app.project.project import set_path
 from engine.core.errors import InsituError
 from engine.material.layer_maps import LayerMaps
 from engine.scene.description import SceneDescription

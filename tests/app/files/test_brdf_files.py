@@ -11,7 +11,7 @@ from app.__main__ import Desktop
 from app.cli.console import run_guarded
 from app.cli.program import run
 from app.document.named_files import measurement_in
-from app.files.material_file import load_material
+from app.files.materials import load_material
 from engine.core.generators import run_to_end
 from engine.material import MODELS, make_layer
 from engine.measured.measurement import above_horizon, evaluate_table, grid_directions

@@ -19,9 +19,16 @@ from app.document.commands.layers import (
 )
 from app.document.document import Document, ObjectState
 from app.document.linked_layers import with_fresnel
-from app.files.library import Library, categories
-from app.files.material_file import Material, dump_material, load_material, parse_material, save_material
-from app.project.set_path import set_path
+from app.files.materials import (
+    Library,
+    Material,
+    categories,
+    dump_material,
+    load_material,
+    parse_material,
+    save_material,
+)
+from app.project.project import set_path
 from engine.core.errors import InsituError, LoadError
 from engine.curve.operators import Operator, TabulatedCurve
 from engine.material import MODELS, make_layer

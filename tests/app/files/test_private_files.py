@@ -10,7 +10,7 @@ import pytest
 from app.cli.console import run_guarded
 from app.document.view_state import ViewState
 from app.files.journal import Journal
-from app.files.library import Library
+from app.files.materials import Library
 from app.system.barrier import Barrier
 from app.system.paths import journal_directory, layout_file, material_directory, state_problem
 from app.worker.cache import ArrayCache

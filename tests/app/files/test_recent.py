@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from app.files.recent import MOST, RecentFiles
+from app.files.preferences import MOST, RecentFiles
 
 
 def names(recent: RecentFiles) -> list[str]:

@@ -19,12 +19,12 @@ from app.document.commands.layers import SetFrozen, SetParameter, SetVisible
 from app.document.commands.light import SetEnvironment
 from app.document.commands.plan import SetFirstBands
 from app.document.document import Document, Selection, document_from_description
-from app.document.view_state import Bookmark, Viewpoint, ViewState
+from app.document.view_state import Bookmark, SetView, Viewpoint, ViewState
 from app.files.session import fit_session, load_session, save_session
 from engine.core.errors import InsituError, LoadError
 from engine.curve.operators import Operator, diagonal
 from engine.scene.description import Camera, parse_description
-from engine.settings import RenderSettings
+from engine.settings import AS_PLANNED, RenderSettings
 from tests.app.fake_worker import SCENE
 from tests.app.limits import largest_file
 
@@ -330,3 +330,8 @@ def test_killed_while_saving_leaves_the_old_or_the_new_file(tmp_path: Path, n_ki
         [sys.executable, "-c", KILL_LOOP, str(path), str(n_kills)], capture_output=True, text=True, timeout=300
     )
     assert done.returncode == 0, done.stderr
+
+
+def test_bounces_as_planned_stay_so(tmp_path: Path, document: Document) -> None:
+    view = SetView.of(n_bounces=AS_PLANNED).apply(ViewState())
+    assert load_session(save_session(tmp_path / "s", document, view)).view.settings.n_bounces == AS_PLANNED

@@ -13,7 +13,7 @@ import pytest
 from app.document.document import Document, LightState, ObjectState
 from app.document.view_state import ViewState
 from app.export.mitsuba import export_scene
-from app.files.material_file import Material, save_material
+from app.files.materials import Material, save_material
 from app.files.session import save_session
 from app.project.project import open_project
 from app.stills.stills import check_output, write_picture

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import insitu
-from app.interface import placement
+from app.interface import pictures as placement
 from engine.core.generators import run_to_end
 from engine.precompute.indirect import reflection
 from engine.render.still_indirect import reflected_light

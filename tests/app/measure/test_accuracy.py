@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from app.measure.accuracy import errors, oracle, random_rows, reflected
-from app.measure.precomputed import precompute
-from app.measure.subject import at_most, open_subject
+from app.measure.subject import at_most, errors, open_subject, oracle, precompute, random_rows, reflected
 from engine.precompute.direct.pipeline import FINAL
 
 

@@ -16,14 +16,12 @@ import pytest
 
 from app.__main__ import Desktop
 from app.cli.program import run
-from app.measure.frame_coefficients import frame_coefficients
-from app.measure.markdown import table
+from app.measure.report import REPORT, report_text, table, write_report
 from app.measure.settings import Outcome, Setting, SettingRow, measure_values, pareto_front, write_settings
 from app.measure.settings_deform import DeformValues
 from app.measure.settings_orbit import OrbitValues
-from app.measure.settings_placement import QUICK, SIMPLE_SERIES, PlacementValues, placement_settings
-from app.measure.settings_report import REPORT, report_text, write_report
-from app.measure.settings_study import StudyEffort, measure_settings
+from app.measure.settings_placement import QUICK, SIMPLE_SERIES, PlacementValues, frame_coefficients, placement_settings
+from app.measure.study import StudyEffort, measure_settings
 from app.measure.subject import open_subject
 from engine.core.errors import InsituError
 from engine.precompute.indirect.sampling_settings import ROUGH
@@ -201,7 +199,7 @@ def test_a_part_that_is_elsewhere_and_one_that_is_none(name: str, said: str, tmp
 def test_the_command_line_measures_one_mode(
     tiny_scene: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("app.measure.settings_study.QUICK", TINY)
+    monkeypatch.setattr("app.measure.study.QUICK", TINY)
     words = ["measure", tiny_scene, "-o", str(tmp_path / "out"), "--quick", "--only", "deform"]
     assert run(words, Desktop()) == 0
     assert "deform: rays a point" in capsys.readouterr().out
@@ -210,7 +208,7 @@ def test_the_command_line_measures_one_mode(
 
 def test_a_command_line_may_name_parts_as_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     found: list[list[str]] = []
-    monkeypatch.setattr("app.measure.settings_study.measure_settings", lambda *given: found.append(given[-1]))
+    monkeypatch.setattr("app.measure.study.measure_settings", lambda *given: found.append(given[-1]))
     for names in (["knobs"], ["settings"], ["orbit", "deform"]):
         words = [word for name in names for word in ("--only", name)]
         assert run(["measure", "teatray", "-o", str(tmp_path), *words], Desktop()) == 0

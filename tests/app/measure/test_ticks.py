@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib import pyplot as plt
 
-from app.measure.ticks import MOST, log_name, log_places, read_well
+from app.measure.report import MOST_TICKS, log_name, log_places, read_well
 
 
 @pytest.mark.parametrize(
@@ -31,7 +31,7 @@ def test_axes_have_the_ticks_that_one_would_choose(low: float, high: float, name
 def test_ticks_are_few_and_told_apart(low: float, ratio: float) -> None:
     places = log_places(low, low * ratio)
     names = [log_name(place) for place in places]
-    assert 2 <= len(places) <= max(MOST, 7) and len(set(names)) == len(names)
+    assert 2 <= len(places) <= max(MOST_TICKS, 7) and len(set(names)) == len(names)
     assert all(low <= place <= low * ratio and "e" not in name for place, name in zip(places, names, strict=True))
     assert [float(name) for name in names] == pytest.approx(places, rel=1e-5)
 

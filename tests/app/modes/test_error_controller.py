@@ -20,8 +20,8 @@ from app.project.project import ProjectSpec
 from app.stills.stills import render_project
 from app.worker import indirect_tasks
 from app.worker.cache import ArrayCache
-from app.worker.in_process import InProcessClient
 from app.worker.indirect_tasks import IndirectTasks
+from app.worker.schedule import InProcessClient
 from app.worker.tasks import RequestDispatcher
 from engine.curve.operators import Operator
 from engine.precompute.indirect.sampling_settings import ROUGH, BounceSeries

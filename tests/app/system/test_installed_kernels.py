@@ -7,9 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from app.system import installed_kernels
-from app.system.installed_kernels import keep_installed, take_installed
-from app.system.kernel_cache import NUMBA_VARIABLE, kernel_folders, use_kernel_cache
+from app.system import kernel_cache as installed_kernels
+from app.system.kernel_cache import NUMBA_VARIABLE, keep_installed, kernel_folders, take_installed, use_kernel_cache
 from app.worker import kernels
 from app.worker.kernels import LATER, PARTS, Kernels
 

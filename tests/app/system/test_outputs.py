@@ -8,8 +8,15 @@ from pathlib import Path
 
 import pytest
 
-from app.system.atomic import replacing_folder, require_folder, require_place, save_file
-from app.system.inputs import add_inputs, require_no_input, set_inputs
+from app.system.atomic import (
+    add_inputs,
+    replacing_folder,
+    require_folder,
+    require_no_input,
+    require_place,
+    save_file,
+    set_inputs,
+)
 from engine.core.errors import InsituError
 
 

@@ -10,7 +10,7 @@ from app.document.commands.layers import SetParameter
 from app.document.view_state import SetView
 from app.editor.editor import Editor
 from app.worker.cache import ArrayCache
-from app.worker.in_process import InProcessClient
+from app.worker.schedule import InProcessClient
 from app.worker.tasks import RequestDispatcher
 from tests.app.limits import small_disk
 from tests.ui.small_scene import write_small_scene

@@ -50,7 +50,7 @@ transform = [1,0,0,-1.2, 0,0,-1,2.4, 0,1,0,0, 0,0,0,1]
 emission = [6, 5, 4]
 """
 PREVIEW_LIGHTS, FINAL_LIGHTS = 80, 480
-DECIDED = {field.name for field in fields(RenderSettings)}
+DECIDED = {field.name for field in fields(RenderSettings)} - {"precision"}  # which a request has itself
 BANDS = {"lambert": (8,), "rough_conductor": (16, 4)}
 GLOSS = "ball.1"
 TWICE = Operator("amplify", "y", 0.0, 0.0, np.pi / 2, np.pi / 2, magnitude=2.0)

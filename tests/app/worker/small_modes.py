@@ -17,8 +17,8 @@ from app.modes.placement.placement_messages import LayerPicture, StageDone
 from app.modes.registry import DEFORM, ORBIT, PLACEMENT
 from app.worker.cache import ArrayCache
 from app.worker.deform_worker import DeformWorker
-from app.worker.in_process import InProcessClient
 from app.worker.orbit_worker import OrbitWorker
+from app.worker.schedule import InProcessClient
 from app.worker.tasks import RequestDispatcher
 from engine.realtime.zonal_harmonics.pose import Deformation
 from engine.scene.scene_loader import load_scene

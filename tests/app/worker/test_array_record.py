@@ -8,7 +8,7 @@ import zlib
 import numpy as np
 import pytest
 
-from app.worker.array_record import RecordError, read_record, record_size, write_record
+from app.worker.array_files import RecordError, read_record, record_size, write_record
 
 ARRAYS = {
     "float": np.arange(3000, dtype=np.float64).reshape(30, 100),

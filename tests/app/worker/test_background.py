@@ -14,7 +14,7 @@ import pytest
 from app.messages.worker_messages import Request, Response, SetCamera
 from app.modes.orbit.orbit_messages import EstimateOrbit
 from app.modes.placement.placement_messages import EstimateError, PrepareRelighting
-from app.worker.background import LAST, LITTLE, NICENESS, Background
+from app.worker.process import LAST, LITTLE, NICENESS, Background
 from app.worker.schedule import Schedule
 from app.worker.worker import Worker
 from engine.core.threads import on_threads, pool
@@ -41,7 +41,7 @@ def everywhere() -> set[int]:
 @pytest.mark.parametrize("last", [False, True])
 def test_a_worker_stands_a_little_behind_the_window(last: bool) -> None:
     say = (
-        "import os; from app.worker.background import yield_to_window; "
+        "import os; from app.worker.process import yield_to_window; "
         f"yield_to_window({last}); print(os.getpriority(0, 0))"
     )
     told = subprocess.run([sys.executable, "-c", say], cwd=ROOT, check=True, capture_output=True)

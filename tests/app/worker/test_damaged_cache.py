@@ -22,7 +22,7 @@ from app.modes.placement.placement_messages import (
 )
 from app.worker import indirect_tasks as indirect_module
 from app.worker.cache import ArrayCache
-from app.worker.in_process import InProcessClient
+from app.worker.schedule import InProcessClient
 from app.worker.tasks import RequestDispatcher
 from engine.precompute.indirect.sampling_settings import ROUGH
 from engine.scene.scene_loader import load_scene

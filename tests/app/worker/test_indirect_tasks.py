@@ -14,7 +14,7 @@ from app.document.document import document_from_description
 from app.messages.worker_messages import Response
 from app.modes.placement.curves import Curves
 from app.modes.placement.placement_messages import FreezeIndirect, IndirectFound, IndirectFrozen
-from app.project.sky import sky_of
+from app.project.project import sky_of
 from app.worker import indirect_tasks as indirect_module
 from app.worker.cache import ArrayCache
 from app.worker.indirect_tasks import IndirectTasks
@@ -107,7 +107,8 @@ def test_other_scenes_and_lights_are_found_anew(
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-from app.worker import indirect_tasks, tiles
+from app.worker import indirect_tasks
+from app.worker import array_files as tiles
 from app.worker.cache import ArrayCache
 from engine.precompute.indirect import attempt
 from engine.scene.scene_loader import load_scene

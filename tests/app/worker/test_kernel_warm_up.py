@@ -54,7 +54,7 @@ from numba.core.dispatcher import Dispatcher
 
 from app.modes.deform.deform_messages import DrawDeform, PrepareDeform
 from app.worker.cache import ArrayCache
-from app.worker.in_process import InProcessClient
+from app.worker.schedule import InProcessClient
 from app.worker.kernel_warm_up import warm_up_deform
 from app.messages.worker_messages import RequestFailed
 from engine.realtime.zonal_harmonics.gpu_parts import NO_PARTS

@@ -26,8 +26,8 @@ from app.modes.placement.placement_messages import (
 from app.system.kernel_cache import kernel_folders
 from app.worker import kernels
 from app.worker.cache import ArrayCache
-from app.worker.in_process import InProcessClient
 from app.worker.kernels import PARTS, Kernels
+from app.worker.schedule import InProcessClient
 from engine.material.layer_maps import Images
 from engine.material.strokes import Stroke, Strokes, pack_dabs
 from tests.app.worker.ball_and_lamp import compute, opened

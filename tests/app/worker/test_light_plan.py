@@ -12,10 +12,10 @@ from app.document.document import LightState
 from app.document.scene_state import SceneState
 from app.messages.worker_messages import Response
 from app.modes.placement.placement_messages import ComputeTransport, LayerPicture, LightPlanned
-from app.worker import light_plan
+from app.worker import planning as light_plan
 from app.worker.cache import ArrayCache
-from app.worker.executor import LocalExecutor
 from app.worker.tasks import RequestDispatcher
+from app.worker.worker_context import LocalExecutor
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.precompute.direct.pipeline import Placement, Quality, SkyState

@@ -31,7 +31,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 from app.worker.cache import ArrayCache
-from app.worker.in_process import InProcessClient
+from app.worker.schedule import InProcessClient
 from app.worker.tasks import RequestDispatcher
 from app.system.system import release_memory
 from app.modes.placement.placement_messages import FreezeIndirect

@@ -14,7 +14,7 @@ from app.messages.worker_messages import (
     ViewTraced,
 )
 from app.modes.placement.placement_messages import ContractTransport
-from app.worker.pending_requests import PendingRequests
+from app.worker.client import PendingRequests
 from engine.measured.measurement import NO_MEASUREMENT
 from tests.app.worker.faulty_tasks import compute
 

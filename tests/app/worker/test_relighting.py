@@ -8,7 +8,7 @@ import pytest
 
 from app.document.document import LightState
 from app.document.scene_state import LayerState, SceneState
-from app.measure.accuracy import errors
+from app.measure.subject import errors
 from app.messages.worker_messages import Response
 from app.modes.placement.placement_messages import (
     ComputeTransport,

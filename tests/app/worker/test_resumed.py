@@ -14,8 +14,8 @@ from app.modes.placement.placement_messages import (
     LayerPicture,
     StageDone,
 )
-from app.worker import executor
-from app.worker.array_record import read_record, write_record
+from app.worker import worker_context as executor
+from app.worker.array_files import read_record, write_record
 from app.worker.cache import ArrayCache
 from app.worker.client import Client
 from tests.app.worker.ball_and_lamp import (

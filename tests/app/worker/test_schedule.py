@@ -20,8 +20,7 @@ from app.messages.worker_messages import (
 )
 from app.modes.orbit.orbit_messages import DrawHeadlight, DrawOrbit
 from app.modes.placement.placement_messages import ContractTransport, LayerPicture, LayerTransport, StageDone
-from app.worker.in_process import InProcessClient
-from app.worker.schedule import Schedule
+from app.worker.schedule import InProcessClient, Schedule
 from engine.scene.description import Camera
 from tests.app.worker.faulty_tasks import FaultyTasks, compute
 from tests.opened import run_in_process

@@ -10,9 +10,10 @@ import pytest
 
 from app.messages.worker_messages import RequestFailed, SetCamera, ViewTraced
 from app.modes.placement.placement_messages import IndirectFound, LayerPicture, StageDone
-from app.worker import executor, indirect_tasks
+from app.worker import indirect_tasks
+from app.worker import worker_context as executor
 from app.worker.cache import ArrayCache
-from app.worker.in_process import InProcessClient
+from app.worker.schedule import InProcessClient
 from app.worker.tasks import RequestDispatcher
 from engine.precompute.direct.pipeline import Placement
 from engine.scene.description import Camera

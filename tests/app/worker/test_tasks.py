@@ -23,10 +23,10 @@ from app.modes.placement.placement_messages import (
 )
 from app.worker import placement_worker as placement_module
 from app.worker.cache import ArrayCache
-from app.worker.in_process import InProcessClient
 from app.worker.kernels import Kernels
-from app.worker.placement_worker import _stages
+from app.worker.schedule import InProcessClient
 from app.worker.tasks import RequestDispatcher
+from app.worker.transport_stages import stages_of
 from engine.curve import wavelet
 from engine.light.environment import load_environment
 from engine.material import MODELS
@@ -165,7 +165,7 @@ def test_a_light_on_the_move_gets_one_quick_stage(source: str, store: ArrayCache
 
 def test_emitters_are_cut_at_last_as_asked() -> None:
     for n_patches in (20, 3000):
-        stages = _stages(compute(n_patches=n_patches))
+        stages = stages_of(compute(n_patches=n_patches))
         assert [quality.n_patches for quality, _ in stages] == [COARSE.n_patches, PREVIEW.n_patches, n_patches]
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.worker.array_record import write_record
+from app.worker.array_files import write_record
 from app.worker.cache import ArrayCache
 from engine.core.stored_arrays import UnsoundArrays
 from tests.app.limits import largest_file
@@ -123,7 +123,7 @@ WRITER = """
 import sys
 from pathlib import Path
 import numpy as np
-from app.worker.array_record import write_record
+from app.worker.array_files import write_record
 from app.worker.cache import ArrayCache
 from engine.core.stored_arrays import UnsoundArrays
 tiles = ArrayCache(Path(sys.argv[1])).open_tiles("k", 8)

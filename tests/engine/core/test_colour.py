@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates
 
-from app.files.material_file import load_material
+from app.files.materials import load_material
 from engine.core.colour import (
     TABLE_SIDE,
     TABLE_STOPS,

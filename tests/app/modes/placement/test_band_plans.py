@@ -9,7 +9,7 @@ from app.document.commands.layers import AddLayers, SetMaterial, SetModel, SetPa
 from app.document.document import Document
 from app.document.view_state import SetView
 from app.editor.editor import Editor
-from app.files.library import Library
+from app.files.materials import Library
 from app.messages.worker_messages import RequestFailed
 from app.modes.placement.placement_messages import BandsPlanned, ComputeTransport, PlanBands
 from app.modes.placement.placement_status import RenderReport

@@ -16,7 +16,7 @@ from app.system.kernel_cache import use_kernel_cache
 
 use_kernel_cache()
 from app.worker.cache import ArrayCache
-from app.worker.in_process import InProcessClient
+from app.worker.schedule import InProcessClient
 from tests.opened import ask_for_scene
 from app.modes.placement.placement_messages import StageDone
 from app.worker.tasks import RequestDispatcher

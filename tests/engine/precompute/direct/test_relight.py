@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.measure.accuracy import errors
+from app.measure.subject import errors
 from engine.core.frames import local_frames
 from engine.core.generators import run_to_end
 from engine.light.environment import Environment, constant_environment

@@ -1,5 +1,5 @@
-"""The worker's part of measured BRDFs: files read into tables, once, and cached on disk; and materials written as such
-files."""
+"""The worker's part of files: measured BRDFs read into tables, once, and cached on disk; materials written as such
+files, and scenes for other programs."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from collections.abc import Generator, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from app.document.named_files import measured_files, with_measurements
+from app.document.document import Document
+from app.document.named_files import files_of_document, layers_of_document, measured_files, with_measurements
 from app.files.brdf_files import export_steps
 from app.messages.worker_messages import (
     FetchTable,
@@ -19,6 +20,8 @@ from app.messages.worker_messages import (
     TableFetched,
     WriteFiles,
 )
+from app.project.project import Project
+from app.system.atomic import set_inputs
 from engine.core.errors import InsituError
 from engine.core.generators import map_steps
 from engine.core.safe_files import resolve_inside
@@ -27,6 +30,7 @@ from engine.measured.measurement import Measurement
 from engine.measured.tables import ArrayStore, is_table_loaded, read_measurement, table_of
 from engine.planner import band_counts
 from engine.render.tabulate import untabulated_features
+from engine.scene.scene_loader import Scene
 
 STAGE = "measured BRDF"
 
@@ -89,3 +93,16 @@ def write_file(request: WriteFiles, store: ArrayStore | None) -> Generator[Respo
     for fraction in export_steps(request.layers, Path(request.path)):
         yield Progress(STAGE, fraction, text=f"writing {Path(request.path).name}")
     yield FilesWritten(request.path, untabulated_features(request.layers))
+
+
+def write_scene(
+    request: WriteFiles, document: Document, scene: Scene, store: ArrayStore | None
+) -> Generator[Response | None, None, None]:
+    """Write the folder for Mitsuba 3. Raises InsituError."""
+    from app.export.mitsuba import export_steps as scene_steps  # late: few sessions export
+
+    yield from ensure_tables(layers_of_document(document), store)
+    set_inputs((*scene.files, *files_of_document(document)))
+    steps = scene_steps(Project(scene, document), Path(request.path), request.n_bounces)
+    notes = yield from map_steps(steps, lambda step: Progress("export", step[0], text=f"writing {step[1]}"))
+    yield FilesWritten(request.path, tuple(notes))

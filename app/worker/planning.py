@@ -1,22 +1,25 @@
-"""The number of lights and patches that the pictures of the open view need. It is tried once, and stored as long as
-edits leave its inputs as they are, in a file too: a scene that is opened again then finds the cached transport.
+"""What the worker plans: how many bands layers need (`app.modes.placement.band_plans`), and how many lights and patches
+the pictures of the open view.
 
-Its inputs are the view, the emitters, which layers can be edited and their models; not curves and parameters, which
-change during a drag, nor the rotation of a sky: another number of lights would be another transport for all of the
-picture. So it is tried with the layers and under the sky of the scene's file, and with the initial parameters of layers
-that are not in it, whatever was edited by then: the same document has as many lights in every window.
+The latter is tried once, and stored as long as edits leave its inputs as they are, in a file too: a scene that is
+opened again then finds the cached transport. Its inputs are the view, the emitters, which layers can be edited and
+their models; not curves and parameters, which change during a drag, nor the rotation of a sky: another number of lights
+would be another transport for all of the picture. So it is tried with the layers and under the sky of the scene's file,
+and with the initial parameters of layers that are not in it, whatever was edited by then: the same document has as many
+lights in every window.
 """
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
 from dataclasses import replace
 
 import numpy as np
 
 from app.document.document import document_from_description
 from app.document.scene_state import LayerState
-from app.modes.placement.placement_messages import ComputeTransport
+from app.messages.worker_messages import Response
+from app.modes.placement.placement_messages import BandsPlanned, ComputeTransport, PlanBands
 from app.worker.cache import content_key
 from app.worker.layer_data import shape_of
 from app.worker.worker_context import WorkerContext
@@ -24,6 +27,7 @@ from engine.core.stored_arrays import ArrayReader, Arrays
 from engine.material.layer import Layer
 from engine.material.layer_maps import LayerMaps
 from engine.material.parameters import FRESNEL
+from engine.planner import band_counts
 from engine.precompute.direct.pipeline import SkyState
 from engine.render.light_pilot import LEAST, LightBudget, find_light_budget, is_worthwhile
 from engine.render.still import StillLayer
@@ -113,3 +117,12 @@ def _budget_of(arrays: Arrays) -> LightBudget:
     lights, patches = map(int, reader.take("numbers", np.int64, 2))
     off = zip(LINES, reader.take("off", np.float64, 2, 2).tolist(), strict=True)
     return LightBudget(lights, patches, tuple((line, plain, sharper) for line, (plain, sharper) in off if plain >= 0.0))
+
+
+def plan_bands(request: PlanBands) -> Iterator[Response | None]:
+    """Plan one layer a step: some 10 to 40 ms each."""
+    bands = []
+    for layer in request.layers:
+        bands.append(band_counts(layer))
+        yield None
+    yield BandsPlanned(tuple(bands))

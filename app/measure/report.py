@@ -1,21 +1,105 @@
-"""The report of the settings: a page of tables in Markdown and a plot a mode."""
+"""The report of the settings: a page of tables in Markdown and a plot a mode, drawn as PNG without a display.
+
+Ticks of a logarithmic axis are made to be read: a few, told apart from each other, and without exponents.
+"""
 
 from __future__ import annotations
 
+import io
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import matplotlib
+import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.figure import Figure
+from matplotlib.ticker import Formatter, Locator, MaxNLocator, NullLocator
 
-from app.measure.markdown import table
-from app.measure.plots import FRONT as FRONT_COLOUR
-from app.measure.plots import INK, save_figure
 from app.measure.settings import CSV, FRONT, SettingRow, rows_by_setting
-from app.measure.ticks import read_well
 from app.system.atomic import save_file
+
+matplotlib.use("Agg")
+DPI = 150
+INK, FRONT_COLOUR = "#333333", "#c0392b"
+
+
+def save_figure(file: Path, figure: Figure) -> None:
+    """As PNG, whole or not at all; the figure is closed."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, dpi=DPI)
+    plt.close(figure)
+    save_file(file, buffer.getvalue())
+
+
+def table(head: Sequence[str], lines: Sequence[Sequence[object]]) -> str:
+    """A table under a line of names, the first column to the left and all others to the right."""
+    marks = ["---", *["---:"] * (len(head) - 1)]
+    return "".join(_line(cells) for cells in (head, marks, *lines))
+
+
+def _line(cells: Sequence[object]) -> str:
+    escaped = (str(cell).replace("|", "\\|") for cell in cells)
+    return f"| {' | '.join(escaped)} |\n"
+
+
+MOST_TICKS = 6
+# Of a decade, from coarse to fine.
+_PARTS = ((1.0,), (1.0, 3.0), (1.0, 2.0, 5.0), (1.0, 1.5, 2.0, 3.0, 5.0, 7.0))
+_MOST_DIGITS = 8
+
+
+def read_well(axis: Axis) -> None:
+    """Give a logarithmic axis such ticks."""
+    axis.set_major_locator(_LogPlaces())
+    axis.set_major_formatter(_LogNames())
+    axis.set_minor_locator(NullLocator())
+
+
+def log_places(low: float, high: float) -> list[float]:
+    """A few round numbers between two above 0: parts of decades, and where these lie too close together for two,
+    numbers at equal distances."""
+    decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+    found: list[float] = []
+    for parts in _PARTS:
+        places = [10.0**k * part for k in decades for part in parts if low <= 10.0**k * part <= high]
+        if len(places) > MOST_TICKS:
+            break
+        found = places
+    if not found:
+        tens = [10.0**k for k in decades if low <= 10.0**k <= high]
+        found = tens[:: -(-len(tens) // MOST_TICKS)] if tens else []
+    if len(found) < 2:
+        found = [float(x) for x in MaxNLocator(4).tick_values(low, high) if low <= x <= high]
+    return found
+
+
+def log_name(place: float) -> str:
+    """With as many digits as it needs."""
+    for digits in range(1, _MOST_DIGITS):
+        name = np.format_float_positional(place, precision=digits, fractional=False, trim="-")
+        if math.isclose(float(name), place, rel_tol=1e-6):
+            break
+    return name
+
+
+class _LogPlaces(Locator):
+    def __call__(self) -> list[float]:
+        assert self.axis is not None
+        low, high = self.axis.get_view_interval()
+        return self.tick_values(low, high)
+
+    def tick_values(self, vmin: float, vmax: float) -> list[float]:
+        return log_places(*sorted((vmin, vmax)))
+
+
+class _LogNames(Formatter):
+    def __call__(self, x: float, pos: int | None = None) -> str:
+        return log_name(x)
+
 
 REPORT = "report.md"
 TITLES = {"placement": "Placement", "orbit": "Orbit", "deform": "Deform"}
