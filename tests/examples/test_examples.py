@@ -20,6 +20,7 @@ from examples import (
     measured_brdf,
     turntable,
 )
+from tests.few_points import use_few_points
 from tests.scene_text import ground, placed
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -45,7 +46,8 @@ def test_material_sweep(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_turntable(tmp_path: Path) -> None:
+def test_turntable(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    use_few_points(monkeypatch)
     scene = tmp_path / "card.toml"
     scene.write_text(ground(TINY) + placed("card", "quad", more='layer = [{ model = "lambert", albedo = 0.2 }]\n'))
     frames = turntable.main(tmp_path, TINY, 3, str(scene))

@@ -9,6 +9,7 @@ import trimesh
 from app.project.project import open_project
 from app.stills.stills import render_project
 from engine.precompute.indirect.sampling_settings import BounceSeries
+from tests.few_points import use_few_points
 
 GLOW, ALBEDO, SKY = np.array([0.3, 0.1, 0.0]), np.array([0.5, 0.5, 0.8]), 0.7
 BALL = f"""
@@ -48,8 +49,9 @@ QUICK = {"orbit": {"n_points": 0}, "deform": {"n_rays": 256}}
     ("mode", "reference"), [("placement", False), ("placement", True), ("orbit", False), ("deform", False)]
 )
 def test_a_glowing_ball_under_an_even_sky_shows_its_glow_and_what_it_reflects(
-    tmp_path: Path, mode: str, reference: bool
+    tmp_path: Path, mode: str, reference: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    use_few_points(monkeypatch)
     # It is convex and sees nothing but the sky: L = Le + albedo · sky, everywhere.
     trimesh.creation.icosphere(subdivisions=3).export(tmp_path / "ball.ply")
     (tmp_path / "scene.toml").write_text(BALL)

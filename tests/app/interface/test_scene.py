@@ -15,6 +15,7 @@ from app.interface import pictures as placement
 from engine.core.generators import run_to_end
 from engine.precompute.indirect import reflection
 from engine.render.still_indirect import reflected_light
+from tests.few_points import use_few_points
 from tests.scene_text import camera, placed
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -26,6 +27,11 @@ SCENE = (
     + placed("ball", "sphere", "0.4,0,0,0, 0,0.4,0,0.4, 0,0,0.4,0, 0,0,0,1", f"layer = [{BALL}]\n")
     + placed("lamp", "quad", "0.4,0,0,0, 0,0,-0.4,2, 0,0.4,0,0, 0,0,0,1", "emission = [9.0, 8.0, 6.0]\n")
 )
+
+
+@pytest.fixture(autouse=True)
+def few_points(monkeypatch: pytest.MonkeyPatch) -> None:
+    use_few_points(monkeypatch)
 
 
 @pytest.fixture
