@@ -41,6 +41,7 @@ from engine.render.error_estimate import interior_points
 from engine.scene.rig import Animation
 from engine.scene.surface_kinds import DeformSurface
 from tests.app.modes.orbit.test_orbit_controller import Table
+from tests.few_points import use_few_points
 from tests.pictures import write_exr
 from tests.scene_text import camera, placed
 
@@ -372,7 +373,8 @@ def test_a_still_of_a_pose_has_the_shadows_between_objects_and_tells_what_it_is_
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Without its shadow the floor beneath the box was 1.6 times too bright, and nobody told."""
-    monkeypatch.setattr(stills, "DEFORM_RAYS", 200)
+    use_few_points(monkeypatch)
+    monkeypatch.setattr(stills, "REFERENCE_LEVEL", stills.REFERENCE_LEVEL - 1)  # the sky has 16 rows
     project = open_project(str(standing(tmp_path)), values=[("box.taper", 0.6)])
     series = BounceSeries(1)
     still = render_project(project, lambda _: None, series=series, mode="deform", estimates_error=True)
@@ -391,7 +393,7 @@ def test_a_still_of_a_pose_has_the_shadows_between_objects_and_tells_what_it_is_
 def test_a_still_of_what_deform_alone_knows_says_that_nobody_knows_how_far_it_is_off(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(stills, "DEFORM_RAYS", 16)
+    use_few_points(monkeypatch, n_rays=16)
     project = open_project(str(standing(tmp_path, "deform = { membrane = { translucency = 0.5 } }\n")), (12, 9))
     still = render_project(project, lambda _: None, series=BounceSeries(1), mode="deform", estimates_error=True)
     assert still.error is None and "does not support the surface of box" in still.warning

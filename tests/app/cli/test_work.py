@@ -34,7 +34,7 @@ def test_plan_says_what_and_why_and_what_it_costs(scene: Path, capsys: Captured)
 def test_an_overridden_line_is_what_its_option_is(
     scene: Path, tmp_path: Path, line: str, same: tuple[object, ...]
 ) -> None:
-    small = ("--resolution", 12, 9)
+    small = ("--resolution", 12, 9, *(() if "lights" in line else ("--lights", 40)))
     assert run("render", scene, "-o", tmp_path / "a.exr", *small, "--override", line) == 0
     assert run("render", scene, "-o", tmp_path / "b.exr", *small, *same) == 0
     one, other = (read_radiance_image(tmp_path / name) for name in ("a.exr", "b.exr"))
@@ -108,11 +108,11 @@ def test_precompute_fills_the_cache_that_the_editor_reads(
     scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Captured
 ) -> None:
     monkeypatch.setenv("INSITU_CACHE", str(tmp_path / "cache"))
-    assert run("precompute", scene) == 0
+    assert run("precompute", scene, "--lights", 1000) == 0
     assert "of transport" in capsys.readouterr().out
     entries = {file.name for file in (tmp_path / "cache").rglob("*.arrays")}
     assert len(entries) == 3  # visibility, the one layer's transport, and the unit it is in
-    assert run("precompute", scene) == 0
+    assert run("precompute", scene, "--lights", 1000) == 0
     # The second time nothing is added: all was found.
     assert {file.name for file in (tmp_path / "cache").rglob("*.arrays")} == entries
 
@@ -128,7 +128,7 @@ def test_precompute_on_a_full_disk_fails(
     with small_disk(tmp_path / "disk", 1 << 20) as disk:
         monkeypatch.setenv("INSITU_CACHE", str(disk / "cache"))
         (disk / "filling").write_bytes(bytes(max(os.statvfs(disk).f_bavail - free, 0) * 4096))
-        assert run("precompute", scene, "--resolution", "96", "64") == 1
+        assert run("precompute", scene, "--resolution", "96", "64", "--lights", 1000) == 1
         assert not list(disk.rglob("*.arrays")) or free
     said = capsys.readouterr()
     assert said.err.startswith("insitu: " + FULL.format(disk / "cache")) and said.err.count("\n") == 1
@@ -141,7 +141,7 @@ def test_precompute_without_a_folder_to_write_fails(
 ) -> None:
     (tmp_path / "file").write_bytes(b"mine")
     monkeypatch.setenv("INSITU_CACHE", str(tmp_path / place))
-    assert run("precompute", scene) == 1
+    assert run("precompute", scene, "--lights", 1000) == 1
     said = capsys.readouterr()
     assert f"the cache in {tmp_path / place} cannot be written (" in said.err and said.err.count("\n") == 1
     assert not said.out and (tmp_path / "file").read_bytes() == b"mine"
@@ -150,7 +150,7 @@ def test_precompute_without_a_folder_to_write_fails(
 def test_precompute_into_a_cache_that_is_too_small_fails(scene: Path, tmp_path: Path) -> None:
     def fill(name: str, bound: int) -> ArrayCache:
         store = ArrayCache(tmp_path / name, bound)
-        fill_cache(open_project(str(scene)), lambda progress: None, 4000, store)
+        fill_cache(open_project(str(scene)), lambda progress: None, 500, store)
         return store
 
     all_of_it = fill("enough", 1 << 24).size()

@@ -289,7 +289,9 @@ def test_a_worker_of_another_version_is_named_before_it_is_given_anything(
             time.sleep(0.1)
 
 
-@pytest.mark.parametrize("stage", ["submit", "n_workers", "send"])
+@pytest.mark.parametrize(
+    "stage", ["submit", *(pytest.param(each, marks=pytest.mark.sweep) for each in ("n_workers", "send"))]
+)
 def test_a_scheduler_that_dies_in_mid_run_is_reported_in_one_line(
     words: ProjectSpec, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, stage: str
 ) -> None:
