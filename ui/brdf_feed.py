@@ -27,11 +27,10 @@ from engine.material.layer import Layer
 from engine.measured.measurement import Measurement
 from ui.gl import brdf_views
 from ui.gl.brdf_stack import BrdfStack
-from ui.gl.lit_sphere import LitSphere
-from ui.gl.passes import Passes
-from ui.gl.textures import TextureMemory
-from ui.panels.brdf_board import BrdfBoard, Part
-from ui.panels.picture import Picture
+from ui.gl.brdf_views import LitSphere
+from ui.gl.gpu_memory import TextureMemory
+from ui.gl.program import Passes
+from ui.panels.pictures import BrdfBoard, Part, Picture
 from ui.surface_lobe import SurfacePoint, surface_lobe
 from ui.table_feed import TableFeed
 from ui.tone_view import ToneView

@@ -28,7 +28,7 @@ from app.system.lazy_import import import_named
 from engine.scene.description import Camera
 from ui.brush_dabs import SurfaceSpot
 from ui.gl.context import GraphicsError
-from ui.gl.textures import TextureMemory
+from ui.gl.gpu_memory import TextureMemory
 from ui.scene_view import SceneView
 from ui.still_saver import ViewportStill
 from ui.surface_lobe import SurfacePoint

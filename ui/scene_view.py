@@ -17,7 +17,7 @@ from engine.light.environment import Environment, tone_mapped_thumbnail
 from engine.scene.description import SceneDescription
 from engine.scene.picture_frame import PictureFrame
 from ui.brush_dabs import SurfaceSpot, spot_of
-from ui.gl.textures import small_texture
+from ui.gl.gpu_memory import small_texture
 from ui.surface_lobe import SurfacePoint
 
 THUMBNAIL_WIDTH = 512

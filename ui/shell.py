@@ -38,17 +38,14 @@ from ui.display_names import with_display_names
 from ui.dock_layout import Docking
 from ui.event_queue import ALTS, EventQueue
 from ui.frame_pacing import REDRAW_SECONDS, FramePacing
-from ui.gl.error_overlay import ErrorOverlay
+from ui.gl.display import ErrorOverlay
 from ui.gl.interface import InterfaceRenderer
 from ui.gl.thumbnails import Thumbnails
-from ui.panel_windows import draw_panels
-from ui.panels import escape_key, file_dialog
-from ui.panels import shortcuts as shortcuts
+from ui.panels import file_dialog, shortcuts
 from ui.panels.actions import Action, CancelDrag, SavePicture, SetPanel
-from ui.panels.brdf_board import BrdfBoard
 from ui.panels.context import Fields, Handles, PanelContext
-from ui.panels.panel_guard import close_what_is_open, depth_now, draw_guarded
-from ui.panels.picture import Picture
+from ui.panels.panel_windows import close_what_is_open, depth_now, draw_guarded, draw_panels
+from ui.panels.pictures import BrdfBoard, Picture
 from ui.panels.window_state import PanelState, StatusMessage
 from ui.picture_feed import PictureFeed
 from ui.still_saver import StillSaver
@@ -270,9 +267,9 @@ class Shell:
 
     def _pass(self, now: float) -> tuple[list[Action], FrameOutcome]:
         """Pass the next events to the panels."""
-        keys_taken, self._escape_is_imguis = escape_key.keys_are_taken(), escape_key.imgui_takes_escape()
+        keys_taken, self._escape_is_imguis = shortcuts.keys_are_taken(), shortcuts.imgui_takes_escape()
         # imgui gives a field the keyboard in the pass after that in which the dialog asks for it.
-        self.events.dispatch(escape_key.is_typing(), waits=self._focus_comes_in > 0)
+        self.events.dispatch(shortcuts.is_typing(), waits=self._focus_comes_in > 0)
         self._focus_comes_in = max(self._focus_comes_in - 1, 0)
         self._docking.make_room(self.state.front)
         if not keys_taken:  # else imgui would also move to a control of the panel that was last in use
@@ -525,7 +522,7 @@ class Shell:
         actions = draw_panels(context, barrier, self._begin_space)
         if not imgui.is_key_pressed(imgui.Key.escape, False):
             return actions + (draw_guarded(barrier, "The keyboard", shortcuts.keyboard, context) or [])
-        answered = escape_key.answer_escape(context, self._escape_is_imguis, self._is_dragging)
+        answered = shortcuts.answer_escape(context, self._escape_is_imguis, self._is_dragging)
         # The panels' actions during a drag belong to the drag, and are cancelled with it.
         return answered if CancelDrag() in answered else actions + answered
 

@@ -19,8 +19,8 @@ from app.document.named_files import measurement_in, with_measurements
 from app.editor.editor import Editor
 from engine.measured.measurement import Measurement
 from ui.gl.context import GraphicsError
+from ui.gl.gpu_memory import TextureMemory
 from ui.gl.measured_tables import MeasuredTables
-from ui.gl.textures import TextureMemory
 
 # The time that a piece of an upload may take.
 UPLOAD_SECONDS = 0.004

@@ -16,7 +16,7 @@ from PIL import Image
 from app.document.view_state import Bookmark, SetView
 from app.editor.editor import Editor
 from app.files.bookmarks import THUMBNAIL_SIZE, with_thumbnail
-from ui.gl.textures import TextureMemory
+from ui.gl.gpu_memory import TextureMemory
 from ui.still_saver import ViewportStill
 
 QUALITY = 85

@@ -175,7 +175,7 @@ class Mode:
     `ModeController`, given the editor's services; worker: its `ModeWorker`; picture: its
     `ui.picture_feed.PictureSource`; accuracy: draws its part of the Accuracy panel; tools: draws its controls for the
     selected object, above the material; strip: draws below the picture; handles: the handles that can be dragged in the
-    picture (`ui.panels.picture_handles`).
+    picture (`ui.panels.picture_overlays`).
     """
 
     name: str

@@ -16,8 +16,7 @@ from benchmarks.programs.command_line import Figures, command_line, write_found
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.realtime.zonal_harmonics.pose import Deformation
-from ui.gl.context import GraphicsError, create_headless_context, describe_context
-from ui.gl.gpu_drawing import shader_bytes
+from ui.gl.context import GraphicsError, create_headless_context, describe_context, shader_bytes
 from ui.modes.deform.gl.posed_picture import PosedPicture
 
 WARM_UP = 3

@@ -18,8 +18,7 @@ from engine.realtime.triple_product.gpu_export import PointExporter
 from engine.realtime.triple_product.orbit_engine import Orbit
 from engine.scene.camera_moves import orbit_camera
 from engine.scene.description import Camera
-from ui.gl.context import GraphicsError, create_headless_context, describe_context
-from ui.gl.gpu_drawing import shader_bytes
+from ui.gl.context import GraphicsError, create_headless_context, describe_context, shader_bytes
 from ui.modes.orbit.gl.shaded_picture import ShadedPicture
 
 COUNTS = (80, 320)  # coefficients a point

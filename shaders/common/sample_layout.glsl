@@ -1,5 +1,5 @@
 // Provides: where sample i of a compact buffer lies. Samples go in groups of 8; a texture row holds 128 groups, first
-// the first samples of all of them, then the second ones, and so on (the same numbers stand in ui/gl/sample_layout.py).
+// the first samples of all of them, then the second ones, and so on (the same numbers stand in ui/modes/placement/gl/transport.py).
 
 const int GROUPS_PER_ROW = 128;
 const int SAMPLES_PER_ROW = 1024;

@@ -26,13 +26,12 @@ from tests.naive.measured import analytic_samples, drawn_measurement
 from tests.ui.conftest import opened
 from tests.ui.stand_in import StandInClient
 from ui import brdf_feed
-from ui.gl.brdf_views import Albedo
-from ui.gl.lit_sphere import LitSphere
+from ui.gl.brdf_views import Albedo, LitSphere
 from ui.headless import HeadlessWindow
 from ui.panels.actions import ShowPanel
 from ui.panels.brdf import _places, energy_warning
-from ui.panels.brdf_board import BrdfBoard
 from ui.panels.brdf_plots import arcs_of_region, radii
+from ui.panels.pictures import BrdfBoard
 
 pytestmark = pytest.mark.gl
 

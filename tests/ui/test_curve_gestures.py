@@ -27,8 +27,7 @@ from ui.panels.curve_gestures import (
     tool_of,
     with_regions,
 )
-from ui.panels.drag_travel import Travel
-from ui.panels.window_state import CurveGrip
+from ui.panels.window_state import CurveGrip, Travel
 
 REGIONS = (0.2, 0.4, 0.6, 0.9)
 

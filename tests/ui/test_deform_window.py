@@ -22,8 +22,7 @@ from engine.realtime.zonal_harmonics.pose import Deformation
 from tests.engine.realtime.zonal_harmonics.test_animated_pose import write_bar
 from tests.engine.scene.loaders.test_gltf_rig import Bar
 from tests.ui.small_scene import is_drawn, opened_window, wait_until_exact, write_small_scene
-from ui.gl.context import GraphicsError
-from ui.gl.gpu_drawing import VARIABLE
+from ui.gl.context import MOVING_VARIABLE, GraphicsError
 from ui.headless import HeadlessWindow
 from ui.modes.deform.deform_feed import DeformFeed
 from ui.modes.deform.gl.posed_picture import PosedPicture
@@ -86,7 +85,7 @@ def test_morph_targets_play(opened: Opened, tmp_path: Path) -> None:
 @pytest.fixture
 def drawing_window(opened: Opened, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> HeadlessWindow:
     """One that draws moving pictures itself, as with a graphics card."""
-    monkeypatch.setenv(VARIABLE, "shader")
+    monkeypatch.setenv(MOVING_VARIABLE, "shader")
     return opened(write_small_scene(tmp_path))
 
 

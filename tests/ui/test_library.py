@@ -13,8 +13,8 @@ from PIL import Image
 from app.files.materials import Library, measured_layers
 from engine.material import MODELS, make_layer
 from engine.material.layer import Layer
-from ui.gl.lit_sphere import sphere_picture
-from ui.gl.textures import read_texture
+from ui.gl.brdf_views import sphere_picture
+from ui.gl.gpu_memory import read_texture
 from ui.gl.thumbnails import SIDE, Thumbnails, entry_picture
 from ui.headless import HeadlessWindow
 

@@ -1,4 +1,4 @@
-"""Images in the window: loaded by the browser or dropped, seen in the panel, edited by hand, undone."""
+"""Images in the window: loaded by the browser or dropped, seen in the panel, edited by hand, undone; bumps alike."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import pytest
 from app.document.commands.layers import SetVisible
 from app.document.commands.maps import SetMap
 from app.modes.placement.placement_messages import MapsSampled, SampleMaps
+from engine.material.bumps import NO_BUMPS, Bumps
 from engine.material.layer_maps import LayerMaps, MapMeans
 from tests.ui.stand_in import StandInClient, scene_frame
 from ui.headless import HeadlessWindow
@@ -136,3 +137,38 @@ def test_the_browser_answers_for_the_layer_it_was_asked_for(tmp_path: Path) -> N
     assert AskFile("open_texture", "tray.0").key == "tray.0"
     assert (short_label("oak.png"), short_label("cup.glb#2")) == ("oak", "cup.glb#2")
     assert image_label("maps/oak.png") == "oak.png" and image_label("cup.glb#2") == "cup.glb#2"
+
+
+def test_bumps_are_loaded_edited_and_cleared(window: HeadlessWindow, tmp_path: Path) -> None:
+    editor, actor = window.shell.editor, window.shell.actor
+    editor.select("teapot.0")
+    window.frames(3)
+
+    def bumps() -> Bumps:
+        return editor.document.object("teapot").bumps
+
+    window.click_handle("material.images.0")
+    window.click_handle("material.bump_map")
+    window.frames(2)
+    question = window.shell.state.question
+    assert question is not None and (question.purpose, question.key) == ("open_bump_map", "teapot")
+    (tmp_path / "dents.png").touch()
+    actor.perform([answer(question, tmp_path / "dents.png")], window.shell.state, 0.0)
+    assert bumps() == Bumps(bump_map=str(tmp_path / "dents.png"))
+    window.shell.state = PanelState()
+    window.frames(2)
+    window.drag_handle("material.bump_strength", (1000, 0))
+    assert bumps().bump_strength == 10.0
+    window.drag_handle("material.bump_repeats.u", (50, 0))
+    assert bumps().bump_repeats[0] > 1.0
+    window.drag_handle("material.bump_height", (50, 0))
+    assert bumps().bump_height > 0.01
+    for _ in range(3):  # a drag is one step
+        editor.undo()
+    assert bumps() == Bumps(bump_map=str(tmp_path / "dents.png"))
+    window.frames(2)
+    window.click_handle("button.clear_bumps")
+    assert not bumps().file
+    editor.undo()
+    editor.undo()
+    assert bumps() == NO_BUMPS

@@ -26,7 +26,7 @@ from app.worker.schedule import InProcessClient
 from app.worker.tasks import RequestDispatcher
 from app.worker.worker_context import WorkerContext
 from tests.ui.small_scene import linear_picture, wait_until_exact, write_small_scene
-from ui.gl.textures import small_texture
+from ui.gl.gpu_memory import small_texture
 from ui.headless import HeadlessWindow
 from ui.panels import status_bar
 from ui.picture_feed import PictureFeed, PictureSource

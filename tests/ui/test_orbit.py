@@ -19,9 +19,8 @@ from app.worker.schedule import InProcessClient
 from app.worker.tasks import RequestDispatcher
 from engine.scene.description import Camera
 from tests.ui.small_scene import CountingClient, is_drawn, opened_window, wait_until_exact, write_small_scene
-from ui.gl.context import GraphicsError
-from ui.gl.gpu_drawing import VARIABLE
-from ui.gl.textures import read_texture
+from ui.gl.context import MOVING_VARIABLE, GraphicsError
+from ui.gl.gpu_memory import read_texture
 from ui.headless import HeadlessWindow
 from ui.modes.orbit import orbit_feed
 from ui.modes.orbit.gl.shaded_picture import ShadedPicture
@@ -48,7 +47,7 @@ def drawing_window(
 ) -> Iterator[HeadlessWindow]:
     """One that draws moving pictures itself, as with a graphics card."""
     monkeypatch.setattr(OrbitWorker, "n_points", 200)
-    monkeypatch.setenv(VARIABLE, "shader")
+    monkeypatch.setenv(MOVING_VARIABLE, "shader")
     client = CountingClient(RequestDispatcher(ArrayCache(tmp_path / "cache")))
     scene = write_small_scene(tmp_path)
     with opened_window(context, scene, client, resolution=(48, 32), mode="orbit", n_lights=40, n_bounces=1) as window:

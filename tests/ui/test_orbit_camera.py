@@ -19,7 +19,7 @@ from engine.scene.description import Camera
 from tests.ui.stand_in import HEIGHT, WIDTH
 from ui.headless import HeadlessWindow
 from ui.panels.actions import SetPreference
-from ui.panels.camera_gestures import CameraGrip, drag_camera, scroll_camera
+from ui.panels.camera import CameraGrip, drag_camera, scroll_camera
 
 Key = imgui.Key
 SHIFT, CTRL, ALT = Key.mod_shift, Key.mod_ctrl, Key.mod_alt

@@ -28,7 +28,7 @@ from ui import picture_feed, scene_view
 from ui.headless import HeadlessWindow
 from ui.modes.placement import placement_feed
 from ui.modes.placement.gl.renderer import PlacementRenderer
-from ui.modes.placement.gl.sample_layout import SAMPLES_PER_ROW, row_count
+from ui.modes.placement.gl.transport import SAMPLES_PER_ROW, row_count
 from ui.modes.placement.placement_feed import PlacementFeed
 from ui.picture_feed import PictureFeed
 

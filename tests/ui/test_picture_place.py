@@ -10,7 +10,7 @@ from imgui_bundle import imgui
 from app.document.view_state import SetView, ViewState
 from tests.ui.stand_in import HEIGHT, WIDTH
 from ui.headless import HeadlessWindow
-from ui.panels.picture import Picture
+from ui.panels.pictures import Picture
 from ui.panels.viewport_layout import ViewportRect, zoom_at
 
 ROOM = ViewportRect(100.0, 50.0, 600.0, 400.0, Picture(imgui.ImTextureRef(1), 300, 300))

@@ -23,7 +23,7 @@ from tests.ui.small_scene import linear_picture, opened_window, wait_until_exact
 from tests.ui.stand_in import StandInClient
 from ui.headless import HeadlessWindow
 from ui.panels.actions import RunOperator, SetPanel
-from ui.panels.resolution_dialog import scale_size
+from ui.panels.dialogs import scale_size
 
 pytestmark = pytest.mark.gl
 
@@ -132,7 +132,7 @@ def test_a_side_is_typed_and_one_out_of_range_is_said(window: HeadlessWindow) ->
 def test_more_than_the_memory_is_refused_before_anything_is_done(
     window: HeadlessWindow, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for module in ("app.system.memory", "ui.panels.resolution_dialog"):
+    for module in ("app.system.memory", "ui.panels.dialogs"):
         monkeypatch.setattr(f"{module}.memory_bytes", lambda: (10 * 2**20, memory_bytes()[1]))
     shell, asked = window.shell, len(looks(window))
     shell.do(SetPanel({"resolution": (4096, 4096)}))

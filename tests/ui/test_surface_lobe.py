@@ -17,8 +17,8 @@ from engine.material import MODELS, make_layer
 from engine.scene.description import CameraDescription
 from tests.ui.conftest import opened
 from ui.gl.brdf_stack import BrdfStack
-from ui.gl.passes import Passes
-from ui.gl.textures import TextureMemory
+from ui.gl.gpu_memory import TextureMemory
+from ui.gl.program import Passes
 from ui.headless import HeadlessWindow
 from ui.panels.actions import ShowPanel
 from ui.script_runner import run_steps

@@ -12,8 +12,8 @@ from engine.scene.camera_moves import orbit_camera
 from engine.scene.description import Camera
 from tests.ui.test_orbit_camera import centre
 from ui.headless import HeadlessWindow
+from ui.panels.picture_overlays import N_CELLS, has_moved, turned_grid, visible_edges
 from ui.panels.status_bar import picture_state
-from ui.panels.view_sketch import N_CELLS, has_moved, turned_grid, visible_edges
 
 CAMERA = Camera(position=(0.0, 0.0, 3.0), target=(0.0, 0.0, 0.0), fov_y=90.0)
 CUBE = np.array([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]])

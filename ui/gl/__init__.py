@@ -16,18 +16,17 @@ The data flow of Placement, from the worker's arrays to the screen::
                                                                               │
                                      silhouettes, outlines (points) ──► display.frag ─► display picture, sRGB
 
-``context`` opens OpenGL, ``program`` reads shaders, ``textures`` and ``buffers`` allocate, ``passes`` draws,
-``display`` shows the picture. In ``ui.modes.placement.gl``, ``sample_layout`` defines where a sample is stored;
-``coefficients`` tracks the shown and the wanted ones without GL, ``transport`` and ``accumulator`` hold and add the
-terms, ``refiner`` joins the three; ``layers`` and ``composite`` make the picture, and ``renderer`` is the interface to
-the window.
+``context`` opens OpenGL, ``program`` reads shaders and draws with them, ``gpu_memory`` allocates textures and buffers,
+``display`` shows the picture. In ``ui.modes.placement.gl``, ``transport`` defines where a sample is stored, holds the
+terms and adds them; ``refiner`` tracks the shown and the wanted coefficients and moves the one towards the other;
+``layers`` and ``composite`` make the picture, and ``renderer`` is the interface to the window.
 
 Orbit's pictures come from the worker to the ``canvas`` in ``ui.modes.orbit.gl``. On a graphics card with OpenGL 4.3
-(``gpu_drawing``) moving ones are drawn here: ``point_buffers`` holds what the worker exports of the shading points,
-``shaded_picture`` computes their radiance towards the camera in a compute shader and draws the triangles between them.
+(``context``) moving ones are drawn here: ``shaded_picture`` holds what the worker exports of the shading points,
+computes their radiance towards the camera in a compute shader and draws the triangles between them.
 
 Besides the picture, a material is shown by its BRDF in GLSL: ``python_to_glsl`` translates the models' own functions,
-``brdf_source`` joins them to layers, a ``brdf_stack`` has a material's curves and numbers and draws brdf/*.frag.glsl.
+a ``brdf_stack`` joins them to layers, has a material's curves and numbers and draws brdf/*.frag.glsl.
 
 All pictures are stored with row 0 at the top: texture row 0 is the picture's top row.
 """

@@ -88,3 +88,39 @@ def _cannot_open(require: int, failure: Exception) -> str:
 
 def _dotted(version: int) -> str:
     return f"{version // 100}.{version // 10 % 10}"
+
+
+# ---------------------------------- whether the graphics card draws moving pictures, or the worker where it is software
+
+# "shader" or "worker" overrides the choice by the renderer.
+MOVING_VARIABLE = "INSITU_MOVING"
+_SHADER_VERSION = 430
+# Buffers that the shaders of one stage read.
+_SHADER_LIMITS = {
+    "GL_MAX_VERTEX_SHADER_STORAGE_BLOCKS": 5,
+    "GL_MAX_FRAGMENT_SHADER_STORAGE_BLOCKS": 4,
+    "GL_MAX_COMPUTE_SHADER_STORAGE_BLOCKS": 8,
+}  # fmt: skip
+
+
+def shader_bytes(context: moderngl.Context) -> int:
+    """The largest size of one buffer in bytes, where shaders draw; 0 where the worker does.
+
+    Raises GraphicsError where shaders are requested and not available, or the variable has another value.
+    """
+    requested = os.environ.get(MOVING_VARIABLE, "")
+    if requested not in ("", "shader", "worker"):
+        raise GraphicsError(f'{MOVING_VARIABLE} = "{requested}", expected "shader" or "worker"')
+    if requested == "worker" or not requested and is_software(context):
+        return 0
+    has_shaders = context.version_code >= _SHADER_VERSION
+    if not has_shaders or any(context.info.get(name, 0) < needed for name, needed in _SHADER_LIMITS.items()):
+        if requested:
+            raise GraphicsError(f"compute shaders of OpenGL 4.3 are needed, found {describe_context(context)}")
+        return 0
+    return most_buffer_bytes(context)
+
+
+def most_buffer_bytes(context: moderngl.Context) -> int:
+    """The largest size of one buffer that shaders can read; 0 where they can read none."""
+    return int(context.info.get("GL_MAX_SHADER_STORAGE_BLOCK_SIZE", 0))

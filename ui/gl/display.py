@@ -2,6 +2,9 @@
 
 Outlines are short lists of points drawn over the picture: checking each pixel's neighbours in a full-screen shader
 costs more than the rest of the frame on a software rasterizer, and hardly any pixel needs it.
+
+A view transform is a set of shader switches and a table, which other shaders that end in display colours use as well
+(`ToneMapper`).
 """
 
 from __future__ import annotations
@@ -12,11 +15,54 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.core.colour import ToneMapping
+from engine.core.colour import TABLE_SIDE, TABLE_STOPS, TABULATED_VIEWS, TONE_MAPPINGS, ToneMapping, view_table
 from engine.scene.picture_frame import PictureFrame
-from ui.gl.passes import Box, Passes
-from ui.gl.textures import TextureMemory, read_texture
-from ui.gl.tone_mapper import ToneMapper
+from ui.gl.context import GraphicsError
+from ui.gl.gpu_memory import TextureMemory, read_texture
+from ui.gl.program import Box, Passes, Textures, uniform
+
+_SWITCHES = {"filmic": "TONE_FILMIC", "linear": "TONE_LINEAR", "false_colour": "TONE_FALSE_COLOUR"}
+_TABLE_SWITCH = "TONE_TABLE"
+
+
+class ToneMapper:
+    """Programs and textures by view. A table is made when it is first drawn with, which takes half a second where it
+    was not requested before (`ui.tone_view`)."""
+
+    def __init__(self, passes: Passes, memory: TextureMemory) -> None:
+        self._passes, self._memory = passes, memory
+        self._tables: dict[ToneMapping, moderngl.Texture3D] = {}
+
+    def full_screen(self, fragment: str, view: ToneMapping) -> moderngl.Program:
+        """The program of a fragment shader that includes common/tone_mapping.glsl."""
+        program = self._passes.full_screen(fragment, **_switches(view))
+        if view in TABULATED_VIEWS:
+            uniform(program, "table_stops").value = TABLE_STOPS
+        return program
+
+    def textures(self, view: ToneMapping) -> Textures:
+        """The textures that those programs sample besides the picture."""
+        if view not in TABULATED_VIEWS:
+            return {}
+        if view not in self._tables:
+            self._tables[view] = self._memory.cube(TABLE_SIDE, 3, "f2", view_table(view))
+        return {"view_table": self._tables[view]}
+
+    def release(self) -> None:
+        for table in self._tables.values():
+            self._memory.release(table)
+        self._tables.clear()
+
+
+def _switches(view: ToneMapping) -> dict[str, int]:
+    if view not in TONE_MAPPINGS:
+        raise GraphicsError(f"view {view!r}, expected one of {', '.join(TONE_MAPPINGS)}")
+    chosen = _SWITCHES.get(view, _TABLE_SWITCH)
+    return {name: int(name == chosen) for name in (*_SWITCHES.values(), _TABLE_SWITCH)}
+
+
+# -------------------------------------------------------------------------------------------------- the display picture
+
 
 SELECTION_COLOUR = (1.0, 0.62, 0.12)
 HOVER_COLOUR = (0.82, 0.82, 0.82)
@@ -123,7 +169,7 @@ class Display:
     ) -> None:  # fmt: skip
         program = self._mapper.full_screen("placement/display.frag.glsl", tone_mapping)
         textures = {"linear_picture": source, **self._mapper.textures(tone_mapping)}
-        self._passes.draw(program, target, region, textures, exposure=_exposure_factor(exposure))
+        self._passes.draw(program, target, region, textures, exposure=2.0 ** min(max(exposure, -64.0), 64.0))
 
     def _outline(self, i_object: int, colour: tuple[float, float, float]) -> None:
         if i_object not in self._outlines:
@@ -156,5 +202,32 @@ def outline_pixels(mask: NDArray[np.bool_]) -> NDArray[np.int32]:
     return np.flatnonzero(~mask & neighbours.any(axis=0)).astype(np.int32)
 
 
-def _exposure_factor(stops: float) -> float:
-    return float(2.0 ** min(max(stops, -64.0), 64.0))
+# ------------------------------------------------------------------------------------------------ the error map over it
+
+
+class ErrorOverlay:
+    """One texture, of the colours that were requested last."""
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self._context = context
+        self._colours: NDArray[np.uint8] | None = None
+        self._texture: moderngl.Texture | None = None
+
+    def texture(self, colours: NDArray[np.uint8] | None) -> moderngl.Texture | None:
+        """The texture of colours (H, W, 4), row 0 at the top; uploaded where they differ from those before."""
+        if colours is None:
+            return None
+        if colours is not self._colours:
+            size = colours.shape[1], colours.shape[0]
+            if self._texture is None or self._texture.size != size:
+                self.release()
+                self._texture = self._context.texture(size, 4)
+            self._texture.write(np.ascontiguousarray(colours))
+            self._colours = colours
+        return self._texture
+
+    def release(self) -> None:
+        """Free the texture."""
+        if self._texture is not None:
+            self._texture.release()
+        self._texture = self._colours = None

@@ -1,8 +1,12 @@
-"""Shaders from the ``shaders`` folder: includes, compile-time switches, programs made once.
+"""Shaders from the ``shaders`` folder, programs made of them once, and passes that draw with them.
 
 ``#include "common/x.glsl"`` is relative to the folder and taken once; switches become ``#define`` lines after
 ``#version``. ``#line`` keeps the compiler's line numbers those of the file. An include may also be a text that was made
-for the program, in place of a file (`ui.gl.brdf_source`).
+for the program, in place of a file (`ui.gl.brdf_stack`).
+
+A pass is full-screen or one list of points, and sets all the state that matters each time. The interface draws in the
+same context, so no state is assumed to be as it was left. A pass changes framebuffer, viewport, scissor, blending,
+program and the texture units it names; other code sets its own before it draws.
 """
 
 from __future__ import annotations
@@ -10,9 +14,11 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import moderngl
 
+from engine.texture.gpu_export import ExportedMaps
 from ui.gl.context import GraphicsError
 
 SHADER_FOLDER = Path(__file__).resolve().parents[2] / "shaders"
@@ -108,3 +114,105 @@ def set_uniforms(program: moderngl.Program | moderngl.ComputeShader, **values: o
         member = program.get(name, None)
         if isinstance(member, moderngl.Uniform):
             member.value = value
+
+
+# --------------------------------------------------------------------------------------------------------------- passes
+
+
+Box = tuple[int, int, int, int]  # x, y, width, height in texels
+Textures = Mapping[str, moderngl.Texture | moderngl.TextureArray | moderngl.Texture3D]
+
+
+class Passes:
+    """Programs, the empty vertex array and draw calls of one context."""
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self.context = context
+        self._programs = ProgramCache(context)
+        self._arrays: dict[int, moderngl.VertexArray] = {}
+
+    def full_screen(self, fragment: str, made: Mapping[str, str] | None = None, /, **defines: int) -> moderngl.Program:
+        """The program of a fragment shader that runs once for each texel of the target's box.
+
+        `made`: texts that it includes and that are in no file.
+        """
+        return self._programs.get("common/full_screen.vert.glsl", fragment, made, **defines)
+
+    def points(self, name: str, **defines: int) -> moderngl.Program:
+        """The program of ``placement/name`` that draws points."""
+        return self._programs.get(f"placement/{name}.vert.glsl", f"placement/{name}.frag.glsl", **defines)
+
+    def draw(
+        self,
+        program: moderngl.Program,
+        target: moderngl.Framebuffer,
+        box: Box,
+        textures: Textures,
+        *,
+        add: bool = False,
+        **uniforms: Any,
+    ) -> None:
+        """Run `program` over `box` of `target`, replacing its content or, with `add`, adding to it."""
+        self._prepare(target, box, add)
+        _assign(program, textures, uniforms)
+        if program.glo not in self._arrays:
+            self._arrays[program.glo] = self.context.vertex_array(program, [])
+        self._arrays[program.glo].render(moderngl.TRIANGLES, vertices=3)
+
+    def draw_points(
+        self,
+        array: moderngl.VertexArray,
+        target: moderngl.Framebuffer,
+        textures: Textures,
+        **uniforms: Any,
+    ) -> None:
+        """Draw each vertex of `array` as one pixel over the whole target."""
+        self._prepare(target, (0, 0, target.width, target.height), add=False)
+        _assign(array.program, textures, uniforms)
+        array.render(moderngl.POINTS)
+
+    def _prepare(self, target: moderngl.Framebuffer, box: Box, add: bool) -> None:
+        target.scissor = None  # type: ignore[assignment]  # off
+        target.viewport = box
+        target.use()
+        target.color_mask = _ALL_CHANNELS[len(target.color_attachments)]  # type: ignore[assignment]
+        self.context.enable_only(moderngl.PROGRAM_POINT_SIZE | (moderngl.BLEND if add else 0))
+        self.context.wireframe = False
+        if add:
+            self.context.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]
+            self.context.blend_func = moderngl.ONE, moderngl.ONE  # type: ignore[assignment]
+
+    def release(self) -> None:
+        for array in self._arrays.values():
+            array.release()
+        self._arrays.clear()
+        self._programs.release()
+
+
+_ALL_CHANNELS = {n: ((True,) * 4,) * n if n > 1 else (True,) * 4 for n in range(1, 9)}
+
+
+def uniform(program: moderngl.Program, name: str) -> moderngl.Uniform:
+    """The uniform of that name, which the program must use."""
+    member = program[name]
+    assert isinstance(member, moderngl.Uniform)
+    return member
+
+
+def _assign(
+    program: moderngl.Program,
+    textures: Textures,
+    uniforms: Mapping[str, Any],
+) -> None:
+    for unit, (name, texture) in enumerate(textures.items()):
+        texture.use(unit)
+        uniform(program, name).value = unit
+    for name, value in uniforms.items():
+        uniform(program, name).value = value
+
+
+def map_uniforms(maps: ExportedMaps) -> dict[str, object]:
+    return {
+        "tint": maps.texture, "tint_repeats": maps.scale, "tint_strength": maps.strength, "weight": maps.weight,
+        "weight_start": maps.start, "inverts": maps.inverts, "strokes": maps.strokes,
+    }  # fmt: skip

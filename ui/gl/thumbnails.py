@@ -17,12 +17,12 @@ from PIL import Image
 from app.document.linked_layers import Layers
 from app.files.materials import Library, LibraryEntry
 from ui.gl.brdf_stack import BrdfStack
+from ui.gl.brdf_views import LitSphere, sphere_picture
 from ui.gl.context import GraphicsError, create_headless_context
-from ui.gl.lit_sphere import LitSphere, sphere_picture
+from ui.gl.gpu_memory import TextureMemory, read_texture
 from ui.gl.measured_tables import MeasuredTables
-from ui.gl.passes import Passes
+from ui.gl.program import Passes
 from ui.gl.python_to_glsl import Untranslatable
-from ui.gl.textures import TextureMemory, read_texture
 
 SIDE = 96
 MANY_STEPS = 64

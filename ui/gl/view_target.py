@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from engine.core.camera import camera_frame, camera_plane
 from engine.scene.description import Camera
-from ui.gl.passes import Passes
-from ui.gl.textures import TextureMemory
+from ui.gl.gpu_memory import TextureMemory
+from ui.gl.program import Passes
 
 # A fraction of the farthest depth: what is nearer to the camera is not drawn.
 _NEAREST = 3e-4

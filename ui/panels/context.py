@@ -25,10 +25,8 @@ from app.messages.editor_status import Status
 from app.modes.mode import Mode
 from engine.scene.description import Camera
 from ui.brush_dabs import SurfaceSpot
-from ui.panels.brdf_board import BrdfBoard
-from ui.panels.drag_travel import Travel
-from ui.panels.picture import Picture
-from ui.panels.window_state import PanelState
+from ui.panels.pictures import BrdfBoard, Picture
+from ui.panels.window_state import PanelState, Travel
 from ui.theme import Theme
 
 

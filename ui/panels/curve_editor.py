@@ -3,8 +3,8 @@
 The plot with its toolbar is left; the tools, the operator list and the numbers are right (`operator_list`). The handles
 belong to the selected operator, or, when none is selected, to the one that the active tool makes at the first drag.
 Dragging the curve itself, anywhere, puts the regions there. The wheel zooms the angle about the mouse, Shift-wheel the
-value, middle drag pans, double click shows all (`curve_mouse`). Tab and the arrow keys work without a mouse
-(`curve_keys`).
+value, middle drag pans, double click shows all; Tab and the arrow keys work without a mouse
+(`curve_input`).
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from app.document.document import all_factors
 from app.document.view_state import CHANNELS, SetView
 from engine.curve.operators import apply_operators
 from ui import theme as look
-from ui.panels import curve_keys, operator_list, widgets
+from ui.panels import curve_input, operator_list, widgets
 from ui.panels import curve_plot as plot
 from ui.panels.actions import Action, RunOperator
 from ui.panels.brdf import energy_warning
 from ui.panels.context import PanelContext
 from ui.panels.curve_gestures import HALF_PI, OperatorGroup, channel_of, limit_text, operators_in_use
-from ui.panels.curve_mouse import DrawnCurves, grip_of, interact, knob
+from ui.panels.curve_input import DrawnCurves, grip_of, interact, knob
 from ui.panels.plot_axes import value_range
 from ui.theme import Icon
 
@@ -158,7 +158,7 @@ def _plot(context: PanelContext, curves: DrawnCurves) -> list[Action]:
     for line, (name, note) in enumerate(_notes(context, curves, group).items(), start=1):
         place = plot.draw_note(context, frame, line, note, look.ACCENT)
         context.handles.note(f"curve.{name}", *place)
-    return actions + curve_keys.move(context, curves, frame, group)
+    return actions + curve_input.move_by_keys(context, curves, frame, group)
 
 
 def _notes(context: PanelContext, curves: DrawnCurves, group: OperatorGroup) -> dict[str, str]:

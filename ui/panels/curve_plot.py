@@ -277,9 +277,12 @@ def draw_knob(context: PanelContext, frame: Frame, group: OperatorGroup, knob: K
     held = {
         math.copysign(1.0, o.magnitude - o.neutral_magnitude) for o in group.operators if o.axis == "x" and o.at_limit
     }
-    for dx, dy in _arrow_directions(axes):
-        if dx in held:
-            _stop(draw, x + dx * (radius + context.px(5)), y, context.px(7), context.px(2.5), ink)
+    directions = [(-1.0, 0.0), (1.0, 0.0)] if "x" in axes else []
+    directions += [(0.0, -1.0), (0.0, 1.0)] if "y" in axes else []
+    for dx, dy in directions:
+        if dx in held:  # an upright bar in place of an arrow: the limit is reached
+            bar, half, width = x + dx * (radius + context.px(5)), context.px(7), context.px(1.25)
+            draw.add_rect_filled(ImVec2(bar - width, y - half), ImVec2(bar + width, y + half), ink)
             continue
         _arrow(draw, x + dx * (radius + context.px(4)), y + dy * (radius + context.px(4)), dx, dy, context.px(4), ink)
     draw.add_circle_filled(ImVec2(x, y), radius, look.pack(look.ACCENT if active else look.grey(24)))
@@ -307,20 +310,10 @@ def draw_chosen(context: PanelContext, frame: Frame, places: tuple[float, ...], 
         draw.add_rect(corner, end, ink, context.px(4), context.px(1.5))
 
 
-def _arrow_directions(axes: set[str]) -> list[tuple[float, float]]:
-    across = [(-1.0, 0.0), (1.0, 0.0)] if "x" in axes else []
-    return across + ([(0.0, -1.0), (0.0, 1.0)] if "y" in axes else [])
-
-
 def _arrow(draw: imgui.ImDrawList, x: float, y: float, dx: float, dy: float, size: float, ink: int) -> None:
     tip = ImVec2(x + dx * size, y + dy * size)
     left, right = ImVec2(x - dy * size, y + dx * size), ImVec2(x + dy * size, y - dx * size)
     draw.add_triangle_filled(tip, left, right, ink)
-
-
-def _stop(draw: imgui.ImDrawList, x: float, y: float, half: float, width: float, ink: int) -> None:
-    """An upright bar in place of an arrow: the limit is reached."""
-    draw.add_rect_filled(ImVec2(x - 0.5 * width, y - half), ImVec2(x + 0.5 * width, y + half), ink)
 
 
 def _points(frame: Frame, gamma: np.ndarray, values: np.ndarray) -> list[Point]:

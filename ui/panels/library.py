@@ -9,7 +9,6 @@ from imgui_bundle import ImVec2, ImVec4, imgui
 
 from app.document.commands.layers import SetMaterial
 from app.files.materials import LibraryEntry, categories
-from engine.material.layer import Layer
 from ui import theme as look
 from ui.panels import widgets
 from ui.panels.actions import Action, DeleteMaterial, SaveMaterial, SetPanel
@@ -144,7 +143,10 @@ def _cell(context: PanelContext, entry: LibraryEntry, side: float) -> list[Actio
 def _hint(context: PanelContext, entry: LibraryEntry) -> str:
     if entry.problem:
         return entry.problem
-    layers = ", ".join(_described(layer) for layer in entry.material.layers)
+    layers = ", ".join(
+        layer.title if layer.title == layer.model.label else f"{layer.title} ({layer.model.label})"
+        for layer in entry.material.layers
+    )
     selected = context.selected_layer
     onto = f" Double-click applies it to {selected.object}." if selected is not None else ""
     return f"{entry.name}: {layers}. Drag it onto an object in the picture or in the list.{onto}"
@@ -188,8 +190,3 @@ def _name(context: PanelContext, entry: LibraryEntry, place: ImVec2, width: floa
     draw_list.add_text(place, look.pack(look.TEXT_SOFT), entry.name)
     draw_list.pop_clip_rect()
     imgui.pop_font()
-
-
-def _described(layer: Layer) -> str:
-    """A layer's name, and its model where that is not its name."""
-    return layer.title if layer.title == layer.model.label else f"{layer.title} ({layer.model.label})"

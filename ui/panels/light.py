@@ -28,9 +28,8 @@ from ui import theme as look
 from ui.panels import rows, widgets
 from ui.panels.actions import Action, AskFile, BeginDrag, EndDrag, HoldGrip, MergedEdit, SetPanel
 from ui.panels.context import PanelContext
-from ui.panels.drag_travel import Travel
-from ui.panels.picture import Picture
-from ui.panels.window_state import TurnGrip, WheelTurn
+from ui.panels.pictures import Picture
+from ui.panels.window_state import Travel, TurnGrip, WheelTurn
 
 DIAL = 76.0
 FULL_TURN = 360.0
@@ -119,7 +118,7 @@ def _thumbnail(context: PanelContext, width: float, height: float) -> list[Actio
                     "The mark shows the camera's direction.")  # fmt: skip
     if imgui.is_item_hovered():
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
-    actions = _scroll(context, "light.picture", width)
+    actions = _turned(context, "light.picture", imgui.get_mouse_pos().x, -FULL_TURN / width)
     draw_list = imgui.get_window_draw_list()
     end = ImVec2(corner.x + width, corner.y + height)
     draw_list.add_rect_filled(corner, end, look.pack(look.WELL), context.px(3))
@@ -129,10 +128,6 @@ def _thumbnail(context: PanelContext, width: float, height: float) -> list[Actio
     else:
         _even(context, draw_list, corner, end)
     return actions
-
-
-def _scroll(context: PanelContext, handle: str, width: float) -> list[Action]:
-    return _turned(context, handle, imgui.get_mouse_pos().x, -FULL_TURN / width)
 
 
 def _turned(context: PanelContext, handle: str, place: float, rate: float) -> list[Action]:

@@ -16,7 +16,7 @@ from ui import theme as look
 from ui.panels import paint, rows, widgets
 from ui.panels.actions import Action, AskFile, ReloadImages
 from ui.panels.context import Handles, PanelContext
-from ui.panels.picture import Picture
+from ui.panels.pictures import Picture
 from ui.theme import Icon, Theme
 
 # How far an image's row reaches from the middle of its button, to the sides and up and down, pixels at scale 1.

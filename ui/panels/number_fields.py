@@ -17,7 +17,7 @@ from imgui_bundle import ImVec2, ImVec4, imgui
 
 from ui import theme as look
 from ui.panels.context import HeldField, PanelContext
-from ui.panels.drag_travel import Travel
+from ui.panels.window_state import Travel
 
 # Pixels at scale 1 after which a press is a drag.
 DRAG_DISTANCE = 3.0

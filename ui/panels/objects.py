@@ -48,7 +48,8 @@ def _object(context: PanelContext, state: ObjectState) -> list[Action]:
         imgui.dummy(ImVec2(context.px(18), imgui.get_frame_height()))
     imgui.same_line()
     what = "the colour and strength of its light" if state.is_lamp else "its curves and parameters"
-    actions += _name(context, state.name, state.name, what, _object_icon(state), corner, width, not state.visible)
+    icon = Icon.EMITTER if state.emits else ""
+    actions += _name(context, state.name, state.name, what, icon, corner, width, not state.visible)
     actions += _drop(context, state) + _object_menu(context, state)
     actions += _object_buttons(context, state, quiet)
     if is_open and has_rows:
@@ -56,10 +57,6 @@ def _object(context: PanelContext, state: ObjectState) -> list[Action]:
             actions += _layer(context, state, index, layer)
     imgui.pop_id()
     return actions
-
-
-def _object_icon(state: ObjectState) -> str:
-    return Icon.EMITTER if state.emits else ""
 
 
 def _arrow(context: PanelContext, is_open: bool) -> bool:
@@ -144,12 +141,12 @@ def _layer(context: PanelContext, state: ObjectState, index: int, layer: Layer) 
     corner, width, quiet = _ground(context, chosen, False)
     imgui.dummy(ImVec2(context.px(32), imgui.get_frame_height()))
     imgui.same_line()
-    edited = Icon.CHANGED if layer.edits else ""
     faint = not is_layer_visible(context.document, context.view, path)
     actions += _name(context, path, layer.title, "its curves and parameters", "", corner, width, faint)
     actions += _drop(context, state) + _layer_menu(context, state, path, layer)
-    if edited:
-        _edited_mark(context, corner, width)
+    if layer.edits:
+        place = ImVec2(corner.x + context.px(23), corner.y + 0.5 * imgui.get_frame_height())
+        imgui.get_window_draw_list().add_circle_filled(place, context.px(3), look.pack(look.ACCENT))
     if _toggle(context, f"visible.{path}", Icon.VISIBLE, Icon.HIDDEN, layer.visible, quiet,
                "Show or hide this layer in the picture."):  # fmt: skip
         actions.append(SetVisible(path, not layer.visible))
@@ -213,13 +210,6 @@ def _layer_menu(context: PanelContext, state: ObjectState, path: str, layer: Lay
             actions.append(RemoveLayer(path))
         imgui.end_popup()
     return actions
-
-
-def _edited_mark(context: PanelContext, corner: ImVec2, width: float) -> None:
-    """A dot in the accent colour: this layer's curves have operators."""
-    height = imgui.get_frame_height()
-    place = ImVec2(corner.x + context.px(23), corner.y + 0.5 * height)
-    imgui.get_window_draw_list().add_circle_filled(place, context.px(3), look.pack(look.ACCENT))
 
 
 def _toggle(

@@ -1,4 +1,9 @@
-"""The keyboard: which operators the keys pressed invoke; and the overlay under `?` that lists them."""
+"""The keyboard: which operators the keys pressed invoke; and the overlay under `?` that lists them.
+
+A press of Esc does one thing, the first of a list that applies. Imgui's own uses come before the list: Esc leaves a
+text field, a list or menu, the control that the mouse drags, and the frame that the keyboard moves from control to
+control. Any other press would make imgui show that frame, so imgui does not get it.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +14,7 @@ from app.operators.camera import CHOICES
 from app.operators.operator import Operator
 from app.operators.registry import OPERATORS, listed_lines
 from ui import theme as look
-from ui.panels.actions import Action
+from ui.panels.actions import Action, CancelDrag, RunOperator, SetPanel
 from ui.panels.context import PanelContext
 from ui.panels.window_operators import chord_of, perform, play_or_leave_alone
 
@@ -96,3 +101,74 @@ def _group(context: PanelContext, group: str) -> None:
         imgui.text_unformatted(text)
         imgui.pop_style_color()
     imgui.dummy(ImVec2(1, context.px(6)))
+
+
+# ------------------------------------------------------------------------------------------------------- the escape key
+
+
+_OWNER = 0x1A5172
+
+
+def keys_are_taken() -> bool:
+    """Whether keys go to a text field, a list or a menu; to be called before a pass, because imgui acts on Esc at its
+    start."""
+    state = imgui.get_current_context()
+    if state.open_popup_stack.size() > 0 or state.nav_layer == imgui.internal.NavLayer.menu:
+        return True
+    return is_typing()
+
+
+def is_typing() -> bool:
+    """Whether a field takes text; to be called before a pass."""
+    # imgui wants text for one pass longer than there is a field.
+    return imgui.get_io().want_text_input and imgui.internal.get_active_id() != 0
+
+
+def imgui_takes_escape() -> bool:
+    """Whether imgui has a use for Esc; to be called before a pass. If not, imgui does not get it."""
+    state = imgui.get_current_context()
+    if keys_are_taken() or imgui.internal.get_active_id() != 0 or imgui.get_io().nav_visible:
+        return True
+    imgui.internal.set_key_owner(imgui.Key.escape, _OWNER)
+    return state.drag_drop_active
+
+
+def answer_escape(context: PanelContext, is_imguis: bool, is_dragging: bool) -> list[Action]:
+    """The actions of a press of Esc, besides imgui's own."""
+    if is_dragging:
+        return [CancelDrag()]
+    if context.state.question is not None:
+        _leave_no_frame()
+        return [SetPanel({"question": None})]
+    if is_imguis:
+        imgui.internal.clear_drag_drop()
+        if not imgui.get_current_context().open_popup_stack.size():
+            _leave_no_frame()
+        return []
+    return _way_out(context)
+
+
+def _leave_no_frame() -> None:
+    """Leave the text field. Imgui would frame a control of the panel that was last in use, and the next Esc would only
+    remove that."""
+    imgui.internal.clear_active_id()
+    imgui.set_nav_cursor_visible(False)
+
+
+def _way_out(context: PanelContext) -> list[Action]:
+    """The action that leaves the first of what Esc can leave, in this order."""
+    state, view, message = context.state, context.view, context.state.message
+    ways_out: tuple[tuple[bool, Action], ...] = (
+        (state.pending_action is not None, SetPanel({"pending_action": None})),
+        (state.resolution is not None, SetPanel({"resolution": None})),
+        (view.show_shortcuts, SetView.of(show_shortcuts=False)),
+        (state.paints, SetPanel({"paints": False})),
+        (state.shows_camera, SetPanel({"shows_camera": False, "renames": None})),
+        (state.single_panel, SetPanel({"single_panel": False})),
+        (state.picks_lobe, SetPanel({"picks_lobe": False})),
+        (message is not None and message.is_error, SetPanel({"message": None})),
+        (view.operator is not None, SetView.of(operator=None)),
+        (view.lobe_pixel is not None, SetView.of(lobe_pixel=None)),
+        (view.selected is not None, RunOperator("select")),
+    )
+    return next(([action] for is_there, action in ways_out if is_there), [])

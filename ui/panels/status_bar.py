@@ -12,7 +12,7 @@ from imgui_bundle import ImVec2, imgui
 from app.messages.editor_status import Status
 from engine.render.picture_error import percent
 from ui import theme as look
-from ui.panels import view_sketch, widgets
+from ui.panels import picture_overlays, widgets
 from ui.panels.accuracy import STOPPED, error_parts, error_text, work_text
 from ui.panels.actions import Action, SetPanel
 from ui.panels.context import PanelContext
@@ -83,7 +83,7 @@ def draw(context: PanelContext) -> list[Action]:
 def _contents(context: PanelContext) -> tuple[list[ColouredText], list[Action]]:
     """The line; what it had no room for, and the actions of a click."""
     status = context.status
-    ink, text, hint = picture_state(status, placeholder_text(context), view_sketch.has_moved(context))
+    ink, text, hint = picture_state(status, placeholder_text(context), picture_overlays.has_moved(context))
     text = " · ".join(filter(None, (status.shown_by, text)))
     _dot(context, ink)
     imgui.text_unformatted(text)

@@ -28,7 +28,10 @@ def draw(context: PanelContext, corner: ImVec2, room: ImVec2) -> tuple[float, li
     draw_list.add_rect_filled(upper, lower, look.pack(look.SURFACE))
     draw_list.add_line(upper, ImVec2(lower.x, upper.y), look.pack(look.LINE))
     imgui.set_cursor_screen_pos(ImVec2(upper.x + padding, upper.y + padding))
-    actions = _play(context)
+    plays = context.view.playing is not None
+    icon, hint = (Icon.PAUSE, "Stop here (Space).") if plays else (Icon.RESUME, "Play (Space).")
+    pressed = widgets.icon_button(context, "timeline.play", icon, hint, lit=plays)
+    actions = toggle_playback(context) if pressed else []
     imgui.same_line()
     actions += _scrub(context, line, lower.x - padding)
     imgui.same_line()
@@ -43,15 +46,11 @@ def toggle_playback(context: PanelContext) -> list[Action]:
     return [RunOperator("play", context.view.playing is None)] if is_animated else []
 
 
-def _play(context: PanelContext) -> list[Action]:
-    plays = context.view.playing is not None
-    icon, hint = (Icon.PAUSE, "Stop here (Space).") if plays else (Icon.RESUME, "Play (Space).")
-    return toggle_playback(context) if widgets.icon_button(context, "timeline.play", icon, hint, lit=plays) else []
-
-
 def _scrub(context: PanelContext, line: Timeline, end: float) -> list[Action]:
     """The time at the pointer: one drag is one step of the history."""
-    imgui.set_next_item_width(max(end - imgui.get_cursor_screen_pos().x - _options_width(context, line), 1.0))
+    gap = imgui.get_style().item_spacing.x
+    options = gap + 2.0 * imgui.get_frame_height() + (context.px(_CLIP_WIDTH) + gap if len(line.clips) > 1 else 0.0)
+    imgui.set_next_item_width(max(end - imgui.get_cursor_screen_pos().x - options, 1.0))
     hand, time = number_fields.slider(
         context, "time", line.time or 0.0, 0.0, max(line.duration, 1e-3), f"%.2f s of {line.duration:.2f} s",
         handle="timeline.time", title="Time", jumps=True,
@@ -80,9 +79,3 @@ def _playback_options(context: PanelContext, line: Timeline) -> list[Action]:
     if widgets.icon_button(context, "timeline.rest", Icon.CLOSE, hint, enabled=moves):
         actions += [RunOperator("play", False), SetTime(None)]
     return actions
-
-
-def _options_width(context: PanelContext, line: Timeline) -> float:
-    gap = imgui.get_style().item_spacing.x
-    clip = context.px(_CLIP_WIDTH) + gap if len(line.clips) > 1 else 0.0
-    return gap + clip + 2.0 * imgui.get_frame_height()

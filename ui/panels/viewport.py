@@ -12,12 +12,12 @@ from app.messages.editor_status import Status
 from app.system.lazy_import import import_named
 from engine.material.layer import object_of
 from ui import theme as look
-from ui.panels import camera_gestures, error_legend, paint, picture_handles, surface_plot, view_sketch, widgets
+from ui.panels import camera, paint, picture_overlays, widgets
 from ui.panels.actions import Action, BeginDrag, EndDrag, HoldGrip, RunOperator, SetPanel
 from ui.panels.context import PanelContext
 from ui.panels.library import apply, dropped_material
-from ui.panels.picture import Picture
-from ui.panels.picture_handles import PictureHandle
+from ui.panels.picture_overlays import PictureHandle
+from ui.panels.pictures import Picture
 from ui.panels.viewport_layout import PAN, PictureRect, ViewportRect, gestures, viewport_rect
 from ui.panels.window_state import Grip, PaintGrip
 from ui.theme import Icon
@@ -61,13 +61,13 @@ def _draw_picture(context: PanelContext, corner: ImVec2, room: ImVec2) -> list[A
     draw_list.add_image(picture.reference, ImVec2(placed.x, placed.y), far, upper, lower)
     if context.view.shows_error and context.error_overlay is not None:
         draw_list.add_image(context.error_overlay.reference, ImVec2(placed.x, placed.y), far)
-    view_sketch.draw(context, placed, picture)
-    handles = picture_handles.handles_of(context, placed)
-    picture_handles.draw(context, handles)
+    picture_overlays.draw_sketch(context, placed, picture)
+    handles = picture_overlays.handles_of(context, placed)
+    picture_overlays.draw_handles(context, handles)
     actions = _gestures(context, picture, space, placed, handles)
     if context.view.compare is not None:
         _draw_divider(context, placed, corner.y, end.y)
-    surface_plot.draw(context, placed.x, placed.y, placed.scale)
+    picture_overlays.draw_lobe(context, placed.x, placed.y, placed.scale)
     _draw_solo(context, ImVec2(max(placed.x, corner.x), max(placed.y, corner.y)))
     _draw_zoom(context, end)
     if context.view.shows_error:
@@ -82,9 +82,9 @@ def _gestures(
     context: PanelContext, picture: Picture, space: ViewportRect, placed: PictureRect, handles: list[PictureHandle]
 ) -> list[Action]:
     """Gestures over the picture: they move the camera, or the picture in its panel, or act on the scene."""
-    moved = camera_gestures.navigate(context, placed, picture)
+    moved = camera.navigate(context, placed, picture)
     if moved is not None:
-        clicked = camera_gestures.was_a_click(context, moved)
+        clicked = camera.was_a_click(context, moved)
         return [*moved, *_pick_lobe(context, picture, placed)] if clicked else moved
     return gestures(context, space, placed) or _interact(context, picture, placed, handles)
 
@@ -107,20 +107,20 @@ def _interact(
     actions: list[Action] = []
     if grip is not None and grip.handle == PAN:
         return actions
-    handle = picture_handles.held_handle(context, handles) or picture_handles.under_mouse(context, handles)
+    handle = picture_overlays.held_handle(context, handles) or picture_overlays.under_mouse(context, handles)
     if handle is not None and imgui.is_item_hovered() and grip is None:
-        picture_handles.hover(handle)
+        picture_overlays.hover(handle)
         actions += [SetView.of(hovered=None)] if context.view.hovered is not None else []
     elif imgui.is_item_hovered() and grip is None:
         actions += _hover(context, picture, placed, on_divider)
     elif context.view.hovered is not None and not imgui.is_item_active():
         actions.append(SetView.of(hovered=None))
     if imgui.is_item_activated() and handle is not None:
-        actions += picture_handles.take_hold(handle)
+        actions += picture_overlays.take_hold(handle)
     elif imgui.is_item_activated():
         actions += _take_hold(context, picture, placed, on_divider)
     elif imgui.is_item_active() and grip is not None and handle is not None and handle.name == grip.handle:
-        actions += picture_handles.drag_actions(context, handle)
+        actions += picture_overlays.drag_actions(context, handle)
     elif imgui.is_item_active() and grip is not None:
         actions += _drag(context, picture, placed, grip, mouse)
     if imgui.is_item_deactivated() and grip is not None:
@@ -161,7 +161,9 @@ def _hover(context: PanelContext, picture: Picture, placed: PictureRect, on_divi
     mouse = imgui.get_mouse_pos()
     name = _object_at(context, placed.pixel(mouse.x, mouse.y, picture))
     if name:
-        _draw_name(context, name, mouse)
+        # At once, without a tooltip's delay.
+        place = ImVec2(mouse.x + context.px(14), mouse.y + context.px(12))
+        _plate(context, imgui.get_foreground_draw_list(), place, name, look.TEXT)
     return [SetView.of(hovered=name)] if name != context.view.hovered else []
 
 
@@ -176,12 +178,6 @@ def _comparison_hint(context: PanelContext) -> str:
     if context.status.compared_exact:
         return text
     return f"{text} A is a preview: it becomes exact with B, while the light and the roughness are the same."
-
-
-def _draw_name(context: PanelContext, name: str, mouse: ImVec2) -> None:
-    """The object's name beside the mouse: at once, without a tooltip's delay."""
-    place = ImVec2(mouse.x + context.px(14), mouse.y + context.px(12))
-    _plate(context, imgui.get_foreground_draw_list(), place, name, look.TEXT)
 
 
 def _take_hold(context: PanelContext, picture: Picture, placed: PictureRect, on_divider: bool) -> list[Action]:
@@ -203,7 +199,7 @@ def _take_hold(context: PanelContext, picture: Picture, placed: PictureRect, on_
 def _object_at(context: PanelContext, pixel: tuple[int, int] | None) -> str | None:
     """The object at a pixel; None where the picture has moved on from the traced view."""
     status = context.status
-    is_turned = status.draws_moving and view_sketch.has_moved(context)
+    is_turned = status.draws_moving and picture_overlays.has_moved(context)
     has_moved_on = status.is_away and (status.follows_input or is_turned)
     return None if pixel is None or has_moved_on else context.object_at(*pixel)
 
@@ -281,7 +277,7 @@ def _draw_error_legend(context: PanelContext, corner: ImVec2) -> None:
     pad, width = context.px(12), context.px(LEGEND_WIDTH)
     known = context.error_overlay is not None
     words = ERROR_LEGEND if known else error_missing(context.status)
-    line, bar = imgui.get_text_line_height(), error_legend.height(context) + 0.3 * pad if known else 0.0
+    line, bar = imgui.get_text_line_height(), picture_overlays.legend_height(context) + 0.3 * pad if known else 0.0
     place = ImVec2(corner.x + pad, corner.y - 1.5 * pad - line - bar)
     draw_list = imgui.get_window_draw_list()
     if not known:
@@ -291,7 +287,7 @@ def _draw_error_legend(context: PanelContext, corner: ImVec2) -> None:
     high = ImVec2(place.x + width + 0.5 * pad, place.y + line + bar + 0.3 * pad)
     draw_list.add_rect_filled(low, high, look.pack(look.grey(26, 0.88)), context.px(4))
     draw_list.add_text(place, look.pack(look.TEXT), words)
-    error_legend.draw(context, draw_list, ImVec2(place.x, place.y + line + 0.3 * pad), width)
+    picture_overlays.draw_legend(context, draw_list, ImVec2(place.x, place.y + line + 0.3 * pad), width)
 
 
 def _draw_solo(context: PanelContext, corner: ImVec2) -> None:

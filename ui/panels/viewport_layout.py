@@ -1,7 +1,7 @@
 """The place of the picture in its panel, fitted, or zoomed and panned; and the gestures that change it.
 
 With Ctrl and Alt held the wheel zooms about the mouse and a drag pans the picture: without them both move the camera
-(`ui.panels.camera_gestures`). Rejected: leaving empty room beside a picture that is larger than its panel; it stops at
+(`ui.panels.camera`). Rejected: leaving empty room beside a picture that is larger than its panel; it stops at
 its edges, so that it cannot be lost.
 """
 
@@ -14,7 +14,7 @@ from imgui_bundle import ImVec2, imgui
 from app.document.view_state import LIMITS, SetView, ViewState
 from ui.panels.actions import Action, HoldGrip
 from ui.panels.context import PanelContext
-from ui.panels.picture import Picture
+from ui.panels.pictures import Picture
 from ui.panels.window_state import Grip
 
 PAN = "picture.pan"

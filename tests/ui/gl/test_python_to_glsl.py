@@ -8,10 +8,10 @@ import moderngl
 import numpy as np
 import pytest
 
-from ui.gl.passes import Passes
+from ui.gl.gpu_memory import TextureMemory, read_texture
+from ui.gl.program import Passes
 from ui.gl.python_functions import PythonSource
 from ui.gl.python_to_glsl import Translation, Untranslatable, literal
-from ui.gl.textures import TextureMemory, read_texture
 
 LANGUAGE = '''
 import math

@@ -8,7 +8,7 @@ from app.document.view_state import SetView
 from app.modes.deform.deform_status import DeformStatus
 from ui.modes.orbit import accuracy_orbit
 from ui.modes.placement import accuracy_placement
-from ui.panels import error_legend, widgets
+from ui.panels import picture_overlays, widgets
 from ui.panels.actions import Action
 from ui.panels.context import PanelContext
 
@@ -46,8 +46,8 @@ def draw(context: PanelContext) -> list[Action]:
         actions.append(SetView.of(fit_error=not shows_error, split=None))
     if shows_error:
         corner, room = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
-        imgui.dummy(ImVec2(room, error_legend.height(context)))
-        error_legend.draw(context, imgui.get_window_draw_list(), corner, room)
+        imgui.dummy(ImVec2(room, picture_overlays.legend_height(context)))
+        picture_overlays.draw_legend(context, imgui.get_window_draw_list(), corner, room)
     for name, share in sorted(status.lost, key=lambda each: -each[1])[:4]:
         hint = (
             "The share of this material's reflection, by energy, that is too sharp for the bands of light of a bending "

@@ -11,7 +11,7 @@ from ui import theme as look
 from ui.modes.deform import pose_handles
 from ui.panels.actions import Action
 from ui.panels.context import PanelContext
-from ui.panels.picture_handles import PictureHandle, Place
+from ui.panels.picture_overlays import PictureHandle, Place
 from ui.panels.viewport_layout import PictureRect
 
 PARTS = ("Path traced", "Not rotated", "Deform")

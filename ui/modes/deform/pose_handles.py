@@ -19,7 +19,7 @@ from engine.realtime.zonal_harmonics.pose import AXES, Deformation, Pose, deform
 from engine.scene.camera_moves import distance
 from ui.panels.actions import Action
 from ui.panels.context import PanelContext
-from ui.panels.picture_handles import PictureHandle, Place
+from ui.panels.picture_overlays import PictureHandle, Place
 from ui.panels.viewport_layout import PictureRect
 
 Float64Array = NDArray[np.float64]

@@ -3,7 +3,7 @@
 take: OrbitPicture ─► canvas;  all other events ─► PlacementFeed, which draws as soon as it has a part draw: the one or
 the other, or for a quarter of a second both ─► display texture
 
-Where there is a graphics card, moving pictures are drawn here, of parts that the worker exports (`ui.gl.gpu_drawing`);
+Where there is a graphics card, moving pictures are drawn here, of parts that the worker exports (`ui.gl.context`);
 where that fails, the worker draws them from then on.
 """
 
@@ -21,9 +21,8 @@ from app.editor.editor import Editor
 from app.messages.picture_events import PictureEvent, SceneFrame
 from app.modes.orbit.orbit_controller import OrbitController
 from app.modes.orbit.orbit_events import OrbitPartArrived, OrbitPicture
-from ui.gl.context import GraphicsError
+from ui.gl.context import GraphicsError, shader_bytes
 from ui.gl.display import DisplayView
-from ui.gl.gpu_drawing import shader_bytes
 from ui.modes.orbit.gl.canvas import PictureCanvas
 from ui.modes.orbit.gl.shaded_picture import ShadedPicture
 from ui.modes.placement.placement_feed import PlacementFeed, stops

@@ -8,7 +8,7 @@ import moderngl
 
 from app.modes.placement.placement_events import LayerMapsChanged
 from engine.material.layer_maps import LayerMaps
-from ui.gl.textures import small_texture
+from ui.gl.gpu_memory import small_texture
 from ui.modes.placement.gl.renderer import PlacementRenderer
 
 

@@ -22,9 +22,8 @@ from engine.scene.camera_moves import orbit_camera
 from engine.scene.description import Camera
 from engine.scene.scene_loader import Scene, load_scene
 from tests.scene_text import camera, placed
-from ui.gl.context import GraphicsError
-from ui.gl.gpu_drawing import VARIABLE, shader_bytes
-from ui.gl.textures import read_texture
+from ui.gl.context import MOVING_VARIABLE, GraphicsError, shader_bytes
+from ui.gl.gpu_memory import read_texture
 from ui.modes.deform.gl.posed_picture import PosedPicture
 
 pytestmark = pytest.mark.gl
@@ -146,7 +145,7 @@ def test_frames_are_timed(context: moderngl.Context) -> None:
 def test_software_leaves_it_to_the_worker_unless_asked(
     context: moderngl.Context, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.delenv(VARIABLE, raising=False)
+    monkeypatch.delenv(MOVING_VARIABLE, raising=False)
     assert shader_bytes(context) == 0  # llvmpipe
-    monkeypatch.setenv(VARIABLE, "shader")
+    monkeypatch.setenv(MOVING_VARIABLE, "shader")
     assert shader_bytes(context) > 0

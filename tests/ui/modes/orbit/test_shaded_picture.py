@@ -24,10 +24,9 @@ from engine.scene.camera_moves import orbit_camera
 from engine.scene.description import CameraDescription
 from tests.engine.bump_images import write_bump_images
 from tests.scene_text import camera, placed
-from ui.gl import buffers
-from ui.gl.context import GraphicsError
-from ui.gl.gpu_drawing import VARIABLE, shader_bytes
-from ui.gl.textures import read_texture
+from ui.gl import gpu_memory
+from ui.gl.context import MOVING_VARIABLE, GraphicsError, shader_bytes
+from ui.gl.gpu_memory import read_texture
 from ui.modes.orbit.gl.shaded_picture import ShadedPicture
 
 pytestmark = pytest.mark.gl
@@ -185,7 +184,7 @@ def test_edges_are_smooth(studio: Studio, context: moderngl.Context) -> None:
 def test_what_does_not_fit_is_reported_in_a_line(
     studio: Studio, shaded: ShadedPicture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(buffers, "most_buffer_bytes", lambda context: 1000)
+    monkeypatch.setattr(gpu_memory, "most_buffer_bytes", lambda context: 1000)
     with pytest.raises(GraphicsError, match="buffer of 1 MiB"):
         for part in PointExporter(1000).parts(studio.orbit):
             shaded.buffers.take(part)
@@ -203,15 +202,15 @@ def test_as_much_light_is_sent_as_goes_into_a_buffer(studio: Studio, shaded: Sha
 def test_software_is_left_to_the_worker_unless_shaders_are_asked_for(
     context: moderngl.Context, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("ui.gl.gpu_drawing.is_software", lambda context: True)
-    monkeypatch.delenv(VARIABLE, raising=False)
+    monkeypatch.setattr("ui.gl.context.is_software", lambda context: True)
+    monkeypatch.delenv(MOVING_VARIABLE, raising=False)
     assert shader_bytes(context) == 0
-    monkeypatch.setenv(VARIABLE, "shader")
+    monkeypatch.setenv(MOVING_VARIABLE, "shader")
     assert shader_bytes(context) > 0
-    monkeypatch.setattr("ui.gl.gpu_drawing._VERSION", 999)
+    monkeypatch.setattr("ui.gl.context._SHADER_VERSION", 999)
     with pytest.raises(GraphicsError, match=r"OpenGL 4\.3"):
         shader_bytes(context)
-    monkeypatch.setenv(VARIABLE, "gpu")
+    monkeypatch.setenv(MOVING_VARIABLE, "gpu")
     with pytest.raises(GraphicsError, match='expected "shader" or "worker"'):
         shader_bytes(context)
 
@@ -219,11 +218,11 @@ def test_software_is_left_to_the_worker_unless_shaders_are_asked_for(
 def test_a_graphics_card_draws_unless_the_worker_is_asked_for(
     context: moderngl.Context, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("ui.gl.gpu_drawing.is_software", lambda context: False)
-    monkeypatch.delenv(VARIABLE, raising=False)
+    monkeypatch.setattr("ui.gl.context.is_software", lambda context: False)
+    monkeypatch.delenv(MOVING_VARIABLE, raising=False)
     assert shader_bytes(context) > 0
-    monkeypatch.setenv(VARIABLE, "worker")
+    monkeypatch.setenv(MOVING_VARIABLE, "worker")
     assert shader_bytes(context) == 0
-    monkeypatch.delenv(VARIABLE)
-    monkeypatch.setattr("ui.gl.gpu_drawing._VERSION", 999)  # as on a Mac
+    monkeypatch.delenv(MOVING_VARIABLE)
+    monkeypatch.setattr("ui.gl.context._SHADER_VERSION", 999)  # as on a Mac
     assert shader_bytes(context) == 0

@@ -10,7 +10,7 @@ from tests.naive import pictures as naive
 from tests.ui.gl.pictures import frame_of, full_frame, norms_of
 from ui.gl.context import GraphicsError
 from ui.gl.display import DisplayView, ToneMapping
-from ui.gl.textures import read_texture
+from ui.gl.gpu_memory import read_texture
 from ui.modes.placement.gl.renderer import PlacementRenderer
 
 pytestmark = pytest.mark.gl

@@ -8,7 +8,7 @@ import pytest
 
 from tests.ui.gl.pictures import finish, frame_of, norms_of
 from ui.gl.display import DisplayView
-from ui.gl.textures import TextureMemory
+from ui.gl.gpu_memory import TextureMemory
 from ui.modes.placement.gl.renderer import PlacementRenderer
 from ui.modes.placement.gl.shader_warm_up import warm_up
 

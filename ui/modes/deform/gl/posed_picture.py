@@ -30,11 +30,9 @@ from engine.realtime.zonal_harmonics.gpu_parts import (
     SkyPart,
 )
 from engine.scene.description import Camera
-from ui.gl.buffers import BufferMemory
 from ui.gl.context import GraphicsError
-from ui.gl.layer_maps import map_uniforms
-from ui.gl.program import ProgramCache, set_uniforms
-from ui.gl.textures import TextureMemory
+from ui.gl.gpu_memory import BufferMemory, TextureMemory
+from ui.gl.program import ProgramCache, map_uniforms, set_uniforms
 from ui.gl.view_target import ViewTarget, view_uniforms
 
 ORDER = 6  # of `lobes.comp.glsl`

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from engine.scene.picture_frame import PictureFrame
 from ui.gl.context import GraphicsError
 from ui.gl.display import Display, DisplayView
-from ui.gl.passes import Passes
-from ui.gl.textures import TextureMemory, read_texture
+from ui.gl.gpu_memory import TextureMemory, read_texture
+from ui.gl.program import Passes
 
 
 class PictureCanvas:

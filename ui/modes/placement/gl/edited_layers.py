@@ -14,12 +14,11 @@ from numpy.typing import NDArray
 
 from engine.settings import Precision
 from ui.gl.context import GraphicsError
-from ui.gl.textures import TextureMemory
-from ui.modes.placement.gl.accumulator import TermSum
+from ui.gl.gpu_memory import TextureMemory
 from ui.modes.placement.gl.composite import FootprintTextures
 from ui.modes.placement.gl.layers import LayerStack
 from ui.modes.placement.gl.refiner import Refiner
-from ui.modes.placement.gl.transport import TransportUpload
+from ui.modes.placement.gl.transport import TermSum, TransportUpload
 
 
 @dataclass(eq=False)

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ui.gl.context import GraphicsError
-from ui.gl.textures import TextureMemory
-from ui.modes.placement.gl.accumulator import Accumulator
+from ui.gl.gpu_memory import TextureMemory
 from ui.modes.placement.gl.composite import VIEW_CURVE_SIZE, Compositor, FootprintTextures, MapTexture
+from ui.modes.placement.gl.transport import Accumulator
 
 
 @dataclass(eq=False)

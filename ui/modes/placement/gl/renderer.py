@@ -30,12 +30,12 @@ from engine.scene.picture_frame import PictureFrame
 from engine.settings import Precision
 from ui.gl.context import GraphicsError
 from ui.gl.display import Display, DisplayView
-from ui.gl.passes import Box, Passes
-from ui.gl.textures import TextureMemory
-from ui.modes.placement.gl.accumulator import TermSum
+from ui.gl.gpu_memory import TextureMemory
+from ui.gl.program import Box, Passes
 from ui.modes.placement.gl.composite import Compositor
 from ui.modes.placement.gl.edited_layers import EditedLayers
 from ui.modes.placement.gl.layers import ComparedAppearance, LayerStack
+from ui.modes.placement.gl.transport import TermSum
 
 
 @dataclass(frozen=True)

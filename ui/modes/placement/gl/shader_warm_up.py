@@ -15,7 +15,7 @@ import numpy as np
 from engine.scene.picture_frame import PictureFrame
 from ui.gl.display import DisplayView
 from ui.modes.placement.gl.renderer import PlacementRenderer
-from ui.modes.placement.gl.sample_layout import SAMPLES_PER_ROW
+from ui.modes.placement.gl.transport import SAMPLES_PER_ROW
 
 # Width and height of pictures; their samples fill three rows of textures, as no power of two.
 _SIZES = ((60, 60), (64, 64), (64, 60))

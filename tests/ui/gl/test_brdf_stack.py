@@ -19,10 +19,9 @@ from engine.material import MODELS, kinds, make_layer
 from engine.material._kernels import gamma
 from engine.material.layer import Layer
 from tests.engine.material.test_kernels import all_gammas, all_quotients, hemisphere
-from ui.gl.brdf_source import curves_of
-from ui.gl.brdf_stack import BrdfStack
-from ui.gl.passes import Passes
-from ui.gl.textures import TextureMemory
+from ui.gl.brdf_stack import BrdfStack, curves_of
+from ui.gl.gpu_memory import TextureMemory
+from ui.gl.program import Passes
 
 pytestmark = pytest.mark.gl
 

@@ -18,12 +18,12 @@ from engine.material.layer import Layer
 from engine.measured.measurement import Measurement, evaluate_table
 from engine.measured.tables import read_measurement, table_of
 from tests.engine.material.test_kernels import hemisphere
-from tests.ui.gl.test_brdf import LARGEST_DIFFERENCE, difference, rounded
+from tests.ui.gl.test_brdf_stack import LARGEST_DIFFERENCE, difference, rounded
 from ui.gl import brdf_views, measured_tables
 from ui.gl.brdf_stack import BrdfStack
+from ui.gl.gpu_memory import TextureMemory
 from ui.gl.measured_tables import MeasuredTables
-from ui.gl.passes import Passes
-from ui.gl.textures import TextureMemory
+from ui.gl.program import Passes
 
 pytestmark = pytest.mark.gl
 

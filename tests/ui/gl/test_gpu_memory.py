@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from ui.gl.context import GraphicsError
-from ui.gl.textures import TextureMemory, read_texture
+from ui.gl.gpu_memory import TextureMemory, read_texture
 
 pytestmark = pytest.mark.gl
 

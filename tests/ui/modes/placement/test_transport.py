@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ui.modes.placement.gl.sample_layout import (
+from ui.modes.placement.gl.transport import (
     SAMPLES_PER_ROW,
     pack_samples,
     row_count,

@@ -1,9 +1,8 @@
-"""Textures and their memory, every allocation checked.
+"""Textures and buffers that shaders read, and their memory, every allocation checked.
 
 moderngl returns an object also when OpenGL could not allocate; only the context's error flag tells, so it is cleared
 before and read after. Sizes beyond the driver's limits are refused before they reach the driver, and a limit of
-Insitu's own refuses what would make a machine swap.
-"""
+Insitu's own refuses what would make a machine swap."""
 
 from __future__ import annotations
 
@@ -13,7 +12,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from ui.gl.context import GraphicsError
+from ui.gl.context import GraphicsError, most_buffer_bytes
 
 AnyTexture = moderngl.Texture | moderngl.TextureArray | moderngl.Texture3D
 BYTES_PER_COMPONENT = {"f1": 1, "f2": 2, "f4": 4, "i4": 4, "u4": 4}
@@ -150,3 +149,50 @@ def small_texture(context: moderngl.Context, pixels: NDArray[np.uint8]) -> moder
     texture = context.texture((pixels.shape[1], pixels.shape[0]), 4, data)
     texture.repeat_x = texture.repeat_y = False  # as for all that panels draw, so that llvmpipe need not compile anew
     return texture
+
+
+# -------------------------------------------------------------------------------------------------------------- buffers
+
+
+_LEAST = 16  # bytes: OpenGL has no empty buffers
+
+
+class BufferMemory:
+    """Allocates the buffers of one context and counts their bytes."""
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self._context = context
+        self.bytes_in_use = 0
+
+    def filled(self, array: NDArray[np.generic]) -> moderngl.Buffer:
+        """A buffer of an array; raises GraphicsError when it does not fit."""
+        made = self._made(array.nbytes)
+        made.write(np.ascontiguousarray(array))
+        return made
+
+    def empty(self, n_bytes: int) -> moderngl.Buffer:
+        """A buffer of zeros; raises GraphicsError when it does not fit."""
+        made = self._made(n_bytes)
+        made.clear()
+        return made
+
+    def _made(self, n_bytes: int) -> moderngl.Buffer:
+        most = most_buffer_bytes(self._context)
+        if n_bytes > most:
+            raise GraphicsError(f"a buffer of {_mib(n_bytes)} MiB, where OpenGL takes {_mib(most)} at most")
+        _drain_errors(self._context)
+        try:
+            made = self._context.buffer(reserve=max(n_bytes, _LEAST))
+        except moderngl.Error as failure:
+            raise GraphicsError(f"{_mib(n_bytes)} MiB of buffer refused: {failure}") from failure
+        error = self._context.error
+        if error != "GL_NO_ERROR":
+            made.release()
+            raise GraphicsError(f"no room for {_mib(n_bytes)} MiB of buffer ({error})")
+        self.bytes_in_use += made.size
+        return made
+
+    def release(self, buffer: moderngl.Buffer) -> None:
+        """Free it."""
+        self.bytes_in_use -= buffer.size
+        buffer.release()

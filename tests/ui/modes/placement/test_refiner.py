@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ui.modes.placement.gl.coefficients import TIDY_ABOVE, CoefficientState
+from ui.modes.placement.gl.refiner import TIDY_ABOVE, CoefficientState
 
 
 def _state(norms: list[float], shown: list[float], wanted: list[float]) -> CoefficientState:
