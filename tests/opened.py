@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from app.editor.editor import WorkerClient
-from app.messages.worker_messages import OpenScene, Request, Response, SetCamera
+from app.messages.worker_messages import OpenScene, Request, Response, SetCamera, WorkerClient
 from app.worker.schedule import InProcessClient, RequestHandler
 from engine.scene.description import Camera
 

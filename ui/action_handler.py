@@ -14,6 +14,8 @@ from functools import partial
 from pathlib import Path
 from typing import cast
 
+from imgui_bundle import imgui
+
 from app.document.commands import EditCommand, SetBumps, SetSurface
 from app.document.commands.light import set_environment_file
 from app.document.commands.maps import SetMap, without_strokes
@@ -34,7 +36,6 @@ from engine.material.bumps import BUMP_KINDS
 from engine.measured.measurement import ENDINGS as MEASURED_ENDINGS
 from engine.scene.builtin import builtin_scenes
 from engine.scene.surface_kinds import SURFACE_IMAGES
-from ui.clipboard import Clipboard
 from ui.panels.actions import (
     Action,
     AnswerQuestion,
@@ -109,7 +110,6 @@ class ActionHandler:
         self,
         editor: Editor,
         library: Library | None = None,
-        clipboard: Clipboard | None = None,
         recent: RecentFiles | None = None,
         preferences: PreferenceFile | None = None,
     ) -> None:
@@ -118,7 +118,6 @@ class ActionHandler:
         self.recent = recent or RecentFiles()
         self._last_file: Path | None = None
         self.library = library or Library()
-        self._clipboard = clipboard or Clipboard()
         self._folders: dict[str, Path] = {}
         self._picture_ending, self._deep = ".png", False
         self.recoveries: tuple[Recovery, ...] = ()
@@ -241,7 +240,7 @@ class ActionHandler:
                 self._change_library(action)
             case Copy():
                 layers, lost = self._portable(action.material.layers)
-                self._clipboard.put(dump_material(replace(action.material, layers=layers)))
+                imgui.set_clipboard_text(dump_material(replace(action.material, layers=layers)))
                 editor.notify(f"copied {action.what}{lost}")
             case Paste():
                 self._paste(action.as_layers)
@@ -396,7 +395,7 @@ class ActionHandler:
     def _paste(self, as_layers: bool) -> None:
         editor = self._editor
         try:
-            material = parse_material(self._clipboard.text()[:MAX_MATERIAL_BYTES], "clipboard")
+            material = parse_material((imgui.get_clipboard_text() or "")[:MAX_MATERIAL_BYTES], "clipboard")
             editor.do(paste_command(material, editor.document, editor.view.selected, as_layers))
         except InsituError as error:
             editor.notify(str(error), True)

@@ -1,38 +1,46 @@
-"""Updates what the BRDF panel shows: the selected layer's curves on the GPU, and the parts that are on screen.
+"""Updates what the BRDF panel shows: the selected layer's curves on the GPU, and the parts that are on screen; brings
+tables of measurements from the worker to the GPU.
 
 One part is made per frame, the one made longest ago: each takes some ms on a software rasterizer. During a drag, parts
 take no more than a quarter of the time, so that the picture's frames stay short; the rest follows when the user is
 idle. Before the first picture nothing is made: the processors are the worker's. A driver compiles a program when a
 model is shown for the first time, on llvmpipe for 20 to 90 ms until Mesa has it on disk. Measured layers are shown by
-their curves alone until their tables have come (`table_feed`), and the board says so.
+their curves alone until their tables have come, and the board says so.
+
+    panel with a measured layer ─► `want` ─► editor.tables ─► worker ─► `advance`, between frames ─► textures
+
+Allocating a table's 17.5 MB takes as long as a frame's panels where the processor draws, some 12 ms, so neither it nor
+a piece of its upload is part of a frame.
 """
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 
 import moderngl
+import numpy as np
+from numpy.typing import NDArray
 
 from app.document.document import Document
-from app.document.linked_layers import linked_indices
-from app.document.named_files import measurement_in
+from app.document.linked_layers import Layers, linked_indices
+from app.document.named_files import measurement_in, with_measurements
 from app.document.selection import layer_shown
 from app.document.view_state import ViewState
 from app.editor.editor import Editor
 from engine.core.colour import ToneMapping
 from engine.core.errors import InsituError
-from engine.material.layer import Layer
 from engine.measured.measurement import Measurement
 from ui.gl import brdf_views
 from ui.gl.brdf_stack import BrdfStack
 from ui.gl.brdf_views import LitSphere
+from ui.gl.context import GraphicsError
 from ui.gl.gpu_memory import TextureMemory
+from ui.gl.measured_tables import MeasuredTables
 from ui.gl.program import Passes
 from ui.panels.pictures import BrdfBoard, Part, Picture
 from ui.surface_lobe import SurfacePoint, surface_lobe
-from ui.table_feed import TableFeed
 from ui.tone_view import ToneView
 
 # The share of the time that parts may take during a drag.
@@ -40,7 +48,6 @@ EDITING_SHARE = 0.25
 # The sphere and the albedo's sums are drawn in as many rows at a time as take about this long.
 ROWS_SECONDS, LEAST_ROWS, LEAST_ALBEDO_ROWS = 0.010, 4, 4
 
-Layers = tuple[Layer, ...]
 SurfaceAt = Callable[[int, int], SurfacePoint | None]
 
 
@@ -236,3 +243,69 @@ def shown_layers(document: Document, view: ViewState) -> Layers:
 def azimuth_of(view: ViewState) -> float:
     """The plane of lobe and slice, radians from the tangent."""
     return 0.5 * math.pi if view.brdf_across else 0.0
+
+
+# The time that a piece of an upload may take.
+UPLOAD_SECONDS = 0.004
+
+
+class TableFeed:
+    """The tables of one window; `tables` are for stacks of layers."""
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self.tables = MeasuredTables(TextureMemory(context))
+        self._no_room: dict[int, str] = {}
+        self._in_use: tuple[int, ...] = ()
+
+    def missing(self, measurements: Iterable[Measurement]) -> list[Measurement]:
+        """Those whose tables are not on the GPU."""
+        return [each for each in measurements if each.number not in self.tables]
+
+    def problem_of(self, editor: Editor, measurements: Iterable[Measurement]) -> str:
+        """Why a table that is missing will not come, in one line; empty where it may."""
+        reasons = (self._no_room.get(m.number) or editor.tables.refusal(m) for m in self.missing(measurements))
+        return next(filter(None, reasons), "")
+
+    def want(self, editor: Editor, measurements: Sequence[Measurement]) -> None:
+        """Request what is on screen, which stays on the GPU as long as it is."""
+        self._in_use = tuple(each.number for each in measurements)
+        self._request_missing(editor, measurements)
+
+    def _request_missing(self, editor: Editor, measurements: Iterable[Measurement]) -> bool:
+        """Request the first missing table from the worker, unless one is under way; returns whether one may come."""
+        coming = [each for each in self.missing(measurements) if not self.problem_of(editor, [each])]
+        if coming and not self.tables.is_uploading:
+            editor.tables.request_table(coming[0])
+        return bool(coming)
+
+    def complete(self, editor: Editor, layers: Layers) -> Layers | None:
+        """The layers with what their files contain, once their tables are here or known not to come; None until
+        then."""
+        measured = [found for layer in layers if (found := measurement_in(layer)) is not None]
+        known = [editor.tables.resolve_measurement(each) for each in measured]
+        if self._request_missing(editor, known):
+            return None
+        return with_measurements(layers, {each.file: each for each in known}) if known else layers
+
+    def advance(self, editor: Editor) -> bool:
+        """Make room for a table that has come, or upload a piece of it. Returns whether there is something new to
+        draw."""
+        if not self.tables.is_uploading:
+            come = editor.tables.take()
+            return come is not None and not self._begin(*come)
+        is_whole = self.tables.step(UPLOAD_SECONDS)
+        if is_whole:
+            self.tables.forget_but(self._in_use)
+        return is_whole
+
+    def release(self) -> None:
+        """Free all textures."""
+        self.tables.release()
+
+    def _begin(self, number: int, samples: NDArray[np.float32]) -> bool:
+        """Make room for a table; returns whether there is any."""
+        try:
+            self.tables.begin(number, samples)
+        except GraphicsError as error:
+            self._no_room[number] = str(error)
+        return number not in self._no_room

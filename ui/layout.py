@@ -1,19 +1,26 @@
-"""The default docking of the panels, for any size and scale of the window.
+"""The docking of the panels: default places for any size and scale of the window, and those that the user gave them.
 
 The picture is the middle and gets what the others leave. A window has one of three forms: wide, with a column on either
 side; compact, with one column and panels in tabs; small, with all panels in tabs beside the picture. Each form has its
-own stored layout (`ui.layout_memory`), so that a window made small for a moment is as it was when it is large again.
+own stored layout, so that a window made small for a moment is as it was when it is large again.
+
+The file of the layouts is imgui's own text for each form, under lines that name the version and scale it was made for;
+at another scale, where its pixels would be wrong, the defaults are built again. It is only a convenience: whatever is
+wrong with it, the window opens with the default layout.
 """
 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal, cast, get_args
 
 from imgui_bundle import ImVec2, imgui
 
 from app.document.view_state import OpenPanel
+from app.editor.editor import Editor
+from app.system.atomic import replacing
 
 LEFT_WIDTH, RIGHT_WIDTH, COMPACT_WIDTH = 216.0, 290.0, 250.0
 CURVE_HEIGHT, COMPACT_CURVE_HEIGHT = 240.0, 216.0
@@ -161,3 +168,161 @@ def shares_place(panel: Panel) -> bool:
 def closed(panel: Panel) -> OpenPanel:
     """The command for a panel whose close button was pressed."""
     return OpenPanel(panel.key, False)
+
+
+VERSION = 5
+_FORM = re.compile(r"^; form (\w+) folded ?(.*)\n", re.MULTILINE)
+
+
+@dataclass
+class LayoutMemory:
+    """`places` are imgui's texts by form, `folded` keys of the panels that are closed. `file` None: nothing is
+    stored."""
+
+    file: Path | None
+    scale: float
+    places: dict[Form, str] = field(default_factory=dict)
+    folded: dict[Form, frozenset[str]] = field(default_factory=dict)
+
+    @classmethod
+    def read(cls, file: Path | None, scale: float) -> LayoutMemory:
+        """The content of the file, empty where it is missing, damaged, or of another version or scale."""
+        memory = cls(file, scale)
+        try:
+            text = "" if file is None else file.read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError):
+            return memory
+        first, _, body = text.partition("\n")
+        if first != memory._first_line:
+            return memory
+        _, *parts = _FORM.split(body)
+        for name, folded, places in zip(parts[::3], parts[1::3], parts[2::3], strict=True):
+            if name in get_args(Form):
+                memory.places[cast(Form, name)] = places
+                memory.folded[cast(Form, name)] = frozenset(folded.split())
+        return memory
+
+    def keep(self, form: Form, places: str, folded: frozenset[str]) -> None:
+        """Note the window's layout and write it; a folder that cannot be written to costs only the memory.
+
+        It does not wait for the disk: this runs between two frames, and a lost layout is built again.
+        """
+        self.places[form], self.folded[form] = places, folded
+        if self.file is None:
+            return
+        parts = (f"; form {name} folded {' '.join(sorted(self.folded[name]))}\n{text}"
+                 for name, text in self.places.items())  # fmt: skip
+        try:
+            with replacing(self.file, durable=False, private=True) as file:
+                file.write(f"{self._first_line}\n{''.join(parts)}".encode())
+        except OSError:
+            return
+
+    def rescale(self, scale: float) -> None:
+        """Forget places whose pixels are another screen's."""
+        self.scale, self.places = scale, {}
+
+    @property
+    def _first_line(self) -> str:
+        return f"; insitu layout {VERSION} scale {self.scale:.2f}"
+
+
+# Frames until imgui has docked its windows, and their tabs know which others are in the same dock.
+SETTLING = 3
+# This many frames before that, they are docked where a remembered text has them.
+SETTLED_IN = 1
+
+
+class Docking:
+    """Follows the window's form, and remembers what the user has moved and folded away."""
+
+    def __init__(self, editor: Editor, file: Path | None, scale: float) -> None:
+        self.form: Form = "wide"
+        self._editor = editor
+        self._memory = LayoutMemory.read(file, scale)
+        self._is_placed = False
+        self._unsettled = 0
+        self._rebuild = False
+        self._recalled = ""
+        self._in_front: tuple[str, ...] = ()
+        self._behind_picture: tuple[str, ...] | None = None
+
+    def take_size(self, size: tuple[int, int], scale: float) -> None:
+        """Before a frame: if the window has another form than before, restore the panels of that form."""
+        form = form_of(size, scale)
+        if self._is_placed and form == self.form:
+            return
+        if self._is_placed:
+            self.keep()
+        self.form, self._is_placed = form, True
+        places = self._memory.places.get(form)
+        self._rebuild = places is None
+        self._unsettled = SETTLING
+        self._recalled = "" if places is None or form == "small" else places
+        self._in_front = ()
+        if places is not None:
+            imgui.load_ini_settings_from_memory(places)
+        self._fold(self._memory.folded.get(form, FOLDED[form]))
+
+    @property
+    def is_settling(self) -> bool:
+        """Whether the panels' new places show only in the coming frames."""
+        return self._unsettled > 0
+
+    def rescale(self, scale: float) -> None:
+        """Adopt another scale of the screen, which changes every place."""
+        self._memory.rescale(scale)
+        self._rebuild = True
+
+    def make_room(self, front: tuple[str, ...]) -> None:
+        """In a small window there is room for one panel beside the picture: the one that comes to the front."""
+        if self.form == "small" and front:
+            self._fold(FOLDED["small"] - {*front})
+
+    def begin_space(self, scale: float, alone: bool = False) -> tuple[str, ...]:
+        """Begin the space that panels dock in; where their places are new, or they come back after the picture was
+        alone, return those that are to be in front.
+
+        That is for the next pass, when the panels are there: of those that appear together the last one would be in
+        front. One per pass: of panels that were docked elsewhere a frame ago imgui raises only the last that it is
+        given.
+        """
+        begin_dock_space(self.form, scale, self._rebuild)
+        rebuilt, self._rebuild = self._rebuild, False
+        self._unsettled = SETTLING if rebuilt else max(self._unsettled - 1, 0)
+        if rebuilt:
+            self._recalled, self._in_front = "", IN_FRONT[self.form]
+        if alone and self._behind_picture is None:
+            self._behind_picture = chosen_tabs(imgui.save_ini_settings_to_memory())
+        elif not alone and self._behind_picture is not None:
+            self._in_front, self._behind_picture = self._in_front or self._behind_picture, None
+            self._unsettled = SETTLING
+        if self._in_front:
+            first, *others = self._in_front
+            self._in_front = tuple(others)
+            return (first,)
+        if self._recalled and self._unsettled == SETTLED_IN:
+            recalled, self._recalled = self._recalled, ""
+            return chosen_tabs(recalled)
+        return ()
+
+    def reset(self) -> None:
+        """Put all panels into the default layout."""
+        self._rebuild = True
+        self._fold(FOLDED[self.form])
+
+    def remember(self) -> None:
+        """After a frame: write what has changed, when imgui asks for it."""
+        if imgui.get_io().want_save_ini_settings:
+            self.keep()
+            imgui.get_io().want_save_ini_settings = False
+
+    def keep(self) -> None:
+        """Write the layout of the panels."""
+        if self._is_placed:
+            folded = (panel.key for panel in PANELS if not self._editor.view.panel_open(panel.key))
+            self._memory.keep(self.form, imgui.save_ini_settings_to_memory(), frozenset(folded))
+
+    def _fold(self, folded: frozenset[str]) -> None:
+        for panel in PANELS:
+            self._editor.do(OpenPanel(panel.key, panel.key not in folded))

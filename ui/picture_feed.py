@@ -7,6 +7,9 @@
 processed in the meantime. Everything slow is sliced: responses are processed for a few milliseconds and the rest the
 next time. Before there is a scene `take` warms up, after which no shader is left to compile and no mode to import. When
 another mode is chosen, or the camera moves, the picture before stays until there is something to show.
+
+A still is the picture on screen, without the window's interface. The GPU is read at once, so that the file has what the
+user saw; a thread writes it, because encoding takes longer than a frame has.
 """
 
 from __future__ import annotations
@@ -14,23 +17,28 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, replace
 from itertools import chain
+from pathlib import Path
 from typing import Protocol
 
 import moderngl
+import numpy as np
+from numpy.typing import NDArray
 
 from app.editor.editor import Editor
 from app.messages.picture_events import PictureEvent, SceneFrame, SkyChanged
 from app.modes.mode import Mode
 from app.modes.registry import MODES
+from app.system.atomic import save_file
 from app.system.lazy_import import import_named
+from engine.core.errors import InsituError
+from engine.render.picture_files import deep_png, exr_bytes, pixels_png
 from engine.scene.description import Camera
-from ui.brush_dabs import SurfaceSpot
 from ui.gl.context import GraphicsError
 from ui.gl.gpu_memory import TextureMemory
-from ui.scene_view import SceneView
-from ui.still_saver import ViewportStill
+from ui.scene_view import SceneView, SurfaceSpot
 from ui.surface_lobe import SurfacePoint
 
 # The time between two checks for responses, while a selected curve is waited for.
@@ -328,3 +336,51 @@ def _importing() -> Iterator[None]:
         for name in filter(None, (mode.controller, mode.picture, mode.accuracy, mode.tools, mode.strip, mode.handles)):
             import_named(name)
             yield
+
+
+@dataclass(frozen=True)
+class ViewportStill:
+    """One picture at the scene's resolution.
+
+    shown: (H,W,3) in the screen's values, sRGB; radiance: (H,W,3) linear, including the light's intensity, without
+    exposure and tone mapping.
+    """
+
+    shown: NDArray[np.float32]
+    radiance: NDArray[np.float32]
+
+    def encoded(self, ending: str, deep: bool) -> bytes:
+        """The bytes of a file: ".exr" linear, 32 bits; ".png" as shown, 8 bits or `deep` 16."""
+        if ending == ".exr":
+            return exr_bytes(np.nan_to_num(self.radiance, posinf=0.0, neginf=0.0))  # black, as on screen
+        return deep_png(self.shown) if deep else pixels_png(np.round(255.0 * self.shown).astype(np.uint8))
+
+
+class StillSaver:
+    """Saves pictures one after the other; their results are collected between frames."""
+
+    def __init__(self) -> None:
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="still")
+        self._pending: list[Future[tuple[str, bool]]] = []
+
+    def save(self, still: ViewportStill, path: Path, deep: bool, remark: str = "") -> None:
+        """Begin to write a picture; a remark is added to the message when it is written."""
+        self._pending.append(self._thread.submit(_save, still, path, deep, remark))
+
+    def finished_messages(self) -> list[tuple[str, bool]]:
+        """A line for the user for each that has ended, and whether it failed."""
+        ended = [future for future in self._pending if future.done()]
+        self._pending = [future for future in self._pending if not future.done()]
+        return [future.result() for future in ended]
+
+    def close(self) -> None:
+        """Wait until all are written."""
+        self._thread.shutdown(wait=True)
+
+
+def _save(still: ViewportStill, path: Path, deep: bool, remark: str) -> tuple[str, bool]:
+    try:
+        save_file(path, still.encoded(path.suffix.lower(), deep))
+    except (InsituError, ValueError, MemoryError) as error:
+        return f"{error}", True
+    return f"saved {path}{remark}", False

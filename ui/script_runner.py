@@ -11,7 +11,8 @@ from typing import Any
 
 from app.document.commands.maps import Paint
 from app.document.document import layer_key, split_key
-from app.editor.editor import Editor, WorkerClient
+from app.editor.editor import Editor
+from app.messages.worker_messages import WorkerClient
 from app.modes.placement.placement_status import PlacementStatus
 from app.operators.edits import Drag, PaintStroke
 from app.operators.registry import run_operator
@@ -21,11 +22,11 @@ from app.system.atomic import make_folder_of, require_place
 from app.worker.client import Client
 from engine.core.errors import InsituError
 from engine.scene.builtin import builtin_environments, builtin_scenes
-from ui.brush_dabs import sample_path, spots_at, stroke_at
 from ui.headless import DEFAULT_SIZE, HeadlessWindow
 from ui.layout import PANELS
 from ui.panels.actions import ShowPanel
 from ui.picture_feed import PictureFeed
+from ui.scene_view import sample_path, spots_at, stroke_at
 from ui.tone_view import is_table_ready
 
 WAIT_SECONDS = 1800.0

@@ -19,39 +19,27 @@ from functools import partial
 from pathlib import Path
 
 import moderngl
-import numpy as np
 from imgui_bundle import ImVec2, imgui
-from numpy.typing import NDArray
 
-from app.document.document import Selection
-from app.document.selection import layer_shown
-from app.document.view_state import Bookmark
+from app.document.document import with_display_names
 from app.editor.editor import Editor
-from app.editor.performance_record import PerformanceRecord
-from app.files.materials import LibraryEntry
 from app.files.preferences import PreferenceFile, RecentFiles
-from engine.core.errors import InsituError
 from ui import theme
 from ui.action_handler import ActionHandler, FrameOutcome
-from ui.brdf_feed import BrdfFeed
-from ui.display_names import with_display_names
-from ui.dock_layout import Docking
+from ui.brdf_feed import BrdfFeed, TableFeed
 from ui.event_queue import ALTS, EventQueue
-from ui.frame_pacing import REDRAW_SECONDS, FramePacing
-from ui.gl.display import ErrorOverlay
+from ui.frame_times import REDRAW_SECONDS, FramePacing, PerformanceRecord
 from ui.gl.interface import InterfaceRenderer
-from ui.gl.thumbnails import Thumbnails
+from ui.layout import Docking
+from ui.panel_pictures import PanelPictures, panel_context
 from ui.panels import file_dialog, shortcuts
 from ui.panels.actions import Action, CancelDrag, SavePicture, SetPanel
 from ui.panels.context import Fields, Handles, PanelContext
 from ui.panels.panel_windows import close_what_is_open, depth_now, draw_guarded, draw_panels
-from ui.panels.pictures import BrdfBoard, Picture
+from ui.panels.pictures import BrdfBoard
 from ui.panels.window_state import PanelState, StatusMessage
-from ui.picture_feed import PictureFeed
-from ui.still_saver import StillSaver
+from ui.picture_feed import PictureFeed, StillSaver
 from ui.surface_lobe import SurfacePoint
-from ui.table_feed import TableFeed
-from ui.view_thumbnails import ViewThumbnails
 
 TITLE = "Insitu"
 # Responses that took longer leave other work to the next poll.
@@ -66,8 +54,6 @@ DOUBLE_CLICK_SECONDS = 0.45
 NO_TIME = 1e-4
 # Tells imgui that Alt is not its own to use: it would move to the tabs of panels.
 SHORTCUT_OWNER = 0x1A5171
-# Beyond this zoom the user inspects pixels, which are then drawn as squares.
-SHARP_ZOOM = 2.0
 
 
 @dataclass(frozen=True)
@@ -125,11 +111,12 @@ class Shell:
         self._interface = InterfaceRenderer(context)
         self._brdf_board = BrdfBoard()
         self._tables = TableFeed(context)
-        self._brdf = BrdfFeed(context, self._brdf_board, self._picture, self._tables)
+        self._pictures = PanelPictures(context, editor, self._interface, self._tables)
+        self._brdf = BrdfFeed(context, self._brdf_board, self._pictures.picture, self._tables)
         self._escape_is_imguis = False
         self._focus_comes_in = 0
         self._frame_ms = 0.0
-        self._record, self._error_overlay = PerformanceRecord(), ErrorOverlay(context)
+        self._record = PerformanceRecord()
         self._prepared: bool | None = None
         self._prepared_ms = 0.0
         self._last_frame = clock()
@@ -137,8 +124,6 @@ class Shell:
         self._requested: list[Action] = []
         self._stills = StillSaver()
         self._library_unread = True
-        self._thumbnails = Thumbnails(context, self._tables.tables, partial(self._tables.complete, editor))
-        self._view_thumbnails = ViewThumbnails(context)
         self.environments: tuple[str, ...] = ()
         self.scenes: tuple[str, ...] = ()
 
@@ -242,7 +227,7 @@ class Shell:
             self._save_picture(outcome.picture)
         self.draw_interface(target)
         self.editor.barrier.run("A thumbnail", self._advance_thumbnails, None, ())
-        self.editor.barrier.run("A view's picture", self._advance_view_thumbnails, None, ())
+        self.editor.barrier.run("A view's picture", self._follow_view, None, ())
         self._docking.remember()
         return self._result(working or bool(actions) or self._docking.is_settling, outcome.screenshot, outcome.quit)
 
@@ -340,9 +325,7 @@ class Shell:
         self._brdf.close()
         self._tables.release()
         self._interface.release()
-        self._thumbnails.release()
-        self._view_thumbnails.release()
-        self._error_overlay.release()
+        self._pictures.release()
         imgui.destroy_context(self._imgui)
 
     @property
@@ -387,32 +370,20 @@ class Shell:
     def _result(self, busy: bool, screenshot: Path | None, quit: bool) -> FrameResult:
         plays = self.editor.view.playing is not None
         redraw_in = REDRAW_SECONDS if plays else self.pacing.redraw_in
-        follows = self._library_unread or self._thumbnails_pending or not self.events.is_empty
+        draws_thumbnail = self._is_idle and self._pictures.materials.is_waiting
+        follows = self._library_unread or draws_thumbnail or not self.events.is_empty
         return FrameResult(busy or self.pacing.is_settling or follows, redraw_in, screenshot, quit)
-
-    def _thumbnail(self, entry: LibraryEntry) -> Picture | None:
-        return self._picture(self._thumbnails.texture(entry))
-
-    def _view_thumbnail(self, bookmark: Bookmark) -> Picture | None:
-        return self._picture(self._view_thumbnails.texture(bookmark))
 
     @property
     def _is_idle(self) -> bool:
         """Whether nothing waits for a frame: neither input nor the picture."""
         return not self._is_dragging and self.editor.status.is_finished
 
-    @property
-    def _thumbnails_pending(self) -> bool:
-        """Whether there is a thumbnail to be made now."""
-        return self._is_idle and self._thumbnails.is_waiting
-
     def _advance_thumbnails(self) -> None:
-        self._thumbnails.step(may_draw=self._is_idle)
+        self._pictures.materials.step(may_draw=self._is_idle)
 
-    def _advance_view_thumbnails(self) -> None:
-        source, editor = self.source, self.editor
-        follow, still = self._view_thumbnails.follow, lambda: None if source is None else source.still(editor)
-        if not self._is_dragging and editor.status.is_whole and follow(editor, still):
+    def _follow_view(self) -> None:
+        if not self._is_dragging and self.editor.status.is_whole and self._pictures.follow_view(self.source):
             self.pacing.note_change()
 
     def _read_library(self) -> None:
@@ -432,90 +403,13 @@ class Shell:
             self._shown_message = status.message_number
 
     def _context(self, now: float) -> PanelContext:
-        editor, source = self.editor, self.source
-        document, status = editor.document, editor.status
-        undo, redo = editor.history.undo_label, editor.history.redo_label
-        context = PanelContext(
-            document=document,
-            view=editor.view,
-            mode=editor.mode,
-            modes=editor.modes,
-            status=replace(
-                status,
-                text=with_display_names(document, status.text),
-                missing_note=with_display_names(document, status.missing_note),
-            ),
-            state=self.state,
-            theme=self.theme,
-            handles=self.handles,
-            fields=self._fields,
-            brdf=self._brdf_board,
-            record=self._record,
-            undo_label=undo and with_display_names(document, undo),
-            redo_label=redo and with_display_names(document, redo),
-            environments=self.environments,
-            scenes=self.scenes,
-            scene_document=editor.scene_document,
-            name=editor.name,
-            camera=editor.camera_history.camera,
-            own_camera=editor.camera_history.own_camera,
-            own_resolution=editor.camera_history.own_resolution,
-            camera_undo_label=editor.camera_history.history.undo_label,
-            camera_redo_label=editor.camera_history.history.redo_label,
-            box_of=self._box_of,
-            view_thumbnail=self._view_thumbnail,
-            preferences=self.actor.preferences.current,
-            unsaved=editor.unsaved,
-            recent=self.actor.recent.entries,
-            recoveries=self.actor.recoveries,
-            library=self.actor.library.entries,
-            thumbnail=self._thumbnail,
-            now=now,
-        )
-        if source is None:
-            return context
-        return replace(
-            context,
-            status=replace(context.status, is_away=status.is_away or source.shows_view_before),
-            picture=self._picture(source.picture, sharp=not editor.view.fit and editor.view.zoom > SHARP_ZOOM),
-            picture_camera=source.camera,
-            mode_before="" if source.mode_before is None else source.mode_before.title,
-            error_overlay=self._picture(self._error_overlay.texture(status.error_colours)),
-            environment=self._picture(source.environment),
-            map_thumbnails=self._map_thumbnails(source),
-            map_refusal=self._map_refusal(source),
-            heading=source.heading,
-            object_at=source.object_at,
-            spot_at=source.spot_at,
-        )
-
-    def _box_of(self, name: str | None) -> NDArray[np.float64] | None:
-        try:
-            return self.editor.camera_history.box_of(name)
-        except InsituError:
-            return None
-
-    @property
-    def _selected_layer(self) -> Selection | None:
-        return layer_shown(self.editor.document, self.editor.view.selected)
-
-    def _map_thumbnails(self, source: PictureFeed) -> dict[str, Picture]:
-        """Thumbnails of the selected layer's images."""
-        selected = self._selected_layer
-        textures = {} if selected is None else source.map_thumbnails(selected.key)
-        found = {name: self._picture(texture) for name, texture in textures.items()}
-        return {name: picture for name, picture in found.items() if picture is not None}
-
-    def _map_refusal(self, source: PictureFeed) -> str | None:
-        selected = self._selected_layer
-        return None if selected is None else source.map_refusal(self.editor, selected.key)
-
-    def _picture(self, texture: moderngl.Texture | None, sharp: bool = False) -> Picture | None:
-        """A texture for panels to draw; `sharp` shows its pixels as squares where they are enlarged."""
-        if texture is None:
-            return None
-        texture.filter = (moderngl.NEAREST, moderngl.NEAREST) if sharp else (moderngl.LINEAR, moderngl.LINEAR)
-        return Picture(self._interface.register(texture), texture.width, texture.height)
+        handler = self.actor
+        return panel_context(
+            self.editor, self.source, self._pictures, state=self.state, theme=self.theme, handles=self.handles,
+            fields=self._fields, brdf=self._brdf_board, record=self._record, environments=self.environments,
+            scenes=self.scenes, preferences=handler.preferences.current, recent=handler.recent.entries,
+            recoveries=handler.recoveries, library=handler.library.entries, now=now,
+        )  # fmt: skip
 
     def _panels(self, context: PanelContext) -> list[Action]:
         barrier = self.editor.barrier

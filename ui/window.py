@@ -20,9 +20,10 @@ import glfw
 import numpy as np
 from imgui_bundle import imgui
 
-from app.editor.editor import Editor, WorkerClient
+from app.editor.editor import Editor
 from app.files.journal import Journal, Recovery, recoverable_sessions
 from app.files.preferences import PreferenceFile, RecentFiles
+from app.messages.worker_messages import WorkerClient
 from app.system.atomic import save_file
 from app.system.barrier import Barrier
 from app.system.paths import layout_file, preference_file, recent_file
@@ -30,9 +31,9 @@ from app.worker.client import Client
 from engine.core.errors import InsituError
 from engine.render.picture_files import pixels_png
 from engine.scene.builtin import builtin_environments, builtin_scenes
+from ui.frame_times import launch_times_from
 from ui.gl.context import REQUIRED_VERSION, GraphicsError, create_window_context, spare_full_disk
 from ui.glfw_keys import KEYS, as_printed, held, key_changes
-from ui.launch_times import launch_times_from
 from ui.layout import LEAST_SIZE
 from ui.panels.actions import Quit
 from ui.panels.maps import image_at

@@ -13,6 +13,7 @@ its name: ``"teapot"``, ``"teapot.1"``, ``"teapot.coat.theta_h"``, ``"teapot.1.a
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
@@ -21,7 +22,7 @@ from app.document.linked_layers import layers_from_descriptions, linked_indices,
 from app.system.paths import is_file_name
 from engine.core.errors import InsituError
 from engine.material.bumps import NO_BUMPS, Bumps, BumpsByObject, bump_fields
-from engine.material.layer import Layer
+from engine.material.layer import Layer, object_of
 from engine.material.layer_maps import map_fields
 from engine.material.model import Factor, Model
 from engine.realtime.deformers import KINDS
@@ -339,3 +340,27 @@ def _object_state(source: str, described: ObjectDescription) -> ObjectState:
     return ObjectState(
         described.name, layers, emission, described.editable, own_bumps=described.bumps, own_surface=described.deform
     )
+
+
+def with_display_names(document: Document, text: str) -> str:
+    """A line for the user with layers by name, and the curve or parameter that follows each, as panels show them.
+
+    Commands, scripts and the worker use keys and paths ("tray.1", "theta_h"); on screen the layer is "tray / lacquer"
+    and its curve "half". A path that could be typed ("tray.1.alpha") stays one.
+    """
+    for key, layer in document.layers():
+        if key in text:
+            text = _with_layer_name(key, layer, text)
+    return text
+
+
+def _with_layer_name(key: str, layer: Layer, text: str) -> str:
+    labels = {factor.name: factor.word for factor in all_factors(layer.model)}
+    labels |= {parameter.name: parameter.label for parameter in layer.parameter_table}
+    name = f"{object_of(key)} / {layer.title}"
+
+    def said(found: re.Match[str]) -> str:
+        what = found[1] or ""
+        return f"{name} {labels[what]}" if what in labels else f"{name} {what}" if what else name
+
+    return re.sub(rf"(?<![\w.]){re.escape(key)}(?!\w|\.\w)(?: (\w+))?", said, text)

@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from app.document.commands import EditCommand
 from app.document.commands.layers import SetMaterial
@@ -45,6 +45,7 @@ from app.messages.worker_messages import (
     SkyImage,
     TableFetched,
     ViewTraced,
+    WorkerClient,
     WorkerRestarted,
     WorkerWarnings,
 )
@@ -57,29 +58,8 @@ from app.system.paths import display_name, is_file_name
 from engine.core.errors import InsituError, plain_line
 from engine.planner import planned_edge_rays
 
-__all__ = ["Editor", "Status", "WorkerClient"]
-
 POLL_SECONDS = 0.004
 STOPPED = "stopped; press Resume in the Accuracy panel to go on, or change the light or a roughness"
-
-
-class WorkerClient(Protocol):
-    """The interface of ``app.worker.client.Client`` that the editor uses."""
-
-    @property
-    def alive(self) -> bool: ...
-
-    @property
-    def pid(self) -> int | None: ...
-
-    @property
-    def arriving(self) -> bool: ...
-
-    def send(self, request: Request) -> int: ...
-
-    def poll(self, budget_s: float = ...) -> list[Response]: ...
-
-    def close(self) -> None: ...
 
 
 class Editor:
@@ -144,7 +124,7 @@ class Editor:
             elif self.exchange.reading.defer_command(command, self.document):
                 return None
             elif self.history.do(command, merge_key):
-                self._document_changed(before, command)
+                self.document_changed(before, command)
                 if isinstance(command, SetMaterial) and self.view.selected is not None:
                     self.select(self.view.selected.object)  # the layers of the object have changed
         except (InsituError, ValueError) as error:
@@ -405,8 +385,8 @@ class Editor:
 
     def picture_voided(self, notes: tuple[str, ...]) -> None:
         """Note that the picture on screen is void: the worker has another scene or another view."""
-        gauges = self.metrics
-        self.metrics = StatusMetrics(message_number=gauges.message_number, memory_mb=gauges.memory_mb)
+        before = self.metrics
+        self.metrics = StatusMetrics(message_number=before.message_number, memory_mb=before.memory_mb)
         self.metrics.note(*notes)
         self.tables.scene_opened()
 
@@ -449,15 +429,11 @@ class Editor:
     def playback_stopped(self, before: Document) -> None:
         """Note that an animation stopped, at another time than that of the document `before`."""
         self._keeper.rebase_saved(before, self.document)
-        self._document_changed()
+        self.document_changed()
 
-    def document_changed(self) -> None:
-        """Notify all controllers that the document changed without a command of the user."""
-        self._document_changed()
-
-    def _document_changed(self, before: Document | None = None, command: EditCommand | None = None) -> None:
+    def document_changed(self, before: Document | None = None, command: EditCommand | None = None) -> None:
         """Notify all controllers of a changed document. before: the document that it was, to follow the selected
-        operator."""
+        operator; command: the user's, None where it changed without one."""
         add_inputs(files_of_document(self.document, before))
         self.controller.edited(command)
         selected = self.view.selected
@@ -471,7 +447,7 @@ class Editor:
         before, label = self.document, step()
         self.controller.drag_ended()
         if label is not None:
-            self._document_changed(before)
+            self.document_changed(before)
             self.notify(f"{what}: {label}")
         return label
 

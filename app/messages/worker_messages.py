@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar, Literal, TypeVar
+from typing import TYPE_CHECKING, ClassVar, Literal, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -278,3 +278,22 @@ def with_numbers(message: AnyMessage, id: int, revision: int) -> AnyMessage:
     if (message.id, message.revision) == (id, revision):
         return message
     return dataclasses.replace(message, id=id, revision=revision)
+
+
+class WorkerClient(Protocol):
+    """The interface of `app.worker.client.Client` that the editor uses."""
+
+    @property
+    def alive(self) -> bool: ...
+
+    @property
+    def pid(self) -> int | None: ...
+
+    @property
+    def arriving(self) -> bool: ...
+
+    def send(self, request: Request) -> int: ...
+
+    def poll(self, budget_s: float = ...) -> list[Response]: ...
+
+    def close(self) -> None: ...

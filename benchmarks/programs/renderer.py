@@ -30,10 +30,10 @@ from engine.curve.operators import HALF_PI, Operator
 from engine.curve.wavelet import forward
 from engine.material.layer import object_of, place_of
 from engine.settings import Precision
+from ui.frame_times import launch_times_from
 from ui.gl.context import create_headless_context, describe_context
 from ui.gl.display import DisplayView
 from ui.headless import POLL_SECONDS, HeadlessWindow
-from ui.launch_times import launch_times_from
 from ui.modes.placement.gl.renderer import PlacementRenderer, UpdateReport
 from ui.modes.placement.placement_feed import PlacementFeed
 from ui.picture_feed import CURVE_POLL_SECONDS, PictureFeed

@@ -68,7 +68,7 @@ FRAME = PictureFrame(
 
 
 class FakeClient:
-    """Satisfies ``app.editor.editor.WorkerClient``. ``requests`` holds all that was sent, oldest first, with ids from
+    """Satisfies `app.messages.worker_messages.WorkerClient`. `requests` holds all that was sent, oldest first, ids from
     1.
 
     It ``plans`` bands by itself, a poll after it was asked.

@@ -10,8 +10,8 @@ import moderngl
 import numpy as np
 
 from app.document.view_state import SetView
-from app.editor.editor import Editor, WorkerClient
-from app.messages.worker_messages import Request
+from app.editor.editor import Editor
+from app.messages.worker_messages import Request, WorkerClient
 from app.worker.schedule import InProcessClient
 from app.worker.tasks import RequestDispatcher
 from tests.pictures import write_exr

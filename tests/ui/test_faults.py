@@ -114,7 +114,7 @@ FAULTS: dict[str, Callable[[Holding, pytest.MonkeyPatch], None]] = {
     "the renderer's picture": lambda h, patch: patch.setattr(h.feed.source.renderer, "composite", broken),
     "the panels' context": lambda h, patch: patch.setattr(shell_module, "with_display_names", broken),
     "the BRDF's picture": lambda h, patch: patch.setattr(h.window.shell._brdf, "draw", broken),
-    "a thumbnail": lambda h, patch: patch.setattr(h.window.shell._thumbnails, "step", broken),
+    "a thumbnail": lambda h, patch: patch.setattr(h.window.shell._pictures.materials, "step", broken),
     "an action": lambda h, patch: patch.setattr(h.editor, "select", broken),
     **{
         f"the panel {name}": lambda h, patch, panel=panel: patch.setattr(panel, "draw", broken_panel)  # type: ignore[misc]

@@ -8,7 +8,7 @@ from imgui_bundle import imgui
 from app.editor.editor import Editor
 from app.messages.worker_messages import Progress, RequestFailed
 from tests.ui.stand_in import StandInClient
-from ui.frame_pacing import PROGRESS_SECONDS
+from ui.frame_times import PROGRESS_SECONDS
 from ui.headless import HeadlessWindow
 
 pytestmark = pytest.mark.gl

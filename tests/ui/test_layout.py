@@ -19,8 +19,8 @@ from engine.material.layer import Layer
 from tests.ui.conftest import opened
 from tests.ui.stand_in import StandInClient
 from ui import layout
-from ui.dock_layout import SETTLING
 from ui.headless import HeadlessWindow
+from ui.layout import SETTLING
 from ui.panels import number_fields, widgets
 from ui.panels.actions import SetPanel, ShowPanel
 

@@ -11,9 +11,9 @@ from imgui_bundle import imgui
 from app.document.commands.layers import SetParameter
 from app.operators.script import load_script
 from tests.ui.stand_in import HEIGHT, WIDTH
-from ui.brush_dabs import SurfaceSpot, stroke_at
 from ui.headless import HeadlessWindow
 from ui.panels.actions import SaveMaterial
+from ui.scene_view import SurfaceSpot, stroke_at
 from ui.script_runner import ScriptError, run_steps
 
 pytestmark = pytest.mark.gl

@@ -3,8 +3,8 @@
 import pytest
 
 from app.document.commands.layers import SetParameter
+from app.document.document import with_display_names
 from tests.ui.stand_in import StandInClient
-from ui.display_names import with_display_names
 from ui.headless import HeadlessWindow
 
 

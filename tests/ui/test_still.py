@@ -21,8 +21,7 @@ from tests.ui.real_window import RealWindow, real_window_fixture
 from tests.ui.stand_in import HEIGHT, WIDTH
 from ui.headless import HeadlessWindow
 from ui.panels.actions import SavePicture
-from ui.picture_feed import PictureFeed
-from ui.still_saver import StillSaver, ViewportStill
+from ui.picture_feed import PictureFeed, StillSaver, ViewportStill
 
 real = real_window_fixture()
 

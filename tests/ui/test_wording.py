@@ -18,12 +18,11 @@ from app.document.commands.layers import (
     new_layer,
 )
 from app.document.commands.light import SetEmission
-from app.document.document import Document, all_factors, document_from_description
+from app.document.document import Document, all_factors, document_from_description, with_display_names
 from engine.curve.operators import Operator
 from engine.material import MODELS
 from engine.scene.description import SceneDescription
 from tests.ui.stand_in import SCENE
-from ui.display_names import with_display_names
 
 LIFT = Operator("translate", "y", 0.1, 0.2, 0.3, 0.4, magnitude=0.5)
 COAT, CURVE = "teapot.1", ("teapot.1", "theta_h")

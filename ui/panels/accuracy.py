@@ -16,16 +16,16 @@ from imgui_bundle import ImVec2, imgui
 from numpy.typing import NDArray
 
 from app.document.commands.plan import OverrideLine
+from app.document.document import with_display_names
 from app.document.effective_settings import effective_view, override_lines_of
 from app.document.pareto_front import FrontPoint, ParetoFront, load_front
 from app.document.view_state import FRAME_BUDGET, SetView
-from app.editor.performance_record import SECONDS
 from app.messages.editor_status import Status, duration
 from app.modes.placement.plan_table import PlanTableRow, plan_table
 from app.system.lazy_import import import_named
 from engine.render.picture_error import ErrorEstimate, percent
 from ui import theme as look
-from ui.display_names import with_display_names
+from ui.frame_times import SECONDS
 from ui.panels import number_fields, rows, widgets
 from ui.panels.actions import Action, BeginDrag, EndDrag, RunOperator
 from ui.panels.context import PanelContext

@@ -17,16 +17,16 @@ from app.document.document import Document, Selection
 from app.document.selection import layer_shown
 from app.document.view_state import Bookmark, ViewState
 from app.editor.camera_history import NO_CAMERA
-from app.editor.performance_record import PerformanceRecord
 from app.files.journal import Recovery
 from app.files.materials import LibraryEntry
 from app.files.preferences import Preferences, Recent
 from app.messages.editor_status import Status
 from app.modes.mode import Mode
 from engine.scene.description import Camera
-from ui.brush_dabs import SurfaceSpot
+from ui.frame_times import PerformanceRecord
 from ui.panels.pictures import BrdfBoard, Picture
 from ui.panels.window_state import PanelState, Travel
+from ui.scene_view import SurfaceSpot
 from ui.theme import Theme
 
 

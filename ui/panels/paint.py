@@ -12,11 +12,11 @@ from app.document.document import layer_key
 from engine.material.layer import object_of
 from engine.material.layer_maps import LayerMaps
 from ui import theme as look
-from ui.brush_dabs import sample_path, spots_at, stroke_at
 from ui.panels import rows, widgets
 from ui.panels.actions import Action, BeginDrag, EndDrag, HoldGrip, SetPanel
 from ui.panels.context import PanelContext
 from ui.panels.window_state import BRUSH, Brush, PaintGrip
+from ui.scene_view import sample_path, spots_at, stroke_at
 from ui.theme import Icon
 
 STEP = 2.0**0.25

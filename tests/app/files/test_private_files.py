@@ -17,7 +17,7 @@ from app.worker.cache import ArrayCache
 from app.worker.worker import log_to_file
 from engine.core.errors import InsituError
 from engine.material import MODELS, make_layer
-from ui.layout_memory import LayoutMemory
+from ui.layout import LayoutMemory
 
 LAYERS = (make_layer(MODELS["lambert"], {}, "chalk"),)
 

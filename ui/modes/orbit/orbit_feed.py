@@ -26,8 +26,7 @@ from ui.gl.display import DisplayView
 from ui.modes.orbit.gl.canvas import PictureCanvas
 from ui.modes.orbit.gl.shaded_picture import ShadedPicture
 from ui.modes.placement.placement_feed import PlacementFeed, stops
-from ui.picture_feed import PictureSource
-from ui.still_saver import ViewportStill
+from ui.picture_feed import PictureSource, ViewportStill
 from ui.tone_view import ToneView
 
 FADE_SECONDS = 0.25

@@ -43,8 +43,7 @@ from ui.modes.placement.gl.layers import ComparedAppearance
 from ui.modes.placement.gl.renderer import PlacementRenderer
 from ui.modes.placement.gl.shader_warm_up import warm_up
 from ui.modes.placement.map_feed import MapFeed
-from ui.picture_feed import PictureSource
-from ui.still_saver import ViewportStill
+from ui.picture_feed import PictureSource, ViewportStill
 from ui.tone_view import ToneView
 
 UPLOAD_SHARE = 0.5
