@@ -126,7 +126,7 @@ class ActionHandler:
         """Carry out all actions of one frame, in order; `now` in seconds of the window's clock."""
         outcome = FrameOutcome(state)
         for action in actions:
-            outcome = self._editor.barrier.run("This action", partial(self._perform, action, outcome), outcome)
+            outcome = self._editor.barrier.run("This action", partial(self._attempt, action, outcome), outcome)
         self._note_file()
         return outcome
 
@@ -136,6 +136,14 @@ class ActionHandler:
         if file is not None and file != self._last_file:
             self.recent.add(file)
         self._last_file = file
+
+    def _attempt(self, action: Action, outcome: FrameOutcome) -> FrameOutcome:
+        """Carry out an action; where that is refused, show why."""
+        try:
+            return self._perform(action, outcome)
+        except InsituError as error:
+            self._editor.notify(str(error), True)
+            return outcome
 
     def _perform(self, action: Action, outcome: FrameOutcome) -> FrameOutcome:
         state = outcome.state
@@ -159,7 +167,8 @@ class ActionHandler:
             case Screenshot():
                 return replace(outcome, screenshot=action.path or picture_name(Path.cwd(), datetime.now()))
             case SavePicture():
-                return replace(outcome, picture=action) if self._may_save(action) else outcome
+                self._remember_picture(action)
+                return replace(outcome, picture=action)
             case ResetLayout():
                 return replace(outcome, reset_layout=True)
             case Quit():
@@ -174,26 +183,20 @@ class ActionHandler:
                 self._edit(action)
                 return outcome
 
-    def _may_save(self, action: SavePicture) -> bool:
-        """Whether a picture can be saved there; if so its folder and kind are remembered, else a message says why
-        not."""
+    def _remember_picture(self, action: SavePicture) -> None:
+        """Remember folder and kind of a picture that is about to be saved. Raises InsituError where it cannot be saved
+        there."""
         if action.path.suffix.lower() not in PICTURE_FILES:
-            self._editor.notify(f"{action.path}: the name of a picture ends in {' or '.join(PICTURE_FILES)}", True)
-            return False
-        try:
-            require_place(action.path)
-        except InsituError as error:
-            self._editor.notify(str(error), True)
-            return False
+            raise InsituError(f"{action.path}: the name of a picture ends in {' or '.join(PICTURE_FILES)}")
+        require_place(action.path)
         self._folders["picture"], self._deep = action.path.absolute().parent, action.deep
         self._picture_ending = action.path.suffix.lower()
-        return True
 
     def _answer(self, action: AnswerQuestion, outcome: FrameOutcome) -> FrameOutcome:
         """Do with the chosen file what the dialog was opened for; where it is refused, the dialog stays and shows
         why."""
         question, said_before = outcome.state.question, self._editor.status.message_number
-        done = self._perform(action.action, replace(outcome, state=replace(outcome.state, question=None)))
+        done = self._attempt(action.action, replace(outcome, state=replace(outcome.state, question=None)))
         status = self._editor.status
         if question is None or status.message_number == said_before or not status.is_error:
             return done
@@ -218,7 +221,7 @@ class ActionHandler:
             case RunOperator():
                 run_operator(editor, action.name, action.value)
             case SetPreference():
-                self._set_preference(action)
+                self.preferences.choose(**action.changes)
             case MergedEdit():
                 editor.do(action.command, action.gesture)
             case OpenFile():
@@ -246,12 +249,6 @@ class ActionHandler:
                 self._paste(action.as_layers)
             case _:
                 editor.do(cast(EditCommand | ViewCommand, action))
-
-    def _set_preference(self, action: SetPreference) -> None:
-        try:
-            self.preferences.choose(**action.changes)
-        except InsituError as error:
-            self._editor.notify(str(error), True)
 
     def open_dropped(self, paths: Sequence[str], image: str | None = None) -> list[Action]:
         """Open the file that was dropped on the window; several at once are refused, because one would hide the other.
@@ -376,15 +373,12 @@ class ActionHandler:
         return replace(outcome, state=state) if action is None else self._perform(action, replace(outcome, state=state))
 
     def _change_library(self, action: SaveMaterial | DeleteMaterial) -> None:
-        try:
-            if isinstance(action, DeleteMaterial):
-                self.library.delete(action.path)
-            else:
-                layers, lost = self._portable(self._editor.document.object(action.object).layers)
-                entry = self.library.save(action.name, layers)
-                self._editor.notify(f"saved {entry.name} in the library{lost}")
-        except InsituError as error:
-            self._editor.notify(str(error), True)
+        if isinstance(action, DeleteMaterial):
+            self.library.delete(action.path)
+            return
+        layers, lost = self._portable(self._editor.document.object(action.object).layers)
+        entry = self.library.save(action.name, layers)
+        self._editor.notify(f"saved {entry.name} in the library{lost}")
 
     def _portable(self, layers: Layers) -> tuple[Layers, str]:
         """Layers as they leave their object, and the message about that."""
@@ -394,11 +388,8 @@ class ActionHandler:
 
     def _paste(self, as_layers: bool) -> None:
         editor = self._editor
-        try:
-            material = parse_material((imgui.get_clipboard_text() or "")[:MAX_MATERIAL_BYTES], "clipboard")
-            editor.do(paste_command(material, editor.document, editor.view.selected, as_layers))
-        except InsituError as error:
-            editor.notify(str(error), True)
+        material = parse_material((imgui.get_clipboard_text() or "")[:MAX_MATERIAL_BYTES], "clipboard")
+        editor.do(paste_command(material, editor.document, editor.view.selected, as_layers))
 
     def _recover(self, action: Recover, state: PanelState) -> PanelState:
         self.recoveries = tuple(each for each in self.recoveries if each != action.recovery)

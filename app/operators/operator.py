@@ -104,7 +104,8 @@ class Gesture:
 class ValueRecord(BaseModel):
     """A value of several parts; each part's description says what it means."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    # Built when a script is read: it would take 10 ms of the window's start.
+    model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True)
 
 
 def _has_curve(context: OperatorContext) -> bool:
