@@ -24,7 +24,7 @@ from app.document.selection import layer_shown
 from app.document.view_state import Bookmark, SetView
 from app.editor.editor import Editor
 from app.files.bookmarks import THUMBNAIL_SIZE, with_thumbnail
-from app.files.library import LibraryEntry
+from app.files.materials import LibraryEntry
 from engine.core.errors import InsituError
 from ui.brdf_feed import TableFeed
 from ui.gl.display import ErrorOverlay

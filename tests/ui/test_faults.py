@@ -112,7 +112,7 @@ FAULTS: dict[str, Callable[[Holding, pytest.MonkeyPatch], None]] = {
     "the renderer's layer": lambda h, patch: patch.setattr(h.feed.source.renderer, "set_layer_gain", broken),
     "the renderer's update": lambda h, patch: patch.setattr(h.feed.source.renderer, "update", broken),
     "the renderer's picture": lambda h, patch: patch.setattr(h.feed.source.renderer, "composite", broken),
-    "the panels' context": lambda h, patch: patch.setattr(shell_module, "with_display_names", broken),
+    "the panels' context": lambda h, patch: patch.setattr(shell_module, "panel_context", broken),
     "the BRDF's picture": lambda h, patch: patch.setattr(h.window.shell._brdf, "draw", broken),
     "a thumbnail": lambda h, patch: patch.setattr(h.window.shell._pictures.materials, "step", broken),
     "an action": lambda h, patch: patch.setattr(h.editor, "select", broken),
