@@ -25,7 +25,7 @@ from app.modes.placement.plan_table import PlanTableRow, plan_table
 from app.system.lazy_import import import_named
 from engine.render.picture_error import ErrorEstimate, percent
 from ui import theme as look
-from ui.frame_times import SECONDS
+from ui.frame_times import RECORDED_SECONDS
 from ui.panels import number_fields, rows, widgets
 from ui.panels.actions import Action, BeginDrag, EndDrag, RunOperator
 from ui.panels.context import PanelContext
@@ -188,7 +188,7 @@ def draw_history(context: PanelContext, hint: str = "") -> None:
     draw_list, inner = imgui.get_window_draw_list(), context.px(2)
     left, end = corner.x + context.px(widgets.LABEL_WIDTH), ImVec2(corner.x + room.x, corner.y + height)
     draw_list.add_rect_filled(ImVec2(left, corner.y), end, look.pack(look.WELL), inner)
-    across = Axis(SECONDS, 0.0, left + inner, end.x - inner)
+    across = Axis(RECORDED_SECONDS, 0.0, left + inner, end.x - inner)
     scales = [Axis(*limits, end.y - inner, corner.y + inner, "log") for limits in (FRAME_MS, ERROR_RANGE)]
     _grid(draw_list, across, scales[0])
     if height >= context.px(LABELLED_HEIGHT):
