@@ -110,7 +110,7 @@ class EditorRig:
         """One edit of the selected curve and the frame that follows it, with so many coefficients."""
         key, factor = self.selected
         self.editor.do(SetOperators(key, factor, operators))
-        self.renderer.want(key, forward(self.controller.wanted_coefficients(key)[factor]), factor)
+        self.renderer.want(key, forward(self.controller.picture.wanted_coefficients(key)[factor]), factor)
         return self.draw(terms)
 
     def draw(self, terms: int | None) -> UpdateReport:
@@ -130,7 +130,7 @@ class EditorRig:
     def n_coefficients(self) -> int:
         """Of the selected curve."""
         key, factor = self.selected
-        return len(self.controller.wanted_coefficients(key)[factor])
+        return len(self.controller.picture.wanted_coefficients(key)[factor])
 
     def curves(self) -> dict[str, tuple[int, int, bool]]:
         """(coefficients, samples, whether its layer's first) of every curve with transport, in the scene's order."""
@@ -140,7 +140,7 @@ class EditorRig:
             if key not in self.renderer.layer_keys:
                 continue
             n_samples = len(self.renderer.layer_radiance(key))
-            for place, (factor, values) in enumerate(self.controller.wanted_coefficients(key).items()):
+            for place, (factor, values) in enumerate(self.controller.picture.wanted_coefficients(key).items()):
                 found[Selection(name, index, factor).path] = (len(values), n_samples, place == 0)
         return found
 

@@ -86,7 +86,7 @@ def test_a_damaged_line_of_a_session_is_named(document: Document, tmp_path: Path
 
 
 def test_the_editor_asks_for_what_is_set_and_undo_brings_back(settled: Editor, client: FakeClient) -> None:
-    planned = dict(settled.controller.wanted_coefficients("pot.1"))
+    planned = dict(settled.controller.picture.wanted_coefficients("pot.1"))
     for line, value in {**LINES, "edges": 8, "pot.1.theta_h": 32}.items():
         assert settled.do(OverrideLine(line, value)) is None
     settled.tick(1.1)
@@ -101,7 +101,7 @@ def test_the_editor_asks_for_what_is_set_and_undo_brings_back(settled: Editor, c
     for _ in range(7):
         settled.undo()
     assert settled.document.overrides == () and settled.undo() is None
-    assert {name: len(values) for name, values in settled.controller.wanted_coefficients("pot.1").items()} == {
+    assert {name: len(values) for name, values in settled.controller.picture.wanted_coefficients("pot.1").items()} == {
         name: len(values) for name, values in planned.items()
     }
 

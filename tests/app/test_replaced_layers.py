@@ -59,7 +59,7 @@ def test_any_material_of_the_library_follows_any_other(
         assert editor.do(SetMaterial("pot", shipped[name].material.layers)) is None, (before, name)
         now = settle(editor, renderer, now)
         for key, _ in editor.document.layers():
-            assert same_coefficients(renderer.shown[key], editor.controller.wanted_coefficients(key)), (
+            assert same_coefficients(renderer.shown[key], editor.controller.picture.wanted_coefficients(key)), (
                 before,
                 name,
                 key,

@@ -62,11 +62,11 @@ def expected_picture(window: HeadlessWindow) -> np.ndarray:
         if name == "lamp" or not editor.document.is_visible(key):
             continue
         start, stop = frame.object_ranges[names.index(name)]
-        curves = editor.controller.wanted_coefficients(key)
+        curves = editor.controller.picture.wanted_coefficients(key)
         first = next(iter(curves.values()))
         radiance = np.einsum("jpc,jc->pc", transport_of(key, len(first)), first)
         angles = np.linspace(0.0, np.pi / 2, 256)
-        view = editor.controller.view_curve(key)
+        view = editor.controller.picture.view_curve(key)
         view_value = np.stack([np.interp(0.4, angles, view[:, channel]) for channel in range(3)])
         flat[frame.pixel[start:stop]] += radiance * layer.scale() * view_value
     return image
@@ -112,7 +112,7 @@ def test_a_new_material_is_first_seen_in_a_picture_of_its_own(window: HeadlessWi
     bright = new_layer("cook_torrance").with_parameter("scale", 4.0)
     editor.do(SetMaterial("teapot", (editor.document.layer("teapot.0"), bright)))
     n_pictures = 0
-    while editor.controller.is_held:
+    while editor.controller.picture.is_held:
         np.testing.assert_array_equal(feed(window).source.renderer.linear_image(), before)
         window.frame()
         n_pictures += 1
@@ -200,7 +200,7 @@ def test_another_precision_comes_at_once_and_the_picture_stays(window: HeadlessW
     np.testing.assert_allclose(after, before, rtol=HALF_FLOAT, atol=1e-5)
     # Six bytes more for each of the layer's coefficients and samples, whole rows of them; all else is as it was.
     n_samples = len(renderer.layer_radiance("teapot.1"))
-    n_bands = len(editor.controller.wanted_coefficients("teapot.1")["theta_h"])
+    n_bands = len(editor.controller.picture.wanted_coefficients("teapot.1")["theta_h"])
     assert renderer.memory_bytes - n_bytes == 6 * n_bands * row_count(n_samples) * SAMPLES_PER_ROW
     assert editor.status.gpu_mb == renderer.memory_bytes / 1e6
 
@@ -396,9 +396,9 @@ def test_metal_stays_plain_until_light_bounces(opening: Opening, monkeypatch: py
     for now in np.arange(1.0, 30.0, 0.1):
         feed_of_all.take(editor, float(now))
         opening.draw()
-        if editor.controller.drawn is editor.document:
+        if editor.controller.picture.document is editor.document:
             break
-    assert shows_plain_metal() and editor.controller.drawn.object("tray") != tray
+    assert shows_plain_metal() and editor.controller.picture.document.object("tray") != tray
     editor.do(SetVisible("tray.0", False))
     opening.draw()
     assert not shows_plain_metal()

@@ -172,6 +172,6 @@ def test_a_hand_sees_a_new_material_before_its_last_stage(walk: Walk) -> None:
     walk.editor.begin_drag()
     walk.editor.do(SetParameter("ball.0", "alpha", 0.3))
     walk.frames(2)
-    assert not walk.editor.controller.is_held
+    assert not walk.editor.controller.picture.is_held
     assert relative_error(walk.feed.source.renderer.linear_image(), before) > 0.02
     walk.editor.end_drag()

@@ -97,8 +97,8 @@ def test_a_script_chooses_the_series(window: HeadlessWindow, tmp_path: Path) -> 
     view = editor.view
     assert (view.settings.n_bounces, editor.document.first_bands, view.settings.second_bands) == (3, 128, 8)
     # 64 × 16 as planned for the coat, 16 for the base: with 128 for the sharpest, what varies slowly stays.
-    assert [len(values) for values in editor.controller.wanted_coefficients("teapot.1").values()] == [128, 16]
-    assert [len(values) for values in editor.controller.wanted_coefficients("teapot.0").values()] == [16]
+    assert [len(values) for values in editor.controller.picture.wanted_coefficients("teapot.1").values()] == [128, 16]
+    assert [len(values) for values in editor.controller.picture.wanted_coefficients("teapot.0").values()] == [16]
     run(window, tmp_path, '[[step]]\nundo = 1\n[[step]]\nset = { "series.second" = "all" }\n')
     assert editor.document.first_bands is None and editor.view.settings.second_bands is None
 
@@ -108,7 +108,7 @@ def test_a_script_overrides_the_plan(window: HeadlessWindow, tmp_path: Path) -> 
     lines = 'lights = 600, edges = "off", rays = 256, "teapot.coat.theta_h" = 32'
     run(window, tmp_path, f"[[step]]\noverride = {{ {lines} }}\n")
     assert dict(editor.document.overrides) == {"lights": 600, "edges": 0, "rays": 256, "teapot.1.theta_h": 32}
-    assert len(editor.controller.wanted_coefficients("teapot.1")["theta_h"]) == 32
+    assert len(editor.controller.picture.wanted_coefficients("teapot.1")["theta_h"]) == 32
     run(window, tmp_path, '[[step]]\nundo = 1\n[[step]]\noverride = { lights = "auto" }\n')
     assert dict(editor.document.overrides) == {"edges": 0, "rays": 256}
 

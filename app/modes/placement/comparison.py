@@ -4,8 +4,8 @@ The renderer stores A as a picture. Stored while the first stages come in, that 
 beside a B that is refined. Transport belongs to light and quotients, not to curves, so as long as A has those of B it
 can be drawn exactly from what is there:
 
-- while A and B have the same layers, by storing the picture again after each stage, and when it is exact; - when curves
-were edited meanwhile, by requesting from the idle worker the radiance of the layers that differ, with
+- while A and B have the same layers, by storing the picture again after each stage, and when it is exact;
+- when curves were edited meanwhile, by requesting from the idle worker the radiance of the layers that differ, with
   A's curves. That is one contraction a layer, and none when A was stored exact.
 
 Indirect light depends on every layer: an edited layer changes it for all of them, so an A with other curves that was
@@ -18,14 +18,14 @@ second one for a picture that is seldom shown costs as much memory as the first.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from app.document.commands.light import emission_of
 from app.document.document import Document
-from app.document.scene_state import LayerState, layer_state
+from app.document.scene_state import layer_state
 from app.messages.picture_events import PictureEvent
 from app.messages.worker_messages import Request
 from app.modes.placement.contraction_controller import CONTRACT_PATIENCE
@@ -34,20 +34,12 @@ from app.modes.placement.desired_state import same_coefficients
 from app.modes.placement.placement_events import ComparisonRefined, LayerAppearance
 from app.modes.placement.placement_messages import ContractTransport, LayerPicture
 from app.modes.placement.transport_controller import TransportController
+from app.modes.reconciler import Reconciler
 from engine.material.layer import Layer
 from engine.material.layer_maps import LayerMaps
 from engine.settings import RenderSettings
 
 Samples = Callable[[str, LayerMaps], NDArray[np.float16] | None]
-
-
-@dataclass(frozen=True)
-class PendingRadiance:
-    """A request for a layer's radiance under way."""
-
-    id: int
-    key: str
-    at: float
 
 
 class Comparison:
@@ -56,6 +48,7 @@ class Comparison:
     def __init__(self, send: Callable[[Request], int], curves: Curves, samples: Samples) -> None:
         """samples: those of a layer's images, None where they are unknown."""
         self._send, self._curves, self._samples = send, curves, samples
+        self._reconciler = Reconciler[str, LayerPicture](patience=CONTRACT_PATIENCE)  # by layer key
         self._document: Document | None = None
         self._ids: set[int] = set()
         self._forget_revision()
@@ -65,8 +58,8 @@ class Comparison:
         self._serves = False
         self._coefficients: dict[str, Coefficients] = {}
         self._pictures: dict[str, NDArray[np.floating]] = {}
-        self._requested: PendingRadiance | None = None
-        self._stage_finished = self._failed = False
+        self._reconciler.clear()
+        self._stage_finished = False
 
     def begin(self, document: Document | None, is_exact: bool) -> None:
         """Begin or end the comparison with A; ``is_exact``: whether the picture that the renderer stored of it is."""
@@ -89,19 +82,17 @@ class Comparison:
 
     def receive(self, response: LayerPicture) -> bool:
         """Take a layer's radiance; returns whether it was requested for A and is no part of side B."""
-        if self._requested is not None and response.id == self._requested.id:
-            self._pictures[self._requested.key] = response.radiance
-            self._requested = None
+        if self._reconciler.receive(response.id, response):
+            self._pictures[response.key] = response.radiance
         return response.id in self._ids
 
     def worker_restarted(self) -> None:
         """Request again later what was requested: a new worker would answer with its first, coarse stage."""
-        self._requested = None
+        self._reconciler.lose()
 
     def receive_failure(self, id: int) -> None:
         """Leave A as it is when the worker cannot draw it."""
-        if self._requested is not None and self._requested.id == id:
-            self._requested, self._failed = None, True
+        self._reconciler.fail(id)
 
     def update(
         self,
@@ -123,7 +114,7 @@ class Comparison:
         if controller.revision != self._revision:
             self._forget_revision(controller.revision)
             self._serves = controller.serves(compared, document, settings)
-        if not self._serves or self._failed:
+        if not self._serves:
             return []
         light = replace(compared.light, intensity=document.light.intensity)
         if (compared.objects, light) == (document.objects, document.light):
@@ -147,9 +138,7 @@ class Comparison:
         differing = self._differing(compared, document, controller)
         missing = [key for key in differing if key not in self._pictures]
         if missing:
-            if self._requested is None or now - self._requested.at > CONTRACT_PATIENCE:
-                bands = controller.requested_bands(missing[0]) or {}
-                self._request(layer_state(compared, missing[0], tuple(bands.values())), controller.revision, now)
+            self._request_radiance(now, missing[0], compared, controller)
             return []
         if any(self._lacks_images(key, layer) for key, layer in compared.layers()):
             return []
@@ -173,9 +162,17 @@ class Comparison:
                 found.append(key)
         return found
 
-    def _request(self, layer: LayerState, revision: int, now: float) -> None:
-        self._requested = PendingRadiance(self._send(ContractTransport(layer, None, revision=revision)), layer.key, now)
-        self._ids.add(self._requested.id)
+    def _request_radiance(self, now: float, key: str, compared: Document, controller: TransportController) -> None:
+        """Request a layer's radiance; once more where a contraction of B has taken its place."""
+        reconciler = self._reconciler
+        if reconciler.requested is not None and now - reconciler.requested.sent_at > CONTRACT_PATIENCE:
+            reconciler.lose()
+        reconciler.desire(now, key)
+        if reconciler.action(now) == "request":
+            layer = layer_state(compared, key, tuple((controller.requested_bands(key) or {}).values()))
+            id = self._send(ContractTransport(layer, None, revision=controller.revision))
+            reconciler.sent(now, id)
+            self._ids.add(id)
 
     def _layer_appearances(
         self, compared: Document, differing: list[str], light_gain: Float64Array

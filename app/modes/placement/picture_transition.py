@@ -4,13 +4,15 @@ The worker answers layer by layer and stage by stage. Shown as it comes, that wo
 picture, and show coarse samples where fine ones were. So the picture is always one document's (`drawn`), and a document
 is drawn from the frame in which all that it changes is there:
 
-- A layer's radiance replaces another of the same light that is no finer. Layers that change together appear together. -
-Under other light all layers and the sky behind them change in one frame, once every pixel has samples of its own,
+- A layer's radiance replaces another of the same light that is no finer. Layers that change together appear together.
+- Under other light all layers and the sky behind them change in one frame, once every pixel has samples of its own,
   those at edges included; what 400 lights then still lack follows soon.
 - A light that is dragged is followed by quick, complete pictures; a drag of something that the picture has not shown
   yet is followed by coarse ones.
-- The first picture of a view replaces objects lit from the camera, and is as coarse as it comes. - The last stage is
-always shown, whatever was there: nothing finer will come.
+- The first picture of a view replaces objects lit from the camera, and is as coarse as it comes.
+- The last stage is always shown, whatever was there: nothing finer will come.
+
+It requests nothing, and so has no `Reconciler`: it compares what has come with what is on screen.
 
 Rejected: to show coarse samples of a new material at once, which is a second earlier and looks like a fault; to fade
 from one picture into the other, which is a mixture of both.

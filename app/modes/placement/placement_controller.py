@@ -27,13 +27,19 @@ from app.modes.mode import EditorServices, ModeController, OpenedScene
 from app.modes.placement.accepted_light import AcceptedLight
 from app.modes.placement.band_plans import BandController, BandPlans
 from app.modes.placement.comparison import Comparison
-from app.modes.placement.curves import Curves, Float64Array, picture_identity
+from app.modes.placement.curves import Curves
 from app.modes.placement.desired_state import RestingPicture
-from app.modes.placement.edited_curves import edited_layers
+from app.modes.placement.drawn_picture import DrawnPicture
 from app.modes.placement.indirect_controller import IndirectController
 from app.modes.placement.map_controller import MapController
 from app.modes.placement.picture_transition import PictureTransition, RequestedTransport
-from app.modes.placement.placement_events import DocumentDrawn, Footprint, LayerRadiance, TransportReady
+from app.modes.placement.placement_events import (
+    DocumentDrawn,
+    Footprint,
+    LayerRadiance,
+    TransportReady,
+    group_events,
+)
 from app.modes.placement.placement_messages import (
     BandsPlanned,
     BouncesPlanned,
@@ -56,6 +62,7 @@ from app.modes.placement.placement_messages import (
 )
 from app.modes.placement.placement_status import (
     NO_NOISE,
+    PlacementReport,
     PlacementStatus,
     RenderReport,
     emitter_note,
@@ -76,7 +83,8 @@ MAX_ESTIMATES = 32
 
 
 class PlacementController(ModeController):
-    """The controller of Placement. curves: how many bands each curve gets, None for as many as planned."""
+    """The controller of Placement. curves: how many bands each curve gets, None for as many as planned. picture: what
+    the renderer draws."""
 
     def __init__(self, services: EditorServices, curves: Curves | None = None) -> None:
         self.curves = curves or Curves(plans=services.shared_state(BandPlans))
@@ -91,6 +99,7 @@ class PlacementController(ModeController):
         )
         self._relight = RelightController(services.send, self.curves)
         self._changeover = PictureTransition(self.curves)
+        self.picture = DrawnPicture(services, self.curves, self._changeover, self.indirect, self.maps)
         self._warned_clamped = False
         self._forget()
 
@@ -99,12 +108,8 @@ class PlacementController(ModeController):
         self._view_id = 0
         self._footprints: dict[str, Footprint] = {}
         self._accepted_light = AcceptedLight()
-        self._report = RenderReport()
+        self._report = PlacementReport()
         self._was_held = False
-        self._bounces, self._bounces_reason = (0, ""), ""
-        self._light_plan = LightPlanned(0, 0)
-        self._transport_bytes = 0
-        self._done: StageDone | None = None
 
     # --------------------------------------------------------------------------------------------- events of the editor
 
@@ -149,7 +154,7 @@ class PlacementController(ModeController):
         if isinstance(command, SetMaterial):
             self.curves.plans.replan(layer_key(command.object, index) for index in range(len(command.layers)))
             self._transport.hand_released()  # chosen, and not on its way to something else
-        self._picture_changed()
+        self._report.picture_changed()
         self._transport.edited()
         self.indirect.edited()
         self.maps.edited()
@@ -159,7 +164,7 @@ class PlacementController(ModeController):
 
     def reload_images(self, key: str) -> None:
         self.maps.reload(key, self._document.layer(key).maps)
-        self._picture_changed()
+        self._report.picture_changed()
         self._error.forget()
 
     def cancelled(self) -> None:
@@ -175,10 +180,6 @@ class PlacementController(ModeController):
         self.indirect.worker_restarted()
         self._relight.forget()
         self._comparison.worker_restarted()
-
-    def _picture_changed(self) -> None:
-        """Note that the picture has changed: until the renderer reports again, it is not exact."""
-        self._report = replace(self._report, exact=False)
 
     @property
     def _document(self) -> Document:
@@ -196,7 +197,7 @@ class PlacementController(ModeController):
         none: list[PictureEvent] = []
         planned = self._request_missing(now, document, view)
         events = self._advance_transition(document, view, planned)
-        rests = self._picture in ("finished", "exact") and not self._services.history.dragging
+        rests = self._picture_state in ("finished", "exact") and not self._services.history.dragging
         self._update_error(now, document, view, rests)
         turns = rests and self._transport.requested_rotation is not None
         self._relight.update(now, document, self._transport.revision, turns)
@@ -232,12 +233,12 @@ class PlacementController(ModeController):
         """Replace what can be replaced in the picture now, all of it in one frame; returns the events."""
         controller, change, was_held = self._transport, self._changeover, self._was_held
         requested, dragging = self._requested_transport() if planned else None, self._services.history.dragging
-        changes = change.update(document, requested, dragging, self.edited_layers, self._factor)
+        changes = change.update(document, requested, dragging, self.picture.edited_layers, self.picture.factor)
         if changes:
-            self._picture_changed()
+            self._report.picture_changed()
         self._was_held = change.drawn is not document
         if self._was_held:
-            return _group_events(changes)
+            return group_events(changes)
         events = self.maps.follow(document)
         if planned and not controller.drag_quality:
             changes += self.indirect.follow(document)
@@ -246,7 +247,7 @@ class PlacementController(ModeController):
             self._warned_clamped = self.indirect.picture.is_clamped
         if was_held and not (changes or events):
             changes.append(DocumentDrawn())
-        return _group_events([*changes, *events]) if changes else [*events]
+        return group_events([*changes, *events]) if changes else [*events]
 
     def _requested_transport(self) -> RequestedTransport | None:
         """The transport requested last, and what else has come of the document."""
@@ -266,7 +267,7 @@ class PlacementController(ModeController):
 
     def _compare(self, now: float, document: Document, view: ViewState) -> list[PictureEvent]:
         """Follow the choice of side A, and refine its picture; returns the events."""
-        exact = self._picture in ("finished", "exact")
+        exact = self._picture_state in ("finished", "exact")
         if view.compare is not self._comparison.document:
             self._comparison.begin(view.compare, exact and view.compare is document)
         settings = view.settings.of_light
@@ -288,69 +289,21 @@ class PlacementController(ModeController):
 
     # -------------------------------------------------------------------------------------------------------- rendering
 
-    @property
-    def drawn(self) -> Document:
-        """The document that the picture shows: the newest of which all changes are there."""
-        document, change = self._document, self._changeover
-        if self._services.history.dragging:
-            change.follow_drag(document)
-        elif change.drawn is not document and not (self.indirect.picture.is_on_screen or self.maps.is_wanted(document)):
-            change.draw_now(document, self.edited_layers, self._factor)
-        return change.drawn
-
-    @property
-    def _factor(self) -> str | None:
-        """The curve that is selected."""
-        selected = self._services.view.selected
-        return None if selected is None else selected.factor
-
-    @property
-    def is_held(self) -> bool:
-        """Whether the picture shows an earlier document than the present one."""
-        return self.drawn is not self._document
-
-    def wanted_coefficients(self, key: str) -> dict[str, Float64Array]:
-        """Band values (J,3) of each transport factor of a layer, as the document has them."""
-        return self.curves.coefficients(self._document, key)
-
-    def drawn_coefficients(self, key: str) -> dict[str, Float64Array]:
-        """The same, as the drawn document has them; none where the document has another layer by now."""
-        models = [{key: layer.model for key, layer in each.layers()}.get(key) for each in (self.drawn, self._document)]
-        return self.curves.coefficients(self.drawn, key) if models[0] is models[1] else {}
-
-    @property
-    def edited_layers(self) -> tuple[str, ...]:
-        """Keys of the layers that follow the selected curve, the selected one first; none of a fixed object."""
-        return edited_layers(self._document, self._services.view.selected)
-
-    def picture_identity(self, key: str) -> tuple[object, ...]:
-        """The identity of a layer's f_q and curves: a picture of another one must not be drawn with them."""
-        layer = self.drawn.layer(key)
-        return picture_identity(layer.model.name, layer.quotient_parameters().tolist())
-
-    def layer_gain(self, key: str) -> Float64Array:
-        """The factor of a layer's picture, (3,): f_q, and how much brighter the only light has become."""
-        return self.curves.gain(self.drawn, key) * self._changeover.light_gain
-
-    def view_curve(self, key: str) -> Float64Array:
-        """f_o of a layer at 256 angles θ_o from 0 to π/2, (256,3)."""
-        return self.curves.view_curve(self.drawn, key)
-
     def rendered(self, report: RenderReport) -> None:
         """Take the renderer's report on the frame just drawn, for the present document and selection."""
-        waits = self.is_held or self._changeover.waits
-        self._report = report = replace(report, exact=report.exact and not waits)
-        factor = self._factor
-        for key in self.edited_layers if report.exact else ():
-            wanted = self.drawn_coefficients(key)
+        waits = self.picture.is_held or self._changeover.waits
+        self._report.render = report = replace(report, exact=report.exact and not waits)
+        factor = self.picture.factor
+        for key in self.picture.edited_layers if report.exact else ():
+            wanted = self.picture.coefficients(key)
             if factor in wanted:
                 self._transport.contractions.rendered(key, factor, wanted[factor])
                 self._changeover.rendered(key, factor, wanted[factor])
 
     def status(self, status: Status) -> PlacementStatus:
-        controller, report, view = self._transport, self._report, self._view
-        noise, picture = self._noise, self._picture
-        known = picture not in ("waiting", "preview")
+        controller, report, view = self._transport, self._report.render, self._view
+        noise, picture = self._noise, self._picture_state
+        known, has_picture = picture not in ("waiting", "preview"), self._changeover.has_picture
         # That nothing is left to add does not imply a small error.
         says_error = known and self._other_parts_complete and picture != "exact"
         error = math.hypot(report.image_error or 0.0, noise) if says_error else None
@@ -358,51 +311,34 @@ class PlacementController(ModeController):
         estimated = self._error.estimated(RestingPicture.of(self._document, view)) if is_whole else None
         estimate = None if estimated is None else estimated.estimate
         missing = transport_note(controller, report.precision, view.settings.precision)
-        n_bounces, bounces_note = self._bounces
-        done = self._done if self._done is not None and self._done.revision == controller.revision else None
-        light = self._light_plan if self._light_plan.revision == controller.revision else LightPlanned(0, 0)
         fine = self.indirect.found_under(controller.revision)
         said = {
             "picture": picture,
-            "is_held": picture in ("preview", "refining") and self.is_held,
+            "is_held": picture in ("preview", "refining") and self.picture.is_held,
             "image_error": error if estimate is None else estimate.overall,
             "estimate": estimate,
             "error_colours": None if estimated is None else estimated.colours,
-            "precomputed_mb": self._transport_bytes / 1e6,
-            "gpu_mb": report.gpu_mb,
-            "light_note": light_note(controller, self._changeover.drawn.light) if self._changeover.has_picture else "",
-            "material_note": material_note(controller) if self._changeover.has_picture else "",
-            "emitter_note": emitter_note(controller) if self._changeover.has_picture else "",
+            "light_note": light_note(controller, self._changeover.drawn.light) if has_picture else "",
+            "material_note": material_note(controller) if has_picture else "",
+            "emitter_note": emitter_note(controller) if has_picture else "",
             "missing_note": missing or "Wavelet coefficients, or light of further bounces, are still being added.",
             "error_note": error_note(report.image_error if known else None, self.indirect.noise),
             "compared_exact": self._comparison.exact,
+            "curve_error": report.image_error if known else None,
+            "bands": tuple((shape.key, shape.bands_kept) for shape in controller.requested_layers),
+            "indirect_noise": self.indirect.noise,
+            "transport_note": missing,
+            "has_sky": controller.has_sky,
+            "planned_bands": self.curves.all_planned(self._document),
         }
         return PlacementStatus(
-            **(vars(status) | said),
-            shown_coefficients=report.shown_coefficients,
-            wanted_coefficients=report.wanted_coefficients,
-            curve_error=report.image_error if known else None,
-            bands=tuple((shape.key, shape.bands_kept) for shape in controller.requested_layers),
-            indirect_noise=self.indirect.noise,
-            bounces_note=bounces_note if n_bounces == view.settings.n_bounces else "",
-            transport_note=missing,
-            has_sky=controller.has_sky,
-            planned_bands=self.curves.all_planned(self._document),
-            needed_lights=light.n_lights,
-            needed_patches=light.n_patches,
-            found_rays=0 if fine is None else fine.n_rays,
-            plan_reasons={
-                **dict(light.reasons),
-                "bounces": self._bounces_reason,
-                "rays": "" if fine is None else fine.reason,
-            },
-            spent_seconds=None if done is None else done.spent_seconds,
+            **(vars(status) | said | self._report.status(controller.revision, view.settings.n_bounces, fine))
         )
 
     @property
     def _noise(self) -> float:
         """The noise of the whole picture."""
-        return self.indirect.noise_of_picture(self._report.mean_radiance)
+        return self.indirect.noise_of_picture(self._report.render.mean_radiance)
 
     @property
     def _other_parts_complete(self) -> bool:
@@ -410,7 +346,7 @@ class PlacementController(ModeController):
         return self.indirect.is_complete and self.maps.is_complete
 
     @property
-    def _picture(self) -> PictureState:
+    def _picture_state(self) -> PictureState:
         controller = self._transport
         if not self._changeover.has_picture:
             return "waiting"
@@ -419,7 +355,8 @@ class PlacementController(ModeController):
             and (controller.shows_final or controller.transport_is_current and controller.delivered_final)
         ):
             return "preview"
-        if not (controller.finished and self._report.exact and self._other_parts_complete) or self.is_held:
+        is_complete = controller.finished and self._report.render.exact and self._other_parts_complete
+        if not is_complete or self.picture.is_held:
             return "refining"
         return "exact" if self._noise <= NO_NOISE else "finished"
 
@@ -436,7 +373,7 @@ class PlacementController(ModeController):
                 self.maps.receive(response)
                 self._services.notify_once(response.note)
                 self.indirect.means_changed()
-                self._picture_changed()
+                self._report.picture_changed()
                 self._error.forget()
             case MapsRefused() if is_open:
                 if self.maps.refuse(response, self._services.history):
@@ -461,14 +398,14 @@ class PlacementController(ModeController):
     def _take_picture(self, response: Response) -> list[PictureEvent]:
         match response:
             case LightPlanned():
-                self._light_plan = response
+                self._report.lights_planned(response)
             case BouncesPlanned() if self._view.settings.n_bounces in (AS_PLANNED, response.n_bounces):
                 self._take_bounces(response)  # else the user has chosen meanwhile
             case ErrorEstimated():
                 self._error.receive(response)
             case RelightingPrepared():
                 self._relight.receive(response)
-                self._transport_bytes = response.transport_bytes
+                self._report.note_memory(response.transport_bytes)
             case IndirectFrozen():
                 self.indirect.receive_frozen(response)
             case LayerPicture() if self._comparison.receive(response):
@@ -478,9 +415,9 @@ class PlacementController(ModeController):
             case LayerTransport() if self._transport.contractions.receive_transport(
                 response, self._document, self._services.view.selected
             ):
-                self._picture_changed()
+                self._report.picture_changed()
                 footprint = self._footprints.get(response.stage)
-                self._changeover.receive_transport(_transport_ready(response, self.edited_layers, footprint))
+                self._changeover.receive_transport(TransportReady.of(response, self.picture.edited_layers, footprint))
             case StageDone():
                 self._take_stage(response)
         return []
@@ -490,18 +427,16 @@ class PlacementController(ModeController):
         if controller.requested_light is not None:
             self._accepted_light.accept(controller.requested_light)
         made_with = controller.contractions.receive_picture(response)
-        self._picture_changed()
+        self._report.picture_changed()
         footprint, look = self._footprints.get(response.stage), controller.picture_identity(response.key)
         return LayerRadiance(response.key, response.stage, response.radiance, made_with, footprint, look)
 
     def _take_bounces(self, response: BouncesPlanned) -> None:
-        services, (n_bounces, said) = self._services, self._bounces
         if self._view.settings.n_bounces == AS_PLANNED:
-            services.view = SetView.of(n_bounces=response.n_bounces).apply(services.view)
+            self._services.view = SetView.of(n_bounces=response.n_bounces).apply(self._services.view)
             self._transport.receive_bounces(response.n_bounces)
-        if response.warning and (response.n_bounces, response.warning) != (n_bounces, said):
-            services.notify(response.warning)
-        self._bounces, self._bounces_reason = (response.n_bounces, response.warning), response.reason
+        if warning := self._report.bounces_planned(response):
+            self._services.notify(warning)
 
     def _take_failure(self, response: RequestFailed) -> None:
         self._bands.receive_failure(response)
@@ -517,26 +452,6 @@ class PlacementController(ModeController):
     def _take_stage(self, response: StageDone) -> None:
         self._transport.receive_stage(response)
         self._comparison.stage_finished()
-        if response.transport_bytes:
-            self._transport_bytes = response.transport_bytes
+        self._report.stage_done(response)
         if response.exact:
-            self._done = response
             self._services.metrics.progress = None
-
-
-def _group_events(events: list[PictureEvent]) -> list[PictureEvent]:
-    """Group events so that none is shown without the others."""
-    return [*(replace(event, with_next=True) for event in events[:-1]), *events[-1:]]
-
-
-def _transport_ready(response: LayerTransport, beside: tuple[str, ...], footprint: Footprint | None) -> TransportReady:
-    return TransportReady(
-        response.key,
-        response.factor,
-        response.stage,
-        response.coefficients_first,
-        response.norms,
-        response.scale,
-        beside,
-        footprint,
-    )

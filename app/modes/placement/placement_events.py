@@ -8,13 +8,17 @@ one layer, J bands.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from app.messages.picture_events import PictureEvent
 from app.modes.placement.curves import Coefficients, Float64Array
+
+if TYPE_CHECKING:
+    from app.modes.placement.placement_messages import LayerTransport
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +58,20 @@ class TransportReady(PictureEvent):
     scale: NDArray[np.floating]
     beside: tuple[str, ...] = ()
     footprint: Footprint | None = None
+
+    @classmethod
+    def of(cls, response: LayerTransport, beside: tuple[str, ...], footprint: Footprint | None) -> TransportReady:
+        """The event for a response of the worker."""
+        return cls(
+            response.key,
+            response.factor,
+            response.stage,
+            response.coefficients_first,
+            response.norms,
+            response.scale,
+            beside,
+            footprint,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,3 +118,8 @@ class ComparisonRefined(PictureEvent):
 @dataclass(frozen=True, eq=False)
 class DocumentDrawn(PictureEvent):
     """All that the picture waited for is there: it is the document's again."""
+
+
+def group_events(events: list[PictureEvent]) -> list[PictureEvent]:
+    """Group events so that none is shown without the others."""
+    return [*(replace(event, with_next=True) for event in events[:-1]), *events[-1:]]

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from app.document.document import LightState
 from app.messages.editor_status import Status
+from app.modes.placement.placement_messages import BouncesPlanned, IndirectFound, LightPlanned, StageDone
 from app.modes.placement.transport_controller import TransportController
 from engine.render.picture_error import NONE, percent
 from engine.settings import Precision
@@ -65,6 +66,62 @@ class RenderReport:
     precision: Precision | None = None
     gpu_mb: float = 0.0
     mean_radiance: float = 0.0
+
+
+class PlacementReport:
+    """What renderer and worker have reported of the picture, for the status. render: the renderer's newest report."""
+
+    def __init__(self) -> None:
+        self.render = RenderReport()
+        self._lights: LightPlanned | None = None
+        self._bounces: BouncesPlanned | None = None
+        self._done: StageDone | None = None
+        self._transport_bytes = 0
+
+    def picture_changed(self) -> None:
+        """The picture has changed: until the renderer reports again, it is not exact."""
+        self.render = replace(self.render, exact=False)
+
+    def lights_planned(self, response: LightPlanned) -> None:
+        self._lights = response
+
+    def bounces_planned(self, response: BouncesPlanned) -> str:
+        """Note how many bounces there are; returns the warning about them, empty where it is known."""
+        before, self._bounces = self._bounces, response
+        said = None if before is None else (before.n_bounces, before.warning)
+        return "" if said == (response.n_bounces, response.warning) else response.warning
+
+    def stage_done(self, response: StageDone) -> None:
+        self.note_memory(response.transport_bytes)
+        if response.exact:
+            self._done = response
+
+    def note_memory(self, transport_bytes: int) -> None:
+        """Note the memory that is held for transport; 0 where a response does not tell."""
+        self._transport_bytes = transport_bytes or self._transport_bytes
+
+    def status(self, revision: int, n_bounces: int, fine: IndirectFound | None) -> dict[str, object]:
+        """The fields of the status that were reported. revision: of the transport requested last; n_bounces: those of
+        the view; fine: the fine indirect light under that transport."""
+        bounces, render = self._bounces, self.render
+        lights = self._lights if self._lights is not None and self._lights.revision == revision else LightPlanned(0, 0)
+        done = self._done if self._done is not None and self._done.revision == revision else None
+        return {
+            "gpu_mb": render.gpu_mb,
+            "shown_coefficients": render.shown_coefficients,
+            "wanted_coefficients": render.wanted_coefficients,
+            "precomputed_mb": self._transport_bytes / 1e6,
+            "bounces_note": bounces.warning if bounces is not None and bounces.n_bounces == n_bounces else "",
+            "needed_lights": lights.n_lights,
+            "needed_patches": lights.n_patches,
+            "found_rays": 0 if fine is None else fine.n_rays,
+            "plan_reasons": {
+                **dict(lights.reasons),
+                "bounces": "" if bounces is None else bounces.reason,
+                "rays": "" if fine is None else fine.reason,
+            },
+            "spent_seconds": None if done is None else done.spent_seconds,
+        }
 
 
 def error_note(curve_error: float | None, noise: float | None) -> str:

@@ -42,7 +42,7 @@ def settled(client: FakeClient, scene: dict[str, Any]) -> Editor:
 
 def gain(editor: Editor) -> list[float]:
     """How much brighter the picture is drawn than it was computed."""
-    return (editor.controller.layer_gain("floor.0") / editor.document.layer("floor.0").scale()).tolist()
+    return (editor.controller.picture.gain("floor.0") / editor.document.layer("floor.0").scale()).tolist()
 
 
 def test_emission_is_three_numbers_or_one(document: Document) -> None:
@@ -91,7 +91,7 @@ def test_an_emitter_is_selected_as_it_is(client: FakeClient) -> None:
     assert editor.select(editor.view.selected) is None
     assert editor.exchange.export_measured(Path("x.binary")) is not None  # there is no material to write
     editor.tick(2.0)
-    assert editor.controller.edited_layers == ()
+    assert editor.controller.picture.edited_layers == ()
 
 
 def test_beside_a_sky_light_is_computed_quickly_and_then_exactly(client: FakeClient) -> None:

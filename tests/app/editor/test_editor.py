@@ -14,11 +14,11 @@ LIFT = Operator("translate", "y", 0.1, 0.2, 0.3, 0.4, magnitude=1.0)
 
 
 def test_coefficients_are_computed_once(settled: Editor) -> None:
-    first = settled.controller.wanted_coefficients("pot.1")
+    first = settled.controller.picture.wanted_coefficients("pot.1")
     settled.do(SetParameter("pot.1", "scale", 2.0))
-    again = settled.controller.wanted_coefficients("pot.1")
+    again = settled.controller.picture.wanted_coefficients("pot.1")
     assert all(again[name] is first[name] for name in first)  # the scale is in no curve
-    assert settled.controller.layer_gain("pot.1").tolist() == [2.0, 2.0, 2.0]
+    assert settled.controller.picture.gain("pot.1").tolist() == [2.0, 2.0, 2.0]
     assert not first["theta_h"].flags.writeable
 
 
@@ -35,7 +35,7 @@ def test_view_factors_are_applied_in_image_space(settled: Editor, client: FakeCl
     settled.do(AddOperator("floor.0", "theta_o", LIFT))
     settled.tick(1.1)
     assert client.requests == []
-    curve = settled.controller.view_curve("floor.0")
+    curve = settled.controller.picture.view_curve("floor.0")
     assert curve.shape == (256, 3) and curve[-1].tolist() == [1.0, 1.0, 1.0]
     angle = np.linspace(0.0, np.pi / 2, 256)
     assert np.allclose(curve[(angle > 0.2) & (angle < 0.3)], 2.0)  # 1 as generated, lifted by 1

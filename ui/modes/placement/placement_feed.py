@@ -97,7 +97,7 @@ class PlacementFeed(PictureSource):
             return None
         return ViewportStill(
             self.renderer.finished_image(self._display_view(editor)),
-            self.renderer.linear_image() * np.float32(_controller(editor).drawn.light.intensity),
+            self.renderer.linear_image() * np.float32(_controller(editor).picture.document.light.intensity),
         )
 
     def close(self) -> None:
@@ -113,7 +113,7 @@ class PlacementFeed(PictureSource):
             case SceneFrame():
                 self._take_scene(event)
             case SkyChanged():
-                self.renderer.set_environment(event.radiance, _controller(editor).drawn.light.rotation)
+                self.renderer.set_environment(event.radiance, _controller(editor).picture.document.light.rotation)
             case LayerRadiance():
                 self._take_radiance(event)
             case IndirectRadiance():
@@ -176,7 +176,7 @@ class PlacementFeed(PictureSource):
     # ------------------------------------------------------------------------------------------------------- each frame
 
     def draw(self, editor: Editor, last_frame_ms: float, all_taken: bool) -> bool:
-        document = _controller(editor).drawn
+        document = _controller(editor).picture.document
         self._end_plain(editor, document)
         shades_plainly = self._shade_headlight(editor, document)
         self._is_shaded = self._is_shaded or not shades_plainly
@@ -270,9 +270,9 @@ class PlacementFeed(PictureSource):
         for key, layer in document.layers():
             if key not in there or not self._is_drawn(editor, key):
                 continue
-            self.renderer.set_layer_gain(key, _controller(editor).layer_gain(key).tolist())
+            self.renderer.set_layer_gain(key, _controller(editor).picture.gain(key).tolist())
             self._maps.follow(key, layer.maps)
-            curve = _controller(editor).view_curve(key)
+            curve = _controller(editor).picture.view_curve(key)
             if self._view_curves.get(key) is not curve:
                 self._view_curves[key] = curve
                 self.renderer.set_view_curve(key, curve)
@@ -289,15 +289,15 @@ class PlacementFeed(PictureSource):
 
     def _is_drawn(self, editor: Editor, key: str) -> bool:
         """Whether the picture of a layer is its own, and not that of the one that it replaced."""
-        return self._drawn_as.get(key) == _controller(editor).picture_identity(key)
+        return self._drawn_as.get(key) == _controller(editor).picture.identity(key)
 
     def _follow_curve(self, editor: Editor) -> None:
         """Follow the selected curve, in all layers that share it and have a picture of their own."""
         self._holds = False
         factor = (editor.view.selected and editor.view.selected.factor) or ""
         found: dict[str, NDArray[np.float64]] = {}
-        for key in _controller(editor).edited_layers:
-            coefficients = _controller(editor).drawn_coefficients(key).get(factor)
+        for key in _controller(editor).picture.edited_layers:
+            coefficients = _controller(editor).picture.coefficients(key).get(factor)
             if coefficients is not None and key in self.renderer.layer_keys:
                 if not self._is_drawn(editor, key):
                     self._holds = True
@@ -321,7 +321,7 @@ class PlacementFeed(PictureSource):
         """Exposure includes the light's intensity: it multiplies the finished picture."""
         view, compared = editor.view, editor.view.compare
         return DisplayView(
-            exposure=view.exposure + stops(_controller(editor).drawn.light),
+            exposure=view.exposure + stops(_controller(editor).picture.document.light),
             compare_exposure=None if compared is None else view.exposure + stops(compared.light),
             tone_mapping=self._view.follow(view.tone_mapping),
             selected=self._index(view.selected.object if view.selected else None),

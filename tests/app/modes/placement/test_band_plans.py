@@ -69,7 +69,9 @@ def test_transport_waits_for_the_workers_plan(editor: Editor, client: FakeClient
     (asked,) = client.sent(PlanBands)
     assert client.requests == [asked] and seen in asked.layers
     usual = usual_bands(seen.model)
-    assert {factor: len(values) for factor, values in editor.controller.wanted_coefficients(key).items()} == usual
+    assert {
+        factor: len(values) for factor, values in editor.controller.picture.wanted_coefficients(key).items()
+    } == usual
     planned = {factor: 2 * n for factor, n in usual.items()}
     client.answer(asked, BandsPlanned((planned,) * len(asked.layers)))
     for now in (4.3, 4.6):  # bands other than the usual: the hand is to rest anew
@@ -104,7 +106,7 @@ def test_undo_finds_what_was_planned(editor: Editor, client: FakeClient) -> None
 
 
 def bands_of(editor: Editor, key: str) -> dict[str, int]:
-    return {factor: len(values) for factor, values in editor.controller.wanted_coefficients(key).items()}
+    return {factor: len(values) for factor, values in editor.controller.picture.wanted_coefficients(key).items()}
 
 
 def test_what_cannot_be_planned_has_the_usual_bands(editor: Editor, client: FakeClient) -> None:

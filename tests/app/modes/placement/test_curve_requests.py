@@ -37,13 +37,13 @@ def test_stages_go_from_preview_to_exact(editor: Editor, client: FakeClient) -> 
 
 
 def test_curve_edits_of_the_selected_layer_ask_for_nothing(settled: Editor, client: FakeClient) -> None:
-    before = settled.controller.wanted_coefficients("pot.1")["theta_h"]
+    before = settled.controller.picture.wanted_coefficients("pot.1")["theta_h"]
     settled.controller.rendered(EXACT)
     settled.do(AddOperator("pot.1", "theta_h", LIFT))
     assert settled.status.picture == "refining"
     settled.tick(5.0)
     assert client.requests == []
-    raised = settled.controller.wanted_coefficients("pot.1")["theta_h"] - before
+    raised = settled.controller.picture.wanted_coefficients("pot.1")["theta_h"] - before
     # the bands within [b, c] rise by the magnitude, those well outside [a, d] not at all
     nodes = band_nodes(len(raised))
     full, outside = (nodes >= 0.2) & (nodes <= 0.3), nodes > 0.6
@@ -111,7 +111,7 @@ def test_the_other_curve_is_contracted_again_one_at_a_time(settled: Editor, clie
     requests = client.sent(ContractTransport)
     assert len(requests) == 2 and computed(client) == []
     assert requests[0].picture and requests[1].picture  # another curve makes another picture
-    wanted = settled.controller.wanted_coefficients("pot.1")["theta_d"]
+    wanted = settled.controller.picture.wanted_coefficients("pot.1")["theta_d"]
     assert np.array_equal(requests[1].layer.coefficients[1], wanted)
 
 
@@ -160,7 +160,9 @@ def test_undo_of_another_layer_asks_for_its_picture_alone(settled: Editor, clien
     settled.tick(1.3)
     (request,) = client.sent(ContractTransport)
     assert (request.layer.key, request.factor) == ("pot.1", None)  # no transport: nobody selects it
-    assert np.array_equal(request.layer.coefficients[0], settled.controller.wanted_coefficients("pot.1")["theta_h"])
+    assert np.array_equal(
+        request.layer.coefficients[0], settled.controller.picture.wanted_coefficients("pot.1")["theta_h"]
+    )
     client.contract("final")
     events = settled.tick(1.4)
     assert [type(event) for event in events] == [LayerRadiance]
@@ -303,6 +305,6 @@ def test_a_fixed_curve_that_changes_is_part_of_its_transport(settled: Editor, cl
     settled.tick(1.9)
     (work,) = computed(client)[n_before:]
     assert np.array_equal(
-        work.scene.layers[2].coefficients[0], settled.controller.wanted_coefficients("floor.0")["theta_i"]
+        work.scene.layers[2].coefficients[0], settled.controller.picture.wanted_coefficients("floor.0")["theta_i"]
     )
     assert settled.status.picture == "preview" and client.sent(ContractTransport) == []

@@ -62,11 +62,11 @@ def test_another_environment_at_the_same_rotation_is_not_refined_before_it_is_sh
     settled.tick(2.3)
     client.finish_stage("coarse", exact=False)  # not as good as what is on screen
     settled.tick(2.4)
-    assert settled.controller.drawn.light.environment == "scene"
+    assert settled.controller.picture.document.light.environment == "scene"
     assert settled.status.light_note == "the previous light is shown until this one is ready"
     client.finish_stage("preview", exact=False)
     settled.tick(2.5)
-    assert settled.controller.drawn.light.environment == "studio"
+    assert settled.controller.picture.document.light.environment == "studio"
     assert settled.status.light_note == "being refined for 30.0°"
 
 
@@ -130,9 +130,12 @@ def test_the_sky_is_handed_on_though_the_light_was_turned_meanwhile(settled: Edi
     assert len(computed(client)) == 2  # the worker says what sky it is once, under the first of both
     client.answer(under_way, SkyImage(np.ones((2, 4, 3)), id=VIEW_ID))
     assert (
-        settled.tick(1.6) == [] and settled.controller.drawn.light.environment == "scene"
+        settled.tick(1.6) == [] and settled.controller.picture.document.light.environment == "scene"
     )  # its pictures are not there yet
     client.finish_stage("drag", exact=True)
     sky, *layers = settled.tick(1.7)
     assert isinstance(sky, SkyChanged) and {type(event) for event in layers} == {LayerRadiance, TransportReady}
-    assert all(event.with_next for event in (sky, *layers[:-1])) and settled.controller.drawn is settled.document
+    assert (
+        all(event.with_next for event in (sky, *layers[:-1]))
+        and settled.controller.picture.document is settled.document
+    )

@@ -111,10 +111,10 @@ class Renderer:
                 self.curves = {key: curve for key, curve in self.curves.items() if key in event.beside}
                 self.curves[event.key] = event.factor, precision
         selected = self.editor.view.selected
-        for key in self.editor.controller.edited_layers:
+        for key in self.editor.controller.picture.edited_layers:
             factor, _ = self.curves.get(key, ("", ""))
             if selected is not None and factor == selected.factor and key in self.shown:
-                self.shown[key][factor] = self.editor.controller.wanted_coefficients(key)[factor]
+                self.shown[key][factor] = self.editor.controller.picture.wanted_coefficients(key)[factor]
         self.editor.controller.rendered(RenderReport(exact=True))
 
 
@@ -164,10 +164,10 @@ def test_the_picture_comes_right(seed: int, actions: list[str], step: float) -> 
     editor.end_drag()
     now = settle(editor, renderer, now)
     for key, _ in editor.document.layers():
-        assert same_coefficients(renderer.shown[key], editor.controller.wanted_coefficients(key)), key
+        assert same_coefficients(renderer.shown[key], editor.controller.picture.wanted_coefficients(key)), key
     selected = editor.view.selected
-    for key in editor.controller.edited_layers:
-        if selected is not None and selected.factor in editor.controller.wanted_coefficients(key):
+    for key in editor.controller.picture.edited_layers:
+        if selected is not None and selected.factor in editor.controller.picture.wanted_coefficients(key):
             view = effective_view(editor.view, editor.document)
             assert renderer.curves[key] == (selected.factor, view.settings.precision)
     (*_, request) = client.sent(ComputeTransport)
@@ -175,7 +175,7 @@ def test_the_picture_comes_right(seed: int, actions: list[str], step: float) -> 
     for key, n_bands in active_overrides(editor.document).items():
         layer, _, factor = key.rpartition(".")
         if layer:
-            assert len(editor.controller.wanted_coefficients(layer)[factor]) == n_bands
+            assert len(editor.controller.picture.wanted_coefficients(layer)[factor]) == n_bands
     for _ in range(6):
         now += 0.3
         renderer.frame(now)
