@@ -130,6 +130,12 @@ def render(
         raise InsituError(
             f"--scheduler {scheduler}: one picture is drawn here, expected --turntable or --frames as well"
         )
+    how = {"reference": reference, "series": chosen, "n_samples": samples, "mode": mode.value, **settings}
+    return _still(words, output, view, how)
+
+
+def _still(words: ProjectSpec, output: Path, view: str | None, how: Mapping[str, Any]) -> int:
+    """Draw one picture; how: as `render_project` takes it."""
     from app.stills.stills import StillProgress, check_output, render_project, write_picture
     from engine.precompute.indirect.clamping import TOO_BRIGHT, is_clamped
 
@@ -148,10 +154,7 @@ def render(
             noise = step.noise
             report(step.fraction, step.text)
 
-        still = render_project(
-            project, follow, reference=reference, series=chosen, n_samples=samples, estimates_error=True,
-            mode=mode.value, **settings,
-        )  # fmt: skip
+        still = render_project(project, follow, estimates_error=True, **how)
     print_project_notes(project)
     picture, error = still.picture, still.error
     remains = "" if noise is None else f"noise {noise:.2%}"
@@ -188,11 +191,8 @@ def _check_lines(planned: Mapping[str, Any], mode: StillMode, reference: bool) -
             expected = ", ".join(("bounces", *own))
             raise InsituError(f"--override {line} --mode {mode.value}: expected a line that it goes by: {expected}")
         if own is None and any(line in lines for lines in MODE_LINES.values()):
-            raise InsituError(f"--override {line}: expected --mode {_mode_of(line)} as well")
-
-
-def _mode_of(line: str) -> str:
-    return next(mode for mode, lines in MODE_LINES.items() if line in lines)
+            needed = next(mode for mode, lines in MODE_LINES.items() if line in lines)
+            raise InsituError(f"--override {line}: expected --mode {needed} as well")
 
 
 def _check_frames(

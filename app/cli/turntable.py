@@ -125,7 +125,8 @@ class FrameFiles:
             self.folder.mkdir(parents=True, exist_ok=True)
             known, written = self._read_record()
             if known != key:
-                own = [name for name, content in written.items() if _content_of(self.folder / name) == content]
+                there = {name: self.folder / name for name in written if (self.folder / name).is_file()}
+                own = [name for name, path in there.items() if _digest(path.read_bytes()) == written[name]]
                 others = [path for path in map(self.path, range(self.count)) if path.exists() and path.name not in own]
                 if others:
                     said = (
@@ -183,11 +184,6 @@ def _is_whole(path: Path, resolution: tuple[int, int]) -> bool:
     except (OSError, InsituError):
         return False
     return found.shape[1::-1] == resolution
-
-
-def _content_of(path: Path) -> str:
-    """A digest of a file, "" where there is none."""
-    return _digest(path.read_bytes()) if path.is_file() else ""
 
 
 def _digest(content: bytes) -> str:

@@ -28,7 +28,7 @@ from app.cluster.scene_bundle import FileCache, SceneBundle, fetch_piece
 from app.document.scene_state import LayerState, SceneState
 from app.messages.worker_messages import OpenScene, Progress, SetCamera
 from app.worker.cache import ArrayCache
-from app.worker.worker_context import IndirectSteps, LightSteps
+from app.worker.tasks import IndirectSteps, LightSteps
 from engine.core.errors import InsituError
 from engine.core.safe_files import redirect_files
 from engine.core.stored_arrays import Arrays
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
     from app.project.project import ProjectSpec
     from app.stills.frame_sequence import Drawer, Frames, Picture
-    from app.worker.worker_context import WorkerContext
+    from app.worker.tasks import WorkerContext
 
 
 _one_task_at_a_time = threading.Lock()

@@ -380,19 +380,15 @@ def _maps(layer: Layer) -> dict[str, Any]:
 
 def _written(layer: Layer, folder: Path | None) -> dict[str, Any]:
     """The parameters that are written with a layer; a measurement by its file's name."""
-    return {name: _plain(value, folder) for name, value in layer.values.items() if _is_written(layer, name)}
+    # Of a layer and its Fresnel term, R is written with the term, all else with the layer.
+    own = [(name, value) for name, value in layer.values.items() if (name == FRESNEL.name) == layer.rises]
+    return {name: _plain(value, folder) for name, value in own}
 
 
 def _plain(value: Value, folder: Path | None) -> float | str | tuple[float, ...] | None:
     if not isinstance(value, Measurement):
         return value
     return written_path(value.file, folder) if value.file else None
-
-
-def _is_written(layer: Layer, parameter: str) -> bool:
-    """Whether a parameter is written with this layer: of a layer and its Fresnel term, R is written with the term, all
-    else with the layer."""
-    return (parameter == FRESNEL.name) == layer.rises
 
 
 def _operator_values(operator: CurveEdit) -> dict[str, Any]:

@@ -25,8 +25,9 @@ from numpy.typing import NDArray
 from app.project.project import Project
 from app.stills.stills import (
     chosen_bounces,
+    deform_only_objects,
+    estimate_picture_error,
     layers_by_object,
-    plan_still,
     prepared_deform,
     prepared_orbit,
     render_project,
@@ -46,7 +47,7 @@ from engine.realtime.triple_product.orbit_engine import Orbit
 from engine.realtime.zonal_harmonics.deform_engine import Deform
 from engine.render._layer_kernels import add_points
 from engine.render.bounce_plan import planned_bounces
-from engine.render.error_estimate import estimate_drawn_errors, estimate_error
+from engine.render.error_estimate import estimate_error
 from engine.render.layer_transport import LayerTransport
 from engine.render.light_pilot import with_light_budget
 from engine.render.map_sampler import MapSampler, MapSamples
@@ -56,10 +57,8 @@ from engine.render.still import (
     compose,
     curves_of,
     shape_of,
-    still_layers,
     still_quality,
     view_factors,
-    with_maps,
 )
 from engine.render.still_indirect import find_indirect, noise_in, reflected_light
 
@@ -334,20 +333,14 @@ class Pictures:
             raise InsituError("paths know no error of theirs: compare two pictures of other numbers of samples")
         if mode == "placement":
             return self._placement.error(project, n_bounces)
-        alone = [state.name for state in project.document.objects if state.surface.kind]
+        alone = deform_only_objects(project)
         if mode == "deform" and alone:
             raise InsituError(f"no error estimate: path tracing does not support the surface of {', '.join(alone)}")
-        intensity = project.document.light.intensity
-        if not intensity:
+        if not project.document.light.intensity:
             raise InsituError("light.intensity = 0, expected more: a black picture has no relative error")
-        picture = self.picture(project, mode, n_bounces, 1) / np.float32(intensity)
-        plan = plan_still(project)
-        placement = Placement(project.scene, None, plan.n_edge_rays)
-        wanted = n_bounces or chosen_bounces(project, plan)
-        n_bounces = planned_bounces(placement, project.indexed_layers, wanted).n_bounces
-        layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
-        (estimated,) = run_to_end(estimate_drawn_errors(placement, layers, project.sky, n_bounces, [picture]))
-        return estimated.estimate
+        estimate = estimate_picture_error(project, self.picture(project, mode, n_bounces, 1), n_bounces)
+        assert estimate is not None
+        return estimate
 
     def _in_orbit(self, project: Project, n_bounces: int | None) -> Picture:
         """Orbit's picture at rest, with exact directional lights; what the last one computed is reused."""

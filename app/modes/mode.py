@@ -27,7 +27,7 @@ from engine.scene.description import SceneDescription
 
 if TYPE_CHECKING:
     from app.worker.schedule import Handlers
-    from app.worker.worker_context import WorkerContext
+    from app.worker.tasks import WorkerContext
 
 
 Shared = TypeVar("Shared")

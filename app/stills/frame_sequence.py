@@ -22,6 +22,7 @@ from app.project.project import Project
 from app.stills.stills import (
     Mode,
     StillProgress,
+    deform_only_objects,
     estimate_picture_error,
     prepared_deform,
     prepared_orbit,
@@ -99,7 +100,11 @@ def drawer_of(project: Project, frames: Frames) -> Drawer:
 def estimate_frame_error(project: Project, frames: Frames, i: int, picture: Picture) -> str:
     """The error of frame i of an animation, as one line; "" where it cannot be estimated."""
     scene = _in_poses(project, poses_of(project, frames.count)[i])
-    return estimate_picture_error(replace(project, scene=scene), picture, frames.series)
+    if deform_only_objects(project):
+        return ""
+    n_bounces = None if frames.series is None else frames.series.n_bounces
+    estimate = estimate_picture_error(replace(project, scene=scene), picture, n_bounces)
+    return "" if estimate is None else estimate.text
 
 
 def own_camera(scene: Scene) -> Camera:

@@ -117,27 +117,10 @@ def render_project(
         return Still(clamp_radiance(run_to_end(steps, report) * intensity, BRIGHTEST), warning=bounces.warning)
     layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
     if mode != "placement":
-        if mode == "orbit":
-            drawing = render_orbit(
-                placement, layers_by_object(project), sky, chosen.n_patches, n_bounces=series.n_bounces,
-                most_bytes=orbit_bytes(), most_slice_bytes=orbit_slice_bytes(), n_points=chosen.n_points,
-                n_coefficients=chosen.n_coefficients,
-            )  # fmt: skip
-        else:
-            # A still has one pose: transfer of the meshes in it includes the shadows between objects.
-            deform = prepared_deform(project, project.scene, (), series, chosen)
-            drawing = render_deform(deform, project.scene.resolution)
-        picture, warning = run_to_end(drawing, report), bounces.warning
-        alone = _deform_only_objects(project) if mode == "deform" else ()
-        if estimates_error and alone:
-            warning = warning or f"no error estimate: path tracing does not support the surface of {', '.join(alone)}"
-        elif estimates_error:
-            (estimated,) = run_to_end(
-                estimate_drawn_errors(placement, layers, sky, series.n_bounces, [picture]), report
-            )
-            error = estimated.estimate
-        return Still(clamp_radiance(picture * intensity, BRIGHTEST), error, warning)
-    layers = _at_most(layers, series.first or project.document.first_bands)
+        how = report, placement, layers, series, chosen
+        return _real_time_still(project, mode, *how, estimates_error, bounces.warning)
+    if most := series.first or project.document.first_bands:
+        layers = tuple(replace(each, bands=(min(each.bands[0], most), min(each.bands[1], most))) for each in layers)
     if series.n_bounces > 1:
         n_rays = plan.settings.n_hemisphere_rays
         fineness, as_needed = STILL.with_rays(n_rays), not n_rays
@@ -156,21 +139,46 @@ def render_project(
     return Still(clamp_radiance(picture * intensity, BRIGHTEST), error, bounces.warning)
 
 
-def estimate_picture_error(project: Project, picture: NDArray[np.float32], series: BounceSeries | None = None) -> str:
-    """The error of a picture of a project that was drawn in another way, as one line, by path tracing some of its
-    points; "" where it cannot be estimated. series: as in `render_project`."""
-    intensity = float(project.document.light.intensity)
-    if _deform_only_objects(project) or not intensity:
-        return ""
+def _real_time_still(
+    project: Project, mode: Mode, report: Report, placement: Placement, layers: Sequence[StillLayer],
+    series: BounceSeries, settings: RenderSettings, estimates_error: bool, warning: str,
+) -> Still:  # fmt: skip
+    """A still as Orbit or Deform shows it at rest; layers: those of its estimate."""
+    if mode == "orbit":
+        drawing = render_orbit(
+            placement, layers_by_object(project), project.sky, settings.n_patches, settings.n_points,
+            settings.n_coefficients, series.n_bounces, orbit_bytes(), orbit_slice_bytes(),
+        )  # fmt: skip
+    else:
+        # A still has one pose: transfer of the meshes in it includes the shadows between objects.
+        drawing = render_deform(prepared_deform(project, project.scene, (), series, settings), project.scene.resolution)
+    picture, error = run_to_end(drawing, report), None
+    alone = deform_only_objects(project) if mode == "deform" else ()
+    if estimates_error and alone:
+        warning = warning or f"no error estimate: path tracing does not support the surface of {', '.join(alone)}"
+    elif estimates_error:
+        estimating = estimate_drawn_errors(placement, layers, project.sky, series.n_bounces, [picture])
+        (estimated,) = run_to_end(estimating, report)
+        error = estimated.estimate
+    intensity = np.float64(project.document.light.intensity)
+    return Still(clamp_radiance(picture * intensity, BRIGHTEST), error, warning)
+
+
+def estimate_picture_error(
+    project: Project, picture: NDArray[np.float32], n_bounces: int | None = None
+) -> ErrorEstimate | None:
+    """The error of a picture of a project that was drawn in another way, by path tracing some of its points; None where
+    it is black, because there is no light. n_bounces: None for as many as the scene says, or requires."""
+    intensity = project.document.light.intensity
+    if not intensity:
+        return None
     plan = plan_still(project)
     placement = Placement(project.scene, None, plan.n_edge_rays)
-    wanted = series.n_bounces if series else chosen_bounces(project, plan)
-    n_bounces = planned_bounces(placement, project.indexed_layers, wanted).n_bounces
+    bounces = planned_bounces(placement, project.indexed_layers, n_bounces or chosen_bounces(project, plan))
     layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
-    (estimated,) = run_to_end(
-        estimate_drawn_errors(placement, layers, project.sky, n_bounces, [picture / np.float32(intensity)])
-    )
-    return "" if estimated.estimate is None else estimated.estimate.text
+    drawn = picture / np.float32(intensity)
+    (estimated,) = run_to_end(estimate_drawn_errors(placement, layers, project.sky, bounces.n_bounces, [drawn]))
+    return estimated.estimate
 
 
 def prepared_orbit(
@@ -190,7 +198,7 @@ def prepared_orbit(
     return orbit
 
 
-def _deform_only_objects(project: Project) -> tuple[str, ...]:
+def deform_only_objects(project: Project) -> tuple[str, ...]:
     """Names of the objects whose surfaces only Deform draws, so that paths cannot estimate their error."""
     return tuple(state.name for state in project.document.objects if state.surface.kind)
 
@@ -218,13 +226,6 @@ def _reference(placement: Placement, project: Project, n_bounces: int, n_samples
     if n_bounces == 1 and n_samples is None:
         return render_reference(placement, layers, sky, REFERENCE_PATCHES, REFERENCE_LEVEL)
     return render_paths(placement, layers, sky, n_bounces, n_samples or N_SAMPLES)
-
-
-def _at_most(layers: Sequence[StillLayer], most: int | None) -> tuple[StillLayer, ...]:
-    """The layers with no more bands than that over any curve."""
-    if most is None:
-        return tuple(layers)
-    return tuple(replace(each, bands=(min(each.bands[0], most), min(each.bands[1], most))) for each in layers)
 
 
 def still_settings(project: Project, mode: Mode, changes: Mapping[str, int] = MappingProxyType({})) -> RenderSettings:

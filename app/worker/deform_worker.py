@@ -29,7 +29,7 @@ from app.worker.file_tasks import ensure_tables
 from app.worker.kernels import DEFORM, FIRST_TIME, are_compiled, note_compiled
 from app.worker.orbit_worker import layers_by_object, until_compiled
 from app.worker.schedule import Handlers, Steps
-from app.worker.worker_context import WorkerContext
+from app.worker.tasks import WorkerContext
 from engine.core.stored_arrays import ArrayReader, Arrays, UnsoundArrays
 from engine.precompute.direct.pipeline import SkyState
 from engine.scene.description import CameraDescription

@@ -19,7 +19,7 @@ from app.modes.orbit.orbit_messages import DrawnErrorEstimated, EstimateDrawn
 from app.modes.placement.placement_messages import ErrorEstimated, EstimateError
 from app.worker.kernels import ESTIMATE
 from app.worker.layer_data import STAGES, LayerData, shape_of
-from app.worker.worker_context import WorkerContext
+from app.worker.tasks import WorkerContext
 from engine.core.errors import InsituError
 from engine.core.generators import map_steps
 from engine.planner import band_counts
@@ -53,9 +53,10 @@ def estimate_error(
     radiance = np.zeros((len(placement.hits.pixel), 3))
     for each, state in zip(layers, states, strict=True):
         begin, end = placement.hits.object_ranges[each.i_object]
-        radiance[begin:end] += _with_present_curves(held[state.key], state).radiance * view_factors(
-            placement.hits, np.arange(begin, end), each
-        )
+        data = held[state.key]
+        if not data.is_fixed:  # the window edits curves without a request
+            data = data.with_curves(replace(state, bands=data.work.bands))
+        radiance[begin:end] += data.radiance * view_factors(placement.hits, np.arange(begin, end), each)
         yield None
     indirect, noise, n_bounces = None, None, 1
     if found is not None:
@@ -110,11 +111,6 @@ def _quality(data: LayerData) -> Quality:
     """How finely a layer's light was computed; with few lights the preview is the last stage."""
     stage, settings = STAGES[data.stage], data.lit_by.planned_settings or data.lit_by.settings
     return final_quality(settings) if stage is FINAL else replace(stage, n_lights=settings.n_lights)
-
-
-def _with_present_curves(data: LayerData, state: LayerState) -> LayerData:
-    """The stored transport of a layer with its present curves: the window edits them without a request."""
-    return data if data.is_fixed else data.with_curves(replace(state, bands=data.work.bands))
 
 
 def _layers(

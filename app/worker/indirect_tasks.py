@@ -14,7 +14,6 @@ import time
 from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TypeVar
 
 import numpy as np
 
@@ -29,7 +28,7 @@ from app.modes.placement.placement_messages import (
 )
 from app.worker.array_files import Tiles
 from app.worker.cache import ArrayCache, content_key
-from app.worker.worker_context import IndirectSteps
+from app.worker.tasks import IndirectSteps
 from engine.core.generators import map_steps
 from engine.core.stored_arrays import Arrays
 from engine.material.layer import Layer, object_of
@@ -46,7 +45,6 @@ from engine.render.still_indirect import direct_mean
 
 Steps = Iterator[Response | None]
 RemoteSolve = Callable[[Sequence[LayerState], str, int, int], IndirectSteps | None]
-Value = TypeVar("Value")
 # Raised when anything changes the numbers in what is cached on disk.
 STORED_VERSION = 10
 MOST_PARTS = 1024
@@ -170,7 +168,9 @@ class IndirectTasks:
             self._store.put(key, arrays)
             yield from self._cache_light(as_requested(solver(fine).restored(arrays)))
             return
-        other_light = None if n_rays else (yield from _drop_progress(direct_mean(self._placement, by_object, sky)))
+        other_light = None
+        if not n_rays:
+            other_light = yield from map_steps(direct_mean(self._placement, by_object, sky), lambda step: None)
         finder = solver(fine, other_light=other_light)
         if self._store is None:
             yield from self._cache_light(as_requested((yield from _as_progress(finder.solve(reflecting)))))
@@ -240,8 +240,8 @@ class IndirectTasks:
     def _noise(self, found: _FoundLight, desired: FreezeIndirect) -> Steps:
         """The noise of the light with its layers as they are: a curve that is raised may show what was hidden by the
         rest."""
-        known = self._noise_found
-        if known is None or known[0] is not found or not _same_appearance(known[1], desired):
+        known, appearance = self._noise_found, (desired.second_bands, desired.scene.visible)
+        if known is None or known[0] is not found or (known[1].second_bands, known[1].scene.visible) != appearance:
             layers = [self._reflecting(each, desired.second_bands) for each in desired.scene.visible]
             noise = yield from _layer_visibility(found, desired).noise(layers)
             self._noise_found = known = found, desired, noise
@@ -257,15 +257,6 @@ class IndirectTasks:
 
 def _layer_visibility(found: _FoundLight, desired: FreezeIndirect) -> IndirectLight:
     return found.light.without_glossy_hits() if desired.second_bands == 1 else found.light
-
-
-def _same_appearance(one: FreezeIndirect, two: FreezeIndirect) -> bool:
-    """Whether all layers reflect the same in both."""
-    return (one.second_bands, one.scene.visible) == (two.second_bands, two.scene.visible)
-
-
-def _drop_progress(steps: Generator[object, None, Value]) -> Generator[None, None, Value]:
-    return map_steps(steps, lambda step: None)
 
 
 def _as_progress(

@@ -33,7 +33,7 @@ from app.worker.cache import content_key
 from app.worker.file_tasks import ensure_tables
 from app.worker.kernels import COMPILING, FIRST_TIME, ORBIT, are_compiled, note_compiled
 from app.worker.schedule import Handlers, Steps
-from app.worker.worker_context import WorkerContext
+from app.worker.tasks import WorkerContext
 from engine.core.generators import map_steps
 from engine.material.bumps import Bumps
 from engine.material.layer import Layer

@@ -39,8 +39,8 @@ from app.worker.layer_data import (
 from app.worker.planning import LightBudgets, plan_bands
 from app.worker.relighting import Relighting
 from app.worker.schedule import Handlers, Steps
+from app.worker.tasks import WorkerContext
 from app.worker.transport_stages import StageClock, TransportStages, lit_key, rows_of, stages_of
-from app.worker.worker_context import WorkerContext
 from engine.light.environment import downsample
 from engine.material.layer import Layer
 from engine.planner import band_counts
@@ -81,7 +81,7 @@ class PlacementWorker(ModeWorker):
             SampleMaps: self._sample_maps,
             ComputeTransport: self._compute,
             ContractTransport: self._contract,
-            FreezeIndirect: self._freeze,
+            FreezeIndirect: lambda request: self._indirect_tasks().freeze(request),
             EstimateError: self._estimate_error,
             PrepareRelighting: self._prepare_relighting,
         }
@@ -112,9 +112,6 @@ class PlacementWorker(ModeWorker):
         if data is not None and data.fits_curves(request.layer):
             yield from self._answers(self._hold(data), request.factor, request.precision, request.picture)
 
-    def _freeze(self, request: FreezeIndirect) -> Steps:
-        yield from self._indirect_tasks().freeze(request)
-
     def _sample_maps(self, request: SampleMaps) -> Steps:
         if any(images.strokes for _, images in request.layers):
             yield from self._until_compiled(PAINTING)
@@ -144,11 +141,7 @@ class PlacementWorker(ModeWorker):
     def _compute(self, request: ComputeTransport) -> Steps:
         placement, scene, settings = self._context.open_placement, request.scene, request.settings
         yield from ensure_tables((work.layer for work in scene.layers), self._cache)
-        self._contracted, self._current, self._sent = {}, {}, set()
-        self._layers = {work.key: self._layers[work.key] for work in scene.layers if work.key in self._layers}
-        if request.selected and request.factor:
-            self._selected = dict.fromkeys((request.selected, *request.followers), request.factor)
-        self._precision = request.precision
+        self._begin(request)
         placement.set_emission(dict(scene.emission))
         sky = self._context.sky(scene.light)
         if self._indirect is not None:
@@ -175,7 +168,8 @@ class PlacementWorker(ModeWorker):
                 if need is None:
                     need = yield from self._light_plans.find_budget(request, sky)
                     yield from _light_plan_message(need, settings)
-                lit_by, quality = _with_planned_light(lit_by, need.limit_settings(settings))
+                needed = need.limit_settings(settings)
+                lit_by, quality = replace(lit_by, planned_settings=needed), final_quality(needed)
             if due:
                 yield from self._stage(placement, due, sky, lit_by, quality)
             if not bounces_reported and quality is not DRAG:
@@ -196,6 +190,14 @@ class PlacementWorker(ModeWorker):
                 spent = time.process_time() - begun
                 yield StageDone(quality.name, exact, time.monotonic() - started, self._n_bytes, spent)
             yield from self._context.new_warnings()
+
+    def _begin(self, request: ComputeTransport) -> None:
+        """Note what is requested; of layers that are no longer there nothing is held."""
+        self._contracted, self._current, self._sent = {}, {}, set()
+        self._layers = {work.key: self._layers[work.key] for work in request.scene.layers if work.key in self._layers}
+        if request.selected and request.factor:
+            self._selected = dict.fromkeys((request.selected, *request.followers), request.factor)
+        self._precision = request.precision
 
     @property
     def _n_bytes(self) -> int:
@@ -332,11 +334,6 @@ class PlacementWorker(ModeWorker):
             yield StageFootprint(*self._context.open_placement.footprint(stride), data.stage, id=self._context.view_id)
         # The selected curve may belong to the model that the layer had before.
         yield from data.responses(factor if factor in data.work.factors else None, precision, picture)
-
-
-def _with_planned_light(lit_by: LightingState, settings: RenderSettings) -> tuple[LightingState, Quality]:
-    """The light of a last stage once it is known how much of it is needed."""
-    return replace(lit_by, planned_settings=settings), final_quality(settings)
 
 
 def _light_plan_message(need: LightBudget, most: RenderSettings) -> Iterator[LightPlanned]:

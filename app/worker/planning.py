@@ -22,7 +22,7 @@ from app.messages.worker_messages import Response
 from app.modes.placement.placement_messages import BandsPlanned, ComputeTransport, PlanBands
 from app.worker.cache import content_key
 from app.worker.layer_data import shape_of
-from app.worker.worker_context import WorkerContext
+from app.worker.tasks import WorkerContext
 from engine.core.stored_arrays import ArrayReader, Arrays
 from engine.material.layer import Layer
 from engine.material.layer_maps import LayerMaps

@@ -1,14 +1,23 @@
-"""Dispatches each request of the worker: scenes and files here, all else to the workers of the modes
-(`app.modes.mode`)."""
+"""The state that all work in the worker shares, and the dispatch of its requests: scenes and files here, all else to
+the workers of the modes (`app.modes.mode`).
+
+The state is the cache, the open scene and its light, and who does the long work. A scene is open as a camera sees it:
+its surfaces, what can be traced in them, the primary hits and, as far as it has been computed, the part of the sphere
+that each of those sees. A scene that is only loaded replaces the open one when its first view is traced. The long work
+on it is done by an executor: this process, or others (`app.cluster.cluster_jobs`).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
+from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Protocol
 
-from app.document.document import document_from_description
+import numpy as np
+
+from app.document.document import LightState, document_from_description
 from app.document.named_files import document_with_measurements, layers_of_document, unread_files, with_measurements
 from app.messages.worker_messages import (
     FetchTable,
@@ -18,20 +27,210 @@ from app.messages.worker_messages import (
     Request,
     SceneOpened,
     SetCamera,
+    SkyImage,
     ViewTraced,
+    WorkerWarnings,
     WriteFiles,
 )
 from app.modes.mode import Mode
 from app.modes.registry import MODES
+from app.project.project import sky_of
 from app.system.lazy_import import import_named
-from app.worker.cache import ArrayCache
+from app.worker.cache import ArrayCache, content_key
 from app.worker.file_tasks import described_paths, fetch_table, read_files, read_for, write_file, write_scene
 from app.worker.kernels import Kernels
 from app.worker.schedule import Steps
-from app.worker.worker_context import Executor, WorkerContext
+from engine.core.errors import InsituError
+from engine.light.environment import Environment, downsample, load_environment
+from engine.planner import planned_edge_rays
+from engine.precompute.direct.bandstore import BandTile
+from engine.precompute.direct.pipeline import Placement, Quality, SkyState
+from engine.precompute.direct.projection import LayerShape, VisibleLight, project_layer
+from engine.realtime.zonal_harmonics.pose import Poses
+from engine.realtime.zonal_harmonics.posed_scene import pose_scene
 from engine.scene.builtin import scene_path
 from engine.scene.picture_frame import picture_frame
-from engine.scene.scene_loader import load_scene
+from engine.scene.primary_hits import trace_primary_steps
+from engine.scene.raycaster import RayCaster
+from engine.scene.scene_loader import Scene, load_scene
+
+if TYPE_CHECKING:
+    from app.document.scene_state import LayerState
+    from app.messages.worker_messages import Response
+    from engine.core.stored_arrays import Arrays
+
+
+# Raised when anything that changes the numbers in a cached array changes.
+CACHE_VERSION = 6
+BACKGROUND_HEIGHT = 1024
+
+
+class WorkerContext:
+    """The shared state of the worker.
+
+    kernels: what is to be ready before the first picture; None where nothing prepares them. fills: only fill the cache;
+    results are neither held nor sent. executor: who does the long work, None for this process.
+    """
+
+    def __init__(
+        self, store: ArrayCache | None = None, kernels: Kernels | None = None, fills: bool = False,
+        executor: Executor | None = None,
+    ) -> None:  # fmt: skip
+        self.store = store or ArrayCache()
+        self.kernels = kernels
+        self.fills = fills
+        self.executor = executor or LocalExecutor()
+        self.geometry_key = self.view_key = ""
+        self.view_id = 0
+        self._placement: Placement | None = None
+        self._scene = self._loaded = _LoadedScene()
+        self._environments: dict[tuple[str, str], Environment] = {}
+        self._sent_sky: object = None
+
+    @property
+    def open_placement(self) -> Placement:
+        """The open scene, as its camera sees it; InsituError where none is."""
+        if self._placement is None:
+            raise InsituError("no scene is open")
+        return self._placement
+
+    @property
+    def has_placement(self) -> bool:
+        """Whether a scene is open."""
+        return self._placement is not None
+
+    @property
+    def rest_scene(self) -> Scene:
+        """The open scene as its file has it, whatever pose it is in; InsituError where none is."""
+        if self._scene.scene is None:
+            raise InsituError("no scene is open")
+        return self._scene.scene
+
+    def load(self, scene: Scene, id: int) -> None:
+        """Note that a scene is loaded and can be traced, by the request of that number."""
+        self._loaded = _LoadedScene(id, scene)
+
+    def set_camera(self, request: SetCamera) -> Generator[None, None, None]:
+        """Open a loaded scene as this camera sees it, after some steps; that may be the background alone."""
+        seen = next((each for each in (self._loaded, self._scene) if each.id == request.scene), _LoadedScene())
+        if seen.scene is None:
+            raise InsituError("no scene is open")
+        scene, caster = seen.in_poses(request.poses)
+        n_edge_rays = planned_edge_rays(scene.description) if request.n_edge_rays is None else request.n_edge_rays
+        scene = scene.with_bumps(dict(request.bumps)).from_camera(request.camera, request.resolution)
+        hits = yield from trace_primary_steps(scene, caster, n_edge_rays=n_edge_rays)
+        placement = Placement(scene, caster, hits=hits)
+        self._scene, self._loaded = seen, _LoadedScene()
+        self._placement, self.view_id = placement, request.id
+        self.geometry_key = _geometry_key(placement.scene, n_edge_rays)
+        self.view_key = _view_key(placement, self.geometry_key)
+        self._sent_sky = None
+
+    def new_warnings(self) -> Iterator[WorkerWarnings]:
+        """Warnings about the cache and about images that are shown smaller, as soon as there are new ones."""
+        lines = self.store.take_notes()
+        if self._placement is not None:
+            lines += self._placement.scene.textures.take_notes()
+        if lines:
+            yield WorkerWarnings(lines)
+
+    def sky(self, light: LightState) -> SkyState:
+        """The sky of the open scene, under a document's light. Raises LoadError."""
+        return sky_of(self.open_placement.scene, light, self._environment)
+
+    def sky_image(self, sky: SkyState, light: LightState) -> SkyImage | None:
+        """The image of the sky, when it is not the one that was sent last."""
+        shown = (light.environment, light.mapping, light.radiance)
+        if shown == self._sent_sky:
+            return None
+        self._sent_sky = shown
+        if sky.environment is None:
+            return SkyImage(np.zeros((1, 2, 3), np.float32), id=self.view_id)
+        environment = sky.environment
+        if environment.radiance.shape[0] > BACKGROUND_HEIGHT:
+            environment = downsample(environment, BACKGROUND_HEIGHT)
+        return SkyImage(environment.radiance * np.float32(sky.scale), sky.environment.notes, id=self.view_id)
+
+    def _environment(self, path: Path, mapping: str) -> Environment:
+        key = (str(path), mapping)
+        if key not in self._environments:
+            self._environments = {key: load_environment(path, mapping)}  # type: ignore[arg-type]
+        return self._environments[key]
+
+
+@dataclass
+class _LoadedScene:
+    """A scene as its file has it, the number of its request, and its present pose with the ray caster of that."""
+
+    id: int = -1
+    scene: Scene | None = None
+    pose: tuple[Poses, Scene, RayCaster] | None = None
+
+    def in_poses(self, poses: Poses) -> tuple[Scene, RayCaster]:
+        """The scene in these poses, and its ray caster: the same ones as long as the poses are."""
+        assert self.scene is not None
+        if self.pose is None or self.pose[0] != poses:
+            scene = pose_scene(self.scene, poses)
+            self.pose = poses, scene, RayCaster(scene.vertices, scene.triangles)
+        return self.pose[1:]
+
+
+def _view_key(placement: Placement, geometry: str) -> str:
+    """The key of what transport depends on of the view: the surfaces, and the bumps that perturb their normals."""
+    if not placement.scene.bump_normals.objects:
+        return geometry
+    return content_key(geometry, placement.hits.normal)
+
+
+def _geometry_key(scene: Scene, n_edge_rays: int) -> str:
+    """The key of what visibility depends on of the view."""
+    camera = scene.description.camera.model_dump_json()
+    return content_key(
+        CACHE_VERSION, camera, scene.origin, scene.resolution, n_edge_rays, scene.vertices, scene.normals,
+        scene.triangles, scene.object_of_triangle, scene.smooth, scene.emission,
+    )  # fmt: skip
+
+
+LightSteps = Generator[float, None, VisibleLight]
+IndirectSteps = Generator["Response | None", None, "Arrays"]
+
+
+class Executor(Protocol):
+    """Does the long work; the result is the same to the last bit for each executor."""
+
+    def compute_light(self, placement: Placement, sky: SkyState, quality: Quality) -> LightSteps:
+        """Compute all the light of a stage; yields the fraction done. A final stage leaves the sphere's visibility in
+        `placement_worker`."""
+
+    def project_tiles(
+        self, placement: Placement, rows: np.ndarray, light: VisibleLight, layer: LayerShape,
+        skip: frozenset[int] = frozenset(),
+    ) -> Iterator[BandTile | None]:  # fmt: skip
+        """The tiles of a layer's points as they are made, in any order, except those to skip; None while there is
+        none."""
+
+    def find_indirect(
+        self, layers: Sequence[LayerState], lit_by: str, n_bounces: int, n_rays: int
+    ) -> IndirectSteps | None:
+        """The fine indirect light, cached on disk; None: it is to be computed here."""
+
+
+class LocalExecutor:
+    """Does all the work in this process."""
+
+    def compute_light(self, placement: Placement, sky: SkyState, quality: Quality) -> LightSteps:
+        return placement.light(sky, quality)
+
+    def project_tiles(
+        self, placement: Placement, rows: np.ndarray, light: VisibleLight, layer: LayerShape,
+        skip: frozenset[int] = frozenset(),
+    ) -> Iterator[BandTile | None]:  # fmt: skip
+        return project_layer(placement.hits, rows, light, layer, skip)
+
+    def find_indirect(
+        self, layers: Sequence[LayerState], lit_by: str, n_bounces: int, n_rays: int
+    ) -> IndirectSteps | None:
+        return None
 
 
 class RequestDispatcher:

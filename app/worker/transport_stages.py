@@ -20,7 +20,7 @@ from app.messages.worker_messages import Progress, Response
 from app.modes.placement.placement_messages import ComputeTransport
 from app.worker.cache import content_key
 from app.worker.layer_data import LayerTiles, both_curves, join_tile_contents, shape_of, store_of, tile_content
-from app.worker.worker_context import CACHE_VERSION, WorkerContext
+from app.worker.tasks import CACHE_VERSION, WorkerContext
 from engine.core.generators import map_steps
 from engine.core.stored_arrays import ArrayReader, Arrays, n_bytes_of
 from engine.precompute.direct.bandstore import BandStore, FixedPicture

@@ -23,8 +23,7 @@ from app.modes.mode import EditorServices, Mode, ModeController, ModeWorker
 from app.modes.registry import PLACEMENT
 from app.worker.cache import ArrayCache
 from app.worker.schedule import InProcessClient
-from app.worker.tasks import RequestDispatcher
-from app.worker.worker_context import WorkerContext
+from app.worker.tasks import RequestDispatcher, WorkerContext
 from tests.ui.small_scene import linear_picture, wait_until_exact, write_small_scene
 from ui.gl.gpu_memory import small_texture
 from ui.headless import HeadlessWindow

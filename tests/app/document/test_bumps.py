@@ -15,8 +15,7 @@ from app.files.session import load_session, save_session
 from app.messages.worker_messages import OpenScene, SetCamera, ViewTraced
 from app.project.project import open_project, set_path
 from app.worker.schedule import InProcessClient
-from app.worker.tasks import RequestDispatcher
-from app.worker.worker_context import WorkerContext
+from app.worker.tasks import RequestDispatcher, WorkerContext
 from engine.core.errors import InsituError
 from engine.core.generators import run_to_end
 from engine.material.bumps import NO_BUMPS, Bumps
