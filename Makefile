@@ -7,7 +7,7 @@ STAMP := .venv/.insitu-setup
 export PYTHONDONTWRITEBYTECODE :=
 # Small tests: what runs with the bounds of each index checked, and what can wait for kernels that are not compiled
 # (`engine/core/lanes.py`, which samples pyramids, is the compiler's alone).
-BOUNDS_CHECKED := $(addprefix tests/engine/,curve light material measured precompute realtime render scene sphere texture visibility)
+BOUNDS_CHECKED := $(addprefix tests/engine/,curve light material measured precompute realtime reference render scene sphere texture visibility)
 BOUNDS_CHECKED += tests/benchmarks/test_thesis_visibility.py
 UNCOMPILED := $(addprefix tests/engine/,curve material texture/test_texture_files.py texture/test_strokes.py realtime/zonal_harmonics/test_pose.py \
 	realtime/zonal_harmonics/test_extremes.py precompute/indirect/test_smoothing.py light/test_radiance_files.py measured/test_sample_files.py \

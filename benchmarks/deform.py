@@ -31,9 +31,8 @@ from engine.realtime.zonal_harmonics.pose import Deformation, deform
 from engine.realtime.zonal_harmonics.shading import Lobes, lobes, shade
 from engine.realtime.zonal_harmonics.transfer import N_RAYS, TransferPoints, rotate_transfer, simulate_shadows
 from engine.realtime.zonal_harmonics.zonal import fit
-from engine.scene.raycaster import RayCaster
+from engine.scene.raycaster import RayCaster, surface_points
 from engine.scene.scene_loader import Scene
-from engine.scene.surface_points import surface_points
 
 Float64Array = NDArray[np.float64]
 

@@ -1,6 +1,6 @@
 """Pictures with several shading points at edges, against a path tracer's that are averaged over whole pixels.
 
-The judge is `engine.render.path_tracer` in a picture so many times as wide and high, whose pixels are averaged. Its
+The judge is `engine.reference.path_tracer` in a picture so many times as wide and high, whose pixels are averaged. Its
 noise is not taken for an error: its two halves a and b are independent, and of a picture v and the truth t
 
     E (v - a) (v - b) = (v - t)^2.
@@ -25,7 +25,7 @@ from benchmarks.figures import Figure, not_measured
 from benchmarks.references import reference_folder
 from engine.core.generators import run_to_end
 from engine.precompute.direct.pipeline import FINAL, Placement
-from engine.render.path_tracer import trace_halves
+from engine.reference.path_tracer import trace_halves
 from engine.render.still import compose
 
 SCENES = ("teatray", "bunny")

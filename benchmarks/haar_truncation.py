@@ -22,9 +22,8 @@ from app.measure.report import save_figure
 from app.measure.subject import errors
 from engine.core.frames import local_frames
 from engine.light.environment import triangle_integrals
-from engine.material.layer import Layer
+from engine.material.layer import Layer, evaluate_layers
 from engine.precompute.direct.pipeline import SkyState
-from engine.render.integrator import evaluate_layers
 from engine.scene.primary_hits import PrimaryHits
 from engine.scene.raycaster import RayCaster
 from engine.sphere.geodesic import geodesic

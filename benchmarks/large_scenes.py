@@ -121,8 +121,7 @@ def measure(folder: Path, resolution: tuple[int, int] = RESOLUTION) -> dict[str,
     from engine.precompute.direct.pipeline import Placement
     from engine.precompute.direct.projection import project_layer
     from engine.precompute.indirect.sampling_settings import BounceSeries
-    from engine.render.still import shape_of, still_layers, still_quality, with_maps
-    from engine.render.still_indirect import indirect_radiance
+    from engine.render.still import indirect_radiance, shape_of, still_layers, still_quality, with_maps
     from engine.scene.raycaster import RayCaster
 
     small = open_project(str(folder / "small.toml"))

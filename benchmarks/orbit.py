@@ -26,7 +26,7 @@ from engine.light.environment import Environment
 from engine.material.layer import Layer
 from engine.precompute.direct.pipeline import Placement, SkyState
 from engine.realtime.triple_product.orbit_engine import N_POINTS, Orbit
-from engine.render.integrator import integrate_direct
+from engine.reference.integrator import integrate_direct
 from engine.scene.camera_moves import orbit_camera
 
 JUDGED, SCENE = ("teatray", "bunny"), "rings"

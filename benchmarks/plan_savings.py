@@ -28,8 +28,15 @@ from engine.precompute.indirect.sampling_settings import FINE, BounceSeries
 from engine.render.bounce_plan import MOST_PLANNED, planned_bounces
 from engine.render.error_estimate import compare_errors
 from engine.render.light_pilot import with_light_budget
-from engine.render.still import StillLayer, reflect_layers, still_layers, still_quality, with_maps
-from engine.render.still_indirect import find_indirect, reflected_light
+from engine.render.still import (
+    StillLayer,
+    find_indirect,
+    reflect_layers,
+    reflected_light,
+    still_layers,
+    still_quality,
+    with_maps,
+)
 from engine.scene.builtin import builtin_scenes
 
 # Of pictures that are compared, and of those that only have kernels read.

@@ -13,8 +13,8 @@ from app.project.project import Project, open_project
 from app.stills.stills import render_picture, write_picture
 from benchmarks.gloss import BALLS, ball_in_view
 from benchmarks.rooms import ROOMS
+from engine.core.generators import StillProgress
 from engine.precompute.indirect.sampling_settings import BounceSeries
-from engine.render.still import StillProgress
 
 RESOLUTION = 48, 36
 SAMPLES = {1: 8192, 4: 4096}

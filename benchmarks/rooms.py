@@ -1,6 +1,6 @@
 """Built-in interiors that nothing was tuned for, against paths of our own through them.
 
-Paths are traced anew each time, by `engine.render.path_tracer`, at the pixels that see what reflects; what shines
+Paths are traced anew each time, by `engine.reference.path_tracer`, at the pixels that see what reflects; what shines
 itself is left out, being the same in both. Their own noise stands beside each error: it is part of it. Where light has
 come so far that it stays noisy, blocks of 8 × 8 pixels are compared.
 """

@@ -12,9 +12,8 @@ from engine.core.generators import map_steps
 from engine.realtime.zonal_harmonics.transfer import TransferPoints, simulate
 from engine.realtime.zonal_harmonics.zonal import MAX_LOBES, fit
 from engine.scene.builtin import builtin_scenes
-from engine.scene.raycaster import RayCaster
+from engine.scene.raycaster import RayCaster, surface_points
 from engine.scene.scene_loader import load_scene
-from engine.scene.surface_points import surface_points
 
 Float64Array = NDArray[np.float64]
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.render.picture_files import exr_bytes
+from engine.render.display import exr_bytes
 
 
 def write_exr(path: Path, radiance: NDArray[np.float32]) -> None:

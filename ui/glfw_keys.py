@@ -60,8 +60,8 @@ def _table() -> dict[int, tuple[imgui.Key, ...]]:
     return keys
 
 
+# For each GLFW key the imgui keys it presses; a modifier presses itself and its role.
 KEYS = _table()
-"""For each GLFW key the imgui keys it presses; a modifier presses itself and its role."""
 _ROLES = (
     (glfw.MOD_CONTROL, Key.mod_ctrl), (glfw.MOD_SHIFT, Key.mod_shift), (glfw.MOD_ALT, Key.mod_alt),
     (glfw.MOD_SUPER, Key.mod_super),

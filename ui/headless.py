@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from app.editor.editor import Editor
 from app.system.atomic import make_folder_of, save_file
-from engine.render.picture_files import pixels_png
+from engine.render.display import pixels_png
 from ui.gl.context import create_headless_context
 from ui.shell import FrameResult, Shell
 

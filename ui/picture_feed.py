@@ -34,7 +34,7 @@ from app.modes.registry import MODES
 from app.system.atomic import save_file
 from app.system.lazy_import import import_named
 from engine.core.errors import InsituError
-from engine.render.picture_files import deep_png, exr_bytes, pixels_png
+from engine.render.display import deep_png, exr_bytes, pixels_png
 from engine.scene.description import Camera
 from ui.gl.context import GraphicsError
 from ui.gl.gpu_memory import TextureMemory

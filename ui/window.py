@@ -29,7 +29,7 @@ from app.system.barrier import Barrier
 from app.system.paths import layout_file, preference_file, recent_file
 from app.worker.client import Client
 from engine.core.errors import InsituError
-from engine.render.picture_files import pixels_png
+from engine.render.display import pixels_png
 from engine.scene.builtin import builtin_environments, builtin_scenes
 from ui.frame_times import launch_times_from
 from ui.gl.context import REQUIRED_VERSION, GraphicsError, create_window_context, spare_full_disk

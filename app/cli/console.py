@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 FAILED, USAGE, INTERRUPTED = 1, 2, 130
 ERROR_FILE = "last-error.txt"
 
+# Words that are commands when they come first; a file of such a name is opened as ./render.
 COMMANDS = ("edit", "render", "precompute", "screenshot", "plan", "measure", "doctor", "import-brdf",
             "export-brdf", "export")  # fmt: skip
-"""Words that are commands when they come first; a file of such a name is opened as ./render."""
 
 
 def run_guarded(work: Callable[[], int]) -> int:

@@ -10,13 +10,13 @@ from app.cli.precompute import ActualCost
 from app.project.project import Project
 from app.stills.stills import chosen_bounces
 from app.system.memory import gib
-from engine.core.generators import run_to_end
+from engine.core.generators import StillProgress, run_to_end
 from engine.planner import Plan, plan_lines, plan_scene
 from engine.precompute.direct.pipeline import Placement
 from engine.render.bounce_plan import planned_bounces
 from engine.render.cost_pilot import estimate_cost
 from engine.render.light_pilot import with_light_budget
-from engine.render.still import StillProgress, still_layers, with_maps
+from engine.render.still import still_layers, with_maps
 
 
 def plan_project(

@@ -1,7 +1,7 @@
 """Sources that can be opened by name: recognized by the suffix, before anything is read.
 
-A scene is a built-in one's name, a scene file, or a mesh, which gets a floor of its own (`engine.scene.mesh_scene`). A
-session names a scene. An environment alone opens the built-in scene lit by it.
+A scene is a built-in one's name, a scene file, or a mesh, which gets a floor of its own (`engine.scene.object_meshes`).
+A session names a scene. An environment alone opens the built-in scene lit by it.
 
 Of a light probe the header is read, and its size tells the likely mapping: Debevec's angular maps are square, lat-long
 maps are twice as wide as high; a user who drops a probe on the window should not have to know. Where the guess is

@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from app.system.atomic import write_atomically
-from engine.material.layer import Layer
+from engine.material.layer import Layer, evaluate_layers
 from engine.material.model import channels
-from engine.render.integrator import evaluate_layers
 from engine.render.tabulate import is_anisotropic
 
 

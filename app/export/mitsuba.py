@@ -26,9 +26,9 @@ from app.project.project import Project
 from app.system.atomic import replacing_folder, require_folder, write_atomically
 from engine.core.generators import run_to_end
 from engine.material.layer import Layer, object_of
-from engine.render.map_sampler import mean_factor
-from engine.render.picture_files import exr_bytes
-from engine.scene.object_axes import object_axes
+from engine.render.display import exr_bytes
+from engine.scene.map_sampler import mean_factor
+from engine.scene.primary_hits import object_axes
 from engine.scene.scene_loader import Scene
 
 RENDER = Path(__file__).with_name("render.py")

@@ -48,8 +48,7 @@ from engine.material.layer import Layer, make_layer
 from engine.measured.measurement import Measurement
 from engine.scene.builtin import builtin_materials
 from engine.scene.description import LayerDescription, Text
-from engine.scene.toml_text import check_version, load_toml, parse_toml, toml_lines, toml_value
-from engine.scene.validation_errors import first_validation_error
+from engine.scene.toml_text import check_version, first_validation_error, load_toml, parse_toml, toml_lines, toml_value
 
 MATERIAL_VERSION = 1
 MAX_MATERIAL_BYTES = 4 * 2**20

@@ -42,8 +42,7 @@ from engine.material.bumps import bump_parts
 from engine.material.layer import object_of, place_of
 from engine.realtime.zonal_harmonics.pose import Moment
 from engine.scene.description import Camera
-from engine.scene.toml_text import check_version, parse_toml_bytes, toml_lines, toml_value
-from engine.scene.validation_errors import first_validation_error
+from engine.scene.toml_text import check_version, first_validation_error, parse_toml_bytes, toml_lines, toml_value
 
 SUFFIX = SESSION_ENDING
 SESSION_VERSION = 2

@@ -32,7 +32,7 @@ from engine.realtime.deformers import KINDS
 from engine.scene.camera_moves import orbit_camera
 from engine.scene.description import Camera
 from engine.scene.surface_kinds import SURFACES
-from engine.scene.validation_errors import first_validation_error
+from engine.scene.toml_text import first_validation_error
 
 
 @dataclass(frozen=True)

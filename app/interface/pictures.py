@@ -50,17 +50,19 @@ from engine.render.bounce_plan import planned_bounces
 from engine.render.error_estimate import estimate_error
 from engine.render.layer_transport import LayerTransport
 from engine.render.light_pilot import with_light_budget
-from engine.render.map_sampler import MapSampler, MapSamples
 from engine.render.picture_error import ErrorEstimate
 from engine.render.still import (
     StillLayer,
     compose,
     curves_of,
+    find_indirect,
+    noise_in,
+    reflected_light,
     shape_of,
     still_quality,
     view_factors,
 )
-from engine.render.still_indirect import find_indirect, noise_in, reflected_light
+from engine.scene.map_sampler import MapSampler, MapSamples
 
 Picture = NDArray[np.float32]
 Key = tuple[Any, ...]
@@ -216,7 +218,7 @@ class PlacementPictures:
             seen = None
             if not layer.maps.is_plain:
                 images = i_object, layer.maps.images
-                seen = self._seen[images] = self._seen.get(images) or sampler.see(*images)
+                seen = self._seen[images] = self._seen.get(images) or sampler.sample(*images)
             made.append(StillLayer(i_object, layer, bands, True, seen))
         return tuple(made)
 

@@ -18,9 +18,9 @@ from app.stills.frame_sequence import own_camera
 from app.stills.stills import ENDINGS, check_output, write_picture
 from app.system.memory import require_memory_for
 from engine.core.errors import InsituError
-from engine.render.path_tracer import N_SAMPLES
+from engine.reference.path_tracer import N_SAMPLES
+from engine.render.display import png_bytes
 from engine.render.picture_error import ErrorEstimate
-from engine.render.picture_files import png_bytes
 from engine.scene.builtin import DEFAULT_SCENE
 
 MAX_SIDE = 16384

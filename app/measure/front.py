@@ -34,8 +34,7 @@ from engine.realtime.triple_product.orbit_engine import Orbit
 from engine.realtime.zonal_harmonics.deform_engine import N_POINTS
 from engine.render.bounce_plan import planned_bounces
 from engine.render.error_estimate import estimate_drawn_errors, estimate_point_errors
-from engine.render.still import StillLayer, reflect_layers, still_layers, with_maps
-from engine.render.still_indirect import indirect_radiance
+from engine.render.still import StillLayer, indirect_radiance, reflect_layers, still_layers, with_maps
 
 
 @dataclass(frozen=True)

@@ -36,9 +36,8 @@ from engine.realtime.zonal_harmonics.transfer import (
     simulate_shadows,
 )
 from engine.realtime.zonal_harmonics.zonal import MAX_LOBES, fit
-from engine.scene.raycaster import RayCaster
+from engine.scene.raycaster import RayCaster, surface_points
 from engine.scene.scene_loader import Scene, load_scene
-from engine.scene.surface_points import surface_points
 from engine.settings import DEFAULT_SETTINGS
 from engine.sphere.harmonics import project
 

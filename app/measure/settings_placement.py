@@ -55,9 +55,8 @@ from engine.precompute.indirect.sampling_settings import (
     SamplingSettings,
     parse_series,
 )
-from engine.render.path_tracer import trace_halves
-from engine.render.still import StillLayer, still_layers, with_maps
-from engine.render.still_indirect import indirect_radiance
+from engine.reference.path_tracer import trace_halves
+from engine.render.still import StillLayer, indirect_radiance, still_layers, with_maps
 from engine.visibility.point_visibility import VISIBILITY_LEVEL
 
 Strategy = Literal["anew", "incremented", "by bands"]

@@ -25,7 +25,7 @@ from engine.precompute.direct.bandstore import BandStore, curve_planes, join_til
 from engine.precompute.direct.pipeline import Placement, Quality, SkyState
 from engine.precompute.direct.projection import LayerShape, VisibleLight, project_layer
 from engine.precompute.indirect.sampling_settings import BounceSeries
-from engine.render.integrator import integrate_direct
+from engine.reference.integrator import integrate_direct
 from engine.scene.scene_loader import Scene
 from engine.settings import Precision
 from engine.visibility.coherent_grid import coherent_visibility

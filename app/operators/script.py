@@ -27,8 +27,7 @@ from app.operators.operator import ValueRecord
 from app.operators.registry import OPERATORS
 from engine.core.errors import LoadError
 from engine.core.safe_files import resolved
-from engine.scene.toml_text import load_toml
-from engine.scene.validation_errors import first_validation_error
+from engine.scene.toml_text import first_validation_error, load_toml
 
 MAX_SCRIPT_BYTES = 2**20
 MAX_STEPS = 10_000

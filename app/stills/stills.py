@@ -20,7 +20,7 @@ from app.worker.cache import ArrayCache
 from app.worker.deform_worker import StoredLobes
 from engine.core.colour import ToneMapping
 from engine.core.errors import InsituError
-from engine.core.generators import run_to_end
+from engine.core.generators import StillProgress, run_to_end
 from engine.material.layer import Layer, object_of
 from engine.planner import Plan, plan_scene
 from engine.precompute.direct.pipeline import Placement
@@ -30,24 +30,26 @@ from engine.realtime.stills import render_deform, render_orbit
 from engine.realtime.triple_product.orbit_engine import Orbit
 from engine.realtime.zonal_harmonics.deform_engine import Deform
 from engine.realtime.zonal_harmonics.transfer import N_RAYS as DEFORM_RAYS
+from engine.reference.path_tracer import N_SAMPLES
 from engine.render.bounce_plan import planned_bounces
+from engine.render.display import exr_bytes, png_bytes
 from engine.render.error_estimate import estimate_drawn_errors, estimate_error
 from engine.render.light_pilot import with_light_budget
-from engine.render.path_tracer import N_SAMPLES, render_paths
 from engine.render.picture_error import ErrorEstimate
-from engine.render.picture_files import exr_bytes, png_bytes
 from engine.render.still import (
     REFERENCE_LEVEL,
     StillLayer,
-    StillProgress,
     compose,
+    find_indirect,
+    noise_in,
     reflect_layers,
+    reflected_light,
+    render_paths,
     render_reference,
     still_layers,
     still_quality,
     with_maps,
 )
-from engine.render.still_indirect import find_indirect, noise_in, reflected_light
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene
 from engine.settings import MODE_LINES, RenderSettings

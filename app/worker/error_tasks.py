@@ -25,11 +25,17 @@ from engine.core.generators import map_steps
 from engine.planner import band_counts
 from engine.precompute.direct.pipeline import FINAL, Placement, Quality, final_quality
 from engine.precompute.indirect.indirect_light import IndirectLight
-from engine.render.error_estimate import MAP_POINTS, N_POINTS, PointErrors, estimate_drawn_errors, estimate_point_errors
-from engine.render.error_map import Colours, error_colours
+from engine.render.error_estimate import (
+    MAP_POINTS,
+    N_POINTS,
+    Colours,
+    PointErrors,
+    error_colours,
+    estimate_drawn_errors,
+    estimate_point_errors,
+)
 from engine.render.picture_error import ErrorEstimate
-from engine.render.still import StillLayer, view_factors, with_maps
-from engine.render.still_indirect import noise_in, reflected_light
+from engine.render.still import StillLayer, noise_in, reflected_light, view_factors, with_maps
 
 DrawSteps = Generator[object, None, NDArray[np.float32]]
 

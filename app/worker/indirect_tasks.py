@@ -41,7 +41,7 @@ from engine.precompute.indirect.irradiance_cache import NO_OBJECT
 from engine.precompute.indirect.sampling_settings import FINE, ROUGH, SamplingSettings
 from engine.precompute.indirect.solver import Solver, relit
 from engine.render.bounce_plan import planned_bounces
-from engine.render.still_indirect import direct_mean
+from engine.render.still import direct_mean
 
 Steps = Iterator[Response | None]
 RemoteSolve = Callable[[Sequence[LayerState], str, int, int], IndirectSteps | None]

@@ -17,8 +17,7 @@ from engine.material.layer import object_of
 from engine.material.layer_maps import Images
 from engine.material.strokes import Strokes
 from engine.precompute.direct.pipeline import Placement
-from engine.render.map_canvas import Canvas
-from engine.render.map_sampler import MapSampler
+from engine.scene.map_sampler import Canvas, MapSampler
 from engine.scene.primary_hits import PrimaryHits
 from engine.scene.scene_loader import PROJECTED_NOTE
 from engine.texture.pyramid import Pyramid

@@ -44,9 +44,9 @@ from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene
 
 if TYPE_CHECKING:
+    from engine.core.generators import StillProgress
     from engine.realtime.triple_product.gpu_export import PointExporter
     from engine.realtime.triple_product.orbit_engine import Orbit
-    from engine.render.still import StillProgress
 
 STAGE = "orbit"
 
@@ -152,7 +152,7 @@ class OrbitWorker(ModeWorker):
         yield OrbitPictureDrawn(picture, prepared, version, is_done, time.monotonic() - started)
 
     def _draw_headlight(self, request: DrawHeadlight) -> Steps:
-        from engine.render.headlight_picture import headlight_picture
+        from engine.render.headlight import headlight_picture
 
         if not self._context.has_placement:
             yield OrbitNotReady()

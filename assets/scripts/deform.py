@@ -25,7 +25,7 @@ from engine.realtime.zonal_harmonics.deform_engine import Deform, finish_deform
 from engine.realtime.zonal_harmonics.pose import Deformation, Poses
 from engine.realtime.zonal_harmonics.posed_scene import pose_scene
 from engine.render.display import display_picture
-from engine.render.path_tracer import render_paths
+from engine.render.still import render_paths
 from engine.scene.surface_kinds import NO_SURFACE, DeformSurface, SurfacesByObject
 
 N_RAYS, N_POINTS = 800, 5000

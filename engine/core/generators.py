@@ -3,11 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator
+from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 Step = TypeVar("Step")
 StepValue = TypeVar("StepValue")
 Result = TypeVar("Result")
+
+
+@dataclass(frozen=True)
+class StillProgress:
+    """Progress of a picture, in [0, 1], and the current step; noise: its relative RMS error, if known."""
+
+    fraction: float
+    text: str
+    noise: float | None = None
 
 
 def run_to_end(steps: Generator[Step, None, Result], report: Callable[[Step], object] = lambda step: None) -> Result:

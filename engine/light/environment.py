@@ -44,8 +44,8 @@ from engine.core.threads import even_parts, on_threads
 from engine.light.radiance_files import read_radiance_image
 from engine.light.resampling import area_average
 
+# Rec. 709 luminance weights
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
-"""Rec. 709 luminance weights."""
 
 Mapping = Literal["latlong", "angular"]
 

@@ -360,3 +360,17 @@ def model_quotient_cosine(
     sx, sy, sz = ix + ox, iy + oy, iz + oz
     exponent = q[RATIO_EXPONENT] * _share_of_u(sx, sy)
     return quotient * math.exp(max(exponent * _log_cosine_half(sx, sy, sz), -80.0))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def curve_angles(kind: int, q: Float64Array, wi: Float64Array, wo: Float64Array, out: Float64Array) -> None:
+    """Write gamma of a curve's kind for local directions wi, wo (N, 3) to out (N,)."""
+    for i in range(len(wi)):
+        out[i] = gamma(kind, q, wi[i, 0], wi[i, 1], wi[i, 2], wo[i, 0], wo[i, 1], wo[i, 2])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def quotient_cosines(kind: int, q: Float64Array, wi: Float64Array, wo: Float64Array, out: Float64Array) -> None:
+    """Write rho_q cos_i of a model's kind for local directions wi, wo (N, 3) to out (N,)."""
+    for i in range(len(wi)):
+        out[i] = quotient_cosine(kind, q, wi[i, 0], wi[i, 1], wi[i, 2], wo[i, 0], wo[i, 1], wo[i, 2])

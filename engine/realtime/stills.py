@@ -7,14 +7,14 @@ from collections.abc import Generator
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.core.generators import StillProgress
 from engine.precompute.direct.pipeline import Placement, SkyState
 from engine.realtime.core.terms import LayersOf
 from engine.realtime.triple_product.orbit_engine import MOST_BYTES, MOST_SLICE_BYTES, N_COEFFICIENTS, N_POINTS, Orbit
 from engine.realtime.zonal_harmonics.deform_engine import Deform
 from engine.realtime.zonal_harmonics.pose import Poses
 from engine.realtime.zonal_harmonics.posed_scene import pose_scene
-from engine.render.path_tracer import render_paths
-from engine.render.still import StillProgress
+from engine.render.still import render_paths
 from engine.scene.scene_loader import Scene
 
 Float32Array = NDArray[np.float32]

@@ -1,1 +1,1 @@
-"""Rendering: stills, the path tracer, estimates of light counts, bounces and errors, image maps, and picture files."""
+"""Rendering: stills, pilots for light counts, bounces and costs, error estimates, and picture files."""

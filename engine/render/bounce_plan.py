@@ -17,14 +17,14 @@ from engine.material.layer import Layer
 from engine.planner import usual_bands
 from engine.precompute.direct.pipeline import Placement
 from engine.precompute.indirect.albedo import equivalent_albedo
-from engine.render.map_sampler import mean_factor
+from engine.scene.map_sampler import mean_factor
 from engine.scene.primary_hits import object_ids, shading_frames
 from engine.scene.scene_loader import Scene
 
 TOLERANCE = 0.005
 MOST_PLANNED = 4
+# A warning is given if more than this share of the light is missing.
 MUCH = 0.25
-"""A share of the light that is said to be missing."""
 _ENDLESS = 0.999  # a bounce carries this share of the one before: within the accuracy of 4096 paths, all of it
 _N_PATHS = 4096
 

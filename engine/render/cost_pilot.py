@@ -1,19 +1,33 @@
 """Estimates what a plan will cost, from measurements on part of the picture before the work begins.
 
 The pilot traces shadows of a few windows of the picture by the method that traces all of them, projects transport of
-some hundred random points of every layer, computes indirect light for a few blocks (`engine.render.indirect_pilot`),
-and extrapolates. It measures processor time, so that the machine's other work hardly matters. Rejected: to trace every
-ray of random points and assume the coherent method's usual share of them, which is 0.08 to 0.2 on the built-in scenes,
-but 0.5 for small pictures.
+some hundred random points of every layer, computes indirect light for a few blocks, and extrapolates. It measures
+processor time, so that the machine's other work hardly matters. Rejected: to trace every ray of random points and
+assume the coherent method's usual share of them, which is 0.08 to 0.2 on the built-in scenes, but 0.5 for small
+pictures.
+
+For indirect light the solver itself runs on a few blocks of the picture, with few rays between cache records. The
+number of gather points of a picture is known only once it is lit: from silhouettes and creases alone the estimate would
+be between 0.6 and 0.95 of it. So a trial lights the scene roughly and refines some hundred random blocks of the lattice
+as the solver refines all. The work at its points is scaled to the number of points, and the work between irradiance
+cache records to the number of these and of their rays.
+
+If there would be more records than allowed, the solver restarts with larger cells, several times if the number hardly
+falls; its first pass over the picture detects most such cases. A second trial measures how many records larger cells
+have; the solver's tries are then simulated.
 """
 
+from __future__ import annotations
+
+import math
 import time
 from collections.abc import Generator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
-from engine.core.generators import map_steps, run_to_end
+from engine.core.generators import StillProgress, map_steps, run_to_end
 from engine.core.threads import n_threads, on_threads
 from engine.light.triangle_lights import cut_lights
 from engine.planner import Cost, Plan
@@ -22,10 +36,16 @@ from engine.precompute.direct.lighting import prepare_lighting
 from engine.precompute.direct.near_leaves import near_leaves
 from engine.precompute.direct.pipeline import Placement, Quality, SkyState
 from engine.precompute.direct.projection import LayerShape, VisibleLight, project_points
-from engine.precompute.indirect.sampling_settings import FINE
-from engine.render.indirect_pilot import IndirectCost, indirect_cost
-from engine.render.still import StillLayer, StillProgress, by_object, still_quality
-from engine.render.still_indirect import direct_mean, indirect_layers, models_of
+from engine.precompute.indirect.attempt import PART_POINTS
+from engine.precompute.indirect.cell_size import FULL, RECORDS_BY_SETS, CellSizeTry, growth
+from engine.precompute.indirect.checkpoints import arrays_of
+from engine.precompute.indirect.indirect_layers import IndirectLayer
+from engine.precompute.indirect.irradiance_cache import MAX_RECORDS
+from engine.precompute.indirect.progress import Progress
+from engine.precompute.indirect.ray_budget import LEVELS, RayBudget
+from engine.precompute.indirect.sampling_settings import FINE, SamplingSettings
+from engine.precompute.indirect.solver import Solver, Trial
+from engine.render.still import StillLayer, by_object, direct_mean, indirect_layers, models_of, still_quality
 from engine.visibility.coherent_grid import COARSEST_STEP
 from engine.visibility.point_visibility import empty_visibility, evaluate_rows
 
@@ -41,7 +61,12 @@ PROGRAM_BYTES, LIGHT_BYTES, POINT_BYTES = 340 << 20, 220 << 20, 100
 TRIANGLE_BYTES = 150  # with Embree's tree, measured on a million
 # Peak memory of indirect light relative to its arrays: their parts exist as well while they are joined and sorted.
 JOINING = 2.7
-NO_INDIRECT = IndirectCost(0.0, 0.0, 0, 0)
+# Blocks of the picture in a trial of indirect light; and how many times fewer are its rays between cache records, those
+# of the last bounce, and its photons.
+N_BLOCKS, FEWER = 192, 8
+# Size of cells in the second trial, relative to the first; the largest number of the solver's tries that are simulated.
+COARSER, MOST_TRIES = 1.5, 8
+RECORDS_BY_SMALL_SETS = 0.55  # with sets of the fewest rays, records grow with the sets to this power
 
 
 def estimate_cost(
@@ -172,8 +197,8 @@ def _measure_indirect(
         return NO_INDIRECT
     overridden, other_light = settings.n_hemisphere_rays, None
     if not overridden:
-        looking = StillProgress(0.5, "sampling: direct light")
-        other_light = yield from map_steps(direct_mean(placement, by_object(layers), sky), lambda step: looking)
+        sampling = StillProgress(0.5, "sampling: direct light")
+        other_light = yield from map_steps(direct_mean(placement, by_object(layers), sky), lambda step: sampling)
     trying = indirect_cost(
         placement, models_of(layers), sky, settings.n_bounces, indirect_layers(layers),
         FINE.with_rays(overridden), other_light,
@@ -198,3 +223,98 @@ def _gpu_bytes(layers: Sequence[StillLayer], n_points: Mapping[int, int], plan: 
     channel_bytes = 2 if plan.settings.precision == "half" else 4
     planes = [max(e.bands) * n_points[e.i_object] * CHANNELS * channel_bytes for e in layers if e.editable]
     return max(planes, default=0) + sum(n_points[each.i_object] * ACCUMULATOR_BYTES for each in layers)
+
+
+class WastedTries(NamedTuple):
+    """Tries that are abandoned, and the number of sample sets that are traced in them, relative to the number of
+    points."""
+
+    n_tries: int
+    sets: float
+
+
+NO_WASTE = WastedTries(0, 0.0)
+
+
+@dataclass(frozen=True)
+class IndirectCost:
+    """Processor seconds, bytes on disk, numbers of gather points and records, and rays of a sample set."""
+
+    seconds: float
+    n_bytes: float
+    n_points: int
+    n_records: int
+    ray_budget: RayBudget | None = None
+
+
+NO_INDIRECT = IndirectCost(0.0, 0.0, 0, 0)
+
+
+def indirect_cost(
+    placement: Placement, models: Mapping[int, Sequence[str]], sky: SkyState, n_bounces: int,
+    layers: Sequence[IndirectLayer], settings: SamplingSettings = FINE, other_light: float | None = None,
+) -> Generator[Progress, None, IndirectCost]:  # fmt: skip
+    """Estimate the cost of the solver with these arguments for these layers; yields its progress."""
+
+    def solver(n_blocks: int, larger: float = 1.0) -> Solver:
+        trial = Trial(n_blocks, FEWER, larger)
+        return Solver(placement, models, sky, n_bounces, settings, other_light=other_light, trial=trial)
+
+    seconds = first = 0.0
+    for n_blocks in (2, N_BLOCKS):  # the first loads kernels
+        tried = solver(n_blocks)
+        started, first = time.process_time(), seconds
+        found = yield from tried.solve(layers)
+        seconds = time.process_time() - started
+    if tried.lattice is None:
+        raise ValueError(f"sampling settings {settings.name!r}: expected some that refine a lattice")
+    spent = tried.stopwatch.seconds
+    n_points, n_tried_records = tried.lattice.n_expected, max(len(found.cells), 1)
+    by_point = n_points / max(len(found.points.samples.points), 1)
+    is_small = found.ray_budget.n_rays <= found.ray_budget.max_rays // LEVELS[0]
+    wanted = n_tried_records * max(by_point, 1.0) ** (RECORDS_BY_SMALL_SETS if is_small else RECORDS_BY_SETS)
+    lost = NO_WASTE
+    if wanted > MAX_RECORDS:
+        n_coarser = len((yield from solver(N_BLOCKS, COARSER).solve(layers)).cells)
+        power = math.log(n_tried_records / max(n_coarser, 1)) / math.log(COARSER)
+        lost = expected_waste(wanted, n_points, tried.n_first_sets, power)
+    n_records = min(wanted, FULL * MAX_RECORDS) if lost.n_tries else wanted
+    by_record = n_records / n_tried_records
+    rest = seconds - sum(spent.values())
+    # An abandoned try ends with its first pass, and most know by then how many rays are needed.
+    by_sample_set = spent["samples"] * found.ray_budget.n_rays / max(tried.n_rays_traced, 1)
+    reading = max(first - spent["size"] - spent["photons"], 0.0)
+    total = (
+        reading
+        + spent["size"]
+        + (1 + lost.n_tries) * (FEWER * spent["photons"] + by_record * spent["rough"])
+        + by_point * (spent["samples"] + rest)
+        + lost.sets * n_points * by_sample_set
+        + by_record * FEWER * spent["records"]
+    )
+    arrays = arrays_of(found).items()
+    n_bytes = sum(
+        array.nbytes * _times(name, len(array), n_tried_records, by_point, by_record) for name, array in arrays
+    )
+    return IndirectCost(total, n_bytes, round(n_points), round(n_records), found.ray_budget)
+
+
+def expected_waste(wanted: float, n_sample_sets: float, n_first: int, power: float) -> WastedTries:
+    """The tries before cells are large enough. wanted: records of the first cell size after all sample sets, which the
+    first pass, of n_first sets, detects; with cells s times larger their number is s^-power times that."""
+    size, n_lost, tries = 1.0, 0.0, list[CellSizeTry]()
+    while (n_records := wanted * size**-power) > MAX_RECORDS and len(tries) < MOST_TRIES:
+        done = n_sample_sets * (MAX_RECORDS / n_records) ** (1.0 / RECORDS_BY_SETS)
+        n_lost += min(done, n_first)
+        tries.append(CellSizeTry(size, round(done) + PART_POINTS // 2))
+        size *= growth(tries, n_sample_sets)
+    return WastedTries(len(tries), n_lost / max(n_sample_sets, 1.0))
+
+
+def _times(name: str, length: int, n_records: int, by_point: float, by_record: float) -> float:
+    """Factor between the length of an array of the light and that of the trial's."""
+    if name == "cell_seen":
+        return FEWER * by_record
+    if name == "direct" or name.startswith("cells."):
+        return by_record if length == n_records else 1.0
+    return 1.0 if name.startswith("footprint") else by_point

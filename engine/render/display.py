@@ -1,17 +1,30 @@
-"""From linear radiance to display values: pictures in files look as in the window.
+"""From linear radiance to display values and picture files: pictures in files appear as in the window.
 
 Exposure in stops, then the view: Narkowicz' fit of the ACES reference rendering on the brightest and darkest channel, a
 plain clamp, or a view of OpenColorIO (`engine.core.colour`); then sRGB (IEC 61966-2-1).
-shaders/common/tone_mapping.glsl does the same, and slow twins test both.
+shaders/common/tone_mapping.glsl does the same, and slow twins test both. Relative errors are shown in false colours, as
+light of which `false_colour` has a shade for each factor of 1.4.
+
+Files are OpenEXR for linear radiance, PNG for the screen. The OpenEXR library raises no error when the disk is full; so
+it writes into memory, and the bytes go to disk like all others.
 """
 
+from __future__ import annotations
+
+import io
+import struct
+import zlib
+
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from engine.core.colour import TABULATED_VIEWS, ToneMapping, display_transform, encode_srgb
 from engine.light.environment import LUMINANCE
 
 BRIGHTEST = 1e4
+# In false colours: the error whose colour is that of radiance 1, and the ends of the scale.
+MIDDLE_ERROR = 0.01
+LEAST_ERROR, MOST_ERROR = MIDDLE_ERROR / 16.0, MIDDLE_ERROR * 16.0
 _DARKEST_STOP, _BRIGHTEST_STOP = -8.0, 8.0
 # Polynomial fit of matplotlib's viridis, from the constant term on.
 _VIRIDIS = np.array(
@@ -67,3 +80,56 @@ def false_colour(radiance: NDArray[np.floating]) -> NDArray[np.float64]:
     for coefficients in _VIRIDIS[::-1]:
         colour = colour * t + coefficients
     return np.clip(colour, 0.0, 1.0) * np.where(stops % 1.0 < 0.5, 0.85, 1.0)[..., None]
+
+
+def error_to_radiance(share: ArrayLike) -> NDArray[np.float64]:
+    """Radiance that represents a relative error: proportional to its square."""
+    return np.asarray((np.asarray(share, np.float64) / MIDDLE_ERROR) ** 2)
+
+
+def exr_bytes(radiance: NDArray[np.float32], comment: str = "") -> bytes:
+    """An OpenEXR file of linear radiance (H, W, 3), all values finite: 32-bit channels R, G, B, ZIP-compressed.
+
+    comment: for the file's header, if not empty.
+    """
+    import OpenEXR
+
+    if radiance.ndim != 3 or radiance.shape[2] != 3 or not np.isfinite(radiance).all():
+        raise ValueError(f"radiance has shape {radiance.shape}, expected (H, W, 3) and every value finite")
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    header |= {"comments": comment} if comment else {}
+    buffer = io.BytesIO()
+    OpenEXR.File(header, {"RGB": np.ascontiguousarray(radiance, np.float32)}).write(buffer)
+    return buffer.getvalue()
+
+
+def png_bytes(radiance: NDArray[np.float32], exposure: float = 0.0, tone_mapping: ToneMapping = "filmic") -> bytes:
+    """A PNG, 8-bit sRGB, of linear radiance (H, W, 3) as the editor's viewport shows it."""
+    return pixels_png(display_picture(radiance, exposure, tone_mapping))
+
+
+def deep_png(values: NDArray[np.floating]) -> bytes:
+    """A PNG, 16 bits a channel, of sRGB-encoded values (H, W, 3) in [0, 1].
+
+    Written here [W3C PNG, third edition]: Pillow has no 16-bit RGB, and the libraries that do are far larger than these
+    lines or unmaintained. Rows are stored as differences to the row above, which compresses smooth pictures.
+    """
+    height, width, _ = values.shape
+    rows = np.round(65535.0 * np.clip(values, 0.0, 1.0)).astype(">u2").view(np.uint8).reshape(height, -1)
+    up = rows - np.concatenate([np.zeros_like(rows[:1]), rows[:-1]])
+    lines = np.concatenate([np.full((height, 1), 2, np.uint8), up], axis=1)
+    head = struct.pack(">IIBBBBB", width, height, 16, 2, 0, 0, 0)
+    parts = ((b"IHDR", head), (b"sRGB", b"\0"), (b"IDAT", zlib.compress(lines.tobytes(), 6)), (b"IEND", b""))
+    chunks = (
+        struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body)) for name, body in parts
+    )
+    return b"\x89PNG\r\n\x1a\n" + b"".join(chunks)
+
+
+def pixels_png(pixels: NDArray[np.uint8]) -> bytes:
+    """A PNG of pixels (H, W, 3), 8-bit sRGB."""
+    from PIL import Image
+
+    buffer = io.BytesIO()
+    Image.fromarray(pixels).save(buffer, "PNG")
+    return buffer.getvalue()

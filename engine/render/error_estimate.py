@@ -22,6 +22,9 @@ The total error is computed in the same way, of all light at once. It is neither
 would assume errors of equal sign everywhere, nor the root of their squares, which would assume independence. A picture
 of another mode has no such parts, and is compared with the same truth (`estimate_drawn_errors`).
 
+In a map of errors each pixel has the weighted mean of the squares of the nearest points on its own object, the nearer
+ones counting more, because at a single point noise exceeds the error. Objects that were not sampled stay transparent.
+
 Points are sampled where errors are likely: some of every visible object, however small, because a mirror ball can have
 most of a picture's error, and many where neighbours differ, as along the edges of shadows.
 """
@@ -35,14 +38,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.core.generators import StillProgress
 from engine.light.triangle_lights import TriangleLights, cut_lights
 from engine.precompute.direct.lighting import prepare_lighting
 from engine.precompute.direct.near_leaves import near_leaves
 from engine.precompute.direct.pipeline import Placement, Quality, SkyState
 from engine.precompute.direct.projection import VisibleLight, project_points
-from engine.render.path_tracer import trace_halves
+from engine.reference.path_tracer import trace_halves
+from engine.render.display import error_to_radiance, false_colour
 from engine.render.picture_error import ErrorEstimate
-from engine.render.still import StillLayer, StillProgress, by_object, layer_radiance, shape_of
+from engine.render.still import StillLayer, by_object, layer_radiance, shape_of
 from engine.scene.primary_hits import PrimaryHits
 from engine.scene.raycaster import RayCaster
 from engine.visibility.point_visibility import Targets, Visibility, empty_visibility, evaluate_rows
@@ -66,9 +71,14 @@ DRAWN = Quality("drawn", 1, 1000, 768, 7, 0.5, own_rays=True)
 CLAMP_PERCENTILE = 99.9
 _SEED = 12
 _ROWS_AT_ONCE = 32
+# In the map of errors: the points whose errors make a pixel's, and the opacity of its colours.
+NEIGHBOURS = 12
+OPACITY = 0.8
+_PIXELS_AT_ONCE = 1 << 15
 WHAT = "estimating the error"
 
 Float64Array = NDArray[np.float64]
+Colours = NDArray[np.uint8]
 Steps = Generator[StillProgress, None, Float64Array]
 
 
@@ -382,3 +392,41 @@ def _at_least(known: float, weights: Float64Array, squares: Float64Array) -> flo
     square = float(weights @ squares)
     standard_error = float(np.linalg.norm(weights * (squares - square)))
     return max(math.sqrt(max(square - standard_error, 0.0)), known)
+
+
+def error_colours(hits: PrimaryHits, estimated: PointErrors) -> Generator[None, None, Colours]:
+    """The picture's errors, relative to its mean, as colours (H, W, 4) with opacity; block by block."""
+    errors = yield from error_map(hits, estimated)
+    height, width = errors.shape
+    image = np.zeros((height * width, 4), np.uint8)
+    known = np.flatnonzero(np.isfinite(errors.ravel()))
+    for i in range(0, len(known), _PIXELS_AT_ONCE):
+        block = known[i : i + _PIXELS_AT_ONCE]
+        light = np.repeat(error_to_radiance(errors.ravel()[block])[:, None], 3, axis=1)
+        image[block, :3] = np.rint(255.0 * false_colour(light))
+        image[block, 3] = round(255 * OPACITY)
+        yield
+    return image.reshape(height, width, 4)
+
+
+def error_map(hits: PrimaryHits, estimated: PointErrors) -> Generator[None, None, NDArray[np.float32]]:
+    """The errors themselves (H, W); NaN where unknown."""
+    from scipy.spatial import KDTree
+
+    width, height = hits.resolution
+    objects = np.where(hits.row_image >= 0, hits.object_image, -1).ravel()  # emitters have no error
+    errors = np.full(width * height, np.nan, np.float32)
+    of_point = objects[estimated.pixel]
+    for i in np.unique(of_point[of_point >= 0]):
+        mine = np.flatnonzero(of_point == i)
+        places = np.stack(np.divmod(estimated.pixel[mine], width), axis=1).astype(np.float64)
+        tree, n = KDTree(places), min(NEIGHBOURS, len(mine))
+        pixels = np.flatnonzero(objects == i)
+        for j in range(0, len(pixels), _PIXELS_AT_ONCE):
+            block = pixels[j : j + _PIXELS_AT_ONCE]
+            distance, near = tree.query(np.stack(np.divmod(block, width), axis=1), k=np.arange(1, n + 1))
+            weight = 1.0 / (1.0 + (distance / np.maximum(distance[:, -1:], 1.0)) ** 2)
+            squares = (weight * estimated.squares[mine][near]).sum(axis=1) / weight.sum(axis=1)
+            errors[block] = np.sqrt(np.maximum(squares, 0.0))
+            yield
+    return errors.reshape(height, width)

@@ -43,8 +43,8 @@ NARROWER, BRIGHTER = 2, 3.0
 # The error if no light was found.
 NOT_FOUND = float("inf")
 
+# Radiance (P, 3) with the layers as they are, and with sharper highlights where these can be edited.
 Pictures = Sequence[NDArray[np.float64]]
-"""As layers are, and with sharper highlights where these can be edited; (P, 3) each."""
 
 
 @dataclass(frozen=True)

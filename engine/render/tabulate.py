@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.material import kinds
-from engine.material.layer import Layer
+from engine.material.layer import Layer, evaluate_layers
 from engine.measured.measurement import SHAPE, grid_directions
 from engine.measured.sample_files import LARGEST, MISSING, SCALE
-from engine.render.integrator import evaluate_layers
 
 Float64Array = NDArray[np.float64]
 

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.core.errors import LoadError
-from engine.scene import _bump_kernels as kernels
+from engine.scene import _hit_kernels as kernels
 from engine.scene.surface_uvs import corner_uvs, uvs_at
 from engine.texture.pyramid import MOST_PROBES, Pyramid
 

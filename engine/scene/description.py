@@ -9,6 +9,7 @@ whether a layer's model and parameters are valid: here they are names and finite
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -27,9 +28,7 @@ from engine.material.bumps import BUMP_KINDS, NO_BUMPS, Bumps, bump_values, bump
 from engine.material.layer_maps import LayerMaps, map_fields, map_values, maps_from
 from engine.material.parameters import ParameterError
 from engine.scene.surface_kinds import NO_SURFACE, DeformSurface
-from engine.scene.toml_text import check_version, load_toml
-from engine.scene.transform import check_transform
-from engine.scene.validation_errors import first_validation_error
+from engine.scene.toml_text import check_version, first_validation_error, load_toml
 
 SCENE_VERSION = 1
 MAX_SCENE_BYTES = 16 * 2**20
@@ -38,6 +37,8 @@ MAX_OBJECTS = 4096
 MAX_RESOLUTION = 16384
 MAX_COORDINATE = 1e9
 MAX_RADIANCE = 1e12
+# Entries of transforms: their largest magnitude; and the least volume of the axes relative to orthogonal ones.
+MAX_ENTRY, _FLATTEST = 1e9, 1e-9
 IDENTITY = (1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
@@ -278,3 +279,26 @@ def parse_description(tree: dict[str, Any], file: str | Path) -> SceneDescriptio
         return SceneDescription.model_validate(tree)
     except ValidationError as error:
         raise first_validation_error(error, tree, file, SceneDescription) from None
+
+
+def check_transform(entries: Sequence[float]) -> str | None:
+    """What was expected instead of the 16 numbers of a transform (row-major, for column vectors, p' = M p), or None if
+    they are an invertible affine one.
+
+    Invertible means |det A| > 1e-9 · |a_x| |a_y| |a_z| with the columns a of the linear part A (Hadamard's inequality:
+    the ratio is 1 for orthogonal axes, 0 for axes in one plane), at any scale.
+    """
+    if not all(math.isfinite(e) and abs(e) <= MAX_ENTRY for e in entries):
+        return f"finite numbers of at most {MAX_ENTRY:g}"
+    if any(abs(e - one) > 1e-9 for e, one in zip(entries[12:], (0.0, 0.0, 0.0, 1.0), strict=True)):
+        return "a last row 0 0 0 1"
+    volume = math.prod(math.hypot(*entries[i:12:4]) for i in range(3))
+    if not abs(determinant(entries)) > _FLATTEST * volume or volume < 1e-27:
+        return "an invertible matrix"
+    return None
+
+
+def determinant(entries: Sequence[float]) -> float:
+    """Determinant of the linear part (upper left 3×3)."""
+    a, b, c, _, d, e, f, _, g, h, i = entries[:11]
+    return a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)

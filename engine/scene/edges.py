@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from engine.scene import _edge_kernels as kernels
+from engine.scene import _hit_kernels as kernels
 
 if TYPE_CHECKING:
     from engine.scene.primary_hits import PrimaryHits

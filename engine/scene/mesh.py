@@ -1,4 +1,4 @@
-"""Triangle meshes as arrays: the single entry point for geometry files, and normals for meshes without them.
+"""Triangle meshes as arrays: the single entry point for geometry files, normals for meshes without them, and defects.
 
 `read_mesh_file` selects a strict reader by the file's name. It returns only a `Mesh`, and each passes `validate_mesh`:
 finite, indices in range, small enough to square.
@@ -26,6 +26,10 @@ from engine.core.safe_files import read_regular_file
 MESH_ENDINGS = (".ply", ".obj", ".glb")
 MAX_MESH_BYTES = 512 * 2**20
 MAX_COORDINATE = 1e12
+# A face is a sliver if it is lower than this share of its longest edge.
+_SLIVER = 1e-5
+# Steps of the mesh's size within which positions are equal: three such numbers fit into 63 bits.
+_STEPS = 2**21 - 1
 MAX_UV = 1e4  # beyond, single precision no longer resolves texels
 
 Float64Array = npt.NDArray[np.float64]
@@ -185,8 +189,6 @@ def with_normals(mesh: Mesh) -> Mesh:
     """The mesh itself, or, if it has no normals, with smooth ones and consistent winding in each shell."""
     if mesh.normals is not None:
         return mesh
-    from engine.scene.winding import inconsistent_faces  # SciPy, which the window's process does not import
-
     triangles, uvs, tangents = mesh.triangles, mesh.uvs, mesh.tangents
     turned = inconsistent_faces(mesh.vertices, triangles)[:, None]
     if turned.any():
@@ -274,3 +276,113 @@ def _join_corners(
         for mesh, own in zip(meshes, corners, strict=True)
     )
     return np.ascontiguousarray(np.concatenate(list(every)), np.float32)
+
+
+def inconsistent_faces(vertices: Float64Array, triangles: npt.NDArray[np.int32]) -> npt.NDArray[np.bool_]:
+    """Which triangles (T, 3) must be reversed, (T,), so that each shell is oriented consistently. Vertices (V, 3) at
+    equal positions count as one, as along the seams of textures.
+
+    Normals averaged over faces of opposite orientation cancel, and leave patches without a direction. So each shell is
+    oriented consistently before they are averaged. Every face is in a graph twice, as it is and reversed; two faces
+    that share an edge are joined in the states that agree, and the components of that graph are the shells, each of
+    them twice, in linear time [HopcroftTarjan73]. A shell keeps the orientation of the larger part of its area. Edges
+    of three or more faces join none, and a Möbius strip, both of whose states are one component, is left unchanged.
+    """
+    # Late: the window's process imports no SciPy.
+    from scipy import sparse
+    from scipy.sparse.csgraph import connected_components
+
+    n, corners = len(triangles), _weld_vertices(vertices)[triangles]
+    start, end = corners, corners[:, (1, 2, 0)]
+    low, high = np.minimum(start, end).ravel(), np.maximum(start, end).ravel()
+    key = np.where(low == high, -1, low * (int(corners.max(initial=0)) + 1) + high)  # −1: an edge without length
+    order = np.argsort(key, kind="stable")
+    first = np.flatnonzero(np.diff(key[order], prepend=-1) != 0)
+    pairs = first[(np.diff(first, append=len(order)) == 2) & (key[order[first]] >= 0)]
+    one, two = order[pairs], order[pairs + 1]
+    agree = (start < end).ravel()[one] != (start < end).ravel()[two]  # they run along the edge in opposite directions
+    a, b = one // 3, two // 3
+    at, other = np.concatenate([a, a + n]), np.concatenate([np.where(agree, b, b + n), np.where(agree, b + n, b)])
+    graph = sparse.coo_matrix((np.ones(len(at), bool), (at, other)), (2 * n, 2 * n))
+    _, shell = connected_components(graph, directed=False)
+    places = vertices[triangles].astype(np.float64)
+    area = np.linalg.norm(np.cross(places[:, 1] - places[:, 0], places[:, 2] - places[:, 0]), axis=1)
+    area_of_shell = np.bincount(shell[:n], area, int(shell.max(initial=0)) + 1)
+    return np.asarray(area_of_shell[shell[:n]] < area_of_shell[shell[n:]])
+
+
+def _weld_vertices(vertices: Float64Array) -> npt.NDArray[np.int64]:
+    """Indices (V,), equal for vertices at equal positions."""
+    low = vertices.min(axis=0)
+    size = float((vertices - low).max()) or 1.0
+    x, y, z = np.rint((vertices - low) / size * _STEPS).astype(np.int64).T
+    return np.unique((x << 42) + (y << 21) + z, return_inverse=True)[1].ravel()
+
+
+@dataclass(frozen=True)
+class Defects:
+    """solid (T,) marks faces with an area; the others are counts of faces."""
+
+    solid: npt.NDArray[np.bool_]
+    zero_area: int
+    sliver: int
+    duplicate: int
+    flipped: int
+
+    def notes(self) -> list[str]:
+        """One line for each kind of defect that occurs."""
+        lines = [
+            (self.zero_area, "faces without area left out"),
+            (self.sliver, "sliver faces"),
+            (self.duplicate, "faces that repeat another"),
+            (self.flipped, "faces wound against a neighbour"),
+        ]
+        return [f"{count} {text}" for count, text in lines if count]
+
+
+def count_defects(mesh: Mesh) -> Defects:
+    """Count zero-area, sliver, duplicate and inconsistently wound faces of a placed mesh.
+
+    A sliver is lower than 1e-5 of its longest edge. Two faces that share an edge should run along it in opposite
+    directions; if they do not, both count as flipped (it is unknown which one is). A third face at an edge is not a
+    defect of winding.
+    """
+    vertices, triangles = mesh.vertices, mesh.triangles
+    _, solid = face_normals(vertices, triangles)
+    corners = vertices[triangles]
+    edges = corners[:, (1, 2, 0)] - corners
+    doubled = np.linalg.norm(cross(edges[:, 0], edges[:, 1]), axis=1)
+    sliver = solid & (doubled <= _SLIVER * (edges**2).sum(axis=2).max(axis=1))
+    kept = triangles[solid].astype(np.int64)
+    repeats = _repeats(_keys(np.sort(kept, axis=1), len(vertices)))
+    return Defects(
+        solid, int((~solid).sum()), int(sliver.sum()), int(repeats.sum()), _count_flipped(kept[~repeats], len(vertices))
+    )
+
+
+def _keys(rows: npt.NDArray[np.int64], base: int) -> npt.NDArray:
+    """A sortable scalar for each row of indices: one integer for pairs, a compound of two for triples."""
+    pair = rows[:, 0] * base + rows[:, 1]
+    if rows.shape[1] == 2:
+        return pair
+    keys = np.empty(len(rows), [("pair", np.int64), ("last", np.int64)])
+    keys["pair"], keys["last"] = pair, rows[:, 2]
+    return keys
+
+
+def _repeats(keys: npt.NDArray) -> npt.NDArray[np.bool_]:
+    """Which entries equal an earlier one."""
+    _, first = np.unique(keys, return_index=True)
+    repeats = np.ones(len(keys), bool)
+    repeats[first] = False
+    return repeats
+
+
+def _count_flipped(triangles: npt.NDArray[np.int64], n_vertices: int) -> int:
+    """Number of faces at edges that exactly two faces share and run along in the same direction."""
+    directed = np.stack([triangles, triangles[:, (1, 2, 0)]], axis=2).reshape(-1, 2)
+    edges = _keys(np.sort(directed, axis=1), n_vertices)
+    _, edge, uses = np.unique(edges, return_inverse=True, return_counts=True)
+    forward = np.bincount(edge, directed[:, 0] < directed[:, 1], len(uses))
+    against = (np.abs(2 * forward - uses) >= 2)[edge].reshape(-1, 3)
+    return int(against.any(axis=1).sum())

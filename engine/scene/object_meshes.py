@@ -1,25 +1,59 @@
-"""Loads the mesh of every object of a description; a GLB file brings its own materials.
+"""Loads the mesh of every object of a description: a primitive, or a file; a GLB file brings its own materials. Makes a
+scene of a single mesh.
 
 An object that names a GLB file and has no layers takes the file's: with one material its layers become the object's;
 with more, the object becomes one object for each material, marked with its `part` so that it can be read back.
 
 The cost of a small file is limited by the number of objects: each takes well under a millisecond to be placed and
 checked, MAX_OBJECTS of them two to three seconds, whether the scene names them or they are materials of a GLB file.
+
+Primitives have unit size and are centred at the origin. quad: 1×1 in the XY plane, front along +Z; cube: edge 1;
+sphere: diameter 1, with its exact normals. A texture fills the quad, each side of the cube and, as a map in longitude
+and latitude, the sphere; seen from the front, u grows to the right and v upwards.
+
+A single mesh stands on a floor, is seen from the front and slightly above, and lit by a built-in sky. The mesh is not
+moved, so that its coordinates stay valid: floor and camera are placed around it. Y is up, as everywhere here; a mesh
+from a program with another up axis lies on its side.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from engine.core.errors import LoadError
 from engine.core.safe_files import resolve_inside
-from engine.scene.description import MAX_OBJECTS, LayerDescription, ObjectDescription, SceneDescription
+from engine.scene.builtin import ASSETS
+from engine.scene.description import (
+    MAX_COORDINATE,
+    MAX_OBJECTS,
+    SCENE_VERSION,
+    CameraDescription,
+    EnvironmentDescription,
+    LayerDescription,
+    ObjectDescription,
+    SceneDescription,
+)
 from engine.scene.loaders.gltf import GlbModel, GlbPart, read_glb
 from engine.scene.loaders.gltf_materials import GREY
 from engine.scene.mesh import Mesh, MeshFile, join_meshes, read_mesh_file, with_flat_normals
-from engine.scene.primitives import PRIMITIVES
 from engine.scene.rig import Rig, join_bindings
+
+_SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]], np.float32)  # (u, v) of a side's four corners
+
+# The scene of a single mesh.
+DEFAULT_ENVIRONMENT = ASSETS / "environments" / "studio.exr"
+FLOOR = LayerDescription(model="lambert", parameters={"albedo": (0.35, 0.35, 0.35)})
+FOV_Y = 30.0
+SMALLEST = 1e-8
+_VIEW_DIRECTION = (0.55, 0.42, 0.72)  # from the mesh to the camera
+_MARGIN = 1.08
+_FLOOR_SIDE = 40.0  # in radii of the mesh: its edges are out of sight
+_GAP = 1e-4  # in radii, below the mesh: faces in the floor's plane stay visible
 
 
 @dataclass(frozen=True)
@@ -146,3 +180,118 @@ def free_name(name: str, taken: set[str]) -> str:
         name += "+"
     taken.add(name)
     return name
+
+
+_RINGS, _SEGMENTS = 64, 128
+
+
+def quad() -> Mesh:
+    """The unit square of the XY plane, normal +Z."""
+    vertices = np.array([[-0.5, -0.5, 0.0], [0.5, -0.5, 0.0], [0.5, 0.5, 0.0], [-0.5, 0.5, 0.0]])
+    triangles = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+    return Mesh(vertices, triangles, np.tile([0.0, 0.0, 1.0], (4, 1)), _SQUARE[triangles])
+
+
+def cube() -> Mesh:
+    """The cube [-½, ½]³ with flat faces: four vertices a face, normals outward."""
+    x, y, z = np.eye(3)
+    sides = [(x, y, z), (y, z, x), (z, x, y), (-x, z, y), (-y, x, z), (-z, y, x)]  # (normal, s, t), s × t = normal
+    corners = [0.5 * (n + a * s + b * t) for n, s, t in sides for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    triangles = (np.arange(6)[:, None, None] * 4 + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3)
+    normals = np.repeat([n for n, _, _ in sides], 4, axis=0)
+    return Mesh(np.array(corners), triangles.astype(np.int32), normals, _SQUARE[triangles % 4])
+
+
+def sphere() -> Mesh:
+    """The sphere of diameter 1 in 64 × 128 latitude and longitude cells, with the true sphere's normals."""
+    theta = np.linspace(0.0, np.pi, _RINGS + 1)[1:-1, None]
+    phi = np.arange(_SEGMENTS) * (2 * np.pi / _SEGMENTS)
+    ring = np.stack(np.broadcast_arrays(np.sin(theta) * np.sin(phi), np.cos(theta), np.sin(theta) * np.cos(phi)), -1)
+    normals = np.concatenate([[[0.0, 1.0, 0.0]], ring.reshape(-1, 3), [[0.0, -1.0, 0.0]]])
+    triangles = _sphere_triangles()
+    return Mesh(0.5 * normals, triangles, normals, _sphere_uvs(triangles))
+
+
+def _sphere_triangles() -> np.ndarray:
+    """Two fans at the poles and bands of quads between the rings, counter-clockwise from outside."""
+    n = _SEGMENTS
+    here, there = np.arange(n), (np.arange(n) + 1) % n
+    last = 1 + (_RINGS - 2) * n
+    faces = [np.stack([np.zeros(n, int), 1 + here, 1 + there], 1)]
+    for ring in range(_RINGS - 2):
+        up, down = 1 + ring * n, 1 + (ring + 1) * n
+        faces.append(np.stack([up + here, down + here, down + there], 1))
+        faces.append(np.stack([up + here, down + there, up + there], 1))
+    faces.append(np.stack([np.full(n, last + n), last + there, last + here], 1))
+    return np.concatenate(faces).astype(np.int32)
+
+
+def _sphere_uvs(triangles: np.ndarray) -> np.ndarray:
+    """(u, v) = (φ / 2π, 1 − θ / π) of the corners, (T, 3, 2): u continues to 1 at the seam, and at a pole is the mean
+    of the other two corners'."""
+    n = _SEGMENTS
+    pole = (triangles == 0) | (triangles == triangles.max())
+    ring, column = np.divmod(triangles - 1, n)
+    u = np.where(pole, 0.0, column / n)
+    u = np.where(~pole & (u == 0.0) & (u.max(axis=1, keepdims=True) > 0.5), 1.0, u)
+    middle = u.sum(axis=1, keepdims=True) / 2.0
+    v = np.where(pole, triangles == 0, 1.0 - (ring + 1) / _RINGS)
+    return np.stack([np.where(pole, middle, u), v], axis=2).astype(np.float32)
+
+
+PRIMITIVES = {"quad": quad, "cube": cube, "sphere": sphere}
+
+
+@dataclass(frozen=True)
+class MeshScene:
+    """The description of the scene, its objects with their meshes, and notes."""
+
+    description: SceneDescription
+    items: Sequence[ObjectMesh]
+    notes: Sequence[str]
+
+
+def load_mesh_scene(path: Path) -> MeshScene:
+    """Read a mesh file and make its scene; raises LoadError."""
+    alone = _describe_scene(path, [ObjectDescription(name=_name_of(path), mesh=path.name)], np.zeros(3), 1.0)
+    items, notes = object_meshes(alone, path.parent, path)
+    if len(items) >= MAX_OBJECTS:
+        raise LoadError(path, "materials", len(items), f"at most {MAX_OBJECTS - 1}")
+    places = np.concatenate([item.mesh.vertices[np.unique(item.mesh.triangles)] for item in items])
+    low, high = places.min(axis=0), places.max(axis=0)
+    centre = (low + high) / 2.0
+    radius = float(np.linalg.norm(places - centre, axis=1).max())
+    if not (radius >= SMALLEST and np.abs(centre).max() + 2.0 * _FLOOR_SIDE * radius <= MAX_COORDINATE):
+        expected = f"at least {2.0 * SMALLEST:g} m, within {MAX_COORDINATE:g} m of the origin with its floor"
+        raise LoadError(path, "extent of the mesh", f"{2.0 * radius:g} m about {centre.tolist()}", expected)
+    floor = _floor(free_name("floor", {item.description.name for item in items}), centre, float(low[1]), radius)
+    items = [*items, ObjectMesh(floor, quad())]
+    return MeshScene(_describe_scene(path, [item.description for item in items], centre, radius), items, notes)
+
+
+def _describe_scene(
+    path: Path, objects: list[ObjectDescription], centre: np.ndarray, radius: float
+) -> SceneDescription:
+    """The scene of these objects, with a camera for which a sphere of that radius fills the picture."""
+    away = np.array(_VIEW_DIRECTION) / math.hypot(*_VIEW_DIRECTION)
+    distance = _MARGIN * radius / math.sin(math.radians(FOV_Y) / 2.0)
+    camera = CameraDescription(
+        position=tuple((centre + distance * away).tolist()), target=tuple(centre.tolist()), fov_y=FOV_Y
+    )
+    sky = EnvironmentDescription(file=str(DEFAULT_ENVIRONMENT))
+    return SceneDescription(
+        version=SCENE_VERSION, name=path.stem or "mesh", camera=camera, environment=sky, object=tuple(objects)
+    )
+
+
+def _floor(name: str, centre: np.ndarray, height: float, radius: float) -> ObjectDescription:
+    """A square below the mesh: the unit square of the XY plane, rotated to face upwards."""
+    side, (x, _, z) = _FLOOR_SIDE * radius, centre.tolist()
+    transform = (side, 0.0, 0.0, x, 0.0, 0.0, side, height - _GAP * radius, 0.0, -side, 0.0, z, 0.0, 0.0, 0.0, 1.0)
+    return ObjectDescription(name=name, primitive="quad", transform=transform, layer=(FLOOR,))
+
+
+def _name_of(path: Path) -> str:
+    """The file's name, reduced to a valid object name."""
+    kept = "".join("_" if c in ".\"'[]=" or not c.isprintable() else c for c in path.stem).strip()
+    return kept[:48].strip() or "mesh"

@@ -17,14 +17,13 @@ import numpy.typing as npt
 from engine.core.camera import centre_directions, pixel_directions
 from engine.core.generators import run_to_end
 from engine.scene.edges import Surface, edge_pixels, group_samples, ray_offsets, turn_of
-from engine.scene.object_axes import object_tangents
 from engine.scene.picture_frame import Lamps
-from engine.scene.raycaster import Intersections, RayCaster
+from engine.scene.raycaster import Intersections, RayCaster, SurfacePoints
 from engine.scene.scene_loader import Scene
-from engine.scene.surface_points import SurfacePoints
 from engine.scene.surface_uvs import pixel_footprints
 
 Float32Array = npt.NDArray[np.float32]
+Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]
 
 # Of a shading normal to wo.
@@ -74,7 +73,7 @@ class PrimaryHits(SurfacePoints):
         return np.repeat(np.arange(len(counts), dtype=np.int32), counts)
 
     @property
-    def places(self) -> npt.NDArray[np.float64]:
+    def places(self) -> Float64Array:
         """Positions in the picture (P, 2) of the rays to the points: columns and rows from its upper left corner."""
         return _places(self.pixel, self.offset, self.resolution[0])
 
@@ -215,7 +214,7 @@ def _points(
     }
 
 
-def _places(pixel: Int32Array, offset: Float32Array, width: int) -> npt.NDArray[np.float64]:
+def _places(pixel: Int32Array, offset: Float32Array, width: int) -> Float64Array:
     lines, columns = np.divmod(pixel, width)
     return np.asarray(np.stack([columns, lines], axis=1) + 0.5 + offset, np.float64)
 
@@ -282,7 +281,7 @@ def emission_towards(scene: Scene, found: Intersections, ids: Int32Array, direct
 def shading_frames(
     scene: Scene, caster: RayCaster, found: Intersections, ids: Int32Array, rays: npt.NDArray[np.integer],
     wo: Float32Array,
-    places: tuple[npt.NDArray[np.float64], tuple[int, int]] | None = None,
+    places: tuple[Float64Array, tuple[int, int]] | None = None,
 ) -> dict[str, Float32Array]:  # fmt: skip
     """Position, normals, tangent and wo of the points (P,) that some `rays` (P,) of those found hit.
 
@@ -316,10 +315,10 @@ def shading_frames(
 
 
 def _perturbed(
-    scene: Scene, found: Intersections, rays: npt.NDArray[np.integer], normals: npt.NDArray[np.float64],
+    scene: Scene, found: Intersections, rays: npt.NDArray[np.integer], normals: Float64Array,
     wo: Float32Array,
-    places: tuple[npt.NDArray[np.float64], tuple[int, int]] | None,
-) -> npt.NDArray[np.float64]:  # fmt: skip
+    places: tuple[Float64Array, tuple[int, int]] | None,
+) -> Float64Array:  # fmt: skip
     """Normals (P, 3) of hits, perturbed by the scene's bumps."""
     bumpy = np.flatnonzero(np.isin(scene.object_of_triangle[found.triangle[rays]], scene.bump_normals.objects))
     at = rays[bumpy]
@@ -330,12 +329,12 @@ def _perturbed(
     return out
 
 
-def _face(normals: npt.NDArray[np.float64], side: npt.NDArray[np.floating]) -> npt.NDArray[np.float64]:
+def _face(normals: Float64Array, side: npt.NDArray[np.floating]) -> Float64Array:
     """Flip normals to a side: the face's to the camera's, the shading normal to the face's."""
     return np.where(np.einsum("pk,pk->p", normals, side)[:, None] < 0.0, -normals, normals)
 
 
-def _bend_towards_camera(normals: npt.NDArray[np.float64], wo: Float32Array) -> npt.NDArray[np.float64]:
+def _bend_towards_camera(normals: Float64Array, wo: Float32Array) -> Float64Array:
     """Bend unit normals that lean away from the camera until they are perpendicular to wo.
 
     Along silhouettes an interpolated normal may point behind a face that the camera sees. Flipped by its own sign, as
@@ -344,3 +343,23 @@ def _bend_towards_camera(normals: npt.NDArray[np.float64], wo: Float32Array) -> 
     along = np.einsum("pk,pk->p", normals, wo)[:, None]
     bent = normals + np.maximum(LEAST_COSINE - along, 0.0) * wo
     return np.where(along < LEAST_COSINE, bent / np.linalg.norm(bent, axis=1, keepdims=True), normals)
+
+
+def object_axes(scene: Scene) -> Float64Array:
+    """Each object's axes in the world, unit, (M, 3, 3): rows X, Y, Z."""
+    axes = np.array([np.reshape(o.transform, (4, 4))[:3, :3].T for o in scene.description.objects])
+    return axes / np.linalg.norm(axes, axis=2, keepdims=True)
+
+
+def object_tangents(scene: Scene, ids: npt.NDArray[np.integer], normals: Float64Array) -> Float64Array:
+    """normalize(Y × n) with the object's Y axis in the world; its X axis, made perpendicular to n, where Y ∥ n.
+
+    ids (P,) of the objects, normals (P, 3) unit.
+    """
+    axes = object_axes(scene)
+    across = np.cross(axes[ids, 1], normals)
+    x = axes[ids, 0]
+    along = x - np.einsum("pk,pk->p", x, normals)[:, None] * normals
+    length = np.linalg.norm(across, axis=1, keepdims=True)
+    tangent = np.where(length > 1e-4, across, along)
+    return tangent / np.linalg.norm(tangent, axis=1, keepdims=True)

@@ -20,14 +20,12 @@ from engine.core.errors import LoadError
 from engine.core.safe_files import record_files, resolve_inside
 from engine.material.bumps import Bumps
 from engine.material.layer_maps import Images, split_image_name
-from engine.scene.box_projection import box_frame
 from engine.scene.bump_normals import BumpNormals
 from engine.scene.description import Camera, SceneDescription, load_description
-from engine.scene.mesh import MESH_ENDINGS, Mesh, face_normals, join_meshes, place_copies, with_normals
-from engine.scene.mesh_defects import count_defects
-from engine.scene.mesh_scene import DEFAULT_ENVIRONMENT, load_mesh_scene
-from engine.scene.object_meshes import ObjectMesh, object_meshes
+from engine.scene.mesh import MESH_ENDINGS, Mesh, count_defects, face_normals, join_meshes, place_copies, with_normals
+from engine.scene.object_meshes import DEFAULT_ENVIRONMENT, ObjectMesh, load_mesh_scene, object_meshes
 from engine.scene.rig import Animations, Rig
+from engine.scene.surface_uvs import box_frame
 from engine.texture.texture_store import TextureStore
 
 MAX_EXTENT = 1e9
@@ -45,7 +43,7 @@ class Scene:
     3) float32; smooth (M,) bool: whether normals are interpolated; emission (M, 3) float32, zero for objects that do
     not emit. uvs (T, 3, 2) float32: texture coordinates of the triangles' corners, v upwards, 0 in objects without,
     None if no object has them; tangents (T, 3, 4) as `Mesh.tangents`, None if no file has them; has_uvs (M,) bool;
-    boxes (M, 3, 4): the frames for texture coordinates of the others (`engine.scene.box_projection`); textures: the
+    boxes (M, 3, 4): the frames for texture coordinates of the others (`engine.scene.surface_uvs`); textures: the
     scene's images. vertex_ranges (M, 2); rigs: for each object how its file's animations move its vertices, in the
     frame of the arrays, None if none does.
     """

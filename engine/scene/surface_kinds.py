@@ -10,7 +10,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 
 from engine.core.errors import LoadError
 from engine.material.parameters import Parameter
-from engine.scene.validation_errors import first_validation_error
+from engine.scene.toml_text import first_validation_error
 
 MAX_NAME = 4096
 

@@ -107,7 +107,7 @@ class TextureStore:
         """The bytes of an image, and its name in errors."""
         if number is None:
             return read_regular_file(path, MAX_IMAGE_BYTES), str(path)
-        from engine.scene.loaders.gltf_images import image_reader
+        from engine.scene.loaders.gltf_file import image_reader
 
         reader = (self._files or {}).get(path) or image_reader(path)
         if self._files is not None:

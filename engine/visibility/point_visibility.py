@@ -13,8 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from engine.scene.raycaster import RayCaster
-from engine.scene.surface_points import SurfacePoints
+from engine.scene.raycaster import RayCaster, SurfacePoints
 from engine.sphere.geodesic import geodesic
 from engine.visibility import _kernels as kernels
 

@@ -23,12 +23,20 @@ from engine.precompute.indirect.indirect_light import IndirectLight
 from engine.precompute.indirect.sampling_settings import STILL, BounceSeries, SamplingSettings
 from engine.realtime.triple_product.orbit_engine import Orbit
 from engine.realtime.zonal_harmonics.deform_engine import Deform, finish_deform
+from engine.reference.path_tracer import trace_halves
 from engine.render import picture_error
 from engine.render.error_estimate import estimate_drawn_errors, estimate_point_errors, interior_points
-from engine.render.path_tracer import trace_halves
 from engine.render.picture_error import ErrorEstimate
-from engine.render.still import Picture, reflect_layers, still_layers, still_quality, with_maps
-from engine.render.still_indirect import find_indirect, noise_in, reflected_light
+from engine.render.still import (
+    Picture,
+    find_indirect,
+    noise_in,
+    reflect_layers,
+    reflected_light,
+    still_layers,
+    still_quality,
+    with_maps,
+)
 from tests.scene_text import ground, placed
 
 JUDGES = Path(__file__).resolve().parents[1] / "golden" / "rooms"

@@ -28,8 +28,8 @@ from engine.core.errors import InsituError
 from engine.curve.operators import Operator
 from engine.light.radiance_files import read_radiance_image
 from engine.material import MODELS, make_layer
+from engine.material.layer import evaluate_layers
 from engine.precompute.direct.pipeline import Placement
-from engine.render.integrator import evaluate_layers
 from engine.scene.loaders.ply import parse_ply
 from tests.app.files.test_brdf_files import insitu
 from tests.pictures import write_exr

@@ -26,7 +26,7 @@ from benchmarks.rooms import (
 from engine.light.radiance_files import read_radiance_image
 from engine.precompute.direct.pipeline import Placement
 from engine.precompute.indirect.sampling_settings import BounceSeries
-from engine.render.integrator import integrate_direct
+from engine.reference.integrator import integrate_direct
 
 JUDGES = Path(__file__).resolve().parents[1] / "golden" / "rooms"
 # (relRMSE, difference of means) that direct light of each room keeps, and light after four bounces in blocks of 8 × 8

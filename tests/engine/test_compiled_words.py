@@ -18,7 +18,7 @@ import sys
 import numpy as np
 from numba.core import event
 from engine.realtime.triple_product import _visibility_kernels as orbit
-from engine.scene import _bump_kernels as relief
+from engine.scene import _hit_kernels as relief
 from engine.precompute.direct import _relight_kernels as relight
 
 single = lambda *shape: np.ones(shape, np.float32)

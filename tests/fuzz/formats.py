@@ -150,7 +150,7 @@ def read_recent(path: Path) -> None:
 
 
 def read_mesh_file(path: Path) -> None:
-    from engine.scene.mesh_scene import load_mesh_scene
+    from engine.scene.object_meshes import load_mesh_scene
 
     for item in load_mesh_scene(path).items:
         mesh = item.mesh
@@ -234,7 +234,7 @@ SQUARE = np.ascontiguousarray(GRADIENT[:, :8])
 def exrs(folder: Path) -> list[bytes]:
     import OpenEXR
 
-    from engine.render.picture_files import exr_bytes
+    from engine.render.display import exr_bytes
 
     found, path = [exr_bytes(GRADIENT, "a seed"), exr_bytes(SQUARE)], folder / "seed.exr"
     for kind, compression in ((np.float16, OpenEXR.NO_COMPRESSION), (np.float32, OpenEXR.PIZ_COMPRESSION)):
@@ -273,7 +273,7 @@ def read_light(path: Path) -> None:
 def pngs(_: Path) -> list[bytes]:
     from PIL import Image
 
-    from engine.render.picture_files import deep_png, pixels_png
+    from engine.render.display import deep_png, pixels_png
 
     pixels = (GRADIENT * 60).astype(np.uint8)
     found = [pixels_png(pixels), deep_png(GRADIENT / 4.0)]

@@ -3,8 +3,7 @@
 import numpy as np
 
 from engine.light.emitters import EmitterPatches
-from engine.material.layer import Layer
-from engine.render.integrator import evaluate_layer
+from engine.material.layer import Layer, evaluate_layer
 from engine.scene.raycaster import RayCaster
 from engine.sphere.geodesic import geodesic
 

@@ -25,10 +25,10 @@ from app.modes.orbit.orbit_controller import OrbitController
 from app.modes.orbit.orbit_events import OrbitPicture
 from app.modes.registry import MODES
 from app.worker.cache import ArrayCache
+from engine.core.generators import StillProgress
 from engine.material.layer import Layer
 from engine.precompute.direct.pipeline import SkyState
 from engine.realtime.triple_product.orbit_engine import Orbit
-from engine.render.still import StillProgress
 from engine.scene.description import Camera, CameraDescription
 from engine.scene.scene_loader import Scene
 from tests.ui.small_scene import write_small_scene

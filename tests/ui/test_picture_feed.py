@@ -21,7 +21,7 @@ from app.modes.placement.placement_events import LayerMapsChanged
 from app.modes.placement.placement_messages import ComputeTransport
 from app.modes.registry import MODES
 from app.system.lazy_import import import_named
-from engine.render.headlight_shading import headlight_colour, headlight_radiance
+from engine.render.headlight import headlight_colour, headlight_radiance
 from tests.app.fake_worker import FakeClient
 from tests.ui.stand_in import HEIGHT, WIDTH, StandInClient, scene_frame, transport_of
 from ui import picture_feed, scene_view

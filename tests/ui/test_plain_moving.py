@@ -17,7 +17,7 @@ from app.worker.deform_worker import DeformWorker
 from app.worker.orbit_worker import OrbitWorker
 from engine.core.generators import run_to_end
 from engine.realtime.zonal_harmonics.posed_scene import pose_scene
-from engine.render.headlight_picture import headlight_picture
+from engine.render.headlight import headlight_picture
 from engine.scene.camera_moves import orbit_camera
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene, load_scene

@@ -16,7 +16,7 @@ from PIL import Image
 from app.document.commands.light import SetIntensity
 from app.document.view_state import SetView
 from engine.light.radiance_files import read_radiance_image
-from engine.render.picture_files import deep_png
+from engine.render.display import deep_png
 from tests.ui.real_window import RealWindow, real_window_fixture
 from tests.ui.stand_in import HEIGHT, WIDTH
 from ui.headless import HeadlessWindow

@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 
 from app.system.lazy_import import import_named
 from engine.core.camera import camera_frame, pixel_directions, project
-from engine.render.display import false_colour
-from engine.render.error_colours import LEAST, MOST, error_to_radiance
+from engine.render.display import LEAST_ERROR, MOST_ERROR, error_to_radiance, false_colour
 from engine.scene.camera_moves import distance
 from engine.scene.description import Camera
 from ui import theme as look
@@ -193,7 +192,7 @@ def legend_height(context: PanelContext) -> float:
 def draw_legend(context: PanelContext, draw_list: imgui.ImDrawList, corner: ImVec2, room: float) -> None:
     """Draw it from an upper left corner, in this width."""
     bar, gap = context.px(BAR), context.px(2)
-    shares = np.geomspace(LEAST, MOST, N_SHADES + 1)
+    shares = np.geomspace(LEAST_ERROR, MOST_ERROR, N_SHADES + 1)
     colours = false_colour(np.repeat(error_to_radiance(np.sqrt(shares[:-1] * shares[1:]))[:, None], 3, axis=1))
     for i, colour in enumerate(colours):
         left, right = corner.x + room * i / N_SHADES, corner.x + room * (i + 1) / N_SHADES
@@ -202,7 +201,7 @@ def draw_legend(context: PanelContext, draw_list: imgui.ImDrawList, corner: ImVe
     imgui.push_font(None, look.SMALL_SIZE)
     for share in TICKS:
         text = f"{100.0 * share:g} %"
-        x = corner.x + room * np.log(share / LEAST) / np.log(MOST / LEAST)
+        x = corner.x + room * np.log(share / LEAST_ERROR) / np.log(MOST_ERROR / LEAST_ERROR)
         width = imgui.calc_text_size(text).x
         place = ImVec2(min(max(x - 0.5 * width, corner.x), corner.x + room - width), corner.y + bar + gap)
         draw_list.add_text(place, look.pack(look.TEXT_SOFT), text)

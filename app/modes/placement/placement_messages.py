@@ -285,7 +285,7 @@ class MapsRefused(Response):
 
 @dataclass(frozen=True, eq=False)
 class ErrorEstimated(Response):
-    """The error of the picture; colours (H, W, 4): its map, see `engine.render.error_map`, None where not requested."""
+    """The error of the picture; colours (H, W, 4): its map, see `error_estimate`, None where not requested."""
 
     estimate: ErrorEstimate
     colours: NDArray[np.uint8] | None = None

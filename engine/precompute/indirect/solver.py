@@ -58,8 +58,7 @@ from engine.precompute.indirect.ray_budget import LEVELS, RayBudget, ray_budget_
 from engine.precompute.indirect.refinement import Refinement
 from engine.precompute.indirect.sampling_settings import FINE, SamplingSettings
 from engine.precompute.indirect.second_bounce import SecondBounceTracer
-from engine.scene.object_axes import object_axes
-from engine.scene.primary_hits import PrimaryHits
+from engine.scene.primary_hits import PrimaryHits, object_axes
 
 # Expected gather points, relative to those that silhouettes and creases alone require.
 _BY_LIGHT = 1.25
@@ -68,7 +67,7 @@ _BY_LIGHT = 1.25
 @dataclass(frozen=True)
 class Trial:
     """A run on a random part of the picture, from which the cost of the whole is estimated, see
-    `engine.render.indirect_pilot`.
+    `engine.render.cost_pilot`.
 
     n_blocks: of the lattice in use; fewer: as many times fewer are photons, rays between records and samples of their
     lights, except for rough light, whose noise would count as contrast of the picture; larger: factor on the first cell

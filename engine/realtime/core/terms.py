@@ -12,13 +12,13 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.material.layer import Layer
+from engine.material.layer import Layer, evaluate_layer
 from engine.material.layer_maps import LayerMaps
-from engine.render.integrator import evaluate_layer
-from engine.render.map_sampler import paint_weights, sample_images
+from engine.scene.map_sampler import paint_weights
 from engine.scene.raycaster import Intersections
 from engine.scene.scene_loader import Scene
 from engine.texture.pyramid import Pyramid
+from engine.texture.texture_store import sample_images
 
 Float32Array = NDArray[np.float32]
 Float64Array = NDArray[np.float64]

@@ -16,7 +16,7 @@ from engine.core.threads import on_threads
 from engine.material.layer import Layer
 from engine.realtime.triple_product.lit_points import LitPoints
 from engine.realtime.triple_product.view_samples import Rows, ViewSamples
-from engine.render.path_lobes import N_NUMBERS, Scattering
+from engine.reference.path_lobes import N_NUMBERS, Scattering
 from engine.scene.primary_hits import LEAST_COSINE
 from engine.scene.scene_loader import Scene
 

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.core.errors import InsituError
-from engine.core.generators import StepRunner, run_to_end
+from engine.core.generators import StepRunner, StillProgress, run_to_end
 from engine.core.stored_arrays import ArrayReader, Arrays
 from engine.core.threads import n_threads
 from engine.light.emitters import EmitterPatches, emitter_patches, merged_by_object
@@ -40,7 +40,6 @@ from engine.realtime.triple_product.stored_visibility import deflate_bits, infla
 from engine.realtime.triple_product.view_radiance import N_MOVING, Quality, view_radiance
 from engine.realtime.triple_product.view_samples import ViewSamples, assemble_picture
 from engine.realtime.triple_product.visibility import N_UPPER, Bits
-from engine.render.still import StillProgress
 from engine.scene.description import CameraDescription
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene

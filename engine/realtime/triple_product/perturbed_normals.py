@@ -26,7 +26,7 @@ from engine.realtime.triple_product.point_reflection import mirror_directions, p
 from engine.realtime.triple_product.sky_map import SkyMap, make_sky
 from engine.realtime.triple_product.view_maps import footprints_of
 from engine.realtime.triple_product.view_samples import ViewSamples
-from engine.scene.object_axes import object_tangents
+from engine.scene.primary_hits import object_tangents
 from engine.scene.scene_loader import Scene
 from engine.sphere.geodesic import geodesic, triangle_first_moments
 

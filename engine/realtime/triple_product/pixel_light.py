@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.material.layer import Layer
+from engine.material.layer import Layer, evaluate_layers
 from engine.realtime.triple_product.view_samples import Rows, ViewSamples
-from engine.render.integrator import evaluate_layers
 from engine.scene.primary_hits import LEAST_COSINE
 from engine.scene.scene_loader import Scene
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.core.threads import even_parts, on_threads
-from engine.material.layer import Layer
+from engine.material.layer import Layer, evaluate_layers
 from engine.realtime.triple_product import _corner_kernels as corner_kernels
 from engine.realtime.triple_product import _peak_kernels as sun_kernels
 from engine.realtime.triple_product import _picture_kernels as picture_kernels
@@ -21,7 +21,6 @@ from engine.realtime.triple_product import _slice_kernels as kernels
 from engine.realtime.triple_product.incident import Incident, hemisphere
 from engine.realtime.triple_product.sky_map import SkyMap
 from engine.realtime.triple_product.view_samples import Rows, ViewSamples
-from engine.render.integrator import evaluate_layers
 from engine.scene.primary_hits import LEAST_COSINE
 
 Float32Array = NDArray[np.float32]

@@ -21,7 +21,7 @@ from engine.realtime.triple_product import _slice_kernels
 from engine.realtime.triple_product.slice_levels import SliceLevels
 from engine.realtime.triple_product.slices import Slices, slice_steps
 from engine.realtime.triple_product.visibility import LEVEL
-from engine.render.map_sampler import mean_factor
+from engine.scene.map_sampler import mean_factor
 from engine.scene.scene_loader import Scene
 
 # Steradians. Below it are the copper of the tea tray (Ashikhmin-Shirley, 320 and 70) and Beckmann with roughness 0.12.

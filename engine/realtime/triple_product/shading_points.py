@@ -19,7 +19,7 @@ from scipy.spatial import cKDTree
 from engine.core.frames import sphere_frames
 from engine.core.generators import run_to_end
 from engine.realtime.triple_product.lit_faces import lit_sides
-from engine.scene.object_axes import object_tangents
+from engine.scene.primary_hits import object_tangents
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene
 

@@ -21,11 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.core.threads import n_threads, on_threads
-from engine.material.layer import Layer
+from engine.material.layer import Layer, evaluate_layer
 from engine.realtime.core.terms import has_isotropic_reflection, spherical, to_shading_frame
 from engine.realtime.triple_product import _slice_kernels as kernels
 from engine.realtime.triple_product.visibility import LEVEL, upper_triangles
-from engine.render.integrator import evaluate_layer
 from engine.sphere.geodesic import geodesic
 from engine.sphere.haar import N_TURNS, SECTOR, forward, images_of_triangles, images_of_wavelets, levels_of_coefficients
 

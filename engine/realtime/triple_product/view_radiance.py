@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.core.generators import StillProgress
 from engine.realtime.triple_product.incident import SceneEmitters
 from engine.realtime.triple_product.lamp_shadows import lamp_shadows
 from engine.realtime.triple_product.lit_points import LitPoints
@@ -27,7 +28,6 @@ from engine.realtime.triple_product.reflections import Reflections, Term
 from engine.realtime.triple_product.sky_map import SkyMap
 from engine.realtime.triple_product.view_maps import factors
 from engine.realtime.triple_product.view_samples import ViewSamples, add_values, interpolate
-from engine.render.still import StillProgress
 from engine.scene.scene_loader import Scene
 
 Float32Array = NDArray[np.float32]

@@ -20,7 +20,7 @@ from engine.realtime.triple_product.corner_visibility import CornerVisibility
 from engine.realtime.triple_product.shading_points import ShadingPoints
 from engine.scene.description import CameraDescription
 from engine.scene.edges import Surface, edge_pixels, ray_offsets, turn_of
-from engine.scene.object_axes import object_tangents
+from engine.scene.primary_hits import object_tangents
 from engine.scene.raycaster import Intersections, RayCaster
 from engine.scene.scene_loader import Scene
 

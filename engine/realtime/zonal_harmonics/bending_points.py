@@ -24,9 +24,8 @@ from engine.realtime.triple_product.shading_points import ShadingPoints, shading
 from engine.realtime.zonal_harmonics.pose import Motion, Pose, Poses, check_extent, deform
 from engine.realtime.zonal_harmonics.posed_scene import animate_vertices, animation_offset, deformers, moment_of
 from engine.realtime.zonal_harmonics.transfer import TransferPoints
-from engine.scene.raycaster import Intersections, RayCaster
+from engine.scene.raycaster import Intersections, RayCaster, SurfacePoints
 from engine.scene.scene_loader import MAX_EXTENT, Scene
-from engine.scene.surface_points import SurfacePoints
 from engine.scene.surface_uvs import corner_uvs, uvs_at
 
 Float32Array = NDArray[np.float32]

@@ -22,7 +22,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.core.generators import run_to_end
+from engine.core.generators import StillProgress, run_to_end
 from engine.light.environment import triangle_integrals
 from engine.material.layer import Layer
 from engine.material.layer_maps import Images
@@ -52,7 +52,6 @@ from engine.realtime.zonal_harmonics.shading import BandLight, Lobes, band_light
 from engine.realtime.zonal_harmonics.surface_details import Detail, detail
 from engine.realtime.zonal_harmonics.transfer import N_RAYS, unshadowed
 from engine.realtime.zonal_harmonics.zonal import Zonal, fit
-from engine.render.still import StillProgress
 from engine.scene.description import CameraDescription
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene

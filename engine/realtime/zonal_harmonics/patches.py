@@ -30,8 +30,7 @@ from engine.realtime.zonal_harmonics.transfer import (
     subsurface,
 )
 from engine.realtime.zonal_harmonics.zonal import Zonal
-from engine.scene.raycaster import RayCaster
-from engine.scene.surface_points import surface_points
+from engine.scene.raycaster import RayCaster, surface_points
 
 Float64Array = NDArray[np.float64]
 

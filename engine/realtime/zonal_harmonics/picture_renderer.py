@@ -29,9 +29,9 @@ from engine.realtime.zonal_harmonics.shading import (
     shade,
 )
 from engine.realtime.zonal_harmonics.surface_details import Detail, shade_pixels
-from engine.render.error_colours import error_to_radiance
-from engine.render.map_sampler import mean_factor
+from engine.render.display import error_to_radiance
 from engine.scene.description import CameraDescription
+from engine.scene.map_sampler import mean_factor
 from engine.scene.raycaster import Intersections
 from engine.scene.scene_loader import Scene
 from engine.texture.pyramid import MOST_PROBES, Pyramid

@@ -29,7 +29,7 @@ from engine.realtime.zonal_harmonics.pose import (
 )
 from engine.scene.loaders.gltf_nodes import matrix_of
 from engine.scene.mesh import face_normals
-from engine.scene.object_axes import object_tangents
+from engine.scene.primary_hits import object_tangents
 from engine.scene.rig import PATHS, Clip, Rig, Track, morph_weight, normal_matrices
 from engine.scene.scene_loader import MAX_EXTENT, Scene
 

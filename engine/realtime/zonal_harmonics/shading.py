@@ -30,11 +30,10 @@ from scipy.special import eval_legendre
 
 from engine.core.threads import even_parts, on_threads
 from engine.light.environment import LUMINANCE
-from engine.material.layer import Layer
+from engine.material.layer import Layer, evaluate_layer
 from engine.realtime.zonal_harmonics import _shading_kernels as kernels
 from engine.realtime.zonal_harmonics.bending_points import BendingPoints
 from engine.realtime.zonal_harmonics.zonal import Zonal
-from engine.render.integrator import evaluate_layer
 from engine.sphere.geodesic import geodesic
 from engine.sphere.harmonics import basis, clamped_cosine, order_of, without_rings
 

@@ -26,8 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 from engine.core.generators import map_steps
 from engine.core.threads import even_parts, on_threads
 from engine.realtime.zonal_harmonics import _transfer_kernels as kernels
-from engine.scene.raycaster import RayCaster
-from engine.scene.surface_points import SurfacePoints
+from engine.scene.raycaster import RayCaster, SurfacePoints
 from engine.sphere.harmonics import basis, quadrature
 
 Float64Array = NDArray[np.float64]

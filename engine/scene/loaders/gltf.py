@@ -23,12 +23,10 @@ from engine.core.safe_files import read_regular_file, resolve_inside
 from engine.material.bumps import NO_BUMPS, Bumps
 from engine.material.layer_maps import LayerMaps
 from engine.scene.description import LayerDescription
-from engine.scene.loaders.glb import JsonObject, parse_glb
-from engine.scene.loaders.gltf_file import FLOATS, INTEGERS, SHARES, GltfFile
-from engine.scene.loaders.gltf_materials import PartMaterial, read_material
+from engine.scene.loaders.gltf_file import FLOATS, INTEGERS, SHARES, GltfFile, JsonObject, parse_glb
+from engine.scene.loaders.gltf_materials import GltfImages, PartMaterial, read_material
 from engine.scene.loaders.gltf_nodes import MeshNode, placed_meshes
 from engine.scene.loaders.gltf_rig import PrimitiveRig, RigReader
-from engine.scene.loaders.gltf_textures import GltfImages
 from engine.scene.mesh import (
     MAX_COORDINATE,
     MAX_MESH_BYTES,

@@ -8,9 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.core.errors import LoadError
-from engine.scene.loaders.glb import JsonObject
-from engine.scene.loaders.gltf_file import GltfFile
-from engine.scene.transform import check_transform
+from engine.scene.description import check_transform
+from engine.scene.loaders.gltf_file import GltfFile, JsonObject
 
 Float64Array = npt.NDArray[np.float64]
 

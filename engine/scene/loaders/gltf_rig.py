@@ -16,8 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.core.errors import LoadError, printable_name
-from engine.scene.loaders.glb import JsonObject
-from engine.scene.loaders.gltf_file import ANY_SHARES, FLOATS, SHARES, GltfFile
+from engine.scene.loaders.gltf_file import ANY_SHARES, FLOATS, SHARES, GltfFile, JsonObject
 from engine.scene.loaders.gltf_nodes import MAX_DEPTH, MeshNode, WorldMatrices, node_matrix, node_parts, parents_of
 from engine.scene.mesh import Mesh, place_copies
 from engine.scene.rig import INTERPOLATIONS, PATHS, Binding, Clip, Morph, Skeleton, Track, rest_mesh

@@ -33,7 +33,7 @@ from app.stills.frame_sequence import Frames, draw_here
 from app.worker.cache import ArrayCache
 from engine.core.errors import InsituError
 from engine.precompute.indirect.sampling_settings import BounceSeries
-from engine.render.picture_files import exr_bytes
+from engine.render.display import exr_bytes
 from tests.app.cli.command_line import SCENE, run
 
 ROOM = (

@@ -14,7 +14,7 @@ import insitu
 from app.interface import pictures as placement
 from engine.core.generators import run_to_end
 from engine.precompute.indirect import reflection
-from engine.render.still_indirect import reflected_light
+from engine.render.still import reflected_light
 from tests.few_points import use_few_points
 from tests.scene_text import camera, placed
 

@@ -16,7 +16,7 @@ from engine.light.environment import Environment, _angular_to_latlong, triangle_
 from engine.material import MODELS, make_layer
 from engine.precompute.direct.pipeline import PREVIEW, SkyState
 from engine.precompute.indirect.indirect_layers import indirect_layer
-from engine.render.path_tracer import trace_paths
+from engine.reference.path_tracer import trace_paths
 from engine.render.still import StillLayer, render_reference, render_still
 from engine.sphere.geodesic import locate
 from tests.engine.precompute.indirect.small_scenes import QUICK, matt, placed, placement_of, solve

@@ -14,10 +14,10 @@ from engine.light.emitters import (
 )
 from engine.sphere.geodesic import geodesic
 
+# A unit square at height 1, shining down on the origin (counter-clockwise seen from below).
 SQUARE = np.array(
     [[[-0.5, 1.0, -0.5], [0.5, 1.0, -0.5], [0.5, 1.0, 0.5]], [[-0.5, 1.0, -0.5], [0.5, 1.0, 0.5], [-0.5, 1.0, 0.5]]]
 )
-"""A unit square at height 1, shining down on the origin (counter-clockwise seen from below)."""
 WHITE = np.ones((2, 3))
 
 

@@ -15,7 +15,7 @@ from engine.light.environment import load_environment
 from engine.material import MODELS, make_layer
 from engine.material._kernels import model_quotient_cosine
 from engine.material.kinds import CHANNEL
-from engine.material.layer import Layer
+from engine.material.layer import Layer, evaluate_by_curves
 from engine.measured import tables
 from engine.measured.fit import fit_factors
 from engine.measured.measurement import Measurement, above_horizon, evaluate_table, node_angles
@@ -23,7 +23,6 @@ from engine.measured.tables import read_measurement, table_of
 from engine.planner import plan_scene
 from engine.precompute.direct._angle_kernels import tint
 from engine.precompute.direct.pipeline import Placement, SkyState
-from engine.render.integrator import evaluate_by_curves
 from engine.render.still import render_reference, render_still, still_layers, still_quality
 from engine.scene.scene_loader import load_scene
 from tests.engine.forging import forged_numbers, forged_shapes

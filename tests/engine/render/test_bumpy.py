@@ -13,9 +13,8 @@ from engine.material.layer import Layer
 from engine.planner import plan_scene
 from engine.precompute.direct.pipeline import Placement, SkyState
 from engine.precompute.indirect.sampling_settings import BounceSeries
-from engine.render.path_tracer import trace_paths
-from engine.render.still import render_reference, render_still, still_layers, still_quality
-from engine.render.still_indirect import indirect_radiance
+from engine.reference.path_tracer import trace_paths
+from engine.render.still import indirect_radiance, render_reference, render_still, still_layers, still_quality
 from engine.scene.scene_loader import load_scene
 from engine.settings import RenderSettings
 from tests.engine.bump_images import FLOOR, TILT, write_bump_images

@@ -13,8 +13,8 @@ from app.stills.stills import layers_by_object, plan_still
 from engine.core.generators import run_to_end
 from engine.precompute.direct import near_leaves
 from engine.precompute.direct.pipeline import Placement
+from engine.reference.path_tracer import trace_paths
 from engine.render.error_estimate import estimate_error
-from engine.render.path_tracer import trace_paths
 from engine.render.still import reflect_layers, still_layers, still_quality, with_maps
 from tests.direct_rooms import blinds_room, gap_irradiance, gap_room, lamp_room, plate_room, sphere_irradiance
 from tests.engine.render.test_indirect import errors

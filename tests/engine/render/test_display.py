@@ -1,9 +1,14 @@
-"""The screen's values in Python: held to the same slow twin as the shader."""
+"""Pictures for the screen and for files: values held to the same slow twin as the shader, files read back."""
+
+import io
+from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
-from engine.render.display import ToneMapping, display_picture
+from engine.light.radiance_files import read_radiance_image
+from engine.render.display import ToneMapping, display_picture, exr_bytes, png_bytes
 from tests.naive import pictures as naive
 
 VALUES = np.concatenate([[0.0, 0.0031307, 0.0031309], np.geomspace(1e-5, 1e5, 80)])
@@ -24,3 +29,24 @@ def test_no_radiance_is_too_bright_or_too_dark() -> None:
     picture = display_picture(np.array([[[np.finfo(np.float32).max] * 3, [-1.0] * 3]], np.float32), exposure=-64.0)
     # Exposure -64 turns 3.4e38 into 1.8e19, still white; below zero is black.
     assert picture.tolist() == [[[255] * 3, [0] * 3]]
+
+
+def picture() -> np.ndarray:
+    random = np.random.default_rng(5)
+    return (10.0 ** random.uniform(-8.0, 6.0, (37, 53, 3))).astype(np.float32)
+
+
+def test_linear_radiance_returns_bit_by_bit(tmp_path: Path) -> None:
+    (tmp_path / "a.exr").write_bytes(exr_bytes(picture()))
+    assert np.array_equal(read_radiance_image(tmp_path / "a.exr"), picture())
+
+
+@pytest.mark.parametrize("bad", [np.full((2, 2, 3), np.nan, np.float32), np.zeros((2, 2), np.float32)])
+def test_what_is_no_picture_is_refused(bad: np.ndarray) -> None:
+    with pytest.raises(ValueError, match="expected"):
+        exr_bytes(bad)
+
+
+def test_a_png_holds_the_display_values() -> None:
+    with Image.open(io.BytesIO(png_bytes(picture(), exposure=1.0))) as image:
+        assert np.array_equal(np.asarray(image), display_picture(picture(), exposure=1.0))

@@ -12,8 +12,7 @@ from engine.planner import plan_scene
 from engine.precompute.direct.pipeline import FINAL, Placement, SkyState
 from engine.precompute.indirect.sampling_settings import BounceSeries
 from engine.render.error_estimate import estimate_error
-from engine.render.still import reflect_layers, render_still, still_layers
-from engine.render.still_indirect import indirect_radiance
+from engine.render.still import indirect_radiance, reflect_layers, render_still, still_layers
 from engine.scene.scene_loader import Scene, load_scene
 from tests.engine.render.test_still import TABLE
 

@@ -7,10 +7,8 @@ import numpy as np
 from app.project.project import open_project
 from engine.core.generators import run_to_end
 from engine.precompute.direct.pipeline import Placement
-from engine.render.display import false_colour
-from engine.render.error_colours import error_to_radiance
-from engine.render.error_estimate import PointErrors
-from engine.render.error_map import OPACITY, error_colours, error_map
+from engine.render.display import error_to_radiance, false_colour
+from engine.render.error_estimate import OPACITY, PointErrors, error_colours, error_map
 from engine.render.picture_error import ErrorEstimate
 
 

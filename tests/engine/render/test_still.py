@@ -9,20 +9,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from engine.core.generators import run_to_end
+from engine.core.generators import StillProgress, run_to_end
 from engine.curve.operators import Operator
 from engine.light.environment import constant_environment, load_environment
 from engine.material import MODELS, make_layer
 from engine.material.layer import Layer
 from engine.planner import plan_scene
 from engine.precompute.direct.pipeline import COARSE, Placement, SkyState
-from engine.render.still import (
-    StillProgress,
-    render_reference,
-    render_still,
-    still_layers,
-    still_quality,
-)
+from engine.render.still import render_reference, render_still, still_layers, still_quality
 from engine.scene.scene_loader import Scene, load_scene
 
 BALL = """

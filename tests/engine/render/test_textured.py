@@ -16,10 +16,16 @@ from engine.material.strokes import Stroke, Strokes, pack_dabs
 from engine.planner import plan_scene
 from engine.precompute.direct.pipeline import Placement, SkyState
 from engine.precompute.indirect.sampling_settings import BounceSeries
-from engine.render.map_factors import MapFactors
-from engine.render.path_tracer import trace_paths
-from engine.render.still import render_reference, render_still, still_layers, still_quality, with_maps
-from engine.render.still_indirect import indirect_radiance
+from engine.reference.path_tracer import trace_paths
+from engine.render.still import (
+    indirect_radiance,
+    render_reference,
+    render_still,
+    still_layers,
+    still_quality,
+    with_maps,
+)
+from engine.scene.map_sampler import MapFactors
 from engine.scene.primary_hits import object_ids
 from engine.scene.scene_loader import Scene, load_scene
 from engine.settings import RenderSettings
@@ -126,7 +132,7 @@ def test_strokes_are_the_same_to_the_camera_and_to_paths(placement: Placement) -
         np.tile(placement.scene.camera_position.astype(np.float32), (len(rays), 1)), rays
     )
     seen, met = (
-        factors.at_primary_hits(placement),
+        factors.at_primary_hits(placement.caster, placement.hits),
         factors.at_path_vertices(found, object_ids(placement.scene, found), hits.pixel),
     )
     np.testing.assert_allclose(met, seen, atol=1e-5)

@@ -8,8 +8,7 @@ import pytest
 from assets.generate.room import LINTEL, SILL, WINDOWS, X
 from engine.scene.builtin import builtin_scenes
 from engine.scene.description import load_description
-from engine.scene.mesh import Mesh
-from engine.scene.mesh_defects import count_defects
+from engine.scene.mesh import Mesh, count_defects
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene, load_scene
 

@@ -11,8 +11,8 @@ from engine.material.layer_maps import Images, LayerMaps, map_values, maps_from
 from engine.material.parameters import ParameterError
 from engine.material.strokes import MAX_DABS, Stroke, Strokes, pack_dabs
 from engine.precompute.direct.pipeline import Placement
-from engine.render.map_sampler import MapSampler
 from engine.scene.description import parse_description
+from engine.scene.map_sampler import MapSampler
 from engine.scene.scene_loader import build_scene
 from engine.texture.stroke_painting import MOST_BACK, PaintedPoints
 
@@ -93,7 +93,7 @@ def placement_of(primitive: str, **more: object) -> Placement:
 def test_pixels_within_the_radius_and_the_mean_by_area() -> None:
     placement = placement_of("quad")  # one metre square, at z = 0
     images = Images(weight_start=0.0, strokes=Strokes((stroke((0.1, 0.0, 0.0), hardness=1.0),)))
-    seen = MapSampler(placement.scene, placement.caster, placement.hits).see(0, images)
+    seen = MapSampler(placement.scene, placement.caster, placement.hits).sample(0, images)
     far = np.linalg.norm(placement.hits.position - [0.1, 0.0, 0.0], axis=1)
     assert (seen.weight[far < 0.28] == 1.0).all() and (seen.weight[far > 0.3] == 0.0).all()
     assert seen.weight.min() >= 0.0 and seen.weight.max() <= 1.0 and (seen.texture == 1.0).all()
@@ -106,10 +106,10 @@ def test_the_sides_of_a_cube_share_coordinates_and_no_strokes() -> None:
     placement = placement_of("cube")  # each side has the whole image
     images = Images(weight_start=0.0, strokes=Strokes((stroke((0.0, 0.0, 0.5), hardness=1.0),)))
     sampler = MapSampler(placement.scene, placement.caster, placement.hits)
-    assert sampler.see(0, images).means.weight == pytest.approx(math.pi * 0.3**2 * 0.95 / 6.0, rel=0.03)
+    assert sampler.sample(0, images).means.weight == pytest.approx(math.pi * 0.3**2 * 0.95 / 6.0, rel=0.03)
     around = Images(weight_start=0.0, strokes=Strokes((stroke((0.5, 0.0, 0.5), hardness=1.0),)))
     # At an edge: half a disc on either side of it.
-    assert sampler.see(0, around).means.weight == pytest.approx(math.pi * 0.3**2 * 0.95 / 6.0, rel=0.03)
+    assert sampler.sample(0, around).means.weight == pytest.approx(math.pi * 0.3**2 * 0.95 / 6.0, rel=0.03)
 
 
 def test_fronts_are_where_the_winding_faces() -> None:
@@ -155,7 +155,7 @@ def seen_on_a_quad(at: tuple[float, ...], images: Images) -> np.ndarray:
     described = parse_description({"version": 1, "camera": camera, "object": [quad]}, Path("scene.toml"))
     placement = Placement(build_scene(described, Path("scene.toml"), None))
     assert placement.scene.origin.any() == any(at)
-    return MapSampler(placement.scene, placement.caster, placement.hits).see(0, images).weight
+    return MapSampler(placement.scene, placement.caster, placement.hits).sample(0, images).weight
 
 
 def test_strokes_stay_where_they_are_in_the_world_in_far_scenes() -> None:

@@ -10,9 +10,8 @@ from engine.light.emitters import emitter_tree
 from engine.precompute.direct.lighting import nearest_neighbours, prepare_lighting
 from engine.precompute.direct.pipeline import Placement
 from engine.scene.builtin import builtin_scenes
-from engine.scene.raycaster import RayCaster
+from engine.scene.raycaster import RayCaster, surface_points
 from engine.scene.scene_loader import load_scene
-from engine.scene.surface_points import surface_points
 from engine.sphere.geodesic import geodesic, locate
 from engine.visibility import _kernels as kernels
 from engine.visibility.coherent_grid import coherent_visibility, grid_steps

@@ -37,7 +37,7 @@ from app.modes.placement.placement_events import (
 from app.modes.placement.placement_status import RenderReport
 from engine.curve.wavelet import forward
 from engine.material.layer import object_of
-from engine.render.headlight_shading import headlight_colour, headlight_radiance
+from engine.render.headlight import headlight_colour, headlight_radiance
 from ui.gl.display import DisplayView
 from ui.modes.placement.gl.layers import ComparedAppearance
 from ui.modes.placement.gl.renderer import PlacementRenderer

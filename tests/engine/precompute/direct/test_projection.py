@@ -26,12 +26,11 @@ from engine.material.kinds import (
     THETA_O,
     THETA_R,
 )
-from engine.material.layer import make_layer
+from engine.material.layer import evaluate_layers, make_layer
 from engine.precompute.direct._angle_kernels import fill_gammas, weigh
 from engine.precompute.direct._share_kernels import make_spots, mean_and_spread, share_out
 from engine.precompute.direct.projection import LayerShape, project_layer
-from engine.render.integrator import evaluate_layers
-from engine.scene.primitives import sphere
+from engine.scene.object_meshes import sphere
 from engine.sphere.geodesic import geodesic
 from tests.engine.precompute.direct.by_hand import bands_of, irradiance, light_of, points_at, project, square
 from tests.naive.curves import hats

@@ -10,13 +10,12 @@ from engine.core.frames import local_frames
 from engine.core.generators import run_to_end
 from engine.light.environment import Environment, constant_environment
 from engine.material import MODELS
-from engine.material.layer import Layer, make_layer
+from engine.material.layer import Layer, evaluate_by_curves, make_layer
 from engine.planner import band_counts
 from engine.precompute.direct.bandstore import join_tiles
 from engine.precompute.direct.pipeline import FINAL, Placement, SkyState
 from engine.precompute.direct.projection import LayerShape, project_layer
 from engine.precompute.direct.relight import RowMaker, joined_rows, light_coefficients, turning_effects
-from engine.render.integrator import evaluate_by_curves
 from engine.scene.scene_loader import load_scene
 from engine.sphere.geodesic import geodesic
 from engine.sphere.haar import inverse

@@ -9,15 +9,13 @@ import pytest
 
 from engine.core.generators import run_to_end
 from engine.material import MODELS
-from engine.material.layer import Layer, make_layer
+from engine.material.layer import Layer, evaluate_layer, make_layer
 from engine.precompute.direct.pipeline import SkyState
 from engine.precompute.indirect.albedo import slant_roots
 from engine.precompute.indirect.indirect_layers import indirect_layer
 from engine.precompute.indirect.sampling_settings import BounceSeries
-from engine.render.integrator import evaluate_layer
-from engine.render.path_tracer import trace_halves
-from engine.render.still import StillLayer, by_object
-from engine.render.still_indirect import indirect_radiance
+from engine.reference.path_tracer import trace_halves
+from engine.render.still import StillLayer, by_object, indirect_radiance
 from engine.sphere.geodesic import geodesic
 from tests.engine.precompute.indirect.small_scenes import QUICK, matt, placed, placement_of, solve
 

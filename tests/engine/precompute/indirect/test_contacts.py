@@ -8,7 +8,7 @@ from engine.core.generators import run_to_end
 from engine.material import MODELS, make_layer
 from engine.precompute.direct.pipeline import SkyState
 from engine.precompute.indirect.sampling_settings import STILL
-from engine.render.path_tracer import trace_halves
+from engine.reference.path_tracer import trace_halves
 from tests.engine.precompute.indirect.small_scenes import matt, placed, placement_of, solve
 
 FLOOR = {"name": "floor", "primitive": "quad", "transform": [3, 0, 0, 0, 0, 0, 3, 0, 0, -3, 0, 0, 0, 0, 0, 1]}

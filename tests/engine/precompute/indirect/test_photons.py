@@ -8,11 +8,11 @@ import pytest
 from engine.core.generators import run_to_end
 from engine.light.environment import constant_environment
 from engine.material import MODELS, make_layer
+from engine.material.layer import evaluate_layer
 from engine.precompute.direct.pipeline import Placement, SkyState
 from engine.precompute.indirect.indirect_layers import indirect_layer
 from engine.precompute.indirect.reflection import OutgoingRadiance
-from engine.render.integrator import evaluate_layer
-from engine.render.path_tracer import trace_paths
+from engine.reference.path_tracer import trace_paths
 from tests.engine.precompute.indirect.small_scenes import QUICK, matt, placed, placement_of, solve
 
 FLOOR = {"name": "floor", "primitive": "quad", "transform": [4, 0, 0, 0, 0, 0, 4, 0, 0, -4, 0, 0, 0, 0, 0, 1]}

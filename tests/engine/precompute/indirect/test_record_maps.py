@@ -21,10 +21,9 @@ from engine.precompute.direct.pipeline import Placement, SkyState
 from engine.precompute.indirect.indirect_layers import IndirectLayer, indirect_layer
 from engine.precompute.indirect.irradiance_cache import NO_OBJECT
 from engine.precompute.indirect.sampling_settings import BounceSeries
-from engine.render.map_sampler import mean_factor
-from engine.render.path_tracer import trace_halves
-from engine.render.still import StillLayer, by_object, with_maps
-from engine.render.still_indirect import indirect_radiance
+from engine.reference.path_tracer import trace_halves
+from engine.render.still import StillLayer, by_object, indirect_radiance, with_maps
+from engine.scene.map_sampler import mean_factor
 from tests.engine.precompute.indirect.small_scenes import (
     LAMP,
     LAMP_RADIANCE,
@@ -164,6 +163,7 @@ def test_strength_weight_and_strokes_count_at_the_cells(ball: Placement) -> None
             assert np.quantile(np.abs(values - value), 0.98) < 0.01, name
 
 
+# A room whose lamp stands low, over a dark wainscot; its front shines upwards.
 ROOM = [
     {"name": "walls", "primitive": "cube", "smooth": False, "transform": placed(0, 0, 0, 4, 3, 6)},
     {"name": "floor", "primitive": "cube", "smooth": False, "transform": placed(0, -1.5, 0, 3.99, 0.02, 5.99)},
@@ -173,7 +173,6 @@ ROOM = [
         "transform": [0.5, 0, 0, -1.2, 0, 0, 0.5, -0.6, 0, -0.5, 0, 1.0, 0, 0, 0, 1],
     },
 ]  # fmt: skip
-"""A room whose lamp stands low, over a dark wainscot; its front shines upwards."""
 
 
 def room_layers() -> list[tuple[int, Layer]]:

@@ -11,7 +11,7 @@ from engine.precompute.direct.pipeline import Placement, SkyState
 from engine.precompute.indirect.indirect_layers import indirect_layer
 from engine.precompute.indirect.indirect_light import IndirectLight
 from engine.precompute.indirect.sampling_settings import STILL
-from engine.render.path_tracer import trace_paths
+from engine.reference.path_tracer import trace_paths
 from tests.engine.precompute.indirect.small_scenes import placed, placement_of, solve
 
 COPPER = make_layer(

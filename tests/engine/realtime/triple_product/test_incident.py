@@ -8,7 +8,7 @@ import trimesh
 from engine.core.generators import run_to_end
 from engine.light.environment import Environment, constant_environment
 from engine.material import MODELS
-from engine.material.layer import make_layer
+from engine.material.layer import evaluate_layers, make_layer
 from engine.realtime.core.terms import diffuse_reflectance, has_isotropic_reflection, spherical, to_shading_frame
 from engine.realtime.triple_product import _corner_kernels as corner_kernels
 from engine.realtime.triple_product import _incident_kernels as kernels
@@ -37,7 +37,6 @@ from engine.realtime.triple_product.sky_map import MAP_SIDE, make_sky, texel_dir
 from engine.realtime.triple_product.slices import slice_bytes_of, slice_steps, table_bytes_of
 from engine.realtime.triple_product.view_samples import PointMesh, interpolate
 from engine.realtime.triple_product.visibility import trace_hemispheres, trace_patches, upper_triangles
-from engine.render.integrator import evaluate_layers
 from engine.scene.description import parse_description
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import build_scene

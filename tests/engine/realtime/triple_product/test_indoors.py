@@ -8,12 +8,11 @@ import pytest
 
 from engine.light.environment import Environment, constant_environment
 from engine.material import MODELS
-from engine.material.layer import make_layer
+from engine.material.layer import evaluate_layers, make_layer
 from engine.precompute.direct.pipeline import SkyState
 from engine.realtime.core.terms import to_shading_frame
 from engine.realtime.triple_product.mirrored_light import mirrored_light
 from engine.realtime.triple_product.orbit_engine import Orbit
-from engine.render.integrator import evaluate_layers
 from engine.scene.description import parse_description
 from engine.scene.scene_loader import build_scene
 from engine.sphere.geodesic import geodesic

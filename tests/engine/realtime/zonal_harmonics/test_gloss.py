@@ -9,11 +9,10 @@ import pytest
 
 from engine.light.environment import LUMINANCE, Environment
 from engine.material import MODELS
-from engine.material.layer import Layer, make_layer
+from engine.material.layer import Layer, evaluate_layer, make_layer
 from engine.precompute.direct.pipeline import SkyState
 from engine.realtime.zonal_harmonics.deform_engine import ORDER, Deform, finish_deform
 from engine.realtime.zonal_harmonics.shading import N_ANGLES, STEEPEST, low_gloss
-from engine.render.integrator import evaluate_layer
 from engine.scene.scene_loader import load_scene
 from engine.sphere.geodesic import geodesic
 from engine.sphere.harmonics import basis

@@ -18,9 +18,8 @@ from engine.realtime.zonal_harmonics.transfer import (
     subsurface,
     vertex_areas,
 )
-from engine.scene.primitives import sphere
-from engine.scene.raycaster import RayCaster
-from engine.scene.surface_points import surface_points
+from engine.scene.object_meshes import sphere
+from engine.scene.raycaster import RayCaster, surface_points
 from engine.sphere.harmonics import basis
 
 MARBLE = Medium(2.62e3, 4.1, 1.5)  # green, of [Jensen01, figure 5]

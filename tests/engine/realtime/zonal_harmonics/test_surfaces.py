@@ -18,7 +18,7 @@ from engine.realtime.zonal_harmonics.deform_engine import Deform, finish_deform
 from engine.realtime.zonal_harmonics.patches import PATTERNS
 from engine.realtime.zonal_harmonics.pose import Deformation
 from engine.realtime.zonal_harmonics.surface_details import heights
-from engine.render.error_colours import error_to_radiance
+from engine.render.display import error_to_radiance
 from engine.scene.description import SceneDescription
 from engine.scene.scene_loader import Scene, load_scene
 from engine.scene.surface_kinds import NO_SURFACE

@@ -17,8 +17,7 @@ from engine.realtime.zonal_harmonics.transfer import (
     simulate,
     unshadowed,
 )
-from engine.scene.raycaster import RayCaster
-from engine.scene.surface_points import surface_points
+from engine.scene.raycaster import RayCaster, surface_points
 from engine.sphere.harmonics import basis, clamped_cosine, rotate
 
 FAR = 1000.0

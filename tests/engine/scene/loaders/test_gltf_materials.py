@@ -1,8 +1,25 @@
+"""Materials and textures of GLB files: indices of metals, images, their mapping, and what is skipped with a note."""
+
+import base64
+import copy
+import io
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
+from PIL import Image
 
+from engine.core.errors import LoadError
 from engine.material import MODELS, validate_parameters
+from engine.material.bumps import Bumps
+from engine.material.layer_maps import LayerMaps
+from engine.scene.loaders.gltf import GlbModel, read_glb
 from engine.scene.loaders.gltf_materials import conductor_index, metallic_roughness_layers
+from engine.scene.map_sampler import look_up_images
+from engine.scene.scene_loader import load_scene
+from engine.scene.surface_uvs import uvs_at
 
 
 def normal_reflectance(eta: float, k: float) -> float:
@@ -40,3 +57,248 @@ def test_every_material_is_within_the_models_ranges(base, roughness, metallic):
     for layer in metallic_roughness_layers(base, metallic, roughness):
         accepted = validate_parameters(MODELS[layer.model], layer.parameters, "model.glb")
         assert set(layer.parameters) <= set(accepted)  # otherwise the call has raised
+
+
+Glb = tuple[dict[str, Any], bytes]
+
+
+def png(pixels: object) -> bytes:
+    buffer = io.BytesIO()
+    Image.fromarray(np.asarray(pixels, np.uint8)).save(buffer, "PNG")
+    return buffer.getvalue()
+
+
+# Red above white: in glTF (0, 0) is the upper left corner of the image.
+TWO_ROWS = png([[[255, 0, 0]] * 2, [[255, 255, 255]] * 2])
+# Of numbers: roughness in green, metalness in blue.
+NUMBERS = png([[[0, 51, 102]] * 2, [[0, 153, 102]] * 2])
+
+
+@pytest.fixture
+def textured(triangle_glb: Glb) -> Glb:
+    """The triangle (0,0,0) (1,0,0) (0,1,0) with an embedded image, its lower side at the image's lower edge."""
+    tree, binary = copy.deepcopy(triangle_glb)
+    uvs = np.array([[0, 1], [1, 1], [0, 0]], "<f4").tobytes()
+    start = len(binary) + 2
+    tree["bufferViews"] += [
+        {"buffer": 0, "byteOffset": start, "byteLength": len(uvs)},
+        {"buffer": 0, "byteOffset": start + len(uvs), "byteLength": len(TWO_ROWS)},
+    ]
+    tree["accessors"].append({"bufferView": 2, "componentType": 5126, "count": 3, "type": "VEC2"})
+    primitive = tree["meshes"][0]["primitives"][0]
+    primitive["attributes"]["TEXCOORD_0"] = 2
+    primitive["material"] = 0
+    tree["images"] = [{"bufferView": 3, "mimeType": "image/png"}]
+    tree["textures"] = [{"source": 0}]
+    tree["materials"] = [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "metallicFactor": 0}}]
+    tree["buffers"][0]["byteLength"] = start + len(uvs) + len(TWO_ROWS)
+    return tree, binary + b"\0\0" + uvs + TWO_ROWS
+
+
+@pytest.fixture
+def read(glb_file: Callable[..., Path], textured: Glb) -> Callable[..., GlbModel]:
+    """read(material=..., image=..., textures=...) reads the file with these in its JSON."""
+
+    def make(**changes: Any) -> GlbModel:
+        tree, binary = textured
+        pbr = {"baseColorTexture": {"index": 0}, "metallicFactor": 0}
+        tree["materials"] = [changes.pop("material", {"pbrMetallicRoughness": pbr})]
+        if "image" in changes:
+            tree["images"] = [changes.pop("image")]
+        return read_glb(glb_file(tree | changes, binary))
+
+    return make
+
+
+def test_a_base_colour_texture_lies_as_in_the_file(
+    textured: Glb, glb_file: Callable[..., Path], scene_file: Callable[..., Path]
+) -> None:
+    tree, binary = textured
+    tree["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"] = [0.5, 0.25, 1.0, 1.0]
+    glb_file(tree, binary)
+    scene = load_scene(scene_file('[[object]]\nname = "toy"\nmesh = "model.glb"\n'))
+    (toy,) = scene.description.objects
+    base, coat = toy.layers
+    assert base.model == "lambert" and base.maps == LayerMaps("model.glb#0", "srgb")
+    assert base.parameters["albedo"] == pytest.approx((0.48, 0.24, 0.96))  # 4 % are the coat's
+    assert coat.maps.is_plain  # what glass reflects has no colour
+    # A quarter and three quarters of the way up: v grows upwards here.
+    uv = uvs_at(scene, np.zeros(2, int), np.zeros(2), np.array([0.25, 0.75]))
+    np.testing.assert_allclose(uv, [[0.0, 0.25], [0.0, 0.75]], atol=1e-6)
+    colours, _ = look_up_images(base.maps.images, scene.textures, uv)
+    np.testing.assert_allclose(colours, [[1, 1, 1], [1, 0, 0]], atol=1e-6)
+
+
+def test_a_normal_texture_turns_normals_as_the_file_means_it(
+    textured: Glb, glb_file: Callable[..., Path], scene_file: Callable[..., Path]
+) -> None:
+    tree, binary = textured
+    image = {"uri": "data:image/png;base64," + base64.b64encode(png([[[128, 179, 243]] * 2] * 2)).decode()}
+    transform = {"KHR_texture_transform": {"scale": [2.0, 3.0], "offset": [0.0, -2.0]}}
+    normal = {"index": 0, "scale": 0.5, "extensions": transform}
+    glb_file(tree | {"images": [image], "materials": [{"normalTexture": normal}]}, binary)
+    scene = load_scene(scene_file('[[object]]\nname = "toy"\nmesh = "model.glb"\n'))
+    bumps = scene.description.objects[0].bumps
+    assert bumps == Bumps(normal_map="model.glb#0", bump_strength=0.5, bump_repeats=(2.0, 3.0))
+    up, none = np.array([[0.0, 0.0, 1.0]]), np.zeros(1)
+    turned = scene.bump_normals.perturb(np.zeros(1, int), none, none, up, up)[0]
+    # Green is +Y, upwards in the picture: to where v grows here, and where the triangle's own +Y is.
+    assert turned[1] / turned[2] == pytest.approx(0.5 * 51 / 115, rel=1e-3) and abs(turned[0]) < 1e-6
+    own = 'bump_map = { file = "model.glb#0" }\n'
+    scene = load_scene(scene_file('[[object]]\nname = "toy"\nmesh = "model.glb"\n' + own))
+    assert scene.description.objects[0].bumps == Bumps(bump_map="model.glb#0")
+
+
+def test_a_metal_has_the_texture_and_half_a_metal_is_both(read: Callable[..., GlbModel]) -> None:
+    def layers(metallic: float) -> list[tuple[str, float, bool]]:
+        pbr = {"baseColorTexture": {"index": 0}, "metallicFactor": metallic}
+        (part,) = read(material={"pbrMetallicRoughness": pbr}).parts
+        return [(each.model, each.parameters.get("scale", 1.0), not each.maps.is_plain) for each in part.layers]
+
+    assert layers(1.0) == [("rough_conductor", 1.0, True)]
+    assert layers(0.0) == [("lambert", 1.0, True), ("rough_conductor", 1.0, False)]
+    assert layers(0.25) == [("lambert", 1.0, True), ("rough_conductor", 0.75, False), ("rough_conductor", 0.25, True)]
+
+
+def test_of_numbers_the_means_count(read: Callable[..., GlbModel]) -> None:
+    image = {"uri": "data:image/png;base64," + base64.b64encode(NUMBERS).decode()}
+    pbr = {"metallicRoughnessTexture": {"index": 0}, "roughnessFactor": 0.5}
+    model = read(image=image, material={"pbrMetallicRoughness": pbr})
+    base, glossy = model.parts[0].layers
+    # Roughness 0.5 · (0.2 + 0.6) / 2, metalness 0.4: not decoded, they are no colours.
+    assert glossy.parameters["alpha"] == pytest.approx(0.2**2)
+    assert base.parameters["albedo"] == pytest.approx((0.6 * 0.96,) * 3)
+    assert model.notes == ("of a metallic-roughness texture the means are shown",)
+
+
+def test_index_and_specular_extensions_change_what_glass_reflects(read: Callable[..., GlbModel]) -> None:
+    extensions = {"KHR_materials_ior": {"ior": 2.0}, "KHR_materials_specular": {"specularFactor": 0.5}}
+    pbr = {"metallicFactor": 0, "roughnessFactor": 0.3}
+    (part,) = read(material={"pbrMetallicRoughness": pbr, "extensions": extensions}).parts
+    base, coat = part.layers
+    facing = 0.5 / 9  # half of (1 / 3)²
+    eta, k = coat.parameters["eta"][0], coat.parameters["k"][0]
+    assert ((eta - 1) ** 2 + k**2) / ((eta + 1) ** 2 + k**2) == pytest.approx(facing)
+    assert base.parameters["albedo"] == pytest.approx((1 - facing,) * 3)
+    model = read(material={"extensions": {"KHR_materials_ior": {"ior": 0.5}}})
+    assert model.notes == ("materials 0: extensions: KHR_materials_ior: ior = 0.5, taken as 1",)
+
+
+def test_images_may_be_files_beside_it(
+    textured: Glb, glb_file: Callable[..., Path], scene_file: Callable[..., Path]
+) -> None:
+    tree, binary = textured
+    tree["images"] = [{"uri": "two%20rows.png"}]
+    path = glb_file(tree, binary)
+    (path.parent / "two rows.png").write_bytes(TWO_ROWS)
+    scene = load_scene(scene_file('[[object]]\nname = "toy"\nmesh = "model.glb"\n'))
+    assert scene.description.objects[0].layers[0].maps.texture == "model.glb#0"
+    tree["images"] = [{"uri": "../secret.png"}]
+    glb_file(tree, binary)
+    with pytest.raises(LoadError, match="outside the scene folder"):
+        read_glb(path)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"image": {"uri": "gone.png"}}, "image 0 is not shown: file = No such file"),
+        ({"image": {"uri": "data:image/png;base64,AAAA"}}, "image 0 is no PNG or JPEG"),
+        ({"image": {"uri": "data:image/png;base64,!"}}, "image 0 is not shown: images 0: uri"),
+        ({"textures": [{"extensions": {"KHR_texture_basisu": {"source": 0}}}]}, "in a format of an extension"),
+        ({"material": {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0, "texCoord": 1}}}}, "second set"),
+        ({"material": {"normalTexture": {"index": 0, "scale": 12}}}, "a normal map's scale of 12 is taken as 10"),
+        ({"material": {"alphaMode": "BLEND"}}, "transparency is not shown"),
+    ],
+)
+def test_skipped_extensions_are_reported(read: Callable[..., GlbModel], changes: dict[str, Any], words: str) -> None:
+    model = read(**changes)
+    assert any(words in note for note in model.notes), model.notes
+    assert all(layer.maps.is_plain for layer in model.parts[0].layers)
+
+
+def transformed(read: Callable[..., GlbModel], **transform: Any) -> tuple[LayerMaps, tuple[str, ...]]:
+    info = {"index": 0, "extensions": {"KHR_texture_transform": transform}}
+    model = read(material={"pbrMetallicRoughness": {"baseColorTexture": info, "metallicFactor": 0}})
+    return model.parts[0].layers[0].maps, model.notes
+
+
+def test_where_an_image_lies_is_kept(read: Callable[..., GlbModel]) -> None:
+    maps, notes = transformed(read, scale=[2, 3], offset=[1, 0])
+    assert maps == LayerMaps("#0", "srgb", (2.0, 3.0)) and notes == ()  # moved by whole images
+    assert transformed(read, offset=[0.25, 0.125])[0].texture_offset == (0.25, -0.125)  # v downwards there
+    maps, notes = transformed(read, scale=[0, 1])
+    assert maps.texture_scale == (1e-3, 1.0) and "scale = 0.0, taken as 0.001" in notes[0]
+
+
+@pytest.mark.parametrize(
+    "transform",
+    [
+        {"offset": [0.3, 0.1]},
+        {"rotation": 0.4},
+        {"scale": [2, 0.5]},
+        {"scale": [1.5, -3], "rotation": -2, "offset": [1.2, 3]},
+    ],
+)
+def test_images_are_looked_up_where_the_extension_says(
+    textured: Glb, glb_file: Callable[..., Path], scene_file: Callable[..., Path], transform: dict[str, Any]
+) -> None:
+    """Against the extension's own formula, v downwards as there, in an image that is mirrored along u and clamped along
+    v, the path tracer's look-up."""
+    tree, binary = textured
+    grey = np.random.default_rng(1).integers(60, 200, (8, 8, 1)).repeat(3, axis=2)
+    tree["images"] = [{"uri": "data:image/png;base64," + base64.b64encode(png(grey)).decode()}]
+    tree["samplers"] = [{"wrapS": 33648, "wrapT": 33071}]
+    tree["textures"] = [{"source": 0, "sampler": 0}]
+    info = tree["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]
+    glb_file(tree, binary)
+    plain = load_scene(scene_file('[[object]]\nname = "toy"\nmesh = "model.glb"\n'))
+    info["extensions"] = {"KHR_texture_transform": transform}
+    glb_file(tree, binary)
+    scene = load_scene(scene_file('[[object]]\nname = "toy"\nmesh = "model.glb"\n'))
+    assert scene.notes == plain.notes
+    maps, as_it_is = (each.description.objects[0].layers[0].maps for each in (scene, plain))
+    assert as_it_is.texture_wrap == maps.texture_wrap == ("mirror", "clamp")
+    u, v = np.random.default_rng(2).random((2, 50))  # v downwards
+    scale, offset, angle = transform.get("scale", [1, 1]), transform.get("offset", [0, 0]), transform.get("rotation", 0)
+    c, s = np.cos(angle), np.sin(angle)
+    there_u, there_v = c * scale[0] * u + s * scale[1] * v + offset[0], -s * scale[0] * u + c * scale[1] * v + offset[1]
+    found, _ = look_up_images(maps.images, scene.textures, np.stack([u, 1.0 - v], axis=1))
+    expected, _ = look_up_images(as_it_is.images, plain.textures, np.stack([there_u, 1.0 - there_v], axis=1))
+    np.testing.assert_allclose(found, expected, atol=1e-5)
+
+
+def test_samplers_clamp_and_mirror(read: Callable[..., GlbModel]) -> None:
+    for number, wrap in ((10497, "repeat"), (33648, "mirror"), (33071, "clamp"), (7, "repeat")):
+        model = read(textures=[{"source": 0, "sampler": 0}], samplers=[{"wrapT": number}])
+        assert model.parts[0].layers[0].maps.texture_wrap == ("repeat", wrap)
+        assert len(model.notes) == (number == 7)
+    normal = read(
+        textures=[{"source": 0, "sampler": 0}], samplers=[{"wrapS": 33071}], material={"normalTexture": {"index": 0}}
+    )
+    assert normal.parts[0].bumps == Bumps("#0", bump_wrap=("clamp", "repeat"))
+
+
+def test_files_that_need_what_is_not_read_are_refused(read: Callable[..., GlbModel]) -> None:
+    with pytest.raises(LoadError, match="extensionsRequired = KHR_texture_basisu, expected no required extension"):
+        read(extensionsRequired=["KHR_texture_basisu"])
+    with pytest.raises(LoadError, match="index = 7, expected an integer from 0 to 0"):
+        read(material={"pbrMetallicRoughness": {"baseColorTexture": {"index": 7}}})
+
+
+def test_a_texture_without_coordinates_is_left_out(textured: Glb, glb_file: Callable[..., Path]) -> None:
+    tree, binary = textured
+    del tree["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_0"]
+    (part,) = read_glb(glb_file(tree, binary)).parts
+    assert part.mesh.uvs is None and all(layer.maps.is_plain for layer in part.layers)
+
+
+@pytest.mark.parametrize("name", ["CesiumMan", "Fox"])
+def test_real_files_bring_their_pictures(shared_data: Path, scene_file: Callable[..., Path], name: str) -> None:
+    scene_path = scene_file(f'[[object]]\nname = "it"\nmesh = "{name}.glb"\n')
+    (scene_path.parent / f"{name}.glb").write_bytes((shared_data / "glb" / f"{name}.glb").read_bytes())
+    scene = load_scene(scene_path)
+    maps = scene.description.objects[0].layers[0].maps
+    assert maps.texture == f"{name}.glb#0" and scene.has_uvs.all()
+    pyramid = scene.textures.texture(maps.images)
+    assert pyramid is not None and 0.01 < pyramid.mean.min() and pyramid.mean.max() < 1.0

@@ -13,12 +13,12 @@ from engine.material import MODELS
 from engine.material.layer import Layer
 from engine.material.layer_maps import Images, LayerMaps, MapMeans
 from engine.precompute.direct.pipeline import Placement
-from engine.render.map_factors import MapFactors
-from engine.render.map_sampler import MapSampler, look_up_images, uvs_at
 from engine.scene.description import load_description, parse_description
+from engine.scene.map_sampler import MapFactors, MapSampler, look_up_images
 from engine.scene.mesh import place_copies
-from engine.scene.primitives import PRIMITIVES
+from engine.scene.object_meshes import PRIMITIVES
 from engine.scene.scene_loader import Scene, load_scene
+from engine.scene.surface_uvs import uvs_at
 from tests.engine.scene.conftest import read_mesh
 
 HEAD = """
@@ -115,14 +115,14 @@ def test_each_pixel_sees_its_place_of_the_image(tmp_path: Path) -> None:
     scene = scene_of(tmp_path, CARD.replace("MAPS", 'weight = "ramp.png"'))
     placement = Placement(scene)
     hits = placement.hits
-    seen = MapSampler(scene, placement.caster, hits).see(0, Images(weight="ramp.png"))
+    seen = MapSampler(scene, placement.caster, hits).sample(0, Images(weight="ramp.png"))
     x = hits.position[:, 0] + 0.5
     inside = (x > 0.1) & (x < 0.9)
     np.testing.assert_allclose(seen.weight[inside], (256 * x[inside] - 0.5) / 255, atol=2e-3)
     assert seen.means.weight == pytest.approx(0.5, abs=1e-3) and (seen.texture == 1.0).all()
     # Repeated four times, texture alone: the same ramp four times as steep; the weight map is not repeated.
     images = Images(texture="ramp.png", texture_space="linear", texture_scale=(4.0, 1.0), weight="ramp.png")
-    seen = MapSampler(scene, placement.caster, hits).see(0, images)
+    seen = MapSampler(scene, placement.caster, hits).sample(0, images)
     inside = np.abs((4 * x) % 1.0 - 0.5) < 0.25
     np.testing.assert_allclose(seen.texture[inside, 1], (256 * ((4 * x[inside]) % 1.0) - 0.5) / 255, atol=5e-3)
     # ∫ frac(4x) x dx = Σ_k ∫ ... = 1/4 + 1/48 for k = 0 … 3 repeats.
@@ -135,7 +135,7 @@ def test_an_image_far_finer_than_the_pixels_is_its_mean(tmp_path: Path) -> None:
     scene = scene_of(tmp_path, CARD.replace("MAPS", 'texture = "noise.png", texture_scale = 8'))
     placement = Placement(scene)
     maps = scene.description.objects[0].layers[0].maps
-    seen = MapSampler(scene, placement.caster, placement.hits).see(0, maps.images)
+    seen = MapSampler(scene, placement.caster, placement.hits).sample(0, maps.images)
     assert seen.texture.std() < 0.02 and np.abs(seen.texture - 0.5).max() < 0.06
     np.testing.assert_allclose(seen.means.texture, pixels.mean(axis=(0, 1)) / 255, atol=5e-3)
 
@@ -145,11 +145,11 @@ def test_layers_of_an_object_share_what_they_have_in_common(tmp_path: Path, monk
     scene = scene_of(tmp_path, CARD.replace("MAPS", 'weight = "ramp.png"'))
     placement = Placement(scene)
     sampler = MapSampler(scene, placement.caster, placement.hits)
-    first = sampler.see(0, Images(weight="ramp.png"))
-    monkeypatch.setattr("engine.render.map_sampler._footprints", None)  # not asked for again
-    again = sampler.see(0, Images("ramp.png", "linear", (2.0, 1.0), "ramp.png"))
+    first = sampler.sample(0, Images(weight="ramp.png"))
+    monkeypatch.setattr(MapSampler, "_trace_footprints", None)  # not traced again
+    again = sampler.sample(0, Images("ramp.png", "linear", (2.0, 1.0), "ramp.png"))
     assert np.shares_memory(first.weight, again.weight)
-    twice = sampler.see(0, Images("ramp.png", "linear", (1.0, 1.0)))
+    twice = sampler.sample(0, Images("ramp.png", "linear", (1.0, 1.0)))
     np.testing.assert_array_equal(twice.texture[:, 0], first.weight)
     assert np.abs(again.texture - twice.texture).max() > 0.3  # repeats are another sampling
 
@@ -258,7 +258,7 @@ def test_a_mesh_without_coordinates_is_projected_on(tmp_path: Path) -> None:
     assert scene.notes == ("card: no texture coordinates, so images are projected from the sides of its box",)
     images = scene.description.objects[0].layers[0].maps.images
     placement = Placement(scene)
-    seen = MapSampler(scene, placement.caster, placement.hits).see(0, images)
+    seen = MapSampler(scene, placement.caster, placement.hits).sample(0, images)
     columns = placement.hits.pixel % 24
     left, right = columns < 10, columns > 13
     assert left.any() and np.allclose(seen.texture[left], (1, 0, 0), atol=0.02)
@@ -278,5 +278,5 @@ def test_repeats_count_on_the_box(tmp_path: Path) -> None:
     scene = bare_card(tmp_path, "[1, 2]")
     images = scene.description.objects[0].layers[0].maps.images
     placement = Placement(scene)
-    means = MapSampler(scene, placement.caster, placement.hits).see(0, images).means
+    means = MapSampler(scene, placement.caster, placement.hits).sample(0, images).means
     assert np.allclose(means.texture, (0.5, 0.5, 0.5), atol=0.02)  # all of it, once

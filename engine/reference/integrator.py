@@ -11,60 +11,12 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from engine.core.frames import local_frames
-from engine.curve.operators import HALF_PI
 from engine.light.emitters import EmitterPatches
 from engine.light.environment import Environment, triangle_integrals
-from engine.material import kinds
-from engine.material.layer import Layer
-from engine.render import _kernels as kernels
+from engine.material.layer import Layer, evaluate_layers
 from engine.scene.primary_hits import PrimaryHits
 from engine.scene.raycaster import RayCaster
 from engine.sphere.geodesic import geodesic
-
-
-def evaluate_layers(
-    layers: Sequence[Layer], wi: np.ndarray, wo: np.ndarray, factors: np.ndarray | None = None
-) -> np.ndarray:
-    """Σ over visible layers of ρ(ωi, ωo) cosθi, (N, 3), for local directions (N, 3).
-
-    factors (N or 1, K, 3): factors of the first K visible layers; None, or K = 0, for none.
-    """
-    total = np.zeros((len(wi), 3))
-    for k, layer in enumerate(layer for layer in layers if layer.visible):
-        value = evaluate_layer(layer, wi, wo)
-        total += value if factors is None or k >= factors.shape[1] else value * factors[:, k]
-    return total
-
-
-def evaluate_layer(layer: Layer, wi: np.ndarray, wo: np.ndarray) -> np.ndarray:
-    """ρ(ωi, ωo) cosθi of one layer, (N, 3): the model's own formula, or quotient times curves if it was edited."""
-    if not layer.edits:
-        return layer.brdf(wi, wo) * np.maximum(wi[:, 2:3], 0.0)
-    return layer.scale() * evaluate_by_curves(layer, wi, wo)
-
-
-def evaluate_by_curves(layer: Layer, wi: np.ndarray, wo: np.ndarray) -> np.ndarray:
-    """ρ_q f_o f_A f_B cosθi of one layer, without f_q, (N, 3) [BenArtzi07, eq. 3.1]."""
-    wi, wo = np.ascontiguousarray(wi, np.float64), np.ascontiguousarray(wo, np.float64)
-    q = layer.quotient_parameters()
-    value = _quotients(layer, q, wi, wo)
-    view = layer.model.view_factor
-    for factor in (*layer.model.factors, *((view,) if view else ())):
-        angle = np.empty(len(wi))
-        kernels.curve_angles(factor.gamma, q, wi, wo, angle)
-        value *= layer.curve(factor.name)(np.clip(angle, 0.0, HALF_PI))
-    return value
-
-
-def _quotients(layer: Layer, q: np.ndarray, wi: np.ndarray, wo: np.ndarray) -> np.ndarray:
-    """ρ_q cosθi (N, 3): equal in all channels unless the model is coloured."""
-    model, q = layer.model, np.array(layer.model.bind_parameters(q))
-    value = np.empty((3, len(wi)))
-    for channel in range(3 if model.is_coloured else 1):
-        if model.is_coloured:
-            q[kinds.CHANNEL] = channel
-        kernels.quotient_cosines(model.number, q, wi, wo, value[channel])
-    return value.T.copy() if model.is_coloured else np.repeat(value[0][:, None], 3, axis=1)
 
 
 def integrate_direct(

@@ -15,10 +15,11 @@ from engine.light.radiance_files import read_radiance_image
 from engine.material import MODELS, make_layer
 from engine.material.layer import Layer
 from engine.precompute.direct.pipeline import Placement, SkyState
-from engine.render.integrator import integrate_direct
-from engine.render.path_lights import EmitterLight, SkyLight
-from engine.render.path_lobes import Scattering
-from engine.render.path_tracer import PathEstimate, noise_of_halves, render_paths, trace_paths
+from engine.reference.integrator import integrate_direct
+from engine.reference.path_lights import EmitterLight, SkyLight
+from engine.reference.path_lobes import Scattering
+from engine.reference.path_tracer import PathEstimate, noise_of_halves, trace_paths
+from engine.render.still import render_paths
 from engine.scene.scene_loader import load_scene
 from tests.chi_square import p_of_directions
 

@@ -19,15 +19,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.core.frames import local_frames
+from engine.core.generators import StillProgress
 from engine.core.threads import n_threads, pool
 from engine.light.environment import LUMINANCE
 from engine.material.layer import Layer
 from engine.precompute.direct.pipeline import Placement, SkyState
 from engine.precompute.indirect.sampling_settings import MOST_BOUNCES
-from engine.render.map_factors import MapFactors
-from engine.render.path_lights import EmitterLight, LightSamples, PathLight, SkyLight
-from engine.render.path_lobes import N_NUMBERS, Scattering
-from engine.render.still import Picture, StillProgress, compose
+from engine.reference.path_lights import EmitterLight, LightSamples, PathLight, SkyLight
+from engine.reference.path_lobes import N_NUMBERS, Scattering
+from engine.scene.map_sampler import MapFactors
 from engine.scene.primary_hits import PrimaryHits, emission_towards, object_ids, shading_frames
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene
@@ -252,7 +252,7 @@ def _trace(
         raise ValueError(f"n_samples = {n_samples}, expected 1 to {MOST_SAMPLES}")
     rows = np.arange(len(placement.hits.pixel)) if rows is None else np.asarray(rows)
     tracer = PathTracer(placement.scene, placement.caster, layers_of, sky)
-    seen = tracer.maps.at_primary_hits(placement)
+    seen = tracer.maps.at_primary_hits(placement.caster, placement.hits)
     sizes = _pass_sizes(n_samples)
     halves, counts = np.zeros((2, len(rows), 2, 3)), np.zeros(2, int)
     for i_pass, n in enumerate(sizes):
@@ -269,19 +269,6 @@ def _trace(
                 yield replace(progress, fraction=float(done))
         counts[i_pass % 2] += n
     return halves, counts
-
-
-def render_paths(
-    placement: Placement,
-    layers_of: Mapping[int, Sequence[Layer]],
-    sky: SkyState,
-    n_bounces: int,
-    n_samples: int = N_SAMPLES,
-    seed: int = 0,
-) -> Generator[StillProgress, None, Picture]:
-    """Linear radiance (H, W, 3) float32 after up to n_bounces reflections, emitters and background included."""
-    estimate = yield from trace_paths(placement, layers_of, sky, n_bounces, n_samples, seed)
-    return compose(placement, estimate.radiance, sky)
 
 
 def noise_of_halves(halves: Float64Array, counts: NDArray[np.integer]) -> float:

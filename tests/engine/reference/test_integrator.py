@@ -12,13 +12,13 @@ from engine.light.emitters import emitter_patches
 from engine.light.environment import Environment, constant_environment, load_environment
 from engine.light.triangle_lights import cut_lights
 from engine.material import MODELS
-from engine.material.layer import Layer, make_layer
+from engine.material.layer import Layer, evaluate_layer, make_layer
 from engine.precompute.direct.bandstore import BandStore
 from engine.precompute.direct.lighting import prepare_lighting
 from engine.precompute.direct.near_leaves import near_leaves
 from engine.precompute.direct.pipeline import Placement
 from engine.precompute.direct.projection import LayerShape, VisibleLight, project_layer
-from engine.render.integrator import evaluate_layer, integrate_direct
+from engine.reference.integrator import integrate_direct
 from engine.scene.builtin import builtin_scenes
 from engine.scene.scene_loader import load_scene
 from engine.visibility.point_visibility import brute_force_visibility, sphere_targets

@@ -6,12 +6,18 @@ and approximate colours at once, from the scene's data alone; when the camera mo
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Generator, Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engine.material.layer import Layer
+
+if TYPE_CHECKING:
+    from engine.precompute.direct.pipeline import SkyState
+    from engine.scene.raycaster import RayCaster
+    from engine.scene.scene_loader import Scene
 
 _SIDE = 24
 _CAMERA_COSINE = 0.5  # angle in radians between normal and camera at which the colour is evaluated
@@ -66,3 +72,26 @@ def _about_z(sine_squared: NDArray[np.float64], azimuth: NDArray[np.float64]) ->
     """Unit vectors (N, 3) about +Z."""
     sine, cosine = np.sqrt(sine_squared), np.sqrt(1.0 - sine_squared)
     return np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), cosine], axis=1)
+
+
+def headlight_picture(
+    scene: Scene, caster: RayCaster, layers: Mapping[int, Sequence[Layer]], sky: SkyState, resolution: tuple[int, int]
+) -> Generator[None, None, NDArray[np.float32]]:
+    """Radiance (H, W, 3) of a scene as its camera sees it, in resolution (width, height): its objects with these
+    layers, by index, under a light at the camera, its emitters and the sky. In steps."""
+    # Late: the window's process, which needs the colours alone, imports no compiler.
+    from engine.scene.picture_frame import picture_frame
+    from engine.scene.primary_hits import trace_primary_steps
+
+    hits = yield from trace_primary_steps(scene, caster, resolution)
+    frame = picture_frame(hits, scene.camera_position)
+    picture = np.array(frame.emission_image, np.float32)
+    behind = frame.open_image > 0.0
+    if sky.environment is not None:
+        picture[behind] = sky.scale * sky.environment.evaluate(frame.ray_directions[behind], sky.rotation)
+    yield
+    points = picture.reshape(-1, 3)
+    for index, own in layers.items():
+        rows = slice(*frame.object_ranges[index])
+        points[frame.pixel[rows]] = headlight_radiance(headlight_colour(own), frame.theta_o[rows])
+    return picture

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from engine.scene.box_projection import box_frame, box_uvs
 from engine.scene.mesh import Mesh, place_copies
-from engine.scene.primitives import cube
+from engine.scene.object_meshes import cube
+from engine.scene.surface_uvs import box_frame, box_uvs
 
 # Of each side of the cube from 0 to 1, by its normal, the corner that is at its upper right as one looks at it. Up is
 # +Y; on the top it is -Z, on the bottom +Z.

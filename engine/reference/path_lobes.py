@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.curve.operators import HALF_PI
 from engine.light.environment import LUMINANCE
+from engine.material import _kernels as kernels
 from engine.material import kinds
-from engine.material.layer import Layer
-from engine.render import _kernels as kernels
-from engine.render.integrator import HALF_PI, evaluate_layer, evaluate_layers
+from engine.material.layer import Layer, evaluate_layer, evaluate_layers
 
 Float64Array = NDArray[np.float64]
 

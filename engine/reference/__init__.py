@@ -1,0 +1,1 @@
+"""The oracles: direct light by brute force, and path tracing."""

@@ -1,0 +1,238 @@
+"""Images of layers at points of surfaces: at primary hits, filtered over pixels; at vertices of paths; and spread
+uniformly over an object for their means.
+
+At primary hits the images are sampled once; strokes are painted on the samples. Primary hits store neither triangle nor
+barycentric coordinates, which most scenes do not need: the few rays of a textured object are traced again. At further
+vertices of paths an image is interpolated between texels; the editor instead uses its mean over a part of the surface
+there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.material.layer import Layer
+from engine.material.layer_maps import Images, LayerMaps, MapMeans
+from engine.material.strokes import Strokes
+from engine.scene.primary_hits import PrimaryHits
+from engine.scene.raycaster import Intersections, RayCaster
+from engine.scene.scene_loader import Scene
+from engine.scene.surface_uvs import corner_uvs, pixel_footprints, positions_at, uvs_at
+from engine.texture.pyramid import Pyramid
+from engine.texture.stroke_painting import PaintedPoints
+from engine.texture.texture_store import TextureStore, sample_images
+
+Float64Array = NDArray[np.float64]
+Factors = NDArray[np.float32]
+_N_MEAN_SAMPLES = 1 << 15
+_MOST_CACHED = 4
+
+
+@dataclass(frozen=True, eq=False)
+class MapSamples:
+    """The images of one layer at the primary hits: texture (p, 3) and weight (p,) float32 at the points of its object,
+    in the order of the hits, ones where there is no image; and their means over the surface."""
+
+    texture: NDArray[np.float32]
+    weight: NDArray[np.float32]
+    means: MapMeans
+
+
+@dataclass(frozen=True, eq=False)
+class SpreadPoints:
+    """Points uniformly spread over a surface: texture (N, 3) and weight (N,) without strokes, position and normal."""
+
+    texture: Float64Array
+    weight: NDArray[np.float32]
+    position: NDArray[np.float32]
+    normal: NDArray[np.float32]
+
+    def means(self, weight: NDArray[np.float32]) -> MapMeans:
+        """Means by area, under these weights (N,)."""
+        red, green, blue = self.texture.mean(axis=0).tolist()
+        both = (self.texture * weight[:, None]).mean(axis=0).tolist()
+        return MapMeans((red, green, blue), float(weight.mean(dtype=np.float64)), (both[0], both[1], both[2]))
+
+
+class Canvas:
+    """One layer's images on one object, and the result of its strokes."""
+
+    def __init__(
+        self, unpainted: MapSamples, hits: PrimaryHits, i_object: int, spread: SpreadPoints, origin: Float64Array
+    ) -> None:
+        """origin (3,): of the scene, see `Scene`."""
+        self._unpainted, self._hits, self._i_object, self._spread = unpainted, hits, i_object, spread
+        self._origin = origin
+        self._seen: PaintedPoints | None = None
+        self._everywhere: PaintedPoints | None = None
+
+    def paint(self, strokes: Strokes) -> MapSamples:
+        """Return the images under these strokes; fast if they continue those of the last call."""
+        if not strokes:
+            return self._unpainted
+        spread = self._spread
+        if self._seen is None or self._everywhere is None:
+            rows = slice(*self._hits.object_ranges[self._i_object])
+            self._seen = PaintedPoints(self._unpainted.weight, self._hits.position[rows], self._hits.outward[rows])
+            self._everywhere = PaintedPoints(spread.weight, spread.position, spread.normal)
+        strokes = strokes.about(self._origin)
+        means = spread.means(self._everywhere.weights(strokes))
+        return MapSamples(self._unpainted.texture, self._seen.weights(strokes), means)
+
+
+def spread_points(
+    scene: Scene, i_object: int, images: Images, texture: Pyramid | None, weight: Pyramid | None
+) -> SpreadPoints:
+    """Points that each represent an equal part of the object's area, and a share of the images, without strokes."""
+    begin, end = scene.triangle_ranges[i_object]
+    corners = scene.vertices[scene.triangles[begin:end]].astype(np.float64)
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    cumulative = np.cumsum(area)
+    places = (np.arange(_N_MEAN_SAMPLES) + 0.5) / _N_MEAN_SAMPLES * cumulative[-1]
+    triangle = begin + np.minimum(np.searchsorted(cumulative, places), end - begin - 1)
+    u, v = _even_barycentrics(_N_MEAN_SAMPLES)
+    colours, shares = np.ones((len(u), 3)), np.full(len(u), images.weight_start, np.float32)
+    if texture is not None or weight is not None:
+        uv = uvs_at(scene, triangle, u, v)
+        uvs = corner_uvs(scene, triangle)
+        edges = uvs[:, 1:] - uvs[:, :1]
+        stretch = np.abs(edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0]) / area[triangle - begin]
+        share = stretch * cumulative[-1] / _N_MEAN_SAMPLES  # of the image, for each point
+        if texture is not None:
+            scale = np.array(images.texture_scale)
+            colours = texture.at(uv * scale, texture.level_of(share * abs(scale.prod()))).astype(np.float64)
+        if weight is not None:
+            shares = weight.at(uv, weight.level_of(share))[:, 0]
+    return SpreadPoints(colours, shares, positions_at(scene, triangle, u, v), scene.geometric_normals[triangle])
+
+
+def _even_barycentrics(n: int) -> tuple[Float64Array, Float64Array]:
+    """n points spread uniformly over a triangle, their u and v: multiples of powers of a root, modulo 1 [Roberts18]."""
+    root = 1.32471795724474602596  # x³ = x + 1
+    a, b = ((np.arange(n) * step + 0.5) % 1.0 for step in (1.0 / root, 1.0 / root**2))
+    folded = a + b > 1.0
+    return np.where(folded, 1.0 - a, a), np.where(folded, 1.0 - b, b)
+
+
+class MapSampler:
+    """Samples images at an object's primary hits. What an object's layers share is computed once: texture coordinates,
+    and a weight map by which two layers are blended."""
+
+    def __init__(self, scene: Scene, caster: RayCaster, hits: PrimaryHits) -> None:
+        self._scene, self._caster, self._hits = scene, caster, hits
+        self._footprints: dict[int, tuple[Float64Array, Float64Array, Float64Array]] = {}
+        self._sampled: dict[tuple[object, ...], NDArray[np.float32]] = {}
+
+    def sample(self, i_object: int, images: Images) -> MapSamples:
+        """A layer's images at all primary hits of its object. Raises LoadError."""
+        return self.canvas(i_object, images).paint(images.strokes)
+
+    def canvas(self, i_object: int, images: Images) -> Canvas:
+        """The canvas for strokes on a layer's images. Raises LoadError."""
+        scene = self._scene
+        texture, weight = scene.textures.texture(images), scene.textures.weight(images)
+        begin, end = self._hits.object_ranges[i_object]
+        colours, shares = np.ones((end - begin, 3), np.float32), np.full(end - begin, images.weight_start, np.float32)
+        if texture is not None:
+            own = texture, images.texture_scale
+            colours = self._samples(i_object, own, texture, images.texture_scale)
+        if weight is not None:
+            shares = self._samples(i_object, (weight,), weight, (1.0, 1.0))[:, 0]
+        spread = spread_points(scene, i_object, images, texture, weight)
+        return Canvas(
+            MapSamples(colours, shares, spread.means(spread.weight)), self._hits, i_object, spread, scene.origin
+        )
+
+    def _samples(
+        self, i_object: int, of: tuple[object, ...], pyramid: Pyramid, scale: tuple[float, float]
+    ) -> NDArray[np.float32]:
+        key = (i_object, *of)
+        if key not in self._sampled:
+            if i_object not in self._footprints:
+                self._footprints = {i_object: self._trace_footprints(i_object)}
+            uv, across, down = (sides * np.array(scale) for sides in self._footprints[i_object])
+            self._sampled = dict(list(self._sampled.items())[1 - _MOST_CACHED :])
+            self._sampled[key] = pyramid.over(uv, across, down)
+        return self._sampled[key]
+
+    def _trace_footprints(self, i_object: int) -> tuple[Float64Array, Float64Array, Float64Array]:
+        """Texture coordinates and footprints of an object's hits, see `pixel_footprints`."""
+        rows = np.arange(*self._hits.object_ranges[i_object])
+        origins = np.tile(self._scene.camera_position.astype(np.float32), (len(rows), 1))
+        found = self._caster.intersect(origins, -self._hits.wo[rows])
+        return pixel_footprints(self._scene, found, self._hits.places[rows], self._hits.resolution)
+
+
+def look_up_images(
+    images: Images, store: TextureStore, uv: Float64Array
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Texture (N, 3) and weight (N,) at coordinates (N, 2), interpolated between texels, without filter or strokes."""
+    return sample_images(images, store, len(uv), lambda image, repeats: image.at(uv * np.array(repeats)))
+
+
+def paint_weights(
+    scene: Scene, found: Intersections, strokes: Strokes, weight: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """Weights (N,) at hits of rays, under strokes."""
+    if not strokes:
+        return weight
+    places = positions_at(scene, found.triangle, found.u, found.v)
+    return PaintedPoints(weight, places, scene.geometric_normals[found.triangle]).weights(strokes.about(scene.origin))
+
+
+def mean_factor(scene: Scene, i_object: int, maps: LayerMaps) -> Float64Array:
+    """Mean factor of a layer's images over its object, (3,). Raises LoadError."""
+    if maps.is_plain:
+        return np.ones(3)
+    images = maps.images
+    spread = spread_points(scene, i_object, images, scene.textures.texture(images), scene.textures.weight(images))
+    weight = spread.weight
+    if images.strokes:
+        weight = PaintedPoints(weight, spread.position, spread.normal).weights(images.strokes.about(scene.origin))
+    return spread.means(weight).factor(maps)
+
+
+class MapFactors:
+    """Factors (N, K, 3) of the visible layers of each object, in their order; K is the largest number of layers of an
+    object with maps, 0 if there is none."""
+
+    def __init__(self, scene: Scene, layers_of: Mapping[int, Sequence[Layer]]) -> None:
+        self._scene = scene
+        self._maps: dict[int, list[tuple[int, LayerMaps]]] = {}
+        n_layers = 0
+        for i_object, layers in layers_of.items():
+            visible = [layer for layer in layers if layer.visible]
+            found = [(k, layer.maps) for k, layer in enumerate(visible) if not layer.maps.is_plain]
+            if found:
+                self._maps[i_object] = found
+                n_layers = max(n_layers, len(visible))
+        self._n_layers = n_layers
+
+    def at_primary_hits(self, caster: RayCaster, hits: PrimaryHits) -> Factors:
+        """Factors at all points of the hits, (P, K, 3)."""
+        factors, sampler = self._ones(len(hits.pixel)), MapSampler(self._scene, caster, hits)
+        for i_object, found in self._maps.items():
+            begin, end = hits.object_ranges[i_object]
+            for k, maps in found:
+                seen = sampler.sample(i_object, maps.images)
+                factors[begin:end, k] = maps.factor(seen.texture, seen.weight)
+        return factors
+
+    def at_path_vertices(self, found: Intersections, ids: NDArray[np.integer], rays: NDArray[np.integer]) -> Factors:
+        """Factors at some of the rays that were traced, on objects ids (R,): (N, K, 3)."""
+        factors = self._ones(len(rays))
+        for i_object, layers in self._maps.items():
+            mine = np.flatnonzero(ids[rays] == i_object)
+            own = found.of(rays[mine])
+            uv = uvs_at(self._scene, own.triangle, own.u, own.v)
+            for k, maps in layers:
+                texture, weight = look_up_images(maps.images, self._scene.textures, uv)
+                factors[mine, k] = maps.factor(texture, paint_weights(self._scene, own, maps.strokes, weight))
+        return factors
+
+    def _ones(self, n: int) -> Factors:
+        return np.ones((n, self._n_layers, 3), np.float32)
