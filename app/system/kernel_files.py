@@ -67,7 +67,7 @@ def _load_or_lock(cache: caching.Cache, *of: object) -> object:
     """The compiled kernel from its files. Where it is not in them, lock them until it is: another process that compiles
     it is waited for, and what that has stored is read."""
     found = _load_files(cache, *of)
-    if found is None and _lock(cache):
+    if found is None and _held and _lock(cache):  # a callback for C is compiled by no dispatcher, and stored unlocked
         found = _load_files(cache, *of)
     return found
 

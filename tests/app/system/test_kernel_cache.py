@@ -217,6 +217,22 @@ assert cfunc("float64(float64)")(lambda x: twice(x)).ctypes(21.0) == 42.0
     assert done.returncode == 0, done.stderr
 
 
+def test_a_callback_for_c_is_compiled_and_stored(tmp_path: Path) -> None:
+    program = """
+from app.system.kernel_cache import use_kernel_cache
+use_kernel_cache()
+from callback import twice
+assert twice.ctypes(21.0) == 42.0
+print(twice.cache_hits)
+"""
+    text = 'from numba import cfunc\n\n@cfunc("float64(float64)", cache=True)\ndef twice(x):\n    return x + x\n'
+    (tmp_path / "callback.py").write_text(text)
+    command, environment = [sys.executable, "-c", program], compiling(tmp_path / "kernels", tmp_path)
+    for n_read_again in ("0\n", "1\n"):
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120)
+        assert (done.returncode, done.stdout) == (0, n_read_again), done.stderr
+
+
 CALLING = """
 from numba import njit
 
