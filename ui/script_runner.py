@@ -30,6 +30,8 @@ from ui.scene_view import sample_path, spots_at, stroke_at
 from ui.tone_view import is_table_ready
 
 WAIT_SECONDS = 1800.0
+# While a picture is refined, a window asks for frames without end.
+LAYOUT_FRAMES = 60
 
 
 class ScriptError(InsituError):
@@ -178,11 +180,20 @@ def _drag(window: HeadlessWindow, editor: Editor, drag: Drag) -> None:
         window.drag(drag.start, drag.to)
         return
     assert drag.item is not None and drag.by is not None
-    window.frames(2)
+    _wait_for_handle(window, drag.item)
     try:
         window.drag_handle(drag.item, drag.by)
     except KeyError as error:
         raise ScriptError(str(error.args[0])) from error
+
+
+def _wait_for_handle(window: HeadlessWindow, name: str) -> None:
+    """Draw frames until the handle is on screen, or the window asks for no further frame: a panel that has just been
+    shown, or docked elsewhere, comes after some."""
+    window.frames(2)
+    for _ in range(LAYOUT_FRAMES):
+        if name in window.shell.handles.names() or not window.frame().busy:
+            break
 
 
 def _show(window: HeadlessWindow, editor: Editor, name: str) -> None:

@@ -17,6 +17,9 @@ from engine.render.picture_error import ErrorEstimate
 from tests.app.limits import largest_file
 from tests.ui.stand_in import StandInClient
 from ui.headless import HeadlessWindow
+from ui.panels import brdf
+from ui.panels.actions import Action
+from ui.panels.context import PanelContext
 from ui.script_runner import ScriptError, run_steps, take_screenshot
 
 pytestmark = pytest.mark.gl
@@ -73,6 +76,25 @@ def test_a_script_edits_captures_and_undoes(window: HeadlessWindow, tmp_path: Pa
     assert edited.shape == undone.shape == (800, 1280, 3)
     # The curve's plot differs by what was edited.
     assert np.abs(edited[450:770, 230:730] - undone[450:770, 230:730]).max() > 100
+
+
+def test_a_drag_waits_for_a_panel_that_comes_late(
+    window: HeadlessWindow, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn, n_left = brdf.draw, 12
+
+    def late(context: PanelContext) -> list[Action]:
+        nonlocal n_left
+        n_left -= 1
+        if n_left > 0:
+            window.shell.pacing.note_input()  # it is still being laid out: the window asks for another frame
+            return []
+        return drawn(context)
+
+    monkeypatch.setattr(brdf, "draw", late)
+    before = window.shell.editor.view.lobe_angle
+    run(window, tmp_path, '[[step]]\nshow = "brdf"\n[[step]]\ndrag = { item = "brdf.light", by = [10, 5] }\n')
+    assert window.shell.editor.view.lobe_angle != before
 
 
 def test_a_script_waits_for_the_error_estimate(
