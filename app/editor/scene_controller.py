@@ -1,7 +1,8 @@
 """The scene that is open, the one that is being opened, and the view of it that the worker traces.
 
 The open scene stays until the next one is loaded and traced. The mode decides what a picture of it needs; this notifies
-the mode's controller of every scene and every traced view.
+the mode's controller of every scene and every traced view. A scene is opened once, by a command of the user: there is
+no desired state to come back to, and so no `Reconciler` but that of its views.
 """
 
 from __future__ import annotations

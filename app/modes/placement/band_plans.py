@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterable, Mapping
 from app.document.document import Document
 from app.messages.worker_messages import Request, RequestFailed
 from app.modes.placement.placement_messages import BandsPlanned, PlanBands
+from app.modes.reconciler import Reconciler
 from engine.material.layer import Layer
 from engine.material.model import Model
 from engine.planner import MOST_BANDS, band_counts, usual_bands
@@ -99,7 +100,7 @@ class BandController:
     def __init__(self, send: Callable[[Request], int], plans: BandPlans) -> None:
         self._send, self._plans = send, plans
         plans.leave_to_worker()
-        self._requested: tuple[int, tuple[Layer, ...]] = 0, ()
+        self._reconciler = Reconciler[tuple[Layer, ...], None](covers=_includes)
         self._planned: Document | None = None
 
     def update(self, document: Document) -> bool:
@@ -107,26 +108,33 @@ class BandController:
         if document is self._planned:
             return True
         missing = self._plans.missing(document.layers())
+        self._reconciler.desire(0.0, missing or None)
         if not missing:
             self._planned = document
-        elif any(layer not in self._requested[1] for layer in missing):
-            self._requested = self._send(PlanBands(missing)), missing
+        elif self._reconciler.action(0.0) == "request":
+            self._reconciler.sent(0.0, self._send(PlanBands(missing)))
         return not missing
 
     def receive(self, response: BandsPlanned) -> None:
         """Take the plan that was requested last."""
-        if response.id == self._requested[0]:
+        if self._reconciler.receive(response.id, None):
             self._learn(response.bands)
 
     def receive_failure(self, response: RequestFailed) -> None:
         """Give layers that cannot be planned the usual bands, so that they can be edited."""
-        if response.id == self._requested[0]:
-            self._learn(usual_bands(layer.model) for layer in self._requested[1])
+        requested = self._reconciler.requested
+        if requested is not None and self._reconciler.fail(response.id):
+            self._learn(usual_bands(layer.model) for layer in requested.desired)
 
     def _learn(self, bands: Iterable[Counts]) -> None:
-        for layer, counts in zip(self._requested[1], bands, strict=True):
+        assert self._reconciler.requested is not None
+        for layer, counts in zip(self._reconciler.requested.desired, bands, strict=True):
             self._plans.add_plan(layer, counts)
-        self._requested = 0, ()
+        self._reconciler.clear()  # what is planned is remembered by `BandPlans`
+
+
+def _includes(requested: tuple[Layer, ...], desired: tuple[Layer, ...]) -> bool:
+    return all(layer in requested for layer in desired)
 
 
 def _made_of(layer: Layer) -> object:
