@@ -22,12 +22,12 @@ from app.system.atomic import make_folder_of, require_place
 from app.worker.client import Client
 from engine.core.errors import InsituError
 from engine.scene.builtin import builtin_environments, builtin_scenes
+from ui.gl.display import is_table_ready
 from ui.headless import DEFAULT_SIZE, HeadlessWindow
 from ui.layout import PANELS
 from ui.panels.actions import ShowPanel
 from ui.picture_feed import PictureFeed
 from ui.scene_view import sample_path, spots_at, stroke_at
-from ui.tone_view import is_table_ready
 
 WAIT_SECONDS = 1800.0
 # While a picture is refined, a window asks for frames without end.

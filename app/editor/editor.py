@@ -27,8 +27,7 @@ from app.document.timeline import Player
 from app.document.view_state import OpenPanel, SetView, ViewCommand, ViewState
 from app.editor.camera_history import CameraHistory
 from app.editor.exchange import FileExchange
-from app.editor.opening import Opening
-from app.editor.scene_controller import SceneController
+from app.editor.scene_controller import Opening, SceneController
 from app.editor.table_controller import TableController
 from app.files.journal import Journal, Recovery, SessionStore
 from app.messages.editor_status import Status, StatusMetrics

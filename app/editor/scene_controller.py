@@ -1,37 +1,115 @@
 """The scene that is open, the one that is being opened, and the view of it that the worker traces.
 
-The open scene stays until the next one is loaded and traced. The mode decides what a picture of it needs; this notifies
-the mode's controller of every scene and every traced view. A scene is opened once, by a command of the user: there is
-no desired state to come back to, and so no `Reconciler` but that of its views.
+A scene is opened alone, or for a session or a journal. The open scene stays until the next one is loaded and traced.
+The mode decides what a picture of it needs; this notifies the mode's controller of every scene and every traced view.
+A scene is opened once, by a command of the user: there is no desired state to come back to, and so no `Reconciler` but
+that of its views.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
 
 from app.document.commands import EditCommand
 from app.document.commands.light import set_environment_file
-from app.document.document import Document, Selection
+from app.document.document import Document, Selection, document_from_description
 from app.document.history import History
-from app.document.named_files import files_of_document
+from app.document.named_files import document_with_measurements, files_of_document, layers_of_document, unread_files
 from app.document.selection import initial_selection
+from app.document.sources import source_of
 from app.document.timeline import visible_poses
-from app.document.view_state import ViewState
+from app.document.view_state import Viewpoint, ViewState
 from app.editor.camera_history import CameraHistory
-from app.editor.opening import Opening
 from app.editor.view_controller import TracedView, ViewController, describe_empty_frame
-from app.files.journal import SessionStore
-from app.files.session import Session
+from app.files.journal import Recovery, SessionStore
+from app.files.session import Session, fit_session, load_session
 from app.messages.editor_status import StatusMetrics
 from app.messages.picture_events import PictureEvent, SceneFrame, SkyChanged
-from app.messages.worker_messages import Request, RequestFailed, SceneOpened, SkyImage, ViewTraced
+from app.messages.worker_messages import OpenScene, Request, RequestFailed, SceneOpened, SkyImage, ViewTraced
 from app.modes.mode import ModeController, OpenedScene
 from app.system.atomic import add_inputs, set_inputs
 from engine.core.errors import InsituError
+from engine.material.bumps import BumpsByObject
+from engine.realtime.zonal_harmonics.pose import Poses
 from engine.scene.builtin import DEFAULT_SCENE
 from engine.scene.description import SceneDescription
+
+
+@dataclass(frozen=True)
+class Opening:
+    """A scene that is being opened by the request `id`; the session, the journal or the light that it is opened for;
+    the worker's response, before the scene is traced."""
+
+    id: int
+    source: str
+    session: Session | None = None
+    session_path: Path | None = None
+    recovery: Recovery | None = None
+    light: Path | None = None
+    fallback_reason: str = ""
+    opened: SceneOpened | None = None
+
+    @classmethod
+    def of(cls, name: str, instead_of: str = "") -> Opening:
+        """An opening of a scene (built-in name, scene file or mesh), a light or a session file. Raises InsituError
+        where the source is none of these, or wrong. instead_of: one line that says why this opens in place of the
+        user's choice."""
+        source = source_of(name)
+        if source.session is None:
+            return cls(0, source.scene, light=source.light, fallback_reason=instead_of)
+        session = load_session(source.session)
+        return cls(0, session.document.source, session, source.session)
+
+    @classmethod
+    def of_recovery(cls, recovery: Recovery) -> Opening:
+        """An opening of the edits of an editor that ended early. Raises LoadError where the scene has gone."""
+        session = recovery.load()
+        return cls(0, session.document.source, session, recovery.session_path, recovery)
+
+    def request(self) -> OpenScene:
+        """The request to the worker."""
+        layers = [] if self.session is None else layers_of_document(self.session.document)
+        return OpenScene(self.source, unread_files(layers), tuple(layers))
+
+    def initial_view(self, resolution: tuple[int, int] | None) -> Viewpoint:
+        """The first view; resolution (width, height) replaces the scene's and the session's."""
+        look = Viewpoint() if self.session is None else self.session.view.viewpoint
+        return look if resolution is None else look._replace(resolution=resolution)
+
+    @property
+    def bumps(self) -> BumpsByObject:
+        """The bumps of the first view, where they are not the scene's own."""
+        return () if self.session is None else self.session.document.new_bumps
+
+    @property
+    def poses(self) -> Poses:
+        """The poses of the first view."""
+        return () if self.session is None else self.session.document.poses
+
+    def document(self, description: SceneDescription, opened: SceneOpened) -> Document:
+        """The scene's own document. Raises InsituError."""
+        document = document_from_description(self.source, description, opened.animations)
+        return document_with_measurements(document, opened.measurements)
+
+    def restored(self, session: Session, scene: Document, opened: SceneOpened) -> Document:
+        """The session's document, applied to the scene as it is now. Raises InsituError where it does not fit."""
+        return document_with_measurements(fit_session(session, scene, self.file), opened.measurements)
+
+    @property
+    def digest(self) -> str:
+        """The digest of the session's file when it was read; "" where that is unknown."""
+        if self.session is None:
+            return ""
+        if self.recovery is None:
+            return self.session.digest
+        return "" if self.session.journal is None else self.session.journal.session_digest or ""
+
+    @property
+    def file(self) -> str:
+        """The file that the user opened."""
+        return str(self.session_path or self.light or self.source)
 
 
 class SceneHost(Protocol):

@@ -4,18 +4,22 @@ Outlines are short lists of points drawn over the picture: checking each pixel's
 costs more than the rest of the frame on a software rasterizer, and hardly any pixel needs it.
 
 A view transform is a set of shader switches and a table, which other shaders that end in display colours use as well
-(`ToneMapper`).
+(`ToneMapper`). Making a table imports a library and evaluates a quarter of a million colours: half a second, in a
+thread. Meanwhile the view before it is shown (`ToneView`).
 """
 
 from __future__ import annotations
 
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import lru_cache
 
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.core.colour import TABLE_SIDE, TABLE_STOPS, TABULATED_VIEWS, TONE_MAPPINGS, ToneMapping, view_table
+from engine.core.colour import TABLE_SIDE, TABLE_STOPS, TABULATED_VIEWS, TONE_MAPPINGS, VIEWS, ToneMapping, view_table
+from engine.core.errors import InsituError
 from engine.scene.picture_frame import PictureFrame
 from ui.gl.context import GraphicsError
 from ui.gl.gpu_memory import TextureMemory, read_texture
@@ -27,7 +31,7 @@ _TABLE_SWITCH = "TONE_TABLE"
 
 class ToneMapper:
     """Programs and textures by view. A table is made when it is first drawn with, which takes half a second where it
-    was not requested before (`ui.tone_view`)."""
+    was not requested before (`is_table_ready`)."""
 
     def __init__(self, passes: Passes, memory: TextureMemory) -> None:
         self._passes, self._memory = passes, memory
@@ -231,3 +235,37 @@ class ErrorOverlay:
         if self._texture is not None:
             self._texture.release()
         self._texture = self._colours = None
+
+
+@lru_cache(maxsize=len(TABULATED_VIEWS))
+def _start_table(view: ToneMapping) -> Future[NDArray[np.float16]]:
+    with_one_thread = ThreadPoolExecutor(1, thread_name_prefix="view")
+    coming = with_one_thread.submit(view_table, view)
+    with_one_thread.shutdown(wait=False)
+    return coming
+
+
+def is_table_ready(view: ToneMapping) -> bool:
+    """Whether a view can be drawn at once; if it cannot, its table is being made from now on."""
+    return view not in TABULATED_VIEWS or _start_table(view).done()
+
+
+class ToneView:
+    """Follows the choice. `waits`: whether another frame will show it."""
+
+    def __init__(self) -> None:
+        self._shown: ToneMapping = "filmic"
+        self._refused: set[ToneMapping] = set()
+        self.waits = False
+
+    def follow(self, wanted: ToneMapping) -> ToneMapping:
+        """The view to show now. Raises InsituError once for a view that cannot be made."""
+        self.waits = not is_table_ready(wanted)
+        if self.waits or wanted in self._refused:
+            return self._shown
+        failure = _start_table(wanted).exception() if wanted in TABULATED_VIEWS else None
+        if failure is not None:
+            self._refused.add(wanted)
+            raise InsituError(f"{VIEWS[wanted].label} cannot be shown: {failure}")
+        self._shown = wanted
+        return wanted

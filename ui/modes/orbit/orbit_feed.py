@@ -22,12 +22,11 @@ from app.messages.picture_events import PictureEvent, SceneFrame
 from app.modes.orbit.orbit_controller import OrbitController
 from app.modes.orbit.orbit_events import OrbitPartArrived, OrbitPicture
 from ui.gl.context import GraphicsError, shader_bytes
-from ui.gl.display import DisplayView
+from ui.gl.display import DisplayView, ToneView
 from ui.modes.orbit.gl.canvas import PictureCanvas
 from ui.modes.orbit.gl.shaded_picture import ShadedPicture
 from ui.modes.placement.placement_feed import PlacementFeed, stops
 from ui.picture_feed import PictureSource, ViewportStill
-from ui.tone_view import ToneView
 
 FADE_SECONDS = 0.25
 

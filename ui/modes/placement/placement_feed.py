@@ -38,13 +38,12 @@ from app.modes.placement.placement_status import RenderReport
 from engine.curve.wavelet import forward
 from engine.material.layer import object_of
 from engine.render.headlight import headlight_colour, headlight_radiance
-from ui.gl.display import DisplayView
+from ui.gl.display import DisplayView, ToneView
 from ui.modes.placement.gl.layers import ComparedAppearance
 from ui.modes.placement.gl.renderer import PlacementRenderer
 from ui.modes.placement.gl.shader_warm_up import warm_up
 from ui.modes.placement.map_feed import MapFeed
 from ui.picture_feed import PictureSource, ViewportStill
-from ui.tone_view import ToneView
 
 UPLOAD_SHARE = 0.5
 # The fraction of the frame's time that refinement gets however long the rest takes.
