@@ -26,7 +26,18 @@ EXPONENT = Parameter(
 )
 
 
-class Phong(Model):
+class _CosinePower(Model):
+    """f_A = cos^n, f_q = scale (n + 2) / (2 pi)."""
+
+    def generate(self, factor_name: str, params: Parameters, gamma: Float64Array) -> Float64Array:
+        self.factor(factor_name)
+        return grey(cosine_power(np.cos(gamma), np.sin(gamma) ** 2, number(params, "exponent")))
+
+    def scale(self, params: Parameters) -> Float64Array:
+        return channels(params, "scale") * ((number(params, "exponent") + 2.0) / (2.0 * math.pi))
+
+
+class Phong(_CosinePower):
     """rho = scale (n + 2) / (2 pi) cos(theta_r)^n; f_A = cos^n, the quotient is 1.
 
     [BenArtzi07, ch. 3] has sqrt(n) for f_q, which looks right but reflects up to twice the light received; we use (n +
@@ -40,20 +51,13 @@ class Phong(Model):
     factors = (THETA_R,)
     parameters = (EXPONENT, TINT)
 
-    def generate(self, factor_name: str, params: Parameters, gamma: Float64Array) -> Float64Array:
-        self.factor(factor_name)
-        return grey(cosine_power(np.cos(gamma), np.sin(gamma) ** 2, number(params, "exponent")))
-
-    def scale(self, params: Parameters) -> Float64Array:
-        return channels(params, "scale") * ((number(params, "exponent") + 2.0) / (2.0 * math.pi))
-
     def brdf(self, params: Parameters, wi: Float64Array, wo: Float64Array) -> Float64Array:
         d = directions(wi, wo)
         lobe = np.where(d.above, cosine_power(d.cos_r, d.sin2_r, number(params, "exponent")), 0.0)
         return self.scale(params) * lobe[:, None]
 
 
-class BlinnPhong(Model):
+class BlinnPhong(_CosinePower):
     """rho = scale (n + 2) / (2 pi) cos(theta_h)^n G F / (4 cos_i cos_o).
 
     f_A = cos^n, f_q = scale (n + 2) / (2 pi), so that f_q f_A is a distribution of microfacets; the quotient contains
@@ -67,13 +71,6 @@ class BlinnPhong(Model):
     factors = (THETA_H,)
     quotient_names = ("reflectance",)
     parameters = (EXPONENT, FACING, TINT)
-
-    def generate(self, factor_name: str, params: Parameters, gamma: Float64Array) -> Float64Array:
-        self.factor(factor_name)
-        return grey(cosine_power(np.cos(gamma), np.sin(gamma) ** 2, number(params, "exponent")))
-
-    def scale(self, params: Parameters) -> Float64Array:
-        return channels(params, "scale") * ((number(params, "exponent") + 2.0) / (2.0 * math.pi))
 
     def brdf(self, params: Parameters, wi: Float64Array, wo: Float64Array) -> Float64Array:
         d = directions(wi, wo)

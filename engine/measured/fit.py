@@ -100,9 +100,9 @@ def _fit_channel(
     diffuse_part = strength * _at_slants(slant, slants[0]) * _at_slants(slant, slants[1])
     over_h, over_d = _specular(np.maximum(samples - diffuse_part, 0.0), diffuse_part, weights)
     over_h, over_d = (np.append(curve, curve[-1]) for curve in (over_h, over_d))
-    shine = max(over_h.max() * over_d.max(), LEAST_STRENGTH)
+    specular = max(over_h.max() * over_d.max(), LEAST_STRENGTH)
     cloth = _fit_cloth(samples, weights, slants)
-    return max(strength, LEAST_STRENGTH), slant, shine, _normalize_curve(over_d), _normalize_curve(over_h), *cloth
+    return max(strength, LEAST_STRENGTH), slant, specular, _normalize_curve(over_d), _normalize_curve(over_h), *cloth
 
 
 def _fit_cloth(
@@ -212,8 +212,11 @@ def _log_errors(
             _at_slants(curve[:, c], slants[0]) * _at_slants(curve[:, c], slants[1])
             for curve in (factors.slant, factors.slant_p)
         )
-        shine = factors.specular[c] * factors.theta_h[:-1, None, None, c] * factors.theta_d[:-1, None, c]
-        fits = factors.diffuse[c] * slanted + shine, factors.whole[c] * cloth * factors.half_q[:-1, None, None, c]
+        specular_part = factors.specular[c] * factors.theta_h[:-1, None, None, c] * factors.theta_d[:-1, None, c]
+        fits = (
+            factors.diffuse[c] * slanted + specular_part,
+            factors.whole[c] * cloth * factors.half_q[:-1, None, None, c],
+        )
         for i, fit in enumerate(fits):
             apart = np.log((table[:, :, ::EVERY, c] + DARK) / (fit + DARK))[there]
             squares[i] += float((apart * apart).mean()) / 3.0

@@ -62,9 +62,9 @@ def half_and_difference(wi: Float64Array, wo: Float64Array) -> tuple[Float64Arra
     flat = np.hypot(half[:, 0], half[:, 1])
     theta_h = np.arctan2(flat, half[:, 2])
     theta_d = np.arctan2(np.linalg.norm(apart, axis=1), 0.5 * length)
-    turned = flat > 1e-9
-    cosine = np.where(turned, half[:, 0] / np.where(turned, flat, 1.0), 1.0)
-    sine = np.where(turned, half[:, 1] / np.where(turned, flat, 1.0), 0.0)
+    has_azimuth = flat > 1e-9
+    cosine = np.where(has_azimuth, half[:, 0] / np.where(has_azimuth, flat, 1.0), 1.0)
+    sine = np.where(has_azimuth, half[:, 1] / np.where(has_azimuth, flat, 1.0), 0.0)
     x = half[:, 2] * (cosine * apart[:, 0] + sine * apart[:, 1]) - flat * apart[:, 2]
     y = cosine * apart[:, 1] - sine * apart[:, 0]
     return theta_h, theta_d, np.arctan2(y, x) % np.pi

@@ -101,9 +101,11 @@ def _solve(first: Float64Array, values: Float64Array, slants: Float64Array, high
         smooth[k * len(coarse) : k * len(coarse) + len(part), k * _N_COARSE : k * _N_COARSE + part.shape[1]] = part
     target = np.log(values + DARK)
     for _ in range(_STEPS):
-        diffuse_part, shine = np.exp(slants @ logs[:_N_COARSE]), np.exp(highlight @ logs[_N_COARSE:])
-        fit = diffuse_part + shine + DARK
-        rows = np.concatenate([slants * (diffuse_part / fit)[:, None], highlight * (shine / fit)[:, None]], axis=1)
+        diffuse_part, specular_part = np.exp(slants @ logs[:_N_COARSE]), np.exp(highlight @ logs[_N_COARSE:])
+        fit = diffuse_part + specular_part + DARK
+        rows = np.concatenate(
+            [slants * (diffuse_part / fit)[:, None], highlight * (specular_part / fit)[:, None]], axis=1
+        )
         # Not by @: the threads of its library take ten times as long on busy processors.
         square = np.einsum("ni,nj->ij", rows, rows) + smooth.T @ smooth + _DAMPING * np.eye(n)
         step = np.linalg.solve(square, rows.T @ (target - np.log(fit)) - smooth.T @ (smooth @ logs))
@@ -155,8 +157,8 @@ def _at(curve: Float64Array, angle: Float64Array, is_half: bool = False) -> Floa
 
 def _product(factors: Factors, angles: _Angles) -> Float64Array:
     diffuse_part = factors.diffuse * _at(factors.slant, angles.light) * _at(factors.slant, angles.view)
-    shine = _at(factors.theta_d, angles.difference) * _at(factors.theta_h, angles.half, True)
-    return np.asarray(diffuse_part + factors.specular * shine)
+    specular_part = _at(factors.theta_d, angles.difference) * _at(factors.theta_h, angles.half, True)
+    return np.asarray(diffuse_part + factors.specular * specular_part)
 
 
 def _cloth(factors: Factors, angles: _Angles) -> Float64Array:

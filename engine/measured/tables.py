@@ -99,10 +99,10 @@ def read_measurement(path: Path, store: ArrayStore | None = None) -> Steps:
     number = int(key[:12], 16) or 1
     if number in _tables:
         return replace(_tables[number].measurement, file=str(path))
-    kept = None if store is None else store.get(f"measured-{key}", partial(_from_arrays, str(path), number))
-    if kept is not None:
-        add_table(*kept)
-        return kept[1]
+    stored = None if store is None else store.get(f"measured-{key}", partial(_from_arrays, str(path), number))
+    if stored is not None:
+        add_table(*stored)
+        return stored[1]
     filled, factors, method = yield from _fit_file(data, path)
     report = FitReport(filled.n_missing, filled.n_below, factors.error, factors.error_whole, method)
     arrays = _arrays(filled.table, factors, report)

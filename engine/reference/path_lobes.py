@@ -84,8 +84,8 @@ def make_lobe(layer: Layer) -> Lobe | None:
     if not mirror and not angles.intersection(kinds.HALF_ANGLES):
         return None
     edges = 2.0 * np.sin(_THETA / 2.0) ** 2
-    turned = layer.model.highlight_in_quotient or angles.intersection(kinds.HALF_AZIMUTHS)
-    n_parts = _N_PHI if turned else 1
+    varies = layer.model.highlight_in_quotient or angles.intersection(kinds.HALF_AZIMUTHS)
+    n_parts = _N_PHI if varies else 1
     values = np.zeros((len(edges) - 1, n_parts))
     phi = HALF_PI * (np.arange(n_parts) + 0.5) / n_parts
     for place in _SUB_PLACES:

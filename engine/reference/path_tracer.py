@@ -174,11 +174,11 @@ class PathTracer:
             share = pdf[out] / (pdf[out] + self._sky.pdf(wi[out]))
             radiance[path[out]] += weight[out] * share[:, None] * self._sky.radiance(wi[out])
         # Emitters that rays hit, weighted likewise.
-        glow = emission_towards(self._scene, found, ids, directions)
-        lamp = np.flatnonzero(glow.any(axis=1))
+        emission = emission_towards(self._scene, found, ids, directions)
+        lamp = np.flatnonzero(emission.any(axis=1))
         if len(lamp):
             other = self._emitters.pdf(found.triangle[lamp], wi[lamp], found.distance[lamp].astype(np.float64))
-            radiance[path[lamp]] += weight[lamp] * (pdf[lamp] / (pdf[lamp] + other))[:, None] * glow[lamp]
+            radiance[path[lamp]] += weight[lamp] * (pdf[lamp] / (pdf[lamp] + other))[:, None] * emission[lamp]
         # Paths continue where rays hit reflecting surfaces.
         rows = np.flatnonzero(self._reflecting[ids]) if on else np.zeros(0, np.int64)
         frames = shading_frames(self._scene, self._caster, found, ids, rows, -directions[rows])

@@ -45,8 +45,8 @@ class BouncePlan:
         if self.missing >= 1.0:
             return f"the scene absorbs too little light: no number of bounces is enough, {self.n_bounces} are shown"
         if self.missing > MUCH:
-            kept = f"{self.n_bounces} bounces carry {1.0 - self.missing:.0%} of the light, the rest is missing"
-            return kept.replace("1 bounces carry", "1 bounce carries")
+            text = f"{self.n_bounces} bounces carry {1.0 - self.missing:.0%} of the light, the rest is missing"
+            return text.replace("1 bounces carry", "1 bounce carries")
         return ""
 
 
@@ -97,14 +97,14 @@ def missing_light(carried: NDArray[np.float64], largest_albedo: float) -> tuple[
     """
     last, next_one = carried[-2], carried[-1]
     ratio = np.divide(next_one, last, out=np.zeros(3), where=last > 0.0)
-    kept = carried[:-1].sum()
+    before = carried[:-1].sum()
     if not next_one.any():
         return 0.0, 0.0
     if (ratio >= _ENDLESS).any():
         return 1.0, 1.0
     after = float((next_one / (1.0 - ratio)).sum())
     most = float(next_one.sum()) / (1.0 - largest_albedo) if largest_albedo < 1.0 else np.inf
-    return after / (kept + after), 1.0 if np.isinf(most) else max(most, after) / (kept + max(most, after))
+    return after / (before + after), 1.0 if np.isinf(most) else max(most, after) / (before + max(most, after))
 
 
 def required_bounces(shares: NDArray[np.float64], tolerance: float = TOLERANCE) -> int:

@@ -81,7 +81,10 @@ def estimate_cost(
     rows_of = {index: rows for index, rows in rows_of.items() if len(rows)}
     n_each = int(np.clip(MOST_SAMPLED // max(len(rows_of), 1), LEAST_SAMPLED, N_SAMPLED))
     generator = np.random.default_rng(seed)
-    samples = {index: _sample(rows, n_each, generator) for index, rows in rows_of.items()}
+    samples = {
+        index: np.sort(generator.choice(rows, min(n_each, len(rows)), replace=False)).astype(np.int32)
+        for index, rows in rows_of.items()
+    }
     yield StillProgress(0.0, "sampling shadows")
     visibility_seconds, reading_seconds = _measure_shadows(placement, sky, plan)
     yield StillProgress(0.2, "sampling the light")
@@ -113,11 +116,6 @@ def estimate_cost(
         return plan
     settings = replace(plan.settings, n_hemisphere_rays=budget.n_rays)
     return replace(plan, settings=settings, reasons={**plan.reasons, "rays": budget.reason})
-
-
-def _sample(rows: np.ndarray, most: int, generator: np.random.Generator) -> np.ndarray:
-    """Choose at most so many of the rows, ascending."""
-    return np.sort(generator.choice(rows, min(most, len(rows)), replace=False)).astype(np.int32)
 
 
 def _light_of(placement: Placement, samples: Mapping[int, np.ndarray], sky: SkyState, plan: Plan) -> VisibleLight:

@@ -233,8 +233,8 @@ def _sample_truth(
     rows: NDArray[np.int32], weights: Float64Array, n_paths: int | None, seed: int,
 ) -> Generator[StillProgress, None, _TruthSamples]:  # fmt: skip
     """Estimate the true light of these rows."""
-    n_looks = N_TRUTH_SAMPLES if len(rows) <= N_POINTS else MAP_TRUTH_SAMPLES
-    direct = yield from _direct(placement, layers, sky, quality, rows, seed, n_looks)
+    n_estimates = N_TRUTH_SAMPLES if len(rows) <= N_POINTS else MAP_TRUTH_SAMPLES
+    direct = yield from _direct(placement, layers, sky, quality, rows, seed, n_estimates)
     reflected = np.zeros((2, *direct.shape[1:]))
     if n_bounces > 1:
         wanted = n_paths or int(np.clip(PATHS_A_PIXEL * len(placement.hits.pixel), FEWEST_PATHS, MOST_PATHS))
@@ -294,9 +294,9 @@ def _contrast(hits: PrimaryHits, radiance: NDArray[np.floating]) -> Float64Array
 
 def _direct(
     placement: Placement, layers: Sequence[StillLayer], sky: SkyState, quality: Quality, rows: NDArray[np.int32],
-    seed: int, n_looks: int,
+    seed: int, n_estimates: int,
 ) -> Steps:  # fmt: skip
-    """Direct light (R, n, 3) at some rows, with finer settings, n_looks times with independent rays to the sky."""
+    """Direct light (R, n, 3) at some rows, with finer settings, n_estimates times with independent rays to the sky."""
     # Bits of all points would fill the memory: a memory page is larger than a point's bits.
     cut, hits, points = None, placement.hits, placement.hits.at(rows)
     if sky.environment is not None:
@@ -310,8 +310,8 @@ def _direct(
     emitters = yield from _trace_visibility(points, placement.caster, lighting.emitter_targets)
     near = near_leaves(points, placement.caster, lighting.emitters, emitters, _all_rows(points))
     sphere = empty_visibility(points, placement.sphere.targets)  # unused: lights have their own rays
-    found = np.zeros((n_looks, len(rows), 3))
-    for look, generator in zip(found, np.random.default_rng((seed, 1)).spawn(n_looks), strict=True):
+    found = np.zeros((n_estimates, len(rows), 3))
+    for one, generator in zip(found, np.random.default_rng((seed, 1)).spawn(n_estimates), strict=True):
         fine = yield from _trace_visibility(
             points, placement.caster, _with_random_rays(lighting.fine_targets, cut, generator)
         )
@@ -321,10 +321,10 @@ def _direct(
             if len(mine):
                 finer = replace(each, bands=_finer(each.bands))
                 tile = project_points(points, mine, light, shape_of(finer), 0)
-                look[mine] += layer_radiance(hits, rows[mine], finer, tile, lighting.unit)
+                one[mine] += layer_radiance(hits, rows[mine], finer, tile, lighting.unit)
                 yield StillProgress(0.0, WHAT)
         if cut is None:
-            found[:] = look  # emitters are the same each time
+            found[:] = one  # emitters are the same each time
             break
     return found
 
@@ -367,11 +367,11 @@ def _finer(bands: tuple[int, int]) -> tuple[int, int]:
     return min(FINER_BANDS * bands[0], most_a), 1 if bands[1] == 1 else min(2 * bands[1], most_b)
 
 
-def _squares(shown: Float64Array, looks: Float64Array, top: float) -> Float64Array:
+def _squares(shown: Float64Array, estimates: Float64Array, top: float) -> Float64Array:
     """(v - t)^2 (n,), averaged over colours, for light (n, 3) and R independent estimates of the truth (R, n, 3): the
     mean of (v - a) (v - b) over all pairs of them."""
-    off = np.minimum(shown, top) - np.minimum(looks, top)
-    pairs = (off.sum(axis=0) ** 2 - (off**2).sum(axis=0)) / (len(looks) * (len(looks) - 1))
+    off = np.minimum(shown, top) - np.minimum(estimates, top)
+    pairs = (off.sum(axis=0) ** 2 - (off**2).sum(axis=0)) / (len(estimates) * (len(estimates) - 1))
     return np.asarray(pairs.mean(axis=1))
 
 

@@ -64,20 +64,20 @@ class LightBudget:
 
     def reasons(self, most: RenderSettings) -> dict[str, str]:
         """The reasons, by line of the plan."""
-        said = {}
+        reasons: dict[str, str] = {}
         for line, plain, sharper in self.errors:
             ceiling, needed = (most.n_lights, self.lights) if line == "lights" else (most.n_patches, self.patches)
             fewer = f"{ceiling // FEWER[-1]:,}"
             if needed < ceiling:
-                said[line] = f"within {100.0 * plain:.1f} % of what {ceiling:,} show"
+                reasons[line] = f"within {100.0 * plain:.1f} % of what {ceiling:,} show"
             elif plain == NOT_FOUND:
-                said[line] = "no sampled point is lit, though others may be"
+                reasons[line] = "no sampled point is lit, though others may be"
             elif plain > TOLERANCE:
-                said[line] = f"{fewer} would change the picture by {100.0 * plain:.1f} %"
+                reasons[line] = f"{fewer} would change the picture by {100.0 * plain:.1f} %"
             else:
                 error = f"{100.0 * sharper:.1f} % error once its highlights are sharpened"
-                said[line] = f"{fewer} are enough for the picture as it is, but have {error}"
-        return said
+                reasons[line] = f"{fewer} are enough for the picture as it is, but have {error}"
+        return reasons
 
 
 def is_worthwhile(placement: Placement) -> bool:

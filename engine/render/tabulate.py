@@ -44,9 +44,9 @@ def tabulate_layers(layers: Sequence[Layer]) -> Iterator[float | NDArray[np.floa
 def untabulated_features(layers: Sequence[Layer]) -> tuple[str, ...]:
     """Features of the layers that such a table cannot represent, in words."""
     shown = [layer for layer in layers if layer.visible]
-    turned = [layer.name for layer in shown if is_anisotropic(layer)]
+    anisotropic = [layer.name for layer in shown if is_anisotropic(layer)]
     images = [layer.name for layer in shown if not layer.maps.is_plain]
-    notes = [f"{', '.join(turned)}: averaged around the normal, as the format is isotropic"] if turned else []
+    notes = [f"{', '.join(anisotropic)}: averaged around the normal, as the format is isotropic"] if anisotropic else []
     return (*notes, *([f"{', '.join(images)}: without its images"] if images else []))
 
 

@@ -65,7 +65,7 @@ class BumpNormals:
     def __init__(self, scene: Scene) -> None:
         """Reads the images."""
         self._scene = scene
-        self._covers: dict[int, _ObjectBumps] = {}
+        self._by_object: dict[int, _ObjectBumps] = {}
         self.flaws: dict[str, LoadError] = {}
         for i, described in enumerate(scene.description.objects):
             try:
@@ -77,11 +77,13 @@ class BumpNormals:
                 self.flaws[described.name] = LoadError(error.file, error.what, error.value, error.expected)
                 continue
             if slopes is not None and slopes.levels[0].any():
-                tangents, hands = np.zeros((0, 3, 3)), np.zeros(0)
+                tangents, handedness = np.zeros((0, 3, 3)), np.zeros(0)
                 if described.bumps.normal_map:
-                    tangents, hands = corner_tangents(scene, i)
+                    tangents, handedness = corner_tangents(scene, i)
                 begin, end = map(int, scene.triangle_ranges[i])
-                self._covers[i] = _ObjectBumps(described.bumps, slopes, begin, end - begin, tangents, hands, scene)
+                self._by_object[i] = _ObjectBumps(
+                    described.bumps, slopes, begin, end - begin, tangents, handedness, scene
+                )
 
     def check_images(self) -> None:
         """Raise the LoadError of the first image that cannot be used."""
@@ -91,17 +93,17 @@ class BumpNormals:
     @property
     def objects(self) -> tuple[int, ...]:
         """Indices of the objects with bumps."""
-        return tuple(self._covers)
+        return tuple(self._by_object)
 
     def offset_axes(self, i_object: int) -> Float64Array:
         """Axes of the offsets, at corners of the triangles of one of `objects`, (t, 3, 6): the gradients of u and of v,
         or of a normal map the tangent, 1 or, mirrored, −1, and zeros."""
-        cover = self._covers[i_object]
-        if not cover.bumps.normal_map:
-            return np.repeat(cover.gradients.reshape(-1, 1, 6), 3, axis=1)
-        hands = np.zeros((cover.n_triangles, 3, 3))
-        hands[..., 0] = cover.handedness[:, None]
-        return np.concatenate([cover.tangents, hands], axis=2)
+        surface = self._by_object[i_object]
+        if not surface.bumps.normal_map:
+            return np.repeat(surface.gradients.reshape(-1, 1, 6), 3, axis=1)
+        handedness = np.zeros((surface.n_triangles, 3, 3))
+        handedness[..., 0] = surface.handedness[:, None]
+        return np.concatenate([surface.tangents, handedness], axis=2)
 
     def perturb(
         self, triangle: NDArray[np.integer], u: NDArray, v: NDArray, normals: Float64Array, wo: NDArray[np.floating],
@@ -113,7 +115,7 @@ class BumpNormals:
         texels.
         """
         out, objects = normals, self._scene.object_of_triangle[triangle]
-        for i in self._covers:
+        for i in self._by_object:
             rows = np.flatnonzero(objects == i)
             if not len(rows):
                 continue
@@ -129,20 +131,20 @@ class BumpNormals:
         is_quick: bool = False,
     ) -> Float64Array:  # fmt: skip
         """Offsets of unit normals (p, 3) of one of `objects`, tangential, to be added before normalization."""
-        cover = self._covers[i_object]
-        scene, repeats = self._scene, np.array(cover.bumps.bump_repeats)
+        surface = self._by_object[i_object]
+        scene, repeats = self._scene, np.array(surface.bumps.bump_repeats)
         if footprints is None:
-            slopes = cover.slopes.at(uvs_at(scene, triangle, u, v) * repeats)
+            slopes = surface.slopes.at(uvs_at(scene, triangle, u, v) * repeats)
         else:
-            slopes = cover.slopes.over(*footprints, most_probes, cover.bumps.bump_repeats, is_quick)
-        own = np.asarray(triangle - cover.first, np.int64)
-        faces = scene.geometric_normals[cover.first : cover.first + cover.n_triangles]
+            slopes = surface.slopes.over(*footprints, most_probes, surface.bumps.bump_repeats, is_quick)
+        own = np.asarray(triangle - surface.first, np.int64)
+        faces = scene.geometric_normals[surface.first : surface.first + surface.n_triangles]
         lean = np.empty((len(own), 3))
-        gradients = np.zeros((0, 2, 3)) if cover.bumps.normal_map else cover.gradients
+        gradients = np.zeros((0, 2, 3)) if surface.bumps.normal_map else surface.gradients
         kernels.fill_normal_offsets(
-            own, np.asarray(u, np.float64), np.asarray(v, np.float64), slopes, gradients, cover.tangents,
-            cover.handedness,
-            cover.bumps.slope_scale, repeats, faces, np.asarray(wo, np.float64), np.asarray(normals, np.float64), lean,
+            own, np.asarray(u, np.float64), np.asarray(v, np.float64), slopes, gradients, surface.tangents,
+            surface.handedness, surface.bumps.slope_scale, repeats, faces, np.asarray(wo, np.float64),
+            np.asarray(normals, np.float64), lean,
         )  # fmt: skip
         return lean
 
@@ -162,8 +164,8 @@ def offset_normals(normals: Float64Array, lean: Float64Array, wo: NDArray[np.flo
     least = np.minimum(MIN_REFLECTED_COSINE, 0.9 * high)
     most = 0.5 * (np.arctan2(beside, high) + np.arccos(np.clip(least / radius, -1.0, 1.0)))
     angle = np.minimum(np.arctan(slope), np.maximum(most, 0.0))[:, None]
-    turned = np.cos(angle) * normals + np.sin(angle) * across
-    return np.where(slope[:, None] > 0.0, turned / np.linalg.norm(turned, axis=1, keepdims=True), normals)
+    rotated = np.cos(angle) * normals + np.sin(angle) * across
+    return np.where(slope[:, None] > 0.0, rotated / np.linalg.norm(rotated, axis=1, keepdims=True), normals)
 
 
 def gradients(scene: Scene, triangle: NDArray[np.integer]) -> Float64Array:
@@ -181,12 +183,12 @@ def gradients(scene: Scene, triangle: NDArray[np.integer]) -> Float64Array:
 def corner_tangents(scene: Scene, i_object: int) -> tuple[Float64Array, Float64Array]:
     """The direction in which u grows at the corners of an object's triangles, (t, 3, 3), zero where undefined, and the
     handedness (t,): 1 if v grows to its left, seen from outside, or, mirrored, −1. From the file if it has tangents."""
-    tangents, hands = _derived_tangents(scene, i_object)
+    tangents, handedness = _derived_tangents(scene, i_object)
     if scene.tangents is not None:
         own = scene.tangents[slice(*scene.triangle_ranges[i_object])].astype(np.float64)
-        said = own[:, 0, 3] != 0.0
-        tangents[said], hands[said] = own[said, :, :3], own[said, 0, 3]
-    return tangents, hands
+        given = own[:, 0, 3] != 0.0
+        tangents[given], handedness[given] = own[given, :, :3], own[given, 0, 3]
+    return tangents, handedness
 
 
 def _derived_tangents(scene: Scene, i_object: int) -> tuple[Float64Array, Float64Array]:
@@ -196,13 +198,14 @@ def _derived_tangents(scene: Scene, i_object: int) -> tuple[Float64Array, Float6
     uvs, corners = corner_uvs(scene, triangle), scene.vertices[scene.triangles[begin:end]].astype(np.float64)
     edges, steps = corners[:, 1:] - corners[:, :1], uvs[:, 1:] - uvs[:, :1]
     area = steps[:, 0, 0] * steps[:, 1, 1] - steps[:, 0, 1] * steps[:, 1, 0]
-    hands = np.where(area < 0.0, -1.0, 1.0)
+    handedness = np.where(area < 0.0, -1.0, 1.0)
     along_u = steps[:, 1, 1, None] * edges[:, 0] - steps[:, 0, 1, None] * edges[:, 1]
-    along_u *= np.where(area == 0.0, 0.0, hands)[:, None]
+    along_u *= np.where(area == 0.0, 0.0, handedness)[:, None]
     along_u /= np.maximum(np.linalg.norm(along_u, axis=1, keepdims=True), _TINY)
     weights = _corner_angles(corners)
     keys = np.concatenate([
-        scene.triangles[begin:end].reshape(-1, 1).astype(np.float64), uvs.reshape(-1, 2), np.repeat(hands, 3)[:, None],
+        scene.triangles[begin:end].reshape(-1, 1).astype(np.float64), uvs.reshape(-1, 2),
+        np.repeat(handedness, 3)[:, None],
     ], axis=1)  # fmt: skip
     _, group = np.unique(keys, axis=0, return_inverse=True)
     group = group.ravel()
@@ -210,7 +213,7 @@ def _derived_tangents(scene: Scene, i_object: int) -> tuple[Float64Array, Float6
     sums = [np.bincount(group, each[:, k]).astype(np.float64) for k in range(3)]
     total: Float64Array = np.stack(sums, axis=1)[group]
     total /= np.maximum(np.linalg.norm(total, axis=1, keepdims=True), _TINY)
-    return total.reshape(-1, 3, 3), hands
+    return total.reshape(-1, 3, 3), handedness
 
 
 def _corner_angles(corners: Float64Array) -> Float64Array:

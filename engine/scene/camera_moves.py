@@ -77,15 +77,15 @@ def is_level(camera: Camera) -> bool:
 
 def level_horizon(camera: Camera) -> Camera:
     """Level the horizon from the same position."""
-    return _turned_to(camera, *_level_and_elevation(camera, Y), Y)
+    return _rotated_to(camera, *_level_and_elevation(camera, Y), Y)
 
 
 def orbit_camera(camera: Camera, right: float, up: float) -> Camera:
     """Orbit about its target to its right and up, radians; as far as the pole."""
     axis = _axis(camera)
     level, elevation = _level_and_elevation(camera, axis)
-    turned = math.cos(right) * level + math.sin(right) * np.cross(axis, level)
-    return _turned_to(camera, turned, elevation + up, axis)
+    rotated = math.cos(right) * level + math.sin(right) * np.cross(axis, level)
+    return _rotated_to(camera, rotated, elevation + up, axis)
 
 
 def pan_camera(camera: Camera, right: float, up: float, depth: float | None = None) -> Camera:
@@ -93,8 +93,8 @@ def pan_camera(camera: Camera, right: float, up: float, depth: float | None = No
     depth = distance(camera) if depth is None else depth
     height = 2.0 * depth * math.tan(math.radians(camera.fov_y) / 2.0)
     across, upwards, _ = camera_frame(camera)
-    gone = height * (right * across + up * upwards)
-    return _placed(camera, np.add(camera.position, gone), np.add(camera.target, gone), camera.up)
+    offset = height * (right * across + up * upwards)
+    return _placed(camera, np.add(camera.position, offset), np.add(camera.target, offset), camera.up)
 
 
 def dolly_camera(camera: Camera, factor: float, about: npt.ArrayLike | None = None) -> Camera:
@@ -121,7 +121,7 @@ def frame_box(camera: Camera, box: npt.ArrayLike, aspect: float) -> Camera:
 def view_from_side(camera: Camera, side: Side) -> Camera:
     """View the scene from one side of its target: the front is on +Z, the right on +X, the top on +Y."""
     level, elevation = SIDES[side]
-    return _turned_to(camera, np.array(level), elevation, Y)
+    return _rotated_to(camera, np.array(level), elevation, Y)
 
 
 def point_at(camera: Camera, resolution: tuple[int, int], column: float, row: float, depth: float) -> Float64Array:
@@ -152,7 +152,7 @@ def _level_and_elevation(camera: Camera, axis: Float64Array) -> tuple[Float64Arr
     return unit(level), math.asin(height)
 
 
-def _turned_to(camera: Camera, level: Float64Array, elevation: float, axis: Float64Array) -> Camera:
+def _rotated_to(camera: Camera, level: Float64Array, elevation: float, axis: Float64Array) -> Camera:
     """Place the camera at the same distance from its target in that direction."""
     elevation = min(max(elevation, -MOST_ELEVATION), MOST_ELEVATION)
     outwards = math.cos(elevation) * level + math.sin(elevation) * axis

@@ -2,7 +2,7 @@
 
 A pixel needs more than its centre if one of its eight neighbours shows another object, if the angle between
 neighbouring normals exceeds a limit, or if a surface breaks off between them: at silhouettes and creases, and on rims
-and knobs whose highlights are narrower than a pixel. Such pixels get n rays. Hits that are alike (one object, one
+and ridges whose highlights are narrower than a pixel. Such pixels get n rays. Hits that are alike (one object, one
 plane, normals within that angle) share one point, which represents their share of the pixel: half of the pixels along
 an edge need just one more point, however many rays located the edge, and inside objects nothing is added. The centre
 keeps its point, so that a picture with edges has all the points of one without.

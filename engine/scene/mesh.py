@@ -42,8 +42,8 @@ class Mesh:
 
     uvs (T, 3, 2) float32 or None: texture coordinates of each triangle's corners, v upwards. They belong to corners and
     not to vertices, so that a seam of a texture splits no vertex and bends no normal. tangents (T, 3, 4) float32 or
-    None: likewise, the direction in which u grows, and the handedness 1 or −1: v grows along hand × normal × tangent; 0
-    where the file has no tangent.
+    None: likewise, the direction in which u grows, and the handedness 1 or −1: v grows along handedness × normal ×
+    tangent; 0 where the file has no tangent.
     """
 
     vertices: Float64Array
@@ -190,11 +190,11 @@ def with_normals(mesh: Mesh) -> Mesh:
     if mesh.normals is not None:
         return mesh
     triangles, uvs, tangents = mesh.triangles, mesh.uvs, mesh.tangents
-    turned = inconsistent_faces(mesh.vertices, triangles)[:, None]
-    if turned.any():
-        triangles = np.where(turned, triangles[:, ::-1], triangles)
+    inconsistent = inconsistent_faces(mesh.vertices, triangles)[:, None]
+    if inconsistent.any():
+        triangles = np.where(inconsistent, triangles[:, ::-1], triangles)
         uvs, tangents = (
-            None if own is None else np.where(turned[..., None], own[:, ::-1], own) for own in (uvs, tangents)
+            None if own is None else np.where(inconsistent[..., None], own[:, ::-1], own) for own in (uvs, tangents)
         )
     return Mesh(mesh.vertices, triangles, smooth_normals(mesh.vertices, triangles), uvs, tangents)
 
@@ -211,35 +211,37 @@ def place_copies(mesh: Mesh, matrices: npt.NDArray[np.float64]) -> Mesh:
     mirrored = np.einsum("nk,nk->n", linear[:, 0], cofactor[:, 0]) < 0.0
     starts = np.arange(len(matrices), dtype=np.int32) * len(mesh.vertices)
     triangles = (
-        _wind_mirrored([mesh.triangles] * len(matrices), mirrored) + np.repeat(starts, len(mesh.triangles))[:, None]
+        _reverse_mirrored([mesh.triangles] * len(matrices), mirrored) + np.repeat(starts, len(mesh.triangles))[:, None]
     )
-    uvs = None if mesh.uvs is None else _wind_mirrored([mesh.uvs] * len(matrices), mirrored)
+    uvs = None if mesh.uvs is None else _reverse_mirrored([mesh.uvs] * len(matrices), mirrored)
     tangents = (
         None
         if mesh.tangents is None
-        else _wind_mirrored([*_turned_tangents(mesh.tangents, linear, mirrored)], mirrored)
+        else _reverse_mirrored([*_transform_tangents(mesh.tangents, linear, mirrored)], mirrored)
     )
     if mesh.normals is None:
         return Mesh(vertices, triangles, None, uvs, tangents)
     sign = np.where(mirrored, -1.0, 1.0) / np.abs(cofactor).max(axis=(1, 2))
-    turned = (mesh.normals @ (cofactor * sign[:, None, None]).swapaxes(1, 2)).reshape(-1, 3)
-    fallback = smooth_normals(vertices, triangles) if _are_short(turned).any() else np.array([0.0, 1.0, 0.0])
-    return Mesh(vertices, triangles, normalize(turned, fallback), uvs, tangents)
+    normals = (mesh.normals @ (cofactor * sign[:, None, None]).swapaxes(1, 2)).reshape(-1, 3)
+    fallback = smooth_normals(vertices, triangles) if _are_short(normals).any() else np.array([0.0, 1.0, 0.0])
+    return Mesh(vertices, triangles, normalize(normals, fallback), uvs, tangents)
 
 
-def _wind_mirrored(copies: Sequence[npt.NDArray], mirrored: npt.NDArray[np.bool_]) -> npt.NDArray:
+def _reverse_mirrored(copies: Sequence[npt.NDArray], mirrored: npt.NDArray[np.bool_]) -> npt.NDArray:
     """Values at the corners of copies of triangles (T, 3, ...), in reversed order for mirrored ones."""
-    return np.concatenate([each[:, ::-1] if turned else each for each, turned in zip(copies, mirrored, strict=True)])
+    return np.concatenate(
+        [each[:, ::-1] if is_mirrored else each for each, is_mirrored in zip(copies, mirrored, strict=True)]
+    )
 
 
-def _turned_tangents(
+def _transform_tangents(
     tangents: npt.NDArray[np.float32], linear: Float64Array, mirrored: npt.NDArray[np.bool_]
 ) -> npt.NDArray[np.float32]:
     """Tangents (T, 3, 4) under each linear transform (N, 3, 3), (N, T, 3, 4); a mirror changes the handedness."""
     along = np.einsum("nij,tcj->ntci", linear, tangents[..., :3].astype(np.float64))
     length = np.linalg.norm(along, axis=3, keepdims=True)
-    hand = np.where(mirrored, -1.0, 1.0)[:, None, None, None] * np.sign(tangents[..., 3:])
-    return np.concatenate([along / np.where(length > 0.0, length, 1.0), hand], axis=3).astype(np.float32)
+    handedness = np.where(mirrored, -1.0, 1.0)[:, None, None, None] * np.sign(tangents[..., 3:])
+    return np.concatenate([along / np.where(length > 0.0, length, 1.0), handedness], axis=3).astype(np.float32)
 
 
 def join_meshes(meshes: list[Mesh]) -> Mesh:
@@ -353,10 +355,14 @@ def count_defects(mesh: Mesh) -> Defects:
     edges = corners[:, (1, 2, 0)] - corners
     doubled = np.linalg.norm(cross(edges[:, 0], edges[:, 1]), axis=1)
     sliver = solid & (doubled <= _SLIVER * (edges**2).sum(axis=2).max(axis=1))
-    kept = triangles[solid].astype(np.int64)
-    repeats = _repeats(_keys(np.sort(kept, axis=1), len(vertices)))
+    with_area = triangles[solid].astype(np.int64)
+    repeats = _repeats(_keys(np.sort(with_area, axis=1), len(vertices)))
     return Defects(
-        solid, int((~solid).sum()), int(sliver.sum()), int(repeats.sum()), _count_flipped(kept[~repeats], len(vertices))
+        solid,
+        int((~solid).sum()),
+        int(sliver.sum()),
+        int(repeats.sum()),
+        _count_flipped(with_area[~repeats], len(vertices)),
     )
 
 

@@ -104,18 +104,14 @@ def _with_layers(items: list[ObjectMesh], notes: list[str]) -> list[ObjectMesh]:
             bare.setdefault(item.unread, []).append(item.description.name)
     for unread, names in bare.items():
         why = f"materials of {unread} are not read" if unread else "without a material"
-        notes.append(f"{_list_names(names)}: {why}, shown in a grey that can be edited")
+        first = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+        notes.append(f"{first}: {why}, shown in a grey that can be edited")
     return [
         replace(item, description=item.description.model_copy(update={"layers": GREY}))
         if item.description.name in bare.get(item.unread, ())
         else item
         for item in items
     ]
-
-
-def _list_names(names: list[str]) -> str:
-    """The first few names."""
-    return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
 
 
 def _glb_objects(item: ObjectDescription, model: GlbModel, path: Path, taken: set[str]) -> list[ObjectMesh]:
@@ -293,5 +289,5 @@ def _floor(name: str, centre: np.ndarray, height: float, radius: float) -> Objec
 
 def _name_of(path: Path) -> str:
     """The file's name, reduced to a valid object name."""
-    kept = "".join("_" if c in ".\"'[]=" or not c.isprintable() else c for c in path.stem).strip()
-    return kept[:48].strip() or "mesh"
+    name = "".join("_" if c in ".\"'[]=" or not c.isprintable() else c for c in path.stem).strip()
+    return name[:48].strip() or "mesh"

@@ -112,8 +112,8 @@ def _whole_lamps(object_image: NDArray[np.integer], emission_image: NDArray[np.f
     return Lamps(lit, object_image.ravel()[lit], np.ones(len(lit), np.float32), emission_image.reshape(-1, 3)[lit])
 
 
-def picture_frame(hits: PrimaryHits, eye: NDArray[np.floating]) -> PictureFrame:
-    """The window's part of primary hits of a camera at eye (3,)."""
+def picture_frame(hits: PrimaryHits, camera: NDArray[np.floating]) -> PictureFrame:
+    """The window's part of primary hits of a camera at this position (3,)."""
     cos_o = np.clip(np.einsum("pc,pc->p", hits.normal, hits.wo), 0.0, 1.0)
     return PictureFrame(
         pixel=hits.pixel,
@@ -122,7 +122,7 @@ def picture_frame(hits: PrimaryHits, eye: NDArray[np.floating]) -> PictureFrame:
         emission_image=hits.emission_image,
         ray_directions=hits.ray_directions,
         theta_o=np.arccos(cos_o).astype(np.float32),
-        distance=np.einsum("pc,pc->p", eye - hits.position, hits.wo).astype(np.float32),
+        distance=np.einsum("pc,pc->p", camera - hits.position, hits.wo).astype(np.float32),
         front=hits.front,
         normal=hits.normal.astype(np.float16),
         tangent=hits.tangent.astype(np.float16),

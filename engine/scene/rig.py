@@ -170,8 +170,8 @@ def rest_mesh(mesh: Mesh, binding: Binding, matrices: Float64Array, weights: Map
     skin = binding.blend_matrices(matrices)
     linear = skin[..., :3]
     vertices = np.einsum("vab,vb->va", linear, places) + skin[..., 3]
-    hand = np.where(np.linalg.det(linear) < 0.0, -1.0, 1.0)
-    mirrored = hand[mesh.triangles].sum(axis=1) < 0.0
+    handedness = np.where(np.linalg.det(linear) < 0.0, -1.0, 1.0)
+    mirrored = handedness[mesh.triangles].sum(axis=1) < 0.0
 
     def wound(corners: npt.NDArray) -> npt.NDArray:
         return np.where(mirrored.reshape(-1, *[1] * (corners.ndim - 1)), corners[:, ::-1], corners)
@@ -184,11 +184,11 @@ def rest_mesh(mesh: Mesh, binding: Binding, matrices: Float64Array, weights: Map
         both = np.concatenate([along / np.where(length > 0.0, length, 1.0), sides], axis=2)
         tangents = wound(both.astype(np.float32))
     triangles = wound(mesh.triangles)
-    turned = None
+    rotated = None
     if mesh.normals is not None:
-        turned = np.einsum("vab,vb->va", binding.blend_matrices(normal_matrices(matrices)), normals)
-        turned = normalize(turned, smooth_normals(vertices, triangles))
-    return Mesh(vertices, triangles, turned, None if mesh.uvs is None else wound(mesh.uvs), tangents)
+        rotated = np.einsum("vab,vb->va", binding.blend_matrices(normal_matrices(matrices)), normals)
+        rotated = normalize(rotated, smooth_normals(vertices, triangles))
+    return Mesh(vertices, triangles, rotated, None if mesh.uvs is None else wound(mesh.uvs), tangents)
 
 
 class RestPose(NamedTuple):

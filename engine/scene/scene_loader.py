@@ -164,7 +164,6 @@ def _assemble(
     resolution: tuple[int, int] | None, environment_path: Path | None,
 ) -> Scene:  # fmt: skip
     """Build the arrays of objects that were read; the description takes over their final form."""
-    _check_count(items, path)
     placed, place_notes = _place_all(items, path)
     description = description.model_copy(update={"objects": tuple(item.description for item in items)})
     origin = _find_origin(placed, path)
@@ -225,15 +224,12 @@ def _load_maps(scene: Scene) -> None:
     scene.textures.load(wanted, bumps)
 
 
-def _check_count(items: Sequence[ObjectMesh], path: Path) -> None:
-    """Reject too many triangles before each object that shares a mesh gets a copy of it."""
+def _place_all(items: Sequence[ObjectMesh], path: Path) -> tuple[list[Mesh], list[str]]:
+    """Every object's mesh in world coordinates (float64), and its defects."""
+    # Too many triangles are rejected before each object that shares a mesh gets a copy of it.
     total = sum(len(item.mesh.triangles) for item in items)
     if total > MAX_TRIANGLES:
         raise LoadError(path, "triangles", total, f"at most {MAX_TRIANGLES}")
-
-
-def _place_all(items: Sequence[ObjectMesh], path: Path) -> tuple[list[Mesh], list[str]]:
-    """Every object's mesh in world coordinates (float64), and its defects."""
     placed, notes = [], []
     for item in items:
         mesh = place_copies(item.mesh, np.reshape(item.description.transform, (1, 4, 4)))

@@ -59,11 +59,6 @@ class TextureStore:
         """Slopes along u and v of a normal or a bump map; None if there is none. Raises LoadError."""
         return self._pyramid(bumps.kind, bumps.file, "").with_transform(bumps.transform) if bumps.file else None
 
-    def stamps(self, images: Images) -> tuple[Stamp, ...]:
-        """Stamps that change when the files of images are written, None for a missing file. Raises LoadError."""
-        named = (("texture", images.texture), ("weight", images.weight))
-        return tuple(_stamp(self._place(what, name)[0]) for what, name in named if name)
-
     def load(self, wanted: Iterable[Images], bumps: Iterable[Bumps] = ()) -> None:
         """Read named images that are not loaded yet, a file of several images once. Raises LoadError."""
         self._files = {}

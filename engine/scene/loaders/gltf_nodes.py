@@ -143,13 +143,13 @@ class WorldMatrices:
 
     def of(self, node: int) -> Float64Array:
         """(4, 4). Raises LoadError for nodes that are too deep or in a loop."""
-        way = [node]
-        while way[-1] not in self._found and way[-1] in self._parents:
-            way.append(self._parents[way[-1]])
-            if len(way) > MAX_DEPTH:
+        chain = [node]
+        while chain[-1] not in self._found and chain[-1] in self._parents:
+            chain.append(self._parents[chain[-1]])
+            if len(chain) > MAX_DEPTH:
                 expected = f"a tree of at most {MAX_DEPTH} levels"
                 raise LoadError(self._file.path, f"nodes {node}: depth", "too deep, or a loop", expected)
-        for k in reversed(way):
+        for k in reversed(chain):
             if k not in self._found:
                 above = self._found[self._parents[k]] if k in self._parents else np.eye(4)
                 self._found[k] = _finite(above @ node_matrix(self._file.nodes[k]), self._file.nodes[k])

@@ -138,13 +138,13 @@ class RigReader:
         wanted = {int(node) for binding in bindings for node in binding.nodes} | set(shaped)
         depths: dict[int, int] = {}
         for node in wanted:
-            way = [node]
-            while way[-1] in parents and len(way) <= MAX_DEPTH:
-                way.append(parents[way[-1]])
-            if len(way) > MAX_DEPTH:
+            chain = [node]
+            while chain[-1] in parents and len(chain) <= MAX_DEPTH:
+                chain.append(parents[chain[-1]])
+            if len(chain) > MAX_DEPTH:
                 self._note(f"nodes {node}: deeper than {MAX_DEPTH} levels, nothing is animated")
                 return None
-            depths.update({above: len(way) - 1 - i for i, above in enumerate(way)})
+            depths.update({above: len(chain) - 1 - i for i, above in enumerate(chain)})
         return self._skeleton(sorted(depths, key=lambda node: (depths[node], node)), parents, shaped)
 
     def _skeleton(self, order: list[int], parents: dict[int, int], shaped: list[int]) -> Skeleton | None:

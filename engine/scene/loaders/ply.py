@@ -228,7 +228,7 @@ def _walk_rows(data: bytes, start: int, element: _Element, order: str, file: Pat
     found: dict[str, tuple[list[int], list[int]]] = {p.name: ([], []) for p in element.properties if element.reads(p)}
     steps = [(_counter(p, order), np.dtype(p.type).itemsize, found.get(p.name)) for p in element.properties]
     for row in range(element.count):
-        for counter, itemsize, noted in steps:
+        for counter, itemsize, runs in steps:
             n = 1
             if counter is not None:
                 if start + counter.size > size:
@@ -243,9 +243,9 @@ def _walk_rows(data: bytes, start: int, element: _Element, order: str, file: Pat
                     f"a list of {n}",
                     f"a length that fits the file of {size} bytes",
                 )
-            if noted is not None:
-                noted[0].append(n)
-                noted[1].append(start)
+            if runs is not None:
+                runs[0].append(n)
+                runs[1].append(start)
             start = end
     columns = {}
     for p in element.properties:
