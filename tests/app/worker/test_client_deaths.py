@@ -1,5 +1,6 @@
 """Every way in which a worker or a window can die, and what the client makes of it."""
 
+import itertools
 import os
 import re
 import signal
@@ -251,9 +252,17 @@ def left_in_memory(*pids: int) -> list[str]:
     return [name for name in os.listdir("/dev/shm") if any(f"-{pid}-" in name for pid in pids)]
 
 
-@pytest.mark.parametrize("method", ["memfd", "named", "kept"])
-@pytest.mark.parametrize("whole_group", [False, True])
-@pytest.mark.parametrize("work", ["sleep 60", "pictures 1000000"])
+# Each work, kind of kill and method once or more; the other combinations are the sweep's.
+KILLS: list[tuple[str, bool, Method]] = [
+    ("sleep 60", False, "memfd"), ("pictures 1000000", True, "named"), ("pictures 1000000", False, "kept"),
+]  # fmt: skip
+WORKS, METHODS = ("sleep 60", "pictures 1000000"), ("memfd", "named", "kept")
+OTHER_KILLS = [kill for kill in itertools.product(WORKS, (False, True), METHODS) if kill not in KILLS]
+
+
+@pytest.mark.parametrize(
+    ("work", "whole_group", "method"), [*KILLS, *(pytest.param(*kill, marks=pytest.mark.sweep) for kill in OTHER_KILLS)]
+)
 def test_killed_window_leaves_no_orphan_and_no_memory(work: str, whole_group: bool, method: Method) -> None:
     command = [sys.executable, "-c", WINDOW, work, method]
     with subprocess.Popen(command, stdout=subprocess.PIPE, start_new_session=True) as window:
