@@ -158,6 +158,17 @@ def channels_of(channel: Channel) -> tuple[bool, bool, bool]:
     return red, green, blue
 
 
+EXPOSURE = Parameter(
+    "exposure",
+    "scalar",
+    0.0,
+    "Exposure",
+    "Exposure of the display in stops; the scene's light is unchanged. ([ and ])",
+    minimum=-20.0,
+    maximum=20.0,
+    soft=(-8.0, 8.0),
+    form="%+.2f EV",
+)
 FRAME_BUDGET = Parameter(
     "frame_budget_ms",
     "scalar",
@@ -172,7 +183,7 @@ FRAME_BUDGET = Parameter(
 )
 VIEW_FIELDS = frozenset(f.name for f in fields(ViewState)) - {"settings"}
 LIMITS: dict[str, tuple[float, float]] = {
-    "exposure": (-20.0, 20.0),
+    "exposure": (EXPOSURE.minimum, EXPOSURE.maximum),
     "compare_divider": (0.0, 1.0),
     "zoom": (0.05, 64.0),
     "lobe_angle": (0.0, 1.55),

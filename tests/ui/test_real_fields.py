@@ -82,7 +82,7 @@ def test_what_is_out_of_range_is_said(real: RealWindow) -> None:
         ("material.alpha", "3", "Roughness α = 3, expected 0.0001 to 1; nothing was changed"),
         ("curve.a.number", "537", "a = 537°, expected 0° to 90°; nothing was changed"),
         ("light.intensity", "-1", "Intensity = -1, expected 0.01 to 100; nothing was changed"),
-        ("view.exposure", "12ev", "exposure = 12ev, expected a number; nothing was changed"),
+        ("view.exposure", "12ev", "Exposure = 12ev, expected a number; nothing was changed"),
         ("accuracy.frame_time", "900 ms", "Frame time = 900 ms, expected 2 ms to 200 ms; nothing was changed"),
     ):
         real.double_click(control)

@@ -12,12 +12,12 @@ from functools import partial
 
 from imgui_bundle import ImVec2, imgui
 
-from app.document.view_state import OpenPanel, SetView
+from app.document.view_state import EXPOSURE, OpenPanel, SetView
 from app.operators.registry import MENUS, OPERATORS, Menu, keys_of
 from app.operators.view import is_pixel_for_pixel
 from engine.core.colour import VIEWS
 from ui.layout import PANELS, is_behind
-from ui.panels import number_fields, widgets
+from ui.panels import rows, widgets
 from ui.panels.actions import Action, MoveCameraTo, OpenFile, SetPreference, ShowPanel
 from ui.panels.context import PanelContext
 from ui.panels.window_operators import ALT, is_on, perform
@@ -27,7 +27,6 @@ EXPOSURE_WIDTH, LEAST_EXPOSURE_WIDTH, TONE_WIDTH, FIT_WIDTH, GAP = 118.0, 64.0, 
 MODE_WIDTH = 84.0
 RECENT_WIDTH = 320.0
 NOT_SAVED = ": there are edits that no session has yet"
-LEAST_EXPOSURE, LARGEST_EXPOSURE = -8.0, 8.0
 # Pixels of a drag per stop: along the short track, a few pixels would be several stops.
 PIXELS_A_STOP = 50.0
 
@@ -276,22 +275,15 @@ def _title(context: PanelContext, controls: float) -> None:
 
 
 def _exposure(context: PanelContext, width: float) -> list[Action]:
+    def set_exposure(stops: float) -> SetView:
+        return SetView.of(exposure=stops)
+
     imgui.set_next_item_width(width)
-    hand, moved = number_fields.slider(
-        context,
-        "exposure",
-        context.view.exposure,
-        LEAST_EXPOSURE,
-        LARGEST_EXPOSURE,
-        "%+.2f EV",
-        handle="view.exposure",
-        origin=0.0,
+    row = rows.Row(
+        EXPOSURE, context.view.exposure, set_exposure, "view.exposure", EXPOSURE.default, drag=None, origin=0.0,
         pixels_a_unit=PIXELS_A_STOP,
-    )
-    widgets.tooltip("Exposure of the display in stops; the scene's light is unchanged. Right click for 0. ([ and ])")
-    if imgui.is_item_clicked(1):
-        return [SetView.of(exposure=0.0)]
-    return [SetView.of(exposure=moved)] if hand.changed else []
+    )  # fmt: skip
+    return rows.control(context, row)
 
 
 def _tone_mapping(context: PanelContext) -> list[Action]:

@@ -35,8 +35,9 @@ class Row:
 
     make: the action that sets it to a value. handle: its control's name for scripts. own: what a right click sets it
     back to, None for nothing. drag: the actions around a drag, which make it one step of a history; None for none.
-    origin: where a slider's fill starts, None for its least value. note: added to the tooltip. shown: words in place
-    of the number.
+    origin: where a slider's fill starts, None for its least value. pixels_a_unit: a drag of its slider by so many
+    changes the value by 1, instead of following the track. note: added to the tooltip. shown: words in place of the
+    number.
     """
 
     parameter: Parameter
@@ -46,6 +47,7 @@ class Row:
     own: Value | None = None
     drag: tuple[Action, Action] | None = EDIT
     origin: float | None = None
+    pixels_a_unit: float | None = None
     note: str = ""
     shown: str = ""
 
@@ -148,6 +150,7 @@ def _number(context: PanelContext, row: Row) -> list[Action]:
         touch, moved = number_fields.slider(
             context, parameter.name, value, low, high, parameter.number_format, parameter.logarithmic,
             handle=row.handle, origin=row.origin, title=parameter.label, shown=row.shown,
+            pixels_a_unit=row.pixels_a_unit,
             pixels_to_double=abs(parameter.power) * number_fields.PIXELS_TO_DOUBLE if parameter.logarithmic else None,
         )  # fmt: skip
     if row.own is not None and imgui.is_item_clicked(1):

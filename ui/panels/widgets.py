@@ -257,6 +257,21 @@ def same_line_at_right(width: float) -> None:
         align_right(width)
 
 
+def figure(name: str, value: str, hint: str) -> None:
+    """A measured number at the right of its name, or below it where they do not fit."""
+    start, room = imgui.get_cursor_pos_x(), imgui.get_content_region_avail().x
+    imgui.push_style_color(imgui.Col_.text, look.pack(look.TEXT_SOFT))
+    imgui.text_unformatted(name)
+    imgui.pop_style_color()
+    tooltip(hint)
+    width = imgui.calc_text_size(value).x
+    if imgui.calc_text_size(name).x + imgui.get_style().item_spacing.x + width <= room:
+        imgui.same_line(start)
+    align_right(width)
+    imgui.text_unformatted(value)
+    tooltip(hint)
+
+
 def subscripted(text: str) -> str:
     """Text for `rich_text`: the font has no subscript letters, so they become letters after an underscore."""
     marked = re.sub(f"([{SUBSCRIPTS}]+)", r"_\1", text)

@@ -7,7 +7,6 @@ from imgui_bundle import ImVec2, imgui
 from app.document.view_state import SetView
 from app.modes.deform.deform_status import DeformStatus
 from ui.modes.orbit import accuracy_orbit
-from ui.modes.placement import accuracy_placement
 from ui.panels import picture_overlays, widgets
 from ui.panels.actions import Action
 from ui.panels.context import PanelContext
@@ -53,6 +52,6 @@ def draw(context: PanelContext) -> list[Action]:
             "The share of this material's reflection, by energy, that is too sharp for the bands of light of a bending "
             "mesh. The rest is a soft highlight; Placement shows all of it."
         )
-        accuracy_placement.figure(context, f"Lost from {name}", f"{share:.0%}", hint)
+        widgets.figure(f"Lost from {name}", f"{share:.0%}", hint)
     widgets.caption(LEFT_OUT_AND_STAYS.format(", ".join(status.deform_only)) if status.deform_only else LEFT_OUT)
     return actions

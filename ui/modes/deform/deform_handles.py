@@ -1,14 +1,26 @@
-"""Handles in Deform's picture: the grips of deformers, and the dividers of a split picture."""
+"""Handles in Deform's picture: the grips of the selected object's deformers, and the dividers of a split picture.
+
+Each deformer has its deformed axis, and a grip that changes its amount. A grip is a point of the object's box that goes
+through all its deformers. The amount follows the drag by a few steps of Newton's method in the picture's plane, so that
+every kind of deformer has a handle defined only by its point.
+"""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
+import numpy as np
 from imgui_bundle import ImVec2, imgui
+from numpy.typing import NDArray
 
+from app.document.commands import SetDeformer
 from app.document.view_state import SetView
+from engine.core.camera import camera_frame, project
+from engine.realtime.deformers import KINDS
+from engine.realtime.zonal_harmonics.pose import AXES, Deformation, Pose, deform
+from engine.scene.camera_moves import distance
 from ui import theme as look
-from ui.modes.deform import pose_handles
 from ui.panels.actions import Action
 from ui.panels.context import PanelContext
 from ui.panels.picture_overlays import PictureHandle, Place
@@ -19,7 +31,7 @@ PARTS = ("Path traced", "Not rotated", "Deform")
 
 def handles(context: PanelContext, placed: PictureRect) -> list[PictureHandle]:
     """Those of the selected object's deformers, and of the split."""
-    found = pose_handles.handles(context, placed)
+    found = _grips(context, placed)
     if context.view.split is None or context.status.shown_by not in ("", "Deform"):
         return found
     _name_parts(context, placed, context.view.split)
@@ -56,3 +68,107 @@ def _name_parts(context: PanelContext, placed: PictureRect, split: tuple[float, 
         corner, far = ImVec2(x - pad, y - 0.5 * pad), ImVec2(x + extent.x + pad, y + extent.y + 0.5 * pad)
         draw_list.add_rect_filled(corner, far, look.pack(look.grey(26, 0.88)), context.px(4))
         draw_list.add_text(ImVec2(x, y), look.pack(look.TEXT), name)
+
+
+# ----------------------------------------------------------------------------------------------- the grips of deformers
+
+
+Float64Array = NDArray[np.float64]
+
+N_LINE = 33
+BESIDE = 0.07  # of the height, between grips that would overlap
+_ROUNDS, _STEP = 4, {"degrees": 0.5, "": 0.005}
+_FURTHEST = {"degrees": 15.0, "": 0.15}  # the most that an amount changes in a step
+_NEAREST = 1e-3  # of the distance to the target
+
+
+def _grips(context: PanelContext, placed: PictureRect) -> list[PictureHandle]:
+    """The handles of the selected object, where it is visible."""
+    selected = context.view.selected
+    box = None if selected is None else context.box_of(selected.object)
+    if selected is None or box is None or not np.isfinite(box).all():
+        return []
+    box = box + dict(getattr(context.status, "carried", ())).get(selected.object, (0.0, 0.0, 0.0))
+    row = context.document.object(selected.object).deformations
+    found = []
+    for index, deformation in enumerate(row):
+        line = _on_screen(context, placed, _posed(box, row, _axis(box, row, index)))
+        if line is None:
+            continue
+        kind = KINDS[deformation.kind]
+        amount = f"{deformation.amount:.1f}°" if kind.unit == "degrees" else f"{deformation.amount:.3f}"
+        drag = partial(_dragged_grip, context, placed, selected.object, box, row, index)
+        places = [(float(x), float(y)) for x, y in line]
+        label = f"{deformation.kind} {selected.object}"
+        found.append(
+            PictureHandle(f"pose.handle.{index}", places[-1], places, label, f"{kind.title} {amount}: drag it.", drag)
+        )
+    return found
+
+
+def _axis(box: Float64Array, row: tuple[Deformation, ...], index: int) -> Float64Array:
+    """The line (N, 3) along a deformer's axis at rest, from its foot to its grip."""
+    deformation = row[index]
+    across, upward = grip = KINDS[deformation.kind].grip
+    before = [each for each in row[:index] if (KINDS[each.kind].grip, each.axis) == (grip, deformation.axis)]
+    upward += BESIDE * (len(before) + 1)
+    i_across, i_axis, i_depth = AXES[deformation.axis]
+    low, high = box
+    line = np.empty((N_LINE, 3))
+    line[:, [i_across, i_depth]] = 0.5 * (low + high)[[i_across, i_depth]]
+    line[:, i_axis] = low[i_axis] + upward * (high - low)[i_axis] * np.linspace(0.0, 1.0, N_LINE)
+    if across:  # up the axis, then out to the grip
+        n = N_LINE // 2
+        line[:n, i_axis] = low[i_axis] + upward * (high - low)[i_axis] * np.linspace(0.0, 1.0, n)
+        line[n:, i_axis] = line[n - 1, i_axis]
+        line[n:, i_across] += across * 0.5 * (high - low)[i_across] * np.linspace(0.0, 1.0, N_LINE - n)
+    return line
+
+
+def _posed(box: Float64Array, row: tuple[Deformation, ...], points: Float64Array) -> Float64Array:
+    """Points (N, 3) after the row of deformers."""
+    frames = np.broadcast_to(np.eye(3), (len(points), 3, 3))
+    return deform(Pose(points, frames), row, box).positions
+
+
+def _on_screen(context: PanelContext, placed: PictureRect, points: Float64Array) -> Float64Array | None:
+    """Points (N, 3) on screen (N, 2); None where one is beside or behind the camera."""
+    towards = points - np.array(context.camera.position)
+    if not (towards @ camera_frame(context.camera)[2] > _NEAREST * distance(context.camera)).all():
+        return None
+    size = max(round(placed.width), 1), max(round(placed.height), 1)
+    return np.asarray(project(context.camera, size, towards) + (placed.x, placed.y))
+
+
+def _dragged_grip(
+    context: PanelContext,
+    placed: PictureRect,
+    name: str,
+    box: Float64Array,
+    row: tuple[Deformation, ...],
+    index: int,
+    to: Place,
+) -> list[Action]:
+    """Set the amount with which the grip is nearest to a place on screen."""
+    deformation = row[index]
+    kind, grip = KINDS[deformation.kind], _axis(box, row, index)[-1:]
+
+    def seen(amount: float) -> Float64Array | None:
+        changed = (*row[:index], replace(deformation, amount=amount), *row[index + 1 :])
+        found = _on_screen(context, placed, _posed(box, changed, grip))
+        return None if found is None else np.asarray(found[0])
+
+    (low, high), amount = kind.limits, deformation.amount
+    for _ in range(_ROUNDS):
+        step = _STEP[kind.unit] if amount + _STEP[kind.unit] <= high else -_STEP[kind.unit]
+        here, there = seen(amount), seen(amount + step)
+        if here is None or there is None:
+            break
+        slope = (there - here) / step
+        steepness = float(slope @ slope)
+        if steepness < 1e-6:  # it moves towards the camera: the pointer does not determine the amount
+            break
+        wanted = float(slope @ (np.array(to) - here)) / steepness
+        furthest = _FURTHEST[kind.unit]
+        amount = min(max(amount + min(max(wanted, -furthest), furthest), low), high)
+    return [SetDeformer(name, index, amount=amount)] if amount != deformation.amount else []

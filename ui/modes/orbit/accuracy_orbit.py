@@ -7,6 +7,7 @@ from imgui_bundle import ImVec2, imgui
 from app.messages.editor_status import duration
 from app.modes.orbit.orbit_status import OrbitStatus
 from ui.modes.placement import accuracy_placement
+from ui.panels import widgets
 from ui.panels.actions import Action
 from ui.panels.context import PanelContext
 
@@ -18,7 +19,7 @@ def draw(context: PanelContext) -> list[Action]:
         return accuracy_placement.draw(context)
     imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(imgui.get_style().item_spacing.x, context.px(1)))
     for name, value, hint in figures(status):
-        accuracy_placement.figure(context, name, value, hint)
+        widgets.figure(name, value, hint)
     imgui.pop_style_var()
     return []
 

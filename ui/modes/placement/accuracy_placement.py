@@ -62,7 +62,7 @@ def draw(context: PanelContext) -> list[Action]:
     imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(imgui.get_style().item_spacing.x, context.px(1)))
     selected = context.view.selected
     for name, value, hint in figures(status, None if selected is None else selected.key):
-        figure(context, name, value, with_display_names(context.document, hint))
+        widgets.figure(name, value, with_display_names(context.document, hint))
     imgui.pop_style_var()
     return actions
 
@@ -211,17 +211,3 @@ def figures(status: PlacementStatus, selected: str | None = None) -> list[tuple[
 def _bands(counts: tuple[int, ...]) -> str:
     """The bands of a layer's curves, as they are shown."""
     return "bands " + " × ".join(map(str, counts)) if counts else "no bands: fixed"
-
-
-def figure(context: PanelContext, name: str, value: str, hint: str) -> None:
-    start, room = imgui.get_cursor_pos_x(), imgui.get_content_region_avail().x
-    imgui.push_style_color(imgui.Col_.text, look.pack(look.TEXT_SOFT))
-    imgui.text_unformatted(name)
-    imgui.pop_style_color()
-    widgets.tooltip(hint)
-    width = imgui.calc_text_size(value).x
-    if imgui.calc_text_size(name).x + imgui.get_style().item_spacing.x + width <= room:
-        imgui.same_line(start)
-    widgets.align_right(width)
-    imgui.text_unformatted(value)
-    widgets.tooltip(hint)
