@@ -1,4 +1,4 @@
-"""Band values against closed forms: constants, ramps, kept integrals, steps, and spikes far narrower than a band."""
+"""Band values against closed forms: constants, ramps, preserved integrals, steps, and spikes narrower than a band."""
 
 import math
 from dataclasses import dataclass

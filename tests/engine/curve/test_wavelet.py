@@ -1,4 +1,4 @@
-"""Daubechies-4 over bands: orthonormal at every size, and what that promises."""
+"""Daubechies-4 over bands is orthonormal at every size, with the properties that follow."""
 
 import math
 import pickle

@@ -1,4 +1,4 @@
-"""Compiled angles and quotients: parity with the obvious formulas, the identity of eq. 3.1, and nothing but numbers."""
+"""Compiled angles and quotients: equal to the plain formulas, eq. 3.1 holds, and all results are finite."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""Layers are values: edits sit on generated curves, survive parameters, and go into band coefficients."""
+"""Layers are values: edits apply to generated curves, survive parameters, and enter band coefficients."""
 
 import math
 import pickle

@@ -1,4 +1,4 @@
-"""Parameter tables: what is accepted, in which form, and how a refusal reads."""
+"""Parameter tables: which values are accepted, in which form, and the text of an error."""
 
 import math
 import pickle

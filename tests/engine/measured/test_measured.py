@@ -1,4 +1,4 @@
-"""From samples to layers: what is filled, what is fitted, and that an unedited import is the measurement."""
+"""From samples to layers: gaps are filled, factors fitted, and an unedited import equals the measurement."""
 
 import pickle
 from collections.abc import Callable, Mapping

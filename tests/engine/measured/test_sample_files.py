@@ -1,4 +1,4 @@
-"""MERL's and Cornell's files: what is read, what is refused and in which words, colours, and factors of few samples."""
+"""MERL's and Cornell's files: what is read, how errors are reported, colours, and factors of few samples."""
 
 import os
 import struct

@@ -1,4 +1,4 @@
-"""How many bounces a plan takes: closed forms of a hollow ball, a thing alone, and two walls."""
+"""Planned bounces: closed forms for a hollow ball, a single object, and two walls."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Bumps in pictures: the irradiance of a tilted plane below the true horizon, and three ways to the same picture."""
+"""Bumps in pictures: the irradiance of a tilted plane below the true horizon, and one picture by three methods."""
 
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What the solver of indirect light will find, and what it loses where there are too many cells, as a plan has it."""
+"""The predicted cost of indirect light: numbers of points and records, and tries with too many cells."""
 
 from __future__ import annotations
 

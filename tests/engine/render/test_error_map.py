@@ -1,4 +1,4 @@
-"""Where a picture is off: errors of points spread over their own objects."""
+"""The map of errors: errors of points spread over their own objects."""
 
 from __future__ import annotations
 

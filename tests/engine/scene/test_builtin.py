@@ -1,4 +1,4 @@
-"""The built-in scenes and environments load, and show what they are for."""
+"""Built-in scenes and environments load, and show what they are made for."""
 
 import numpy as np
 import pytest

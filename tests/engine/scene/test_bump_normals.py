@@ -1,4 +1,4 @@
-"""Normals that normal and bump maps turn: closed forms, and images that say nothing or are wrong."""
+"""Normals perturbed by normal and bump maps, against closed forms; images that are flat or cannot be used."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""A camera goes where a hand expects it; whatever the scene's size there is no pole, no NaN, no invalid camera."""
+"""Camera moves: expected places, and at any scale of the scene no pole, no NaN and no invalid camera."""
 
 from __future__ import annotations
 

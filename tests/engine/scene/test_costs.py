@@ -1,4 +1,4 @@
-"""What small files may cost: work in proportion to their bytes, counted in calls and bytes rather than in seconds."""
+"""The cost of small files is proportional to their bytes, counted in calls and bytes rather than in seconds."""
 
 import io
 import struct

@@ -1,3 +1,5 @@
+"""Scene files: what is read, and how each kind of error is reported."""
+
 import tomllib
 
 import pytest

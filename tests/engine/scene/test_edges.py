@@ -1,4 +1,4 @@
-"""Shading points at edges: shares by area, nothing inside of objects, and the pixels' centres as they are without."""
+"""Shading points at edges: shares by area, none inside of objects, and unchanged points at the pixels' centres."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""The scenes meant for indirect light: what may be edited in them, and that their light comes as it should."""
+"""Scenes for indirect light: which objects can be edited, and how light reaches what is seen."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Texture coordinates of meshes, what pixels see of an image, and what a scene may name."""
+"""Texture coordinates of meshes, images at pixels, and which images a scene may name."""
 
 import os
 import tomllib

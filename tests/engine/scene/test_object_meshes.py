@@ -1,4 +1,4 @@
-"""A mesh alone as a scene: framed, on a floor, lit, with materials."""
+"""The scene of a single mesh: framed, on a floor, lit, with materials."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Polygons become triangles of just their area, whatever their outline."""
+"""Polygons with any outline become triangles of the same area."""
 
 from __future__ import annotations
 

@@ -1,3 +1,5 @@
+"""Primary hits: order, frames, emitters and background, and invariants for any camera."""
+
 from pathlib import Path
 
 import numpy as np

@@ -1,3 +1,5 @@
+"""Rays against brute force over all triangles; invalid geometry and rays are rejected."""
+
 import numpy as np
 import pytest
 

@@ -1,3 +1,5 @@
+"""Loading scenes into arrays: ranges, placement, notes on defects, and errors."""
+
 import os
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""TOML that is read: the same tree as the parser's own, or one line, at a cost that grows with the text alone."""
+"""TOML: the same tree as the parser's own, or one line of error, at a cost proportional to the text."""
 
 import tomllib
 import tracemalloc

@@ -1,3 +1,5 @@
+"""The geodesic sphere: areas, containment, point location, and moments of triangles."""
+
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,4 +1,4 @@
-"""Filtered look-ups: means are kept, texels are met, a slant neither blurs nor shimmers."""
+"""Filtered look-ups: means are preserved, texels are reproduced, and slanted views neither blur nor shimmer."""
 
 import numpy as np
 import pytest

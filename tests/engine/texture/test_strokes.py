@@ -1,4 +1,4 @@
-"""Strokes of a brush on weight maps: what they cover, what they leave alone, and how files have them."""
+"""Brush strokes on weight maps: what they cover, what stays unchanged, and their form in files."""
 
 import math
 import pickle

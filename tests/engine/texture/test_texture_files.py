@@ -1,4 +1,4 @@
-"""Reading textures: sRGB against the formula, grey and deep images, and what is refused."""
+"""Reading textures: sRGB against the formula, grey and deep images, and rejected files."""
 
 import io
 import struct

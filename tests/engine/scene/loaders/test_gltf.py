@@ -1,3 +1,5 @@
+"""GLB files: geometry, nodes and parts that are read, and how each kind of error is reported."""
+
 import copy
 import json
 import re

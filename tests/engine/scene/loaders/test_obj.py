@@ -1,3 +1,5 @@
+"""OBJ files: what is read, and how each kind of error is reported."""
+
 import os
 
 import numpy as np

@@ -1,3 +1,5 @@
+"""PLY files, ASCII and binary: what is read, and how each kind of error is reported."""
+
 import struct
 
 import numpy as np
