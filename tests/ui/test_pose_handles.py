@@ -118,7 +118,7 @@ def test_grips_go_with_what_an_animation_carries(window: HeadlessWindow, bending
     bending.do(AddDeformer("teapot", "bend"))
     window.frames(2)
     before = window.shell.handle_position("pose.handle.0")
-    monkeypatch.setattr(bending.controller, "_carried", (("teapot", (0.2, 0.0, 0.0)),))
+    monkeypatch.setattr(bending.controller._drawing, "_carried", (("teapot", (0.2, 0.0, 0.0)),))
     window.frames(2)
     after = window.shell.handle_position("pose.handle.0")
     assert after[0] - before[0] > 5.0 and after[1] == pytest.approx(before[1], abs=2.0)
