@@ -1,4 +1,4 @@
-"""The milestones of a start, as they are written for whoever measures it."""
+"""Frame times and errors as they are remembered, and the milestones of a start as they are written."""
 
 from __future__ import annotations
 

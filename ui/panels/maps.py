@@ -10,6 +10,7 @@ from imgui_bundle import ImVec2, imgui
 
 from app.document.commands.maps import ClearMap, SetBumps, SetMap
 from app.document.document import ObjectState
+from app.operators.registry import keys_of
 from engine.material.bumps import BUMP_HEIGHT, BUMP_REPEATS, BUMP_STRENGTH
 from engine.material.layer_maps import SPACES, TEXTURE_SCALE, TEXTURE_SPACE, TEXTURE_STRENGTH, LayerMaps
 from ui import theme as look
@@ -60,7 +61,7 @@ def draw_bumps(context: PanelContext, state: ObjectState, width: float) -> list[
     room = imgui.get_content_region_avail().x - imgui.get_frame_height() - gap
     actions = _bump_button(context, state.name, bumps.kind, image_label(bumps.file), bumps.file, room)
     imgui.same_line(0.0, gap)
-    if widgets.icon_button(context, "clear_bumps", Icon.CLOSE, "Remove the image; Ctrl+Z brings it back."):
+    if widgets.icon_button(context, "clear_bumps", Icon.CLOSE, f"Remove the image; {keys_of('undo')} brings it back."):
         actions.append(SetBumps(state.name, bumps.kind, ""))
     heights = (BUMP_HEIGHT,) if bumps.bump_map else ()
     for parameter in (BUMP_STRENGTH, *heights, BUMP_REPEATS):
@@ -121,7 +122,9 @@ def _image(context: PanelContext, key: str, what: str, maps: LayerMaps, width: f
             actions.append(SetMap(key, "weight_invert", not maps.weight_invert))
         imgui.same_line(0.0, gap)
     what_goes = "the map, image and strokes" if what == "weight" else "the image"
-    if widgets.icon_button(context, f"clear_{what}", Icon.CLOSE, f"Removes {what_goes}; Ctrl+Z brings it back."):
+    if widgets.icon_button(
+        context, f"clear_{what}", Icon.CLOSE, f"Removes {what_goes}; {keys_of('undo')} brings it back."
+    ):
         actions.append(ClearMap(key) if what == "weight" else SetMap(key, what, ""))
     return actions
 

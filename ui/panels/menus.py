@@ -299,8 +299,8 @@ def _tone_mapping(context: PanelContext) -> list[Action]:
 
 def _fit(context: PanelContext) -> list[Action]:
     choices = (
-        ("Fit", "Fit the picture to the panel. (0)"),
-        ("1:1", "One pixel of the picture is one pixel of the screen. (1)"),
+        ("Fit", f"Fit the picture to the panel. ({keys_of('whole')})"),
+        ("1:1", f"One pixel of the picture is one pixel of the screen. ({keys_of('pixels')})"),
     )
     chosen = 0 if context.view.fit else 1 if is_pixel_for_pixel(context) else -1
     pressed = widgets.segments(context, "view.fit", choices, chosen, least=FIT_WIDTH)

@@ -8,6 +8,7 @@ from app.document.commands.layers import AddLayers, RemoveLayer, SetEditable, Se
 from app.document.document import ObjectState, layer_key
 from app.document.selection import is_layer_visible, solo_layer, toggle_solo
 from app.files.materials import copy_layer, copy_material
+from app.operators.registry import keys_of
 from engine.material import MODELS
 from engine.material.layer import Layer
 from ui import theme as look
@@ -156,7 +157,8 @@ def _layer(context: PanelContext, state: ObjectState, index: int, layer: Layer) 
         actions.append(SetFrozen(path, not layer.frozen))
     if not layer.rises and _toggle(
         context, f"solo.{path}", Icon.SOLO, Icon.SOLO, solo_layer(context.document, context.view) != path, quiet,
-        "Solo: see this layer without the others of its object; again: all of them. Not an edit. (S)",
+        "Solo: see this layer without the others of its object; again: all of them. Not an edit. "
+        f"({keys_of('solo')})",
     ):  # fmt: skip
         actions.append(toggle_solo(context.view, path))
     imgui.pop_id()

@@ -7,6 +7,7 @@ from imgui_bundle import ImVec2, imgui
 from app.document.commands import SetTime
 from app.document.timeline import Timeline, timeline
 from app.document.view_state import SetView
+from app.operators.registry import keys_of
 from ui import theme as look
 from ui.panels import number_fields, rows, widgets
 from ui.panels.actions import Action, RunOperator
@@ -29,7 +30,8 @@ def draw(context: PanelContext, corner: ImVec2, room: ImVec2) -> tuple[float, li
     draw_list.add_line(upper, ImVec2(lower.x, upper.y), look.pack(look.LINE))
     imgui.set_cursor_screen_pos(ImVec2(upper.x + padding, upper.y + padding))
     plays = context.view.playing is not None
-    icon, hint = (Icon.PAUSE, "Stop here (Space).") if plays else (Icon.RESUME, "Play (Space).")
+    keys = keys_of("alone")
+    icon, hint = (Icon.PAUSE, f"Stop here ({keys}).") if plays else (Icon.RESUME, f"Play ({keys}).")
     pressed = widgets.icon_button(context, "timeline.play", icon, hint, lit=plays)
     actions = toggle_playback(context) if pressed else []
     imgui.same_line()

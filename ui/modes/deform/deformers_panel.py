@@ -9,6 +9,7 @@ from imgui_bundle import imgui
 from app.document.commands import AddDeformer, MoveDeformer, RemoveDeformer, SetDeformer, SetPose, SetSurface
 from app.document.commands.poses import MAX_DEFORMERS
 from app.document.document import ObjectState
+from app.operators.registry import keys_of
 from engine.material.parameters import Parameter
 from engine.realtime.deformers import KINDS
 from engine.realtime.zonal_harmonics.pose import Deformation
@@ -43,7 +44,7 @@ def draw(context: PanelContext) -> list[Action]:
         actions += _row(context, state.name, index, deformation, len(state.deformations))
     actions += _add(context, state.name, len(state.deformations))
     if state.deformations:
-        hint = "Remove all deformers; Ctrl+Z brings them back."
+        hint = f"Remove all deformers; {keys_of('undo')} brings them back."
         _beside(REST)
         if widgets.text_button(context, "pose.reset", REST, hint):
             actions.append(SetPose(state.name))
@@ -147,7 +148,7 @@ def _surface_row(context: PanelContext, state: ObjectState, parameter: Parameter
     if isinstance(file, str):
         actions = file_button(context, f"{handle}.file", Path(file).name, file, hint, room, open_file)
         imgui.same_line(0.0, gap)
-        remove = "Remove the image; Ctrl+Z brings it back."
+        remove = f"Remove the image; {keys_of('undo')} brings it back."
         if widgets.icon_button(context, f"{handle}.clear", Icon.CLOSE, remove):
             actions.append(set_value(parameter.default))
         return actions
