@@ -24,8 +24,7 @@ from benchmarks.plan_costs import measure_plans
 from benchmarks.plan_savings import measure_savings
 from benchmarks.relighting import relight_figures
 from benchmarks.rooms import room_figures
-from benchmarks.sweep import Grid, SweepResult, run_sweep, write_csv
-from benchmarks.sweep_plots import write_plots
+from benchmarks.sweep import Grid, SweepResult, run_sweep, write_csv, write_plots
 from benchmarks.turning_sky import turning_errors, write_turning
 from benchmarks.variants import variant_settings
 from benchmarks.visibility_methods import visibility_rows, write_visibility

@@ -191,7 +191,9 @@ def checked_setting(name: str, value: object) -> Any:
     setting = SETTINGS[name]
     if value in setting.as_required or (not isinstance(value, bool) and value in setting.values):
         return value
-    raise InsituError(f"{setting.option or name} {value}: expected {setting.expected}")
+    values = setting.values
+    expected = setting.expected if isinstance(values, range) else f"one of {', '.join(map(str, values))}"
+    raise InsituError(f"{setting.option or name} {value}: expected {expected}")
 
 
 def checked_line(line: str, value: object) -> LineValue:

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import functools
 from typing import TYPE_CHECKING
-
-from engine.realtime.triple_product.orbit_engine import Orbit
 
 if TYPE_CHECKING:
     import pytest
@@ -13,6 +10,5 @@ if TYPE_CHECKING:
 
 def use_few_points(patch: pytest.MonkeyPatch, n_points: int = 500, n_rays: int = 200) -> None:
     """Pictures of this process: so many points in addition to the meshes' vertices, and rays of each in Deform."""
-    patch.setattr("app.stills.stills.Orbit", functools.partial(Orbit, n_points=n_points))
-    patch.setattr("app.stills.stills.DEFORM_RAYS", n_rays)
+    patch.setattr(stills, "STILL_SETTINGS", replace(stills.STILL_SETTINGS, n_points=n_points, n_rays=n_rays))
     patch.setattr("engine.realtime.zonal_harmonics.deform_engine.N_POINTS", n_points)

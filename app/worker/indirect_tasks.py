@@ -141,7 +141,14 @@ class IndirectTasks:
             yield Progress("indirect light", 0.0, text="light on surfaces")
             light = relit(found.light, self._placement, sky, found.settings, n_bounces)
             yield from self._cache_light(replace(found, light=light, lit_by=lit_by))
-            return
+        else:
+            yield from self._find_anew(layers, sky, lit_by, n_bounces, is_last, n_rays)
+
+    def _find_anew(
+        self, layers: Sequence[LayerState], sky: SkyState, lit_by: str, n_bounces: int, is_last: bool, n_rays: int
+    ) -> Steps:
+        """The same, without the rays of what was found before."""
+        fine, models = FINE.with_rays(n_rays), tuple((each.key, each.model) for each in layers)
         by_object: dict[int, list[Layer]] = {}
         for each in layers:
             by_object.setdefault(self._object(each), []).append(each.layer)

@@ -340,7 +340,7 @@ def take_picture(table: Table) -> None:
 
 
 def test_a_still_is_of_the_pose_that_is_set(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(stills, "DEFORM_RAYS", 16)
+    monkeypatch.setattr(stills, "STILL_SETTINGS", replace(stills.STILL_SETTINGS, n_rays=16))
     at_rest = open_project(str(file)).scene
     for values, poses in ((), ()), ([("box.bend", 60.0)], POSES):
         project = open_project(str(file), values=values)

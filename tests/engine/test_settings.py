@@ -54,7 +54,7 @@ def test_a_number_is_brought_into_its_range(name: str, value: object, nearest: o
 
 
 def test_a_wrong_value_is_refused_by_the_name_that_the_user_gave() -> None:
-    with pytest.raises(InsituError, match="--edges 3: expected off, 4, 8 or 16"):
+    with pytest.raises(InsituError, match="--edges 3: expected one of 0, 4, 8, 16"):
         checked_setting("n_edge_rays", 3)
     with pytest.raises(InsituError, match="plan: lobes = 5, expected a whole number from 1 to 4"):
         checked_line("lobes", 5)

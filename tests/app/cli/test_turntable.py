@@ -6,6 +6,7 @@ import dataclasses
 import json
 import re
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -50,8 +51,7 @@ def turn(scene: Path, out: Path, *more: object) -> int:
 @pytest.fixture
 def coarse(monkeypatch: pytest.MonkeyPatch) -> None:
     """Orbit on few points."""
-    made = stills.Orbit
-    monkeypatch.setattr(stills, "Orbit", lambda scene, **rest: made(scene, n_points=100, **rest))
+    monkeypatch.setattr(stills, "STILL_SETTINGS", replace(stills.STILL_SETTINGS, n_points=100))
 
 
 def test_the_camera_goes_round_its_target_once() -> None:
@@ -88,7 +88,7 @@ def test_frames_that_are_there_are_kept_and_others_drawn(scene: Path, tmp_path: 
 def test_an_animation_is_frames_of_it_and_a_time_one_of_them(
     tmp_path: Path, mode: str, capsys, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(stills, "DEFORM_RAYS", 16)
+    monkeypatch.setattr(stills, "STILL_SETTINGS", replace(stills.STILL_SETTINGS, n_rays=16))
     monkeypatch.setattr("engine.realtime.zonal_harmonics.deform_engine.N_POINTS", 60)
     (tmp_path / "scene").mkdir()
     bar, out = write_bar(tmp_path / "scene"), tmp_path / "out"

@@ -150,7 +150,7 @@ def test_precompute_without_a_folder_to_write_fails(
 def test_precompute_into_a_cache_that_is_too_small_fails(scene: Path, tmp_path: Path) -> None:
     def fill(name: str, bound: int) -> ArrayCache:
         store = ArrayCache(tmp_path / name, bound)
-        fill_cache(open_project(str(scene)), lambda progress: None, 500, store)
+        fill_cache(open_project(str(scene)).with_settings(n_lights=500), lambda progress: None, store)
         return store
 
     all_of_it = fill("enough", 1 << 24).size()

@@ -19,8 +19,7 @@ from app.project.project import open_project
 from app.stills.stills import check_output, write_picture
 from app.system import atomic
 from app.system.atomic import replacing_folder, save_file, write_atomically
-from benchmarks.sweep import SweepRow, write_csv
-from benchmarks.sweep_plots import write_plots
+from benchmarks.sweep import SweepRow, write_csv, write_plots
 from engine.core.errors import InsituError
 from engine.material import MODELS, make_layer
 from tests.app.limits import largest_file, small_disk

@@ -7,8 +7,7 @@ from math import comb
 import numpy as np
 import pytest
 
-from benchmarks.dense_tensor import DenseTensor
-from benchmarks.multisets import NONE, Multisets
+from benchmarks.dense_tensor import NONE, DenseTensor, Multisets
 from engine.core.errors import InsituError
 from engine.core.generators import run_to_end
 from engine.light.environment import constant_environment
