@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
+
+from app.stills import stills
 
 if TYPE_CHECKING:
     import pytest
