@@ -118,6 +118,21 @@ def test_imports_go_one_way(package: str) -> None:
     assert not wrong, "\n".join(wrong)
 
 
+@pytest.mark.parametrize(
+    ("package", "others"),
+    [
+        ("core", ("triple_product", "zonal_harmonics")),
+        ("triple_product", ("zonal_harmonics",)),
+        ("zonal_harmonics", ("triple_product",)),
+    ],
+)
+def test_transfer_models_share_a_core_and_do_not_know_each_other(package: str, others: tuple[str, ...]) -> None:
+    paths = sorted((ROOT / "engine" / "realtime" / package).glob("*.py"))
+    names = [(path.name, name) for path in paths for _, name in imported_modules(path)]
+    assert any(name.startswith("engine.") for _, name in names)
+    assert not [each for each in names for other in others if each[1].startswith(f"engine.realtime.{other}")]
+
+
 def test_relative_imports_are_resolved(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys.modules[__name__], "ROOT", tmp_path)
     (tmp_path / "engine" / "curve").mkdir(parents=True)

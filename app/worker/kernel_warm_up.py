@@ -34,7 +34,7 @@ from engine.core.generators import run_to_end
 from engine.material.layer_maps import Images
 from engine.material.strokes import Stroke, Strokes, pack_dabs
 from engine.planner import band_counts
-from engine.realtime.zonal_harmonics.gpu_parts import NO_PARTS
+from engine.realtime.core.gpu_parts import NO_PARTS
 from engine.realtime.zonal_harmonics.pose import Deformation, Moment
 from engine.realtime.zonal_harmonics.wrinkle import wrinkles
 from engine.scene.builtin import ASSETS

@@ -216,7 +216,7 @@ def until_compiled(context: WorkerContext, what: str) -> Steps:
 def _prepared_sky(sky: SkyState, text: str) -> Steps:
     """The sky, prepared in steps, between which the window gets pictures of objects lit from the camera."""
     yield Progress(STAGE, 0.0, text=text)
-    from engine.realtime.triple_product.sky_map import preparing_sky
+    from engine.realtime.triple_product.incident import preparing_sky
 
     for _ in preparing_sky(sky.environment):
         yield Progress(STAGE, 0.0, text=text)

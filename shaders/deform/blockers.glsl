@@ -1,7 +1,9 @@
-// Provides: how much light clusters of triangles take from a white matt point, as `engine.realtime.zonal_harmonics._shading_kernels`.
+// Provides: how much light clusters of triangles block at a white diffuse point, as
+// `engine.realtime.zonal_harmonics._shading_kernels`.
 // Needs deform/light.glsl.
 
-// Clusters, see `engine.realtime.zonal_harmonics.shading.CLUSTER_ROW`, then for each object whether each of those casts its shadow on it.
+// Clusters, see `engine.realtime.zonal_harmonics.shading.CLUSTER_ROW`, then for each object whether each of those casts
+// its shadow on it.
 layout(std430, binding = 6) readonly buffer Blockers { float blockers[]; };
 uniform int n_blockers, n_casters;
 uniform float spread[ORDER];  // by what the light of each band is multiplied
@@ -9,7 +11,7 @@ uniform float least;          // of an even light, see `_shading_kernels.LEAST_B
 
 const int BLOCKER = 14;
 
-// Of the light that one of them takes: a cone's mean of each band is (P_(l-1) - P_(l+1)) / ((2l+1)(1-c)) at its rim.
+// The light that one of them blocks: a cone's mean of each band is (P_(l-1) - P_(l+1)) / ((2l+1)(1-c)) at its rim.
 vec3 blocked_by(int at, vec3 place, vec3 normal) {
     vec3 to = vec3(blockers[at], blockers[at + 1], blockers[at + 2]) - place;
     float area = blockers[at + 3], square = max(dot(to, to), 1e-20);
@@ -24,7 +26,7 @@ vec3 blocked_by(int at, vec3 place, vec3 normal) {
     float away = dot(vec3(blockers[at + 10], blockers[at + 11], blockers[at + 12]), d);
     outline *= clamp(1.0 - 2.0 * away, 0.0, 1.0);
     float sine2 = outline / (outline + PI * square), sine = sqrt(sine2);
-    if (up < sine)  // the cone dips below the horizon
+    if (up < sine)  // the cone extends below the horizon
         up = up > -sine ? (up + sine) * (up + sine) / max(4.0 * sine, 1e-20) : 0.0;
     float weight = sine2 * up - least;
     if (weight <= 0.0)
@@ -42,7 +44,7 @@ vec3 blocked_by(int at, vec3 place, vec3 normal) {
     return weight * max(mean, 0.0);
 }
 
-// What is left of white, which a point of an object sends where nothing else stands.
+// The rest of white, the radiance of an object's point without other objects.
 vec3 with_shadows(vec3 white, int object, vec3 place, vec3 normal) {
     vec3 blocked = vec3(0.0);
     for (int k = 0; k < n_blockers; k++)

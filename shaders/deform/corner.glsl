@@ -1,4 +1,4 @@
-// Provides: where a triangle's corner comes to lie in the picture, and what the points there send.
+// Provides: the projection of a triangle's corner to the picture, and the radiance of the points there.
 #include "common/view.glsl"
 
 layout(std430, binding = 1) readonly buffer Posed { float posed[]; };  // a point: rows of its frame (9), place (3)
@@ -6,7 +6,7 @@ layout(std430, binding = 7) readonly buffer Sent { float sent[]; };    // a poin
 
 void place(int p) {
     int at = 12 * p + 9;
-    gl_Position = seen_at(vec3(posed[at], posed[at + 1], posed[at + 2]));
+    gl_Position = projected(vec3(posed[at], posed[at + 1], posed[at + 2]));
 }
 
 vec3 sent_by(int p, int first) {

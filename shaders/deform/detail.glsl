@@ -1,10 +1,11 @@
-// Provides: what a white matt pixel sends whose lobes lie on texture coordinates, as `engine.realtime.zonal_harmonics.surface_details`.
+// Provides: the radiance of a white diffuse pixel whose lobes lie on texture coordinates, as
+// `engine.realtime.zonal_harmonics.surface_details`.
 #include "deform/light.glsl"
 
 layout(std430, binding = 0) readonly buffer Map { float map_lobes[]; };  // an entry: low (4), lobes of axis and bands
 uniform int map_first, n_lobes;
 uniform ivec2 map_shape;  // rows, columns
-uniform vec2 repeats;     // of a map that is smooth: rows along which coordinate, and how often
+uniform vec2 repeats;     // of a smooth map: along which coordinate its rows lie, and how often
 uniform bool is_smooth;   // lobes lie between entries, else they are the nearest one's
 
 int entry(ivec2 place) {
@@ -16,7 +17,7 @@ vec3 unit(vec3 v, vec3 instead) {
     return size > 1e-12 ? v / size : instead;
 }
 
-// Along u, along v, outwards on the side that is seen.
+// Along u, along v, outwards on the visible side.
 mat3 frame_of(mat3 mean, bool is_front) {
     vec3 normal = unit(mean[2], vec3(0.0, 0.0, 1.0));
     vec3 other = abs(normal.x) < 0.5 ? vec3(1.0, 0.0, 0.0) : vec3(0.0, 1.0, 0.0);

@@ -1,4 +1,4 @@
-// Provides: the light of a pose, as `engine.realtime.zonal_harmonics.shading.BandLight` has it.
+// Provides: distant light in bands, as `engine.realtime.zonal_harmonics.shading.BandLight`.
 
 const int ORDER = 6;  // `engine.realtime.zonal_harmonics.object_transfer.ORDER`
 
@@ -11,7 +11,7 @@ vec3 light_at(int i) {
     return vec3(light[3 * i], light[3 * i + 1], light[3 * i + 2]);
 }
 
-// The light of each band along a direction, between four entries; beyond a pole lies the other side.
+// The light of each band along a direction, interpolated between four entries; rows beyond a pole continue opposite.
 void look_up(vec3 d, out vec3 bands[ORDER]) {
     float row = acos(clamp(d.z, -1.0, 1.0)) * (table.x / PI) - 0.5;
     float column = (atan(d.y, d.x) + PI) * (table.y / (2.0 * PI)) - 0.5;
@@ -31,7 +31,7 @@ void look_up(vec3 d, out vec3 bands[ORDER]) {
     }
 }
 
-// What bands 0 and 1 that are kept as they are make of it, in axes that are the columns of frame.
+// The radiance by the exact bands 0 and 1, in axes that are the columns of frame.
 vec3 light_of_low(vec4 low, mat3 frame) {
     vec3 linear = frame * vec3(-low.w, -low.y, low.z);
     return low.x * light_at(0) - linear.y * light_at(1) + linear.z * light_at(2) - linear.x * light_at(3);

@@ -1,6 +1,6 @@
 #version 430 core
-// Provides: what white matt points send, and what their gloss sends to the eye: lobes in the axes that points have now,
-// each a look-up in the light of bands along directions [Sloan05, eq. 25]. As `_shading_kernels` and `_gloss_kernels`.
+// Provides: the radiance of white diffuse points, and their gloss towards the camera: lobes in the points' current
+// axes, each a look-up in the light of bands along directions [Sloan05, eq. 25]. As `_shading_kernels`.
 layout(local_size_x = 64) in;
 
 #include "deform/light.glsl"
@@ -10,16 +10,16 @@ layout(std430, binding = 0) readonly buffer Lobes { float lobes[]; };    // a po
 layout(std430, binding = 1) readonly buffer Posed { float posed[]; };    // a point: rows of its frame (9), place (3)
 layout(std430, binding = 2) readonly buffer Owners { int owners[]; };    // the object of each point
 layout(std430, binding = 4) readonly buffer Objects { float objects[]; };  // albedo, first gloss, emission, their count
-layout(std430, binding = 5) readonly buffer Gloss { float gloss[]; };    // for angles of the eye: bands, lean
+layout(std430, binding = 5) readonly buffer Gloss { float gloss[]; };    // for polar angles of wo: bands, lean
 layout(std430, binding = 7) writeonly buffer Sent { float sent[]; };     // a point: white (3), gloss (3)
 uniform int n_points, n_lobes;
 uniform int n_angles;
 uniform float steepest;   // radians
 uniform float cosine[ORDER];
-uniform float even;       // light that reaches all points where it is asked how much is blocked, summed over channels
-uniform vec3 eye;
+uniform float even;       // light that is added to both sides of the visibility ratio, summed over channels
+uniform vec3 camera_position;
 
-vec3 matt(int p, mat3 frame) {
+vec3 diffuse(int p, mat3 frame) {
     int at = p * (4 + n_lobes * (3 + ORDER));
     vec3 radiance = light_of_low(vec4(lobes[at], lobes[at + 1], lobes[at + 2], lobes[at + 3]), frame);
     vec3 bands[ORDER];
@@ -64,12 +64,13 @@ void main() {
         frame[i] = vec3(posed[12 * p + 3 * i], posed[12 * p + 3 * i + 1], posed[12 * p + 3 * i + 2]);
         place[i] = posed[12 * p + 9 + i];
     }
-    vec3 white = with_shadows(matt(p, frame), owners[p], place, frame[2]), to_eye = vec3(0.0);
+    vec3 white = with_shadows(diffuse(p, frame), owners[p], place, frame[2]), to_camera = vec3(0.0);
+    vec3 wo = camera_position - place;
     int object = 8 * owners[p], first = int(objects[object + 3]), count = int(objects[object + 7]);
     for (int layer = first; layer < first + count; layer++)
-        to_eye += shiny(layer, frame[2], (eye - place) / max(length(eye - place), 1e-30), white);
+        to_camera += shiny(layer, frame[2], wo / max(length(wo), 1e-30), white);
     for (int i = 0; i < 3; i++) {
         sent[6 * p + i] = white[i];
-        sent[6 * p + 3 + i] = to_eye[i];
+        sent[6 * p + 3 + i] = to_camera[i];
     }
 }

@@ -1,5 +1,5 @@
 #version 430 core
-// Provides: corners of triangles where they are now, and what the points there send on either side.
+// Provides: corners of triangles at their current places, and the radiance of the points there on either side.
 #include "deform/corner.glsl"
 
 in ivec4 corner;        // its place, the point on its front and its back, -1 for none, and the object

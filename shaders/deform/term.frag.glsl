@@ -1,6 +1,6 @@
 #version 430 core
-// Provides: one matt layer of an object, times texture and weight; with detail, of lobes that lie on its texture
-// coordinates in place of those of its points.
+// Provides: one diffuse layer of an object, times texture and weight; with detail, by lobes that lie on its texture
+// coordinates instead of those of its points.
 #if HAS_DETAIL
 #include "deform/detail.glsl"
 centroid in mat3 axes;

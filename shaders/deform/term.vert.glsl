@@ -1,5 +1,6 @@
 #version 430 core
-// Provides: corners of the triangles that one layer lies on by texture coordinates, see `engine.realtime.zonal_harmonics.gpu_parts.CoverPart`.
+// Provides: corners of the triangles that one layer lies on by texture coordinates, see
+// `engine.realtime.core.gpu_parts.CoverPart`.
 #include "deform/corner.glsl"
 
 layout(std430, binding = 2) readonly buffer Axes { float surface_axes[]; };  // along u, along v, outwards

@@ -1,5 +1,5 @@
 #version 430 core
-// Provides: what an object emits, by its front; depth beside it.
+// Provides: the emission of an object's front, and depth.
 
 flat in int shows_back;
 uniform vec3 emission;

@@ -1,6 +1,6 @@
 #version 430 core
-// Provides: the triple product: what points that are seen send to the eye with gloss, the sum over their coefficients of
-// light times visibility, those that are not 0, times the slice towards the eye, and of their suns. A group a point.
+// Provides: the triple product: the glossy reflection of visible points towards the camera, the sum over their nonzero
+// coefficients of light times visibility, times the slice towards the camera, and over their peaks. A group a point.
 #include "orbit/points.glsl"
 #include "orbit/rows.glsl"
 #include "orbit/slices.glsl"
@@ -9,8 +9,8 @@ layout(local_size_x = 32) in;
 layout(std430, binding = 8) readonly buffer Seen { uint seen[]; };
 layout(std430, binding = 9) writeonly buffer Gloss { vec4 gloss[]; };
 uniform ivec2 range;  // of points, the last excluded
-uniform uint picture; // its number, with which points are marked that it sees
-uniform vec3 eye;
+uniform uint picture; // its number, which marks the points that it shows
+uniform vec3 camera_position;
 uniform int n_most;   // coefficients
 
 shared vec3 sums[32];
@@ -20,8 +20,8 @@ void main() {
     if (p >= range.y || seen[p] != picture) {
         return;
     }
-    vec3 wo = eye - place_of(p);
-    wo = dot(wo, wo) > 1e-30 ? normalize(wo) : normal_of(p); // an eye at the point looks from straight above
+    vec3 wo = camera_position - place_of(p);
+    wo = dot(wo, wo) > 1e-30 ? normalize(wo) : normal_of(p); // a camera at the point looks from straight above
     Cell cell = cell_at(vec3(dot(tangent_of(p), wo), dot(normal_of(p), wo), dot(across_of(p), wo)));
     int mine = int(gl_LocalInvocationID.x), first = row_of(p) * row_words;
     int n = min(int(rows[first]), n_most), start = first + FIRST_COEFFICIENT;
@@ -31,8 +31,8 @@ void main() {
         vec3 light = uintBitsToFloat(uvec3(low & 0xFFFF0000u, high << 16, high & 0xFFFF0000u));
         total += light * coefficient_between(cell, int(low & 0xFFFFu));
     }
-    for (int s = mine; s < N_SUNS; s += 32) {
-        int triangle = int(rows[first + FIRST_SUN + s]);
+    for (int s = mine; s < N_PEAKS; s += 32) {
+        int triangle = int(rows[first + FIRST_PEAK + s]);
         if (triangle >= 0) {
             total += three_at(first + FIRST_POWER + 3 * s) * value_between(cell, triangle);
         }

@@ -1,5 +1,5 @@
-// Provides: what shading points keep (engine/realtime/triple_product/gpu_parts.py): places and frames, irradiance, and colours and marks of
-// the picture that is being drawn.
+// Provides: the shading points' data (engine/realtime/core/gpu_parts.py): positions and frames, irradiance, and colours
+// and marks of the picture that is being drawn.
 
 layout(std430, binding = 0) readonly buffer Points { vec4 points[]; };  // three each
 layout(std430, binding = 1) readonly buffer Irradiance { vec4 irradiance[]; };

@@ -1,5 +1,5 @@
 #version 430 core
-// Provides: marks on the points around all that is seen of an object; 0 to be added to the picture.
+// Provides: marks on the points around all visible pixels of an object; 0 to be added to the picture.
 
 layout(early_fragment_tests) in;
 layout(std430, binding = 7) readonly buffer Corners { int corners[]; };  // 16 words each

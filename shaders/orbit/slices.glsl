@@ -1,4 +1,5 @@
-// Provides: the slices of a term's layers and what they are between four of them, as `engine.realtime.triple_product._slice_kernels`.
+// Provides: the slices of a term's layers, and interpolation between four of them, as
+// `engine.realtime.triple_product._slice_kernels`.
 
 layout(std430, binding = 4) readonly buffer Coefficients { uvec2 coefficients[]; };
 layout(std430, binding = 5) readonly buffer Values { uvec2 values[]; };

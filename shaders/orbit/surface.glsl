@@ -1,4 +1,4 @@
-// Provides: triangles between shading points as the eye sees them, and their points on its side.
+// Provides: triangles between shading points as the camera sees them, and their points on its side.
 #include "common/view.glsl"
 
 layout(location = 0) in vec3 position;
@@ -9,5 +9,5 @@ layout(location = 4) in vec3 first_way;
 layout(location = 5) in vec3 second_way;
 
 bool is_back() {
-    return dot(face, position - eye) > 0.0;
+    return dot(face, position - camera_position) > 0.0;
 }

@@ -1,6 +1,6 @@
 #version 430 core
-// Provides: one term of what an object reflects: its points' colours, the irradiance of a normal that bumps turn
-// (engine/realtime/triple_product/_perturbed_kernels.py, `leaning_irradiance`), times texture and weight.
+// Provides: one term of an object's reflection: its points' colours, the irradiance of a normal that bumps perturb
+// (engine/realtime/triple_product/_pixel_kernels.py, `quick_irradiance`), times texture and weight.
 #include "common/images.glsl"
 
 centroid in vec3 colour;
@@ -18,7 +18,7 @@ uniform vec2 slope_repeats;
 uniform float slope_scale;
 uniform bool is_normal_map;
 
-vec3 lean(vec3 n, vec2 right, vec2 below) {
+vec3 normal_offset(vec3 n, vec2 right, vec2 below) {
     vec2 slope = -slope_scale * side * over_pixel(slopes, uv, right, below, slope_repeats).xy;
     vec3 sum;
     if (is_normal_map) {
@@ -44,9 +44,9 @@ void main() {
     vec3 sent = colour;
     vec2 right = dFdx(uv), below = dFdy(uv);
 #if IS_BUMPY
-    vec3 leaning = lean(normalize(normal), right, below);
-    float cosine = inversesqrt(1.0 + dot(leaning, leaning));
-    sent += reflectance * max((0.5 + 0.5 * cosine) * light + cosine * (leaning * from_side), 0.0);
+    vec3 offset = normal_offset(normalize(normal), right, below);
+    float cosine = inversesqrt(1.0 + dot(offset, offset));
+    sent += reflectance * max((0.5 + 0.5 * cosine) * light + cosine * (offset * from_side), 0.0);
 #endif
 #if HAS_MAPS
     sent *= factor(uv, right, below, at, outside);

@@ -1,5 +1,5 @@
 #version 430 core
-// Provides: one term of what an object reflects at its shading points, and under bumps what leans there.
+// Provides: one term of an object's reflection at its shading points, and under bumps the light for offset normals.
 #include "orbit/surface.glsl"
 #include "orbit/points.glsl"
 #include "orbit/rows.glsl"
@@ -20,12 +20,12 @@ centroid out mat3 from_side;  // of red, green and blue: power times direction
 #endif
 
 void main() {
-    gl_Position = seen_at(position);
+    gl_Position = projected(position);
     int p = is_back() ? sides.y : sides.x;
-    // Until it is told of points on a back, that shows the light of its front, evenly reflected.
-    bool is_told = p >= 0, reflects = is_told || sides.x >= 0;
-    p = max(is_told ? p : sides.x, 0);
-    vec3 glossy = is_told ? gloss[p].rgb : sends_on * irradiance[p].rgb;
+    // Until points on a back are uploaded, it shows the light of its front, diffusely reflected.
+    bool has_point = p >= 0, reflects = has_point || sides.x >= 0;
+    p = max(has_point ? p : sides.x, 0);
+    vec3 glossy = has_point ? gloss[p].rgb : sends_on * irradiance[p].rgb;
     vec3 sent = sends_on * indirect[p].rgb + has_gloss * glossy;
 #if IS_BUMPY
     side = is_back() ? -1.0 : 1.0;
@@ -34,8 +34,8 @@ void main() {
     along = first_way;
     across = second_way;
     int row = max(row_of(p), 0) * row_words;
-    from_side = reflects ? outerProduct(tangent_of(p), three_at(row + 1)) + outerProduct(across_of(p), three_at(row + 4))
-                         : mat3(0.0);
+    mat3 along_axes = outerProduct(tangent_of(p), three_at(row + 1)) + outerProduct(across_of(p), three_at(row + 4));
+    from_side = reflects ? along_axes : mat3(0.0);
 #else
     sent += reflectance * irradiance[p].rgb;
 #endif

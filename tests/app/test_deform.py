@@ -34,8 +34,8 @@ from app.worker.schedule import InProcessClient
 from app.worker.tasks import RequestDispatcher
 from engine.precompute.direct.pipeline import Placement
 from engine.precompute.indirect.sampling_settings import BounceSeries
+from engine.realtime.core.gpu_parts import NO_PARTS, PictureExport, PosedPart
 from engine.realtime.zonal_harmonics import patches
-from engine.realtime.zonal_harmonics.gpu_parts import NO_PARTS, PictureExport, PosedPart
 from engine.realtime.zonal_harmonics.pose import Deformation
 from engine.render.error_estimate import interior_points
 from engine.scene.rig import Animation
@@ -111,7 +111,7 @@ def test_a_window_that_draws_is_sent_what_moves_and_the_rest_once(file: Path, mo
         assert isinstance(drawn, PoseExported) and drawn.is_done and not drawn.radiance.size
         sent.append(drawn.export)
         known = sent[0].numbers
-    assert not any((sent[1].shape, sent[1].appearance, sent[1].cover, sent[1].sky))
+    assert not any((sent[1].shape, sent[1].appearance, sent[1].cover, sent[1].backdrop))
     assert np.abs(sent[1].posed.places - sent[0].posed.places).max() > 0.1
     # What lies between points is told as it is looked up.
     grooves = DeformSurface.model_validate({"patch": {"kind": "bumps"}})

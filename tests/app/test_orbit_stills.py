@@ -15,7 +15,7 @@ from engine.precompute.direct.pipeline import Placement
 from engine.precompute.indirect.sampling_settings import BounceSeries
 from engine.realtime.stills import render_orbit
 from tests.app.files.test_brdf_files import insitu
-from tests.engine.realtime.triple_product.conftest import SCENE
+from tests.engine.realtime.conftest import SCENE
 from tests.pictures import write_exr
 
 

@@ -7,7 +7,7 @@ from app.project.project import open_project
 from app.stills.stills import layers_by_object
 from benchmarks.haar_truncation import COUNTS, FILE, PLOT, RULES, WAYS, Truncated, truncation_errors, write_truncation
 from engine.precompute.direct.pipeline import Placement
-from tests.engine.realtime.triple_product.conftest import SCENE
+from tests.engine.realtime.conftest import SCENE
 
 
 def errors_of(folder: Path, counts: tuple[int, ...]) -> list[Truncated]:

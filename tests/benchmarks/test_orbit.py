@@ -9,7 +9,7 @@ from app.project.project import open_project
 from benchmarks import orbit as measuring
 from benchmarks.figures import SPECS, Figure, not_measured
 from benchmarks.orbit import NAMES, TABLE, OrbitEffort, errors_by_coefficients, gpu_figure, orbit_figures
-from tests.engine.realtime.triple_product.conftest import BLOCK
+from tests.engine.realtime.conftest import BLOCK
 
 TINY = OrbitEffort(20, 3, (20, 320), (24, 18), 2, 100, 1000)
 

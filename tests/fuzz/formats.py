@@ -339,7 +339,7 @@ def read_cornell_file(path: Path) -> None:
 
 def entries(folder: Path) -> list[bytes]:
     """Of visibility, of a store of bands, and of fitted lobes."""
-    from engine.realtime.triple_product.stored_visibility import deflate_bits
+    from engine.realtime.triple_product.visibility import deflate_bits
     from engine.realtime.zonal_harmonics.zonal import membrane
     from tests.engine.precompute.direct.test_bandstore import sparse_bands, store_of, whole
 
@@ -366,7 +366,7 @@ def read_entry(path: Path) -> None:
     from app.worker.deform_worker import stored_lobes
     from engine.core.stored_arrays import ArrayReader
     from engine.precompute.direct.bandstore import arrays_of_file, store_from_arrays
-    from engine.realtime.triple_product.stored_visibility import inflate_bits
+    from engine.realtime.triple_product.visibility import inflate_bits
 
     data = path.read_bytes()
     for read in (

@@ -26,7 +26,7 @@ from engine.realtime.zonal_harmonics.pose import Poses
 from engine.scene.description import Camera, CameraDescription
 from engine.scene.scene_loader import Scene
 from engine.scene.surface_kinds import SurfacesByObject
-from tests.engine.realtime.zonal_harmonics.test_animated_pose import write_bar
+from tests.engine.realtime.zonal_harmonics.test_posed_scene import write_bar
 from tests.ui.test_any_orbit_sequence import (
     CAMERAS,
     NamedOrbit,

@@ -17,9 +17,9 @@ from app.worker.cache import ArrayCache
 from app.worker.deform_worker import DeformWorker
 from app.worker.schedule import InProcessClient
 from app.worker.tasks import RequestDispatcher
-from engine.realtime.zonal_harmonics.gpu_parts import PictureExport
+from engine.realtime.core.gpu_parts import PictureExport
 from engine.realtime.zonal_harmonics.pose import Deformation
-from tests.engine.realtime.zonal_harmonics.test_animated_pose import write_bar
+from tests.engine.realtime.zonal_harmonics.test_posed_scene import write_bar
 from tests.engine.scene.loaders.test_gltf_rig import Bar
 from tests.ui.small_scene import is_drawn, opened_window, wait_until_exact, write_small_scene
 from ui.gl.context import MOVING_VARIABLE, GraphicsError

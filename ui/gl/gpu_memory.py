@@ -64,6 +64,13 @@ class TextureMemory:
         made.repeat_x = made.repeat_y = made.repeat_z = False
         return made  # type: ignore[no-any-return]
 
+    def latlong(self, radiance: NDArray[np.floating]) -> moderngl.Texture:
+        """A latitude-longitude image (H, W, 3), sampled linearly between texels, which wraps around."""
+        height, width = radiance.shape[:2]
+        made = self.texture((width, height), 3, "f4", radiance.astype(np.float32))
+        made.filter, made.repeat_x = (moderngl.LINEAR, moderngl.LINEAR), True
+        return made
+
     def copied(self, texture: moderngl.Texture) -> moderngl.Texture:
         """Another texture of the same texels; raises GraphicsError when it does not fit."""
         made = self.texture(texture.size, texture.components, texture.dtype)

@@ -1,8 +1,12 @@
-"""The target of moving pictures drawn on a graphics card: several samples per pixel, with the sky behind all else."""
+"""What the moving pictures of Orbit and Deform share where a graphics card draws them.
+
+begin: sky behind all else ─► triangles with depth ─► begin_terms: sums over the same triangles ─► finish: resolve
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import moderngl
 import numpy as np
@@ -34,11 +38,9 @@ class ViewTarget:
         """Compile the shader of the sky; raises GraphicsError."""
         self._passes.full_screen(_BACKDROP)
 
-    def begin(
-        self, camera: Camera, size: tuple[int, int], sky: moderngl.Texture, turn: float, scale: float
-    ) -> moderngl.Framebuffer:
-        """Clear the target and draw the sky, rotated by degrees and scaled, as a camera sees it in a picture (width,
-        height); returns the framebuffer to draw into. Raises GraphicsError where there is no room."""
+    def begin(self, camera: Camera, size: tuple[int, int], sky: moderngl.Texture, turn: float, scale: float) -> None:
+        """Clear the target and draw the sky, rotated by radians and scaled, as a camera sees it in a picture (width,
+        height); then the nearest of all triangles that are drawn stays. Raises GraphicsError where there is no room."""
         target = self._room(size)
         target.depth_mask = True
         target.color_mask = (True,) * 4  # type: ignore[assignment]
@@ -49,11 +51,23 @@ class ViewTarget:
             program, target, (0, 0, *size), {"environment": sky}, axes=axes, rotation=turn, intensity=scale
         )
         target.use()
-        return target
+        self._context.enable_only(moderngl.DEPTH_TEST)
+        self._context.depth_func = "<"
+
+    def begin_terms(self) -> None:
+        """From here on, what is drawn of the nearest triangles is added to the picture."""
+        assert self._target is not None
+        context = self._context
+        self._target.depth_mask, context.depth_func = False, "<="
+        context.enable_only(moderngl.DEPTH_TEST | moderngl.BLEND)
+        context.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]
+        context.blend_func = moderngl.ONE, moderngl.ONE  # type: ignore[assignment]
 
     def finish(self) -> moderngl.Texture:
         """The linear picture, row 0 at the top, of what was drawn since `begin`."""
         assert self._target is not None and self._resolved is not None and self._texture is not None
+        self._target.depth_mask = True
+        self._context.enable_only(moderngl.NOTHING)
         self._context.copy_framebuffer(self._resolved, self._target)
         return self._texture
 
@@ -92,16 +106,55 @@ class ViewTarget:
         self._size = (0, 0)
 
 
-def view_uniforms(
-    camera: Camera, size: tuple[int, int], eye: NDArray[np.floating], nearest: float, farthest: float
-) -> dict[str, object]:
-    """The projection of vertices to a picture (width, height): the uniforms eye, towards and depth of vertex shaders.
+class CornerArrays:
+    """Vertex arrays over one buffer of triangles' corners, one for each program; what a program does not read of a
+    corner is skipped."""
 
-    eye (3,): in the vertices' own coordinates; nearest, farthest: depths between which they are, in their units.
+    def __init__(self, context: moderngl.Context, attributes: Sequence[tuple[str, int, str]]) -> None:
+        """attributes: name, number of components, and kind of each (f: float, i: integer), in the buffer's order."""
+        self._context, self._attributes = context, tuple(attributes)
+        self._corners: moderngl.Buffer | None = None
+        self._arrays: dict[int, moderngl.VertexArray] = {}
+
+    def draw(self, program: moderngl.Program, corners: moderngl.Buffer, triangles: tuple[int, int]) -> None:
+        """Draw triangles, the first and last (excluded), of a buffer of corners."""
+        first, last = triangles
+        if last > first:
+            self._array(program, corners).render(moderngl.TRIANGLES, vertices=3 * (last - first), first=3 * first)
+
+    def _array(self, program: moderngl.Program, corners: moderngl.Buffer) -> moderngl.VertexArray:
+        if corners is not self._corners:
+            self.release()
+            self._corners = corners
+        if program.glo not in self._arrays:
+            used = [name for name, _, _ in self._attributes if name in program]
+            layout = " ".join(f"{n}{kind if name in program else 'x'}4" for name, n, kind in self._attributes)
+            self._arrays[program.glo] = self._context.vertex_array(program, [(corners, layout, *used)])
+        return self._arrays[program.glo]
+
+    def release(self) -> None:
+        """Free all arrays; the buffer stays."""
+        for array in self._arrays.values():
+            array.release()
+        self._arrays.clear()
+        self._corners = None
+
+
+def view_uniforms(
+    camera: Camera, size: tuple[int, int], camera_position: NDArray[np.floating], nearest: float, farthest: float
+) -> dict[str, object]:
+    """The projection of vertices to a picture (width, height): the uniforms of `view.glsl`.
+
+    camera_position (3,): in the vertices' own coordinates; nearest, farthest: depths between which they are, in their
+    units.
     """
     (width, height), half = size, math.tan(math.radians(camera.fov_y) / 2.0)
     right, up, forward = camera_frame(camera)
     towards = np.stack([right * height / (half * width), -up / half, forward])
     near, far = max(nearest, _NEAREST * farthest), farthest
     depth = (far + near) / (far - near), -2.0 * far * near / (far - near)
-    return {"eye": tuple(map(float, eye)), "towards": tuple(towards.T.ravel().tolist()), "depth": depth}
+    return {
+        "camera_position": tuple(map(float, camera_position)),
+        "towards": tuple(towards.T.ravel().tolist()),
+        "depth": depth,
+    }

@@ -9,7 +9,7 @@ from __future__ import annotations
 from app.modes.deform.deform_drawing import DeformDrawing
 from app.modes.mode import EditorServices
 from app.modes.orbit.orbit_controller import OrbitController
-from engine.realtime.zonal_harmonics.gpu_parts import Numbers
+from engine.realtime.core.gpu_parts import Numbers
 
 
 class DeformController(OrbitController):

@@ -26,7 +26,7 @@ from app.modes.orbit.desired_state import DesiredOrbit, PictureContent, PictureR
 from app.modes.orbit.orbit_drawing import OrbitDrawing
 from app.modes.orbit.orbit_messages import AnimationOffsets, DrawHeadlight, OrbitPictureDrawn
 from app.modes.orbit.orbit_status import OrbitStatus
-from engine.realtime.zonal_harmonics.gpu_parts import NO_PARTS, Numbers
+from engine.realtime.core.gpu_parts import NO_PARTS, Numbers
 from engine.scene.description import Camera
 from engine.scene.surface_kinds import SurfacesByObject
 

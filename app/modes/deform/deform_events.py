@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from app.messages.picture_events import PictureEvent
-from engine.realtime.zonal_harmonics.gpu_parts import PictureExport
+from engine.realtime.core.gpu_parts import PictureExport
 from engine.scene.description import Camera
 
 

@@ -10,7 +10,7 @@ from app.modes.orbit.orbit_messages import EstimateDrawn, OrbitPictureDrawn, Qua
 
 if TYPE_CHECKING:
     from app.document.scene_state import SceneState
-    from engine.realtime.zonal_harmonics.gpu_parts import Numbers, PictureExport
+    from engine.realtime.core.gpu_parts import Numbers, PictureExport
     from engine.realtime.zonal_harmonics.pose import Poses
     from engine.scene.description import Camera
     from engine.scene.surface_kinds import SurfacesByObject
@@ -49,7 +49,7 @@ class PrepareDeform(Request):
 class DrawDeform(Request):
     """Draw the scene from a camera, in a resolution (width, height), in poses, of what is ready; answered by
     `OrbitPictureDrawn` or `OrbitNotReady`. split, fit_error: see `ViewState`. sent_parts: where the window draws it
-    itself, the numbers of the parts that it has (`engine.realtime.zonal_harmonics.gpu_parts`); then answered by
+    itself, the numbers of the parts that it has (`engine.realtime.core.gpu_parts`); then answered by
     `PoseExported`."""
 
     built_on = (OpenScene,)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from app.messages.picture_events import PictureEvent
 
 if TYPE_CHECKING:
-    from engine.realtime.triple_product.gpu_parts import Part
+    from engine.realtime.core.gpu_parts import OrbitPart
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,4 +27,4 @@ class OrbitPicture(PictureEvent):
 class OrbitPartArrived(PictureEvent):
     """A part of what moving pictures are drawn of, where the window draws them."""
 
-    part: Part
+    part: OrbitPart

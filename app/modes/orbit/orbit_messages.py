@@ -12,7 +12,7 @@ from app.messages.worker_messages import OpenScene, Request, Response, SetCamera
 
 if TYPE_CHECKING:
     from app.document.scene_state import SceneState
-    from engine.realtime.triple_product.gpu_parts import Part
+    from engine.realtime.core.gpu_parts import OrbitPart
     from engine.realtime.zonal_harmonics.pose import Poses
     from engine.render.picture_error import ErrorEstimate
     from engine.scene.description import Camera
@@ -136,9 +136,9 @@ class OrbitProgress(Response):
 
 @dataclass(frozen=True, eq=False)
 class OrbitPartExported(Response):
-    """A part of what moving pictures are drawn of, see `engine.realtime.triple_product.gpu_parts`."""
+    """A part of what moving pictures are drawn of, see `engine.realtime.core.gpu_parts`."""
 
-    part: Part
+    part: OrbitPart
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from engine.core._frame_kernels import to_world
 from engine.core.fast_math import FAST
 
 Float32Array = NDArray[np.float32]
@@ -98,10 +99,7 @@ def _look_up(
 ) -> tuple[np.float32, np.float32, np.float32]:
     """Look up the radiance from a direction (3,) of a point's frame under the rotated sky."""
     # To world space, then into the environment's own frame: the rotation about +Y.
-    a, b, c = direction[0], direction[1], direction[2]
-    tx = a * frame[0, 0] + b * frame[1, 0] + c * frame[2, 0]
-    y = a * frame[0, 1] + b * frame[1, 1] + c * frame[2, 1]
-    tz = a * frame[0, 2] + b * frame[1, 2] + c * frame[2, 2]
+    tx, y, tz = to_world(frame, direction[0], direction[1], direction[2])
     x, z = np.float32(cosine * tx - sine * tz), np.float32(sine * tx + cosine * tz)
     # Octahedral map: project onto |x| + |y| + |z| = 1 and fold the lower half outwards.
     side = sky.shape[0]
@@ -390,3 +388,28 @@ def light_range(
         if at.slot[p] >= 0:
             slot, size = at.slot[p], 320 if is_coarse else n
             compress(powers[:size], half.place, wavelets[:size], sizes[:size], stored.number[slot], stored.value[slot])
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def gather_bounces(ends: NDArray[np.int32], sent: Float32Array, found: Float32Array) -> None:
+    """Fill found (G, 3) with the mean over each row of ends (G, R) of what the points there send (S, 3); −1 sends
+    nothing."""
+    for g in range(ends.shape[0]):
+        red = green = blue = np.float32(0.0)
+        for r in range(ends.shape[1]):
+            p = ends[g, r]
+            if p >= 0:
+                red += sent[p, 0]
+                green += sent[p, 1]
+                blue += sent[p, 2]
+        found[g, 0], found[g, 1], found[g, 2] = red / ends.shape[1], green / ends.shape[1], blue / ends.shape[1]
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def spread_bounces(beside: NDArray[np.int32], share: Float32Array, gathered: Float32Array, found: Float32Array) -> None:
+    """Fill found (S, 3): interpolate gathered (G, 3) at beside (S, K) with weights share (S, K)."""
+    found[:] = 0.0
+    for p in range(beside.shape[0]):
+        for k in range(beside.shape[1]):
+            for i in range(3):
+                found[p, i] += share[p, k] * gathered[beside[p, k], i]

@@ -14,32 +14,33 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.realtime.triple_product._slice_kernels import Tables
-from engine.realtime.triple_product.gpu_parts import (
+from engine.realtime.core.gpu_parts import (
     N_HEAD,
     BouncedPart,
     ExportedBumps,
-    ExportedTerm,
     Float32Array,
     LightPart,
     MeshPart,
-    Part,
+    OrbitPart,
+    OrbitTerm,
     Range,
     SkyPart,
     TablePart,
     TermsPart,
     Words,
+    as_triple,
 )
+from engine.realtime.triple_product._slice_kernels import Tables
 from engine.scene.surface_uvs import corner_uvs
 from engine.texture.gpu_export import ImageExporter, image_words, stroke_words
 
 if TYPE_CHECKING:
     from engine.material.bumps import Bumps
+    from engine.realtime.core.shading_points import ShadingPoints
     from engine.realtime.triple_product.incident import Incident
     from engine.realtime.triple_product.lit_points import LitPoints
     from engine.realtime.triple_product.orbit_engine import Orbit
     from engine.realtime.triple_product.reflections import Term
-    from engine.realtime.triple_product.shading_points import ShadingPoints
     from engine.scene.scene_loader import Scene
     from engine.texture.pyramid import Pyramid
 
@@ -63,7 +64,7 @@ class PointExporter:
         self._tables: set[int] = set()
         self._images: tuple[Pyramid, ...] | None = None
 
-    def parts(self, orbit: Orbit) -> Iterator[Part]:
+    def parts(self, orbit: Orbit) -> Iterator[OrbitPart]:
         """Export everything that changed; nothing before points exist."""
         lit = orbit.lit
         if lit is None:
@@ -90,7 +91,7 @@ class PointExporter:
         room = self._most_bytes // 4 // max(n_rows, 1) - N_HEAD
         return max(min(n, room // 2), 1)
 
-    def _sky_parts(self, orbit: Orbit) -> Iterator[Part]:
+    def _sky_parts(self, orbit: Orbit) -> Iterator[OrbitPart]:
         sky = orbit.light
         sky_state = sky.environment, sky.rotation, sky.scale
         if sky_state != self._sky:
@@ -100,7 +101,7 @@ class PointExporter:
             image = black if sky.environment is None else np.asarray(sky.environment.radiance, np.float32)
             yield SkyPart(image if is_new else None, float(np.radians(sky.rotation % 360.0)), sky.scale)
 
-    def _terms_parts(self, orbit: Orbit) -> Iterator[Part]:
+    def _terms_parts(self, orbit: Orbit) -> Iterator[OrbitPart]:
         made = _Terms(orbit)
         strokes, images = made.exported.strokes, made.exported.images
         terms_state = made.terms, strokes, orbit.scene.emission.tobytes()
@@ -121,7 +122,7 @@ class _Terms:
         self._orbit = orbit
         self.terms = tuple(self._export_term(term) for term in orbit.reflections.terms)
 
-    def _export_term(self, term: Term) -> ExportedTerm:
+    def _export_term(self, term: Term) -> OrbitTerm:
         orbit = self._orbit
         albedo = orbit.reflections.albedo(term) / np.pi * (orbit.n_bounces > 1)
         tables = None if term.reflectance is not None else orbit.reflections.tables(term.layers)
@@ -136,7 +137,7 @@ class _Terms:
             slopes = self.exported.image(orbit.scene.textures.slopes(own))
             bumps = ExportedBumps(slopes, own.bump_repeats, own.slope_scale, bool(own.normal_map))
         reflectance, serial = term.reflectance or (0.0, 0.0, 0.0), tables.serial if tables else 0
-        return ExportedTerm(term.i_object, reflectance, _as_triple(albedo), serial, maps, bumps)
+        return OrbitTerm(term.i_object, reflectance, maps, as_triple(albedo), serial, bumps)
 
 
 def _mesh(scene: Scene, lit: LitPoints, n: int) -> MeshPart:
@@ -147,28 +148,23 @@ def _mesh(scene: Scene, lit: LitPoints, n: int) -> MeshPart:
     order = np.argsort(scene.object_of_triangle[points.source], kind="stable")
     source = points.source[order]
     uvs = np.einsum("tpk,tki->tpi", _shares(points.within[order]), corner_uvs(scene, source)).astype(np.float32)
-    ways = np.zeros((len(order), 3, 6), np.float32)
+    offset_axes = np.zeros((len(order), 3, 6), np.float32)
     faces = np.repeat(scene.geometric_normals[source][:, None], 3, axis=1).astype(np.float32)
     sides = np.ascontiguousarray(points.shown[order].swapaxes(1, 2)).view(np.float32)
     bounds = np.searchsorted(scene.object_of_triangle[source], np.arange(len(scene.smooth) + 1)).tolist()
     for i in scene.bump_normals.objects:
         begin, end = bounds[i], bounds[i + 1]
         own = scene.bump_normals.offset_axes(i)[source[begin:end] - scene.triangle_ranges[i][0]]
-        ways[begin:end] = np.einsum("tpk,tki->tpi", _shares(points.within[order[begin:end]]), own)
-    corners = np.concatenate([points.corners[order].astype(np.float32), faces, uvs, sides, ways], axis=2)
+        offset_axes[begin:end] = np.einsum("tpk,tki->tpi", _shares(points.within[order[begin:end]]), own)
+    corners = np.concatenate([points.corners[order].astype(np.float32), faces, uvs, sides, offset_axes], axis=2)
     runs = [_runs(np.flatnonzero(points.i_object == i)) for i in range(len(scene.smooth))]
     low, high = scene.vertices.min(axis=0), scene.vertices.max(axis=0)
     return MeshPart(
         each.astype(np.float32).view(np.uint32), corners.reshape(-1, 16).astype(np.float32).view(np.uint32),
-        tuple(zip(bounds[:-1], bounds[1:], strict=True)), tuple(runs), _as_triple(scene.origin),
-        _as_triple((low + high) / 2.0),
+        tuple(zip(bounds[:-1], bounds[1:], strict=True)), tuple(runs), as_triple(scene.origin),
+        as_triple((low + high) / 2.0),
         float(np.linalg.norm(high - low)) / 2.0, len(stored.number), n,
     )  # fmt: skip
-
-
-def _as_triple(vector: NDArray[np.floating]) -> tuple[float, float, float]:
-    x, y, z = map(float, vector)
-    return x, y, z
 
 
 def _shares(within: Float32Array) -> Float32Array:

@@ -30,9 +30,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from engine.precompute.indirect.direction_patterns import cosine_tables
-from engine.realtime.triple_product import _picture_kernels as kernels
-from engine.realtime.triple_product.shading_points import Int32Array, ShadingPoints
-from engine.realtime.triple_product.view_samples import PointMesh
+from engine.realtime.core.shading_points import Int32Array, ShadingPoints
+from engine.realtime.core.view_samples import PointMesh
+from engine.realtime.triple_product import _incident_kernels as kernels
 
 Float32Array = NDArray[np.float32]
 Rows = NDArray[np.int64]
@@ -78,7 +78,7 @@ class Gathering:
     def gathered(self, sent: Float32Array) -> Float32Array:
         """Gather (G, 3) from the radiosity of all points (S, 3)."""
         found = np.empty((len(self.ends), 3), np.float32)
-        kernels.gather(self.ends, np.ascontiguousarray(sent), found)
+        kernels.gather_bounces(self.ends, np.ascontiguousarray(sent), found)
         return found
 
 
@@ -94,7 +94,7 @@ class Around:
     def between(self, gathered: Float32Array) -> Float32Array:
         """Interpolate gathered values (G, 3) at the points, (N, 3)."""
         found = np.empty((len(self.beside), 3), np.float32)
-        kernels.spread(self.beside, self.share, gathered, found)
+        kernels.spread_bounces(self.beside, self.share, gathered, found)
         return found
 
 
@@ -233,9 +233,9 @@ def _trace_rays(
     for start in range(0, len(chosen), _AT_ONCE):
         some = chosen[start : start + _AT_ONCE]
         frames = points.frames[some][:, [0, 2, 1]]  # the tables' third axis is the normal
-        ways = np.einsum("nrk,nki->nri", tables[: len(some)], frames).reshape(-1, 3)
-        found, distance = mesh.trace(np.repeat(points.lifted[some], N_RAYS, axis=0), np.ascontiguousarray(ways))
-        corner = (chance.random(len(ways))[:, None] > found.weights.cumsum(axis=1)[:, :2]).sum(axis=1)
+        directions = np.einsum("nrk,nki->nri", tables[: len(some)], frames).reshape(-1, 3)
+        found, distance = mesh.trace(np.repeat(points.lifted[some], N_RAYS, axis=0), np.ascontiguousarray(directions))
+        corner = (chance.random(len(directions))[:, None] > found.weights.cumsum(axis=1)[:, :2]).sum(axis=1)
         is_met = found.corners[:, 0] >= 0
         at = np.where(is_met, np.take_along_axis(found.corners, corner[:, None], axis=1)[:, 0], 0)
         is_late = is_met & (late[at] >= 0) & (late[at] != i_object)

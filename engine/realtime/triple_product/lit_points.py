@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 
 from engine.core.generators import StepRunner, run_to_end
 from engine.light.emitters import EmitterPatches
-from engine.realtime.triple_product.enclosed_points import find_enclosed
+from engine.realtime.core.shading_points import ShadingPoints, with_backs
+from engine.realtime.core.view_samples import PointMesh
 from engine.realtime.triple_product.incident import (
     Incident,
     SceneEmitters,
+    SkyMap,
     empty_incident,
     evenly_lit,
     light_points,
@@ -21,11 +23,8 @@ from engine.realtime.triple_product.incident import (
     with_glossy_points,
 )
 from engine.realtime.triple_product.irradiance_bounces import Bounces, Exchange, refining, trace_bounce_rays
-from engine.realtime.triple_product.point_reflection import empty_shades
-from engine.realtime.triple_product.shading_points import ShadingPoints, with_backs
-from engine.realtime.triple_product.sky_map import SkyMap
-from engine.realtime.triple_product.view_samples import PointMesh
-from engine.realtime.triple_product.visibility import N_UPPER, Bits, trace_hemispheres, trace_patches
+from engine.realtime.triple_product.pixel_reflection import empty_shades
+from engine.realtime.triple_product.visibility import N_UPPER, Bits, find_enclosed, trace_hemispheres, trace_patches
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene
 
@@ -99,12 +98,12 @@ class LitPoints:
         found = np.flatnonzero(wanted & self.seen)[:n]
         return found if len(found) else np.flatnonzero(wanted)[:n]
 
-    def light(self, which: NDArray[np.int64], sky: SkyMap, lamps: SceneEmitters | None, is_coarse: bool) -> None:
+    def light(self, which: NDArray[np.int64], sky: SkyMap, emitters: SceneEmitters | None, is_coarse: bool) -> None:
         traced = which[self.traced[which]]
         peaks = None if is_coarse else visible_peaks(self.points, self.caster, sky, traced)
         first = traced[~self.shadowed[traced] & (self.state[traced] != UNLIT)]
         unshaded, i_object = self.incident.irradiance[first], self.points.i_object[first]
-        light_points(self.points, self.bits, sky, self.incident, lamps, which, is_coarse, peaks)
+        light_points(self.points, self.bits, sky, self.incident, emitters, which, is_coarse, peaks)
         np.add.at(self._unshaded, i_object, unshaded)
         np.add.at(self._shaded, i_object, self.incident.irradiance[first])
         slots = self.incident.slot[which]

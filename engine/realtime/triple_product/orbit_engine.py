@@ -23,23 +23,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.core.errors import InsituError
-from engine.core.generators import StepRunner, StillProgress, run_to_end
+from engine.core.generators import StepRunner, run_to_end
 from engine.core.stored_arrays import ArrayReader, Arrays
 from engine.core.threads import n_threads
 from engine.light.emitters import EmitterPatches, emitter_patches, merged_by_object
 from engine.material.bumps import Bumps
 from engine.precompute.direct.pipeline import SkyState
+from engine.realtime.core.shading_points import ShadingPoints, place_points
 from engine.realtime.core.terms import LayersOf
-from engine.realtime.triple_product.enclosed_points import find_enclosed
-from engine.realtime.triple_product.incident import SceneEmitters
+from engine.realtime.core.view_samples import ViewSamples, assemble_picture
+from engine.realtime.triple_product.incident import SceneEmitters, make_sky
 from engine.realtime.triple_product.lit_points import EXACTLY, UNLIT, LitPoints
 from engine.realtime.triple_product.reflections import Reflections
-from engine.realtime.triple_product.shading_points import ShadingPoints, place_points
-from engine.realtime.triple_product.sky_map import make_sky
-from engine.realtime.triple_product.stored_visibility import deflate_bits, inflate_bits
 from engine.realtime.triple_product.view_radiance import N_MOVING, Quality, view_radiance
-from engine.realtime.triple_product.view_samples import ViewSamples, assemble_picture
-from engine.realtime.triple_product.visibility import N_UPPER, Bits
+from engine.realtime.triple_product.visibility import N_UPPER, Bits, deflate_bits, find_enclosed, inflate_bits
+from engine.render.still import StillProgress
 from engine.scene.description import CameraDescription
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene
@@ -83,7 +81,7 @@ class Orbit:
         self._most_bytes = most_bytes
         self._placing: StepRunner[ShadingPoints] | None = None
         self._lit: LitPoints | None = None
-        self._kept: tuple[Bits, Bits, list[int]] | None = None
+        self._restored: tuple[Bits, Bits, list[int]] | None = None
         self._patches = _emitters(scene, n_patches)
         self._n_bounces = scene.description.bounces or N_BOUNCES
         self._light, self._sky = SkyState(None), make_sky(None, 0.0)
@@ -124,7 +122,7 @@ class Orbit:
         backs = reader.take("backs", np.int64, "backs", below=len(self.scene.smooth))
         bits = inflate_bits("bits", reader, n, N_UPPER // 2)
         n_patches = 0 if self._patches is None else len(self._patches[0])
-        self._kept = bits, inflate_bits("patch_bits", reader, n, (n_patches + 7) // 8), backs.tolist()
+        self._restored = bits, inflate_bits("patch_bits", reader, n, (n_patches + 7) // 8), backs.tolist()
 
     # ---------------------------------------------------------------------------------------------- desired state
 
@@ -242,7 +240,7 @@ class Orbit:
             self._reset_bounces()
             return "reflection"
         if len(which := lit.next_points(lit.state == UNLIT, _COARSE * n_threads())):
-            lit.light(which, self._sky, self._lamps(lit), is_coarse=True)
+            lit.light(which, self._sky, self._scene_emitters(lit), is_coarse=True)
             lit.is_bounced = UNLIT
             return "light"
         if not self._reflections.is_done:
@@ -257,7 +255,7 @@ class Orbit:
         ripe = lit.traced & (lit.state != EXACTLY)
         if len(which := lit.next_points(ripe & lit.shadowed if waits else ripe, _FINE * n_threads())):
             was_outdated = lit.is_outdated
-            lit.light(which, self._sky, self._lamps(lit), is_coarse=False)
+            lit.light(which, self._sky, self._scene_emitters(lit), is_coarse=False)
             if was_outdated and not lit.is_outdated:
                 self._bounce(lit)
             return "light"
@@ -314,9 +312,9 @@ class Orbit:
         # Points without any light, because the camera jumped or back faces came into view, would be black: light them
         # now.
         while len(which := np.flatnonzero(lit.seen & ~lit.known)[: _COARSE * n_threads()]):
-            lit.light(which, self._sky, self._lamps(lit), is_coarse=True)
+            lit.light(which, self._sky, self._scene_emitters(lit), is_coarse=True)
             yield StillProgress(0.0, "light")
-        what = lit, self._reflections, self.scene, self._sky, self._lamps(lit)
+        what = lit, self._reflections, self.scene, self._sky, self._scene_emitters(lit)
         radiance = yield from view_radiance(seen, *what, self._n_bounces, quality, n_moving)
         sky = self._light
         return assemble_picture(seen, radiance, sky.environment, sky.rotation, sky.scale)
@@ -356,9 +354,9 @@ class Orbit:
             self._notes = (f"{n} coefficients of light a point instead of {self._n_coefficients}, for want of memory",)
         n_patches = 0 if self._patches is None else len(self._patches[0])
         self._lit = LitPoints(self.scene, self._caster, points, n, n_patches, self._are_glossy)
-        if self._kept is not None:
-            self._lit.restore(*self._kept, self._are_glossy)
-            self._kept = None
+        if self._restored is not None:
+            self._lit.restore(*self._restored, self._are_glossy)
+            self._restored = None
         self.prioritize_view(self.scene.description.camera)
         self.version += 1
 
@@ -410,7 +408,7 @@ class Orbit:
                 f"{self._most_bytes / 2**20:.0f} MiB; expected fewer, or a simpler mesh"
             )
 
-    def _lamps(self, lit: LitPoints) -> SceneEmitters | None:
+    def _scene_emitters(self, lit: LitPoints) -> SceneEmitters | None:
         if self._patches is None:
             return None
         patches, owner = self._patches

@@ -1,7 +1,7 @@
 """The reflections of a scene's objects as sums of terms; computes their layers' slices piece by piece.
 
 Slices take a limited number of bytes: with many layers they use larger triangles
-(`engine.realtime.triple_product.slice_levels`). An LRU cache that recomputes dropped slices was rejected: a picture
+(`engine.realtime.triple_product.slices`). An LRU cache that recomputes dropped slices was rejected: a picture
 needs all that it shows, and 500 metals took 160 s of processor time for each.
 """
 
@@ -18,8 +18,7 @@ from engine.material.layer import Layer
 from engine.material.layer_maps import LayerMaps
 from engine.realtime.core.terms import LayersOf, diffuse_reflectance
 from engine.realtime.triple_product import _slice_kernels
-from engine.realtime.triple_product.slice_levels import SliceLevels
-from engine.realtime.triple_product.slices import Slices, slice_steps
+from engine.realtime.triple_product.slices import SliceLevels, Slices, slice_steps
 from engine.realtime.triple_product.visibility import LEVEL
 from engine.scene.map_sampler import mean_factor
 from engine.scene.scene_loader import Scene

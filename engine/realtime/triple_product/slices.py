@@ -12,7 +12,8 @@ in again.
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from bisect import bisect_right
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import count
@@ -38,6 +39,9 @@ _SERIALS = count(1)
 LEAST_LEVEL = 1
 # Share of the largest value by which adjacent triangles may differ and count as constant inside.
 _EVEN = 0.05
+
+Layers = tuple[Layer, ...]
+_NOTE = "Orbit: so many glossy layers do not fit into memory; their highlights are coarser"
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,13 +139,13 @@ class Slices:
         if not self.is_isotropic:
             return self
         places = _place_images(self.level)
-        turned = np.empty((N_POLAR, N_GRAINED, places.shape[1], 3), np.uint16)
+        rotated = np.empty((N_POLAR, N_GRAINED, places.shape[1], 3), np.uint16)
         half = N_AZIMUTHS - 1  # of a fifth of a turn: mirrored from there on
         for i in range(N_GRAINED):
             turn, inside = divmod(i, 2 * half)
             symmetry, at = (turn, inside) if inside <= half else (N_TURNS + (turn + 1) % N_TURNS, 2 * half - inside)
-            turned[:, i] = self.packed[:, at][:, places[symmetry]]
-        return Slices.of(turned, False)
+            rotated[:, i] = self.packed[:, at][:, places[symmetry]]
+        return Slices.of(rotated, False)
 
 
 def slice_bytes_of(level: int, is_isotropic: bool) -> int:
@@ -261,3 +265,50 @@ def _beside() -> NDArray[np.int32]:
     place = np.full(geodesic(LEVEL - 1).n_triangles, -1, np.int32)
     place[parents] = np.arange(len(parents))
     return place[geodesic(LEVEL - 1).neighbours[parents]]
+
+
+class SliceLevels:
+    """The level of each layer, `slices.LEAST_LEVEL` to 4: `of`.
+
+    All layers get the finest level at which they all fit; then the first ones, as many as fit, get one level more. At
+    the coarsest level an isotropic layer takes 0.1 MB and an anisotropic one 0.5 MB, whether or not they fit: 512 MiB
+    hold 5,000 or 1,100 layers.
+    """
+
+    def __init__(self, most_bytes: int) -> None:
+        self._most_bytes = most_bytes
+        self._isotropic: dict[Layer, bool] = {}
+        self.of: dict[Layer, int] = {}
+        self.notes: tuple[str, ...] = ()
+
+    def choose(self, terms: Sequence[Layers]) -> None:
+        """Choose the levels for layers that are summed in these terms, each distinct sum once."""
+        layers = dict.fromkeys(layer for term in terms for layer in term)
+        known = self._isotropic
+        self._isotropic = {each: known[each] if each in known else has_isotropic_reflection(each) for each in layers}
+
+        def at(level: int, n_finer: int) -> dict[Layer, int]:
+            finer = {layer for term in terms[:n_finer] for layer in term}
+            return {layer: level + (layer in finer) for layer in layers}
+
+        # Both sequences need more bytes from one entry to the next: find the last that fits by bisection.
+        fits = bisect_right(
+            range(LEAST_LEVEL + 1, LEVEL + 1), self._most_bytes, key=lambda level: self._n_bytes(terms, at(level, 0))
+        )
+        level, n_finer = LEAST_LEVEL + fits, 0
+        if level < LEVEL:
+            n_finer = bisect_right(
+                range(1, len(terms) + 1), self._most_bytes, key=lambda n: self._n_bytes(terms, at(level, n))
+            )
+        self.of = at(level, n_finer)
+        is_coarse = any(level < LEVEL for level in self.of.values())
+        self.notes = (_NOTE,) if is_coarse else ()
+
+    def _n_bytes(self, terms: Sequence[Layers], of: dict[Layer, int]) -> int:
+        """Bytes that slices and tables of all sums take at these levels."""
+        total = sum(slice_bytes_of(level, self._isotropic[layer]) for layer, level in of.items())
+        for term in terms:
+            made = max(of[layer] for layer in term), all(self._isotropic[layer] for layer in term)
+            # A sum of several layers has slices of its own.
+            total += table_bytes_of(*made) + (slice_bytes_of(*made) if len(term) > 1 else 0)
+        return total

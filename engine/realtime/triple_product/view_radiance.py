@@ -1,33 +1,40 @@
-"""The radiance that one picture shows, term by term."""
+"""The radiance that one picture shows, term by term.
+
+The coefficients of light hold emitters and sky, not surfaces that these light: rooms in a mirror ball, shelves in a
+varnished floor. So glossy pixels at rest trace a few rays, importance-sampled by their layers, to other shading points,
+and add the radiance of these. In moving pictures, a glossy surface reflects that light as a diffuse one of its
+equivalent albedo does.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from itertools import chain
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.core.generators import StillProgress
-from engine.realtime.triple_product.incident import SceneEmitters
-from engine.realtime.triple_product.lamp_shadows import lamp_shadows
+from engine.core.threads import on_threads
+from engine.material.layer import Layer
+from engine.realtime.core.view_samples import Rows, ViewSamples, add_values, factors, interpolate
+from engine.realtime.triple_product.incident import SceneEmitters, SkyMap
 from engine.realtime.triple_product.lit_points import LitPoints
-from engine.realtime.triple_product.mirrored_light import mirrored_light
-from engine.realtime.triple_product.peak_shadows import peak_shadows
-from engine.realtime.triple_product.perturbed_normals import (
+from engine.realtime.triple_product.pixel_light import PixelLight, emitter_shadows, peak_shadows, sum_corrections
+from engine.realtime.triple_product.pixel_reflection import (
     PerturbedSamples,
     perturb_samples,
     perturbed_irradiance,
     perturbed_reflection,
     quick_irradiance,
+    reflect_at_rest,
+    reflect_moving,
+    shade_points,
 )
-from engine.realtime.triple_product.pixel_light import PixelLight, added_up
-from engine.realtime.triple_product.point_reflection import reflect_at_rest, reflect_moving, shade_points
 from engine.realtime.triple_product.reflections import Reflections, Term
-from engine.realtime.triple_product.sky_map import SkyMap
-from engine.realtime.triple_product.view_maps import factors
-from engine.realtime.triple_product.view_samples import ViewSamples, add_values, interpolate
+from engine.reference.path_lobes import N_NUMBERS, Scattering
+from engine.render.still import StillProgress
+from engine.scene.primary_hits import LEAST_COSINE
 from engine.scene.scene_loader import Scene
 
 Float32Array = NDArray[np.float32]
@@ -37,27 +44,30 @@ N_MOVING = 64  # coefficients of a point in moving pictures
 _N_SHARP = 96  # the same, at least, for sharp gloss, which fewer would blur
 # Share of a pixel's radiance by which slices may disagree about a peak before the BRDF is evaluated for it.
 _LITTLE = {"rest": 0.005, "still": 0.001}
+N_RAYS = {"rest": 4, "still": 32}  # of a glossy sample, to other surfaces
+_RAYS_AT_ONCE = 65536
+_BRIGHTEST = 1e4  # limit of a ray's contribution, relative to the radiance of the surface that it meets
 
 
 def view_radiance(
     seen: ViewSamples, lit: LitPoints, reflections: Reflections, scene: Scene, sky: SkyMap,
-    lamps: SceneEmitters | None, n_bounces: int,
+    emitters: SceneEmitters | None, n_bounces: int,
     quality: Quality, n_moving: int,
 ) -> Generator[StillProgress, None, Float32Array]:  # fmt: skip
     """Radiance (R, 3) that samples reflect to the camera, computed term by term; see `Orbit.draw`."""
     radiance = np.zeros((len(seen.pixel), 3), np.float32)
     everywhere, mapped = np.ones((1, 3), np.float32), dict[int, dict[int, Float32Array]]()
-    turned: dict[int, PerturbedSamples] = {}
+    perturbed: dict[int, PerturbedSamples] = {}
 
     def reflected_by_bumps(which: NDArray[np.int64], term: Term) -> Float32Array:
         """Reflection of direct light by a term where bumps perturb normals, without its maps, (N, 3)."""
         if quality == "moving":
             light = quick_irradiance(seen, which, lit.incident, scene, term.i_object)
             return light * np.array(term.reflectance, np.float32)
-        if term.i_object not in turned:
-            turned.clear()
-            turned[term.i_object] = perturb_samples(seen, which, scene, term.i_object)
-        samples = turned[term.i_object]
+        if term.i_object not in perturbed:
+            perturbed.clear()
+            perturbed[term.i_object] = perturb_samples(seen, which, scene, term.i_object)
+        samples = perturbed[term.i_object]
         if term.reflectance is not None:
             light = perturbed_irradiance(seen, samples, lit.incident, sky)
             return light * np.array(term.reflectance, np.float32)
@@ -67,7 +77,7 @@ def view_radiance(
         return perturbed_reflection(seen, samples, lit.incident, sky, tables, quality == "still")
 
     if quality != "moving":
-        found_out = _found_out(seen, lit, sky, lamps, quality)
+        corrections = _pixel_light(seen, lit, sky, emitters, quality)
     for done, term in enumerate(reflections.terms):
         which = seen.of(term.i_object)
         if not len(which):
@@ -92,14 +102,14 @@ def view_radiance(
         if bumpy:
             add_values(which, reflected_by_bumps(which, term), factor, radiance)
         elif term.reflectance is not None and quality != "moving":
-            add_values(which, found_out.irradiance[which] * np.array(term.reflectance, np.float32), factor, radiance)
+            add_values(which, corrections.irradiance[which] * np.array(term.reflectance, np.float32), factor, radiance)
         if shows:
-            normals = turned[term.i_object].frames[:, 1] if bumpy else None
+            normals = perturbed[term.i_object].frames[:, 1] if bumpy else None
             found = mirrored_light(seen, which, lit, scene, term.i_object, term.layers, quality, normals)
             add_values(which, found, factor, radiance)
         if tables is not None and quality != "moving":
             found = reflect_at_rest(seen, which, lit.incident, sky, term.layers, tables, _LITTLE[quality])
-            found += found_out.reflected(seen, scene, term.i_object, term.layers)
+            found += corrections.reflected(seen, scene, term.i_object, term.layers)
             add_values(which, found, factor, radiance)
         elif tables is not None and is_sharp:
             found = reflect_moving(seen, which, lit.incident, sky, tables, max(n_moving, _N_SHARP))
@@ -107,13 +117,56 @@ def view_radiance(
     return radiance
 
 
-def _found_out(
-    seen: ViewSamples, lit: LitPoints, sky: SkyMap, lamps: SceneEmitters | None, quality: Quality
+def _pixel_light(
+    seen: ViewSamples, lit: LitPoints, sky: SkyMap, emitters: SceneEmitters | None, quality: Quality
 ) -> PixelLight:
-    """Corrections for peaks and lamps that samples find with rays of their own."""
+    """Corrections for peaks and emitters that samples find with rays of their own."""
     reflects = np.flatnonzero(seen.samples.corners[:, 0] >= 0)
     of_peaks = peak_shadows(seen, reflects, lit.incident, sky, lit.caster, quality == "still")
-    of_lamps = lamp_shadows(seen, reflects, lamps, lit.caster, quality) if lamps is not None else ()
+    of_emitters = emitter_shadows(seen, reflects, emitters, lit.caster, quality) if emitters is not None else ()
     has_gloss = np.zeros(len(seen.pixel), bool)
     has_gloss[reflects] = lit.incident.slot[seen.samples.corners[reflects, 0]] >= 0
-    return added_up(seen, chain(of_peaks, of_lamps), has_gloss)
+    return sum_corrections(seen, chain(of_peaks, of_emitters), has_gloss)
+
+
+def mirrored_light(
+    seen: ViewSamples, which: Rows, lit: LitPoints, scene: Scene, i_object: int, layers: Sequence[Layer], quality: str,
+    normals: Float32Array | None = None,
+) -> Float32Array:  # fmt: skip
+    """Radiance (N, 3) from other surfaces that an object's layers reflect to the camera at samples (N,).
+
+    normals (N, 3): perturbed by bumps; None for those interpolated between points.
+    """
+    found, n_rays = np.zeros((len(which), 3), np.float32), N_RAYS[quality]
+    scattering, step = Scattering(layers), max(_RAYS_AT_ONCE // n_rays, 1)
+    chance = np.random.default_rng(4)
+    pattern, shifts = chance.random((n_rays, N_NUMBERS)), chance.random((len(which), N_NUMBERS))
+    late = lit.late
+    pattern[:, 0] = (np.arange(n_rays) + pattern[:, 0]) / n_rays  # the lobes in turn
+
+    def part(start: int) -> None:
+        some = which[start : start + step]
+        between = seen.normals(some)
+        frames = seen.frames(some, scene, i_object, None if normals is None else normals[start : start + step])
+        frames, towards = np.repeat(frames, n_rays, axis=0), np.repeat(seen.samples.wo[some], n_rays, axis=0)
+        wo = np.einsum("nij,nj->ni", frames, towards)
+        wo[:, 2] = np.maximum(wo[:, 2], LEAST_COSINE)
+        wo /= np.linalg.norm(wo, axis=1, keepdims=True)
+        numbers = ((pattern + shifts[start : start + step, None]) % 1.0).reshape(-1, N_NUMBERS)
+        wi = scattering.sample(numbers, wo)
+        value, pdf = scattering.evaluate(wi, wo)
+        directions = np.einsum("nij,ni->nj", frames, wi).astype(np.float32)
+        above = np.einsum("ni,ni->n", directions, np.repeat(between, n_rays, axis=0)) > 0.0
+        rays = np.flatnonzero((pdf > 0.0) & above)
+        lifted = np.repeat(lit.caster.offset_origins(seen.places(some), between), n_rays, axis=0)
+        met, _ = lit.mesh.trace(lifted[rays], directions[rays])
+        of_back, own = late[met.corners[:, 0]], np.repeat(late[seen.samples.corners[some, 0]], n_rays)[rays]
+        hit = (met.corners[:, 0] >= 0) & ((of_back < 0) | (of_back == own))
+        sent = np.einsum("nk,nki->ni", met.weights[hit], lit.sent_on[met.corners[hit]])
+        weight = np.minimum(value[rays[hit]] / pdf[rays[hit], None], _BRIGHTEST)
+        for i in range(3):
+            total = np.bincount(rays[hit] // n_rays, weight[:, i] * sent[:, i], len(some))
+            found[start : start + step, i] = total / n_rays
+
+    on_threads(part, range(0, len(which), step))
+    return found

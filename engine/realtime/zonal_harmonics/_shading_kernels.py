@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from engine.core._frame_kernels import to_world
 from engine.core.fast_math import FAST
 
 Float64Array = NDArray[np.float64]
@@ -37,7 +38,7 @@ def shade_range(
     for p in range(start, stop):
         frame = frames[p]
         # The constant band, and the linear band, which rotates like the vector (-low_3, -low_1, low_2).
-        x, y, z = _to_world(frame, -low[p, 3], -low[p, 1], low[p, 2])
+        x, y, z = to_world(frame, -low[p, 3], -low[p, 1], low[p, 2])
         for c in range(3):
             radiance[p, c] = low[p, 0] * light[0, c]
             if n > 1:
@@ -45,21 +46,11 @@ def shade_range(
         for i in range(axes.shape[1]):
             # Rotate the lobe's axis [Sloan05, eq. 10], look up the light along it, and take the dot product with the
             # lobe's coefficients [Sloan05, eq. 25].
-            x, y, z = _to_world(frame, axes[p, i, 0], axes[p, i, 1], axes[p, i, 2])
+            x, y, z = to_world(frame, axes[p, i, 0], axes[p, i, 1], axes[p, i, 2])
             _look_up(table, x, y, z, bands)
             for l in range(n):  # noqa: E741
                 for c in range(3):
                     radiance[p, c] += coefficients[p, i, l] * bands[l, c]
-
-
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _to_world(frame: Float32Array, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Rotate a vector from a point's axes, the rows of frame, to world axes."""
-    return (
-        frame[0, 0] * x + frame[1, 0] * y + frame[2, 0] * z,
-        frame[0, 1] * x + frame[1, 1] * y + frame[2, 1] * z,
-        frame[0, 2] * x + frame[1, 2] * y + frame[2, 2] * z,
-    )
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

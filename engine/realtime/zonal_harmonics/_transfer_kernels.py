@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from engine.core._frame_kernels import to_local
 from engine.sphere._kernels import basis_at
 
 Float64Array = NDArray[np.float64]
@@ -44,12 +45,8 @@ def rotate_range(
         for d in range(places.shape[0]):
             # Evaluate the function in the rotated direction: Σ_k y_k(R d) f_k.
             x, y, z = places[d]
-            basis_at(
-                frame[0, 0] * x + frame[0, 1] * y + frame[0, 2] * z,
-                frame[1, 0] * x + frame[1, 1] * y + frame[1, 2] * z,
-                frame[2, 0] * x + frame[2, 1] * y + frame[2, 2] * z,
-                legendre, values, none,
-            )  # fmt: skip
+            x, y, z = to_local(frame, x, y, z)
+            basis_at(x, y, z, legendre, values, none)
             value = 0.0
             for k in range(n2):
                 value += values[k] * vectors[p, k]

@@ -19,8 +19,7 @@ from scipy.spatial import cKDTree
 
 from engine.core.frames import local_frames, orthonormal
 from engine.realtime.core.raster import RasterTriangles
-from engine.realtime.triple_product.lit_faces import lit_sides
-from engine.realtime.triple_product.shading_points import ShadingPoints, shading_points, with_backs
+from engine.realtime.core.shading_points import ShadingPoints, lit_sides, shading_points, with_backs
 from engine.realtime.zonal_harmonics.pose import Motion, Pose, Poses, check_extent, deform
 from engine.realtime.zonal_harmonics.posed_scene import animate_vertices, animation_offset, deformers, moment_of
 from engine.realtime.zonal_harmonics.transfer import TransferPoints
@@ -51,8 +50,8 @@ class BendingPoints:
         corners[emits] = n + np.arange(3 * len(emits)).reshape(-1, 3)
         self._points = points
         i_object = scene.object_of_triangle[points.source]
-        lamps = points.corners[emits].reshape(-1, 3)
-        self._rest = np.concatenate([points.position.astype(np.float64), lamps])
+        emitter_corners = points.corners[emits].reshape(-1, 3)
+        self._rest = np.concatenate([points.position.astype(np.float64), emitter_corners])
         self._i_object = np.concatenate([points.i_object, np.repeat(i_object[emits], 3)])
         self._rest_frames = local_frames(points.tangent, points.normal)
         self.surface = RasterTriangles(corners, points.triangles, i_object.astype(np.int32))
@@ -93,8 +92,8 @@ class BendingPoints:
         shares = np.stack([1.0 - u - v, u, v], axis=1)
         places = np.einsum("nk,nki->ni", shares, (moved.positions - rest.positions)[vertices])
         turns = np.einsum("vka,vkb->vab", rest.frames, moved.frames)  # rotations of row vectors
-        turned = resting.frames @ np.einsum("nk,nkab->nab", shares, turns[vertices])
-        return Pose(resting.positions + places, orthonormal(turned, resting.frames))
+        rotated = resting.frames @ np.einsum("nk,nkab->nab", shares, turns[vertices])
+        return Pose(resting.positions + places, orthonormal(rotated, resting.frames))
 
     def uvs(self, i_object: int) -> Float64Array:
         """Texture coordinates (P, 2) of an object's points; of a point with several, one of them."""

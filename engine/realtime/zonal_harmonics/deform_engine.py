@@ -27,10 +27,10 @@ from engine.light.environment import triangle_integrals
 from engine.material.layer import Layer
 from engine.material.layer_maps import Images
 from engine.precompute.direct.pipeline import SkyState
+from engine.realtime.core.gpu_parts import NO_PARTS, Numbers, PictureExport
 from engine.realtime.core.terms import LayersOf, is_glossy
 from engine.realtime.zonal_harmonics.bending_points import BendingPoints, bending_points
 from engine.realtime.zonal_harmonics.gpu_export import PictureExporter
-from engine.realtime.zonal_harmonics.gpu_parts import NO_PARTS, Numbers, PictureExport
 from engine.realtime.zonal_harmonics.object_transfer import (
     N_LOBES,
     ORDER,
@@ -267,8 +267,8 @@ class Deform:
         """Load a transfer from the cache or compute it; yields the share of the rays that is done."""
         assert self._points is not None and self._transfers is not None
         is_final = (wanted.n_rays, wanted.n_lobes) == (self._rays[1], self._n_lobes)
-        if is_final and (kept := self._transfers.get(wanted)) is not None:
-            return kept
+        if is_final and (cached := self._transfers.get(wanted)) is not None:
+            return cached
         zonal = yield from wanted.compute(self.scene, self._points)
         if is_final:
             self._transfers.put(wanted, zonal)

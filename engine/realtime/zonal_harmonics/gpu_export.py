@@ -1,4 +1,4 @@
-"""Exports the parts that a graphics card draws (`engine.realtime.zonal_harmonics.gpu_parts`), which the window's
+"""Exports the parts that a graphics card draws (`engine.realtime.core.gpu_parts`), which the window's
 process can read without this module's imports; for a moving pose, only the parts that the window does not have."""
 
 from __future__ import annotations
@@ -9,22 +9,23 @@ from secrets import randbits
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.realtime.core.terms import diffuse_albedo
-from engine.realtime.zonal_harmonics._shading_kernels import LEAST_BLOCKED
-from engine.realtime.zonal_harmonics.bending_points import BendingPoints, PosedPoints
-from engine.realtime.zonal_harmonics.gpu_parts import (
+from engine.realtime.core.gpu_parts import (
     NO_PARTS,
     AppearancePart,
+    BackdropPart,
     CoverPart,
+    DeformTerm,
     ExportedDetail,
-    ExportedTerm,
     Float32Array,
     Numbers,
     PictureExport,
     PosedPart,
     ShapePart,
-    SkyPart,
+    as_triple,
 )
+from engine.realtime.core.terms import diffuse_albedo
+from engine.realtime.zonal_harmonics._shading_kernels import LEAST_BLOCKED
+from engine.realtime.zonal_harmonics.bending_points import BendingPoints, PosedPoints
 from engine.realtime.zonal_harmonics.picture_renderer import ShadingState
 from engine.realtime.zonal_harmonics.pose import Poses
 from engine.realtime.zonal_harmonics.shading import STEEPEST, Blockers, Lobes, even_light, spread_of
@@ -44,7 +45,7 @@ class PictureExporter:
         self._shape: tuple[Lobes, ShapePart] | None = None
         self._appearance: tuple[int, AppearancePart] | None = None
         self._cover: tuple[tuple[object, ...], CoverPart] | None = None
-        self._sky: SkyPart | None = None
+        self._sky: BackdropPart | None = None
 
     def export(
         self, of: ShadingState, camera_position: NDArray[np.float64], poses: Poses, known: Numbers = NO_PARTS
@@ -57,21 +58,25 @@ class PictureExporter:
             self._appearance = of.version, self._export_appearance(of)
         backdrop = of.backdrop.radiance
         if self._sky is None or self._sky.radiance is not backdrop:
-            self._sky = SkyPart(next(_numbers), backdrop)
+            self._sky = BackdropPart(next(_numbers), backdrop)
         assert self._cover is not None
-        shape, look, cover, sky = self._shape[1], self._appearance[1], self._cover[1], self._sky
+        shape, appearance, cover, sky = self._shape[1], self._appearance[1], self._cover[1], self._sky
         axes = [self._posed.axes_of(i)[1].reshape(-1, 9) for i in of.details]
         all_axes, rows = (
             np.concatenate(axes) if axes else np.zeros((0, 9), np.float32),
             self._blockers.rows(of.casting_objects),
         )
         posed = posed_part(places, frames, all_axes, rows, camera_position)
-        numbers = shape.number, look.number, cover.number, sky.number
+        numbers = shape.number, appearance.number, cover.number, sky.number
         is_new = [number != here for number, here in zip(numbers, known, strict=True)]
         return PictureExport(
-            posed, numbers, shape if is_new[0] else None, look if is_new[1] else None, cover if is_new[2] else None,
+            posed,
+            numbers,
+            shape if is_new[0] else None,
+            appearance if is_new[1] else None,
+            cover if is_new[2] else None,
             sky if is_new[3] else None,
-        )  # fmt: skip
+        )
 
     def _export_appearance(self, of: ShadingState) -> AppearancePart:
         """Export the appearance, after the cover that it refers to."""
@@ -81,7 +86,7 @@ class PictureExporter:
             firsts[i] = _export_detail(n_exported, each)
             n_exported += _lobe_rows(each).size
         terms = tuple(
-            ExportedTerm(i, _as_triple(diffuse_albedo(layer)), None if layer.maps.is_plain else images.maps(layer.maps),
+            DeformTerm(i, as_triple(diffuse_albedo(layer)), None if layer.maps.is_plain else images.maps(layer.maps),
             firsts.get(i))
             for i in of.layers_of for layer in of.pixel_layers(i)
         )  # fmt: skip
@@ -117,7 +122,7 @@ def shape_part(points: BendingPoints, lobes: Lobes) -> ShapePart:
     return ShapePart(next(_numbers), corners.reshape(-1, 4), points.owners, _rows(lobes), n_lobes, order)
 
 
-def appearance_part(of: ShadingState, terms: tuple[ExportedTerm, ...] = ()) -> AppearancePart:
+def appearance_part(of: ShadingState, terms: tuple[DeformTerm, ...] = ()) -> AppearancePart:
     objects, rows = np.zeros((len(of.scene.smooth), 8), np.float32), list[Float32Array]()
     objects[:, :3], objects[:, 4:7] = of.albedos, of.scene.emission
     for i in of.layers_of:
@@ -146,7 +151,7 @@ def posed_part(
     """places (V, 3) of everything that is drawn; frames (S, 3, 3) of the points, which come first."""
     rows = np.zeros((len(places), 12), np.float32)
     rows[: len(frames), :9], rows[:, 9:] = frames.reshape(-1, 9), places
-    return PosedPart(rows, axes, blockers, _as_triple(camera_position))
+    return PosedPart(rows, axes, blockers, as_triple(camera_position))
 
 
 def _corners(points: BendingPoints, which: NDArray[np.integer]) -> NDArray[np.int32]:
@@ -182,8 +187,3 @@ def _rows(lobes: Lobes) -> Float32Array:
     """Pack lobes: low, then the axis and the bands of each lobe (P, 4 + N (3 + n))."""
     each = np.concatenate([lobes.axes, lobes.coefficients], axis=2).reshape(len(lobes.low), -1)
     return np.hstack([lobes.low, each])
-
-
-def _as_triple(vector: NDArray[np.floating]) -> tuple[float, float, float]:
-    x, y, z = map(float, vector)
-    return x, y, z

@@ -28,11 +28,10 @@ from engine.scene.scene_loader import Scene
 from engine.scene.surface_kinds import DeformSurface
 from engine.texture.pyramid import Pyramid
 
-ORDER, N_LOBES = 6, 4
-
 Float64Array = NDArray[np.float64]
 Float32Array = NDArray[np.float32]
 
+ORDER, N_LOBES = 6, 4
 ALBEDO_STEPS = 8  # for the brightest point
 SHARE_STEPS = 15  # for the others, relative to it
 

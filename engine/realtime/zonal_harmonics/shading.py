@@ -38,12 +38,11 @@ from engine.sphere.geodesic import geodesic
 from engine.sphere.harmonics import basis, clamped_cosine, order_of, without_rings
 
 Float32Array = NDArray[np.float32]
-
-ROWS, COLUMNS = 32, 64
-
 Float64Array = NDArray[np.float64]
 
-N_ANGLES = 16
+ROWS, COLUMNS = 32, 64  # of a table of light
+
+N_ANGLES = 16  # of wo, for which gloss is tabulated
 STEEPEST = np.radians(85.0)
 EVEN = 0.125  # share of the mean light that is added to both sides of the visibility ratio
 _GLOSS_LEVEL = 5
@@ -147,8 +146,8 @@ def low_gloss(layer: Layer, n: int) -> LowGloss:
         bands[i] = np.stack([without_rings(exact[:, c]) for c in range(3)], axis=1)
         # Share of the squared integral of the reflection that is lost: |f|^2 - |f - h|^2, where f has the exact bands
         # and h the stored ones.
-        grey, kept = exact @ LUMINANCE, bands[i] @ LUMINANCE
-        held = ((2 * np.arange(n) + 1) / (4.0 * np.pi) * (2.0 * grey * kept - kept**2)).sum()
+        grey, stored = exact @ LUMINANCE, bands[i] @ LUMINANCE
+        held = ((2 * np.arange(n) + 1) / (4.0 * np.pi) * (2.0 * grey * stored - stored**2)).sum()
         lost[i] = 1.0 - held / max(float((weights[:, 0] * (sent @ LUMINANCE) ** 2).sum()), 1e-30)
     at_45 = np.interp(np.radians(45.0), np.linspace(0.0, STEEPEST, N_ANGLES), lost)
     return LowGloss(bands, lean, float(np.clip(at_45, 0.0, 1.0)))

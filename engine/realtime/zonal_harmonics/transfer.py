@@ -37,7 +37,7 @@ _BLOCK_RAYS = 1 << 19  # rays of a piece of work; pictures can be drawn between 
 _GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
 
 LEFT_OUT = 1e-3  # of the reflectance, beyond the reach
-_N_TABLE = 4096
+_N_TABLE = 4096  # distances at which the reflectance is tabulated
 _BLOCK_POINTS = 1024
 
 

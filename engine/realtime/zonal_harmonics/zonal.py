@@ -53,8 +53,8 @@ class Zonal:
     @property
     def relative_errors(self) -> Float64Array:
         """(P,): errors relative to the length of the fitted vectors; the residual is orthogonal to the lobes."""
-        kept = np.linalg.norm(self.harmonics(), axis=1)
-        return np.asarray(self.errors / np.maximum(np.hypot(kept, self.errors), 1e-30))
+        length = np.linalg.norm(self.harmonics(), axis=1)
+        return np.asarray(self.errors / np.maximum(np.hypot(length, self.errors), 1e-30))
 
     def rotate(self, rotations: ArrayLike) -> Zonal:
         """Rotate all points, by one rotation (3, 3) or one each (P, 3, 3) [Sloan05, eq. 10]."""

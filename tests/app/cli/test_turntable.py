@@ -28,8 +28,8 @@ from engine.scene.description import Camera
 from engine.texture.texture_store import TextureStore
 from tests.app.files.test_brdf_files import insitu
 from tests.app.system.test_outputs import as_on_a_full_disk
-from tests.engine.realtime.triple_product.conftest import BLOCK
-from tests.engine.realtime.zonal_harmonics.test_animated_pose import write_bar
+from tests.engine.realtime.conftest import BLOCK
+from tests.engine.realtime.zonal_harmonics.test_posed_scene import write_bar
 from tests.scene_text import camera, placed
 
 

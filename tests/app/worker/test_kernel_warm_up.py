@@ -19,7 +19,7 @@ called = {}
 for part in warm_up_later():
     from engine.realtime.zonal_harmonics._zonal_kernels import fit_range
     from engine.precompute.indirect._second_bounce_kernels import second_bounce_light
-    from engine.realtime.triple_product._peak_kernels import add_answers
+    from engine.realtime.triple_product._pixel_kernels import add_answers
     from engine.texture._kernels import cover
     from engine.precompute.direct._relight_kernels import fill_rows
 
@@ -57,7 +57,7 @@ from app.worker.cache import ArrayCache
 from app.worker.schedule import InProcessClient
 from app.worker.kernel_warm_up import warm_up_deform
 from app.messages.worker_messages import RequestFailed
-from engine.realtime.zonal_harmonics.gpu_parts import NO_PARTS
+from engine.realtime.core.gpu_parts import NO_PARTS
 from engine.scene.surface_kinds import DeformSurface, Membrane, Subsurface
 from tests.app.worker.small_modes import POSES, SCENE, SIZE, shown_by, small_tasks
 from tests.opened import ask_for_scene

@@ -9,20 +9,25 @@ from engine.core.generators import run_to_end
 from engine.light.environment import Environment, constant_environment
 from engine.material import MODELS
 from engine.material.layer import evaluate_layers, make_layer
+from engine.realtime.core.shading_points import shading_points
 from engine.realtime.core.terms import diffuse_reflectance, has_isotropic_reflection, spherical, to_shading_frame
-from engine.realtime.triple_product import _corner_kernels as corner_kernels
+from engine.realtime.core.view_samples import PointMesh, interpolate
 from engine.realtime.triple_product import _incident_kernels as kernels
+from engine.realtime.triple_product import _slice_kernels as corner_kernels
 from engine.realtime.triple_product import _slice_kernels as slice_kernels
 from engine.realtime.triple_product.incident import (
+    MAP_SIDE,
     SceneEmitters,
     empty_incident,
     hemisphere,
     kernel_lights,
     kernel_places,
     light_points,
+    make_sky,
+    texel_directions,
     with_glossy_points,
 )
-from engine.realtime.triple_product.point_reflection import (
+from engine.realtime.triple_product.pixel_reflection import (
     empty_shades,
     mirror_directions,
     peak_lights_of,
@@ -32,10 +37,7 @@ from engine.realtime.triple_product.point_reflection import (
     shade_points,
 )
 from engine.realtime.triple_product.reflections import SHARP
-from engine.realtime.triple_product.shading_points import shading_points
-from engine.realtime.triple_product.sky_map import MAP_SIDE, make_sky, texel_directions
 from engine.realtime.triple_product.slices import slice_bytes_of, slice_steps, table_bytes_of
-from engine.realtime.triple_product.view_samples import PointMesh, interpolate
 from engine.realtime.triple_product.visibility import trace_hemispheres, trace_patches, upper_triangles
 from engine.scene.description import parse_description
 from engine.scene.raycaster import RayCaster
@@ -43,7 +45,7 @@ from engine.scene.scene_loader import build_scene
 from engine.sphere import haar
 from engine.sphere.geodesic import geodesic
 from tests.engine.precompute.direct.by_hand import square
-from tests.engine.realtime.triple_product.conftest import SCENE
+from tests.engine.realtime.conftest import SCENE
 
 FLOOR = 0
 

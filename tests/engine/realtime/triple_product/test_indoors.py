@@ -11,12 +11,12 @@ from engine.material import MODELS
 from engine.material.layer import evaluate_layers, make_layer
 from engine.precompute.direct.pipeline import SkyState
 from engine.realtime.core.terms import to_shading_frame
-from engine.realtime.triple_product.mirrored_light import mirrored_light
 from engine.realtime.triple_product.orbit_engine import Orbit
+from engine.realtime.triple_product.view_radiance import mirrored_light
 from engine.scene.description import parse_description
 from engine.scene.scene_loader import build_scene
 from engine.sphere.geodesic import geodesic
-from tests.engine.realtime.triple_product.conftest import BLOCK
+from tests.engine.realtime.conftest import BLOCK
 from tests.scene_text import camera, placed
 
 WHITE = make_layer(MODELS["lambert"], {"albedo": [1.0, 1.0, 1.0]})

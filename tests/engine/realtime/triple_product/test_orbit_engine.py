@@ -11,13 +11,13 @@ from engine.light.environment import constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.precompute.direct.pipeline import SkyState
+from engine.realtime.core._sample_kernels import silhouettes
 from engine.realtime.triple_product import orbit_engine
-from engine.realtime.triple_product._picture_kernels import silhouettes
 from engine.realtime.triple_product.lit_points import UNLIT
 from engine.realtime.triple_product.orbit_engine import Orbit
 from engine.scene.description import parse_description
 from engine.scene.scene_loader import Scene, build_scene
-from tests.engine.realtime.triple_product.conftest import BLOCK
+from tests.engine.realtime.conftest import BLOCK
 
 GOLD = make_layer(MODELS["rough_conductor"], {"alpha": 0.3})
 MATT = make_layer(MODELS["lambert"], {"albedo": [0.5, 0.25, 1.0]})

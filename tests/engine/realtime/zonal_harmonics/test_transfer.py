@@ -1,4 +1,5 @@
-"""Transfer vectors of points: against what a cosine, a corner and its own reflections give in closed form."""
+"""Transfer vectors of points: against what a cosine, a corner and its own reflections give in closed form; light
+through a medium: the dipole's closed forms, a twin that adds point to point, thin bodies."""
 
 from __future__ import annotations
 
@@ -6,22 +7,31 @@ import math
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
 
 from engine.core.frames import local_frames
 from engine.core.generators import run_to_end
 from engine.realtime.zonal_harmonics.transfer import (
+    Medium,
+    Sources,
     TransferPoints,
     cosine_directions,
     rotate_transfer,
     simulate,
+    simulate_subsurface,
+    subsurface,
     unshadowed,
+    vertex_areas,
 )
+from engine.scene.object_meshes import sphere
 from engine.scene.raycaster import RayCaster, surface_points
 from engine.sphere.harmonics import basis, clamped_cosine, rotate
 
 FAR = 1000.0
 CONSTANT = math.sqrt(4.0 * math.pi)  # light of radiance 1, in the constant band
+
+MARBLE = Medium(2.62e3, 4.1, 1.5)  # green, of [Jensen01, figure 5]
 
 
 def corner() -> tuple[TransferPoints, RayCaster, np.ndarray]:
@@ -78,3 +88,99 @@ def test_vectors_turn_with_their_frames() -> None:
     frames = np.stack([turn.as_matrix().T for turn in turns])  # rows: the turned axes
     expected = [rotate(vector, turn.as_matrix().T) for vector, turn in zip(vectors, turns, strict=True)]
     assert rotate_transfer(vectors, frames) == pytest.approx(np.stack(expected), abs=1e-12)
+
+
+def plane(spacing: float, reach: float) -> Sources:
+    """Evenly lit."""
+    steps = np.arange(-math.ceil(reach / spacing), math.ceil(reach / spacing) + 1) * spacing
+    places = np.stack([*np.meshgrid(steps, steps), np.zeros((len(steps), len(steps)))], axis=2).reshape(-1, 3)
+    return Sources(places, np.full(len(places), spacing**2), np.zeros(len(places), np.int32))
+
+
+@pytest.mark.parametrize("medium", [MARBLE, Medium(1e3, 0.0), Medium(10.0, 90.0, 1.0)])
+def test_the_integral_of_the_reflectance_is_its_closed_form(medium: Medium) -> None:
+    near = medium.depths[0]
+    found = quad(lambda r: 2.0 * math.pi * r * float(medium.reflectance(r)), 0.0, 3.0 * near, epsabs=1e-12)[0]
+    assert found == pytest.approx(float(medium.integral_beyond(0.0) - medium.integral_beyond(3.0 * near)), rel=1e-8)
+    assert float(medium.integral_beyond(medium.reach)) == pytest.approx(
+        1e-3 * float(medium.integral_beyond(0.0)), rel=1e-3
+    )
+
+
+def test_the_whole_is_what_the_paper_says() -> None:
+    """alpha' / 2 (1 + exp(-4/3 A s)) exp(-s), s = sqrt(3 (1 - alpha')) [Jensen01, 2.4]."""
+    medium = Medium(80.0, 20.0, 1.3)
+    inside = -1.440 / 1.3**2 + 0.710 / 1.3 + 0.668 + 0.0636 * 1.3
+    s = math.sqrt(3.0 * 0.2)
+    whole = 0.4 * (1.0 + math.exp(-4.0 / 3.0 * (1.0 + inside) / (1.0 - inside) * s)) * math.exp(-s)
+    assert float(medium.integral_beyond(0.0)) == pytest.approx(whole)
+
+
+@pytest.mark.parametrize("spacing", [0.5, 1.0, 3.0])
+def test_a_plane_that_is_lit_evenly_sends_its_reflectance_back(spacing: float) -> None:
+    """However coarse its points are beside the medium's depth."""
+    medium = Medium(900.0, 100.0)
+    ground = plane(spacing * medium.depths[0], medium.reach)
+    found = run_to_end(subsurface([[1.0]], [[0.0, 0.0, 0.0]], ground, medium))
+    assert found[0, 0] == pytest.approx(float(medium.integral_beyond(0.0)), rel=0.02)
+
+
+def test_it_is_the_sum_over_all_that_is_near() -> None:
+    """Places so far apart that each is a point to the others."""
+    rng, medium = np.random.default_rng(1), Medium(5.0, 0.5)
+    places, areas, entering = rng.uniform(0.0, 1.0, (60, 3)), np.full(60, 1e-6), rng.normal(size=(60, 9))
+    found = run_to_end(subsurface(entering, places, Sources(places, areas, np.arange(60, dtype=np.int32)), medium))
+    apart = np.linalg.norm(places[:, None] - places, axis=2)
+    share = np.where(apart > 0.0, medium.reflectance(apart) * 1e-6, 0.0)
+    share[np.diag_indices(60)] = medium.integral_beyond(0.0) - medium.integral_beyond(math.sqrt(1e-6 / math.pi))
+    share[apart > medium.reach] = 0.0
+    assert found == pytest.approx(share @ entering, abs=1e-5 * np.abs(found).max())
+
+
+def ball(radius: float) -> tuple[TransferPoints, RayCaster, np.ndarray]:
+    mesh = sphere()
+    vertices, normals = 2.0 * radius * mesh.vertices, np.asarray(mesh.normals)
+    across = np.where(np.abs(normals[:, 1:2]) < 0.9, [[0.0, 1.0, 0.0]], [[1.0, 0.0, 0.0]])
+    tangent = np.cross(across, normals)
+    frames = local_frames(tangent / np.linalg.norm(tangent, axis=1, keepdims=True), normals)
+    caster = RayCaster(vertices, mesh.triangles)
+    return TransferPoints(surface_points(caster, vertices, normals), frames, mesh.triangles), caster, mesh.triangles
+
+
+@pytest.fixture(scope="module")
+def balls() -> dict[str, np.ndarray]:
+    """The mean vector of a ball's points in their own axes: thick, thin, and as good as matt."""
+    media = {"thick": Medium(400.0, 1.0), "thin": Medium(4.0, 0.01), "matt": Medium(1e6, 0.0)}
+    found = {}
+    for name, medium in media.items():
+        mesh, caster, triangles = ball(0.05)
+        found[name] = run_to_end(simulate_subsurface(mesh, caster, triangles, 4, medium, n_rays=200))[2000:6000].mean(
+            axis=0
+        )
+    return found
+
+
+def test_thin_bodies_let_light_through(balls: dict[str, np.ndarray]) -> None:
+    """Light from straight behind against light from straight ahead."""
+    behind, ahead = basis([0.0, 0.0, -1.0], 4), basis([0.0, 0.0, 1.0], 4)
+    through = {name: (vector @ behind) / (vector @ ahead) for name, vector in balls.items()}
+    assert through["thin"] > 0.8  # the same from all sides, but for less of it near where it enters
+    assert through["thick"] < 0.2
+    # of a cosine, whose bands pi, 2 pi / 3 and pi / 4 leave (1 - 2 + 5/4) / (1 + 2 + 5/4) below the horizon
+    assert through["matt"] == pytest.approx(1.0 / 17.0, abs=5e-3)
+
+
+def test_a_medium_without_depth_is_matt(balls: dict[str, np.ndarray]) -> None:
+    """Of scattering alone all comes back, and where it went in."""
+    assert CONSTANT * balls["matt"][0] == pytest.approx(1.0, rel=0.02)
+
+
+def test_areas_of_vertices_are_the_surface() -> None:
+    mesh = sphere()
+    assert vertex_areas(mesh.vertices, mesh.triangles).sum() == pytest.approx(math.pi, rel=2e-3)
+
+
+@pytest.mark.parametrize("odd", [(0.0, 1.0), (1.0, -1.0), (math.nan, 1.0), (1.0, math.inf), (1.0, 1.0, 0.9)])
+def test_media_that_are_none_are_refused(odd: tuple) -> None:
+    with pytest.raises(ValueError, match="expected above 0, at least 0"):
+        Medium(*odd)

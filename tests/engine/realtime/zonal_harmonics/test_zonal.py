@@ -1,6 +1,10 @@
-"""Zonal lobes: fitted, turned and bounded; beside a twin that searches axes and coefficients at once with SciPy."""
+"""Zonal lobes: fitted, rotated and bounded, beside a twin that searches axes and coefficients at once with SciPy; and
+membranes: the coefficients of [Sloan05, eq. 23] are what eq. 22 projects to.
+"""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 import pytest
@@ -10,11 +14,14 @@ from scipy.spatial.transform import Rotation
 from engine.core import threads
 from engine.core.generators import run_to_end
 from engine.realtime.zonal_harmonics.transfer import cosine_directions
-from engine.realtime.zonal_harmonics.zonal import MAX_LOBES, Zonal, fit, fit_linear_lobe
+from engine.realtime.zonal_harmonics.zonal import MAX_LOBES, Zonal, fit, fit_linear_lobe, membrane
 from engine.sphere.harmonics import bands, basis, rotate
 
 # [Sloan05, figure 2]: of a random vector of order 6, with 6 lobes.
 PAPERS_ERROR_6 = 0.00908
+
+ORDER = 10
+ALPHAS = np.array([0.0, 0.3, 1.0])
 
 
 def random_vectors(count: int, n: int = 6) -> np.ndarray:
@@ -139,3 +146,40 @@ def test_odd_requests_are_refused() -> None:
         fitted(random_vectors(1), 7)
     with pytest.raises(ValueError, match="expected finite ones"):
         fitted(np.full((1, 36), np.nan), 2)
+
+
+def by_eq_23(alpha: float) -> list[float]:
+    """g*_l of l < ORDER, as radiance of a white matt sheet."""
+    found = []
+    for l in range(ORDER):  # noqa: E741
+        even = 2.0 * (1.0 + alpha) * (-1.0) ** (l // 2 - 1) / ((l + 2) * (l - 1)) if l != 1 else 0.0
+        share = math.factorial(l) / (2.0**l * math.factorial(l // 2) ** 2)
+        found.append(2.0 / 3.0 * (1.0 - alpha) if l == 1 else even * share if l % 2 == 0 else 0.0)
+    return found
+
+
+def projected_eq_22(alpha: float) -> np.ndarray:
+    """The vector (ORDER^2,) of g(s) = s above and -alpha s below, over pi, by a quadrature of either half."""
+    nodes, weights = np.polynomial.legendre.leggauss(ORDER)
+    half, phi = (nodes + 1.0) / 2.0, (np.arange(2 * ORDER) + 0.5) * np.pi / ORDER
+    total = np.zeros(ORDER * ORDER)
+    for side, value in ((1.0, half), (-1.0, alpha * half)):
+        sine = np.sqrt(1.0 - half**2)[:, None]
+        ways = np.broadcast_arrays(sine * np.cos(phi), sine * np.sin(phi), side * half[:, None])
+        each = basis(np.stack(ways, axis=-1).reshape(-1, 3), ORDER)
+        total += (np.repeat(value * weights / 2.0, 2 * ORDER) * np.pi / ORDER) @ each
+    return total / np.pi
+
+
+@pytest.mark.parametrize("alpha", ALPHAS)
+def test_the_lobe_is_eq_23_and_the_projection_of_eq_22(alpha: float) -> None:
+    vector = membrane([alpha], ORDER).harmonics()[0]
+    about_normal = basis([0.0, 0.0, 1.0], ORDER)
+    by_band = np.repeat(by_eq_23(alpha), 2 * np.arange(ORDER) + 1) * about_normal
+    assert vector == pytest.approx(by_band, abs=1e-12)
+    assert vector == pytest.approx(projected_eq_22(alpha), abs=1e-6)
+
+
+def test_translucency_is_a_share() -> None:
+    with pytest.raises(ValueError, match="translucency, expected 0 to 1"):
+        membrane([1.5], 3)

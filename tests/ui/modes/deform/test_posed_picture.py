@@ -99,20 +99,20 @@ def test_gloss_under_a_small_sun_is_the_same_and_has_no_rings(deform: Deform, pi
 
 
 def shown(picture: PosedPicture, deform: Deform, eye: Camera, poses: Poses) -> np.ndarray:
-    told = deform.export_picture(eye, poses, picture.part_numbers)
-    return read_texture(picture.draw(told, eye, SIZE), np.float32)[..., :3].astype(np.float32)
+    export = deform.export_picture(eye, poses, picture.part_numbers)
+    return read_texture(picture.draw(export, eye, SIZE), np.float32)[..., :3].astype(np.float32)
 
 
 def test_known_parts_are_not_sent_again(deform: Deform, picture: PosedPicture) -> None:
     eye = deform.scene.description.camera
     before = shown(picture, deform, eye, BENT)
-    told = deform.export_picture(eye, BENT, picture.part_numbers)
-    assert told.shape is None and told.appearance is None
+    export = deform.export_picture(eye, BENT, picture.part_numbers)
+    assert export.shape is None and export.appearance is None
     light = deform._light
     deform.set_light(SkyState(light.environment, 120.0, 0.3))
-    told = deform.export_picture(eye, BENT, picture.part_numbers)
-    assert told.appearance is not None and not any(
-        (told.shape, told.cover, told.sky)
+    export = deform.export_picture(eye, BENT, picture.part_numbers)
+    assert export.appearance is not None and not any(
+        (export.shape, export.cover, export.backdrop)
     )  # the sky's image stays where it is
     assert not np.allclose(shown(picture, deform, eye, BENT), before, atol=0.1)
     deform.set_light(light)
@@ -121,9 +121,9 @@ def test_known_parts_are_not_sent_again(deform: Deform, picture: PosedPicture) -
 
 def test_a_pose_of_nothing_is_refused(context: moderngl.Context, deform: Deform) -> None:
     bare = PosedPicture(context)
-    told = deform.export_picture(deform.scene.description.camera, ())
+    export = deform.export_picture(deform.scene.description.camera, ())
     with pytest.raises(GraphicsError, match="without its mesh"):
-        bare.draw(replace(told, shape=None), deform.scene.description.camera, SIZE)
+        bare.draw(replace(export, shape=None), deform.scene.description.camera, SIZE)
     bare.release()
 
 

@@ -17,8 +17,8 @@ from engine.light.environment import Environment
 from engine.material.layer import Layer
 from engine.material.strokes import Stroke, Strokes
 from engine.precompute.direct.pipeline import SkyState
+from engine.realtime.core.gpu_parts import LightPart
 from engine.realtime.triple_product.gpu_export import PointExporter
-from engine.realtime.triple_product.gpu_parts import LightPart
 from engine.realtime.triple_product.orbit_engine import MOST_SLICE_BYTES, Orbit
 from engine.scene.camera_moves import orbit_camera
 from engine.scene.description import CameraDescription

@@ -18,22 +18,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.core.camera import camera_frame
-from engine.realtime.zonal_harmonics.gpu_parts import (
+from engine.realtime.core.gpu_parts import (
     AppearancePart,
+    BackdropPart,
     CoverPart,
+    DeformTerm,
     ExportedDetail,
-    ExportedTerm,
     Numbers,
     PictureExport,
     PosedPart,
     ShapePart,
-    SkyPart,
 )
 from engine.scene.description import Camera
 from ui.gl.context import GraphicsError
 from ui.gl.gpu_memory import BufferMemory, TextureMemory
 from ui.gl.program import ProgramCache, map_uniforms, set_uniforms
-from ui.gl.view_target import ViewTarget, view_uniforms
+from ui.gl.view_target import CornerArrays, ViewTarget, view_uniforms
 
 ORDER = 6  # of `lobes.comp.glsl`
 # Buffers by the numbers of their bindings in shaders: of points, and of maps on objects.
@@ -42,7 +42,7 @@ _OF_POINTS = {
     "sent": 7,
 }  # fmt: skip
 _OF_COVER = {"details": 0, "posed": 1, "axes": 2, "light": 3, "images": 5, "strokes": 6, "sent": 7}
-_COVERED = ("4i4 2f4 3f4 3f4", ("corner", "image_place", "position", "face"))
+_COVERED = (("corner", 4, "i"), ("image_place", 2, "f"), ("position", 3, "f"), ("face", 3, "f"))
 _GROUP = 64  # points
 
 
@@ -58,17 +58,17 @@ class PosedPicture:
         self._shape: ShapePart | None = None
         self._appearance: AppearancePart | None = None
         self._cover: CoverPart | None = None
-        self._sky: SkyPart | None = None
+        self._backdrop_part: BackdropPart | None = None
         self._backdrop: moderngl.Texture | None = None
-        self._array: moderngl.VertexArray | None = None
-        self._cover_arrays: dict[int, moderngl.VertexArray] = {}
+        self._triangles = CornerArrays(context, [("corner", 4, "i")])
+        self._covered = CornerArrays(context, _COVERED)
 
     @property
     def part_numbers(self) -> Numbers:
         """The numbers of the parts that are here."""
-        parts = self._shape, self._appearance, self._cover, self._sky
-        shape, look, cover, sky = (each.number if each else 0 for each in parts)
-        return shape, look, cover, sky
+        parts = self._shape, self._appearance, self._cover, self._backdrop_part
+        shape, appearance, cover, backdrop = (each.number if each else 0 for each in parts)
+        return shape, appearance, cover, backdrop
 
     def warm_up(self) -> Iterator[None]:
         """Compile all shaders, one a step; raises GraphicsError."""
@@ -92,16 +92,16 @@ class PosedPicture:
             self._take_cover(export.cover)
         if export.appearance is not None:
             self._take_appearance(export.appearance)
-        if export.sky is not None:
-            self._take_sky(export.sky)
-        shape, look, cover = self._shape, self._appearance, self._cover
-        assert shape is not None and look is not None and cover is not None and self._backdrop is not None
+        if export.backdrop is not None:
+            self._take_backdrop(export.backdrop)
+        shape, appearance, cover = self._shape, self._appearance, self._cover
+        assert shape is not None and appearance is not None and cover is not None and self._backdrop is not None
         self._fill("posed", export.posed.places)
         self._fill("axes", export.posed.axes)
-        self._fill("blockers", np.concatenate([export.posed.blockers.ravel(), look.casts.ravel()]))
-        target = self._target.begin(camera, size, self._backdrop, look.turn, look.scale)
-        self._shade(shape, look, export.posed)
-        self._draw_triangles(target, look, cover, _view(camera, size, export.posed))
+        self._fill("blockers", np.concatenate([export.posed.blockers.ravel(), appearance.casts.ravel()]))
+        self._target.begin(camera, size, self._backdrop, appearance.turn, appearance.scale)
+        self._shade(shape, appearance, export.posed)
+        self._draw_triangles(shape, appearance, cover, _view(camera, size, export.posed))
         return self._target.finish()
 
     def _take_shape(self, part: ShapePart) -> None:
@@ -111,17 +111,11 @@ class PosedPicture:
         self._fill("lobes", part.lobes)
         self._fill("owners", part.owners)
         self._fill("sent", np.zeros((len(part.owners), 6), np.float32))
-        if self._array is not None:
-            self._array.release()
-        if "corners" in self._buffers:
-            self._memory.release(self._buffers.pop("corners"))
         self._fill("corners", part.corners)
-        self._array = self._context.vertex_array(self._surface(), [(self._buffers["corners"], "4i4", "corner")])
         self._shape = part
 
     def _take_cover(self, part: CoverPart) -> None:
         self._cover = None
-        self._release_cover_arrays()
         for name, array in (
             ("covered", part.corners), ("details", part.lobes), ("images", part.images), ("strokes", part.strokes)
         ):  # fmt: skip
@@ -135,13 +129,11 @@ class PosedPicture:
         self._fill("gloss", part.gloss)
         self._appearance = part
 
-    def _take_sky(self, part: SkyPart) -> None:
-        self._sky = None
-        height, width = part.radiance.shape[:2]
-        texture = self._textures.texture((width, height), 3, "f4", part.radiance)
-        texture.filter, texture.repeat_x = (moderngl.LINEAR, moderngl.LINEAR), True
+    def _take_backdrop(self, part: BackdropPart) -> None:
+        self._backdrop_part = None
+        texture = self._textures.latlong(part.radiance)
         self._textures.release(self._backdrop)
-        self._backdrop, self._sky = texture, part
+        self._backdrop, self._backdrop_part = texture, part
 
     def _fill(self, name: str, array: NDArray[np.generic]) -> None:
         """A buffer of that name with these numbers: the present one where it has their size."""
@@ -154,58 +146,38 @@ class PosedPicture:
             self._memory.release(before)
         self._buffers[name] = made
 
-    def _shade(self, shape: ShapePart, look: AppearancePart, posed: PosedPart) -> None:
+    def _shade(self, shape: ShapePart, appearance: AppearancePart, posed: PosedPart) -> None:
         self._bind(_OF_POINTS)
         program, n_points = self._programs.compute("deform/lobes.comp.glsl"), len(shape.owners)
         set_uniforms(
-            program, n_points=n_points, n_lobes=shape.n_lobes, table=look.table.shape[:2], eye=posed.camera_position,
-            n_angles=look.gloss.shape[1], steepest=look.steepest, cosine=look.cosine.tolist(), even=look.even,
-            n_blockers=len(posed.blockers), n_casters=look.casts.shape[1], spread=look.spread.tolist(),
-            least=look.least,
+            program, n_points=n_points, n_lobes=shape.n_lobes, table=appearance.table.shape[:2],
+            camera_position=posed.camera_position, n_angles=appearance.gloss.shape[1], steepest=appearance.steepest,
+            cosine=appearance.cosine.tolist(), even=appearance.even, n_blockers=len(posed.blockers),
+            n_casters=appearance.casts.shape[1], spread=appearance.spread.tolist(), least=appearance.least,
         )  # fmt: skip
         program.run(-(-n_points // _GROUP))
         self._context.memory_barrier()
 
     def _draw_triangles(
-        self, target: moderngl.Framebuffer, look: AppearancePart, cover: CoverPart, view: dict[str, object]
+        self, shape: ShapePart, appearance: AppearancePart, cover: CoverPart, view: dict[str, object]
     ) -> None:
-        assert self._array is not None
-        context = self._context
-        context.enable_only(moderngl.DEPTH_TEST)
-        context.depth_func = "<"
         set_uniforms(self._surface(), **view)
-        self._array.render(moderngl.TRIANGLES)
-        target.depth_mask, context.depth_func = False, "<="
-        context.enable_only(moderngl.DEPTH_TEST | moderngl.BLEND)
-        context.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]
-        context.blend_func = moderngl.ONE, moderngl.ONE  # type: ignore[assignment]
+        self._triangles.draw(self._surface(), self._buffers["corners"], (0, len(shape.corners) // 3))
+        self._target.begin_terms()
         self._bind(_OF_COVER)
-        for term in look.terms:
-            self._draw_term(term, look, cover, view)
-        target.depth_mask = True
-        context.enable_only(moderngl.NOTHING)
+        for term in appearance.terms:
+            self._draw_term(term, appearance, cover, view)
 
-    def _draw_term(self, term: ExportedTerm, look: AppearancePart, cover: CoverPart, view: dict[str, object]) -> None:
+    def _draw_term(
+        self, term: DeformTerm, appearance: AppearancePart, cover: CoverPart, view: dict[str, object]
+    ) -> None:
         program = self._term(term.maps is not None, term.detail is not None)
         set_uniforms(program, **view, reflectance=term.reflectance)
         if term.maps is not None:
             set_uniforms(program, **map_uniforms(term.maps), n_strokes=cover.n_strokes)
         if term.detail is not None:
-            set_uniforms(program, **_detail(term.detail), table=look.table.shape[:2])
-        first, last = cover.ranges[term.i_object]
-        self._cover_array(program).render(moderngl.TRIANGLES, vertices=3 * (last - first), first=3 * first)
-
-    def _cover_array(self, program: moderngl.Program) -> moderngl.VertexArray:
-        if program.glo not in self._cover_arrays:
-            kinds, names = _COVERED
-            used = [name for name in names if name in program]
-            layout = " ".join(
-                kind if name in program else kind.replace("f", "x")
-                for kind, name in zip(kinds.split(), names, strict=True)
-            )
-            made = self._context.vertex_array(program, [(self._buffers["covered"], layout, *used)])
-            self._cover_arrays[program.glo] = made
-        return self._cover_arrays[program.glo]
+            set_uniforms(program, **_detail(term.detail), table=appearance.table.shape[:2])
+        self._covered.draw(program, self._buffers["covered"], cover.ranges[term.i_object])
 
     def _bind(self, bindings: dict[str, int]) -> None:
         for name, binding in bindings.items():
@@ -220,19 +192,13 @@ class PosedPicture:
 
     def forget(self) -> None:
         """Free the parts of a scene."""
-        if self._array is not None:
-            self._array.release()
-        self._release_cover_arrays()
+        self._triangles.release()
+        self._covered.release()
         for buffer in self._buffers.values():
             self._memory.release(buffer)
         self._buffers.clear()
         self._textures.release(self._backdrop)
-        self._array = self._backdrop = self._shape = self._appearance = self._cover = self._sky = None
-
-    def _release_cover_arrays(self) -> None:
-        for array in self._cover_arrays.values():
-            array.release()
-        self._cover_arrays.clear()
+        self._backdrop = self._shape = self._appearance = self._cover = self._backdrop_part = None
 
     @property
     def memory_bytes(self) -> int:

@@ -4,8 +4,8 @@
     for each term: gloss of the marked points towards the camera (gloss.comp) ─► its object's triangles, times its maps
 
 As `engine.realtime.triple_product.view_radiance` draws moving pictures, but with several samples per pixel: edges are
-smooth. All is in buffers, filled part by part (`engine.realtime.triple_product.gpu_parts`); in a frame only the camera
-is sent.
+smooth. All is in buffers, filled part by part (`engine.realtime.core.gpu_parts`); in a frame only the camera is
+sent.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.realtime.triple_product import gpu_parts
-from engine.realtime.triple_product.gpu_parts import (
+from engine.realtime.core.gpu_parts import (
     N_HEAD,
     BouncedPart,
-    ExportedTerm,
     LightPart,
     MeshPart,
+    OrbitPart,
+    OrbitTerm,
     SkyPart,
     TablePart,
     TermsPart,
@@ -32,7 +32,7 @@ from engine.realtime.triple_product.gpu_parts import (
 from engine.scene.description import Camera
 from ui.gl.gpu_memory import BufferMemory, TextureMemory
 from ui.gl.program import ProgramCache, map_uniforms, set_uniforms
-from ui.gl.view_target import ViewTarget, view_uniforms
+from ui.gl.view_target import CornerArrays, ViewTarget, view_uniforms
 
 # ----------------------------------------------------------------------------------------------------------- the points
 
@@ -52,7 +52,7 @@ class PointBuffers:
         self._context, self._programs = context, programs
         self._memory, self._textures = BufferMemory(context), TextureMemory(context)
         self.mesh: MeshPart | None = None
-        self.terms: tuple[gpu_parts.ExportedTerm, ...] = ()
+        self.terms: tuple[OrbitTerm, ...] = ()
         self.emission = np.zeros((0, 3), np.float32)
         self.tables: dict[int, Tables] = {}
         self.sky: moderngl.Texture | None = None
@@ -68,7 +68,7 @@ class PointBuffers:
     def __getitem__(self, name: str) -> moderngl.Buffer:
         return self._named[name]
 
-    def take(self, part: gpu_parts.Part) -> None:
+    def take(self, part: OrbitPart) -> None:
         """Take a part. Raises GraphicsError where there is no room for it."""
         match part:
             case MeshPart():
@@ -102,9 +102,7 @@ class PointBuffers:
     def _take_sky(self, part: SkyPart) -> None:
         self.turn, self.scale = part.turn, part.scale
         if part.image is not None:
-            height, width = part.image.shape[:2]
-            made = self._textures.texture((width, height), 3, "f4", part.image)
-            made.filter, made.repeat_x = (moderngl.LINEAR, moderngl.LINEAR), True
+            made = self._textures.latlong(part.image)
             self._textures.release(self.sky)
             self.sky = made
 
@@ -175,8 +173,7 @@ class ShadedPicture:
         self._context, self._programs = context, ProgramCache(context)
         self._target = ViewTarget(context, n_samples)
         self.buffers = PointBuffers(context, self._programs)
-        self._arrays: dict[int, moderngl.VertexArray] = {}
-        self._corners: moderngl.Buffer | None = None
+        self._arrays = CornerArrays(context, _CORNER)
         self._number = 0
         self._query: moderngl.Query | None = None
 
@@ -201,8 +198,8 @@ class ShadedPicture:
         self._number += 1
         self._query = self._query or self._context.query(time=True)
         with self._query:
-            target = self._target.begin(camera, size, buffers.sky, buffers.turn, buffers.scale)
-            self._draw_surfaces(target, mesh, _view(camera, size, mesh), n_coefficients)
+            self._target.begin(camera, size, buffers.sky, buffers.turn, buffers.scale)
+            self._draw_surfaces(mesh, _view(camera, size, mesh), n_coefficients)
             return self._target.finish()
 
     def finish(self) -> None:
@@ -214,27 +211,17 @@ class ShadedPicture:
         """Seconds that the last picture took on the graphics card; waits for it."""
         return 0.0 if self._query is None else self._query.elapsed / 1e9
 
-    def _draw_surfaces(
-        self, target: moderngl.Framebuffer, mesh: MeshPart, view: dict[str, object], n_coefficients: int
-    ) -> None:
-        context, buffers = self._context, self.buffers
-        context.enable_only(moderngl.DEPTH_TEST)
-        context.depth_func = "<"
-        emitted = self._program("emitted", "emitted")
+    def _draw_surfaces(self, mesh: MeshPart, view: dict[str, object], n_coefficients: int) -> None:
+        buffers, emitted = self.buffers, self._program("emitted", "emitted")
         for i, emission in enumerate(buffers.emission):
             set_uniforms(emitted, **view, emission=tuple(map(float, emission)))
             self._draw_object(emitted, mesh, i)
-        target.depth_mask, context.depth_func = False, "<="
-        context.enable_only(moderngl.DEPTH_TEST | moderngl.BLEND)
-        context.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]
-        context.blend_func = moderngl.ONE, moderngl.ONE  # type: ignore[assignment]
+        self._target.begin_terms()
         self._mark(mesh, view)
         for term in buffers.terms:
             if term.tables in buffers.tables:
                 self._shade(mesh, term.i_object, buffers.tables[term.tables], view, n_coefficients)
             self._draw_term(mesh, term, view)
-        target.depth_mask = True
-        context.enable_only(moderngl.NOTHING)
 
     def _mark(self, mesh: MeshPart, view: dict[str, object]) -> None:
         """Mark the visible points of objects with gloss."""
@@ -256,8 +243,9 @@ class ShadedPicture:
             buffer.bind_to_storage_buffer(binding)
         n_slices = shape.n_polar * shape.n_columns
         set_uniforms(
-            program, picture=self._number, eye=view["eye"], n_most=n_coefficients, row_words=buffers.row_words,
-            grid=(shape.n_polar, shape.n_columns), steepest=shape.steepest, n_symmetries=len(shape.images),
+            program, picture=self._number, camera_position=view["camera_position"], n_most=n_coefficients,
+            row_words=buffers.row_words, grid=(shape.n_polar, shape.n_columns), steepest=shape.steepest,
+            n_symmetries=len(shape.images),
             n_entries=(len(shape.coefficients) // n_slices, len(shape.values) // n_slices),
             n_images=(shape.images.shape[1], shape.places.shape[1]),
         )  # fmt: skip
@@ -268,7 +256,7 @@ class ShadedPicture:
             program.run(min(last - first, _GROUPS), n_rows)
         self._context.memory_barrier()
 
-    def _draw_term(self, mesh: MeshPart, term: ExportedTerm, view: dict[str, object]) -> None:
+    def _draw_term(self, mesh: MeshPart, term: OrbitTerm, view: dict[str, object]) -> None:
         buffers, maps, bumps = self.buffers, term.maps, term.bumps
         program = self._program("term", "term", IS_BUMPY=int(bumps is not None), HAS_MAPS=int(maps is not None))
         for binding, name in enumerate(("points", "irradiance", "indirect", "rows", "gloss", "images", "strokes")):
@@ -290,26 +278,7 @@ class ShadedPicture:
         return self._programs.get(f"orbit/{vertex}.vert.glsl", f"orbit/{fragment}.frag.glsl", **switches)
 
     def _draw_object(self, program: moderngl.Program, mesh: MeshPart, i_object: int) -> None:
-        first, last = mesh.triangle_ranges[i_object]
-        if last > first:
-            self._array(program).render(moderngl.TRIANGLES, vertices=3 * (last - first), first=3 * first)
-
-    def _array(self, program: moderngl.Program) -> moderngl.VertexArray:
-        corners = self.buffers["corners"]
-        if corners is not self._corners:
-            self._release_arrays()
-            self._corners = corners
-        if program.glo not in self._arrays:
-            used = [name for name, _, _ in _CORNER if name in program]
-            layout = " ".join(f"{n}{kind if name in program else 'x'}4" for name, n, kind in _CORNER)
-            self._arrays[program.glo] = self._context.vertex_array(program, [(corners, layout, *used)])
-        return self._arrays[program.glo]
-
-    def _release_arrays(self) -> None:
-        for array in self._arrays.values():
-            array.release()
-        self._arrays.clear()
-        self._corners = None
+        self._arrays.draw(program, self.buffers["corners"], mesh.triangle_ranges[i_object])
 
     def forget(self) -> None:
         """Free the parts of a scene."""
@@ -318,7 +287,7 @@ class ShadedPicture:
     def release(self) -> None:
         """Free all."""
         self._target.release()
-        self._release_arrays()
+        self._arrays.release()
         self.buffers.release()
         self._programs.release()
         self._query = None
@@ -331,6 +300,6 @@ class ShadedPicture:
 
 def _view(camera: Camera, size: tuple[int, int], mesh: MeshPart) -> dict[str, object]:
     """The projection of triangles to the picture: uniforms of `surface.glsl`."""
-    eye = np.subtract(camera.position, mesh.origin)
-    distance = float(np.linalg.norm(eye - mesh.centre))
-    return view_uniforms(camera, size, eye, distance - mesh.radius, distance + mesh.radius)
+    camera_position = np.subtract(camera.position, mesh.origin)
+    distance = float(np.linalg.norm(camera_position - mesh.centre))
+    return view_uniforms(camera, size, camera_position, distance - mesh.radius, distance + mesh.radius)

@@ -207,10 +207,7 @@ class Compositor:
             radiance = np.zeros((1, 1, 3), dtype=np.float32)
         if radiance.ndim != 3 or radiance.shape[2] != 3 or not np.isfinite(radiance).all():
             raise GraphicsError(f"environment of shape {radiance.shape}, expected (H, W, 3), all finite")
-        height, width = radiance.shape[:2]
-        made = self._memory.texture((width, height), 3, "f4", radiance.astype(np.float32))
-        made.filter = (moderngl.LINEAR, moderngl.LINEAR)
-        made.repeat_x = True
+        made = self._memory.latlong(radiance)
         self._memory.release(self._environment)
         self._environment = made
 

@@ -1,5 +1,7 @@
 """Bumps in Orbit: closed forms of a leaning normal, and the pictures that Placement makes of the same."""
 
+from __future__ import annotations
+
 from pathlib import Path
 
 import numpy as np

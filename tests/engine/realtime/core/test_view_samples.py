@@ -1,5 +1,7 @@
 """What a picture of Orbit's sees of images: filtered over the pixel, as in Placement."""
 
+from __future__ import annotations
+
 import tomllib
 from pathlib import Path
 
@@ -11,14 +13,13 @@ from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.material.layer_maps import LayerMaps
 from engine.precompute.direct.pipeline import Placement
-from engine.realtime.triple_product.shading_points import shading_points
-from engine.realtime.triple_product.view_maps import factors, footprints_of
-from engine.realtime.triple_product.view_samples import PointMesh
+from engine.realtime.core.shading_points import shading_points
+from engine.realtime.core.view_samples import PointMesh, factors, footprints_of
 from engine.scene.description import parse_description
 from engine.scene.map_sampler import MapFactors
 from engine.scene.scene_loader import build_scene
 from engine.scene.surface_uvs import pixel_footprints
-from tests.engine.realtime.triple_product.conftest import SCENE
+from tests.engine.realtime.conftest import SCENE
 
 SIZE = 48, 36
 
@@ -36,7 +37,7 @@ def test_images_are_filtered_as_in_placement(tmp_path: Path, quality: str) -> No
     which = seen.of(0)
     found = factors(seen, which, scene, 0, [layer], quality)[0]
     begin, end = placement.hits.object_ranges[0]
-    expected = MapFactors(scene, {0: [layer]}).at_primary_hits(placement.caster, placement.hits)[begin:end, 0]
+    expected = MapFactors(scene, {0: [layer]}).at_primary_hits(placement)[begin:end, 0]
     np.testing.assert_array_equal(seen.pixel[which], placement.hits.pixel[begin:end])
     assert np.abs(found - expected).mean() < (0.006 if quality == "rest" else 0.02)
     assert expected.std() < 0.15  # one look-up a pixel would give 0 or 1, of 0.5

@@ -13,8 +13,7 @@ from engine.material import MODELS
 from engine.material.layer import Layer, make_layer
 from engine.precompute.direct.pipeline import SkyState
 from engine.realtime.triple_product.orbit_engine import Orbit
-from engine.realtime.triple_product.slice_levels import SliceLevels
-from engine.realtime.triple_product.slices import slice_bytes_of, table_bytes_of
+from engine.realtime.triple_product.slices import SliceLevels, slice_bytes_of, table_bytes_of
 from engine.scene.description import parse_description
 from engine.scene.scene_loader import Scene, build_scene
 from tests.scene_text import camera, placed

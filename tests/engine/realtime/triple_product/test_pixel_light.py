@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from engine.realtime.triple_product import _peak_kernels, _perturbed_kernels, _slice_kernels
-from engine.realtime.triple_product._corner_kernels import PeakLights
+from engine.realtime.triple_product import _pixel_kernels, _slice_kernels, _visibility_kernels
 from engine.realtime.triple_product._incident_kernels import child_at
-from engine.realtime.triple_product.incident import hemisphere
-from engine.realtime.triple_product.perturbed_normals import _in_rows
-from engine.realtime.triple_product.sky_map import SkyMap
+from engine.realtime.triple_product._slice_kernels import PeakLights
+from engine.realtime.triple_product.incident import SkyMap, hemisphere
+from engine.realtime.triple_product.pixel_reflection import _in_rows
 from engine.realtime.triple_product.visibility import upper_triangles
 
 N_POINTS, N_SAMPLES, N_SUNS = 40, 60, 11
@@ -57,9 +56,9 @@ def case() -> Case:
 
 def test_suns_on_turned_surfaces_one_by_one(case: Case) -> None:
     out = np.empty((N_SAMPLES, 3), np.float32)
-    _perturbed_kernels.peak_irradiance(
+    _pixel_kernels.peak_irradiance(
         0, N_SAMPLES, np.arange(N_SAMPLES), case.corners, case.weights, case.turned, case.frame, case.bits,
-        *_in_rows(case.sky), _perturbed_kernels.of_bytes(), out,
+        *_in_rows(case.sky), _pixel_kernels.of_bytes(), out,
     )  # fmt: skip
     for j in range(N_SAMPLES):
         before, expected = case.weights[j] @ case.frame[case.corners[j], 1], np.zeros(3)
@@ -77,9 +76,9 @@ def test_slices_of_suns_on_turned_surfaces_one_by_one(case: Case) -> None:
     same = np.tile(np.arange(n, dtype=np.int32), (2, 1))
     tables = _slice_kernels.Tables(np.zeros(1, np.uint16), values, same, same, 2, 2, 1.5, 1)
     out = np.empty((N_SAMPLES, 3), np.float32)
-    _perturbed_kernels.peak_radiance(
+    _pixel_kernels.peak_radiance(
         0, N_SAMPLES, np.arange(N_SAMPLES), case.corners, case.weights, case.wo, case.turned, case.bits,
-        *_in_rows(case.sky), children, _perturbed_kernels.of_bytes(), tables, out,
+        *_in_rows(case.sky), children, _pixel_kernels.of_bytes(), tables, out,
     )  # fmt: skip
     for j in range(N_SAMPLES):
         expected = np.zeros(3)
@@ -98,7 +97,7 @@ def test_suns_that_points_do_not_agree_on(case: Case, n_suns: int, everywhere: b
     suns = PeakLights(case.sky.peak_direction, case.sky.peak_power, bits, hemisphere().children, 0.0)
     row, sun = np.empty((2, N_SAMPLES * n_suns), np.int32)
     share, cosine = np.empty((2, len(row)), np.float32)
-    n = _peak_kernels.uncertain_peaks(
+    n = _visibility_kernels.uncertain_peaks(
         np.arange(N_SAMPLES), case.corners, case.weights, case.frame, suns, n_suns, everywhere, row, sun, share, cosine
     )
     expected = []

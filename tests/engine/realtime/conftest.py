@@ -1,12 +1,14 @@
 """A small scene: a metal ball on a matt floor under an even sky."""
 
+from __future__ import annotations
+
 import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from engine.realtime.triple_product.shading_points import ShadingPoints, shading_points
+from engine.realtime.core.shading_points import ShadingPoints, shading_points
 from engine.realtime.triple_product.visibility import Bits, trace_hemispheres
 from engine.scene.description import parse_description
 from engine.scene.raycaster import RayCaster

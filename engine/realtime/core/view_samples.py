@@ -1,33 +1,48 @@
 """Samples what a picture shows from any camera: the shading points around each pixel and, at rest, several rays at
-edges."""
+edges; and the factors of maps there, filtered over each pixel as in Placement.
+
+A triangle between points may extend beneath a wall, with one corner in a bright room and another in a dark one;
+interpolated light would leak through the wall. Such triangles are few. They are flat, because the corners of a bent
+triangle hide each other anyway, and one of their corners is buried or does not see another. A position within such a
+triangle interpolates only corners that it sees; if it sees none, it takes the nearest point that it does see.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from engine.core.camera import camera_plane
 from engine.core.frames import local_frames
 from engine.core.threads import even_parts, on_threads
 from engine.light.environment import Environment
-from engine.realtime.triple_product import _picture_kernels as kernels
-from engine.realtime.triple_product._footprint_kernels import Charts
-from engine.realtime.triple_product.corner_visibility import CornerVisibility
-from engine.realtime.triple_product.shading_points import ShadingPoints
+from engine.material.layer import Layer
+from engine.realtime.core import _sample_kernels as kernels
+from engine.realtime.core._sample_kernels import Charts, Samples
+from engine.realtime.core.shading_points import ShadingPoints
+from engine.realtime.core.terms import MOVING_PROBES, map_factor
+from engine.scene.bump_normals import Footprints, gradients
 from engine.scene.description import CameraDescription
 from engine.scene.edges import Surface, edge_pixels, ray_offsets, turn_of
 from engine.scene.primary_hits import object_tangents
 from engine.scene.raycaster import Intersections, RayCaster
 from engine.scene.scene_loader import Scene
+from engine.scene.surface_uvs import corner_uvs
+from engine.texture.pyramid import MOST_PROBES, Pyramid
 
 Float32Array = NDArray[np.float32]
 Rows = NDArray[np.int64]
-_RAYS = 16384  # at a time
+_RAYS_AT_ONCE = 16384
 _FEW_EDGE_RAYS = 4  # a pixel; with so few, only silhouettes count as edges
+_FLAT = 0.9999  # cosine between normals
+_SHORT = 1e-4  # rays to a position end this share of their length before it
+_NEAREST = 16  # candidates, of which the first visible one is taken
 
 
 class PointMesh:
@@ -78,7 +93,7 @@ class PointMesh:
             inner, outer = np.flatnonzero(~edges), np.flatnonzero(edges)
             places = np.stack([outer % width, outer // width], axis=1)[:, None] + (0.5 + ray_offsets(n_edge_rays))
             more, found_more = self._trace(camera, resolution, places.reshape(-1, 2), n_edge_rays * len(outer))
-            samples = kernels.Samples(*(np.concatenate([a[inner], b]) for a, b in zip(samples, more, strict=True)))
+            samples = Samples(*(np.concatenate([a[inner], b]) for a, b in zip(samples, more, strict=True)))
             found = tuple(np.concatenate([a[inner], b]) for a, b in zip(found, found_more, strict=True))
             pixel = np.concatenate([inner, np.repeat(outer, n_edge_rays)])
             share = np.concatenate([share[inner], np.full(n_edge_rays * len(outer), 1.0 / n_edge_rays, np.float32)])
@@ -87,13 +102,13 @@ class PointMesh:
         i_object = samples.i_object
         reflects = samples.corners[:, 0] >= 0
         order, bounds = kernels.by_object(i_object, reflects, len(self._scene.smooth))
-        eye = np.subtract(camera.position, self._scene.origin).astype(np.float32)
+        camera_position = np.subtract(camera.position, self._scene.origin).astype(np.float32)
         axes = camera_plane(camera, resolution)
         what = samples, pixel, share, order, bounds, found, self._points, self._charts
-        return ViewSamples((width, height), eye, axes, *what)
+        return ViewSamples((width, height), camera_position, axes, *what)
 
     def _edges(
-        self, samples: kernels.Samples, found: tuple[NDArray, ...], resolution: tuple[int, int]
+        self, samples: Samples, found: tuple[NDArray, ...], resolution: tuple[int, int]
     ) -> NDArray[np.bool_]:  # fmt: skip
         """Find pixels (R,) at edges as Placement defines them: also where one object breaks off or bends."""
         reflects = np.flatnonzero(samples.corners[:, 0] >= 0)
@@ -110,35 +125,35 @@ class PointMesh:
         """Update the objects' emission."""
         self._scene, self._surface, self._last = scene, self._surface._replace(emission=scene.emission), None
 
-    def trace(self, origins: Float32Array, directions: Float32Array) -> tuple[kernels.Samples, Float32Array]:
+    def trace(self, origins: Float32Array, directions: Float32Array) -> tuple[Samples, Float32Array]:
         """Trace a few rays (R, 3) from anywhere: return their samples and distances (R,)."""
-        out, hits = _room(len(origins)), self._caster.intersect(origins, directions)
+        out, hits = _empty_samples(len(origins)), self._caster.intersect(origins, directions)
         kernels.resolve(0, hits.triangle, hits.u, hits.v, directions, self._surface, out)
         self.visibility.fix_corners(out, hits.triangle)
         return out, hits.distance
 
     def _trace(
         self, camera: CameraDescription, resolution: tuple[int, int], places: NDArray[np.float64], n: int
-    ) -> tuple[kernels.Samples, tuple[NDArray, ...]]:
+    ) -> tuple[Samples, tuple[NDArray, ...]]:
         """Trace n rays: return samples, triangle, u and v."""
-        axes, eye = (
+        axes, camera_position = (
             camera_plane(camera, resolution),
             np.subtract(camera.position, self._scene.origin).astype(np.float32),
         )
         directions = np.empty((n, 3), np.float32)
-        out = _room(n)
+        out = _empty_samples(n)
         found = np.empty(n, np.int32), np.empty(n, np.float32), np.empty(n, np.float32)
 
         def part(start: int) -> None:
-            stop = min(start + _RAYS, n)
+            stop = min(start + _RAYS_AT_ONCE, n)
             kernels.fill_rays(start, stop, places, resolution[0], axes, directions)
             own = directions[start:stop]
-            hits = self._caster.intersect(np.broadcast_to(eye, own.shape), own)
+            hits = self._caster.intersect(np.broadcast_to(camera_position, own.shape), own)
             kernels.resolve(start, hits.triangle, hits.u, hits.v, own, self._surface, out)
             for mine, theirs in zip(found, (hits.triangle, hits.u, hits.v), strict=True):
                 mine[start:stop] = theirs
 
-        on_threads(part, range(0, n, _RAYS))
+        on_threads(part, range(0, n, _RAYS_AT_ONCE))
         return out, found
 
 
@@ -146,13 +161,13 @@ class PointMesh:
 class ViewSamples:
     """Samples (R,) of a picture: resolution (width, height), camera_position (3,), axes (3, 3) of its plane, the
     samples, their pixel (R,) and share of it (R,). order (N,): reflecting samples by object, with ranges bounds (M +
-    1,); found: triangle, u, v on the triangles between points; footprints, sampled, leans: caches of `view_maps` and
-    `perturbed_normals`; charts: how objects' triangles lie on images, shared by all pictures."""
+    1,); found: triangle, u, v on the triangles between points; footprints, sampled, normal_offsets: caches of texture
+    coordinates, images and bumps; charts: how objects' triangles lie on images, shared by all pictures."""
 
     resolution: tuple[int, int]
     camera_position: Float32Array
     axes: NDArray[np.float64]
-    samples: kernels.Samples
+    samples: Samples
     pixel: Rows
     share: Float32Array
     order: Rows
@@ -162,7 +177,7 @@ class ViewSamples:
     charts: dict[int, Charts]
     footprints: dict[int, tuple[NDArray[np.float64], ...]] = field(default_factory=dict)
     sampled: dict[object, Float32Array] = field(default_factory=dict)
-    leans: dict[object, Float32Array] = field(default_factory=dict)
+    normal_offsets: dict[object, Float32Array] = field(default_factory=dict)
 
     @cached_property
     def shares(self) -> Float32Array:
@@ -256,9 +271,155 @@ def assemble_picture(
     return whole.astype(np.float32).reshape(height, width, 3)
 
 
-def _room(n: int) -> kernels.Samples:
+def _empty_samples(n: int) -> Samples:
     """Allocate n samples."""
-    return kernels.Samples(
+    return Samples(
         np.empty((n, 3), np.int32), np.zeros((n, 3), np.float32), np.empty((n, 3), np.float32),
         np.empty((n, 3), np.float32), np.empty(n, np.int32), np.empty(n, bool),
     )  # fmt: skip
+
+
+class CornerVisibility:
+    """Visibility between the points of a scene, by the triangles between them; see the module."""
+
+    def __init__(self, points: ShadingPoints, caster: RayCaster) -> None:
+        """caster: intersects the triangles between the points."""
+        self._points, self._caster = points, caster
+
+    def sees(self, origins: Float32Array, places: Float32Array) -> NDArray[np.bool_]:
+        """Whether nothing is between two positions (R, 3); a position sees itself."""
+        directions = places - origins
+        apart = directions.any(axis=1)
+        seen = np.ones(len(directions), bool)
+        limit = np.full(int(apart.sum()), 1.0 - _SHORT, np.float32)
+        seen[apart] = ~self._caster.occluded(origins[apart], directions[apart], limit)
+        return seen
+
+    @cached_property
+    def split_triangles(self) -> NDArray[np.bool_]:
+        """Find the triangles, on either side (T, 2), some of whose corners are not visible from all of the triangle."""
+        points, found = self._points, np.zeros(self._points.triangles.shape[:2], bool)
+        for side in range(2):
+            mine = np.flatnonzero(points.triangles[:, side, 0] >= 0)
+            corners = points.triangles[mine, side]
+            normals, lifted = points.normal[corners], points.lifted[corners]
+            flat = np.einsum("tki,tki->tk", normals, np.roll(normals, 1, axis=1)).min(axis=1, initial=1.0) > _FLAT
+            some = np.zeros(len(mine), bool) if points.buried is None else points.buried[corners].any(axis=1)
+            requested = np.flatnonzero(flat & ~some)
+            ends = np.roll(lifted[requested], 1, axis=1)
+            some[requested] = ~self.sees(lifted[requested].reshape(-1, 3), ends.reshape(-1, 3)).reshape(-1, 3).all(
+                axis=1
+            )
+            found[mine, side] = flat & some
+        return found
+
+    def fix_corners(self, samples: Samples, triangle: NDArray[np.int32]) -> None:
+        """Restrict corners and weights of samples (R,) to visible ones; triangle (R,): the triangle that each lies
+        in."""
+        points = self._points
+        rows = np.flatnonzero(self._divided_somewhere[triangle] & (samples.corners[:, 0] >= 0))  # few: see the module
+        side = (np.einsum("ri,ri->r", samples.wo[rows], self._faces[triangle[rows]]) < 0.0).astype(np.intp)
+        mine = self.split_triangles[triangle[rows], side]
+        rows, side = rows[mine], side[mine]
+        if not len(rows):
+            return
+        t, corners = triangle[rows], points.triangles[triangle[rows], side]
+        weights = samples.weights[rows]
+        normals = points.normal[corners[:, 0]]
+        places = np.einsum("rk,rki->ri", weights, points.corners[t])
+        origins = self._caster.offset_origins(places, normals)
+        seen = self.sees(np.repeat(origins, 3, axis=0), points.lifted[corners].reshape(-1, 3)).reshape(-1, 3)
+        if points.buried is not None:
+            seen &= ~points.buried[corners]
+        weights = np.where(seen, np.maximum(weights, 1e-6), np.float32(0.0))
+        alone = np.flatnonzero(~seen.any(axis=1))
+        corners[alone], weights[alone, 0] = self._nearest(origins[alone], places[alone], normals[alone])[:, None], 1.0
+        samples.corners[rows] = corners
+        samples.weights[rows] = weights / weights.sum(axis=1, keepdims=True)
+
+    @cached_property
+    def _divided_somewhere(self) -> NDArray[np.bool_]:
+        """Which triangles (T,) are split on one of their sides."""
+        return np.asarray(self.split_triangles.any(axis=1))
+
+    @cached_property
+    def _faces(self) -> NDArray[np.float64]:
+        """Face normals (T, 3) by winding, of any length."""
+        a, b, c = np.moveaxis(self._points.corners, 1, 0)
+        return np.cross(b - a, c - a)
+
+    @cached_property
+    def _tree(self) -> tuple[cKDTree, float]:
+        points = self._points
+        size = float(np.ptp(points.position, axis=0).max()) if len(points) else 1.0
+        return cKDTree(np.concatenate([points.position, size * points.normal], axis=1)), size
+
+    def _nearest(self, origins: Float32Array, places: NDArray[np.float64], normals: Float32Array) -> NDArray[np.int64]:
+        """Nearest points (N,) that face the same way and are visible from the places, or at least not buried."""
+        tree, size = self._tree
+        k = min(_NEAREST, len(self._points))
+        _, near = tree.query(np.concatenate([places, size * normals], axis=1), k)
+        near = near.reshape(-1, k)
+        seen = self.sees(np.repeat(origins, k, axis=0), self._points.lifted[near].reshape(-1, 3)).reshape(-1, k)
+        rank = seen.astype(np.int64)
+        if self._points.buried is not None:
+            rank = np.where(self._points.buried[near], 0, 1 + rank)
+        return np.take_along_axis(near, rank.argmax(axis=1)[:, None], axis=1)[:, 0]
+
+
+def factors(
+    seen: ViewSamples, which: Rows, scene: Scene, i_object: int, layers: Sequence[Layer], quality: str
+) -> dict[int, Float32Array]:
+    """Factors of an object's visible layers that have maps, by the layer's number: (N, 3) at samples (N,).
+
+    In moving pictures, fewer look-ups cover an oblique pixel, each in one level of the image pyramid. Layers and
+    pictures of one camera share what was sampled of an image.
+    """
+    is_quick, sampled = quality == "moving", seen.sampled
+    most_probes = MOVING_PROBES if is_quick else MOST_PROBES
+
+    def sample(image: Pyramid, scale: tuple[float, float]) -> Float32Array:
+        key = i_object, image, scale
+        if key not in sampled:
+            footprints = footprints_of(seen, which, scene, i_object)
+            sampled[key] = image.over(*footprints, most_probes, scale, is_quick)
+        return sampled[key]
+
+    visible = [layer for layer in layers if layer.visible]
+    return {
+        k: np.asarray(map_factor(scene, layer.maps, len(which), sample, lambda: seen.in_scene(which)), np.float32)
+        for k, layer in enumerate(visible)
+        if not layer.maps.is_plain
+    }
+
+
+def footprints_of(seen: ViewSamples, which: Rows, scene: Scene, i_object: int) -> Footprints:
+    """Texture coordinates of an object's samples, and their differences over a pixel to the left and upwards, (N, 2);
+    cached."""
+    if i_object not in seen.footprints:
+        seen.footprints[i_object] = _footprints(seen, which, scene, i_object)
+    uv, left, up = seen.footprints[i_object]
+    return uv, left, up
+
+
+def _footprints(seen: ViewSamples, which: Rows, scene: Scene, i_object: int) -> tuple[NDArray[np.float64], ...]:
+    if i_object not in seen.charts:
+        seen.charts[i_object] = _charts(scene, i_object)
+    out = tuple(np.empty((3, len(which), 2)))
+    samples, camera_position = seen.samples, seen.camera_position.astype(np.float64)
+    what = which, seen.found[0], seen.points.source, samples.wo, seen.share, seen.charts[i_object]
+
+    def part(start: int, stop: int) -> None:
+        kernels.footprints(start, stop, *what, camera_position, seen.axes, *out)
+
+    on_threads(part, *even_parts(len(which)))
+    return out
+
+
+def _charts(scene: Scene, i_object: int) -> Charts:
+    """How an object's triangles lie on its images."""
+    own = np.arange(*scene.triangle_ranges[i_object])
+    corners = scene.vertices[scene.triangles[own]].astype(np.float64)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    first = np.ascontiguousarray(corners[:, 0]), np.ascontiguousarray(corner_uvs(scene, own)[:, 0])
+    return Charts(*first, normals, gradients(scene, own), int(own[0]))

@@ -1,19 +1,127 @@
-"""Compiled: reflection by perturbed normals of the light that points store for unperturbed ones."""
+"""Compiled: reflection at pixels in frames of their own: of peaks that a pixel reflects sharply, each in its own
+direction, and by perturbed normals of the light that points store for unperturbed ones."""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from engine.core import lanes
+from engine.core._frame_kernels import to_local
 from engine.core.fast_math import FAST
 from engine.realtime.triple_product._incident_kernels import StoredLight, child_at
-from engine.realtime.triple_product._slice_kernels import Tables, cell_at, reflected_between
+from engine.realtime.triple_product._slice_kernels import PeakLights, Tables, cell_at, reflected_between
 
 Float32Array = NDArray[np.float32]
+
+
+class BrdfQueries(NamedTuple):
+    """BRDF evaluations (P,): sample, index among the given samples; power (P, 3) that arrives; wi and wo (P, 3) in
+    tangent, bitangent, normal."""
+
+    sample: NDArray[np.int32]
+    power: Float32Array
+    wi: NDArray[np.float64]
+    wo: NDArray[np.float64]
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def query_peaks(
+    which: NDArray[np.int64], corners: NDArray[np.int32], weights: Float32Array, wo: Float32Array, frame: Float32Array,
+    peaks: PeakLights,
+    sharp: NDArray[np.uint64], least_cosine: float, requested: BrdfQueries,
+) -> int:  # fmt: skip
+    """Fill `requested` with the peaks that are sharp at the corners (3 N, 2) of samples (N,), as `shade_corners` finds
+    them; return their number. A peak's power is scaled by the interpolation weights of the corners that see it;
+    directions refer to the interpolated frame."""
+    n_requested = 0
+    own, towards = np.empty((3, 3)), np.empty(3)
+    for n in range(len(which)):
+        j, has_frame = which[n], False
+        # Walk through the set bits of both 64-bit words.
+        for word in range(2):
+            first, second, third = sharp[3 * n, word], sharp[3 * n + 1, word], sharp[3 * n + 2, word]
+            left, s = first | second | third, 64 * word - 1
+            while left:
+                s += 1
+                found = left & np.uint64(1)
+                left >>= np.uint64(1)
+                if not found:
+                    continue
+                # Frame and wo are needed only by samples with sharp peaks.
+                if not has_frame:
+                    _interpolate_frame(corners[j], weights[j], frame, own)
+                    _view_direction(own, wo[j], least_cosine, towards)
+                    has_frame = True
+                # The peak's direction in the sample's frame.
+                d = peaks.direction[s]
+                y = own[1, 0] * d[0] + own[1, 1] * d[1] + own[1, 2] * d[2]
+                if y <= 0.0:
+                    continue
+                x = own[0, 0] * d[0] + own[0, 1] * d[1] + own[0, 2] * d[2]
+                z = own[2, 0] * d[0] + own[2, 1] * d[1] + own[2, 2] * d[2]
+                # Power times the weights of those corners that see the peak.
+                bit = np.uint64(s & 63)
+                share = weights[j, 0] * np.float32(first >> bit & np.uint64(1))
+                share += weights[j, 1] * np.float32(second >> bit & np.uint64(1))
+                share += weights[j, 2] * np.float32(third >> bit & np.uint64(1))
+                requested.sample[n_requested] = n
+                for i in range(3):
+                    requested.power[n_requested, i], requested.wo[n_requested, i] = (
+                        share * peaks.power[s, i],
+                        towards[i],
+                    )
+                # The frame's third axis is minus the bitangent.
+                requested.wi[n_requested, 0], requested.wi[n_requested, 1], requested.wi[n_requested, 2] = x, -z, y
+                n_requested += 1
+    return n_requested
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def _interpolate_frame(
+    corners: NDArray[np.int32], weights: Float32Array, frame: Float32Array, out: NDArray[np.float64]
+) -> None:
+    """Interpolate the frame between three points into out (3, 3) and orthonormalize it."""
+    for i in range(2):
+        for k in range(3):
+            out[i, k] = 0.0
+            for corner in range(3):
+                out[i, k] += weights[corner] * frame[corners[corner], i, k]
+    t, n = out[0], out[1]
+    scale = 1.0 / max(math.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]), 1e-30)
+    for k in range(3):
+        n[k] *= scale
+    along = t[0] * n[0] + t[1] * n[1] + t[2] * n[2]
+    for k in range(3):
+        t[k] -= along * n[k]
+    scale = 1.0 / max(math.sqrt(t[0] * t[0] + t[1] * t[1] + t[2] * t[2]), 1e-30)
+    for k in range(3):
+        t[k] *= scale
+    for k in range(3):
+        out[2, k] = t[(k + 1) % 3] * n[(k + 2) % 3] - t[(k + 2) % 3] * n[(k + 1) % 3]
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def _view_direction(
+    frame: NDArray[np.float64], wo: Float32Array, least_cosine: float, out: NDArray[np.float64]
+) -> None:
+    """Write wo (3,) to out (3,) in tangent, bitangent, normal of a frame, raised to at least least_cosine, unit."""
+    x, y, z = to_local(frame, wo[0], wo[1], wo[2])
+    y = max(y, least_cosine)
+    scale = 1.0 / math.sqrt(x * x + y * y + z * z)
+    out[0], out[1], out[2] = x * scale, -z * scale, y * scale
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def add_answers(n: int, requested: BrdfQueries, value: NDArray[np.float64], radiance: Float32Array) -> None:
+    """Add to radiance (N, 3) what the first n evaluations reflect: power times value (n, 3)."""
+    for m in range(n):
+        for i in range(3):
+            radiance[requested.sample[m], i] += requested.power[m, i] * value[m, i]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -70,10 +178,10 @@ def irradiance(
     powers = words.view(np.float32)
     above = np.flatnonzero(directions[:, 1] > 0.0)
     # One row for each coordinate and channel, so that the loops over triangles vectorize.
-    way, light = np.empty((3, len(above)), np.float32), np.empty((3, len(above)), np.float32)
+    direction, light = np.empty((3, len(above)), np.float32), np.empty((3, len(above)), np.float32)
     for k in range(len(above)):
         for i in range(3):
-            way[i, k] = directions[above[k], i]
+            direction[i, k] = directions[above[k], i]
     own = np.empty(3, np.float32)
     for j in range(start, stop):
         p = points[j]
@@ -84,18 +192,16 @@ def irradiance(
         for i in range(3):
             for k in range(len(above)):
                 light[i, k] = powers[above[k], i]
-                own[i] += light[i, k] * way[1, k]
+                own[i] += light[i, k] * direction[1, k]
         for at in range(first[j], first[j + 1]):
             r = members[at]
             # The perturbed normal in the point's frame.
             n = normals[r // 3]
-            x = f[0, 0] * n[0] + f[0, 1] * n[1] + f[0, 2] * n[2]
-            y = f[1, 0] * n[0] + f[1, 1] * n[1] + f[1, 2] * n[2]
-            z = f[2, 0] * n[0] + f[2, 1] * n[1] + f[2, 2] * n[2]
+            x, y, z = to_local(f, n[0], n[1], n[2])
             # Irradiance by Σ power × max(cos, 0).
             red = green = blue = np.float32(0.0)
             for k in range(len(above)):
-                cosine = max(x * way[0, k] + y * way[1, k] + z * way[2, k], np.float32(0.0))
+                cosine = max(x * direction[0, k] + y * direction[1, k] + z * direction[2, k], np.float32(0.0))
                 red += light[0, k] * cosine
                 green += light[1, k] * cosine
                 blue += light[2, k] * cosine
@@ -109,26 +215,26 @@ def irradiance(
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def quick_irradiance(
     start: int, stop: int, which: NDArray[np.int64], corners: NDArray[np.int32], weights: Float32Array,
-    leans: Float32Array,
+    offsets: Float32Array,
     frame: Float32Array, slots: NDArray[np.int32], stored: StoredLight, out: Float32Array,
 ) -> None:  # fmt: skip
-    """Fill out (N, 3) with irradiance at samples (N,) whose unit normals are offset by leans (N, 3), perpendicular to
+    """Fill out (N, 3) with irradiance at samples (N,) whose unit normals are offset by offsets (N, 3), perpendicular to
     them.
 
     The estimate takes all light to come from above both horizons: E (1 + cos) / 2, which is exact for a uniform sky,
     plus the cosines of the lateral light with the offset.
     """
     for n in range(start, stop):
-        j, lean = which[n], leans[n]
+        j, offset = which[n], offsets[n]
         # Cosine between the perturbed and the interpolated normal.
-        cosine = np.float32(1.0) / np.float32(math.sqrt(1.0 + lean[0] ** 2 + lean[1] ** 2 + lean[2] ** 2))
+        cosine = np.float32(1.0) / np.float32(math.sqrt(1.0 + offset[0] ** 2 + offset[1] ** 2 + offset[2] ** 2))
         out[n] = 0.0
         for k in range(3):
             p, weight = corners[j, k], weights[j, k]
             f, slot = frame[p], slots[p]
             # The offset in the point's frame, along x and z.
-            x = cosine * (f[0, 0] * lean[0] + f[0, 1] * lean[1] + f[0, 2] * lean[2])
-            z = cosine * (f[2, 0] * lean[0] + f[2, 1] * lean[1] + f[2, 2] * lean[2])
+            x = cosine * (f[0, 0] * offset[0] + f[0, 1] * offset[1] + f[0, 2] * offset[2])
+            z = cosine * (f[2, 0] * offset[0] + f[2, 1] * offset[1] + f[2, 2] * offset[2])
             half = np.float32(0.5) + np.float32(0.5) * cosine
             for i in range(3):
                 from_side = x * stored.irradiance_gradient[slot, 0, i] + z * stored.irradiance_gradient[slot, 1, i]
@@ -141,11 +247,11 @@ def quick_irradiance(
 def shade_broad(
     start: int, stop: int, points: NDArray[np.int64], first: NDArray[np.int64], members: NDArray[np.int64],
     wo: Float32Array,
-    turned: Float32Array, frame: Float32Array, slots: NDArray[np.int32], stored: StoredLight, level: int,
+    perturbed: Float32Array, frame: Float32Array, slots: NDArray[np.int32], stored: StoredLight, level: int,
     directions: Float32Array,
     children: NDArray[np.int16], t: Tables, out: Float32Array,
 ) -> None:  # fmt: skip
-    """As `irradiance`, but radiance along wo (N, 3) by the slices in perturbed frames turned (N, 3, 3), triangle by
+    """As `irradiance`, but radiance along wo (N, 3) by the slices in perturbed frames perturbed (N, 3, 3), triangle by
     triangle."""
     words = np.empty((len(directions), 3), np.uint32)
     powers = words.view(np.float32)
@@ -163,16 +269,14 @@ def shade_broad(
                 n_listed += 1
         for at in range(first[j], first[j + 1]):
             r = members[at]
-            g, o = turned[r // 3], wo[r // 3]
+            g, o = perturbed[r // 3], wo[r // 3]
             # Rotation from the point's frame to the perturbed frame.
             for a in range(3):
                 for b in range(3):
                     between[a, b] = g[a, 0] * f[b, 0] + g[a, 1] * f[b, 1] + g[a, 2] * f[b, 2]
             # The slices around wo in the perturbed frame.
-            cell = cell_at(
-                g[0, 0] * o[0] + g[0, 1] * o[1] + g[0, 2] * o[2], g[1, 0] * o[0] + g[1, 1] * o[1] + g[1, 2] * o[2],
-                g[2, 0] * o[0] + g[2, 1] * o[1] + g[2, 2] * o[2], t,
-            )  # fmt: skip
+            x, y, z = to_local(g, o[0], o[1], o[2])
+            cell = cell_at(x, y, z, t)
             # Σ power × slice over the triangles above the perturbed horizon: [Ma06, eq. 7] in the triangles' basis.
             total = lanes.zeros()
             for k in range(n_listed):
@@ -213,7 +317,7 @@ def of_bytes() -> Float32Array:
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def peak_irradiance(
     start: int, stop: int, which: NDArray[np.int64], corners: NDArray[np.int32], weights: Float32Array,
-    turned: Float32Array,
+    perturbed: Float32Array,
     frame: Float32Array, peak_bits: NDArray[np.uint8], peak_direction: Float32Array, peak_power: Float32Array,
     of_bits: Float32Array, out: Float32Array,
 ) -> None:  # fmt: skip
@@ -224,7 +328,7 @@ def peak_irradiance(
     """
     share, before = np.empty(peak_power.shape[1], np.float32), np.empty(3, np.float32)
     for n in range(start, stop):
-        j, normal = which[n], turned[n, 1]
+        j, normal = which[n], perturbed[n, 1]
         # The unperturbed normal: interpolated between the points, as their irradiance is.
         for i in range(3):
             before[i] = np.float32(0.0)
@@ -248,7 +352,7 @@ def peak_irradiance(
 def peak_radiance(
     start: int, stop: int, which: NDArray[np.int64], corners: NDArray[np.int32], weights: Float32Array,
     wo: Float32Array,
-    turned: Float32Array, peak_bits: NDArray[np.uint8], peak_direction: Float32Array, peak_power: Float32Array,
+    perturbed: Float32Array, peak_bits: NDArray[np.uint8], peak_direction: Float32Array, peak_power: Float32Array,
     children: NDArray[np.int16], of_bits: Float32Array, t: Tables, out: Float32Array,
 ) -> None:  # fmt: skip
     """Fill out (N, 3) with the radiance of peaks that slices reflect on perturbed surfaces, at samples (N,); peaks as
@@ -258,19 +362,14 @@ def peak_radiance(
     row, column = np.empty(n_peaks, np.int32), np.empty(n_peaks, np.int32)
     half, last = 0.5 * side, np.int32(side - 1)
     for n in range(start, stop):
-        j, g = which[n], turned[n]
-        cell = cell_at(
-            g[0, 0] * wo[n, 0] + g[0, 1] * wo[n, 1] + g[0, 2] * wo[n, 2],
-            g[1, 0] * wo[n, 0] + g[1, 1] * wo[n, 1] + g[1, 2] * wo[n, 2],
-            g[2, 0] * wo[n, 0] + g[2, 1] * wo[n, 1] + g[2, 2] * wo[n, 2], t,
-        )  # fmt: skip
+        j, g = which[n], perturbed[n]
+        x, y, z = to_local(g, wo[n, 0], wo[n, 1], wo[n, 2])
+        cell = cell_at(x, y, z, t)
         _shares(peak_bits, corners[j], weights[j], of_bits, share)
         # Each peak's place in the perturbed frame and in `children`, as `child_at`: this loop vectorizes.
         for s in range(n_peaks):
             d, e, f = peak_direction[0, s], peak_direction[1, s], peak_direction[2, s]
-            x = g[0, 0] * d + g[0, 1] * e + g[0, 2] * f
-            y = g[1, 0] * d + g[1, 1] * e + g[1, 2] * f
-            z = g[2, 0] * d + g[2, 1] * e + g[2, 2] * f
+            x, y, z = to_local(g, d, e, f)
             scale = half / (abs(x) + max(y, np.float32(1e-6)) + abs(z))
             height[s] = y
             column[s] = min(np.int32((x + z) * scale + half), last)

@@ -1,0 +1,254 @@
+"""The data of moving pictures, part by part, as arrays in the layout of GPU buffers: Orbit's, then Deform's.
+
+Orbit's parts hold the points' light and the terms that `engine.realtime.triple_product.view_radiance` sums for a moving
+picture; none depends on the camera. Of Deform's, shape, appearance, cover and backdrop stay the same while pose and
+camera move; then only places and axes are sent. Rows consist of 32-bit words, so that floats, integers and pairs of
+bfloat16 lie side by side. Each method's `gpu_export` makes its parts; this module imports no slow libraries, so that
+the window's process can use it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.texture.gpu_export import ExportedMaps, Words
+
+Float32Array = NDArray[np.float32]
+Int32Array = NDArray[np.int32]
+Range = tuple[int, int]
+
+# Words of a row of `LightPart.rows` before the coefficients: their number, two moments, and the peaks.
+N_HEAD = 168
+
+
+def as_triple(vector: NDArray[np.floating]) -> tuple[float, float, float]:
+    """A vector (3,) as three numbers, which compare by value."""
+    x, y, z = map(float, vector)
+    return x, y, z
+
+
+@dataclass(frozen=True)
+class ExportedTerm:
+    """A term that pixels add to an object: the light of its points times reflectance (3,) and maps."""
+
+    i_object: int
+    reflectance: tuple[float, float, float]
+    maps: ExportedMaps | None
+
+
+@dataclass(frozen=True, eq=False)
+class MeshPart:
+    """points (S, 12): position, row of glossy points in `LightPart.rows` (bits of an int, −1 for none), normal, 0,
+    tangent, 0; corners (3 T, 16) of the triangles between points, sorted by object: position, face normal, texture
+    coordinates, the point on the side that the winding faces and on the other (bits, −1 for none), and the axes along
+    which bumps offset the normal, see `BumpNormals.offset_axes`; triangle_ranges, point_ranges: first and last
+    (excluded) of each object's, with several runs of points; origin (3,): the world position of the coordinates'
+    origin; centre and radius of a bounding sphere; n_rows: glossy points, and n_coefficients of each."""
+
+    points: Words
+    corners: Words
+    triangle_ranges: tuple[Range, ...]
+    point_ranges: tuple[tuple[Range, ...], ...]
+    origin: tuple[float, float, float]
+    centre: tuple[float, float, float]
+    radius: float
+    n_rows: int
+    n_coefficients: int
+
+
+@dataclass(frozen=True, eq=False)
+class LightPart:
+    """Light of the points in which (N,): irradiance (N, 4); rows (K, 168 + 2 n) of the glossy ones at place (K,): the
+    number of coefficients, Σ power × x (3) and Σ power × z (3), the peaks' triangles (40), −1 for none, their power (40
+    × 3), 0, and the coefficients, two words each: number, red, green and blue, 16 bits each, the lower half first."""
+
+    which: NDArray[np.int32]
+    irradiance: Float32Array
+    place: NDArray[np.int32]
+    rows: Words
+
+
+@dataclass(frozen=True, eq=False)
+class BouncedPart:
+    """indirect (S, 4): indirect irradiance of all points."""
+
+    indirect: Float32Array
+
+
+@dataclass(frozen=True, eq=False)
+class SkyPart:
+    """The background: image (H, W, 3), None if unchanged, times scale, rotated by turn radians."""
+
+    image: Float32Array | None
+    turn: float
+    scale: float
+
+
+@dataclass(frozen=True, eq=False)
+class TablePart:
+    """Slices of a term's layers, see `_slice_kernels.Tables`: coefficients and values (E, 2), each entry red, green and
+    blue, 16 bits each, the lower half first."""
+
+    coefficients: Words
+    values: Words
+    images: NDArray[np.int32]
+    places: NDArray[np.int32]
+    n_polar: int
+    n_columns: int
+    steepest: float
+
+
+@dataclass(frozen=True)
+class ExportedBumps:
+    """Bumps of an object: offset of its slopes among the images, their repeats, and the factor of the slopes."""
+
+    slopes: int
+    repeats: tuple[float, float]
+    scale: float
+    is_normal_map: bool
+
+
+@dataclass(frozen=True)
+class OrbitTerm(ExportedTerm):
+    """reflectance is the factor of irradiance, albedo (3,) that of indirect irradiance; tables: the serial of its
+    slices' tables, 0 for none; the bumps that perturb its irradiance."""
+
+    albedo: tuple[float, float, float]
+    tables: int
+    bumps: ExportedBumps | None
+
+
+@dataclass(frozen=True, eq=False)
+class TermsPart:
+    """What is drawn at the points: terms; the new tables by serial (others are known already); images and strokes
+    (words), None if unchanged; emission (M, 3)."""
+
+    terms: tuple[OrbitTerm, ...]
+    tables: Mapping[int, TablePart]
+    images: Words | None
+    strokes: Words
+    emission: Float32Array
+
+
+OrbitPart = MeshPart | LightPart | BouncedPart | SkyPart | TermsPart
+
+
+@dataclass(frozen=True, eq=False)
+class ShapePart:
+    """corners (3 T, 4) of triangles: place, the point on the side that the winding faces and on the other, -1 for none,
+    object; owners (S,): the object of each point; lobes (S, 4 + N (3 + n)): low, then each lobe's axis and bands.
+    number: differs for different arrays."""
+
+    number: int
+    corners: Int32Array
+    owners: Int32Array
+    lobes: Float32Array
+    n_lobes: int
+    order: int
+
+
+@dataclass(frozen=True)
+class ExportedDetail:
+    """A `LobeMap` in the shared array of lobes: its first entry, rows and columns, and number of lobes of each
+    entry."""
+
+    first: int
+    shape: tuple[int, int]
+    n_lobes: int
+    repeats: tuple[float, float]
+    is_smooth: bool
+
+
+@dataclass(frozen=True)
+class DeformTerm(ExportedTerm):
+    """The points' light is diffuse; detail: replaces it, pixel by pixel."""
+
+    detail: ExportedDetail | None
+
+
+@dataclass(frozen=True, eq=False)
+class CoverPart:
+    """Detail and images on objects, by texture coordinates. corners (3 T, 12) of their triangles, object by object:
+    place, the point on the front and on the back, -1 for none, axes among those of the pose, texture coordinates, and
+    position and face normal at rest (bits); ranges: first and last, excluded, of an object's triangles; lobes: of all
+    `ExportedDetail`; images and strokes: see `engine.texture.gpu_export`."""
+
+    number: int
+    corners: Int32Array
+    ranges: dict[int, tuple[int, int]]
+    lobes: Float32Array
+    images: Words
+    strokes: Words
+    n_strokes: int
+
+
+@dataclass(frozen=True, eq=False)
+class AppearancePart:
+    """harmonics (n^2, 3) and table (rows, columns, n, 3) of the light, see `BandLight`; objects (M, 8): albedo, first
+    glossy layer, emission, number of glossy layers; gloss (G, A, 3 n + 1): for each glossy layer and polar angles of wo
+    up to `steepest`, its bands and its lean, see `LowGloss`; cosine (n,): the bands of a white Lambertian surface;
+    even: see `engine.realtime.zonal_harmonics.shading.even_light`; casts (M, C), spread (n,), least: see
+    `engine.realtime.zonal_harmonics.shading`; turn, scale: of the sky, see `Backdrop`; terms: refer to the cover that
+    is exported with it or was before."""
+
+    number: int
+    harmonics: Float32Array
+    table: Float32Array
+    objects: Float32Array
+    gloss: Float32Array
+    steepest: float
+    cosine: Float32Array
+    even: float
+    casts: Float32Array
+    spread: Float32Array
+    least: float
+    turn: float
+    scale: float
+    terms: tuple[DeformTerm, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class BackdropPart:
+    """radiance (h, w, 3) of the background, see `Backdrop`: the largest part, independent of rotation."""
+
+    number: int
+    radiance: Float32Array
+
+
+@dataclass(frozen=True, eq=False)
+class PosedPart:
+    """places (V, 12) of everything that is drawn: of points the rows of their axes, then the position; of emitters'
+    corners the position alone. axes (A, 9) of details: along u, along v, outwards. blockers (K, 14): clusters that
+    shade other objects, see `engine.realtime.zonal_harmonics.shading`. camera_position (3,): in the same coordinates.
+    """
+
+    places: Float32Array
+    axes: Float32Array
+    blockers: Float32Array
+    camera_position: tuple[float, float, float]
+
+
+Numbers = tuple[int, int, int, int]  # of shape, appearance, cover and backdrop; 0 for none
+NO_PARTS: Numbers = (0, 0, 0, 0)
+
+
+@dataclass(frozen=True, eq=False)
+class PictureExport:
+    """Everything that a picture needs: the pose, and the other parts by their numbers; those that are None are known
+    already."""
+
+    posed: PosedPart
+    numbers: Numbers
+    shape: ShapePart | None
+    appearance: AppearancePart | None
+    cover: CoverPart | None
+    backdrop: BackdropPart | None
+
+    def is_missing_parts(self, known: Numbers) -> bool:
+        """Whether drawing requires parts that are neither included nor among these numbers."""
+        parts = zip((self.shape, self.appearance, self.cover, self.backdrop), self.numbers, known, strict=True)
+        return any(part is None and number != here for part, number, here in parts)
