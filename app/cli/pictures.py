@@ -137,7 +137,7 @@ def render(
 def _still(words: ProjectSpec, output: Path, view: str | None, how: Mapping[str, Any]) -> int:
     """Draw one picture; how: as `render_project` takes it."""
     from app.stills.stills import StillProgress, check_output, render_project, write_picture
-    from engine.precompute.indirect.clamping import TOO_BRIGHT, is_clamped
+    from engine.core.clamping import TOO_BRIGHT, is_clamped
 
     check_output(output)
     shown = None if view is None else find_view(view)

@@ -32,6 +32,7 @@ from app.stills.stills import (
     prepared_orbit,
     render_project,
 )
+from engine.core.clamping import BRIGHTEST, clamp_radiance
 from engine.core.errors import InsituError
 from engine.core.generators import run_to_end
 from engine.material.layer import Layer, object_of
@@ -40,7 +41,6 @@ from engine.planner import LayerPlan, Plan, plan_scene
 from engine.precompute.direct.bandstore import join_tiles
 from engine.precompute.direct.pipeline import Placement, Quality, SkyState
 from engine.precompute.direct.projection import LayerShape, VisibleLight, project_layer
-from engine.precompute.indirect.clamping import BRIGHTEST, clamp_radiance
 from engine.precompute.indirect.indirect_light import GatherPolynomial, IndirectLight
 from engine.precompute.indirect.sampling_settings import STILL, BounceSeries
 from engine.realtime.triple_product.orbit_engine import Orbit

@@ -29,8 +29,8 @@ from app.stills.stills import (
     render_project,
     still_settings,
 )
+from engine.core.clamping import BRIGHTEST, clamp_radiance
 from engine.core.errors import InsituError
-from engine.precompute.indirect.clamping import BRIGHTEST, clamp_radiance
 from engine.precompute.indirect.sampling_settings import BounceSeries
 from engine.realtime.zonal_harmonics.pose import Poses
 from engine.realtime.zonal_harmonics.posed_scene import pose_scene

@@ -18,13 +18,13 @@ from app.system.atomic import make_folder_of, require_place, save_file
 from app.system.memory import orbit_bytes, orbit_slice_bytes
 from app.worker.cache import ArrayCache
 from app.worker.deform_worker import StoredLobes
+from engine.core.clamping import BRIGHTEST, clamp_radiance
 from engine.core.colour import ToneMapping
 from engine.core.errors import InsituError
 from engine.core.generators import StillProgress, run_to_end
 from engine.material.layer import Layer, object_of
 from engine.planner import Plan, plan_scene
 from engine.precompute.direct.pipeline import Placement
-from engine.precompute.indirect.clamping import BRIGHTEST, clamp_radiance
 from engine.precompute.indirect.sampling_settings import STILL, BounceSeries
 from engine.realtime.stills import render_deform, render_orbit
 from engine.realtime.triple_product.orbit_engine import Orbit

@@ -18,9 +18,9 @@ from app.document.commands import SetTime
 from app.project.project import Project, open_project
 from app.stills.stills import layers_by_object
 from assets.scripts.bounces import save
+from engine.core.clamping import BRIGHTEST, clamp_radiance
 from engine.core.generators import run_to_end
 from engine.precompute.direct.pipeline import Placement
-from engine.precompute.indirect.clamping import BRIGHTEST, clamp_radiance
 from engine.realtime.zonal_harmonics.deform_engine import Deform, finish_deform
 from engine.realtime.zonal_harmonics.pose import Deformation, Poses
 from engine.realtime.zonal_harmonics.posed_scene import pose_scene

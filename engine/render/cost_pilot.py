@@ -267,13 +267,13 @@ def indirect_cost(
     if tried.lattice is None:
         raise ValueError(f"sampling settings {settings.name!r}: expected some that refine a lattice")
     spent = tried.stopwatch.seconds
-    n_points, n_tried_records = tried.lattice.n_expected, max(len(found.cells), 1)
+    n_points, n_tried_records = tried.lattice.n_expected, max(len(found.cache), 1)
     by_point = n_points / max(len(found.points.samples.points), 1)
     is_small = found.ray_budget.n_rays <= found.ray_budget.max_rays // LEVELS[0]
     wanted = n_tried_records * max(by_point, 1.0) ** (RECORDS_BY_SMALL_SETS if is_small else RECORDS_BY_SETS)
     lost = NO_WASTE
     if wanted > MAX_RECORDS:
-        n_coarser = len((yield from solver(N_BLOCKS, COARSER).solve(layers)).cells)
+        n_coarser = len((yield from solver(N_BLOCKS, COARSER).solve(layers)).cache)
         power = math.log(n_tried_records / max(n_coarser, 1)) / math.log(COARSER)
         lost = expected_waste(wanted, n_points, tried.n_first_sets, power)
     n_records = min(wanted, FULL * MAX_RECORDS) if lost.n_tries else wanted

@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.core.clamping import clamp_radiance, unscaled
 from engine.core.generators import StillProgress, map_steps, run_to_end
 from engine.core.threads import n_threads, pool
 from engine.light.emitters import EmitterPatches
@@ -25,7 +26,6 @@ from engine.planner import Plan
 from engine.precompute.direct.bandstore import BandStore, BandTile
 from engine.precompute.direct.pipeline import FINAL, Placement, Quality, SkyState, final_quality
 from engine.precompute.direct.projection import LayerShape, project_layer
-from engine.precompute.indirect.clamping import clamp_radiance, unscaled
 from engine.precompute.indirect.gather import object_of_rows
 from engine.precompute.indirect.indirect_layers import IndirectLayer, indirect_layer
 from engine.precompute.indirect.indirect_layers import view_factors as gather_view_factors

@@ -117,7 +117,8 @@ def predict(rows, informers, bits, horizon, believed, always, weak, weakest, bou
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _has_little_agreement(guess, requested, above):
-    """Whether informers agree (`guess`) on little of what any of them sees above the horizon (`guess` or `asked`)."""
+    """Whether informers agree (`guess`) on little of what any of them sees above the horizon (`guess` or
+    `requested`)."""
     n_guessed, n_any = 0, 0
     for w in range(above.shape[0]):
         n_guessed += _count(guess[w] & above[w])
@@ -286,7 +287,7 @@ def apply_answers(
     """Stores traced results; where one contradicts the prediction, requests its neighbours that now disagree (OPT
     flooding).
 
-    Where there was no prediction (`doubt`) every result counts as a contradiction [BenArtzi07, 8.8.1]. `asked` (B,
+    Where there was no prediction (`doubt`) every result counts as a contradiction [BenArtzi07, 8.8.1]. `requested` (B,
     words) marks all requests so far. Lists the next round and returns its number of rays.
     """
     n_next = 0

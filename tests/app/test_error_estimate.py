@@ -18,7 +18,7 @@ from app.stills.stills import Still, layers_by_object, plan_still, render_pictur
 from engine.core.generators import run_to_end
 from engine.light.radiance_files import read_radiance_image
 from engine.precompute.direct.pipeline import Placement
-from engine.precompute.indirect import lattice
+from engine.precompute.indirect import refinement
 from engine.precompute.indirect.indirect_light import IndirectLight
 from engine.precompute.indirect.sampling_settings import STILL, BounceSeries, SamplingSettings
 from engine.realtime.triple_product.orbit_engine import Orbit
@@ -214,7 +214,7 @@ def test_the_error_of_interpolated_indirect_light_is_estimated(room: str, monkey
     )
     told = run_to_end(judging).estimate.indirect
     for name, value in {"TOLERANCE": -1.0, "FLOOR": -1.0, "REACH": 0.0}.items():
-        monkeypatch.setattr(lattice, name, value)
+        monkeypatch.setattr(refinement, name, value)
     finer, truth = indirect(STILL.with_rays(4096), False)
     assert len(finer.points.samples.points) == len(shown)
     error = np.sqrt(((shown - truth) ** 2).mean()) / (direct + truth).mean()

@@ -22,8 +22,8 @@ from app.modes.placement.curves import Curves, Float64Array, picture_identity
 from app.modes.placement.desired_freezing import DesiredFreezing
 from app.modes.placement.placement_events import Footprint, IndirectRadiance
 from app.modes.placement.placement_messages import IndirectFrozen
+from engine.core.clamping import is_clamped, unscaled
 from engine.precompute.indirect.albedo import albedo_of
-from engine.precompute.indirect.clamping import is_clamped, unscaled
 
 
 @dataclass(frozen=True, eq=False)

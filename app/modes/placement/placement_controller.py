@@ -73,8 +73,8 @@ from app.modes.placement.placement_status import (
 )
 from app.modes.placement.relight_controller import RelightController
 from app.modes.placement.transport_controller import TransportController
+from engine.core.clamping import TOO_BRIGHT
 from engine.material.layer import Layer
-from engine.precompute.indirect.clamping import TOO_BRIGHT
 from engine.settings import AS_PLANNED
 
 # How long a picture is to be on screen, whole, before its error is estimated.

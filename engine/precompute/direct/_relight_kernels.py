@@ -147,11 +147,11 @@ def _part_bending(kind, bends, q, ox, oy, oz, n_triangles, n_seen, n, s):
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _compact_listed(n, listed):
     """Removes the gaps; returns the remaining number."""
-    kept = 0
+    n_listed = 0
     for k in range(n):
-        listed[kept] = listed[k]
-        kept += listed[k] >= 0
-    return kept
+        listed[n_listed] = listed[k]
+        n_listed += listed[k] >= 0
+    return n_listed
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})

@@ -134,10 +134,10 @@ def find_keys(mesh, low, inverse_size, hits, there, directions, mirrored, keys, 
         facing = 2 * axis + (0 if (nx, ny, nz)[axis] > ZERO else 1)
         x, y, z = _position(mesh, triangle, hits.u[r], hits.v[r])
         # Halve the cube until it is small relative to the length of the ray.
-        look = mirrored[r]
-        level = _COARSEST[look]
+        kind = mirrored[r]
+        level = _COARSEST[kind]
         scale = _scale_of(inverse_size, level)
-        while level < _FINEST[look] and hits.distance[r] * scale < _FOCUS[look]:
+        while level < _FINEST[kind] and hits.distance[r] * scale < _FOCUS[kind]:
             level, scale = level + 1, np.float32(2.0) * scale
         # Index of the plane: the signed height of the cube's centre over the surface.
         i, j, k, mx, my, mz = _cube(low, scale, x, y, z)
@@ -175,8 +175,8 @@ def probe_rays(mesh, low, inverse_size, hits, which, sides, levels, probe, origi
             mz + (b if axis != 2 else ZERO),
         )  # fmt: skip
         # Move the probe along the normal, to a height within its limits.
-        wanted = min(max(height, _LOW * size), _HIGH * size)
-        rise, lift = wanted - (gx * mx + gy * my + gz * mz), _LIFT * size
+        probe_height = min(max(height, _LOW * size), _HIGH * size)
+        rise, lift = probe_height - (gx * mx + gy * my + gz * mz), _LIFT * size
         origins[n, 0], origins[n, 1], origins[n, 2] = x + lift * gx, y + lift * gy, z + lift * gz
         rise -= lift
         directions[n, 0], directions[n, 1], directions[n, 2] = mx + rise * gx, my + rise * gy, mz + rise * gz
@@ -231,44 +231,44 @@ def insert_hits(table, mesh, hits, keys, sides, first_open, found):
         if table.keys[slot] == NO_KEY:
             if table.n_cells[0] == most:
                 return False
-            cell = np.int32(table.n_cells[0])
+            record = np.int32(table.n_cells[0])
             table.n_cells[0] += 1
-            table.keys[slot], table.cells[slot] = key, cell
-            table.objects[cell], table.seeds[cell] = mesh.objects[hits.triangle[r]], hashed
-        cell = table.cells[slot]
-        found[r] = cell
-        if cell >= first_open:
-            _insert_place(table, cell, hits.triangle[r], hits.u[r], hits.v[r], sides[r])
+            table.keys[slot], table.cells[slot] = key, record
+            table.objects[record], table.seeds[record] = mesh.objects[hits.triangle[r]], hashed
+        record = table.cells[slot]
+        found[r] = record
+        if record >= first_open:
+            _insert_place(table, record, hits.triangle[r], hits.u[r], hits.v[r], sides[r])
     return True
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _insert_place(table, cell, triangle, u, v, side):
+def _insert_place(table, record, triangle, u, v, side):
     """Inserts a hit into a record's sample positions if its hash is among the least."""
     grid = np.float32(1 << _PLACE_BITS)
     number = np.uint64(max(u, ZERO) * grid) << np.uint64(_PLACE_BITS) | np.uint64(max(v, ZERO) * grid)
     hashed = np.uint32(hash64(number ^ np.uint64(triangle) << np.uint64(2 * _PLACE_BITS)) >> np.uint64(32))
-    n = table.n_places[cell]
-    if n == N_PLACES and hashed >= table.hashes[cell, N_PLACES - 1]:
+    n = table.n_places[record]
+    if n == N_PLACES and hashed >= table.hashes[record, N_PLACES - 1]:
         return
     # Insertion sort by hash; the largest drops out.
     place = min(n, N_PLACES - 1)
-    while place > 0 and table.hashes[cell, place - 1] > hashed:
-        table.hashes[cell, place] = table.hashes[cell, place - 1]
-        table.triangle[cell, place] = table.triangle[cell, place - 1]
-        table.u[cell, place], table.v[cell, place] = table.u[cell, place - 1], table.v[cell, place - 1]
-        table.side[cell, place] = table.side[cell, place - 1]
+    while place > 0 and table.hashes[record, place - 1] > hashed:
+        table.hashes[record, place] = table.hashes[record, place - 1]
+        table.triangle[record, place] = table.triangle[record, place - 1]
+        table.u[record, place], table.v[record, place] = table.u[record, place - 1], table.v[record, place - 1]
+        table.side[record, place] = table.side[record, place - 1]
         place -= 1
-    table.hashes[cell, place], table.triangle[cell, place] = hashed, triangle
-    table.u[cell, place], table.v[cell, place], table.side[cell, place] = u, v, side
-    table.n_places[cell] = min(n + 1, N_PLACES)
+    table.hashes[record, place], table.triangle[record, place] = hashed, triangle
+    table.u[record, place], table.v[record, place], table.side[record, place] = u, v, side
+    table.n_places[record] = min(n + 1, N_PLACES)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _place(table, mesh, cell, k):
+def _place(table, mesh, record, k):
     """Position, face normal and shading normal of the k-th sample position of a record, flipped to the visible side."""
-    p = k % table.n_places[cell]
-    triangle, u, v, side = table.triangle[cell, p], table.u[cell, p], table.v[cell, p], table.side[cell, p]
+    p = k % table.n_places[record]
+    triangle, u, v, side = table.triangle[record, p], table.u[record, p], table.v[record, p], table.side[record, p]
     x, y, z = _position(mesh, triangle, u, v)
     gx, gy, gz = mesh.face_normals[triangle, 0], mesh.face_normals[triangle, 1], mesh.face_normals[triangle, 2]
     nx, ny, nz = _shading_normal(mesh, triangle, u, v)
@@ -292,14 +292,14 @@ def record_rays(table, mesh, begin, end, offset, cosine_table, origins, directio
     """Writes cosine-distributed rays from the sample positions of records [begin, end): (n · R, 3), from tables (64, R,
     3)."""
     n_rays = cosine_table.shape[1]
-    for cell in range(begin, end):
+    for record in range(begin, end):
         # A random rotation about the normal and one of 64 patterns, per record.
-        seed = hash64(table.seeds[cell] + np.uint64(0x51ED2701))
+        seed = hash64(table.seeds[record] + np.uint64(0x51ED2701))
         angle = np.float32(2.0 * math.pi) * uniform(seed)
         cosine, sine = np.cos(angle), np.sin(angle)
         pattern = np.int64(seed & np.uint64(cosine_table.shape[0] - 1))
         for m in range(n_rays):
-            x, y, z, gx, gy, gz, nx, ny, nz = _place(table, mesh, cell, m)
+            x, y, z, gx, gy, gz, nx, ny, nz = _place(table, mesh, record, m)
             tx, ty, tz = cosine_table[pattern, m, 0], cosine_table[pattern, m, 1], cosine_table[pattern, m, 2]
             lx, ly = cosine * tx - sine * ty, sine * tx + cosine * ty
             # An orthonormal frame about the normal [Duff17].
@@ -309,7 +309,7 @@ def record_rays(table, mesh, begin, end, offset, cosine_table, origins, directio
             dx = lx * (ONE + sign * nx * nx * a) + ly * b + tz * nx
             dy = lx * sign * b + ly * (sign + ny * ny * a) + tz * ny
             dz = -lx * sign * nx - ly * ny + tz * nz
-            out = (cell - begin) * n_rays + m
+            out = (record - begin) * n_rays + m
             there[out] = True
             _write_ray(origins, directions, out, x, y, z, gx, gy, gz, dx, dy, dz, offset)
 
@@ -362,11 +362,11 @@ def light_rays(
     distances (n · S,) to the light, large for the sky; cosines (n · S,) of the angles of incidence; powers (n · S, 3):
     the contribution to the record's irradiance if the ray is unoccluded, 0 where it need not be traced.
     """
-    for cell in range(begin, end):
+    for record in range(begin, end):
         for s in range(n_samples):
-            x, y, z, gx, gy, gz, nx, ny, nz = _place(table, mesh, cell, s)
+            x, y, z, gx, gy, gz, nx, ny, nz = _place(table, mesh, record, s)
             # Stratified choice of a light by power, then a uniform point on it.
-            number = hash64(table.seeds[cell] + np.uint64(s) + np.uint64(seed) * np.uint64(0x9E3779B9))
+            number = hash64(table.seeds[record] + np.uint64(s) + np.uint64(seed) * np.uint64(0x9E3779B9))
             m = _pick(lights.cumulative, (np.float32(s) + uniform(number)) / np.float32(n_samples))
             u, v = uniform(number ^ np.uint64(1)), uniform(number ^ np.uint64(2))
             lx, ly, lz = _point_in_triangle(lights.corners, m, u, v)
@@ -374,7 +374,7 @@ def light_rays(
                 lx, ly, lz = lx - x, ly - y, lz - z
             length = np.sqrt(max(lx * lx + ly * ly + lz * lz, np.float32(1e-30)))
             dx, dy, dz = lx / length, ly / length, lz / length
-            out = (cell - begin) * n_samples + s
+            out = (record - begin) * n_samples + s
             cosines[out] = max(nx * dx + ny * dy + nz * dz, ZERO)
             # E = L cosθ / S for the sky; an emitter adds cosθ' / r² for its area.
             weight = cosines[out] / np.float32(n_samples)

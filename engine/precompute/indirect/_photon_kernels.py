@@ -45,7 +45,7 @@ _OFF_PLANE = np.float32(0.07)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def emit(numbers, about, triangles, per_area, mesh, lobe_axes, axes, lamps, offset,
+def emit(numbers, about, triangles, per_area, mesh, lobe_axes, axes, all_lights, offset,
          starts, to_light, limits, onward, normals, power, ahead):  # fmt: skip
     """Emits n photons from the triangles (n,), with random numbers (n, 5) in [0, 1) and unit vectors `about` (n, 3)
     from a lobe table.
@@ -64,9 +64,9 @@ def emit(numbers, about, triangles, per_area, mesh, lobe_axes, axes, lamps, offs
             u, v = ONE - u, ONE - v
         px, py, pz = _position(mesh, triangle, u, v)
         # A light source by power, and a point on it.
-        m = _pick(lamps.cumulative, numbers[i, 2])
-        x, y, z, far, geometry = towards_light(lamps, m, numbers[i, 3], numbers[i, 4], px, py, pz)
-        is_sky = m < lamps.density.shape[0]
+        m = _pick(all_lights.cumulative, numbers[i, 2])
+        x, y, z, far, geometry = towards_light(all_lights, m, numbers[i, 3], numbers[i, 4], px, py, pz)
+        is_sky = m < all_lights.density.shape[0]
         limits[i] = far if is_sky else max(far * np.float32(0.9999), TINY)
         # Local frame on the lit side; sample the outgoing direction about the lobe axis.
         nx, ny, nz = _shading_normal(mesh, triangle, u, v)
@@ -89,11 +89,11 @@ def emit(numbers, about, triangles, per_area, mesh, lobe_axes, axes, lamps, offs
             continue
         # Flux: light · geometry · cosine / (density of the direction · density of positions).
         density = direction_pdf(ZERO, ONE, lobe_axes[o], ox, oy, oz, lx, ly, lz)
-        ahead[i] = expected_photons(lamps, m, lobe_axes[o], per_area[o], lx, ly, lz, ox, oy, oz)
+        ahead[i] = expected_photons(all_lights, m, lobe_axes[o], per_area[o], lx, ly, lz, ox, oy, oz)
         lift = offset if side >= ZERO else -offset
         for axis in range(3):
             starts[i, axis] = (px if axis == 0 else py if axis == 1 else pz) + lift * face[axis]
-            power[i, axis] = lamps.power[m, axis] * geometry * abs(leaving) / (density * per_area[o])
+            power[i, axis] = all_lights.power[m, axis] * geometry * abs(leaving) / (density * per_area[o])
         to_light[i, 0], to_light[i, 1], to_light[i, 2] = x, y, z
         onward[i, 0], onward[i, 1], onward[i, 2] = wx, wy, wz
         normals[i, 0], normals[i, 1], normals[i, 2] = nx, ny, nz
@@ -243,13 +243,13 @@ def reflect_photon_bands(samples, begin, end, optics, of_a, nearby, sent, out):
             if not within:
                 continue
             # Apply the other curve; distribute between the two bands next to the angle of this one.
-            kept, kept_share, at, share, other = j, t, k, u, optics.curve_b
+            band, band_share, at, share, other = j, t, k, u, optics.curve_b
             if not of_a:
-                kept, kept_share, at, share, other = k, u, j, t, optics.curve_a
-            after, above = min(kept + 1, n_bands - 1), min(at + 1, other.shape[0] - 1)
+                band, band_share, at, share, other = k, u, j, t, optics.curve_a
+            after, above = min(band + 1, n_bands - 1), min(at + 1, other.shape[0] - 1)
             for channel in range(3):
                 value = weight * sent.light[n, channel]
                 if optics.kind_b >= 0:
                     value *= (ONE - share) * other[at, channel] + share * other[above, channel]
-                out[channel, kept, power, i] += (ONE - kept_share) * value
-                out[channel, after, power, i] += kept_share * value
+                out[channel, band, power, i] += (ONE - band_share) * value
+                out[channel, after, power, i] += band_share * value

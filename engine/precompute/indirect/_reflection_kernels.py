@@ -290,7 +290,7 @@ def reflect_bands(samples, begin, end, optics, of_a, stored_weights, radiosity, 
     """
     n_powers, n_bands = radiosity.shape[1], out.shape[1]
     bands = np.empty((n_bands + 1, n_powers, 4), np.float32)
-    kept, other = (0, 1) if of_a else (1, 0)
+    edited, other = (0, 1) if of_a else (1, 0)
     curve = optics.curve_b if of_a else optics.curve_a
     for i in range(begin, end):
         at = i - stored_weights.base
@@ -305,7 +305,7 @@ def reflect_bands(samples, begin, end, optics, of_a, stored_weights, radiosity, 
             if stored_weights.angles.shape[0] > 1:
                 red, green, blue = _curve_at(stored_weights.angles[other, at, m], curve)
                 a, b, c = a * red, b * green, c * blue
-            j, t = _coded_node(stored_weights.angles[kept, at, m], n_bands)
+            j, t = _coded_node(stored_weights.angles[edited, at, m], n_bands)
             _add_shared(a, b, c, t, radiosity[samples.records[i, m]], bands[j], bands[j + 1])
             # Glossy hits of this ray; both lists are sorted by ray.
             while e < last and second.ray[e] < m:
@@ -342,12 +342,12 @@ def smooth_planes(start, neighbour, weight, values, begin, end, out):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def albedo_bands(model, q, kind_a, kind_b, lobe_axis, eyes, tables_cosine, tables_lobe, out):
+def albedo_bands(model, q, kind_a, kind_b, lobe_axis, wo, tables_cosine, tables_lobe, out):
     """Adds ∫ ρ_q cos θ_i Δ_j Δ_k dω_i for each direction to the camera (S, 3) to out (S, J, K) [BenArtzi07, 5.2.4]."""
     n_a, n_b = out.shape[1], out.shape[2]
     n_cosine, n_lobe = tables_cosine.shape[1], tables_lobe.shape[1]
-    for s in range(eyes.shape[0]):
-        ox, oy, oz = eyes[s, 0], eyes[s, 1], eyes[s, 2]
+    for s in range(wo.shape[0]):
+        ox, oy, oz = wo[s, 0], wo[s, 1], wo[s, 2]
         seed, cosine, sine = pattern_rotation(s)
         pattern = s % tables_cosine.shape[0]
         for m in range(n_cosine + n_lobe):

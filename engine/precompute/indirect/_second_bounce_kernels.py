@@ -114,18 +114,18 @@ def _seed(row, nth, n_rays, m, vertex):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def towards_light(lamps, m, u, v, px, py, pz):
+def towards_light(all_lights, m, u, v, px, py, pz):
     """Direction and distance from a position to the point of light m at random numbers u and v in [0, 1), and cosθ' /
     r² there; 1e30 and 1 for the sky."""
-    x, y, z = _point_in_triangle(lamps.corners, m, u, v)
-    is_sky = m < lamps.density.shape[0]
+    x, y, z = _point_in_triangle(all_lights.corners, m, u, v)
+    is_sky = m < all_lights.density.shape[0]
     if not is_sky:
         x, y, z = x - px, y - py, z - pz
     length = np.sqrt(max(x * x + y * y + z * z, TINY))
     x, y, z = x / length, y / length, z / length
     if is_sky:
         return x, y, z, np.float32(1e30), ONE
-    facing = -(lamps.normals[m, 0] * x + lamps.normals[m, 1] * y + lamps.normals[m, 2] * z)
+    facing = -(all_lights.normals[m, 0] * x + all_lights.normals[m, 1] * y + all_lights.normals[m, 2] * z)
     return x, y, z, length, max(facing, ZERO) / (length * length)
 
 
@@ -139,55 +139,55 @@ def _sample_about_axis(table, seed, lobe_axis, ox, oy, oz):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _sky_at(lamps, x, y, z):
+def _sky_at(all_lights, x, y, z):
     """The sky triangle in a direction, −1 where there is no sky."""
-    height, width = lamps.raster.shape
+    height, width = all_lights.raster.shape
     if height == 0:
         return -1
     row = min(np.int64(math.acos(min(max(y, -ONE), ONE)) / math.pi * height), height - 1)
     column = np.int64((math.atan2(x, -z) / (2.0 * math.pi) + 0.5) * width) % width
-    return np.int64(lamps.raster[row, column])
+    return np.int64(all_lights.raster[row, column])
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _share(lamps, m, geometry, lobe_density):
+def _share(all_lights, m, geometry, lobe_density):
     """Weight of a candidate by the balance heuristic: a factor on radiance for the sky, on power for patches."""
-    if m < lamps.density.shape[0]:
-        return ONE / (N_BY_POWER * lamps.density[m] + N_BY_LOBE * lobe_density)
+    if m < all_lights.density.shape[0]:
+        return ONE / (N_BY_POWER * all_lights.density[m] + N_BY_LOBE * lobe_density)
     return geometry / np.float32(N_BY_POWER)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _candidate(lamps, table, c, m, seed, lobe_axis, frame, place, eye):
+def _candidate(all_lights, table, c, m, seed, lobe_axis, frame, place, wo):
     """Candidate c for light m (−1: to be chosen): light, local direction, distance, density about the lobe axis, and
     weight."""
     tx, ty, tz, nx, ny, nz = frame
     px, py, pz = place
-    ox, oy, oz = eye
+    ox, oy, oz = wo
     own = hash64(seed + np.uint64(c) * np.uint64(0x632BE59BD9B4E019))
     far, geometry = np.float32(1e30), ONE
     # The first half draws a light by power, the second half a direction about the lobe axis.
     if c < N_BY_POWER:
         if m < 0:
-            m = _pick(lamps.cumulative, uniform(own ^ np.uint64(4)))
+            m = _pick(all_lights.cumulative, uniform(own ^ np.uint64(4)))
         u, v = uniform(own ^ np.uint64(5)), uniform(own ^ np.uint64(6))
-        wx, wy, wz, far, geometry = towards_light(lamps, m, u, v, px, py, pz)
+        wx, wy, wz, far, geometry = towards_light(all_lights, m, u, v, px, py, pz)
         x, y, z = to_local(tx, ty, tz, nx, ny, nz, wx, wy, wz)
     else:
         x, y, z = _sample_about_axis(table, own, lobe_axis, ox, oy, oz)
         if m < 0 and z > HORIZON:
             wx, wy, wz = to_world(tx, ty, tz, nx, ny, nz, x, y, z)
-            m = _sky_at(lamps, wx, wy, wz)
+            m = _sky_at(all_lights, wx, wy, wz)
     # Below the horizon, or no light in this direction.
     if z <= HORIZON or m < 0:
         return -1, ZERO, ZERO, ONE, far, ZERO, ZERO
     density = direction_pdf(ZERO, ONE, lobe_axis, x, y, z, ox, oy, oz)
-    return m, x, y, z, far, density, _share(lamps, m, geometry, density)
+    return m, x, y, z, far, density, _share(all_lights, m, geometry, density)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def choose_lights(which, at, vertex, n_rays, rows, nth, hits, origins, directions, mesh, lobe_axes, axes, lamps, table,
-                  offset, normals, lights, candidates, weights, to_light, limits, starts):  # fmt: skip
+def choose_lights(which, at, vertex, n_rays, rows, nth, hits, origins, directions, mesh, lobe_axes, axes, all_lights,
+                  table, offset, normals, lights, candidates, weights, to_light, limits, starts):  # fmt: skip
     """Chooses a light for each of the vertices where the rays (R,) numbered `at` (n,) end. vertex: 2 or 3; which (n,):
     the rays at the beginning of their paths, numbered by sample set within a chunk: the nth (q,) sets of the points
     `rows` (q,).
@@ -211,20 +211,20 @@ def choose_lights(which, at, vertex, n_rays, rows, nth, hits, origins, direction
         seed = _seed(rows[sample_set], nth[sample_set], n_rays, m, vertex)
         tx, ty, tz = object_tangent(axes, o, nx, ny, nz)
         ox, oy, oz = to_local(tx, ty, tz, nx, ny, nz, -dx, -dy, -dz)
-        frame, place, eye = (tx, ty, tz, nx, ny, nz), (px, py, pz), (ox, oy, oz)
+        frame, place, wo = (tx, ty, tz, nx, ny, nz), (px, py, pz), (ox, oy, oz)
         total, chosen = ZERO, ZERO
         lights[i], candidates[i], weights[i], limits[i] = NO_LIGHT, 0, ZERO, ONE
         lx, ly, lz = ZERO, ZERO, ONE
         # Resampled importance sampling [Talbot05]: keep one candidate in proportion to its expected contribution, in
         # one pass (a reservoir); the weight is the sum over all, divided by the chosen one's.
-        if lamps.cumulative.shape[0] > 0 and oz > HORIZON:
+        if all_lights.cumulative.shape[0] > 0 and oz > HORIZON:
             for c in range(N_BY_POWER + N_BY_LOBE):
                 m, x, y, z, limit, density, share = _candidate(
-                    lamps, table, c, nobody, seed, lobe_axes[o], frame, place, eye
+                    all_lights, table, c, nobody, seed, lobe_axes[o], frame, place, wo
                 )
                 if m < 0:
                     continue
-                light = lamps.radiance[m] if m < lamps.density.shape[0] else lamps.power[m]
+                light = all_lights.radiance[m] if m < all_lights.density.shape[0] else all_lights.power[m]
                 worth = share * density * max(light[0], light[1], light[2])
                 total += worth
                 if worth > ZERO and uniform(seed ^ np.uint64(1000 + c)) * total < worth:
@@ -265,7 +265,7 @@ def sample_lobe_rays(which, n_rays, rows, nth, hits, origins, directions, normal
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _add_gloss(g, o, cell, x, y, z, ox, oy, oz, factor, out):
+def _add_gloss(g, o, record, x, y, z, ox, oy, oz, factor, out):
     """Adds factor · Σ f_q f_o ρ_q f_A f_B cos θ_i over the glossy layers of object o to out (3,) [BenArtzi07, eq. 3.1],
     with texture and weight maps at a record; −1 for their means."""
     for layer in range(g.first[o], g.first[o + 1]):
@@ -299,22 +299,22 @@ def _add_gloss(g, o, cell, x, y, z, ox, oy, oz, factor, out):
             if two:
                 value *= (ONE - u) * g.values[low_b, c] + u * g.values[high_b, c]
             value *= (ONE - s) * g.views[layer, v, c] + s * g.views[layer, v + 1, c]
-            if cell >= 0 and g.image[layer] >= 0:
-                value *= g.texels[g.image[layer], cell, c]
+            if record >= 0 and g.image[layer] >= 0:
+                value *= g.texels[g.image[layer], record, c]
             out[c] += weight * g.gains[layer, c] * value
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def expected_photons(lamps, m, lobe_axis, per_area, x, y, z, ox, oy, oz):
+def expected_photons(all_lights, m, lobe_axis, per_area, x, y, z, ox, oy, oz):
     """Expected number of photons per stored ray, for the light that a glossy surface reflects from light m at (x, y, z)
     to (ox, oy, oz), both local, up to the geometry of the receiving point; per_area: photons emitted per square metre.
     """
     towards = direction_pdf(ZERO, ONE, lobe_axis, ox, oy, oz, x, y, z)
     # How much likelier a light is among a ray's candidates than as a photon's only one.
     likelier = np.float32(N_BY_POWER)
-    if m < lamps.density.shape[0]:
+    if m < all_lights.density.shape[0]:
         back = direction_pdf(ZERO, ONE, lobe_axis, x, y, z, ox, oy, oz)
-        likelier += N_BY_LOBE * back / max(lamps.density[m], TINY)
+        likelier += N_BY_LOBE * back / max(all_lights.density[m], TINY)
     return per_area * towards / (oz * likelier)
 
 
@@ -327,36 +327,36 @@ def photon_share(ahead, cosine, area, sample_set):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def second_bounce_light(samples, position, records, begin, end, objects, g, lamps, table, area, per_area, wanted, first,
-                 out):  # fmt: skip
+def second_bounce_light(samples, position, records, begin, end, objects, g, all_lights, table, area, per_area, missing,
+                        first, out):  # fmt: skip
     """Light (n, 3, 3) that returns along the stored rays of points [begin, end) from the glossy layers there, times π:
     from the lights; as a factor on the radiosity beyond; and, as such radiosity, from the lights by glossy layers
     beyond. Ray number `first` is out[0].
 
     objects (C,) of the records; area (p,), per_area (M,): of photons that carry the same light, see `photon_share`.
-    Results of objects that are not `wanted` (M,) remain unchanged.
+    Results of objects that are not `missing` (M,) remain unchanged.
     """
     n_cosine, n_lobe = np.float32(samples.tables_cosine.shape[1]), np.float32(samples.tables_lobe.shape[1])
     n_rays, gloss = samples.records.shape[1], np.zeros(3, np.float32)
     for i in range(begin, end):
         r = samples.rows[i]
         tangent, normal = samples.tangent[r], samples.normal[r]
-        eye_x, eye_y, eye_z = local_wo(tangent, normal, samples.wo[r])
+        wo_x, wo_y, wo_z = local_wo(tangent, normal, samples.wo[r])
         turn, cosine, sine = pattern_rotation(r)
         pattern = pattern_of(turn, samples.nth[i])
         times = records.times[i]
         for e in range(records.start[i], records.start[i + 1]):
             n = e - first
             m = np.int64(records.ray[e])
-            cell, beyond = np.int64(samples.records[i, m]), records.beyond[e]
-            o = objects[cell]
-            if not wanted[o] and (records.light_3[e] == NO_LIGHT or not wanted[objects[beyond]]):
+            record, beyond = np.int64(samples.records[i, m]), records.beyond[e]
+            o = objects[record]
+            if not missing[o] and (records.light_3[e] == NO_LIGHT or not missing[objects[beyond]]):
                 continue
             out[n] = ZERO
             if not _is_in_half(samples, m):
                 continue
             # Second vertex: regenerate the ray from its pattern, then position, frame and direction back along the ray.
-            x, y, z = _ray(samples, i, m, pattern, cosine, sine, eye_x, eye_y, eye_z)
+            x, y, z = _ray(samples, i, m, pattern, cosine, sine, wo_x, wo_y, wo_z)
             dx, dy, dz = to_world(tangent[0], tangent[1], tangent[2], normal[0], normal[1], normal[2], x, y, z)
             far = records.distance[e]
             px, py, pz = position[r, 0] + far * dx, position[r, 1] + far * dy, position[r, 2] + far * dz
@@ -366,23 +366,25 @@ def second_bounce_light(samples, position, records, begin, end, objects, g, lamp
             if oz <= HORIZON:
                 continue
             # Density of stored rays at the gather point, per steradian.
-            sample_set = direction_pdf(n_cosine, n_lobe, samples.lobe_axes[i], x, y, z, eye_x, eye_y, eye_z) / times
+            sample_set = direction_pdf(n_cosine, n_lobe, samples.lobe_axes[i], x, y, z, wo_x, wo_y, wo_z) / times
             slant = z
             seed, third = _seed(r, samples.nth[i], n_rays, m, 2), _seed(r, samples.nth[i], n_rays, m, 3)
             light = np.int64(records.light[e])
             # Direct light at the second vertex: π · RIS weight · balance weight · gloss · L, less the photons' share.
             if light != NO_LIGHT:
-                frame, place, eye = (tx, ty, tz, nx, ny, nz), (px, py, pz), (ox, oy, oz)
+                frame, place, wo = (tx, ty, tz, nx, ny, nz), (px, py, pz), (ox, oy, oz)
                 c = np.int64(records.candidate[e])
-                m, x, y, z, _, _, share = _candidate(lamps, table, c, light, seed, g.lobe_axes[o], frame, place, eye)
+                m, x, y, z, _, _, share = _candidate(
+                    all_lights, table, c, light, seed, g.lobe_axes[o], frame, place, wo
+                )
                 if m >= 0:
                     gloss[:] = ZERO
-                    ahead = expected_photons(lamps, m, g.lobe_axes[o], per_area[o], x, y, z, ox, oy, oz)
+                    ahead = expected_photons(all_lights, m, g.lobe_axes[o], per_area[o], x, y, z, ox, oy, oz)
                     share *= ONE - photon_share(ahead, slant, area[i], sample_set)
                     _add_gloss(
-                        g, o, cell, x, y, z, ox, oy, oz, np.float32(PI * times * share * records.weight[e]), gloss
+                        g, o, record, x, y, z, ox, oy, oz, np.float32(PI * times * share * records.weight[e]), gloss
                     )
-                    colour = lamps.radiance[m] if m < lamps.density.shape[0] else lamps.power[m]
+                    colour = all_lights.radiance[m] if m < all_lights.density.shape[0] else all_lights.power[m]
                     for channel in range(3):
                         out[n, 0, channel] = gloss[channel] * colour[channel]
             # Indirect light at the second vertex: a factor on the radiosity of the record that the lobe ray hits.
@@ -393,26 +395,26 @@ def second_bounce_light(samples, position, records, begin, end, objects, g, lamp
                 continue
             gloss[:] = ZERO
             density = direction_pdf(ZERO, ONE, g.lobe_axes[o], x, y, z, ox, oy, oz)
-            _add_gloss(g, o, cell, x, y, z, ox, oy, oz, times / density, gloss)
+            _add_gloss(g, o, record, x, y, z, ox, oy, oz, times / density, gloss)
             out[n, 1] = gloss
             # Third vertex: direct light there, if that record is glossy as well.
             light = np.int64(records.light_3[e])
             if light == NO_LIGHT:
                 continue
-            cell, o, far = np.int64(beyond), objects[beyond], records.distance_3[e]
+            record, o, far = np.int64(beyond), objects[beyond], records.distance_3[e]
             dx, dy, dz = to_world(tx, ty, tz, nx, ny, nz, x, y, z)
             px, py, pz = px + far * dx, py + far * dy, pz + far * dz
             nx, ny, nz = records.normal_3[e, 0], records.normal_3[e, 1], records.normal_3[e, 2]
             tx, ty, tz = object_tangent(g.axes, o, nx, ny, nz)
             ox, oy, oz = to_local(tx, ty, tz, nx, ny, nz, -dx, -dy, -dz)
-            frame, place, eye = (tx, ty, tz, nx, ny, nz), (px, py, pz), (ox, oy, oz)
+            frame, place, wo = (tx, ty, tz, nx, ny, nz), (px, py, pz), (ox, oy, oz)
             c = np.int64(records.candidate_3[e])
-            m, x, y, z, _, _, share = _candidate(lamps, table, c, light, third, g.lobe_axes[o], frame, place, eye)
+            m, x, y, z, _, _, share = _candidate(all_lights, table, c, light, third, g.lobe_axes[o], frame, place, wo)
             if m < 0 or oz <= HORIZON:
                 continue
             gloss[:] = ZERO
-            _add_gloss(g, o, cell, x, y, z, ox, oy, oz, np.float32(PI * share * records.weight_3[e]), gloss)
-            colour = lamps.radiance[m] if m < lamps.density.shape[0] else lamps.power[m]
+            _add_gloss(g, o, record, x, y, z, ox, oy, oz, np.float32(PI * share * records.weight_3[e]), gloss)
+            colour = all_lights.radiance[m] if m < all_lights.density.shape[0] else all_lights.power[m]
             for channel in range(3):
                 out[n, 2, channel] = gloss[channel] * colour[channel]
 

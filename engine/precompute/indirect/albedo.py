@@ -74,14 +74,14 @@ def _common_bands(
     model = MODELS[model_name]
     n_a, n_b = (*bands, 1)[:2]
     kind_b = model.factors[1].gamma if len(model.factors) > 1 else -1
-    eyes = np.repeat(view_angles(), N_AZIMUTHS)
-    turns = 2 * np.pi * _GOLDEN * np.arange(len(eyes))
-    eyes = np.stack([np.sin(eyes) * np.cos(turns), np.sin(eyes) * np.sin(turns), np.cos(eyes)], axis=1)
-    found = np.zeros((len(eyes), n_a, n_b))
+    wo = np.repeat(view_angles(), N_AZIMUTHS)
+    turns = 2 * np.pi * _GOLDEN * np.arange(len(wo))
+    wo = np.stack([np.sin(wo) * np.cos(turns), np.sin(wo) * np.sin(turns), np.cos(wo)], axis=1)
+    found = np.zeros((len(wo), n_a, n_b))
     kernels.albedo_bands(
         model.number, model.bind_parameters(np.array(quotient_parameters)), model.factors[0].gamma, kind_b,
         lobe_axis_of([model_name]),
-        eyes.astype(np.float32), cosine_tables(_N_RAYS), lobe_tables(_N_RAYS), found,
+        wo.astype(np.float32), cosine_tables(_N_RAYS), lobe_tables(_N_RAYS), found,
     )  # fmt: skip
     return found.reshape(N_VIEWS, N_AZIMUTHS, n_a, n_b).mean(axis=1) / N_VIEWS
 

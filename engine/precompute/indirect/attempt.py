@@ -20,8 +20,8 @@ from engine.precompute.indirect.checkpoints import (
     Checkpoints,
     arrays_of_gathered,
     arrays_of_table,
-    read_cell_light,
     read_gathered,
+    read_record_light,
     read_table,
 )
 from engine.precompute.indirect.direction_patterns import SampleCounts, sample_counts
@@ -58,7 +58,7 @@ class SampledScene:
     def reader(self, arrays: Arrays, n_rays: int) -> ArrayReader:
         """A reader of arrays that belong to this scene and light, with n_rays per sample set."""
         sizes = {"P": len(self.placement.hits.pixel), "M": self.n_objects, "T": len(self.placement.scene.triangles)}
-        return ArrayReader(arrays, **sizes, R=n_rays, L=len(self.emission.lamps.cumulative))
+        return ArrayReader(arrays, **sizes, R=n_rays, L=len(self.emission.all_lights.cumulative))
 
 
 class Attempt:
@@ -71,7 +71,7 @@ class Attempt:
     ) -> None:  # fmt: skip
         placement = scene.placement
         self._scene, self._search, self._checkpoints, self._stopwatch = scene, search, checkpoints, stopwatch
-        self.cells = IrradianceCache(placement.scene, placement.caster, search.size)
+        self.cache = IrradianceCache(placement.scene, placement.caster, search.size)
         self.settings = settings
         self.samples = no_samples(settings.n_rays)
         self.n_rays_traced = 0
@@ -89,7 +89,7 @@ class Attempt:
         if second is None:
             return self._photons
         source = PhotonSource(
-            scene.placement.scene, self.cells, second.glossy, scene.lobe_axes, scene.axes, scene.emission.lamps
+            scene.placement.scene, self.cache, second.glossy, scene.lobe_axes, scene.axes, scene.emission.all_lights
         )
         return PhotonMap(source.send(scene.placement.hits, self.settings.n_photons))
 
@@ -108,7 +108,7 @@ class Attempt:
 
     def restore(self, table: CacheTable, samples: GatherSamples) -> None:
         """Restores records and sample sets of an attempt that ended."""
-        self.cells.restore(table)
+        self.cache.restore(table)
         self.samples, self._points = samples, None
 
     def begin_anew(self, settings: SamplingSettings) -> None:
@@ -119,7 +119,7 @@ class Attempt:
         """The indirect light of these gather points with the light between the records."""
         emission, n_bounces = self._scene.emission, self._scene.n_bounces
         return IndirectLight(
-            self.points, footprint, self.cells, light, emission.lamps, n_bounces, emission.unit, ray_budget
+            self.points, footprint, self.cache, light, emission.all_lights, n_bounces, emission.unit, ray_budget
         )
 
     def trace(
@@ -152,19 +152,19 @@ class Attempt:
         self, rows: NDArray[np.int32], nth: NDArray[np.uint8], size: SampleCounts, first_open: int
     ) -> Iterator[GatherSamples]:
         """One part of the sample sets: restored from a checkpoint, or traced and stored."""
-        inputs = b"fans", rows.tobytes(), nth.tobytes(), repr((size, self.cells.size)).encode()
+        inputs = b"fans", rows.tobytes(), nth.tobytes(), repr((size, self.cache.size)).encode()
         stored = self._checkpoints.begin(self._read_samples, *inputs)
         if stored is not None:
-            self.cells.restore(stored[0])
+            self.cache.restore(stored[0])
             yield stored[1]
         else:
             found = []
             hits, scene = self._scene.placement.hits, self._scene
-            for samples in gather(hits, self.cells, rows, nth, scene.lobe_axes, size, scene.second, True, first_open):
+            for samples in gather(hits, self.cache, rows, nth, scene.lobe_axes, size, scene.second, True, first_open):
                 found.append(samples)
                 yield samples
             self._checkpoints.store_part(
-                {**arrays_of_gathered(join_samples(found)), **arrays_of_table(self.cells.table())}
+                {**arrays_of_gathered(join_samples(found)), **arrays_of_table(self.cache.table())}
             )
         self._search.n_sets += len(rows)
 
@@ -176,17 +176,17 @@ class Attempt:
     def _light(self, settings: SamplingSettings, span: Span) -> Generator[Progress, None, CacheLight]:
         stored = self._checkpoints.begin(partial(self._read_light, settings), b"light", repr(settings).encode())
         if stored is not None:
-            self.cells.restore(stored[0])
+            self.cache.restore(stored[0])
             return stored[1]
         found = [np.zeros((0, settings.n_record_rays), np.uint16)]
-        for fraction, records_hit in connect(self.cells, self._scene.n_bounces, settings.n_record_rays):
+        for fraction, records_hit in connect(self.cache, self._scene.n_bounces, settings.n_record_rays):
             found.append(records_hit)
             yield span.at(fraction), "light between surfaces"
-        steps = direct_irradiance(self.cells, self._scene.emission.lights, settings.n_samples)
+        steps = direct_irradiance(self.cache, self._scene.emission.lights, settings.n_samples)
         direct = yield from at_fraction(steps, span.end, "light between surfaces")
-        light = CacheLight(self.cells.objects.copy(), np.concatenate(found), direct)
+        light = CacheLight(self.cache.objects.copy(), np.concatenate(found), direct)
         self._checkpoints.store_part(
-            {"cell_seen": light.records_hit, "direct": direct, **arrays_of_table(self.cells.table())}
+            {"cell_seen": light.records_hit, "direct": direct, **arrays_of_table(self.cache.table())}
         )
         return light
 
@@ -201,4 +201,4 @@ class Attempt:
     def _read_light(self, settings: SamplingSettings, arrays: Arrays) -> tuple[CacheTable, CacheLight]:
         reader = self._scene.reader(arrays, self.settings.n_rays)
         table = read_table(reader)
-        return table, read_cell_light(reader, settings.n_record_rays, table.objects.copy())
+        return table, read_record_light(reader, settings.n_record_rays, table.objects.copy())

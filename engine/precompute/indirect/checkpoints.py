@@ -120,14 +120,14 @@ NAMES = (
 
 def arrays_of(light: IndirectLight) -> Arrays:
     """The arrays of indirect light, by `NAMES`."""
-    gathered, cells = light.points.samples, light.cells
+    gathered, cache = light.points.samples, light.cache
     own = (
         gathered.rows, gathered.nth, gathered.records, gathered.clearance, *light.footprint, light.light.records_hit,
-        light.light.direct, np.array([cells.size]), np.array([light.ray_budget.n_rays], np.int64),
+        light.light.direct, np.array([cache.size]), np.array([light.ray_budget.n_rays], np.int64),
         np.array([NOT_ESTIMATED if light.ray_budget.noise is None else light.ray_budget.noise]),
     )  # fmt: skip
     smoothing = light.points.smoothing or no_smoothing(len(gathered.points))
-    return dict(zip(NAMES, (*own, *gathered.glossy_hits, *cells.table(), *smoothing), strict=True))
+    return dict(zip(NAMES, (*own, *gathered.glossy_hits, *cache.table(), *smoothing), strict=True))
 
 
 def arrays_of_gathered(gathered: GatherSamples) -> Arrays:
@@ -152,19 +152,19 @@ def read_table(reader: ArrayReader) -> CacheTable:
     keys = reader.take(_CELLS + "keys", np.uint64, N_SLOTS)
     known["C"] = int(np.count_nonzero(keys))
     if known["C"] > MAX_RECORDS:
-        raise UnsoundArrays("more cells than there can be")
-    cells = reader.take(_CELLS + "cells", np.int32, N_SLOTS, below=max(known["C"], 1))
-    n_cells = reader.take(_CELLS + "n_cells", np.int64, 1)
+        raise UnsoundArrays("more records than there can be")
+    records = reader.take(_CELLS + "cells", np.int32, N_SLOTS, below=max(known["C"], 1))
+    n_records = reader.take(_CELLS + "n_cells", np.int64, 1)
     objects = reader.take(_CELLS + "objects", np.int32, "C", below=known["M"])
     seeds = reader.take(_CELLS + "seeds", np.uint64, "C")
     n_places = reader.take(_CELLS + "n_places", np.int64, "C", below=N_PLACES + 1)
-    if n_cells[0] != known["C"] or not n_places.all():
-        raise UnsoundArrays("cells without a position, or a wrong count")
+    if n_records[0] != known["C"] or not n_places.all():
+        raise UnsoundArrays("records without a position, or a wrong count")
     hashes = reader.take(_CELLS + "hashes", np.uint32, "C", N_PLACES)
     triangle = reader.take(_CELLS + "triangle", np.int32, "C", N_PLACES, below=known["T"])
     u, v = (reader.take(_CELLS + name, np.float32, "C", N_PLACES) for name in "uv")
     side = reader.take(_CELLS + "side", np.uint8, "C", N_PLACES)
-    return CacheTable(keys, cells, n_cells, objects, seeds, n_places, hashes, triangle, u, v, side)
+    return CacheTable(keys, records, n_records, objects, seeds, n_places, hashes, triangle, u, v, side)
 
 
 def read_gathered(reader: ArrayReader) -> GatherSamples:
@@ -220,12 +220,12 @@ def read_smoothing(reader: ArrayReader) -> Smoothing:
     return Smoothing(start, neighbour, reader.take(_SMOOTHING + "weight", np.float32, "entries"))
 
 
-def read_cell_light(reader: ArrayReader, n_rays: int, objects: NDArray[np.int32]) -> CacheLight:
+def read_record_light(reader: ArrayReader, n_rays: int, objects: NDArray[np.int32]) -> CacheLight:
     """The light between records of these objects, with n_rays each; call after `read_table`."""
     known = reader.sizes
     seen = reader.take("cell_seen", np.uint16, "sending", n_rays, below=known["C"], or_else=NO_RECORD)
     if known["sending"] > known["C"]:
-        raise UnsoundArrays("more cells send than there are")
+        raise UnsoundArrays("more records send than there are")
     return CacheLight(objects, seen, reader.take("direct", np.float32, "C", N_SLANTS, 3))
 
 

@@ -27,10 +27,11 @@ _RASTER = (512, 1024)  # rows and columns
 
 @dataclass(frozen=True, eq=False)
 class Emission:
-    """lights: sky and emitters, each for sampling by power; lamps: both combined; in units of `unit` (radiance)."""
+    """lights: sky and emitters, each for sampling by power; all_lights: both combined; all in units of `unit`
+    (radiance)."""
 
     lights: tuple[Lights, ...]
-    lamps: SampledLights
+    all_lights: SampledLights
     unit: float
 
 

@@ -73,7 +73,7 @@ def join_samples(parts: Sequence[GatherSamples]) -> GatherSamples:
 
 
 def gather(
-    hits: PrimaryHits, cells: IrradianceCache, rows: NDArray[np.int32], nth: NDArray[np.uint8],
+    hits: PrimaryHits, cache: IrradianceCache, rows: NDArray[np.int32], nth: NDArray[np.uint8],
     lobe_axes: NDArray[np.int64],
     size: SampleCounts, second: SecondBounceTracer | None = None, focused: bool = True, first_open: int = 0,
 ) -> Iterator[GatherSamples]:  # fmt: skip
@@ -93,15 +93,15 @@ def gather(
         rays = room_for_rays(len(chunk) * size.n_rays)
         kernels.write_sample_rays(
             chunk, which, point_poles[begin : begin + step], surface, hits.geometric_normal, hits.horizon,
-            np.float32(cells.caster.offset), *tables, 0, size.n_rays, rays.origins, rays.directions, rays.there,
+            np.float32(cache.caster.offset), *tables, 0, size.n_rays, rays.origins, rays.directions, rays.there,
         )  # fmt: skip
         mirrored = np.zeros(len(rays.there), np.uint8)
         if focused:
             kernels.mark_glossy_rays(chunk, point_poles[begin : begin + step], surface, rays.directions, mirrored)
-        seen, found = cells.records_and_hits(rays, first_open, mirrored, turn)
+        seen, found = cache.records_and_hits(rays, first_open, mirrored, turn)
         records = no_glossy_hits(len(chunk))
         if second is not None:
-            records = second.trace(cells, chunk, which, rays, seen, found, first_open, turn)
+            records = second.trace(cache, chunk, which, rays, seen, found, first_open, turn)
         distances = found.distance.reshape(len(chunk), -1)[:, : size.n_cosine]
         return GatherSamples(chunk, which, seen.reshape(len(chunk), -1), records, _clearance(distances))
 

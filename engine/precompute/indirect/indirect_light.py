@@ -13,14 +13,13 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.core.clamping import SQUARED, clamp_radiance, unscaled
 from engine.core.generators import run_to_end
 from engine.precompute.indirect._ray_kernels import NORMAL
 from engine.precompute.indirect._second_bounce_kernels import SampledLights
-from engine.precompute.indirect.clamping import SQUARED, clamp_radiance, unscaled
 from engine.precompute.indirect.gather import GatherSamples, SampleCounts, object_of_rows
 from engine.precompute.indirect.indirect_layers import IndirectLayer, albedos_of, view_factors
 from engine.precompute.indirect.irradiance_cache import NO_OBJECT, CacheLight, IrradianceCache, radiosity
-from engine.precompute.indirect.lattice import least_alike
 from engine.precompute.indirect.photons import (
     NearbyPhotons,
     PhotonFlux,
@@ -40,7 +39,7 @@ from engine.precompute.indirect.second_bounce import (
     layer_digests,
     outgoing_radiosity,
 )
-from engine.precompute.indirect.smoothing import Smoothing, smoothing_for
+from engine.precompute.indirect.smoothing import Smoothing, least_alike, smoothing_for
 from engine.scene.primary_hits import PrimaryHits
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene
@@ -96,7 +95,8 @@ class GatherPoints:
 
     def outgoing_radiance(
         self, radiosities: tuple[NDArray[np.float32], NDArray[np.float32]], objects: NDArray[np.int32],
-        layers: Sequence[IndirectLayer], cells: RecordReflectance, lamps: SampledLights, edited: int = NO_OBJECT,
+        layers: Sequence[IndirectLayer], reflectance: RecordReflectance, all_lights: SampledLights,
+        edited: int = NO_OBJECT,
     ) -> OutgoingRadiance:  # fmt: skip
         """Radiance that records of the given objects (C,), with radiosities (C, D, 3) from `radiosity`, send on under
         these layers."""
@@ -104,12 +104,12 @@ class GatherPoints:
         if not self.glossy:
             return OutgoingRadiance(bright, None, None)
         n_objects = len(self.lobe_axes)
-        tables, inverse = glossy_tables(layers, self.lobe_axes, self.axes, cells), self._inverse(layers, edited)
-        looks, per_area = layer_digests(layers, n_objects, cells), self.photons.per_area
+        tables, inverse = glossy_tables(layers, self.lobe_axes, self.axes, reflectance), self._inverse(layers, edited)
+        digests, per_area = layer_digests(layers, n_objects, reflectance), self.photons.per_area
         second = SecondBounceLight(
-            objects, outgoing_radiosity(beyond, inverse), per_area, looks, tables, lamps, edited, inverse
+            objects, outgoing_radiosity(beyond, inverse), per_area, digests, tables, all_lights, edited, inverse
         )
-        return OutgoingRadiance(bright * cells.diffuse[:, None], second, self.caustic_flux(layers, edited))
+        return OutgoingRadiance(bright * reflectance.diffuse[:, None], second, self.caustic_flux(layers, edited))
 
     def _inverse(self, layers: Sequence[IndirectLayer], edited: int) -> NDArray[np.float32]:
         """The reciprocal albedo (3,) of the edited object, 1 where none is edited."""
@@ -146,14 +146,14 @@ class GatherPoints:
 @dataclass(frozen=True, eq=False)
 class IndirectLight:
     """Indirect light of a picture. footprint: four gather points of each point of the picture, by number, and their
-    weights, (P, 4) each; light: between the records, for up to n_bounces reflections; lamps: all lights. Everything is
-    in units of `unit`, except pictures. ray_budget: the number of rays per sample set, with its reason."""
+    weights, (P, 4) each; light: between the records, for up to n_bounces reflections; all_lights: sky and emitters.
+    Everything is in units of `unit`, except pictures. ray_budget: rays per sample set, with the reason."""
 
     points: GatherPoints
     footprint: Footprint
-    cells: IrradianceCache
+    cache: IrradianceCache
     light: CacheLight
-    lamps: SampledLights
+    all_lights: SampledLights
     n_bounces: int
     unit: float
     ray_budget: RayBudget
@@ -161,7 +161,7 @@ class IndirectLight:
     @property
     def n_bytes(self) -> int:
         found = self.points.n_bytes + sum(a.nbytes for a in self.footprint)
-        return found + self.cells.n_bytes + self.light.n_bytes
+        return found + self.cache.n_bytes + self.light.n_bytes
 
     def without_glossy_hits(self) -> IndirectLight:
         """The same without glossy hits: from the second bounce on, all surfaces reflect by albedo."""
@@ -192,20 +192,20 @@ class IndirectLight:
         return self._radiosities(layers, self._reflectance(layers), edited)[0]
 
     def _reflectance(self, layers: Sequence[IndirectLayer]) -> RecordReflectance:
-        return self.cells.maps.reflectance(layers, len(self.points.lobe_axes))
+        return self.cache.maps.reflectance(layers, len(self.points.lobe_axes))
 
     def _radiosities(
-        self, layers: Sequence[IndirectLayer], cells: RecordReflectance, edited: int
+        self, layers: Sequence[IndirectLayer], reflectance: RecordReflectance, edited: int
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         albedos = albedos_of(layers, len(self.points.lobe_axes))
         # Glossy hits account for the direct light that glossy surfaces reflect.
-        return radiosity(self.light, albedos, self.n_bounces, cells, edited, self.points.glossy)
+        return radiosity(self.light, albedos, self.n_bounces, reflectance, edited, self.points.glossy)
 
     def outgoing_radiance(self, layers: Sequence[IndirectLayer], edited: int = NO_OBJECT) -> OutgoingRadiance:
         """Radiance that surfaces send towards the gather points under these layers."""
-        cells = self._reflectance(layers)
-        bright = self._radiosities(layers, cells, edited)
-        return self.points.outgoing_radiance(bright, self.light.objects, layers, cells, self.lamps, edited)
+        reflectance = self._reflectance(layers)
+        bright = self._radiosities(layers, reflectance, edited)
+        return self.points.outgoing_radiance(bright, self.light.objects, layers, reflectance, self.all_lights, edited)
 
     def at_points(self, layers: Sequence[IndirectLayer], half: int | None = None) -> NDArray[np.float32]:
         """Indirect radiance (p, 3) of all gather points; half: 0 or 1 for one half of the rays."""

@@ -25,13 +25,13 @@ from threading import Lock
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.core.clamping import clamp_radiance
 from engine.core.threads import OrderedSection, even_parts, on_threads, run_in_order
 from engine.precompute.indirect import _cache_kernels as kernels
 from engine.precompute.indirect._cache_kernels import Lights
 from engine.precompute.indirect._ray_kernels import EVEN
 from engine.precompute.indirect._reflection_kernels import bounce, brighten
 from engine.precompute.indirect.albedo import N_SLANTS
-from engine.precompute.indirect.clamping import clamp_radiance
 from engine.precompute.indirect.direction_patterns import cosine_tables
 from engine.precompute.indirect.record_maps import RecordMaps, RecordReflectance
 from engine.scene.raycaster import Intersections, RayCaster
@@ -232,7 +232,7 @@ class CacheLight:
         return self.objects.nbytes + self.records_hit.nbytes + self.direct.nbytes
 
 
-def connect(cells: IrradianceCache, n_bounces: int, n_rays: int) -> Iterator[tuple[float, NDArray[np.uint16]]]:
+def connect(cache: IrradianceCache, n_bounces: int, n_rays: int) -> Iterator[tuple[float, NDArray[np.uint16]]]:
     """Traces the rays of all records, generation by generation; new records appear on the way. Yields (fraction,
     records hit (c, R)).
 
@@ -243,66 +243,69 @@ def connect(cells: IrradianceCache, n_bounces: int, n_rays: int) -> Iterator[tup
     begin, step = 0, max(1, CHUNK // n_rays)
     generations = min(n_bounces - 2, MOST_GENERATIONS)
     for generation in range(generations):
-        end = len(cells)
-        look = partial(_trace_records, cells, tables, end)
+        end = len(cache)
+        trace = partial(_trace_records, cache, tables, end)
         parts = [(i, min(i + step, end)) for i in range(begin, end, step)]
-        for k, seen in enumerate(run_in_order(look, parts, 1)):
+        for k, seen in enumerate(run_in_order(trace, parts, 1)):
             yield (generation + (k + 1) / len(parts)) / generations, seen
         begin = end
 
 
 def _trace_records(
-    cells: IrradianceCache, tables: NDArray[np.float32], first_open: int, part: tuple[int, int], turn: OrderedSection
+    cache: IrradianceCache, tables: NDArray[np.float32], first_open: int, part: tuple[int, int], turn: OrderedSection
 ) -> NDArray[np.uint16]:
     """The records hit (end - begin, R) from the records [begin, end) of a part."""
-    rays = cells.rays(*part, tables)
-    return cells.records_hit(rays, first_open, turn).reshape(part[1] - part[0], -1)
+    rays = cache.rays(*part, tables)
+    return cache.records_hit(rays, first_open, turn).reshape(part[1] - part[0], -1)
 
 
 def direct_irradiance(
-    cells: IrradianceCache, lights: tuple[Lights, ...], n_samples: int
+    cache: IrradianceCache, lights: tuple[Lights, ...], n_samples: int
 ) -> Generator[float, None, NDArray[np.float32]]:
     """Irradiance (C, N_SLANTS, 3) of the records from all lights, see `CacheLight`, with `n_samples` samples of each
     kind; yields the fraction done."""
-    total = np.zeros((len(cells), N_SLANTS, 3), np.float32)
+    total = np.zeros((len(cache), N_SLANTS, 3), np.float32)
     step = max(_SAMPLES // n_samples, 1)
-    for begin in range(0, len(cells), step):
+    for begin in range(0, len(cache), step):
         for seed, each in enumerate(lights):
-            total[begin : begin + step] += cells.irradiance(each, n_samples, seed, begin, begin + step)
-        yield min((begin + step) / len(cells), 1.0)
+            total[begin : begin + step] += cache.irradiance(each, n_samples, seed, begin, begin + step)
+        yield min((begin + step) / len(cache), 1.0)
     return total
 
 
 def radiosity(
-    light: CacheLight, albedos: NDArray[np.floating], n_bounces: int, cells: RecordReflectance, edited: int = NO_OBJECT,
-    lit_apart: bool = False,
+    light: CacheLight, albedos: NDArray[np.floating], n_bounces: int, reflectance: RecordReflectance,
+    edited: int = NO_OBJECT, lit_apart: bool = False,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:  # fmt: skip
     """Radiosity (C, D, 3) of the records in a picture of N bounces, a polynomial in the albedo of the object `edited`;
     and the same for N - 1 bounces, for light that is reflected once more on its way.
 
-    albedos (M, 3), scaled per record by `cells`; D = N powers, from 0 to N - 1, or 1 if no object is edited. N ≥ 2.
+    albedos (M, 3), scaled per record by `reflectance`; D = N powers, from 0 to N - 1, or 1 if no object is edited;
+    N ≥ 2.
     lit_apart: whether the reflection of the lights by glossy layers is computed elsewhere. The second result then omits
     it, and the first includes it as if it were diffuse.
     """
     n_powers = n_bounces if edited != NO_OBJECT else 1
     albedos = np.ascontiguousarray(albedos, np.float32)
     latest = np.zeros((len(light.objects), n_powers, 3), np.float32)
-    latest[:, 0] = light.irradiance if cells.slant is None else np.einsum("cbk,cbk->ck", light.direct, cells.slant)
+    latest[:, 0] = (
+        light.irradiance if reflectance.slant is None else np.einsum("cbk,cbk->ck", light.direct, reflectance.slant)
+    )
     total, sent = latest.copy(), np.empty((*latest.shape[:2], 4), np.float32)
     once_less, before = total.copy(), np.zeros_like(total)
     if lit_apart:
         total[:, 0] = light.irradiance
-        once_less[:, 0] = cells.diffuse * light.irradiance
+        once_less[:, 0] = reflectance.diffuse * light.irradiance
     # E_n = G d E_(n-1), accumulated.
     for i_bounce in range(n_bounces - 2):
-        brighten(latest, light.objects, albedos, cells.relative, edited, sent)
+        brighten(latest, light.objects, albedos, reflectance.relative, edited, sent)
         latest = bounce_radiosity(light.records_hit, sent, min(i_bounce + 2, n_powers))
         before[:] = once_less
         total += latest
         once_less += latest
     bright = np.empty_like(latest)
-    brighten(before, light.objects, albedos, cells.relative, edited, bright)
-    brighten(total, light.objects, albedos, cells.relative, edited, before)
+    brighten(before, light.objects, albedos, reflectance.relative, edited, bright)
+    brighten(total, light.objects, albedos, reflectance.relative, edited, before)
     return clamp_radiance(before), clamp_radiance(bright)
 
 

@@ -79,14 +79,14 @@ class PhotonFlux(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class PhotonSource:
     """Emits photons. scene, and the mesh of its records; glossy (M,): which objects are; lobe_axes (M,) and axes (M, 2,
-    3); lamps: the light sources."""
+    3); all_lights: sky and emitters."""
 
     scene: Scene
-    cells: IrradianceCache
+    cache: IrradianceCache
     glossy: NDArray[np.bool_]
     lobe_axes: NDArray[np.int64]
     axes: NDArray[np.float32]
-    lamps: SampledLights
+    all_lights: SampledLights
 
     def send(self, hits: PrimaryHits, n_photons: int) -> Photons:
         """Those of n photons that land where the picture shows them. More start on objects from which more do."""
@@ -94,7 +94,7 @@ class PhotonSource:
         mine = np.array([area[begin:end].sum() for begin, end in self.scene.triangle_ranges])
         mine[~self.glossy | ~self.scene.reflecting] = 0.0
         able = np.flatnonzero(mine > 0.0)
-        if not len(able) or not len(self.lamps.cumulative) or n_photons == 0:
+        if not len(able) or not len(self.all_lights.cumulative) or n_photons == 0:
             return _joined([], np.zeros(len(mine), np.float32))
         # A pilot pass estimates the share of visible photons per object.
         n_pilot = min(_PILOT, n_photons)
@@ -133,25 +133,25 @@ class PhotonSource:
         per_area: NDArray[np.float32],
     ) -> Photons:  # fmt: skip
         """Emits photons from triangles (n,) with random numbers (n, 7), and returns the visible ones."""
-        n, caster, mesh = len(triangles), self.cells.caster, self.cells.mesh
+        n, caster, mesh = len(triangles), self.cache.caster, self.cache.mesh
         starts, to_light, onward, normals, power = np.empty((5, n, 3), np.float32)
         limits, ahead = np.empty((2, n), np.float32)
         kernels.emit(
             numbers[:, :5].astype(np.float32), lobe_vectors(numbers[:, 5], numbers[:, 6]), triangles, per_area, mesh,
-            self.lobe_axes, self.axes, self.lamps, np.float32(caster.offset), starts, to_light, limits, onward, normals,
-            power, ahead,
+            self.lobe_axes, self.axes, self.all_lights, np.float32(caster.offset), starts, to_light, limits, onward,
+            normals, power, ahead,
         )  # fmt: skip
         # Drop photons without power, then those whose path to the light is blocked.
-        kept = np.flatnonzero(power.max(axis=1) > 0.0)
-        kept = kept[~caster.occluded(starts[kept], to_light[kept], limits[kept])]
+        lit = np.flatnonzero(power.max(axis=1) > 0.0)
+        lit = lit[~caster.occluded(starts[lit], to_light[lit], limits[lit])]
         # Trace the others to where they land, and retain those that the picture shows.
-        found = caster.intersect(starts[kept], onward[kept])
+        found = caster.intersect(starts[lit], onward[lit])
         ends = np.where(found.triangle >= 0, mesh.objects[found.triangle], -1)
         far = np.where(ends >= 0, found.distance, np.float32(0.0))
-        positions = np.asarray(starts[kept] + far[:, None] * onward[kept], np.float32)
+        positions = np.asarray(starts[lit] + far[:, None] * onward[lit], np.float32)
         faces = mesh.face_normals[found.triangle]
-        seen = (ends >= 0) & self._is_visible(hits, ends, positions, faces, onward[kept])
-        rows = kept[seen]
+        seen = (ends >= 0) & self._is_visible(hits, ends, positions, faces, onward[lit])
+        rows = lit[seen]
         return Photons(
             positions[seen], ends[seen].astype(np.int32), onward[rows], starts[rows],
             mesh.objects[triangles[rows]].astype(np.int32), normals[rows], to_light[rows], power[rows], ahead[rows],
@@ -284,14 +284,14 @@ def _find_nearby(
         )  # fmt: skip
 
     on_threads(weigh, *even_parts(len(found)))
-    kept = weights > 0.0
+    is_near = weights > 0.0
     # Test visibility only where the radius is large relative to the clearance.
-    doubted = kept & (radii2 > (_NEAR * clearance) ** 2)[:, None]
-    kept[doubted] = ~_is_occluded(
+    doubted = is_near & (radii2 > (_NEAR * clearance) ** 2)[:, None]
+    is_near[doubted] = ~_is_occluded(
         photon_map.photons, hits, caster, samples.rows[np.nonzero(doubted)[0]], found[doubted]
     )
-    start = np.concatenate([[0], np.cumsum(kept.sum(axis=1))])
-    return NearbyPhotons(start, found[kept], weights[kept], np.asarray(np.pi / 2 * radii2, np.float32))
+    start = np.concatenate([[0], np.cumsum(is_near.sum(axis=1))])
+    return NearbyPhotons(start, found[is_near], weights[is_near], np.asarray(np.pi / 2 * radii2, np.float32))
 
 
 def _is_occluded(

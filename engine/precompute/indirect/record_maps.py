@@ -62,12 +62,12 @@ class _Places:
     """The sample positions of one object's records, and the means of its texture maps over each record."""
 
     def __init__(self, scene: Scene, table: CacheTable, i_object: int, images: Images) -> None:
-        self.cells, self._origin = np.flatnonzero(table.objects == i_object), scene.origin
-        counts = table.n_places[self.cells].astype(np.int64)
+        self.records, self._origin = np.flatnonzero(table.objects == i_object), scene.origin
+        counts = table.n_places[self.records].astype(np.int64)
         self._start, self._counts = np.cumsum(counts) - counts, counts
-        cell = np.repeat(self.cells, counts)
+        record = np.repeat(self.records, counts)
         place = np.arange(counts.sum()) - np.repeat(self._start, counts)
-        triangle, u, v = (array[cell, place] for array in (table.triangle, table.u, table.v))
+        triangle, u, v = (array[record, place] for array in (table.triangle, table.u, table.v))
         position = positions_at(scene, triangle, u, v)
         area = np.repeat(self._spread(position) / counts, counts)
         uv = uvs_at(scene, triangle, u, v)

@@ -19,11 +19,11 @@ from functools import cached_property, partial, reduce
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.core.clamping import clamp_radiance
 from engine.core.threads import even_parts, n_threads, on_threads
 from engine.precompute.indirect import _reflection_kernels as kernels
 from engine.precompute.indirect import _second_bounce_kernels as second_kernels
 from engine.precompute.indirect._photon_kernels import reflect_photon_bands, reflect_photons
-from engine.precompute.indirect.clamping import clamp_radiance
 from engine.precompute.indirect.direction_patterns import lobe_tables
 from engine.precompute.indirect.gather import GatherSamples, SampleCounts, direction_tables, object_of_rows
 from engine.precompute.indirect.indirect_layers import LayerCurves
@@ -96,20 +96,20 @@ class SecondBounceWeights:
     def missing_objects(self, light: SecondBounceLight, step: int) -> NDArray[np.bool_]:
         """The objects (M,) whose reflection is not cached for the parts of a step, by its number: the light may change
         between two steps."""
-        looks, lamps = self._cached_of.get(step, ((), None))
-        if lamps is not light.lamps:
+        digests, all_lights = self._cached_of.get(step, ((), None))
+        if all_lights is not light.all_lights:
             return np.ones(len(light.digests), bool)
-        return np.array([now != then for now, then in zip(light.digests, looks, strict=True)])
+        return np.array([now != then for now, then in zip(light.digests, digests, strict=True)])
 
-    def part(self, begin: int, end: int, light: SecondBounceLight, wanted: NDArray[np.bool_]) -> kernels.SecondBounce:
+    def part(self, begin: int, end: int, light: SecondBounceLight, missing: NDArray[np.bool_]) -> kernels.SecondBounce:
         """The second-bounce light of points [begin, end)."""
         records, base = self._records, int(self._records.start[begin])
         n = int(records.start[end]) - base
         sent, first = (np.empty((n, 3, 3), np.float32), base) if self._cached is None else (self._cached, self._first)
-        if wanted.any():
+        if missing.any():
             second_kernels.second_bounce_light(
-                self._samples, self._position, records, begin, end, light.objects, light.layers, light.lamps,
-                lobe_tables(N_LOBE_RAYS), self._area, light.per_area, wanted, first, sent,
+                self._samples, self._position, records, begin, end, light.objects, light.layers, light.all_lights,
+                lobe_tables(N_LOBE_RAYS), self._area, light.per_area, missing, first, sent,
             )  # fmt: skip
         lit = np.empty((n, *light.radiosity.shape[2:]), np.float32)
         second_kernels.light_second_bounce(
@@ -122,7 +122,7 @@ class SecondBounceWeights:
     def complete(self, light: SecondBounceLight, step: int) -> None:
         """Marks the parts of a step as computed under this light."""
         if self._cached is not None:
-            self._cached_of[step] = light.digests, light.lamps
+            self._cached_of[step] = light.digests, light.all_lights
 
     @property
     def n_bytes(self) -> int:
@@ -185,13 +185,13 @@ class HemisphereSamples:
     @property
     def n_bytes(self) -> int:
         """Memory of the stored weights."""
-        return self._second.n_bytes + sum(aim.n_bytes for aim in self._weights.values())
+        return self._second.n_bytes + sum(weights.n_bytes for weights in self._weights.values())
 
     def forget_all_but(self, layers: Sequence[LayerCurves]) -> None:
         """Drops stored weights of other layers than these: otherwise each roughness that a slider passes through would
         take as much memory as all rays."""
-        wanted = {_weights_key(layer.optics()) for layer in layers}
-        self._weights = {key: aim for key, aim in self._weights.items() if key in wanted}
+        present = {_weights_key(layer.optics()) for layer in layers}
+        self._weights = {key: weights for key, weights in self._weights.items() if key in present}
 
     def nearby_photons(
         self, photon_map: PhotonMap, i_object: int, farthest: NDArray[np.float32], caster: RayCaster
@@ -208,15 +208,15 @@ class HemisphereSamples:
         steps."""
         out = [np.empty((len(self), light.n_powers, 3), np.float32) for _ in layers]
         optics = [layer.optics(folded=True) for layer in layers]
-        aims = [self._weights_of(each) for each in optics]
+        weights_of_layers = [self._weights_of(each) for each in optics]
 
         def work(begin: int, end: int, second: kernels.SecondBounce) -> None:
-            for each, aim, result in zip(optics, aims, out, strict=True):
-                kernels.reflect(self._samples, begin, end, each, aim.part(begin, end), light.padded, second, result)
+            for each, weights, result in zip(optics, weights_of_layers, out, strict=True):
+                kernels.reflect(self._samples, begin, end, each, weights.part(begin, end), light.padded, second, result)
                 if light.caustics is not None:
                     reflect_photons(self._samples, begin, end, each, self._photons, light.caustics, result)
 
-        yield from self._in_parts(light, work, aims)
+        yield from self._in_parts(light, work, weights_of_layers)
         for layer, result in zip(layers, out, strict=True):
             if layer.is_tinted:
                 result *= layer.tint.astype(np.float32)
@@ -229,17 +229,17 @@ class HemisphereSamples:
         over J it equals `reflect`. A generator of steps."""
         out = np.empty((3, len(layer.curves[factor]), light.n_powers, len(self)), np.float32)
         optics = layer.optics()
-        aim = self._weights_of(optics)
+        weights = self._weights_of(optics)
 
         def work(begin: int, end: int, second: kernels.SecondBounce) -> None:
-            stored_weights = aim.part(begin, end)
+            stored_weights = weights.part(begin, end)
             kernels.reflect_bands(
                 self._samples, begin, end, optics, factor == 0, stored_weights, light.padded, second, out
             )
             if light.caustics is not None:
                 reflect_photon_bands(self._samples, begin, end, optics, factor == 0, self._photons, light.caustics, out)
 
-        yield from self._in_parts(light, work, [aim])
+        yield from self._in_parts(light, work, [weights])
         if layer.is_tinted:
             out *= layer.tint.astype(np.float32)[:, None, None, None]
         out = clamp_radiance(out)
@@ -251,9 +251,9 @@ class HemisphereSamples:
     def _weights_of(self, optics: kernels.ReflectingLayer) -> RayWeights:
         """The stored weights of a layer, or new ones."""
         key = _weights_key(optics)
-        kept = self._weights.get(key)
-        if kept is not None and kept.n_angles >= n_angles_of(optics):
-            return kept
+        cached = self._weights.get(key)
+        if cached is not None and cached.n_angles >= n_angles_of(optics):
+            return cached
         made = RayWeights(self._samples, optics, self._caches)
         if self._caches:
             self._weights[key] = made
@@ -263,7 +263,7 @@ class HemisphereSamples:
         self,
         light: OutgoingRadiance,
         work: Callable[[int, int, kernels.SecondBounce], None],
-        aims: Sequence[RayWeights],
+        weights_of_layers: Sequence[RayWeights],
     ) -> Generator[None, None, None]:
         """Calls `work` on parts of the points with their second-bounce light, some parts per step; then marks the
         weights as complete."""
@@ -271,21 +271,21 @@ class HemisphereSamples:
         none = np.zeros((0, light.n_powers, 4), np.float32)
         no_second = kernels.SecondBounce(np.zeros(len(self) + 1, np.int64), np.zeros(0, np.uint16), none, 0)
 
-        def do(wanted: NDArray[np.bool_] | None, begin: int) -> None:
+        def do(missing: NDArray[np.bool_] | None, begin: int) -> None:
             end = min(begin + _PART, len(self))
             second = no_second
-            if glossy is not None and wanted is not None:
-                second = self._second.part(begin, end, glossy, wanted)
+            if glossy is not None and missing is not None:
+                second = self._second.part(begin, end, glossy, missing)
             work(begin, end, second)
 
         for begin in range(0, len(self), step):
-            wanted = None if glossy is None else self._second.missing_objects(glossy, begin)
-            on_threads(partial(do, wanted), range(begin, min(begin + step, len(self)), _PART))
+            missing = None if glossy is None else self._second.missing_objects(glossy, begin)
+            on_threads(partial(do, missing), range(begin, min(begin + step, len(self)), _PART))
             if glossy is not None:
                 self._second.complete(glossy, begin)
             yield
-        for aim in aims:
-            aim.complete()
+        for weights in weights_of_layers:
+            weights.complete()
 
 
 def _weights_key(optics: kernels.ReflectingLayer) -> tuple[int, bytes]:

@@ -57,54 +57,54 @@ def _thin(
     """At most `most` of each point's rays, evenly spaced, and how many rays each represents (p,)."""
     start = np.searchsorted(which, np.arange(n_points + 1) * n_rays)
     counts = np.diff(start)
-    kept = np.minimum(counts, most)
-    ends = np.cumsum(kept)
-    place = np.arange(ends[-1] if n_points else 0) - np.repeat(ends - kept, kept)
-    step = counts / np.maximum(kept, 1)
-    chosen = np.repeat(start[:-1], kept) + ((place + 0.5) * np.repeat(step, kept)).astype(np.int64)
+    n_chosen = np.minimum(counts, most)
+    ends = np.cumsum(n_chosen)
+    place = np.arange(ends[-1] if n_points else 0) - np.repeat(ends - n_chosen, n_chosen)
+    step = counts / np.maximum(n_chosen, 1)
+    chosen = np.repeat(start[:-1], n_chosen) + ((place + 0.5) * np.repeat(step, n_chosen)).astype(np.int64)
     return which[chosen], np.maximum(step, 1.0).astype(np.float32)
 
 
 @dataclass(frozen=True, eq=False)
 class SecondBounceTracer:
     """Traces the rays of the second bounce. glossy (M,): which objects are glossy; lobe_axes (M,) and axes (M, 2, 3) of
-    the objects; lamps: all lights; most: the number of rays stored per gather point, of which each represents several
-    if there are more; thrice: whether three glossy reflections of a light count."""
+    the objects; all_lights: sky and emitters; most: the number of rays stored per gather point, of which each
+    represents several if there are more; thrice: whether three glossy reflections of a light count."""
 
     glossy: NDArray[np.bool_]
     lobe_axes: NDArray[np.int64]
     axes: NDArray[np.float32]
-    lamps: kernels.SampledLights
+    all_lights: kernels.SampledLights
     most: int
     thrice: bool
 
     def trace(
-        self, cells: IrradianceCache, rows: NDArray[np.int32], nth: NDArray[np.uint8], rays: Rays,
+        self, cache: IrradianceCache, rows: NDArray[np.int32], nth: NDArray[np.uint8], rays: Rays,
         seen: NDArray[np.uint16],
         found: Intersections, first_open: int = 0, turn: AbstractContextManager[None] = NO_ORDER,
     ) -> kernels.GlossyHits:  # fmt: skip
         """The glossy hits of a chunk of sample sets, the nth of the points `rows`: rays and their hits, (q · R).
         first_open, turn: see `IrradianceCache.records_hit`."""
         n_rays = len(seen) // max(len(rows), 1)
-        which, times = _thin(self._on_glossy(cells, seen, found), n_rays, len(rows), self.most)
-        vertex = _LightChooser(self, cells, rows, nth, n_rays)
+        which, times = _thin(self._on_glossy(cache, seen, found), n_rays, len(rows), self.most)
+        vertex = _LightChooser(self, cache, rows, nth, n_rays)
         lit = vertex.choose(which, which, 2, rays, found)
         starts, to_lobe = np.empty((2, len(which), 3), np.float32)
         there = np.empty(len(which), bool)
         kernels.sample_lobe_rays(
-            which, n_rays, rows, nth, _hits(found), rays.origins, rays.directions, lit[0], cells.mesh, self.lobe_axes,
-            self.axes, lobe_tables(N_LOBE_RAYS), np.float32(cells.caster.offset), to_lobe, starts, there,
+            which, n_rays, rows, nth, _hits(found), rays.origins, rays.directions, lit[0], cache.mesh, self.lobe_axes,
+            self.axes, lobe_tables(N_LOBE_RAYS), np.float32(cache.caster.offset), to_lobe, starts, there,
         )  # fmt: skip
         onward = Rays(starts, to_lobe, there)
-        beyond, found_3 = cells.records_and_hits(onward, first_open, turn=turn)
-        at = self._on_glossy(cells, beyond, found_3) if self.thrice else np.zeros(0, np.int64)
+        beyond, found_3 = cache.records_and_hits(onward, first_open, turn=turn)
+        at = self._on_glossy(cache, beyond, found_3) if self.thrice else np.zeros(0, np.int64)
         lit_3 = _scatter(vertex.choose(which[at], at, 3, onward, found_3), at, len(which))
         start = np.searchsorted(which, np.arange(len(rows) + 1) * n_rays)
         return kernels.GlossyHits(start, times, (which % n_rays).astype(np.uint16), *lit, beyond, *lit_3)
 
-    def _on_glossy(self, cells: IrradianceCache, seen: NDArray[np.uint16], found: Intersections) -> NDArray[np.intp]:
+    def _on_glossy(self, cache: IrradianceCache, seen: NDArray[np.uint16], found: Intersections) -> NDArray[np.intp]:
         """The indices of rays that end on glossy surfaces."""
-        ends = np.where(seen == NO_RECORD, -1, cells.mesh.objects[found.triangle])
+        ends = np.where(seen == NO_RECORD, -1, cache.mesh.objects[found.triangle])
         return np.flatnonzero((ends >= 0) & self.glossy[ends])
 
 
@@ -126,7 +126,7 @@ class _LightChooser:
     """Chooses lights at vertices of a chunk of sample sets: the nth sets of the points `rows`, n_rays each."""
 
     second: SecondBounceTracer
-    cells: IrradianceCache
+    cache: IrradianceCache
     rows: NDArray[np.int32]
     nth: NDArray[np.uint8]
     n_rays: int
@@ -136,13 +136,13 @@ class _LightChooser:
     ) -> kernels.LitPlaces:
         """For rays `at` (n,), which continue the samples `which` (n,): normals (n, 3) and distances (n,) of their hits,
         the unoccluded lights (n,), their candidate numbers and weights (n,)."""
-        n, caster = len(which), self.cells.caster
+        n, caster = len(which), self.cache.caster
         normals, to_light, starts = np.empty((3, n, 3), np.float32)
         lights, candidates = np.empty(n, np.uint16), np.empty(n, np.uint8)
         weights, limits = np.empty((2, n), np.float32)
         kernels.choose_lights(
             which, at, vertex, self.n_rays, self.rows, self.nth, _hits(found), rays.origins, rays.directions,
-            self.cells.mesh, self.second.lobe_axes, self.second.axes, self.second.lamps, lobe_tables(N_LOBE_RAYS),
+            self.cache.mesh, self.second.lobe_axes, self.second.axes, self.second.all_lights, lobe_tables(N_LOBE_RAYS),
             np.float32(caster.offset), normals, lights, candidates, weights, to_light, limits, starts,
         )  # fmt: skip
         requested = np.flatnonzero(weights > 0.0)
@@ -156,7 +156,7 @@ class _LightChooser:
 class SecondBounceLight:
     """The light that glossy surfaces reflect under certain curves. objects (C,) of the records; radiosity (2, C, D, 4):
     as it lights others, and as the edited object reflects it on; per_area (M,): photons emitted per square metre;
-    digests (M): differ if an object's surface reflects differently; layers, lamps: tables of layers and lights; edited:
+    digests (M): differ if an object's surface reflects differently; layers, all_lights: tables of them; edited:
     the edited object; inverse (3,): the reciprocal of its albedo."""
 
     objects: NDArray[np.int32]
@@ -164,22 +164,22 @@ class SecondBounceLight:
     per_area: NDArray[np.float32]
     digests: tuple[bytes, ...]
     layers: kernels.GlossyLayers
-    lamps: kernels.SampledLights
+    all_lights: kernels.SampledLights
     edited: int
     inverse: NDArray[np.float32]
 
 
 def glossy_tables(
     layers: Sequence[IndirectLayer], lobe_axes: NDArray[np.int64], axes: NDArray[np.float32],
-    cells: RecordReflectance | None = None,
+    reflectance: RecordReflectance | None = None,
 ) -> kernels.GlossyLayers:  # fmt: skip
-    """Tables of the glossy layers, ordered by object. cells: the reflectance of the records under these layers, None to
+    """Tables of the glossy layers, ordered by object. reflectance: of the records under these layers, None to
     use the means of texture maps."""
     glossy = [i for i, each in enumerate(layers) if is_glossy(each)]
     glossy.sort(key=lambda i: layers[i].i_object)
     chosen = [layers[i] for i in glossy]
-    image = np.array([-1 if cells is None else cells.image[i] for i in glossy], np.int64)
-    texels = np.zeros((0, 0, 3), np.float32) if cells is None else cells.texels
+    image = np.array([-1 if reflectance is None else reflectance.image[i] for i in glossy], np.int64)
+    texels = np.zeros((0, 0, 3), np.float32) if reflectance is None else reflectance.texels
     first = np.searchsorted([each.i_object for each in chosen], np.arange(len(lobe_axes) + 1))
     curves = [[np.asarray(curve, np.float32) for curve in each.second_curves.curves] for each in chosen]
     none = np.zeros((0, 3), np.float32)
@@ -202,9 +202,9 @@ def glossy_tables(
     )  # fmt: skip
 
 
-def layer_digests(layers: Sequence[IndirectLayer], n_objects: int, cells: RecordReflectance) -> tuple[bytes, ...]:
+def layer_digests(layers: Sequence[IndirectLayer], n_objects: int, reflectance: RecordReflectance) -> tuple[bytes, ...]:
     """Bytes that identify what the reflection of each object's glossy layers depends on."""
-    looks = [b""] * n_objects
+    digests = [b""] * n_objects
     for each in filter(is_glossy, layers):
         arrays = (
             each.second_curves.quotient_parameters,
@@ -212,12 +212,12 @@ def layer_digests(layers: Sequence[IndirectLayer], n_objects: int, cells: Record
             each.gain * each.second_curves.tint,
             each.view_curve,
         )
-        looks[each.i_object] += b"".join(
+        digests[each.i_object] += b"".join(
             [each.second_curves.model.name.encode(), *(array.tobytes() for array in arrays)]
         )
         if not each.maps.is_plain:
-            looks[each.i_object] += cells.digest
-    return tuple(looks)
+            digests[each.i_object] += reflectance.digest
+    return tuple(digests)
 
 
 def diffuse_share(layers: Sequence[IndirectLayer], n_objects: int) -> NDArray[np.float32]:

@@ -34,6 +34,9 @@ N_NEIGHBOURS, _N_GUIDE = 24, 9
 _FARTHEST = 1.0 / 12.0
 # As in the lattice: neighbours lie at most 15° off the plane.
 _SAME_PLANE = math.sin(math.radians(15.0))
+# Largest change of the normal between a gather point and a pixel that uses it: a glossy reflection changes with the
+# normal.
+DIFFUSE_TURN, GLOSSY_TURN = math.cos(math.radians(25.0)), math.cos(math.radians(4.0))
 # Relative differences up to this count as none, whatever the noise.
 _TOLERANCE = 0.1
 # Noise relative to the light: below the first value there is no filtering, above the second full filtering.
@@ -106,6 +109,12 @@ def smoothing_for(
         neighbours.append((nearest + begin).astype(np.int32))
         weights.append(_weights(nearest, closeness, first[own], second[own], dark))
     return _sparse(neighbours, weights)
+
+
+def least_alike(glossy: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """The least cosine (M,) between normals within an object; glossy (M,): objects whose reflection changes with the
+    normal."""
+    return np.asarray(np.where(glossy, GLOSSY_TURN, DIFFUSE_TURN), np.float32)
 
 
 def neighbours_of(
@@ -186,12 +195,12 @@ def mean_of_neighbours(
 
 def _sparse(neighbours: list[NDArray[np.int32]], weights: list[NDArray[np.float32]]) -> Smoothing:
     """The rows of all objects as one matrix, without zero weights."""
-    kept = [each > 0.0 for each in weights]
-    counts = np.concatenate([each.sum(axis=1) for each in kept])
+    is_used = [each > 0.0 for each in weights]
+    counts = np.concatenate([each.sum(axis=1) for each in is_used])
     return Smoothing(
         np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
-        np.concatenate([each[mine] for each, mine in zip(neighbours, kept, strict=True)]),
-        np.concatenate([each[mine] for each, mine in zip(weights, kept, strict=True)]),
+        np.concatenate([each[mine] for each, mine in zip(neighbours, is_used, strict=True)]),
+        np.concatenate([each[mine] for each, mine in zip(weights, is_used, strict=True)]),
     )
 
 
@@ -234,7 +243,7 @@ def _within_budget(requested: NDArray[np.int64], worth: NDArray[np.float64], mos
     where these are too many, those of the greatest worth (p,)."""
     given = np.zeros_like(requested)
     order = np.argsort(-worth, kind="stable")
-    for wanted in (np.minimum(requested, 1), requested - np.minimum(requested, 1)):
-        in_turn = wanted[order]
+    for some in (np.minimum(requested, 1), requested - np.minimum(requested, 1)):
+        in_turn = some[order]
         given[order] += np.clip(most - given.sum() - (np.cumsum(in_turn) - in_turn), 0, in_turn)
     return given

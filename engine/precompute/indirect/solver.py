@@ -6,8 +6,7 @@ the edited object enter last. A rotated light therefore requires new direct irra
 requires sums only.
 
 The solver's parts have a module each: the size of the cache's cells (`cell_size`), tracing and its checkpoints
-(`attempt`), the number of rays (`ray_budget`), the choice of gather points (`lattice`, `refinement`), and progress
-(`progress`).
+(`attempt`), the number of rays (`ray_budget`), the choice of gather points (`refinement`), and progress (`progress`).
 """
 
 from collections.abc import Generator, Mapping, Sequence
@@ -27,11 +26,11 @@ from engine.precompute.indirect.cell_size import CellSizeSearch, first_cell_size
 from engine.precompute.indirect.checkpoints import (
     Checkpoints,
     CheckpointStore,
-    read_cell_light,
     read_cell_size,
     read_footprint,
     read_gathered,
     read_ray_budget,
+    read_record_light,
     read_smoothing,
     read_table,
 )
@@ -40,7 +39,6 @@ from engine.precompute.indirect.emission import scene_emission
 from engine.precompute.indirect.indirect_layers import IndirectLayer, albedos_of, any_glossy
 from engine.precompute.indirect.indirect_light import Footprint, IndirectLight
 from engine.precompute.indirect.irradiance_cache import CacheFull, CacheLight, direct_irradiance, radiosity
-from engine.precompute.indirect.lattice import COARSEST, Lattice, count_by_shape
 from engine.precompute.indirect.progress import (
     FIRST_PASS,
     LIGHT_DONE,
@@ -55,7 +53,7 @@ from engine.precompute.indirect.progress import (
     extra_sets_span,
 )
 from engine.precompute.indirect.ray_budget import LEVELS, RayBudget, ray_budget_of
-from engine.precompute.indirect.refinement import Refinement
+from engine.precompute.indirect.refinement import COARSEST, Lattice, Refinement, count_by_shape
 from engine.precompute.indirect.sampling_settings import FINE, SamplingSettings
 from engine.precompute.indirect.second_bounce import SecondBounceTracer
 from engine.scene.primary_hits import PrimaryHits, object_axes
@@ -178,11 +176,11 @@ class Solver:
                 attempt.begin_anew(self._settings)
                 yield from attempt.trace(rows, None, Span(ROUGH_LIGHT.end, ROUGH_LIGHT.end))
         if self._trial is None:  # a part of the picture never has too many records
-            search.check_forecast(len(attempt.cells), len(rows))
+            search.check_forecast(len(attempt.cache), len(rows))
         # Refinement passes: split blocks until light at their corners differs by no more than its noise.
         refinement = Refinement(lattice, layers, radiosities)
         for span in chain(REFINEMENTS, repeat(Span(REFINED, REFINED))):
-            measured = refinement.measure(attempt.points, len(attempt.cells))
+            measured = refinement.measure(attempt.points, len(attempt.cache))
             yield from at_fraction(measured, span.begin, "tracing gather points")
             if not refinement.split_blocks():
                 break
@@ -194,7 +192,7 @@ class Solver:
         if not len(rows):
             return found, REFINED
         span = extra_sets_span(len(rows) / len(attempt.samples.rows))
-        yield from attempt.trace(rows, nth, span, first_open=len(attempt.cells))
+        yield from attempt.trace(rows, nth, span, first_open=len(attempt.cache))
         return found, span.end
 
     def _rough_radiosity(
@@ -202,7 +200,7 @@ class Solver:
     ) -> NDArray[np.float32]:
         """Radiosity (C, 1, 3) of the records under these layers, from rough light between them."""
         n_objects = self._scene.n_objects
-        reflectance = attempt.cells.maps.reflectance(layers, n_objects)
+        reflectance = attempt.cache.maps.reflectance(layers, n_objects)
         return radiosity(rough, albedos_of(layers, n_objects), self._scene.n_bounces, reflectance)[0]
 
     def _find_ray_budget(
@@ -260,7 +258,7 @@ class Solver:
         attempt = Attempt(self._scene, search, settings, Checkpoints(), self.stopwatch)
         attempt.restore(read_table(reader), read_gathered(reader))
         found, smoothing = read_footprint(reader), read_smoothing(reader)
-        light = read_cell_light(reader, settings.n_record_rays, attempt.cells.objects.copy())
+        light = read_record_light(reader, settings.n_record_rays, attempt.cache.objects.copy())
         attempt.emit_photons()
         return attempt.assemble(light, found, ray_budget).with_smoothing(smoothing)
 
@@ -278,7 +276,7 @@ def _sampled_scene(
     second = None
     if glossy:
         second = SecondBounceTracer(
-            glossy_objects, lobe_axes, axes, emission.lamps, settings.n_glossy_hits, n_bounces > 2
+            glossy_objects, lobe_axes, axes, emission.all_lights, settings.n_glossy_hits, n_bounces > 2
         )
     return SampledScene(placement, lobe_axes, axes, emission, second, n_bounces)
 
@@ -291,7 +289,7 @@ def relit(
     Glossy hits store the old light, so glossy surfaces reflect by albedo until the rays are traced anew.
     """
     emitting = scene_emission(placement, sky)
-    light = replace(found.light, direct=run_to_end(direct_irradiance(found.cells, emitting.lights, settings.n_samples)))
+    light = replace(found.light, direct=run_to_end(direct_irradiance(found.cache, emitting.lights, settings.n_samples)))
     return replace(found.without_glossy_hits(), light=light, n_bounces=n_bounces, unit=emitting.unit)
 
 

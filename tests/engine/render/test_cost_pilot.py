@@ -26,7 +26,7 @@ def test_a_trial_foresees_points_cells_and_rays(other_light: float | None) -> No
     found = run_to_end(Solver(placement, models, sky, 3, ASKING, True, other_light).solve(layers))
     assert cost.ray_budget is not None and cost.ray_budget.n_rays == found.ray_budget.n_rays
     assert cost.n_points == pytest.approx(len(found.points.samples.points), rel=0.25)
-    assert cost.n_records == pytest.approx(len(found.cells), rel=0.4)
+    assert cost.n_records == pytest.approx(len(found.cache), rel=0.4)
 
 
 def test_nothing_is_lost_where_there_are_no_more_cells_than_there_may_be() -> None:

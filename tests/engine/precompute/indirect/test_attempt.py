@@ -45,7 +45,7 @@ def test_sample_sets_add_up_by_row(monkeypatch: pytest.MonkeyPatch) -> None:
     for rows in (ROWS[::2], ROWS[1::2]):
         run_to_end(attempt.trace(rows, None, FIRST_PASS), steps.append)
     np.testing.assert_array_equal(attempt.samples.points, ROWS)
-    run_to_end(attempt.trace(ROWS[:3], np.ones(3, np.uint8), Span(0.75, 0.8), len(attempt.cells)))
+    run_to_end(attempt.trace(ROWS[:3], np.ones(3, np.uint8), Span(0.75, 0.8), len(attempt.cache)))
     np.testing.assert_array_equal(attempt.samples.nth[:6], [0, 1] * 3)
     assert attempt.n_rays_traced == (len(ROWS) + 3) * QUICK.n_rays
     fractions = [fraction for fraction, _ in steps]
@@ -70,14 +70,14 @@ def test_what_was_stored_is_not_traced_again(monkeypatch: pytest.MonkeyPatch) ->
     np.testing.assert_array_equal(two.samples.records, one.samples.records)
     np.testing.assert_array_equal(again.direct, light.direct)
     np.testing.assert_array_equal(again.records_hit, light.records_hit)
-    assert len(two.cells) == len(one.cells) > 0
+    assert len(two.cache) == len(one.cache) > 0
 
 
 def test_sample_sets_begin_anew_with_more_rays_on_the_same_records() -> None:
     attempt = begun()
     run_to_end(attempt.trace(ROWS, None, FIRST_PASS))
-    n_records = len(attempt.cells)
+    n_records = len(attempt.cache)
     attempt.begin_anew(QUICK.with_rays(2 * QUICK.n_rays))
-    assert not len(attempt.samples.rows) and len(attempt.cells) == n_records
+    assert not len(attempt.samples.rows) and len(attempt.cache) == n_records
     run_to_end(attempt.trace(ROWS, None, FIRST_PASS))
-    assert attempt.samples.records.shape == (len(ROWS), 2 * QUICK.n_rays) and len(attempt.cells) >= n_records
+    assert attempt.samples.records.shape == (len(ROWS), 2 * QUICK.n_rays) and len(attempt.cache) >= n_records

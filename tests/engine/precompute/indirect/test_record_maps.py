@@ -145,7 +145,7 @@ def test_strength_weight_and_strokes_count_at_the_cells(ball: Placement) -> None
         "painted": lambert(0.8, weight_start=0.0, strokes=Strokes((dab,))),
     }
     found = solve(ball, [textured(ball, 0, layers["half"])], 2, FINER)
-    table = found.cells.table()
+    table = found.cache.table()
     wall = np.flatnonzero(table.objects == 0)
     of_place = ball.scene.vertices[ball.scene.triangles[table.triangle[wall]], 1].mean(axis=2)
     there = np.arange(of_place.shape[1]) < table.n_places[wall, None]
@@ -156,7 +156,7 @@ def test_strength_weight_and_strokes_count_at_the_cells(ball: Placement) -> None
     expected = {"half": (0.55, 0.95), "weight": (DARK, LIGHT), "inverted": (LIGHT, DARK), "painted": (1.0, 0.0)}
     for name, layer in layers.items():
         own = textured(ball, 0, layer)
-        factor = found.cells.maps.reflectance([own], 2).relative * own.share
+        factor = found.cache.maps.reflectance([own], 2).relative * own.share
         of_low = factor[near if name == "painted" else low]
         # But for a few cells whose places are far apart: there images are read as coarsely.
         for values, value in zip((of_low, factor[high]), expected[name], strict=True):

@@ -87,9 +87,9 @@ def test_other_lamps_are_other_light(found):
     curves = [LAYERS[-1].curves]
     run_to_end(fans.reflect(curves, light))
     assert light.glossy is not None
-    lamps = light.glossy.lamps
+    lamps = light.glossy.all_lights
     brighter = lamps._replace(power=2 * lamps.power, radiance=2 * lamps.radiance)
-    doubled = replace(light, glossy=replace(light.glossy, lamps=brighter))
+    doubled = replace(light, glossy=replace(light.glossy, all_lights=brighter))
     [one], [two] = (run_to_end(each.reflect(curves, doubled)) for each in (fans, found.points.hemisphere_samples(2)))
     np.testing.assert_allclose(one, two, rtol=1e-5)
 

@@ -46,7 +46,7 @@ def found() -> Found:
     assert records.start[0] == 0  # the floor is the first object
     sent = np.zeros((int(records.start[-1]), 3, 3), np.float32)
     kernels.second_bounce_light(
-        fans._samples, placement.hits.position, records, 0, n_points, light.objects, light.layers, light.lamps,
+        fans._samples, placement.hits.position, records, 0, n_points, light.objects, light.layers, light.all_lights,
         lobe_tables(N_LOBE_RAYS), np.zeros(n_points, np.float32), light.per_area, np.ones(4, bool), 0, sent,
     )  # fmt: skip
     return Found(placement, fans, light, sent)
@@ -78,7 +78,7 @@ def test_recorded_rays_bring_the_light_that_is_reflected_there(found: Found) -> 
         normal = records.normal[e].astype(float)
         assert abs(place[2] + 1.0) < 1e-3 and normal == pytest.approx([0.0, 0.0, 1.0])  # on the glossy wall
         expected[k] = sent_back(GLOSSY, place, normal, -way, found.placement.caster, SKY, patches)
-    unit = found.light.lamps.radiance[0] / SKY  # light is told in a unit of its own
+    unit = found.light.all_lights.radiance[0] / SKY  # light is told in a unit of its own
     ours = found.sent[chosen, :2] / records.times[point[chosen]][:, None, None] / np.stack([unit, np.ones(3)])
     difference, whole = ours - expected, expected.mean(axis=0)
     noise = difference.std(axis=0) / np.sqrt(N_LOOKED_AT)

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from engine.core.clamping import is_clamped
 from engine.core.generators import run_to_end
 from engine.light.environment import Environment, constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.precompute.direct.pipeline import SkyState
 from engine.precompute.indirect import irradiance_cache, smoothing
-from engine.precompute.indirect.clamping import is_clamped
 from engine.precompute.indirect.indirect_layers import indirect_layer
 from engine.precompute.indirect.irradiance_cache import NO_OBJECT
 from engine.precompute.indirect.sampling_settings import ROUGH
