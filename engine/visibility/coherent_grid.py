@@ -108,6 +108,44 @@ def _alike(hits: PrimaryHits, a: np.ndarray, b: np.ndarray, cosine: float) -> np
     return (objects[a] == objects[b]) & (facing > cosine)
 
 
+class _Prediction:
+    """Predicts the bits of points from those of their informers."""
+
+    def __init__(self, hits: PrimaryHits, visibility: Visibility, sphere: Visibility | None) -> None:
+        """sphere: see `coherent_visibility`."""
+        targets = visibility.targets
+        self._hits, self._visibility, self._sphere = hits, visibility, sphere
+        self._always, self._weak, self._weakest = (
+            targets.sentinels(step) for step in (targets.sentinel_step, targets.weak_step, targets.weakest_step)
+        )
+        self._around = geodesic(VISIBILITY_LEVEL).neighbours
+        # Targets that three of four informers see are traced; in the last step most of them are believed.
+        self._nothing = targets.sentinels(0)[0]
+        self._last_believed = ~targets.sentinels(targets.doubt_step)[0] if targets.doubt_step else self._nothing
+
+    def guess_by(self, informers: np.ndarray, step: GridStep) -> Guess:
+        """The prediction of a step's points by these informers, as a function for `evaluate_block`."""
+        believed = self._last_believed if step.stride == 1 else self._nothing
+        targets, bits, sphere = self._visibility.targets, self._visibility.bits, self._sphere
+
+        def guess(rows: np.ndarray, horizon: np.ndarray, todo: np.ndarray, doubt: np.ndarray) -> None:
+            kernels.predict(
+                rows, informers, bits, horizon, believed, self._always, self._weak, self._weakest, targets.neighbours,
+                todo, doubt,
+            )  # fmt: skip
+            if sphere is not None:
+                kernels.check_against_sphere(
+                    rows, informers, sphere.bits, targets.parents, self._around, bits, horizon, todo
+                )
+            if targets.bright is not None:
+                todo |= horizon & targets.bright_words
+            if step.beside:
+                known = np.flatnonzero(informers[:, 0] >= 0)
+                todo[known] |= horizon[known] & ~horizons(self._hits, targets, informers[known, 0])
+
+        return guess
+
+
 def coherent_visibility(
     hits: PrimaryHits, caster: RayCaster, visibility: Visibility, until: int = 1, sphere: Visibility | None = None
 ) -> Iterator[float]:
@@ -124,40 +162,14 @@ def coherent_visibility(
         return
     steps = list(grid_steps(hits, until))
     n_done, n_points = 0, max(1, sum(int((~visibility.done[step.rows]).sum()) for step in steps))
-    targets, neighbours = visibility.targets, visibility.targets.neighbours
-    always, weak, weakest = (
-        targets.sentinels(step) for step in (targets.sentinel_step, targets.weak_step, targets.weakest_step)
-    )
-    around = geodesic(VISIBILITY_LEVEL).neighbours
-
-    nothing = targets.sentinels(0)[0]
-    finally_believed = ~targets.sentinels(targets.doubt_step)[0] if targets.doubt_step else nothing
-
-    def informed(informers: np.ndarray, believed: np.ndarray, beside: bool) -> Guess:
-        """The prediction of a step's points from their informers, as a function for `evaluate_block`."""
-
-        def guess(rows: np.ndarray, horizon: np.ndarray, todo: np.ndarray, doubt: np.ndarray) -> None:
-            bits = visibility.bits
-            kernels.predict(rows, informers, bits, horizon, believed, always, weak, weakest, neighbours, todo, doubt)
-            if sphere is not None:
-                parents = visibility.targets.parents
-                kernels.check_against_sphere(rows, informers, sphere.bits, parents, around, bits, horizon, todo)
-            if targets.bright is not None:
-                todo |= horizon & targets.bright_words
-            if beside:
-                known = np.flatnonzero(informers[:, 0] >= 0)
-                todo[known] |= horizon[known] & ~horizons(hits, targets, informers[known, 0])
-
-        return guess
-
+    prediction = _Prediction(hits, visibility, sphere)
     with pool() as threads:
         for step in steps:
             fresh = ~visibility.done[step.rows]
             rows, informers = step.rows[fresh], step.informers[fresh]
-            believed = finally_believed if step.stride == 1 else nothing
             blocks = [slice(i, i + BLOCK) for i in range(0, len(rows), BLOCK)]
             for group in (blocks[i : i + 8] for i in range(0, len(blocks), 8)):
-                jobs = [(rows[block], informed(informers[block], believed, step.beside)) for block in group]
+                jobs = [(rows[block], prediction.guess_by(informers[block], step)) for block in group]
                 for count in threads.map(lambda job: evaluate_block(hits, caster, visibility, *job), jobs):
                     visibility.rays.traced += count[0]
                     visibility.rays.possible += count[1]

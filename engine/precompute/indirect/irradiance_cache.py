@@ -19,7 +19,6 @@ may be 0.
 from collections.abc import Generator, Iterator
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
-from functools import partial
 from threading import Lock
 
 import numpy as np
@@ -244,19 +243,14 @@ def connect(cache: IrradianceCache, n_bounces: int, n_rays: int) -> Iterator[tup
     generations = min(n_bounces - 2, MOST_GENERATIONS)
     for generation in range(generations):
         end = len(cache)
-        trace = partial(_trace_records, cache, tables, end)
+
+        def trace(part: tuple[int, int], turn: OrderedSection, first_open: int = end) -> NDArray[np.uint16]:
+            return cache.records_hit(cache.rays(*part, tables), first_open, turn).reshape(part[1] - part[0], -1)
+
         parts = [(i, min(i + step, end)) for i in range(begin, end, step)]
         for k, seen in enumerate(run_in_order(trace, parts, 1)):
             yield (generation + (k + 1) / len(parts)) / generations, seen
         begin = end
-
-
-def _trace_records(
-    cache: IrradianceCache, tables: NDArray[np.float32], first_open: int, part: tuple[int, int], turn: OrderedSection
-) -> NDArray[np.uint16]:
-    """The records hit (end - begin, R) from the records [begin, end) of a part."""
-    rays = cache.rays(*part, tables)
-    return cache.records_hit(rays, first_open, turn).reshape(part[1] - part[0], -1)
 
 
 def direct_irradiance(

@@ -285,23 +285,15 @@ def _find_nearby(
 
     on_threads(weigh, *even_parts(len(found)))
     is_near = weights > 0.0
-    # Test visibility only where the radius is large relative to the clearance.
+    # Test the path to a photon's origin only where the radius is large relative to the clearance.
     doubted = is_near & (radii2 > (_NEAR * clearance) ** 2)[:, None]
-    is_near[doubted] = ~_is_occluded(
-        photon_map.photons, hits, caster, samples.rows[np.nonzero(doubted)[0]], found[doubted]
-    )
+    origins = hits.offset_position[samples.rows[np.nonzero(doubted)[0]]]
+    is_near[doubted] = ~caster.occluded(
+        origins, photon_map.photons.starts[found[doubted]] - origins,
+        np.full(len(origins), _VISIBILITY_MARGIN, np.float32),
+    )  # fmt: skip
     start = np.concatenate([[0], np.cumsum(is_near.sum(axis=1))])
     return NearbyPhotons(start, found[is_near], weights[is_near], np.asarray(np.pi / 2 * radii2, np.float32))
-
-
-def _is_occluded(
-    photons: Photons, hits: PrimaryHits, caster: RayCaster, rows: NDArray[np.int32], numbers: NDArray[np.int32]
-) -> NDArray[np.bool_]:
-    """Whether the path from each of some points (n,) to the origin of its photon (n,) is blocked."""
-    origins = hits.offset_position[rows]
-    return caster.occluded(
-        origins, photons.starts[numbers] - origins, np.full(len(rows), _VISIBILITY_MARGIN, np.float32)
-    )
 
 
 def no_nearby_photons(n_points: int) -> NearbyPhotons:

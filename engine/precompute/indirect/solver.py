@@ -56,7 +56,7 @@ from engine.precompute.indirect.ray_budget import LEVELS, RayBudget, ray_budget_
 from engine.precompute.indirect.refinement import COARSEST, Lattice, Refinement, count_by_shape
 from engine.precompute.indirect.sampling_settings import FINE, SamplingSettings
 from engine.precompute.indirect.second_bounce import SecondBounceTracer
-from engine.scene.primary_hits import PrimaryHits, object_axes
+from engine.scene.primary_hits import object_axes
 
 # Expected gather points, relative to those that silhouettes and creases alone require.
 _BY_LIGHT = 1.25
@@ -156,7 +156,11 @@ class Solver:
         rows = lattice_rows(hits, COARSEST)
         yield from attempt.trace(rows, None, FIRST_PASS)
         numbers, weights = footprint(hits, rows, COARSEST)
-        return (_among_all(hits, rows, numbers), weights), FIRST_PASS.end
+        # They count within each point's own object; number the gather points of all.
+        firsts = np.searchsorted(rows, hits.object_ranges[:, 0])
+        counts = hits.object_ranges[:, 1] - hits.object_ranges[:, 0]
+        numbers = np.asarray(numbers + np.repeat(firsts, counts)[:, None], np.int32)
+        return (numbers, weights), FIRST_PASS.end
 
     def _refine(
         self, attempt: Attempt, search: CellSizeSearch, layers: Sequence[IndirectLayer]
@@ -291,10 +295,3 @@ def relit(
     emitting = scene_emission(placement, sky)
     light = replace(found.light, direct=run_to_end(direct_irradiance(found.cache, emitting.lights, settings.n_samples)))
     return replace(found.without_glossy_hits(), light=light, n_bounces=n_bounces, unit=emitting.unit)
-
-
-def _among_all(hits: PrimaryHits, rows: NDArray[np.int32], within: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Converts indices (P, 4) that count within each point's own object to indices among all gather points `rows`."""
-    firsts = np.searchsorted(rows, hits.object_ranges[:, 0])
-    counts = hits.object_ranges[:, 1] - hits.object_ranges[:, 0]
-    return np.asarray(within + np.repeat(firsts, counts)[:, None], np.int32)
