@@ -51,6 +51,7 @@ class DeformWorker(ModeWorker):
 
     n_points: int | None = None
     n_rays: int | None = None
+    n_passes: int | None = None
 
     def __init__(self, context: WorkerContext) -> None:
         self._context = context
@@ -111,13 +112,13 @@ class DeformWorker(ModeWorker):
         if self._reference is None or self._reference[0] != made_of:
             scene = deform.scene.from_camera(wanted.camera, wanted.resolution)
             self._reference = made_of, PathReference(scene, wanted.poses)
-        truth = self._reference[1]
-        yield PathsTraced(truth.n_passes, N_PASSES)
-        while truth.n_passes < N_PASSES:
+        truth, n_passes = self._reference[1], self.n_passes or N_PASSES
+        yield PathsTraced(truth.n_passes, n_passes)
+        while truth.n_passes < n_passes:
             for _ in truth.trace(layers, sky, n_bounces):
-                yield Progress(STAGE, truth.n_passes / N_PASSES, text="paths")
+                yield Progress(STAGE, truth.n_passes / n_passes, text="paths")
             deform.version += 1
-            yield PathsTraced(truth.n_passes, N_PASSES)
+            yield PathsTraced(truth.n_passes, n_passes)
             yield OrbitProgress(deform.version, deform.is_done, deform.n_bytes)
 
     def _draw(self, request: DrawDeform) -> Steps:

@@ -99,9 +99,9 @@ _N_TEXELS = 8  # per side of the patch
 
 
 class SmallDeform(DeformWorker):
-    """Deform of few points and rays."""
+    """Deform of few points and rays, and a single pass of paths."""
 
-    n_points, n_rays = 60, 16
+    n_points, n_rays, n_passes = 60, 16, 1
 
 
 def warm_up_later(first: str = "", is_done: Callable[[str], bool] = lambda what: False) -> Iterator[str]:
