@@ -31,6 +31,7 @@ from app.worker.schedule import InProcessClient
 from engine.material.layer_maps import Images
 from engine.material.strokes import Stroke, Strokes, pack_dabs
 from tests.app.worker.ball_and_lamp import compute, opened
+from tests.quick_indirect import light_quickly
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -179,8 +180,9 @@ def test_transport_waits_for_them_and_says_so_the_first_time(source: str, store:
 
 @pytest.mark.parametrize("has_compiled", [True, False], ids=["compiled", "failed"])
 def test_indirect_light_waits_for_its_kernels_and_quick_requests_do_not(
-    source: str, store: ArrayCache, log: list[str], has_compiled: bool
+    source: str, store: ArrayCache, log: list[str], has_compiled: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    light_quickly(monkeypatch)
     tasks, later = opened(source, store), Later()
     tasks.context.kernels = waiting = Waiting(first_time=True)
     waiting.wait_for(later)

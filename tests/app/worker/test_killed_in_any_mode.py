@@ -114,7 +114,7 @@ def test_small_tasks_leave_the_points_of_other_tasks_as_they_are() -> None:
     assert (OrbitWorker.n_points, DeformWorker.n_points, DeformWorker.n_rays) == (None, None, None)
 
 
-@in_other_modes
+@pytest.mark.parametrize("mode", [pytest.param("orbit", marks=pytest.mark.sweep), "deform"])
 def test_killed_at_random_moments_the_picture_is_the_same(
     mode: str, scene: str, pictures: dict[str, np.ndarray], state_folder: Path
 ) -> None:
