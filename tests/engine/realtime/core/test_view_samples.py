@@ -37,7 +37,7 @@ def test_images_are_filtered_as_in_placement(tmp_path: Path, quality: str) -> No
     which = seen.of(0)
     found = factors(seen, which, scene, 0, [layer], quality)[0]
     begin, end = placement.hits.object_ranges[0]
-    expected = MapFactors(scene, {0: [layer]}).at_primary_hits(placement)[begin:end, 0]
+    expected = MapFactors(scene, {0: [layer]}).at_primary_hits(placement.caster, placement.hits)[begin:end, 0]
     np.testing.assert_array_equal(seen.pixel[which], placement.hits.pixel[begin:end])
     assert np.abs(found - expected).mean() < (0.006 if quality == "rest" else 0.02)
     assert expected.std() < 0.15  # one look-up a pixel would give 0 or 1, of 0.5
