@@ -28,7 +28,7 @@ from app.cluster.scene_bundle import FileCache, SceneBundle, fetch_piece
 from app.document.scene_state import LayerState, SceneState
 from app.messages.worker_messages import OpenScene, Progress, SetCamera
 from app.worker.cache import ArrayCache
-from app.worker.tasks import IndirectSteps, LightSteps
+from app.worker.executor import IndirectSteps, LightSteps
 from engine.core.errors import InsituError
 from engine.core.safe_files import redirect_files
 from engine.core.stored_arrays import Arrays

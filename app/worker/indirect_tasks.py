@@ -28,7 +28,7 @@ from app.modes.placement.placement_messages import (
 )
 from app.worker.array_files import Tiles
 from app.worker.cache import ArrayCache, content_key
-from app.worker.tasks import IndirectSteps
+from app.worker.executor import IndirectSteps
 from engine.core.generators import map_steps
 from engine.core.stored_arrays import Arrays
 from engine.material.layer import Layer, object_of

@@ -13,7 +13,7 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -37,15 +37,14 @@ from app.modes.registry import MODES
 from app.project.project import sky_of
 from app.system.lazy_import import import_named
 from app.worker.cache import ArrayCache, content_key
+from app.worker.executor import Executor, LocalExecutor
 from app.worker.file_tasks import described_paths, fetch_table, read_files, read_for, write_file, write_scene
 from app.worker.kernels import Kernels
 from app.worker.schedule import Steps
 from engine.core.errors import InsituError
 from engine.light.environment import Environment, downsample, load_environment
 from engine.planner import planned_edge_rays
-from engine.precompute.direct.bandstore import BandTile
-from engine.precompute.direct.pipeline import Placement, Quality, SkyState
-from engine.precompute.direct.projection import LayerShape, VisibleLight, project_layer
+from engine.precompute.direct.pipeline import Placement, SkyState
 from engine.realtime.zonal_harmonics.pose import Poses
 from engine.realtime.zonal_harmonics.posed_scene import pose_scene
 from engine.scene.builtin import scene_path
@@ -53,12 +52,6 @@ from engine.scene.picture_frame import picture_frame
 from engine.scene.primary_hits import trace_primary_steps
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene, load_scene
-
-if TYPE_CHECKING:
-    from app.document.scene_state import LayerState
-    from app.messages.worker_messages import Response
-    from engine.core.stored_arrays import Arrays
-
 
 # Raised when anything that changes the numbers in a cached array changes.
 CACHE_VERSION = 6
@@ -176,7 +169,7 @@ class _LoadedScene:
 
 
 def _view_key(placement: Placement, geometry: str) -> str:
-    """The key of what transport depends on of the view: the surfaces, and the bumps that perturb their normals."""
+    """The key of what light depends on of the view: the surfaces, and the bumps that perturb their normals."""
     if not placement.scene.bump_normals.objects:
         return geometry
     return content_key(geometry, placement.hits.normal)
@@ -189,48 +182,6 @@ def _geometry_key(scene: Scene, n_edge_rays: int) -> str:
         CACHE_VERSION, camera, scene.origin, scene.resolution, n_edge_rays, scene.vertices, scene.normals,
         scene.triangles, scene.object_of_triangle, scene.smooth, scene.emission,
     )  # fmt: skip
-
-
-LightSteps = Generator[float, None, VisibleLight]
-IndirectSteps = Generator["Response | None", None, "Arrays"]
-
-
-class Executor(Protocol):
-    """Does the long work; the result is the same to the last bit for each executor."""
-
-    def compute_light(self, placement: Placement, sky: SkyState, quality: Quality) -> LightSteps:
-        """Compute all the light of a stage; yields the fraction done. A final stage leaves the sphere's visibility in
-        `placement_worker`."""
-
-    def project_tiles(
-        self, placement: Placement, rows: np.ndarray, light: VisibleLight, layer: LayerShape,
-        skip: frozenset[int] = frozenset(),
-    ) -> Iterator[BandTile | None]:  # fmt: skip
-        """The tiles of a layer's points as they are made, in any order, except those to skip; None while there is
-        none."""
-
-    def find_indirect(
-        self, layers: Sequence[LayerState], lit_by: str, n_bounces: int, n_rays: int
-    ) -> IndirectSteps | None:
-        """The fine indirect light, cached on disk; None: it is to be computed here."""
-
-
-class LocalExecutor:
-    """Does all the work in this process."""
-
-    def compute_light(self, placement: Placement, sky: SkyState, quality: Quality) -> LightSteps:
-        return placement.light(sky, quality)
-
-    def project_tiles(
-        self, placement: Placement, rows: np.ndarray, light: VisibleLight, layer: LayerShape,
-        skip: frozenset[int] = frozenset(),
-    ) -> Iterator[BandTile | None]:  # fmt: skip
-        return project_layer(placement.hits, rows, light, layer, skip)
-
-    def find_indirect(
-        self, layers: Sequence[LayerState], lit_by: str, n_bounces: int, n_rays: int
-    ) -> IndirectSteps | None:
-        return None
 
 
 class RequestDispatcher:

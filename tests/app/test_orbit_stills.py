@@ -1,6 +1,5 @@
 """`insitu render --mode orbit`: whole pictures against brute force."""
 
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +15,7 @@ from engine.precompute.indirect.sampling_settings import BounceSeries
 from engine.realtime.stills import render_orbit
 from tests.app.files.test_brdf_files import insitu
 from tests.engine.realtime.conftest import SCENE
+from tests.few_points import use_few_points
 from tests.pictures import write_exr
 
 
@@ -60,7 +60,7 @@ def test_a_still_of_orbit_is_the_brute_force_picture(
 
 def test_diffuse_objects_are_as_bright_as_in_placement(tmp_path: Path, monkeypatch) -> None:
     # On the mean of each object, by the same camera, under a sky that is dark on one side.
-    monkeypatch.setattr(stills, "render_orbit", partial(render_orbit, n_points=2000))
+    use_few_points(monkeypatch, 2000)
     image = np.full((16, 32, 3), 0.1, np.float32)
     image[2:7, 5:12] = (8.0, 6.0, 4.0)
     write_exr(tmp_path / "sky.exr", image)
@@ -77,7 +77,7 @@ def test_diffuse_objects_are_as_bright_as_in_placement(tmp_path: Path, monkeypat
 
 
 def test_the_command_writes_it(tmp_path, capsys, monkeypatch) -> None:
-    monkeypatch.setattr(stills, "render_orbit", partial(render_orbit, n_points=500))
+    use_few_points(monkeypatch, 500)
     out = tmp_path / "orbit.png"
     assert insitu("render", "cornell", "-o", out, "--mode", "orbit", "--resolution", 24, 24) == 0
     assert out.stat().st_size > 500

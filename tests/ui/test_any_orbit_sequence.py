@@ -289,6 +289,7 @@ def test_what_is_seen_at_rest_is_placement_s_picture_of_a_fresh_start(
         walk.open()
         done = stroll(walk, random, 12)
         seen = settled(walk)
+        n_bounces = walk.editor.view.settings.n_bounces
         session = tmp_path / "walk.insitu"
         assert walk.editor.save(session) is None
     finally:
@@ -296,7 +297,7 @@ def test_what_is_seen_at_rest_is_placement_s_picture_of_a_fresh_start(
     fresh = OrbitWalk(str(session), LateClient(random, ArrayCache(tmp_path / "empty")), context)
     try:
         fresh.open()
-        fresh.editor.do(SetView.of(mode="placement", n_lights=40))
+        fresh.editor.do(SetView.of(mode="placement", n_lights=40, n_bounces=n_bounces))
         expected = settled(fresh)
     finally:
         fresh.close()

@@ -14,7 +14,8 @@ from app.messages.worker_messages import Response
 from app.modes.placement.placement_messages import ComputeTransport, LayerPicture, LightPlanned
 from app.worker import planning as light_plan
 from app.worker.cache import ArrayCache
-from app.worker.tasks import LocalExecutor, RequestDispatcher
+from app.worker.executor import LocalExecutor
+from app.worker.tasks import RequestDispatcher
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.precompute.direct.pipeline import Placement, Quality, SkyState

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from app.project.project import Project, open_project
-from app.stills.stills import layers_by_object, plan_still
+from app.stills.stills import STILL_SETTINGS, layers_by_object, plan_still
 from engine.core.generators import run_to_end
 from engine.precompute.direct import near_leaves
 from engine.precompute.direct.pipeline import Placement
@@ -23,7 +23,8 @@ from tests.engine.render.test_indirect import errors
 def lit(scene: Path | str, n_patches: int = 768) -> tuple[Project, Placement, np.ndarray]:
     """Direct light (P, 3) of a scene at its pixels' centres."""
     project = open_project(str(scene), (48, 36) if isinstance(scene, str) else None).with_settings(n_edge_rays=0)
-    placement, plan = Placement(project.scene), plan_still(project, n_patches=n_patches)
+    settings = replace(STILL_SETTINGS, n_patches=n_patches)
+    placement, plan = Placement(project.scene), plan_still(project, settings)
     layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
     return project, placement, run_to_end(reflect_layers(placement, layers, project.sky, still_quality(plan)))
 
