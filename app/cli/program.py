@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.metadata
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -140,6 +141,21 @@ cli = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+
+
+def print_version(is_asked: bool) -> None:
+    if is_asked:
+        print_line(f"insitu {importlib.metadata.version('insitu')}")
+        raise typer.Exit
+
+
+@cli.callback()
+def program_options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=print_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+) -> None:
+    """Options in place of a command."""
 
 
 cli.command(hidden=True)(edit)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.metadata
 import io
 import os
 import signal
@@ -41,6 +42,11 @@ def test_help_and_nothing_else_succeed(capsys: Captured) -> None:
     assert run("--help") == 0
     said = capsys.readouterr().out
     assert all(name in said for name in COMMANDS if name != "edit") and "teatray" in said
+
+
+def test_it_says_its_version(capsys: Captured) -> None:
+    assert run("--version") == 0
+    assert capsys.readouterr().out.strip() == f"insitu {importlib.metadata.version('insitu')}"
 
 
 @pytest.mark.parametrize(
