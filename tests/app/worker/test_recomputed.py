@@ -14,7 +14,7 @@ from app.modes.placement.placement_messages import (
     StageDone,
     StageFootprint,
 )
-from app.worker import tasks as executor
+from app.worker import executor
 from app.worker.cache import ArrayCache
 from app.worker.schedule import InProcessClient
 from tests.app.worker.ball_and_lamp import (

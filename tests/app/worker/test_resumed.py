@@ -14,7 +14,7 @@ from app.modes.placement.placement_messages import (
     LayerPicture,
     StageDone,
 )
-from app.worker import tasks as executor
+from app.worker import executor
 from app.worker.array_files import read_record, write_record
 from app.worker.cache import ArrayCache
 from app.worker.client import Client

@@ -10,8 +10,7 @@ import pytest
 
 from app.messages.worker_messages import RequestFailed, SetCamera, ViewTraced
 from app.modes.placement.placement_messages import IndirectFound, LayerPicture, StageDone
-from app.worker import indirect_tasks
-from app.worker import tasks as executor
+from app.worker import executor, indirect_tasks
 from app.worker.cache import ArrayCache
 from app.worker.schedule import InProcessClient
 from app.worker.tasks import RequestDispatcher
