@@ -9,6 +9,7 @@ import pytest
 
 from app.document.commands.layers import SetVisible
 from app.document.commands.maps import SetMap
+from app.document.view_state import OpenPanel
 from app.modes.placement.placement_messages import MapsSampled, SampleMaps
 from engine.material.bumps import NO_BUMPS, Bumps
 from engine.material.layer_maps import LayerMaps, MapMeans
@@ -147,6 +148,9 @@ def test_bumps_are_loaded_edited_and_cleared(window: HeadlessWindow, tmp_path: P
     def bumps() -> Bumps:
         return editor.document.object("teapot").bumps
 
+    for other in ("light", "accuracy"):  # room for all rows
+        editor.do(OpenPanel(other, False))
+    window.frames(6)
     window.click_handle("material.images.0")
     window.click_handle("material.bump_map")
     window.frames(2)
@@ -172,3 +176,14 @@ def test_bumps_are_loaded_edited_and_cleared(window: HeadlessWindow, tmp_path: P
     editor.undo()
     editor.undo()
     assert bumps() == NO_BUMPS
+
+
+def test_the_words_of_buttons_without_an_image_are_whole(
+    window: HeadlessWindow, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shortened: list[str] = []
+    monkeypatch.setattr("ui.panels.widgets.fitting", lambda text, room: shortened.append(text) or text)
+    window.click_handle("material.images.0")
+    window.frames(2)
+    assert {"material.texture", "material.normal_map", "material.bump_map"} <= set(window.shell.handles.names())
+    assert shortened == []

@@ -52,12 +52,14 @@ def draw(context: PanelContext, key: str, maps: LayerMaps, width: float) -> list
 def draw_bumps(context: PanelContext, state: ObjectState, width: float) -> list[Action]:
     """The rows of an object's normal or bump map: the image, and where there is one its strength and repeats."""
     bumps, gap = state.bumps, context.px(GAP)
-    widgets.label(context, "Bumps", width)
     if not bumps.file:
+        widest = imgui.calc_text_size("Normal map…").x + 2.0 * imgui.get_style().frame_padding.x
+        widgets.label(context, "Bumps", width, (2.0 * widest + gap) / context.theme.scale)
         room = 0.5 * (imgui.get_content_region_avail().x - gap)
         actions = _bump_button(context, state.name, "normal_map", "Normal map…", "", room)
         imgui.same_line(0.0, gap)
         return actions + _bump_button(context, state.name, "bump_map", "Heights…", "", room)
+    widgets.label(context, "Bumps", width)
     room = imgui.get_content_region_avail().x - imgui.get_frame_height() - gap
     actions = _bump_button(context, state.name, bumps.kind, image_label(bumps.file), bumps.file, room)
     imgui.same_line(0.0, gap)
