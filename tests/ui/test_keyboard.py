@@ -276,3 +276,14 @@ def test_the_keys_are_listed() -> None:
     listed = dict(line for group in GROUPS for line in listed_lines(group))
     assert {"Tab", "Arrow keys", "Delete", "Esc"} <= listed.keys()
     assert "Shift" in listed["Arrow keys"] and "drag" in listed["Esc"]
+
+
+@pytest.mark.parametrize("handle", ["mode.1", "button.undo"])
+def test_keys_work_after_a_click_in_the_menu_bar(lifted: HeadlessWindow, handle: str) -> None:
+    editor = lifted.shell.editor
+    editor.do(SetOperators(KEY, FACTOR, ()))
+    lifted.frames(2)
+    lifted.click_handle(handle)
+    before = n_steps(lifted)
+    lifted.key(Key.z, Key.mod_ctrl)
+    assert n_steps(lifted) == before - 1

@@ -113,9 +113,9 @@ def keys_are_taken() -> bool:
     """Whether keys go to a text field, a list or a menu; to be called before a pass, because imgui acts on Esc at its
     start."""
     state = imgui.get_current_context()
-    if state.open_popup_stack.size() > 0 or state.nav_layer == imgui.internal.NavLayer.menu:
-        return True
-    return is_typing()
+    # A click on a control of the menu bar leaves its layer active, too, but without the frame.
+    is_in_menu_bar = state.nav_layer == imgui.internal.NavLayer.menu and imgui.get_io().nav_visible
+    return state.open_popup_stack.size() > 0 or is_in_menu_bar or is_typing()
 
 
 def is_typing() -> bool:
