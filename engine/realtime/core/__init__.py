@@ -2,6 +2,7 @@
 each other.
 
     shading_points     where light is computed, and the triangles between these points
+    lit_sides          which sides of objects light can reach
     view_samples       what each pixel shows, by rays: the points around it, texture coordinates, factors of maps
     raster             the same by rasterized triangles, where all corners move in every picture
     terms              which layers are diffuse or isotropic, and the factor of a layer's maps at pixels

@@ -18,8 +18,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
 from engine.core.frames import local_frames, orthonormal
+from engine.realtime.core.lit_sides import lit_sides
 from engine.realtime.core.raster import RasterTriangles
-from engine.realtime.core.shading_points import ShadingPoints, lit_sides, shading_points, with_backs
+from engine.realtime.core.shading_points import ShadingPoints, shading_points, with_backs
 from engine.realtime.zonal_harmonics.pose import Motion, Pose, Poses, check_extent, deform
 from engine.realtime.zonal_harmonics.posed_scene import animate_vertices, animation_offset, deformers, moment_of
 from engine.realtime.zonal_harmonics.transfer import TransferPoints

@@ -1,19 +1,15 @@
-"""Where shading points stand, on which sides of objects, and what they see."""
+"""Where shading points stand, and what they see."""
 
 from __future__ import annotations
-
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from engine.realtime.core.shading_points import _joined_at_edges, lit_sides, shading_points, with_backs
+from engine.realtime.core.shading_points import _joined_at_edges, shading_points, with_backs
 from engine.realtime.triple_product.visibility import N_UPPER, trace_patches, upper_triangles
 from engine.scene.raycaster import RayCaster
-from engine.scene.scene_loader import load_scene
 from engine.sphere.geodesic import geodesic
 from tests.engine.precompute.direct.by_hand import square
-from tests.rooms import inside_out, solid
 
 FLOOR, BALL = 0, 1
 
@@ -129,20 +125,3 @@ def test_triangles_are_halved_where_others_have_corners_and_none_without_length_
     halved, *_, source = _joined_at_edges((corners, np.ones((n, 3, 3)), np.zeros((n, 3, 2)), np.arange(n)))
     assert sorted(source) == [0, 1, 2, 3, 4, 4, 5, 6]
     assert (halved[source == 4] == bc).all(axis=2).any(axis=1).all()
-
-
-@pytest.mark.parametrize("inward", [False, True])
-def test_walls_that_are_wound_outwards_send_light_on_from_behind(inward: bool, tmp_path: Path) -> None:
-    scene = load_scene(inside_out(tmp_path / "room", inward=inward))
-    found = lit_sides(scene, RayCaster(scene.vertices, scene.triangles))
-    shell = scene.object_index("shell")
-    assert found.reached[shell].all() and not found.reached[scene.object_index("block"), 1]
-    assert found.relays.tolist() == [i == shell and not inward for i in range(len(found.relays))]
-
-
-def test_what_stands_under_the_sky_sends_nothing_on_from_behind(tmp_path: Path) -> None:
-    scene = load_scene(solid(tmp_path / "block"))
-    assert not lit_sides(scene, RayCaster(scene.vertices, scene.triangles)).relays.any()
-    inward = load_scene(solid(tmp_path / "inward", inward=True))
-    found = lit_sides(inward, RayCaster(inward.vertices, inward.triangles))
-    assert found.relays.tolist() == [True, False]  # the block's faces, all wound inwards, light the floor
