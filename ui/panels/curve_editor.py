@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
-from app.document.commands.curves import ResetCurve, operator_title
+from app.document.commands.curves import operator_title
 from app.document.document import all_factors
 from app.document.view_state import CHANNELS, SetView
 from engine.curve.operators import apply_operators
@@ -108,7 +108,7 @@ def _toolbar(context: PanelContext, curves: DrawnCurves) -> list[Action]:
         imgui.same_line()
     log_hint = "Logarithmic height: shows the faint skirts of a highlight beside its peak. The picture does not change."
     if widgets.switch(context, "curve.log", "log", log_hint, context.view.log_y, 40.0):
-        actions.append(SetView.of(log_y=not context.view.log_y, curve_zoom=None))
+        actions.append(RunOperator("log"))
     imgui.same_line()
     if widgets.icon_button(
         context, "curve.fit", Icon.FIT, "Show the whole curve (double click). The picture does not change.",
@@ -120,7 +120,7 @@ def _toolbar(context: PanelContext, curves: DrawnCurves) -> list[Action]:
     if widgets.icon_button(
         context, "curve.reset", Icon.RESET, hint, enabled=bool(curves.operators) and curves.editable
     ):
-        actions += [ResetCurve(curves.key, curves.factor), SetView.of(operator=None)]
+        actions.append(RunOperator("reset_curve"))
     return actions
 
 

@@ -16,7 +16,7 @@ from app.document.view_state import SetView
 from engine.core.errors import InsituError, LoadError
 from engine.settings import PICTURE_LINES, SETTINGS, LineValue, bands_of_lines, checked_bands, checked_line
 
-AS_PLANNED = "auto"
+AUTO = "auto"  # in scripts and command lines: as planned
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class OverrideLine:
 
 def override_from_value(line: str, value: object) -> OverrideLine:
     """The command for a value of a script or a command line: "auto" is as planned."""
-    if value == AS_PLANNED:
+    if value == AUTO:
         return OverrideLine(line, None)
     if isinstance(value, bool) or not isinstance(value, int | str):
         raise InsituError(f"plan: {line} = {value}, expected a whole number, or a word")
@@ -102,7 +102,7 @@ class SetFirstBands:
 
 def set_first_bands(value: Any) -> SetFirstBands:
     """The command that gives ``series.first`` a value: a number of bands, or "auto"."""
-    return SetFirstBands(None if value == "auto" else _checked(value))
+    return SetFirstBands(None if value == AUTO else _checked(value))
 
 
 def set_series(path: str, value: Any) -> SetView | None:
