@@ -135,8 +135,11 @@ class Reconciler(Generic[Desired, Ready]):
 
     @property
     def is_refused(self) -> bool:
-        """Whether the request for what is desired has failed, or was stopped."""
-        return self.desired is not None and self._refused is not None and self._covers(self._refused, self.desired)
+        """Whether the request for what is desired has failed, or was stopped. One for more than that says nothing: a
+        part of it may succeed alone."""
+        if self.desired is None or self._refused is None:
+            return False
+        return self._covers(self._refused, self.desired) and self._covers(self.desired, self._refused)
 
     # ---------------------------------------------------------------------------------------------------- what happened
 

@@ -219,3 +219,13 @@ def test_what_covers_the_desired_state_need_not_be_requested() -> None:
     assert reconciler.ready is None
     reconciler.desire(3.0, frozenset({2}))
     assert reconciler.action(3.0) == "request"
+
+
+def test_a_part_of_what_failed_is_requested() -> None:
+    reconciler = Reconciler[frozenset[int], str](covers=frozenset.issuperset)
+    reconciler.desire(0.0, frozenset({1, 2}))
+    reconciler.sent(0.0, 1)
+    reconciler.fail(1)
+    assert reconciler.is_refused and reconciler.action(1.0) == "wait"
+    reconciler.desire(1.0, frozenset({2}))
+    assert not reconciler.is_refused and reconciler.action(1.0) == "request"
