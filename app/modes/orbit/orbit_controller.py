@@ -93,7 +93,7 @@ class OrbitController(ModeController):
         self._state.scene_opened(scene.description.camera)
         self._drawing.scene_opened()
         self._drawing.accept_light(scene.described.light)
-        self._preparation.scene_opened()
+        self._preparation.forget()
         self._pictures.scene_opened()
         self._error.forget()
         self._handover.forget()
@@ -137,6 +137,7 @@ class OrbitController(ModeController):
 
     def cancelled(self) -> None:
         self._is_stopped = True
+        self._preparation.stop()
         self.placement.cancelled()
 
     def resume(self) -> None:
@@ -151,7 +152,7 @@ class OrbitController(ModeController):
     def _worker_lost(self) -> None:
         """Forget what was ready; what is shown stays."""
         self._error.forget()
-        self._preparation.worker_lost()
+        self._preparation.forget()
         self._pictures.worker_lost()
 
     def draw_in_window(self, most_bytes: int) -> None:
@@ -302,11 +303,11 @@ class OrbitController(ModeController):
     def _prepare(self, now: float) -> None:
         """Request what the document desires. During a drag it waits until the request before is in a picture: each
         takes a while to show, and would be given up for the next."""
-        shown, desired = self._pictures.shown, self._state.desired
-        is_due = shown is None or shown.made_of.prepared == self._preparation.id
+        shown, desired, preparation = self._pictures.shown, self._state.desired, self._preparation
+        is_due = shown is None or preparation.requested is None or shown.made_of.prepared == preparation.id
         if desired is not None:
             may_request = not self._is_stopped and (is_due or not self._services.history.dragging)
-            self._preparation.update(now, desired, may_request)
+            preparation.update(now, desired, may_request)
 
     def _update_error(self, now: float) -> None:
         """Request an estimate of the shown picture's error, if the picture is this mode's."""
@@ -371,8 +372,8 @@ class OrbitController(ModeController):
 
     def _take_failure(self, response: RequestFailed) -> None:
         """What is to be drawn cannot be prepared: it is not requested again, and leaves the document."""
-        requested = self._preparation.requested
-        if response.id == self._preparation.id and requested is not None:
+        refused = self._preparation.receive_failure(response.id)
+        if refused is not None:
             self._is_stopped = True
-            if self._drawing.revert(self._services.history, requested):
+            if self._drawing.revert(self._services.history, refused):
                 self._services.document_changed()

@@ -14,25 +14,24 @@ from app.modes.reconciler import Reconciler
 class Preparation:
     """What is prepared of a scene. send: sends a request; drawing: makes it.
 
-    id: the number of the newest request; ready: how much is ready of the last one that pictures were drawn of, which
-    may be an older one; n_bytes: of memory held for it.
+    ready: how much is ready of the last request that pictures were drawn of, which may be an older one; n_bytes: of
+    memory held for it.
     """
 
     def __init__(self, send: Callable[[Request], int], drawing: OrbitDrawing) -> None:
         self._send, self._drawing = send, drawing
         self._reconciler = Reconciler[DesiredOrbit, ReadyState](replaces=True)
-        self.id = 0
-        self.worker_lost()
+        self.forget()
 
-    def scene_opened(self) -> None:
-        """Another scene is open: nothing is ready."""
-        self.id = 0
-        self.worker_lost()
-
-    def worker_lost(self) -> None:
-        """What was ready is lost, and requests will not be answered."""
+    def forget(self) -> None:
+        """What was ready is lost, and requests will not be answered: another scene is open, or the worker has died."""
         self._reconciler.clear()
         self.ready, self.n_bytes = ReadyState(), 0
+
+    @property
+    def id(self) -> int:
+        """The number of the newest request; 0 where there is none whose response would count."""
+        return 0 if self._reconciler.requested is None else self._reconciler.requested.id
 
     @property
     def requested(self) -> DesiredOrbit | None:
@@ -47,14 +46,17 @@ class Preparation:
     @property
     def is_running(self) -> bool:
         """Whether a request is under way."""
-        return self.requested is not None and not self.is_ready
+        return self._reconciler.is_under_way
 
     def update(self, now: float, desired: DesiredOrbit, may_request: bool) -> None:
         """Request what is desired."""
         self._reconciler.desire(now, desired)
         if self._reconciler.action(now, may_request) == "request":
-            self.id = self._send(self._drawing.preparation(desired))
-            self._reconciler.sent(now, self.id)
+            self._reconciler.sent(now, self._send(self._drawing.preparation(desired)))
+
+    def stop(self) -> None:
+        """The user stopped the work: what is desired is not requested again before a restart."""
+        self._reconciler.stop()
 
     def restart(self) -> None:
         """Request again what is desired, even if it is ready or under way."""
@@ -80,3 +82,11 @@ class Preparation:
             self._reconciler.restart()
         self.ready = known
         self._reconciler.receive(self.id, known, known.is_done)
+
+    def receive_failure(self, id: int) -> DesiredOrbit | None:
+        """Note that a request failed; returns the state that cannot be prepared, None where it is not the newest."""
+        requested = self._reconciler.requested
+        if requested is None or requested.id != id:
+            return None
+        self._reconciler.fail(id)
+        return requested.desired

@@ -1,11 +1,14 @@
 """Work that a person stops, and how it goes on."""
 
 import numpy as np
+import pytest
 
 from app.document.commands.light import SetRotation
 from app.document.view_state import SetView
 from app.editor.editor import Editor
-from app.messages.worker_messages import CancelRequests, OpenScene, Progress
+from app.messages.worker_messages import CancelRequests, OpenScene, Progress, Request, RequestFailed
+from app.modes.deform.deform_messages import PrepareDeform
+from app.modes.orbit.orbit_messages import PrepareOrbit
 from app.modes.placement.placement_messages import ComputeTransport, LayerPicture
 from app.modes.placement.placement_status import RenderReport
 from tests.app.fake_worker import FakeClient, computed
@@ -62,3 +65,25 @@ def test_a_first_scene_that_was_stopped_is_opened_by_resuming(client: FakeClient
     assert editor.status.stopped and not editor.scene_is_open
     editor.resume_work()
     assert [request.source for request in client.sent(OpenScene)] == ["shelf", "shelf"]
+
+
+@pytest.mark.parametrize(("mode", "kind"), [("orbit", PrepareOrbit), ("deform", PrepareDeform)])
+@pytest.mark.parametrize("fails", [False, True])
+def test_a_preparation_that_was_stopped_or_failed_can_be_resumed(
+    editor: Editor, client: FakeClient, mode: str, kind: type[Request], fails: bool
+) -> None:
+    editor.do(SetView.of(mode=mode))
+    editor.tick(0.1)
+    (request,) = client.sent(kind)
+    assert editor.controller.is_running
+    if fails:
+        client.answer(request, RequestFailed("no memory"))
+    else:
+        editor.cancel_work()
+    for now in (0.2, 1.0, 2.0):
+        editor.tick(now)
+        assert editor.status.stopped != fails and not editor.controller.is_running
+    assert len(client.sent(kind)) == 1
+    editor.resume_work()
+    editor.tick(2.1)
+    assert len(client.sent(kind)) == 2 and editor.controller.is_running and not editor.status.stopped
