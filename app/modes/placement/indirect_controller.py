@@ -40,7 +40,7 @@ class IndirectController:
 
     def __init__(self, send: Callable[[Request], int], curves: Curves) -> None:
         self._send, self._curves = send, curves
-        # A request is numbered by its serial, which comes back with all responses to it.
+        # A request is numbered by its serial, which comes back with all responses to it; a failure has its id alone.
         self._reconciler = Reconciler[_FreezingOf, IndirectFrozen](IDLE_SECONDS, FREEZE_PATIENCE, covers=_covers)
         self.scene_opened()
 
@@ -48,7 +48,7 @@ class IndirectController:
         """Another scene is open: its light is unknown."""
         self._reconciler.clear()
         self.picture = IndirectPicture(self._curves)
-        self._n_sent = 0
+        self._n_sent = self._sent_id = 0
         self._found: IndirectFound | None = None
         self._confirmed = -1  # the revision under which it holds
         self._used: Freezing | None = None  # the one that is drawn
@@ -121,6 +121,15 @@ class IndirectController:
         """A new worker knows nothing of what was requested, and computes light anew."""
         self._reconciler.restart()
         self._confirmed = -1
+
+    def cancelled(self) -> None:
+        """The user stopped the work: what is desired is not frozen before another transport."""
+        self._reconciler.stop()
+
+    def receive_failure(self, id: int) -> None:
+        """Note that a request failed: it is not repeated until it would be another one."""
+        if id == self._sent_id:
+            self._reconciler.fail(self._n_sent)
 
     def receive_samples(self, response: IndirectFound) -> None:
         """Samples were found, or also hold under another transport; what they reflect comes with a freezing."""
@@ -217,7 +226,7 @@ class IndirectController:
             request = FreezeIndirect(
                 desired.scene, desired.key, desired.factor, desired.second, self._n_sent, revision=revision
             )
-            self._send(request)
+            self._sent_id = self._send(request)
             reconciler.sent(now, self._n_sent)
 
     def follow(self, document: Document) -> list[PictureEvent]:

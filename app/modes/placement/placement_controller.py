@@ -169,6 +169,7 @@ class PlacementController(ModeController):
 
     def cancelled(self) -> None:
         self._transport.cancelled()
+        self.indirect.cancelled()
         self._error.user_stopped()
         self._relight.interrupted()
 
@@ -445,6 +446,7 @@ class PlacementController(ModeController):
         self._error.receive_failure(response.id)
         self._relight.receive_failure(response.id)
         self.maps.receive_failure(response.id)
+        self.indirect.receive_failure(response.id)
         refused = self._transport.requested_light if self._transport.is_transport(response.id) else None
         if refused is not None and self._accepted_light.revert(self._services.history, refused):
             self._services.document_changed()

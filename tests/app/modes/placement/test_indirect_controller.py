@@ -8,6 +8,9 @@ import pytest
 from app.document.commands.layers import SetFresnelTerm, SetFrozen
 from app.document.commands.plan import SetFirstBands
 from app.document.document import Selection, document_from_description
+from app.document.view_state import SetView
+from app.editor.editor import Editor
+from app.messages.worker_messages import RequestFailed, SetCamera
 from app.modes.placement.curves import Curves
 from app.modes.placement.indirect_controller import FREEZE_PATIENCE, IDLE_SECONDS, IndirectController
 from app.modes.placement.indirect_picture import edited_albedo
@@ -164,6 +167,30 @@ def test_a_freezing_is_awaited_once_there_is_light_to_freeze(controller: Started
     assert controller.controller.awaits_frozen
     controller.frozen()
     assert not controller.controller.awaits_frozen
+
+
+@pytest.mark.parametrize("fails", [False, True])
+def test_a_freezing_that_failed_or_was_stopped_is_not_awaited(editor: Editor, client: FakeClient, fails: bool) -> None:
+    editor.do(SetView.of(n_bounces=3, selected=SELECTED))
+    editor.tick(1.0)
+    editor.tick(2.0)
+    freezing = client.sent(FreezeIndirect)[-1]
+    client.answer(client.sent(SetCamera)[-1], IndirectFound(1, "fine", ROWS, WEIGHTS))
+    client.finish_stage("final", exact=True)
+    editor.tick(2.1)
+    n_sent = len(client.sent(FreezeIndirect))
+    assert editor.controller.awaits_response and client.sent(FreezeIndirect)[-1] is freezing
+    if fails:
+        client.answer(freezing, RequestFailed("no memory"))
+    else:
+        editor.cancel_work()
+    editor.tick(2.2)
+    assert not editor.controller.awaits_response
+    editor.tick(2.2 + 2.0 * FREEZE_PATIENCE)
+    assert len(client.sent(FreezeIndirect)) == n_sent
+    editor.do(SetView.of(selected=Selection("floor", 0, "theta_i")))  # another freezing need not wait for that one
+    editor.tick(2.3 + 2.0 * FREEZE_PATIENCE)
+    assert len(client.sent(FreezeIndirect)) == n_sent + 1
 
 
 def test_noise_is_that_of_the_light_on_screen(controller: StartedController) -> None:
