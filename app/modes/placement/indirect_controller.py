@@ -122,6 +122,10 @@ class IndirectController:
         self._reconciler.restart()
         self._confirmed = -1
 
+    def lose_request(self) -> None:
+        """The freezing under way will not come: the worker gave it up for a scene or a view that it could not show."""
+        self._reconciler.lose()
+
     def cancelled(self) -> None:
         """The user stopped the work: what is desired is not frozen before another transport."""
         self._reconciler.stop()
@@ -185,15 +189,15 @@ class IndirectController:
 
     def request_missing(
         self, now: float, document: Document, selected: Selection | None, n_bounces: int, second: int | None,
-        revision: int,
+        revision: int, may_request: bool = True,
     ) -> None:  # fmt: skip
         """Request what is missing. second: the most bands of the second bounce, None for as many as a curve has;
-        revision: of the transport requested last."""
+        revision: of the transport requested last; may_request: whether the worker has the scene and the view open."""
         self._n_bounces = n_bounces
         if n_bounces <= 1:
             return
         desired = self._desired_state(document, selected, second)
-        self._reconcile(now, desired, revision)
+        self._reconcile(now, desired, revision, may_request)
         if self._used is None:
             self._complete = self._fits = False
             return
@@ -213,7 +217,7 @@ class IndirectController:
             self._desired = desired_freezing(document, selected, second, self._curves)
         return self._desired
 
-    def _reconcile(self, now: float, desired: DesiredFreezing, revision: int) -> None:
+    def _reconcile(self, now: float, desired: DesiredFreezing, revision: int, may_request: bool) -> None:
         """Request a freezing: at once where the one before does not serve, once the user is idle where it does."""
         reconciler = self._reconciler
         if reconciler.requested is not None and reconciler.requested.desired[1] != revision:
@@ -221,7 +225,7 @@ class IndirectController:
         reconciler.desire(now, (desired, revision))
         if reconciler.requested is None or not reconciler.requested.desired[0].serves(desired):
             reconciler.skip_idle()
-        if reconciler.action(now) == "request":
+        if reconciler.action(now, may_request) == "request":
             self._n_sent += 1
             request = FreezeIndirect(
                 desired.scene, desired.key, desired.factor, desired.second, self._n_sent, revision=revision

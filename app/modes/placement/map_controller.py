@@ -108,6 +108,12 @@ class MapController:
             self._awaited.clear()
             self.edited()
 
+    def lose_request(self) -> None:
+        """What is under way will not come: the worker gave it up for a scene or a view that it could not show."""
+        self._reconciler.lose()
+        self._awaited.clear()
+        self.edited()
+
     def _forget_awaited(self, surface: Surface) -> None:
         """Note a response for a surface, and after the last one that the request is answered."""
         self._awaited.discard(surface)
@@ -137,13 +143,9 @@ class MapController:
             return False
         return history.retract(lambda before: _only_chose(response.key, response.images, before, document))
 
-    def update(self, document: Document) -> list[LayerMapsChanged]:
-        """Request what is missing; returns the layers whose samples differ from those shown."""
-        self.request_missing(document)
-        return self.follow(document)
-
-    def request_missing(self, document: Document) -> None:
-        """Request what is missing."""
+    def request_missing(self, document: Document, may_request: bool = True) -> None:
+        """Request what is missing. may_request: whether the worker has the scene and the view open; once it has again,
+        `lose_request` or `scene_opened` notes it."""
         if document is self._document:
             return
         self._document, self._followed = document, None
@@ -161,7 +163,7 @@ class MapController:
             self._found[key] = found
         desired = tuple((key, images) for (_, images), key in missing.items())
         self._reconciler.desire(0.0, desired or None)
-        if self._reconciler.action(0.0, not self._drag_is_ahead(missing)) == "request":
+        if self._reconciler.action(0.0, may_request and not self._drag_is_ahead(missing)) == "request":
             self._reconciler.sent(0.0, self._send(SampleMaps(desired)))
             self._awaited = set(missing)
 

@@ -120,6 +120,8 @@ class PlacementController(ModeController):
 
     def scene_open_failed(self) -> None:
         self._transport.scene_opened(is_new=False)
+        self.indirect.lose_request()
+        self.maps.lose_request()
 
     def view_moved(self) -> None:
         self.scene_closed()
@@ -223,10 +225,11 @@ class PlacementController(ModeController):
         controller.update(now, document, view.selected, settings, dragging, view.settings.precision, planned, is_fine)
         if controller.revision != revision:
             self._changeover.transport_requested(controller.received)
-        self.maps.request_missing(document)
+        self.maps.request_missing(document, controller.is_open)
         if planned and not controller.drag_quality:
+            n_bounces, second_bands = view.settings.n_bounces, view.settings.second_bands
             self.indirect.request_missing(
-                now, document, view.selected, view.settings.n_bounces, view.settings.second_bands, controller.revision
+                now, document, view.selected, n_bounces, second_bands, controller.revision, controller.is_open
             )
         return planned
 

@@ -2,15 +2,20 @@
 
 from pathlib import Path
 
+import pytest
+
 from app.document.commands.light import SetRotation
+from app.document.commands.maps import SetMap
+from app.document.document import Selection
 from app.document.view_state import SetView
 from app.editor.editor import Editor
 from app.messages.picture_events import SceneFrame
 from app.messages.worker_messages import OpenScene, RequestFailed, SetCamera
-from app.modes.placement.placement_messages import BouncesPlanned, ComputeTransport
+from app.modes.placement.placement_messages import BouncesPlanned, ComputeTransport, FreezeIndirect, SampleMaps
 from app.modes.placement.placement_status import RenderReport
 from app.modes.placement.transport_controller import N_LIGHTS_PREVIEW
 from engine.planner import band_counts
+from engine.scene.description import Camera
 from tests.app.fake_worker import FakeClient, computed
 
 EXACT = RenderReport(128, 128, 0.0, True)
@@ -67,6 +72,36 @@ def test_a_scene_that_fails_to_open_leaves_the_one_before(settled: Editor, clien
     settled.tick(1.6)
     settled.tick(2.0)
     assert len(computed(client)) == 1  # and editing goes on
+
+
+@pytest.mark.parametrize("what", ["scene", "view"])
+def test_what_was_given_up_for_a_scene_or_a_view_that_failed_is_requested_again(
+    editor: Editor, client: FakeClient, what: str
+) -> None:
+    editor.do(SetView.of(n_bounces=3))
+    editor.do(SetMap("pot.0", "texture", "oak.png"))
+    for now in (1.0, 2.0):
+        editor.tick(now)
+    client.finish_stage("final", exact=True)
+    editor.tick(2.1)
+    client.requests.clear()
+    if what == "scene":
+        editor.open("nowhere.toml")
+    else:
+        editor.do(SetView.of(camera=Camera(position=(1.0, 1.0, 4.0), target=(0.0, 0.0, 0.0))))
+        editor.tick(2.2)
+        editor.tick(3.0)
+    editor.do(SetMap("pot.1", "texture", "elm.png"))
+    editor.do(SetView.of(selected=Selection("floor", 0, "theta_i")))
+    for now in (3.1, 13.0):
+        editor.tick(now)
+    assert not client.sent(SampleMaps) and not client.sent(FreezeIndirect)  # the worker would drop them
+    client.answer(client.sent(OpenScene if what == "scene" else SetCamera)[-1], RequestFailed("no"))
+    editor.tick(13.1)
+    (sampling,), (freezing,) = client.sent(SampleMaps), client.sent(FreezeIndirect)
+    assert [key for key, _ in sampling.layers] == ["pot.0", "pot.1"] and freezing.key == "floor.0"
+    editor.tick(13.2)
+    assert len(client.sent(SampleMaps)) == len(client.sent(FreezeIndirect)) == 1
 
 
 def test_where_a_scene_cannot_be_opened_the_default_one_is(client: FakeClient) -> None:
