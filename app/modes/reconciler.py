@@ -194,5 +194,5 @@ class Reconciler(Generic[Desired, Ready]):
 
     def resent(self) -> None:
         """A new worker was given the newest request again, by its old number: it is under way, and nothing ready."""
-        self.is_under_way = self.is_under_way or self.ready_for is not None
+        self.is_under_way = self.requested is not None and (self.is_under_way or self.ready_for is not None)
         self.forget_ready()
