@@ -15,6 +15,7 @@ from typing import Protocol
 from app.document.commands import EditCommand
 from app.document.commands.light import set_environment_file
 from app.document.document import Document, Selection, document_from_description
+from app.document.effective_settings import effective_view
 from app.document.history import History
 from app.document.named_files import document_with_measurements, files_of_document, layers_of_document, unread_files
 from app.document.selection import initial_selection
@@ -77,6 +78,13 @@ class Opening:
         """The first view; resolution (width, height) replaces the scene's and the session's."""
         look = Viewpoint() if self.session is None else self.session.view.viewpoint
         return look if resolution is None else look._replace(resolution=resolution)
+
+    def n_edge_rays(self, present: ViewState) -> int | None:
+        """The rays through a pixel at an edge of the first view; present: the view whose settings a scene keeps that is
+        opened alone."""
+        if self.session is None:
+            return present.settings.n_edge_rays
+        return effective_view(self.session.view, self.session.document).settings.n_edge_rays
 
     @property
     def bumps(self) -> BumpsByObject:
@@ -159,8 +167,8 @@ class SceneController:
         host = self._host
         host.controller.scene_closed()
         id = host.send(opening.request())
-        view = opening.initial_view(host.resolution)
-        self.tracing.request_view(TracedView(view, opening.poses, opening.bumps, host.view.settings.n_edge_rays, id))
+        view, n_edge_rays = opening.initial_view(host.resolution), opening.n_edge_rays(host.view)
+        self.tracing.request_view(TracedView(view, opening.poses, opening.bumps, n_edge_rays, id))
         self._opening = replace(opening, id=id)
         host.metrics.progress = None
 

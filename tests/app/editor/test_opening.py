@@ -4,8 +4,10 @@ from pathlib import Path
 
 import pytest
 
+from app.document.commands import EditCommand
 from app.document.commands.light import SetRotation
 from app.document.commands.maps import SetMap
+from app.document.commands.plan import OverrideLine
 from app.document.document import Selection
 from app.document.view_state import SetView
 from app.editor.editor import Editor
@@ -102,6 +104,23 @@ def test_what_was_given_up_for_a_scene_or_a_view_that_failed_is_requested_again(
     assert [key for key, _ in sampling.layers] == ["pot.0", "pot.1"] and freezing.key == "floor.0"
     editor.tick(13.2)
     assert len(client.sent(SampleMaps)) == len(client.sent(FreezeIndirect)) == 1
+
+
+@pytest.mark.parametrize("command", [SetView.of(n_edge_rays=4), OverrideLine("edges", 4)], ids=["view", "override"])
+def test_a_session_with_another_number_of_edge_rays_is_traced_once(
+    client: FakeClient, tmp_path: Path, command: EditCommand | SetView
+) -> None:
+    editor = Editor(client, "shelf")
+    client.open_scene()
+    editor.tick(0.0)
+    editor.do(command)
+    assert editor.save(tmp_path / "four.insitu") is None
+    client = FakeClient()
+    editor = Editor(client, str(tmp_path / "four.insitu"))
+    client.open_scene()
+    for now in (0.0, 1.0, 2.0):
+        editor.tick(now)
+    assert editor.scene_is_open and [request.n_edge_rays for request in client.sent(SetCamera)] == [4]
 
 
 def test_where_a_scene_cannot_be_opened_the_default_one_is(client: FakeClient) -> None:
