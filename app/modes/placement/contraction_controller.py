@@ -15,7 +15,6 @@ so that it is remembered by layer what was requested either way.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -31,17 +30,9 @@ from app.modes.placement.desired_state import (
 )
 from app.modes.placement.edited_curves import EditedCurves, edited_layers
 from app.modes.placement.placement_messages import ContractTransport, LayerPicture, LayerTransport
+from app.modes.reconciler import SentRequest
 
 CONTRACT_PATIENCE = 3.0
-
-
-@dataclass(frozen=True)
-class _SentContraction:
-    """A contraction under way."""
-
-    id: int
-    desired: DesiredCurve
-    sent_at: float
 
 
 class ContractionController:
@@ -63,7 +54,7 @@ class ContractionController:
         self.layers = staying
         self._edited.forget_answers(staying)
         self._requested_pictures: dict[str, Coefficients] = {}
-        self._under_way: _SentContraction | None = None
+        self._under_way: SentRequest[DesiredCurve] | None = None
 
     def transport_requested(
         self, transport: DesiredTransport, curves: tuple[DesiredCurve, ...], staying: dict[str, ReadyLayer]
@@ -154,7 +145,7 @@ class ContractionController:
         new_picture = curve.factor is None or shown is None or not same_coefficients(shown.coefficients, wanted)
         state = self._curves.layer_state(document, curve.key)
         request = ContractTransport(state, curve.factor, curve.precision, new_picture, is_follower, revision=revision)
-        self._under_way = _SentContraction(self._send(request), curve, now)
+        self._under_way = SentRequest[DesiredCurve](self._send(request), curve, now)
 
     def _can_contract(self, key: str, wanted: Coefficients) -> bool:
         """Whether the requested transport is over the layer's present curves and bands."""
