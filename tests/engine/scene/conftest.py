@@ -2,6 +2,7 @@
 
 import json
 import struct
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -28,6 +29,22 @@ def scene_file(tmp_path: Path) -> Callable[..., Path]:
         return path
 
     return write
+
+
+def n_calls(work: Callable[[], object]) -> int:
+    """Calls of functions, Python's and C's, until it ends."""
+    count = 0
+
+    def note(frame: object, event: str, argument: object) -> None:
+        nonlocal count
+        count += event in ("call", "c_call")
+
+    sys.setprofile(note)
+    try:
+        work()
+    finally:
+        sys.setprofile(None)
+    return count
 
 
 def read_mesh(path: Path) -> Mesh:
