@@ -13,6 +13,7 @@ its name: ``"teapot"``, ``"teapot.1"``, ``"teapot.coat.theta_h"``, ``"teapot.1.a
 from __future__ import annotations
 
 import difflib
+import functools
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -153,8 +154,16 @@ class Document:
 
     def layer(self, key: str) -> Layer:
         """The layer with this key (or path to a layer)."""
-        name, index = split_key(self, key)
-        return self.object(name).layers[index]
+        found = self._layer_by_key.get(key)
+        if found is None:
+            name, index = split_key(self, key)
+            found = self.object(name).layers[index]
+        return found
+
+    @functools.cached_property
+    def _layer_by_key(self) -> dict[str, Layer]:
+        """Controllers look layers up many times a frame."""
+        return dict(self.layers())
 
     def layers(self) -> Iterator[tuple[str, Layer]]:
         """(key, layer) of all layers, in the scene's order."""

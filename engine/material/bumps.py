@@ -13,6 +13,7 @@ its shadows. So transport depends on it, and visibility does not.
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -110,6 +111,7 @@ NO_BUMPS = Bumps()
 BUMP_KINDS = ("normal_map", "bump_map")
 
 
+@functools.cache
 def bump_fields() -> tuple[str, ...]:
     """The names of `Bumps`' parts in scripts and paths."""
     return tuple(field.name for field in dataclasses.fields(Bumps))

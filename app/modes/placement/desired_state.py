@@ -84,7 +84,8 @@ class DesiredTransport:
 
     def can_mix_with(self, other: DesiredTransport) -> bool:
         """Whether pictures of layers under both can be shown side by side."""
-        return self.lights_like(other) and self.settings.of_direct_light == other.settings.of_direct_light
+        one, two = self.settings, other.settings
+        return self.lights_like(other) and (one == two or one.of_direct_light == two.of_direct_light)
 
     def alike(self, before: DesiredTransport) -> tuple[str, ...]:
         """Keys of the layers that have the same picture as under the desired transport before."""
