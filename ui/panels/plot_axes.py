@@ -11,6 +11,7 @@ the skirt of a ring's gold by 6.6 and reflected seven times the light it receive
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
 from typing import Literal
@@ -82,12 +83,13 @@ def angle_ticks(axis: Axis, smallest_gap: float) -> list[Tick]:
     return [Tick(math.radians(k * step), f"{k * step:g}°") for k in range(first, last + 1)]
 
 
-def value_ticks(axis: Axis, smallest_gap: float) -> list[Tick]:
+@functools.lru_cache(maxsize=16)
+def value_ticks(axis: Axis, smallest_gap: float) -> tuple[Tick, ...]:
     """Ticks of the vertical axis: 1-2-5 steps when linear, decades (with unlabelled 2…9) when logarithmic."""
     if axis.scale == "log":
-        return _decade_ticks(axis, smallest_gap)
+        return tuple(_decade_ticks(axis, smallest_gap))
     is_high = axis.scale == "symlog" and max(abs(axis.low), abs(axis.high)) > 2.0
-    return _symlog_ticks(axis, smallest_gap) if is_high else _linear_ticks(axis, smallest_gap)
+    return tuple(_symlog_ticks(axis, smallest_gap) if is_high else _linear_ticks(axis, smallest_gap))
 
 
 def _linear_ticks(axis: Axis, smallest_gap: float) -> list[Tick]:
