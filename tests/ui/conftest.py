@@ -11,6 +11,7 @@ import pytest
 
 from app.editor.editor import Editor
 from tests.quick_indirect import light_quickly
+from tests.ui.real_window import RealWindows
 from tests.ui.stand_in import StandInClient
 from ui.gl.context import create_headless_context
 from ui.headless import HeadlessWindow
@@ -48,6 +49,14 @@ def context() -> Iterator[moderngl.Context]:
     context = create_headless_context()
     yield context
     context.release()
+
+
+@pytest.fixture(scope="session")
+def real_windows(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RealWindows]:
+    """The real windows of the run, opened as they are asked for."""
+    windows = RealWindows(tmp_path_factory.mktemp("real-windows"))
+    yield windows
+    windows.close()
 
 
 @pytest.fixture

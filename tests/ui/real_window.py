@@ -6,7 +6,7 @@ Events enter where GLFW would bring them: while the window polls or waits, throu
 What is sent together (`events`, `quick`) comes in together, between two frames, as from a queue that filled while a
 frame was long; `slow(70)` makes every frame that long. All other calls wait until the window has drawn what it heard.
 
-One Xvfb and one process serve a whole test module; `new_operators()` reopens the scene between tests:
+One Xvfb and one process serve all modules that want the same window; `fresh()` reopens the scene between tests:
 
     real = real_window_fixture()                                # the stand-in worker: made-up arrays, at once
     small = real_window_fixture(small_scene=True)               # a real worker on tests/ui/small_scene.py
@@ -24,7 +24,8 @@ Places are handles by name ("curve.b"; `handles()` lists those on screen) or (x,
 evaluates Python in the window's process, where `editor`, `shell`, `window`, `client`, `state` (the panels'), `imgui`
 and `np` are known; what it returns must pickle. `wait_until` asks until it is true. `shot` saves the window's pixels;
 frames of which there is none are drawn, but into a single pixel: to fill them would take most of a test's time.
-A test that opened another scene, or made the window slow, need not tidy up: `new_operators` does.
+A test that opened another scene, or made the window slow, need not tidy up: `fresh` does, and a module begins with it.
+What a test puts in the place of the program's own functions it takes out again.
 """
 
 from __future__ import annotations
@@ -35,9 +36,10 @@ import shutil
 import socket
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -57,6 +59,7 @@ KEYS = {
 RELEASE, PRESS, REPEAT = 0, 1, 2
 LAYOUT_FRAMES = 6
 PATIENCE = 60.0
+SMALL = (48, 32)  # the resolution of the small scene in a window
 UNTIL = 0.02  # seconds between two questions of `wait_until`
 PAUSE = 0.1  # seconds that a frame takes meanwhile
 
@@ -273,6 +276,11 @@ class RealWindow:
             self._process.wait()
         self._pipe.close()
 
+    @property
+    def has_ended(self) -> bool:
+        """Whether the window's process is gone."""
+        return self._process.poll() is not None
+
     def wait_for_end(self, timeout: float) -> int:
         """The status with which the window's process ends by itself."""
         return self._process.wait(timeout)
@@ -341,25 +349,45 @@ def _code(name: str) -> int:
 # -------------------------------------------------------------------------------------------------------- the fixtures
 
 
-def real_window_fixture(
-    *, small_scene: bool = False, source: str = "stand-in", size: tuple[int, int] = (1380, 860),
-    resolution: tuple[int, int] | None = None,
-) -> Any:  # fmt: skip
-    """A fixture of a whole module: a window on the stand-in worker, or on a real one (`small_scene`, or any other
-    `source` at a `resolution`). Skips, saying so, where there is no Xvfb."""
+def real_window_fixture(*, small_scene: bool = False) -> Any:
+    """A fixture of a whole module: a window on the stand-in worker, or on a real one that has the small scene. Modules
+    that want the same share it. Skips, saying so, where there is no Xvfb."""
 
     @pytest.fixture(scope="module")
-    def window(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RealWindow]:
-        folder = tmp_path_factory.mktemp("real-window")
-        scene = source
-        if small_scene:
-            from tests.ui.small_scene import write_small_scene
-
-            scene = str(write_small_scene(folder))
-        with opened(folder, scene, size, resolution) as real:
-            yield real
+    def window(real_windows: RealWindows) -> RealWindow:
+        return real_windows.get(small_scene)
 
     return window
+
+
+class RealWindows:
+    """The windows that the modules of a run share: one on the stand-in worker, one on a real worker."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._stack = ExitStack()
+        self._open: dict[bool, RealWindow] = {}
+
+    def get(self, small_scene: bool) -> RealWindow:
+        """The window on the small scene, or on the stand-in's: opened once, and once more where a test has ended it."""
+        known = self._open.get(small_scene)
+        if known is None or known.has_ended:
+            self._open[small_scene] = known = self._stack.enter_context(self._opened(small_scene))
+        else:
+            known.fresh(None)
+        return known
+
+    def close(self) -> None:
+        """End all of them."""
+        self._stack.close()
+
+    def _opened(self, small_scene: bool) -> AbstractContextManager[RealWindow]:
+        folder = Path(tempfile.mkdtemp(dir=self._folder))
+        if not small_scene:
+            return opened(folder)
+        from tests.ui.small_scene import write_small_scene
+
+        return opened(folder, str(write_small_scene(folder)), resolution=SMALL)
 
 
 @contextmanager

@@ -235,7 +235,8 @@ class Stage:
         shell.state = PanelState()
         shell.actor.preferences.choose(mouse="blender", scroll="dolly")
         shell.editor.select(None)
-        shell.editor.do(SetView.of(**{name: getattr(start, name) for name in VIEW_OF_THE_START}))
+        settings = {name: getattr(start.settings, name) for name in ("n_lights", "n_bounces")}
+        shell.editor.do(SetView.of(**settings, **{name: getattr(start, name) for name in VIEW_OF_THE_START}))
         shell.editor.select(select)
 
     def _shot_to(self, file: str) -> None:

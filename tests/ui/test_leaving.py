@@ -6,6 +6,7 @@ In the real window where a person would meet it: the cross of the window, Ctrl+Q
 from __future__ import annotations
 
 import random
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -32,7 +33,7 @@ def quit_is_asked_for(real: RealWindow) -> bool:
 
 
 @pytest.fixture
-def kept(real: RealWindow) -> RealWindow:
+def kept(real: RealWindow) -> Iterator[RealWindow]:
     """A fresh window that notes that it would end, and stays."""
     real.fresh()
     real.do(
@@ -45,7 +46,8 @@ def kept(real: RealWindow) -> RealWindow:
         "    return dataclasses.replace(result, quit=False)\n"
         "shell.frame = noted\n"
     )
-    return real
+    yield real
+    real.do("del shell.frame")
 
 
 @pytest.mark.window

@@ -19,7 +19,6 @@ LONG, PATIENCE = 70.0, 300.0
 def test_drags_wheel_and_keys_move_it_and_a_view_that_was_computed_is_there_again(
     real: RealWindow, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
-    real.do("from app.document.view_state import SetView; editor.do(SetView.of(n_lights=60))")
     real.fresh(select=None)
     folder = tmp_path_factory.mktemp("pictures")
     own = real.ask(LOOK)
