@@ -23,5 +23,5 @@ def quick_tasks() -> RequestDispatcher:
 
     indirect_tasks.FINE = QUICK
     error_estimate.FINER_PATCHES = 1
-    OrbitWorker.n_points = 1000
+    OrbitWorker.n_points = 300
     return tasks

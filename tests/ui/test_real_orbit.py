@@ -38,6 +38,7 @@ def until_it_differs(real: RealWindow, before: np.ndarray, folder: Path) -> np.n
     end = time.monotonic() + PATIENCE
     while difference(seen := picture(real, folder), before) < MOVED:
         assert time.monotonic() < end, "the picture does not follow"
+        time.sleep(0.1)  # a picture of the whole window takes as long
     return seen
 
 

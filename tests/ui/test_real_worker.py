@@ -13,7 +13,7 @@ from tests.ui.real_window import RealWindow, real_window_fixture
 pytestmark = pytest.mark.window
 
 real = real_window_fixture()
-small = real_window_fixture(small_scene=True, resolution=(48, 32))
+small = real_window_fixture(small_scene=True)
 
 SET_MATERIAL = """
 from app.files.materials import Library
@@ -97,7 +97,7 @@ def test_exact_is_said_of_nothing_that_is_not(small: RealWindow) -> None:
     assert small.ask(said).startswith("finished")
     small.wait_until("editor.status.estimate is not None")
     assert 0.0 < small.ask("editor.status.estimate.direct") < 0.1 and "error about" in small.ask(said)
-    small.do("from app.document.view_state import SetView; editor.do(SetView.of(n_bounces=3))")
+    small.do("from app.document.view_state import SetView; editor.do(SetView.of(n_bounces=2))")
     assert "exact" not in small.ask(said) and "error" not in small.ask(said)
     small.wait_until("editor.status.is_finished", timeout=240.0)
     assert (
