@@ -86,6 +86,6 @@ def test_what_is_typed_quickly_arrives_in_one_frame(real: RealWindow, tmp_path: 
         frames=2,
     )
     assert real.ask("(str(state.question.folder), state.question.name)") == (str(folder), "xxy")
-    assert real.ask("stage._frames") - before <= 8
+    assert real.ask("stage._frames") - before < len(str(folder)) / 4  # a key may wait for the frame after
     assert real.ask("(editor.document, editor.view) == stage.before")
     real.key("escape")
