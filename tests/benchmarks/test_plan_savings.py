@@ -14,6 +14,8 @@ from tests.scene_text import ground
 def test_a_scene_is_drawn_in_both_ways(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(light_pilot, "PAYS_FROM", 1)
     monkeypatch.setattr(plan_savings, "FINE", QUICK)
+    monkeypatch.setattr(plan_savings, "KERNEL_PIXELS", 48)
+    monkeypatch.setattr(plan_savings, "N_POINTS", 256)
     monkeypatch.setattr(plan_savings, "N_PATHS", 1 << 14)
     (tmp_path / "even.toml").write_text(ground((48, 36)))
     told: list[str] = []
