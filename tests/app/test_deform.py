@@ -43,7 +43,7 @@ from engine.scene.surface_kinds import DeformSurface
 from tests.app.modes.orbit.test_orbit_controller import Table
 from tests.few_points import use_few_points
 from tests.pictures import write_exr
-from tests.scene_text import camera, placed
+from tests.scene_text import LAMBERT, camera, environment, facing_up, material, placed, scaled
 
 POSES = (("box", (Deformation("bend", 60.0),)),)
 SIZE = (24, 18)
@@ -54,9 +54,11 @@ def file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(DeformWorker, "n_rays", 16)
     monkeypatch.setattr("engine.realtime.zonal_harmonics.deform_engine.N_POINTS", 60)
     path = tmp_path / "box.toml"
-    sky = "[environment]\nradiance = [1, 2, 3]\n"
-    layers = 'layer = [{ model = "lambert" }, { model = "rough_conductor" }]\n'
-    path.write_text(camera((1.5, 1.2, 3.0), 40, SIZE) + sky + placed("box", "cube", more=layers))
+    path.write_text(
+        camera((1.5, 1.2, 3.0), 40, SIZE)
+        + environment((1, 2, 3))
+        + placed("box", "cube", more=material('model = "lambert"', 'model = "rough_conductor"'))
+    )
     return path
 
 
@@ -359,12 +361,11 @@ def standing(folder: Path, more: str = "") -> Path:
     sky[:3] = 5.0
     write_exr(folder / "sky.exr", sky)
     path = folder / "standing.toml"
-    matt = 'layer = [{ model = "lambert" }]\n'
     path.write_text(
         camera((0.0, 2.5, 5.0), 40, (36, 27))
-        + '[environment]\nfile = "sky.exr"\n'
-        + placed("box", "cube", "0.5,0,0,0, 0,0.5,0,0.9, 0,0,0.5,0, 0,0,0,1", matt + more)
-        + placed("floor", "quad", "4,0,0,0, 0,0,4,0, 0,-4,0,0, 0,0,0,1", matt)
+        + environment(file="sky.exr")
+        + placed("box", "cube", scaled(0.5, (0, 0.9, 0)), LAMBERT + more)
+        + placed("floor", "quad", facing_up(4), LAMBERT)
     )
     return path
 

@@ -37,7 +37,7 @@ from engine.render.still import (
     still_quality,
     with_maps,
 )
-from tests.scene_text import ground, placed
+from tests.scene_text import LAMBERT, ground, placed, scaled
 
 JUDGES = Path(__file__).resolve().parents[1] / "golden" / "rooms"
 ROOMS = ("cornell", "room", "stairwell", "ajar", "storeroom", "teatray")
@@ -97,7 +97,7 @@ def test_too_few_lights_are_reported() -> None:
 @pytest.mark.parametrize("bounces", [1, 2])
 def test_the_dark_has_no_error(tmp_path: Path, bounces: int) -> None:
     path = tmp_path / "scene.toml"
-    path.write_text(ground((16, 12), "[0, 0, 0]", bounces=bounces))
+    path.write_text(ground((16, 12), (0, 0, 0), bounces=bounces))
     still, estimate = judged(str(path), bounces, n_lights=400)
     assert not still.picture.any() and estimate.overall == 0.0 and not estimate.is_large
 
@@ -113,9 +113,6 @@ def test_it_says_what_helps() -> None:
     assert ErrorEstimate(0.006, 0.017).advice == ""
     assert ErrorEstimate(0.02, 0.06).advice.startswith("most of the error is in light between surfaces")
     assert ErrorEstimate(0.06, 0.05).advice.startswith("most of the error is in direct light")
-
-
-MATT = 'layer = [{ model = "lambert" }]\n'
 
 
 def drawn_by_orbit(project: Project) -> Picture:
@@ -141,7 +138,7 @@ def test_errors_of_other_modes_are_estimated_within_a_factor_of_two(
     drawn: Callable[[Project], Picture], tmp_path: Path
 ) -> None:
     path = tmp_path / "scene.toml"
-    path.write_text(ground((24, 18)) + placed("box", "cube", "1,0,0,0, 0,1,0,0.5, 0,0,1,0, 0,0,0,1", MATT))
+    path.write_text(ground((24, 18)) + placed("box", "cube", scaled(1, (0, 0.5, 0)), LAMBERT))
     project = open_project(str(path)).with_settings(n_edge_rays=0)
     placement = Placement(project.scene)
     picture = drawn(project)

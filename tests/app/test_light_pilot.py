@@ -15,16 +15,10 @@ from engine.render.light_pilot import LightBudget, find_light_budget
 from engine.render.still import reflect_layers, still_layers
 from engine.settings import RenderSettings
 from tests.direct_rooms import gap_room
-from tests.scene_text import ground, placed
+from tests.scene_text import LAMBERT, facing_up, ground, placed, scaled
 
-POST = placed("post", "cube", "0.3,0,0,0, 0,0.8,0,0.4, 0,0,0.3,0, 0,0,0,1", 'layer = [{ model = "lambert" }]\n')
-LAMP = """
-[[object]]
-name = "lamp"
-primitive = "quad"
-transform = [0.5,0,0,-0.4, 0,0,0.5,1.2, 0,-0.5,0,-0.4, 0,0,0,1]
-emission = [40, 30, 20]
-"""
+POST = placed("post", "cube", scaled((0.3, 0.8, 0.3), (0, 0.4, 0)), LAMBERT)
+LAMP = placed("lamp", "quad", facing_up(0.5, (-0.4, 1.2, -0.4)), "emission = [40, 30, 20]\n")
 
 
 @pytest.fixture(autouse=True)
@@ -85,7 +79,7 @@ def test_gloss_that_can_be_edited_is_tried_sharper(tmp_path: Path) -> None:
 def test_patches_that_make_the_shadow_are_kept(tmp_path: Path) -> None:
     """The edge of a shadow near the lamp is as fine as its patches: with fewer the points on it change."""
     most = RenderSettings(4000, 768)
-    need, _, _ = needed(tmp_path, ground((64, 48), radiance="[0.0, 0.0, 0.0]") + POST + LAMP, most)
+    need, _, _ = needed(tmp_path, ground((64, 48), radiance=(0, 0, 0)) + POST + LAMP, most)
     assert (need.patches < 768) == (errors_of(need)["patches"] <= light_pilot.TOLERANCE)
     assert need.lights == 500  # a black sky needs none at all
 
@@ -122,18 +116,12 @@ def test_the_reasons_say_what_is_kept_for_sharper_highlights() -> None:
     )
 
 
-WALL = placed("wall", "cube", "8,0,0,0, 0,8,0,0, 0,0,0.02,-1.2, 0,0,0,1", 'layer = [{ model = "lambert" }]\n')
-HIDDEN_LAMP = """
-[[object]]
-name = "lamp"
-primitive = "quad"
-transform = [0.5,0,0,0, 0,0.5,0,0.6, 0,0,0.5,-1.6, 0,0,0,1]
-emission = [40, 30, 20]
-"""
+WALL = placed("wall", "cube", scaled((8, 8, 0.02), (0, 0, -1.2)), LAMBERT)
+HIDDEN_LAMP = placed("lamp", "quad", scaled(0.5, (0, 0.6, -1.6)), "emission = [40, 30, 20]\n")
 
 
-@pytest.mark.parametrize("radiance", ["[0.0, 0.0, 0.0]", "[0.4, 0.5, 0.7]"], ids=["dark", "under a sky"])
-def test_a_lamp_that_no_point_sees_keeps_its_patches(tmp_path: Path, radiance: str) -> None:
+@pytest.mark.parametrize("radiance", [(0, 0, 0), (0.4, 0.5, 0.7)], ids=["dark", "under a sky"])
+def test_a_lamp_that_no_point_sees_keeps_its_patches(tmp_path: Path, radiance: tuple[float, ...]) -> None:
     # All numbers of patches agree on nothing; that was taken for an error of 0, and 96 of 768 were kept.
     most = RenderSettings(4000, 768)
     need, _, _ = needed(tmp_path, ground((64, 48), radiance) + WALL + HIDDEN_LAMP, most)

@@ -13,14 +13,13 @@ from app.stills.stills import render_project
 from engine.precompute.direct.pipeline import Placement
 from engine.precompute.indirect.sampling_settings import BounceSeries
 from engine.render.picture_error import POOR
-from tests.scene_text import camera, placed
+from tests.scene_text import LEANING_LAMP, camera, material, placed
 
 
 def scene(layer: str) -> str:
     """A ball of this layer, and the lamp that it mirrors."""
-    lamp = "0.5,0,0,-0.8, 0,0.35,-0.35,1.05, 0,0.35,0.35,-0.6, 0,0,0,1"
-    ball = placed("ball", "sphere", more=f"layer = [{{ {layer} }}]\n")
-    return camera((0.0, 0.3, 3.0), 26, (24, 24)) + ball + placed("lamp", "quad", lamp, "emission = [9, 7, 5]\n")
+    ball = placed("ball", "sphere", more=material(layer))
+    return camera((0.0, 0.3, 3.0), 26, (24, 24)) + ball + LEANING_LAMP
 
 
 @pytest.mark.parametrize(

@@ -5,8 +5,10 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from tests.scene_text import facing_up
+
 TILT = np.arctan(0.5)
-FLOOR = "4,0,0,0, 0,0,4,0, 0,-4,0,0, 0,0,0,1"  # u along +X, v along -Z
+FLOOR = facing_up(4)  # u along +X, v along -Z
 
 
 def write_bump_images(folder: Path) -> Path:

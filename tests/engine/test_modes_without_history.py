@@ -20,7 +20,7 @@ from engine.realtime.zonal_harmonics.deform_engine import Deform
 from engine.realtime.zonal_harmonics.pose import Deformation
 from engine.scene.scene_loader import Scene, load_scene
 from engine.scene.surface_kinds import DeformSurface, Subsurface
-from tests.scene_text import camera, placed
+from tests.scene_text import camera, environment, facing_up, placed
 
 SIZE = (48, 36)
 MATT = make_layer(MODELS["lambert"], {"albedo": (0.6, 0.5, 0.4)})
@@ -50,11 +50,10 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
     path = Path(tmp_path_factory.mktemp("scene")) / "two.toml"
     path.write_text(
         camera((1.5, 1.2, 3.0), 40, SIZE, (0.3, 0, 0))
-        + "[environment]\nradiance = [1, 1, 1]\n"
+        + environment()
         + placed("box", "cube")
-        + placed("floor", "quad", "3,0,0,0, 0,0,3,-0.5, 0,-3,0,0, 0,0,0,1")
-        + placed("lamp", "quad", "0.5,0,0,0, 0,0,0.5,2, 0,0.5,0,0, 0,0,0,1").rstrip()
-        + "\nemission = [4, 4, 4]\n"
+        + placed("floor", "quad", facing_up(3, (0, -0.5, 0)))
+        + placed("lamp", "quad", "0.5,0,0,0, 0,0,0.5,2, 0,0.5,0,0, 0,0,0,1", "emission = [4, 4, 4]\n")
         + placed("card", "quad", "0,0,-0.15,-0.8, 0,0.15,0,-0.1, 0.15,0,0,0, 0,0,0,1")  # its back to the box
     )
     return load_scene(path)

@@ -21,7 +21,7 @@ from examples import (
     turntable,
 )
 from tests.few_points import use_few_points
-from tests.scene_text import ground, placed
+from tests.scene_text import ground, material, placed
 
 ROOT = Path(__file__).resolve().parents[2]
 TINY = (24, 18)
@@ -49,7 +49,7 @@ def test_material_sweep(tmp_path: Path) -> None:
 def test_turntable(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     use_few_points(monkeypatch)
     scene = tmp_path / "card.toml"
-    scene.write_text(ground(TINY) + placed("card", "quad", more='layer = [{ model = "lambert", albedo = 0.2 }]\n'))
+    scene.write_text(ground(TINY) + placed("card", "quad", more=material('model = "lambert", albedo = 0.2')))
     frames = turntable.main(tmp_path, TINY, 3, str(scene))
     assert len({path.read_bytes() for path in frames}) == 3
 

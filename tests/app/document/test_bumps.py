@@ -20,7 +20,7 @@ from engine.core.errors import InsituError
 from engine.core.generators import run_to_end
 from engine.material.bumps import NO_BUMPS, Bumps
 from tests.app.fake_worker import FakeClient
-from tests.scene_text import camera, placed
+from tests.scene_text import LAMBERT, camera, placed
 
 
 @pytest.fixture
@@ -28,7 +28,7 @@ def scene(tmp_path: Path) -> Path:
     """A scene of a card with a bump map of its own, and a normal map beside it."""
     Image.fromarray(np.tile(np.arange(0, 256, 4, dtype=np.uint8), (4, 1))).save(tmp_path / "ramp.png")
     Image.fromarray(np.tile(np.uint8([158, 128, 251]), (4, 4, 1))).save(tmp_path / "lean.png")
-    own = 'smooth = false\nbump_map = { file = "ramp.png", height = 0.1 }\nlayer = [{ model = "lambert" }]\n'
+    own = 'smooth = false\nbump_map = { file = "ramp.png", height = 0.1 }\n' + LAMBERT
     (tmp_path / "scene.toml").write_text(camera((0, 0, 5), 20, (6, 6)) + placed("card", "quad", "", own))
     return tmp_path / "scene.toml"
 

@@ -20,7 +20,7 @@ from app.modes.placement.placement_messages import ComputeTransport
 from app.project.project import open_project, set_path
 from engine.core.errors import InsituError
 from tests.app.fake_worker import SCENE, FakeClient
-from tests.scene_text import camera, placed
+from tests.scene_text import camera, facing_up, material, placed
 
 DARK: dict[str, Any] = {key: value for key, value in SCENE.items() if key != "environment"}
 TWO: dict[str, Any] = {
@@ -171,8 +171,8 @@ def test_factors_are_those_of_all_emitters_or_none() -> None:
 
 def test_stills_and_the_reference_shine_as_the_document(tmp_path: Path) -> None:
     file = tmp_path / "dark.toml"
-    floor = placed("floor", "quad", more='layer = [{ model = "lambert", name = "paint" }]\n')
-    lamp = placed("lamp", "quad", "1,0,0,0, 0,0,1,2, 0,-1,0,0, 0,0,0,1", "emission = [5, 5, 5]\n")
+    floor = placed("floor", "quad", more=material('model = "lambert", name = "paint"'))
+    lamp = placed("lamp", "quad", facing_up(1, (0, 2, 0)), "emission = [5, 5, 5]\n")
     file.write_text(camera((0, 1, 4), 40, (8, 6), head='name = "dark"\n') + floor + lamp)
     scene = open_project(str(file), values=[("lamp.emission", [1, 2, 3])]).scene
     assert scene.emission.tolist() == [[0, 0, 0], [1, 2, 3]]

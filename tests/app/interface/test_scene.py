@@ -16,16 +16,16 @@ from engine.core.generators import run_to_end
 from engine.precompute.indirect import reflection
 from engine.render.still import reflected_light
 from tests.few_points import use_few_points
-from tests.scene_text import camera, placed
+from tests.scene_text import LAMBERT, camera, environment, facing_down, facing_up, material, placed, scaled
 
 ROOT = Path(__file__).resolve().parents[3]
-BALL = '{ model = "lambert", name = "paint" }, { model = "rough_conductor", name = "gloss", alpha = 0.4 }'
+BALL = 'model = "lambert", name = "paint"', 'model = "rough_conductor", name = "gloss", alpha = 0.4'
 SCENE = (
     camera((0.0, 1.2, 3.0), 40, (40, 30), (0, 0.3, 0), "bounces = 1\n")
-    + "[environment]\nradiance = [0.4, 0.5, 0.7]\n"
-    + placed("ground", "quad", "3,0,0,0, 0,0,3,0, 0,-3,0,0, 0,0,0,1", 'layer = [{ model = "lambert" }]\n')
-    + placed("ball", "sphere", "0.4,0,0,0, 0,0.4,0,0.4, 0,0,0.4,0, 0,0,0,1", f"layer = [{BALL}]\n")
-    + placed("lamp", "quad", "0.4,0,0,0, 0,0,-0.4,2, 0,0.4,0,0, 0,0,0,1", "emission = [9.0, 8.0, 6.0]\n")
+    + environment((0.4, 0.5, 0.7))
+    + placed("ground", "quad", facing_up(3), LAMBERT)
+    + placed("ball", "sphere", scaled(0.4, (0, 0.4, 0)), material(*BALL))
+    + placed("lamp", "quad", facing_down(0.4, (0, 2, 0)), "emission = [9.0, 8.0, 6.0]\n")
 )
 
 

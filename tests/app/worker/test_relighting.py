@@ -25,15 +25,15 @@ from engine.material.layer import make_layer
 from engine.settings import RenderSettings
 from tests.opened import open_in_process, run_in_process
 from tests.pictures import write_exr
-from tests.scene_text import camera, placed
+from tests.scene_text import camera, environment, facing_down, facing_up, placed, scaled
 
 SCENE = (
     camera((0.4, 1.6, 2.6), 45, (32, 24))
-    + '[environment]\nfile = "sky.exr"\n'
-    + placed("ground", "quad", "5,0,0,0, 0,0,5,0, 0,-5,0,0, 0,0,0,1")
-    + placed("ball", "sphere", "0.9,0,0,0, 0,0.9,0,0.5, 0,0,0.9,0, 0,0,0,1")
+    + environment(file="sky.exr")
+    + placed("ground", "quad", facing_up(5))
+    + placed("ball", "sphere", scaled(0.9, (0, 0.5, 0)))
 )
-LAMP = placed("lamp", "quad", "1,0,0,-1.2, 0,0,-1,2.4, 0,1,0,0, 0,0,0,1", "emission = [3, 3, 3]\n")
+LAMP = placed("lamp", "quad", facing_down(1, (-1.2, 2.4, 0)), "emission = [3, 3, 3]\n")
 METAL = "ball.0"
 TWICE = Operator("amplify", "y", 0.0, 0.0, np.pi / 2, np.pi / 2, magnitude=2.0)
 LAYERS = (

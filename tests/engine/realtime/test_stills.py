@@ -16,7 +16,7 @@ from engine.realtime.stills import PathReference, compose_split
 from engine.realtime.zonal_harmonics.deform_engine import Deform, finish_deform
 from engine.realtime.zonal_harmonics.pose import Deformation
 from engine.scene.scene_loader import load_scene
-from tests.scene_text import camera, placed
+from tests.scene_text import camera, environment, placed
 
 SIZE = (32, 24)
 POSES = (("ball", (Deformation("twist", 170.0),)),)
@@ -35,9 +35,7 @@ def test_paths_tell_what_turns_from_what_does_not(tmp_path: Path) -> None:
     """A ball that is twisted by nearly half a turn, lit from one side: with transfer as at rest its top is in the dark
     where paths, and transfer that turns, see light."""
     path = tmp_path / "ball.toml"
-    path.write_text(
-        camera((0.5, 2.0, 3.0), 30, SIZE) + "[environment]\nradiance = [1, 1, 1]\n" + placed("ball", "sphere")
-    )
+    path.write_text(camera((0.5, 2.0, 3.0), 30, SIZE) + environment() + placed("ball", "sphere"))
     scene = load_scene(path)
     image = np.zeros((32, 64, 3), np.float32)
     image[8:24, 44:52] = 5.0

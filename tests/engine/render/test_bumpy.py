@@ -18,7 +18,7 @@ from engine.render.still import indirect_radiance, render_reference, render_stil
 from engine.scene.scene_loader import load_scene
 from engine.settings import RenderSettings
 from tests.engine.bump_images import FLOOR, TILT, write_bump_images
-from tests.scene_text import camera, placed
+from tests.scene_text import LAMBERT, camera, placed, scaled
 
 
 @pytest.fixture(scope="module")
@@ -124,7 +124,7 @@ def test_what_bounces_on_lights_bumps_alike(folder: Path) -> None:
 
 
 def walled(folder: Path, model: str) -> Placement:
-    wall = placed("wall", "quad", "4,0,0,-1.2, 0,1.5,0,0.7, 0,0,1,-1.2, 0,0,0,1", 'layer = [{ model = "lambert" }]\n')
+    wall = placed("wall", "quad", scaled((4, 1.5, 1), (-1.2, 0.7, -1.2)), LAMBERT)
     text = camera((0.5, 1.6, 3.5), 34, (18, 12), (0, 0.2, -0.4)) + placed(
         "floor", "quad", FLOOR,
         f'bump_map = {{ file = "bumps.png", height = 0.06, repeats = [6, 6] }}\nlayer = [{{ model = "{model}" }}]\n',

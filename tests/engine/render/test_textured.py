@@ -29,17 +29,14 @@ from engine.scene.map_sampler import MapFactors
 from engine.scene.primary_hits import object_ids
 from engine.scene.scene_loader import Scene, load_scene
 from engine.settings import RenderSettings
-from tests.scene_text import camera, placed
+from tests.scene_text import LAMBERT, camera, placed, scaled
 
 # A card of two units, nearly filling 24 pixels,  that it throws light on.
 ROOM = camera((0, 0, 5), 24, (24, 24)) + placed(
-    "card", "quad", "2, 0, 0, 0,  0, 2, 0, 0,  0, 0, 1, 0,  0, 0, 0, 1",
+    "card", "quad", scaled((2, 2, 1)),
     'smooth = false\nlayer = [{ model = "lambert" }, { model = "phong" }]\n',
 )  # fmt: skip
-FLOOR = placed(
-    "floor", "quad", "2, 0, 0, 0,  0, 0, 1, -1,  0, -1.5, 0, 0.8,  0, 0, 0, 1",
-    'smooth = false\nlayer = [{ model = "lambert" }]\n',
-)  # fmt: skip
+FLOOR = placed("floor", "quad", "2,0,0,0, 0,0,1,-1, 0,-1.5,0,0.8, 0,0,0,1", f"smooth = false\n{LAMBERT}")
 SKY = SkyState(constant_environment(1.0))
 RED, BLUE = np.array([1.0, 0.2, 0.2]), np.array([0.2, 0.2, 1.0])
 

@@ -25,11 +25,11 @@ from engine.visibility.point_visibility import (
 )
 from tests.engine.precompute.direct.by_hand import NOWHERE, caster_of, points_at, square
 from tests.naive.visibility import visible
-from tests.scene_text import camera, placed
+from tests.scene_text import camera, facing_up, placed
 
 SCENE = (
     camera((0.3, 2.2, 3.1), 50, (40, 33), (0, 0.3, 0))
-    + placed("ground", "quad", "8,0,0,0, 0,0,8,0, 0,-8,0,0, 0,0,0,1")
+    + placed("ground", "quad", facing_up(8))
     + placed("box", "cube", "0.6,0,0.3,-0.4, 0,0.8,0,0.4, -0.3,0,0.6,0, 0,0,0,1")
     + placed("card", "quad", "0.7,0,0,0.7, 0,0.7,0.1,0.5, 0,-0.1,0.7,0.3, 0,0,0,1")
 )

@@ -20,10 +20,10 @@ from engine.scene.scene_loader import load_scene
 from engine.sphere.geodesic import geodesic
 from engine.sphere.haar import inverse
 from engine.visibility.point_visibility import evaluate_rows
-from tests.scene_text import camera, placed
+from tests.scene_text import camera, facing_up, placed, scaled
 
-GROUND = placed("ground", "quad", "20,0,0,0, 0,0,20,0, 0,-20,0,0, 0,0,0,1")
-BALL = placed("ball", "sphere", "1,0,0,0, 0,1,0,1, 0,0,1,0, 0,0,0,1")
+GROUND = placed("ground", "quad", facing_up(20))
+BALL = placed("ball", "sphere", scaled(1, (0, 1, 0)))
 MATT, GOLD = make_layer(MODELS["lambert"]), make_layer(MODELS["rough_conductor"], {"alpha": 0.3})
 COPPER = make_layer(MODELS["rough_conductor"], {"alpha": 0.3, "eta": (0.2, 0.9, 1.1), "k": (3.9, 2.5, 2.4)})
 ROTATION = 70.0

@@ -17,11 +17,11 @@ from engine.scene.description import parse_description
 from engine.scene.scene_loader import build_scene
 from engine.sphere.geodesic import geodesic
 from tests.engine.realtime.conftest import BLOCK
-from tests.scene_text import camera, placed
+from tests.scene_text import camera, facing_up, placed, scaled
 
 WHITE = make_layer(MODELS["lambert"], {"albedo": [1.0, 1.0, 1.0]})
-FLOOR = placed("floor", "quad", "6,0,0,0, 0,0,6,0, 0,-6,0,0, 0,0,0,1")
-WALL = placed("wall", "cube", "0.2,0,0,0, 0,2,0,1, 0,0,8,0, 0,0,0,1")  # across the floor, at x = 0
+FLOOR = placed("floor", "quad", facing_up(6))
+WALL = placed("wall", "cube", scaled((0.2, 2, 8), (0, 1, 0)))  # across the floor, at x = 0
 
 
 def made(text: str, n_points: int, light: SkyState | None = None) -> Orbit:
@@ -77,7 +77,7 @@ def test_shadows_of_the_sun_are_found_between_points() -> None:
     image = np.zeros((512, 1024, 3), np.float32)
     image[128, 512] = 1e5
     light = SkyState(Environment(image, "sun"))
-    slat = placed("slat", "cube", "3,0,0,0, 0,0.02,0,1, 0,0,0.3,0, 0,0,0,1")
+    slat = placed("slat", "cube", scaled((3, 0.02, 0.3), (0, 1, 0)))
     orbit = made(camera((0.0, 6.0, 0.6), 45, (32, 24)) + FLOOR + slat, 0, light)
     eye = orbit.scene.description.camera
     picture = orbit.draw(eye, (96, 72), "still").max(axis=2)
@@ -107,7 +107,7 @@ def passes_slat(places: np.ndarray, towards: np.ndarray) -> np.ndarray:
 
 
 ONCE = "bounces = 1\n"
-SLAT = placed("slat", "cube", "3,0,0,0, 0,0.002,0,1, 0,0,0.3,0, 0,0,0,1")
+SLAT = placed("slat", "cube", scaled((3, 0.002, 0.3), (0, 1, 0)))
 
 
 def test_a_shadow_is_as_blurred_as_its_sun_is_wide() -> None:
@@ -147,7 +147,7 @@ def test_points_know_the_suns_that_they_see() -> None:
     # Not to the 1.4 degrees of a triangle: as a ray to each sun has it.
     image = np.zeros((512, 1024, 3), np.float32)
     image[128, 512] = 1e5
-    slat = placed("slat", "cube", "3,0,0,0, 0,0.02,0,1, 0,0,0.3,0, 0,0,0,1")
+    slat = placed("slat", "cube", scaled((3, 0.02, 0.3), (0, 1, 0)))
     orbit = made(camera((0.0, 6.0, 0.6), 45, (32, 24)) + FLOOR + slat, 2000, SkyState(Environment(image, "sun")))
     lit, sky = orbit.lit, orbit._sky
     floor = np.flatnonzero((lit.points.i_object == 0) & (lit.points.normal[:, 1] > 0.0) & ~lit.points.buried)
@@ -162,8 +162,8 @@ def test_points_know_the_suns_that_they_see() -> None:
 @pytest.mark.parametrize("quality", ["rest", "still"])
 def test_gloss_shows_what_stands_around_it(quality: str) -> None:
     # Where every surface sends 1, a layer sends its directional albedo: the integral of its BRDF times the cosine.
-    shell = placed("shell", "cube", "6,0,0,0, 0,6,0,0, 0,0,6,0, 0,0,0,1")
-    tile = placed("tile", "quad", "2,0,0,0, 0,0,2,-1, 0,-2,0,0, 0,0,0,1")
+    shell = placed("shell", "cube", scaled(6))
+    tile = placed("tile", "quad", facing_up(2, (0, -1, 0)))
     orbit = made(camera((0.0, 1.4, 2.0), 30, (32, 24), (0.0, -1.0, 0.0)) + shell + tile, 200)
     lit, layers = orbit.lit, [make_layer(MODELS["rough_conductor"], {"alpha": 0.2})]
     seen = lit.mesh.sample_view(orbit.scene.description.camera, (32, 24), 4)

@@ -16,7 +16,7 @@ from engine.realtime.triple_product import orbit_engine
 from engine.realtime.triple_product.orbit_engine import Orbit
 from engine.scene.description import parse_description
 from engine.scene.scene_loader import build_scene
-from tests.scene_text import camera, placed
+from tests.scene_text import camera, placed, scaled
 
 SIZE = 24, 24
 GOLD = make_layer(MODELS["rough_conductor"], {"alpha": 0.1})
@@ -24,11 +24,11 @@ GOLD = make_layer(MODELS["rough_conductor"], {"alpha": 0.1})
 BOX = camera((0.3, 3.0, 0.4), 30, SIZE) + "".join(
     placed(name, "cube", transform)
     for name, transform in (
-        ("left", "0.1,0,0,-0.5, 0,1,0,0, 0,0,1,0, 0,0,0,1"),
-        ("right", "0.1,0,0,0.5, 0,1,0,0, 0,0,1,0, 0,0,0,1"),
-        ("back", "1,0,0,0, 0,1,0,0, 0,0,0.1,-0.5, 0,0,0,1"),
-        ("front", "1,0,0,0, 0,1,0,0, 0,0,0.1,0.5, 0,0,0,1"),
-        ("bottom", "1,0,0,0, 0,0.1,0,-0.5, 0,0,1,0, 0,0,0,1"),
+        ("left", scaled((0.1, 1, 1), (-0.5, 0, 0))),
+        ("right", scaled((0.1, 1, 1), (0.5, 0, 0))),
+        ("back", scaled((1, 1, 0.1), (0, 0, -0.5))),
+        ("front", scaled((1, 1, 0.1), (0, 0, 0.5))),
+        ("bottom", scaled((1, 0.1, 1), (0, -0.5, 0))),
     )
 )
 

@@ -16,7 +16,7 @@ from engine.realtime.triple_product.orbit_engine import Orbit
 from engine.realtime.triple_product.slices import SliceLevels, slice_bytes_of, table_bytes_of
 from engine.scene.description import parse_description
 from engine.scene.scene_loader import Scene, build_scene
-from tests.scene_text import camera, placed
+from tests.scene_text import camera, environment, placed, scaled
 
 SIZE = 32, 24
 BRUSHED = make_layer(MODELS["ward_anisotropic"], {})
@@ -61,10 +61,8 @@ def test_a_sum_of_layers_counts_with_slices_of_its_own() -> None:
 
 @pytest.fixture(scope="module")
 def scene() -> Scene:
-    blocks = [
-        placed(f"block {i}", "cube", f"0.5,0,0,{i - 1.5}, 0,0.5,0,0.25, 0,0,0.5,{0.3 * i}, 0,0,0,1") for i in range(4)
-    ]
-    text = camera((0.5, 2.0, 4.0), 40, SIZE) + "[environment]\nradiance = [1, 1, 1]\n" + "".join(blocks)
+    blocks = [placed(f"block {i}", "cube", scaled(0.5, (i - 1.5, 0.25, 0.3 * i))) for i in range(4)]
+    text = camera((0.5, 2.0, 4.0), 40, SIZE) + environment() + "".join(blocks)
     return build_scene(parse_description(tomllib.loads(text), "blocks"), Path("blocks.toml"), SIZE)
 
 

@@ -23,7 +23,7 @@ from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene, load_scene
 from engine.scene.surface_kinds import DeformSurface, Subsurface
 from tests.rooms import solid
-from tests.scene_text import camera, placed
+from tests.scene_text import camera, environment, facing_up, placed
 
 SIZE = (48, 36)
 MATT = make_layer(MODELS["lambert"], {"albedo": (0.6, 0.5, 0.4)})
@@ -39,9 +39,9 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
     path = Path(tmp_path_factory.mktemp("scene")) / "two.toml"
     path.write_text(
         camera((1.5, 1.2, 3.0), 40, SIZE, (0.3, 0, 0))
-        + "[environment]\nradiance = [1, 1, 1]\n"
+        + environment()
         + placed("box", "cube")
-        + placed("floor", "quad", "9,0,0,0, 0,0,9,-0.5, 0,-9,0,0, 0,0,0,1")
+        + placed("floor", "quad", facing_up(9, (0, -0.5, 0)))
     )
     return load_scene(path)
 

@@ -18,7 +18,7 @@ from engine.realtime.zonal_harmonics.object_transfer import Reflectance, albedos
 from engine.realtime.zonal_harmonics.shading import low_gloss
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene, load_scene
-from tests.scene_text import camera
+from tests.scene_text import camera, environment, placed
 
 SIZE = (24, 18)
 SKY = SkyState(constant_environment(1.0))
@@ -39,7 +39,8 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
     Image.fromarray(halves).save(folder / "halves.png")
     (folder / "scene.toml").write_text(
         camera((0, 1.6, 2.4), 40, SIZE, (0, 0.3, 0.3))
-        + '[environment]\nradiance = [1, 1, 1]\n[[object]]\nname = "corner"\nmesh = "corner.obj"\nsmooth = false\n'
+        + environment()
+        + placed("corner", "corner.obj", more="smooth = false\n")
     )
     return load_scene(folder / "scene.toml")
 

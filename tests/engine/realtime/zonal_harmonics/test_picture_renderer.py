@@ -16,7 +16,7 @@ from engine.material.layer_maps import LayerMaps
 from engine.precompute.direct.pipeline import SkyState
 from engine.realtime.zonal_harmonics.deform_engine import Deform, finish_deform
 from engine.scene.scene_loader import load_scene
-from tests.scene_text import camera, placed
+from tests.scene_text import camera, environment, facing_up, placed
 
 SIZE = (24, 18)
 
@@ -27,8 +27,8 @@ def test_an_image_far_finer_than_pixels_is_its_mean(tmp_path: Path, quality: Lit
     board = np.indices((64, 64)).sum(axis=0) % 2
     Image.fromarray(np.uint8(255 * board)).save(tmp_path / "board.png")
     path = tmp_path / "floor.toml"
-    floor = placed("floor", "quad", "9,0,0,0, 0,0,9,0, 0,-9,0,0, 0,0,0,1")
-    path.write_text(camera((0, 2.0, 0.01), 60, SIZE) + "[environment]\nradiance = [1, 1, 1]\n" + floor)
+    floor = placed("floor", "quad", facing_up(9))
+    path.write_text(camera((0, 2.0, 0.01), 60, SIZE) + environment() + floor)
     deform = Deform(load_scene(path), n_points=0, n_rays=16)
     deform.set_light(SkyState(constant_environment((1.0, 1.0, 1.0))))
     maps = LayerMaps(texture="board.png", texture_space="linear", texture_scale=(20.0, 20.0))

@@ -18,7 +18,7 @@ from engine.realtime.zonal_harmonics.posed_scene import animate_vertices, animat
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene, load_scene
 from tests.engine.scene.loaders.test_gltf_rig import Bar
-from tests.scene_text import camera, placed
+from tests.scene_text import camera, environment, placed, scaled
 
 ROW = (Moment("bend", 0.7),)
 
@@ -26,12 +26,11 @@ ROW = (Moment("bend", 0.7),)
 @pytest.fixture
 def scene(tmp_path: Path) -> Scene:
     path = tmp_path / "two.toml"
-    sky = "[environment]\nradiance = [1, 1, 1]\n"
     path.write_text(
         camera((0, 1, 4), 40, (8, 6))
-        + sky
+        + environment()
         + placed("ball", "sphere")
-        + placed("box", "cube", "1,0,0,3, 0,1,0,0, 0,0,1,0, 0,0,0,1")
+        + placed("box", "cube", scaled(1, (3, 0, 0)))
     )
     return load_scene(path)
 
@@ -74,8 +73,8 @@ def test_what_reaches_beyond_the_largest_scene_is_refused_by_its_extent(tmp_path
     path = tmp_path / "vast.toml"
     path.write_text(
         camera((0, 1e8, 9e8), 40, (8, 6), (0, 0, 0), "bounces = 1\n")
-        + "[environment]\nradiance = [1, 1, 1]\n"
-        + placed("world", "sphere", "8e8,0,0,0, 0,8e8,0,0, 0,0,8e8,0, 0,0,0,1")
+        + environment()
+        + placed("world", "sphere", scaled(8e8))
     )
     vast, poses = load_scene(path), (("world", (Deformation("bulge", 4.0),)),)
     said = "world: reaches 2e\\+09 m in this pose, expected at most 1e\\+09 m"
@@ -96,9 +95,8 @@ def write_bar(folder: Path, bar: Bar | None = None) -> Path:
     chunks = [struct.pack("<II", len(each), kind) + each for each, kind in ((tree, 0x4E4F534A), (bar.binary, 0x4E4942))]
     (folder / "bar.glb").write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + sum(map(len, chunks))) + b"".join(chunks))
     path = folder / "bar.toml"
-    bar_object = '[[object]]\nname = "bar"\nmesh = "bar.glb"\n'
-    dice = placed("dice", "cube", "0.2,0,0,0.4, 0,0.2,0,0.5, 0,0,0.2,0.15, 0,0,0,1")  # near by, so that the bar is cut
-    path.write_text(camera((0, 1, 4), 40, (24, 18)) + "[environment]\nradiance = [1, 2, 3]\n" + bar_object + dice)
+    dice = placed("dice", "cube", scaled(0.2, (0.4, 0.5, 0.15)))  # near by, so that the bar is cut
+    path.write_text(camera((0, 1, 4), 40, (24, 18)) + environment((1, 2, 3)) + placed("bar", "bar.glb") + dice)
     return path
 
 

@@ -32,7 +32,7 @@ from engine.realtime.zonal_harmonics.zonal import Zonal, fit, membrane
 from engine.scene.scene_loader import Scene, load_scene
 from engine.sphere.geodesic import geodesic
 from engine.sphere.harmonics import basis, rotate
-from tests.scene_text import camera, placed
+from tests.scene_text import camera, environment, facing_up, placed, scaled
 
 N = 6
 
@@ -139,9 +139,7 @@ def test_its_error_is_reported() -> None:
 def test_a_gold_ball_under_a_small_sun_has_no_rings(tmp_path: Path) -> None:
     """It was black in rings, 0 for no less than what the sky alone gives, and bright again behind them."""
     path = tmp_path / "ball.toml"
-    path.write_text(
-        camera((0.0, 0.0, 4.0), 30, SIZE) + "[environment]\nradiance = [1, 1, 1]\n" + placed("ball", "sphere")
-    )
+    path.write_text(camera((0.0, 0.0, 4.0), 30, SIZE) + environment() + placed("ball", "sphere"))
     sky = np.full((32, 64, 3), AMBIENT, np.float32)
     sky[8, 20] = SUN
     deform = Deform(load_scene(path), n_points=0, n_rays=1000)
@@ -167,9 +165,9 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
     path = Path(tmp_path_factory.mktemp("scene")) / "ball.toml"
     path.write_text(
         camera((0.5, 2.0, 4.0), 40, SIZE)
-        + "[environment]\nradiance = [1, 1, 1]\n"
-        + placed("ball", "sphere", f"1,0,0,0, 0,1,0,{HEIGHT}, 0,0,1,0, 0,0,0,1")
-        + placed("floor", "quad", "3,0,0,0, 0,0,3,0, 0,-3,0,0, 0,0,0,1", "smooth = false\n")
+        + environment()
+        + placed("ball", "sphere", scaled(1, (0, HEIGHT, 0)))
+        + placed("floor", "quad", facing_up(3), "smooth = false\n")
     )
     return load_scene(path)
 

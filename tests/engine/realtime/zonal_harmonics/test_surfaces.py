@@ -22,7 +22,7 @@ from engine.render.display import error_to_radiance
 from engine.scene.description import SceneDescription
 from engine.scene.scene_loader import Scene, load_scene
 from engine.scene.surface_kinds import NO_SURFACE
-from tests.scene_text import camera, placed
+from tests.scene_text import camera, environment, placed, scaled
 
 SIZE = (24, 18)
 WHITE = make_layer(MODELS["lambert"], {"albedo": (1.0, 1.0, 1.0)})
@@ -31,7 +31,7 @@ WHITE = make_layer(MODELS["lambert"], {"albedo": (1.0, 1.0, 1.0)})
 def scene_of(folder: Path, says: str, shape: str = "quad") -> Scene:
     """A square in the plane z = 0, seen from +z."""
     path = folder / "sheet.toml"
-    text = camera((0, 0, 2.0), 30, SIZE) + "[environment]\nradiance = [1, 1, 1]\n" + placed("sheet", shape)
+    text = camera((0, 0, 2.0), 30, SIZE) + environment() + placed("sheet", shape)
     path.write_text(f"{text}\n[object.deform]\n{says}\n")
     return load_scene(path)
 
@@ -131,8 +131,7 @@ def test_an_image_of_heights_has_no_more_texels_than_a_pattern(tmp_path: Path, s
 
 def test_light_goes_through_what_is_thin(tmp_path: Path) -> None:
     """Lit from behind alone, a slab of 1 cm lets light through that one of matt stone does not."""
-    thin = "1,0,0,0, 0,1,0,0, 0,0,0.01,0, 0,0,0,1"
-    text = camera((0, 0, 2.0), 30, SIZE) + "[environment]\nradiance = [1, 1, 1]\n" + placed("sheet", "cube", thin)
+    text = camera((0, 0, 2.0), 30, SIZE) + environment() + placed("sheet", "cube", scaled((1, 1, 0.01)))
     path = tmp_path / "slab.toml"
     path.write_text(text + "\n[object.deform]\nsubsurface = { scattering = 200, absorption = 1 }\n")
     scene = load_scene(path)

@@ -26,13 +26,11 @@ from engine.realtime.zonal_harmonics.zonal import Zonal
 from engine.scene.camera_moves import orbit_camera
 from engine.scene.scene_loader import Scene, load_scene
 from engine.scene.surface_kinds import DeformSurface
-from tests.scene_text import camera, placed
-from tests.ui.modes.deform.test_posed_picture import shown
+from tests.ui.modes.deform.test_posed_picture import BALL_AND_LEAF, SIZE, shown
 from ui.modes.deform.gl.posed_picture import PosedPicture
 
 pytestmark = pytest.mark.gl
 
-SIZE = (96, 72)
 MATT = make_layer(MODELS["lambert"], {"albedo": (0.6, 0.5, 0.4)})
 GLOSS = make_layer(MODELS["rough_conductor"], {"alpha": 0.4})
 PAINTED = Strokes((Stroke(0.5, 0.2, 0.9, 0.5, np.array([0.3, 0, 0.3, 0, 1, 0], "<f4").tobytes()),))
@@ -73,13 +71,7 @@ def deform(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Deform]:
     tint = chance.random((8, 8, 3)).round()  # in half floats as it is, clamped texels too
     for name, values in (("tint.png", tint), ("share.png", chance.random((4, 4)))):
         Image.fromarray(np.uint8(255 * values)).save(folder / name)
-    (folder / "ball.toml").write_text(
-        camera((1.5, 1.2, 3.0), 40, SIZE)
-        + "[environment]\nradiance = [1, 1, 1]\n"
-        + placed("ball", "sphere", "0.6,0,0,0, 0,0.8,0,0, 0,0,0.6,0, 0,0,0,1")
-        + placed("leaf", "quad", "0.5,0,0,-0.8, 0,0,0.5,0, 0,-0.5,0,0.4, 0,0,0,1")
-        + placed("floor", "quad", "4,0,0,0, 0,0,4,-0.6, 0,-4,0,0, 0,0,0,1")
-    )
+    (folder / "ball.toml").write_text(BALL_AND_LEAF)
     scene = load_scene(folder / "ball.toml")
     assert scene.uvs is not None
     uvs = np.where((scene.object_of_triangle == 1)[:, None, None], scene.uvs * np.float32([-1, 1]), scene.uvs)

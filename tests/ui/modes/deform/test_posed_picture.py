@@ -21,7 +21,7 @@ from engine.realtime.zonal_harmonics.pose import Deformation, Poses
 from engine.scene.camera_moves import orbit_camera
 from engine.scene.description import Camera
 from engine.scene.scene_loader import Scene, load_scene
-from tests.scene_text import camera, placed
+from tests.scene_text import camera, environment, facing_up, placed, scaled
 from ui.gl.context import MOVING_VARIABLE, GraphicsError, shader_bytes
 from ui.gl.gpu_memory import read_texture
 from ui.modes.deform.gl.posed_picture import PosedPicture
@@ -29,6 +29,14 @@ from ui.modes.deform.gl.posed_picture import PosedPicture
 pytestmark = pytest.mark.gl
 
 SIZE = (96, 72)
+# The leaf is open, and both are over a floor.
+BALL_AND_LEAF = (
+    camera((1.5, 1.2, 3.0), 40, SIZE)
+    + environment()
+    + placed("ball", "sphere", scaled((0.6, 0.8, 0.6)))
+    + placed("leaf", "quad", facing_up(0.5, (-0.8, 0, 0.4)))
+    + placed("floor", "quad", facing_up(4, (0, -0.6, 0)))
+)
 MATT = make_layer(MODELS["lambert"], {"albedo": (0.6, 0.5, 0.4)})
 GLOSS = make_layer(MODELS["rough_conductor"], {"alpha": 0.4})
 BENT: Poses = (
@@ -41,14 +49,7 @@ BENT: Poses = (
 def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
     """A ball and a leaf that is open over a floor, and a lamp."""
     path = Path(tmp_path_factory.mktemp("scene")) / "ball.toml"
-    path.write_text(
-        camera((1.5, 1.2, 3.0), 40, SIZE)
-        + "[environment]\nradiance = [1, 1, 1]\n"
-        + placed("ball", "sphere", "0.6,0,0,0, 0,0.8,0,0, 0,0,0.6,0, 0,0,0,1")
-        + placed("leaf", "quad", "0.5,0,0,-0.8, 0,0,0.5,0, 0,-0.5,0,0.4, 0,0,0,1")
-        + placed("floor", "quad", "4,0,0,0, 0,0,4,-0.6, 0,-4,0,0, 0,0,0,1")
-        + placed("lamp", "quad", "0.3,0,0,0.8, 0,0,0.3,0.9, 0,-0.3,0,0, 0,0,0,1", "emission = [3, 2, 1]\n")
-    )
+    path.write_text(BALL_AND_LEAF + placed("lamp", "quad", facing_up(0.3, (0.8, 0.9, 0)), "emission = [3, 2, 1]\n"))
     return load_scene(path)
 
 

@@ -23,7 +23,7 @@ from engine.realtime.triple_product.orbit_engine import MOST_SLICE_BYTES, Orbit
 from engine.scene.camera_moves import orbit_camera
 from engine.scene.description import CameraDescription
 from tests.engine.bump_images import write_bump_images
-from tests.scene_text import camera, placed
+from tests.scene_text import LEANING_LAMP, camera, facing_up, placed
 from ui.gl import gpu_memory
 from ui.gl.context import MOVING_VARIABLE, GraphicsError, shader_bytes
 from ui.gl.gpu_memory import read_texture
@@ -37,18 +37,17 @@ LEAN = 'repeats = [2, -1], offset = [0.2, 0.4], wrap = "mirror"'
 MATT = f'{{ model = "lambert", albedo = [0.6, 0.5, 0.4], {TINT} }}'
 GLOSS = '{ model = "rough_conductor", alpha = 0.3, weight = "share.png", weight_invert = true }'
 BRUSHED = '{ model = "ward_anisotropic" }, { model = "lambert", albedo = [0.1, 0.2, 0.4] }'
-LAMP = "0.5,0,0,-0.8, 0,0.35,-0.35,1.05, 0,0.35,0.35,-0.6, 0,0,0,1"
 
 
 def scene_text() -> str:
     """A floor with images and bumps, a block with a normal map and a grain, and a lamp."""
     return (
         camera((0.6, 1.5, 2.9), 42, SIZE, (0, 0.4, 0), "bounces = 3\n")
-        + placed("floor", "quad", "3,0,0,0, 0,0,3,0, 0,-3,0,0, 0,0,0,1",
+        + placed("floor", "quad", facing_up(3),
                  f'bump_map = {{ file = "bumps.png", height = 0.04, repeats = [3, 3] }}\nlayer = [{MATT}, {GLOSS}]\n')
         + placed("block", "cube", "0.7,0,0.2,0.1, 0,0.7,0,0.35, -0.2,0,0.7,0.2, 0,0,0,1",
                  f'normal_map = {{ file = "lean.png", scale = 0.3, {LEAN} }}\nlayer = [{BRUSHED}]\n')
-        + placed("lamp", "quad", LAMP, "emission = [9, 7, 5]\n")
+        + LEANING_LAMP
     )  # fmt: skip
 
 
