@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 
 from engine.scene.mesh import Mesh, read_mesh_file
+from tests.scene_text import camera, placed
 
-CAMERA = "[camera]\nposition = [0, 0, 3]\ntarget = [0, 0, 0]\nfov_y = 40\nresolution = [32, 24]\n"
-QUAD_OBJECT = '[[object]]\nname = "card"\nprimitive = "quad"\n'
+VIEW = camera((0, 0, 3), 40, (32, 24))
+CARD = placed("card", "quad")
+TOY = placed("toy", "model.glb")  # of the container that `glb_file` writes
 TRIANGLE_PLY = (
     "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
     "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
@@ -21,11 +23,11 @@ TRIANGLE_PLY = (
 
 @pytest.fixture
 def scene_file(tmp_path: Path) -> Callable[..., Path]:
-    """scene_file(objects, camera, head) writes a scene of version 1 and returns its path."""
+    """scene_file(objects, view) writes a scene and returns its path."""
 
-    def write(objects: str = QUAD_OBJECT, camera: str = CAMERA, head: str = "version = 1\n") -> Path:
+    def write(objects: str = CARD, view: str = VIEW) -> Path:
         path = tmp_path / "scene.toml"
-        path.write_text(head + camera + objects)
+        path.write_text(view + objects)
         return path
 
     return write

@@ -13,11 +13,11 @@ from engine.scene.bump_normals import MIN_REFLECTED_COSINE, offset_normals
 from engine.scene.primary_hits import PrimaryHits, trace_primary
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene, load_scene
-from tests.scene_text import camera, placed
+from tests.scene_text import LAMBERT, camera, placed, scaled
 
 # Two metres by four, seen from the front: u grows along +X, v along +Y.
-CARD = "2,0,0,0, 0,4,0,0, 0,0,1,0, 0,0,0,1"
-LAYER = 'smooth = false\nlayer = [{ model = "lambert" }]\n'
+CARD = scaled((2, 4, 1))
+LAYER = f"smooth = false\n{LAMBERT}"
 TAN = 0.5
 
 
@@ -59,13 +59,13 @@ def test_a_normal_map_leans_to_where_it_points(folder: Path) -> None:
 def test_a_mirrored_image_mirrors_what_it_shows(folder: Path) -> None:
     # Repeats of -1 turn the image round: what leaned to the right leans to the left; so does a card seen from behind.
     for bumps, transform in (('{ file = "lean.png", repeats = [-1, 1] }', CARD),
-                             ('{ file = "lean.png" }', "-2,0,0,0, 0,4,0,0, 0,0,1,0, 0,0,0,1")):  # fmt: skip
+                             ('{ file = "lean.png" }', scaled((-2, 4, 1)))):  # fmt: skip
         slopes = slopes_of(hits_of(scene_of(folder, f"normal_map = {bumps}\n", transform)))
         np.testing.assert_allclose(slopes, np.tile([-TAN, 0.0], (len(slopes), 1)), atol=0.01)
 
 
 def test_what_rises_on_the_front_falls_away_on_the_back(folder: Path) -> None:
-    turned = "-2,0,0,0, 0,4,0,0, 0,0,-1,0, 0,0,0,1"  # half a turn about Y: the eye sees the back
+    turned = scaled((-2, 4, -1))  # half a turn about Y: the eye sees the back
     hits = hits_of(scene_of(folder, 'normal_map = { file = "lean.png" }\n', turned))
     assert not hits.front.any()
     # The surface's own normal leans along u, which is -X now; its back is what the eye sees of it.
@@ -80,7 +80,7 @@ def test_heights_have_the_slope_of_what_they_draw(folder: Path) -> None:
     np.testing.assert_allclose(slopes_of(hits)[:, 1], 0.0, atol=1e-6)
     # A card that is twice as wide is half as steep.
     wide = hits_of(scene_of(folder, 'bump_map = { file = "wave.png", height = 0.05, repeats = [3, 1] }\n',
-                            "4,0,0,0, 0,4,0,0, 0,0,1,0, 0,0,0,1"))  # fmt: skip
+                            scaled((4, 4, 1))))  # fmt: skip
     assert abs(slopes_of(wide)[:, 0]).max() == pytest.approx(0.0375 * np.pi, rel=0.05)
 
 
@@ -111,17 +111,16 @@ def test_what_is_flat_is_as_without_it_to_the_last_bit(folder: Path, bumps: str)
 def test_texture_coordinates_that_say_nothing_are_flat(folder: Path) -> None:
     (folder / "point.obj").write_text("v -1 -1 0\nv 1 -1 0\nv 0 1 0\nvt 0.5 0.5\nf 1/1 2/1 3/1\n")
     for bumps in ('normal_map = { file = "lean.png" }', 'bump_map = { file = "wave.png", height = 1 }'):
-        text = camera((0, 0, 5), 20, (8, 8))
-        text += f'[[object]]\nname = "card"\nmesh = "point.obj"\n{bumps}\n{LAYER}'
-        (folder / "scene.toml").write_text(text)
+        card = placed("card", "point.obj", more=f"{bumps}\n{LAYER}")
+        (folder / "scene.toml").write_text(camera((0, 0, 5), 20, (8, 8)) + card)
         hits = hits_of(load_scene(folder / "scene.toml"))
         np.testing.assert_array_equal(hits.normal, hits.horizon)
 
 
 def test_meshes_without_coordinates_take_them_from_their_box(folder: Path) -> None:
     (folder / "bare.obj").write_text("v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nf 1 2 3 4\n")
-    text = camera((0, 0, 50), 2, (8, 8)) + '[[object]]\nname = "card"\nmesh = "bare.obj"\n'
-    (folder / "scene.toml").write_text(text + f'normal_map = {{ file = "lean.png" }}\n{LAYER}')
+    card = placed("card", "bare.obj", more=f'normal_map = {{ file = "lean.png" }}\n{LAYER}')
+    (folder / "scene.toml").write_text(camera((0, 0, 50), 2, (8, 8)) + card)
     scene = load_scene(folder / "scene.toml")
     assert [note for note in scene.notes if "no texture coordinates" in note]
     np.testing.assert_allclose(slopes_of(hits_of(scene))[:, 0], TAN, atol=0.01)

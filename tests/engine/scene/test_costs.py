@@ -17,7 +17,8 @@ from engine.scene._polygon_kernels import cut_ears
 from engine.scene.loaders.gltf import read_glb
 from engine.scene.scene_loader import load_scene
 from engine.texture import texture_files
-from tests.engine.scene.conftest import n_calls, read_mesh
+from tests.engine.scene.conftest import TOY, n_calls, read_mesh
+from tests.scene_text import placed
 
 SQUARE_OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
 
@@ -112,7 +113,7 @@ def test_an_image_that_is_there_many_times_is_decoded_once(
     use: str, triangle_glb: tuple[dict, bytes], glb_file: Callable, scene_file: Callable, n_decoded: list[int]
 ) -> None:
     glb_file(*textured(*triangle_glb, png(8), 20, **{use: True}))
-    load_scene(scene_file('[[object]]\nname = "toy"\nmesh = "model.glb"\n'))
+    load_scene(scene_file(TOY))
     assert sum(n_decoded) == 1
 
 
@@ -205,6 +206,6 @@ def test_too_many_triangles_are_refused_before_copies_are_made(
 ) -> None:
     monkeypatch.setattr("engine.scene.scene_loader.MAX_TRIANGLES", 20)
     monkeypatch.setattr("engine.scene.scene_loader.place_copies", None)
-    cubes = "".join(f'[[object]]\nname = "{k}"\nprimitive = "cube"\n' for k in range(2))
+    cubes = "".join(placed(str(k), "cube") for k in range(2))
     with pytest.raises(LoadError, match="triangles = 24, expected at most 20"):
         load_scene(scene_file(cubes))

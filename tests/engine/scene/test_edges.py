@@ -9,23 +9,20 @@ from engine.scene.edges import nearest_centres, ray_offsets
 from engine.scene.primary_hits import PrimaryHits, trace_primary
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import load_scene
-from tests.engine.scene.test_primary_hits import ALL, LAMP, SPHERE, camera, check_invariants
+from tests.engine.scene.test_primary_hits import ALL, SPHERE, check_invariants
+from tests.scene_text import camera, placed, scaled
 
 SIZE = 32, 24
 
 
-def placed(kind: str, name: str, matrix: str, rest: str = "") -> str:
-    return f'[[object]]\nname = "{name}"\nprimitive = "{kind}"\ntransform = [{matrix}]\n{rest}'
-
-
-FLOOR = placed("quad", "floor", "20,0,0,0, 0,20,0,0, 0,0,1,-1, 0,0,0,1")
+FLOOR = placed("floor", "quad", scaled((20, 20, 1), (0, 0, -1)))
 
 
 def half_plane(slope: float, shift: float, rest: str = "") -> str:
     """A large card whose edge passes the picture's middle at `shift` and leans by an angle."""
     c, s = math.cos(slope), math.sin(slope)
     return placed(
-        "quad", "card", f"{20 * c},{-20 * s},0,{10 * c + shift}, {20 * s},{20 * c},0,{10 * s}, 0,0,1,0, 0,0,0,1", rest
+        "card", "quad", f"{20 * c},{-20 * s},0,{10 * c + shift}, {20 * s},{20 * c},0,{10 * s}, 0,0,1,0, 0,0,0,1", rest
     )
 
 
@@ -58,7 +55,7 @@ def test_the_rays_of_a_pixel_are_spread_evenly(n_rays: int) -> None:
 @pytest.mark.parametrize("before", ["", FLOOR])
 def test_a_card_has_the_share_of_a_pixel_that_it_covers(scene_file, n_rays: int, off: float, before: str) -> None:
     slope, shift = 0.3, 0.013
-    hits = seen(scene_file(before + half_plane(slope, shift), camera((0, 0, 3), size=SIZE)), n_rays)
+    hits = seen(scene_file(before + half_plane(slope, shift), camera((0, 0, 3), 40, SIZE)), n_rays)
     mine = hits.objects == len(hits.object_ranges) - 1
     share = np.bincount(hits.pixel[mine], hits.share[mine], SIZE[0] * SIZE[1]).reshape(SIZE[::-1])
     expected = covered(slope, shift)
@@ -74,7 +71,7 @@ def test_a_card_has_the_share_of_a_pixel_that_it_covers(scene_file, n_rays: int,
 
 def test_lamps_and_background_share_pixels_too(scene_file) -> None:
     card = half_plane(0.3, 0.013, "emission = [4, 2, 1]\n")
-    hits = seen(scene_file(card, camera((0, 0, 3), size=SIZE)), 16)
+    hits = seen(scene_file(card, camera((0, 0, 3), 40, SIZE)), 16)
     expected = covered(0.3, 0.013)
     np.testing.assert_allclose(hits.emission_image, (1.0 - hits.open_image)[..., None] * [4, 2, 1], rtol=1e-6)
     assert np.abs(1.0 - hits.open_image - expected).max() < 0.13
@@ -82,10 +79,8 @@ def test_lamps_and_background_share_pixels_too(scene_file) -> None:
 
 
 def test_edges_add_to_what_the_centres_see(scene_file) -> None:
-    path = scene_file(
-        FLOOR + SPHERE + LAMP.replace("emission", "transform = [1,0,0,1, 0,1,0,1, 0,0,1,0, 0,0,0,1]\nemission"),
-        camera((0, 0, 3), size=(64, 48)),
-    )
+    lamp = placed("lamp", "quad", scaled(1, (1, 1, 0)), "emission = [3, 2, 1]\n")
+    path = scene_file(FLOOR + SPHERE + lamp, camera((0, 0, 3), 40, (64, 48)))
     plain, hits = seen(path, 0), seen(path, 8)
     centred = np.flatnonzero(hits.is_centred)
     assert plain.is_centred.all() and (plain.share == 1.0).all()
@@ -104,7 +99,7 @@ def test_edges_add_to_what_the_centres_see(scene_file) -> None:
 
 def test_narrow_rims_are_seen_from_several_sides_within_a_pixel(scene_file) -> None:
     """Of a ball four pixels wide the normals of a pixel's points differ, and their mean is that of the ball there."""
-    path = scene_file(SPHERE, camera((0, 0, 30), size=SIZE, fov=20))
+    path = scene_file(SPHERE, camera((0, 0, 30), 20, SIZE))
     few, many = seen(path, 0), seen(path, 16)
     scene = load_scene(path, (SIZE[0] * 16, SIZE[1] * 16))
     fine = trace_primary(scene, RayCaster(scene.vertices, scene.triangles))
@@ -120,7 +115,7 @@ def test_narrow_rims_are_seen_from_several_sides_within_a_pixel(scene_file) -> N
 
 
 def test_a_point_beside_the_centre_is_near_one_on_its_surface(scene_file) -> None:
-    hits = seen(scene_file(FLOOR + SPHERE, camera((0.3, 1.2, 3), size=SIZE)), 16)
+    hits = seen(scene_file(FLOOR + SPHERE, camera((0.3, 1.2, 3), 40, SIZE)), 16)
     rows, nearest = nearest_centres(hits, hits.normal, np.array([0.5, 0.9]))
     assert (rows == np.flatnonzero(~hits.is_centred)).all()
     found = nearest >= 0

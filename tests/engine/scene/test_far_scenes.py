@@ -18,6 +18,7 @@ from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene, load_scene
 from engine.sphere.geodesic import geodesic
 from tests.engine.scene.conftest import pack_glb
+from tests.scene_text import camera, facing_up, placed, scaled
 
 OFFSETS = {
     "UTM": (500_000.0, 4_600_000.0, 120.0),
@@ -26,7 +27,6 @@ OFFSETS = {
 }
 SIZE = (24, 18)
 SPHERE = geodesic(3)
-PLACE = "transform = [1,0,0,{}, 0,1,0,{}, 0,0,1,{}, 0,0,0,1]\n"
 
 
 def as_ply(offset: tuple[float, ...]) -> bytes:
@@ -105,11 +105,10 @@ def test_a_scene_may_place_it_where_it_is_and_bring_it_home(
     mesh_file(f"far.{kind}", WRITERS[kind](tuple(offset)))
 
     def scene(name: str, eye: np.ndarray, shift: np.ndarray) -> Scene:
-        camera = f"[camera]\nposition = {(eye + [0, 0.5, 4]).tolist()}\ntarget = {eye.tolist()}\n"
-        ball = f'[[object]]\nname = "ball"\nmesh = "{name}.{kind}"\n' + PLACE.format(*shift)
-        x, y, z = eye
-        floor = f"transform = [40,0,0,{x}, 0,0,40,{y - 1.0}, 0,-40,0,{z}, 0,0,0,1]\n"
-        return load_scene(scene_file(ball + '[[object]]\nname = "floor"\nprimitive = "quad"\n' + floor, camera), SIZE)
+        view = camera((eye + [0, 0.5, 4]).tolist(), target=eye.tolist())
+        ball = placed("ball", f"{name}.{kind}", scaled(1, shift))
+        floor = placed("floor", "quad", facing_up(40, eye - [0, 1, 0]))
+        return load_scene(scene_file(ball + floor, view), SIZE)
 
     near = scene("near", np.zeros(3), np.zeros(3))
     for there in (scene("far", offset, np.zeros(3)), scene("far", np.zeros(3), -offset), scene("near", offset, offset)):
@@ -129,9 +128,8 @@ def test_what_is_too_small_to_tell_apart_so_far_from_the_others_is_said_to_be(
 ) -> None:
     """One thing at the origin, another 10,000 km away: single precision cannot have both, and no file is to blame."""
     mesh_file("ball.ply", as_ply((0.0, 0.0, 0.0)))
-    ball = '[[object]]\nname = "{}"\nmesh = "ball.ply"\n'
-    objects = "".join(ball.format(f"ball {k}") for k in range(3)) + ball.format("far") + PLACE.format(1e7, 0, 0)
-    scene = load_scene(scene_file(objects))
+    near = "".join(placed(f"ball {k}", "ball.ply") for k in range(3))
+    scene = load_scene(scene_file(near + placed("far", "ball.ply", scaled(1, (1e7, 0, 0)))))
     (said,) = (note for note in scene.notes if "left out" in note)
     assert said.startswith("far: ") and "faces left out, too small to tell apart 1e+07 m" in said
     start, stop = scene.triangle_ranges[3]
@@ -150,19 +148,13 @@ def test_a_case_from_a_survey(shared_data: Path) -> None:
 @pytest.mark.parametrize("height", [-0.3, -0.6, -0.9])
 def test_a_small_lamp_does_not_move_the_room_around_it(scene_file: Callable[..., Path], height: float) -> None:
     """Strokes are kept in the scene's frame: they would lie elsewhere once the lamp is moved or made larger."""
-    room = '[[object]]\nname = "ball"\nprimitive = "sphere"\ntransform = [2,0,0,0, 0,2,0,0, 0,0,2,0, 0,0,0,1]\n'
-    lamp = '[[object]]\nname = "lamp"\nprimitive = "cube"\nemission = [9, 9, 9]\n'
-    place = f"transform = [0.02,0,0,0, 0,0.02,0,{height}, 0,0,0.02,0, 0,0,0,1]\n"
-    assert not load_scene(scene_file(room + lamp + place), SIZE).origin.any()
+    lamp = placed("lamp", "cube", scaled(0.02, (0, height, 0)), "emission = [9, 9, 9]\n")
+    assert not load_scene(scene_file(placed("ball", "sphere", scaled(2)) + lamp), SIZE).origin.any()
 
 
 def test_figures_far_out_on_a_wide_floor_keep_their_detail(scene_file: Callable[..., Path]) -> None:
-    floor = '[[object]]\nname = "floor"\nprimitive = "quad"\n'
-    floor += "transform = [40000,0,0,0, 0,0,40000,0, 0,-40000,0,0, 0,0,0,1]\n"
-    balls = "".join(
-        f'[[object]]\nname = "{x}"\nprimitive = "sphere"\n' + PLACE.format(x, 1, 5000) for x in (3000, 3002)
-    )
-    scene = load_scene(scene_file(floor + balls), SIZE)
+    balls = "".join(placed(str(x), "sphere", scaled(1, (x, 1, 5000))) for x in (3000, 3002))
+    scene = load_scene(scene_file(placed("floor", "quad", facing_up(40000)) + balls), SIZE)
     for own, x in zip(scene.vertex_ranges[1:], (3000, 3002), strict=True):
         away = scene.vertices[slice(*own)].astype(np.float64) - np.subtract((x, 1, 5000), scene.origin)
         # In single precision about the world's origin it is 2e-4.

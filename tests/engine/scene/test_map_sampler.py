@@ -20,24 +20,10 @@ from engine.scene.object_meshes import PRIMITIVES
 from engine.scene.scene_loader import Scene, load_scene
 from engine.scene.surface_uvs import uvs_at
 from tests.engine.scene.conftest import read_mesh
+from tests.scene_text import camera, material, placed
 
-HEAD = """
-version = 1
-[camera]
-position = [0, 0, 3]
-target = [0, 0, 0]
-fov_y = 20
-resolution = [24, 24]
-"""
-CARD = (
-    HEAD
-    + """
-[[object]]
-name = "card"
-primitive = "quad"
-layer = [{ model = "lambert", MAPS }]
-"""
-)
+HEAD = camera((0, 0, 3), 20, (24, 24))
+CARD = HEAD + placed("card", "quad", more=material('model = "lambert", MAPS'))
 FACE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 2 0\nvt 2 1\nvt 0 1 0\nf 1/1 2/2 3/3 4/4\n"
 PLY = (
     "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"

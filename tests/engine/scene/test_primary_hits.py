@@ -12,6 +12,8 @@ from engine.scene.description import parse_description
 from engine.scene.primary_hits import PrimaryHits, trace_primary
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene, build_scene, load_scene
+from tests.engine.scene.conftest import CARD
+from tests.scene_text import camera, placed, scaled
 
 
 def trace(path, resolution=None) -> tuple[Scene, PrimaryHits]:
@@ -19,11 +21,11 @@ def trace(path, resolution=None) -> tuple[Scene, PrimaryHits]:
     return scene, trace_primary(scene, RayCaster(scene.vertices, scene.triangles), resolution)
 
 
-def camera(position, target=(0, 0, 0), size=(64, 48), fov=40) -> str:
-    return f"[camera]\nposition = {list(position)}\ntarget = {list(target)}\nfov_y = {fov}\nresolution = {list(size)}\n"
+def view(position, target=(0, 0, 0), size=(64, 48), fov=40) -> str:
+    return camera(position, fov, size, target)
 
 
-SPHERE = '[[object]]\nname = "ball"\nprimitive = "sphere"\n'
+SPHERE = placed("ball", "sphere")
 ALL = ("position", "offset_position", "normal", "geometric_normal", "tangent", "wo")
 UNIT = ("normal", "geometric_normal", "tangent", "wo")
 
@@ -56,7 +58,7 @@ def check_invariants(scene: Scene, hits: PrimaryHits) -> None:
 
 
 def test_a_sphere_has_its_true_normals(scene_file):
-    scene, hits = trace(scene_file(SPHERE, camera((0, 0, 3))))
+    scene, hits = trace(scene_file(SPHERE, view((0, 0, 3))))
     check_invariants(scene, hits)
     # a sphere of radius ½ at the origin: n = p / |p|, up to the tessellation's sagitta
     assert np.abs(hits.normal - hits.position / np.linalg.norm(hits.position, axis=1, keepdims=True)).max() < 2e-3
@@ -68,14 +70,13 @@ def test_a_sphere_has_its_true_normals(scene_file):
 
 
 def test_flat_objects_show_their_faces(scene_file):
-    _, hits = trace(scene_file(SPHERE + "smooth = false\n", camera((0, 0, 3))))
+    _, hits = trace(scene_file(SPHERE + "smooth = false\n", view((0, 0, 3))))
     assert np.array_equal(hits.normal, hits.geometric_normal)
 
 
 def test_both_sides_reflect(scene_file):
-    card = '[[object]]\nname = "card"\nprimitive = "quad"\n'
-    _, front = trace(scene_file(card, camera((0, 0, 3))))
-    _, back = trace(scene_file(card, camera((0, 0, -3))))
+    _, front = trace(scene_file(CARD, view((0, 0, 3))))
+    _, back = trace(scene_file(CARD, view((0, 0, -3))))
     assert len(front.pixel) == len(back.pixel) > 0
     assert np.allclose(front.normal, [0, 0, 1]) and np.allclose(back.normal, [0, 0, -1])  # each toward its eye
     assert (back.offset_position[:, 2] < back.position[:, 2]).all()  # lifted to the eye's side
@@ -88,7 +89,7 @@ def test_a_normal_that_leans_away_is_bent_to_the_camera_and_stays_on_its_side(sc
     text = head + "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
     # the face looks along +Z, its vertex normals along +X: from the left the eye sees the front, but n·wo < 0
     mesh_file("t.ply", text + "-1 -1 0 1 0 0.01\n1 -1 0 1 0 0.01\n0 1 0 1 0 0.01\n3 0 1 2\n")
-    scene, hits = trace(scene_file('[[object]]\nname = "t"\nmesh = "t.ply"\n', camera((-3, 0, 0.5))))
+    scene, hits = trace(scene_file(placed("t", "t.ply"), view((-3, 0, 0.5))))
     check_invariants(scene, hits)
     assert (hits.geometric_normal[:, 2] > 0.99).all()
     # Turned round by its own sign it would be -X and see what is behind the face. It is the one in the plane of the
@@ -108,49 +109,48 @@ def test_vertex_normals_that_cancel_fall_back_to_the_face(scene_file, mesh_file)
     text = head + "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
     # three normals at 120° in the plane: their mean at the centroid is zero
     mesh_file("t.ply", text + "-1 -1 0 1 0 0\n1 -1 0 -0.5 0.866025 0\n0 1 0 -0.5 -0.866025 0\n3 0 1 2\n")
-    path = scene_file('[[object]]\nname = "t"\nmesh = "t.ply"\n', camera((0, -1 / 3, 3), (0, -1 / 3, 0), (1, 1), 1))
+    path = scene_file(placed("t", "t.ply"), view((0, -1 / 3, 3), (0, -1 / 3, 0), (1, 1), 1))
     scene, hits = trace(path)
     check_invariants(scene, hits)
     assert hits.normal[0] == pytest.approx([0, 0, 1])
 
 
 def test_tangents_run_across_the_objects_axis(scene_file):
-    _, hits = trace(scene_file(SPHERE, camera((0, 0, 3))))
+    _, hits = trace(scene_file(SPHERE, view((0, 0, 3))))
     # on a sphere Y × n is horizontal, east for an eye on +Z
     assert np.abs(hits.tangent[:, 1]).max() < 1e-6
     middle = np.abs(hits.normal[:, 0]) < 0.1
     assert (hits.tangent[middle, 0] > 0.9).all()
     # a quarter turn about Z takes the object's Y to world −X: tangents lose their X part
-    turned = SPHERE + "transform = [0,1,0,0, -1,0,0,0, 0,0,1,0, 0,0,0,1]\n"
-    _, hits = trace(scene_file(turned, camera((0, 0, 3))))
+    turned = placed("ball", "sphere", "0,1,0,0, -1,0,0,0, 0,0,1,0, 0,0,0,1")
+    _, hits = trace(scene_file(turned, view((0, 0, 3))))
     assert np.abs(hits.tangent[:, 0]).max() < 1e-6
 
 
 def test_where_the_axis_is_the_normal_the_tangent_is_the_x_axis(scene_file):
-    lying = '[[object]]\nname = "card"\nprimitive = "quad"\ntransform = [1,0,0,0, 0,0,1,0, 0,1,0,0, 0,0,0,1]\n'
+    lying = placed("card", "quad", "1,0,0,0, 0,0,1,0, 0,1,0,0, 0,0,0,1")
     # the card's Y axis becomes world Z and its normal world −Y … seen from above it is turned up: t = Y × n
-    _, hits = trace(scene_file(lying, camera((0, 3, 0.1))))
+    _, hits = trace(scene_file(lying, view((0, 3, 0.1))))
     assert np.allclose(np.abs(hits.tangent), [1, 0, 0], atol=1e-6)
-    floor = '[[object]]\nname = "box"\nprimitive = "cube"\n'
-    _, hits = trace(scene_file(floor, camera((0, 3, 0.001))))
+    _, hits = trace(scene_file(placed("box", "cube"), view((0, 3, 0.001))))
     assert np.allclose(hits.tangent, [1, 0, 0], atol=1e-6)  # on the top n = Y: the X axis
 
 
-LAMP = '[[object]]\nname = "lamp"\nprimitive = "quad"\nemission = [3, 2, 1]\n'
+LAMP = placed("lamp", "quad", more="emission = [3, 2, 1]\n")
 
 
 def test_emitters_are_pictures_that_shine_from_their_front(scene_file):
-    scene, front = trace(scene_file(LAMP, camera((0, 0, 3))))
+    scene, front = trace(scene_file(LAMP, view((0, 0, 3))))
     check_invariants(scene, front)
     assert len(front.pixel) == 0 and front.object_image[24, 32] == 0
     assert front.emission_image[24, 32].tolist() == [3, 2, 1] and front.emission_image[0, 0].tolist() == [0, 0, 0]
-    _, back = trace(scene_file(LAMP, camera((0, 0, -3))))
+    _, back = trace(scene_file(LAMP, view((0, 0, -3))))
     assert back.object_image[24, 32] == 0 and not back.emission_image.any()  # dark from behind
 
 
 def test_points_are_sorted_by_object(scene_file):
-    far = '[[object]]\nname = "far"\nprimitive = "quad"\ntransform = [9,0,0,0, 0,9,0,0, 0,0,1,-2, 0,0,0,1]\n'
-    scene, hits = trace(scene_file(far + SPHERE + LAMP.replace("0, 0,1]", "0, 0,1]"), camera((0, 0, 3))))
+    far = placed("far", "quad", scaled((9, 9, 1), (0, 0, -2)))
+    scene, hits = trace(scene_file(far + SPHERE + LAMP, view((0, 0, 3))))
     check_invariants(scene, hits)
     counts = hits.object_ranges[:, 1] - hits.object_ranges[:, 0]
     assert counts[0] > 0 and counts[1] >= 0 and counts[2] == 0  # a lamp has no shading points
@@ -158,7 +158,7 @@ def test_points_are_sorted_by_object(scene_file):
 
 
 def test_resolution_and_scale_do_not_change_what_is_seen(scene_file):
-    path = scene_file(SPHERE, camera((0, 0, 3)))
+    path = scene_file(SPHERE, view((0, 0, 3)))
     _, small = trace(path)
     _, large = trace(path, (128, 96))
     assert large.resolution == (128, 96)
@@ -168,10 +168,10 @@ def test_resolution_and_scale_do_not_change_what_is_seen(scene_file):
 @pytest.mark.parametrize("scale", [1e-4, 1.0, 1e5])
 def test_a_scene_may_be_tiny_huge_or_far_away(scene_file, scale):
     far = 1000 * scale
-    ball = SPHERE + f"transform = [{scale},0,0,{far}, 0,{scale},0,0, 0,0,{scale},0, 0,0,0,1]\n"
-    scene, hits = trace(scene_file(ball, camera((far, 0, 3 * scale), (far, 0, 0))))
+    ball = placed("ball", "sphere", scaled(scale, (far, 0, 0)))
+    scene, hits = trace(scene_file(ball, view((far, 0, 3 * scale), (far, 0, 0))))
     check_invariants(scene, hits)
-    _, plain = trace(scene_file(SPHERE, camera((0, 0, 3))))
+    _, plain = trace(scene_file(SPHERE, view((0, 0, 3))))
     assert np.array_equal(hits.object_image, plain.object_image)  # a thousand diameters from the origin: the same
     assert np.abs(hits.position / scale - plain.position).max() < 1e-4
     assert scene.origin[0] == pytest.approx(far)

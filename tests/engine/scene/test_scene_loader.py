@@ -8,12 +8,9 @@ import pytest
 from engine.core.errors import LoadError
 from engine.scene.mesh import face_normals
 from engine.scene.scene_loader import load_scene
-
-QUAD = '[[object]]\nname = "card"\nprimitive = "quad"\n'
-TRIANGLE = (
-    "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
-    "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
-)
+from tests.engine.scene.conftest import CARD
+from tests.engine.scene.conftest import TRIANGLE_PLY as TRIANGLE
+from tests.scene_text import LAMBERT, camera, environment, placed, scaled
 
 
 def mesh_object(name: str, more: str = "") -> str:
@@ -23,7 +20,7 @@ def mesh_object(name: str, more: str = "") -> str:
 def test_objects_are_joined_and_keep_their_ranges(scene_file, mesh_file):
     mesh_file("t.ply", TRIANGLE)
     moved = "transform = [2,0,0,5, 0,2,0,0, 0,0,2,0, 0,0,0,1]\nsmooth = false\nemission = 4"
-    scene = load_scene(scene_file(QUAD + mesh_object("t.ply", moved)))
+    scene = load_scene(scene_file(CARD + mesh_object("t.ply", moved)))
     assert scene.triangles.tolist() == [[0, 1, 2], [0, 2, 3], [4, 5, 6]]
     assert scene.object_of_triangle.tolist() == [0, 0, 1] and scene.triangle_ranges.tolist() == [[0, 2], [2, 3]]
     assert scene.vertices[4:].tolist() == [[5, 0, 0], [7, 0, 0], [5, 2, 0]]  # scaled by 2, moved by 5
@@ -42,8 +39,7 @@ def test_one_file_may_serve_several_objects(scene_file, mesh_file):
 
 
 def test_mirrored_objects_face_outward(scene_file):
-    mirror = "transform = [1,0,0,0, 0,-1,0,0, 0,0,1,0, 0,0,0,1]\n"
-    scene = load_scene(scene_file('[[object]]\nname = "ball"\nprimitive = "sphere"\n' + mirror))
+    scene = load_scene(scene_file(placed("ball", "sphere", scaled((1, -1, 1)))))
     centres = scene.vertices[scene.triangles].mean(axis=1)
     assert (np.einsum("tk,tk->t", scene.geometric_normals, centres) > 0).all()
 
@@ -51,29 +47,28 @@ def test_mirrored_objects_face_outward(scene_file):
 def test_oddities_are_noted_by_object(scene_file, mesh_file):
     text = TRIANGLE.replace("element face 1", "element face 3").replace("\n3 0 1 2\n", "\n3 0 1 2\n3 0 1 1\n3 2 1 0\n")
     mesh_file("t.ply", text)
-    scene = load_scene(scene_file(mesh_object("t.ply", 'layer = [{ model = "lambert" }]')))
+    scene = load_scene(scene_file(mesh_object("t.ply", LAMBERT)))
     assert scene.notes == ("thing: 1 faces without area left out", "thing: 1 faces that repeat another")
     assert len(scene.triangles) == 2 and np.isfinite(scene.normals).all()
 
 
 def test_an_object_without_layers_is_grey_and_said_to_be(scene_file, mesh_file):
     mesh_file("t.ply", TRIANGLE)
-    lamp = '[[object]]\nname = "lamp"\nprimitive = "quad"\nemission = 1\n'
-    scene = load_scene(scene_file(QUAD + mesh_object("t.ply") + lamp))
+    lamp = placed("lamp", "quad", more="emission = 1\n")
+    scene = load_scene(scene_file(CARD + mesh_object("t.ply") + lamp))
     card, thing, shining = scene.description.objects
     for bare in (card, thing):
         (layer,) = bare.layers
         assert layer.model == "lambert" and layer.parameters == {"albedo": (0.5, 0.5, 0.5)} and bare.editable
     assert shining.layers == ()  # what shines needs none
     assert scene.notes == ("card, thing: without a material, shown in a grey that can be edited",)
-    many = "".join(QUAD.replace("card", f"card {k}") for k in range(5))
+    many = "".join(placed(f"card {k}", "quad") for k in range(5))
     assert load_scene(scene_file(many)).notes[0].startswith("card 0, card 1, card 2 and 2 more: without a material")
 
 
 def test_a_scene_far_from_the_origin_keeps_its_detail(scene_file):
-    place = "transform = [1,0,0,1e6, 0,1,0,0, 0,0,1,-2e6, 0,0,0,1]\n"
-    camera = "[camera]\nposition = [1e6, 0, -1999997]\ntarget = [1e6, 0, -2e6]\n"
-    scene = load_scene(scene_file('[[object]]\nname = "ball"\nprimitive = "sphere"\n' + place, camera))
+    ball = placed("ball", "sphere", scaled(1, (1e6, 0, -2e6)))
+    scene = load_scene(scene_file(ball, camera((1e6, 0, -1999997), target=(1e6, 0, -2e6))))
     assert scene.origin.tolist() == pytest.approx([1e6, 0, -2e6])
     assert scene.camera_position.tolist() == pytest.approx([0, 0, 3])
     # float32 at two million resolves 0.125 m; relative to the origin the sphere stays round
@@ -83,24 +78,18 @@ def test_a_scene_far_from_the_origin_keeps_its_detail(scene_file):
 def test_each_object_has_its_box_in_the_world(scene_file):
     # Cubes 1 m wide: one doubled and a kilometre off; one turned by 45 degrees about Y, as wide as its diagonal.
     c = 0.5**0.5
-    turned = [c, 0, c, 0, 0, 1, 0, 2, -c, 0, c, 0, 0, 0, 0, 1]
-    scene = load_scene(
-        scene_file(
-            '[[object]]\nname = "far"\nprimitive = "cube"\ntransform = [2,0,0,1e3, 0,2,0,0, 0,0,2,0, 0,0,0,1]\n'
-            f'[[object]]\nname = "turned"\nprimitive = "cube"\ntransform = {turned}\n'
-        )
-    )
+    turned = placed("turned", "cube", f"{c},0,{c},0, 0,1,0,2, {-c},0,{c},0, 0,0,0,1")
+    scene = load_scene(scene_file(placed("far", "cube", scaled(2, (1e3, 0, 0))) + turned))
     far, about_y = scene.bounds
     np.testing.assert_allclose(far, [[999, -1, -1], [1001, 1, 1]], atol=1e-3)
     np.testing.assert_allclose(about_y, [[-c, 1.5, -c], [c, 2.5, c]], atol=1e-6)
 
 
 def test_the_environments_path_is_resolved_but_not_read(scene_file):
-    camera = "[camera]\nposition = [0, 0, 3]\ntarget = [0, 0, 0]\n"
-    path = scene_file(QUAD, camera + '[environment]\nfile = "sky.exr"\n')
+    path = scene_file(CARD, camera((0, 0, 3)) + environment(file="sky.exr"))
     assert load_scene(path).environment_path == path.parent.resolve() / "sky.exr"
     for name in ("../sky.exr", "/sky.exr", "http://x.org/sky.exr"):
-        bad = scene_file(QUAD, camera + f'[environment]\nfile = "{name}"\n')
+        bad = scene_file(CARD, camera((0, 0, 3)) + environment(file=name))
         with pytest.raises(LoadError, match="scene.toml: environment: file = .*inside the scene's folder"):
             load_scene(bad)
 

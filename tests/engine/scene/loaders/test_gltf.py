@@ -12,6 +12,8 @@ from engine.core.errors import LoadError
 from engine.scene.bump_normals import corner_tangents
 from engine.scene.loaders.gltf import read_glb
 from engine.scene.scene_loader import load_scene
+from tests.engine.scene.conftest import TOY
+from tests.scene_text import material
 
 
 def spoil(tree: dict, path: str, value: object) -> dict:
@@ -411,9 +413,9 @@ def test_a_mesh_without_normals_is_flat(triangle_glb, glb_file, scene_file):
     tree, binary, normals = with_accessor((tree, binary), np.tile(np.array([[0, 1, 0]], "<f4"), (4, 1)), "VEC3")
     tree["meshes"][0]["primitives"] = [bare, {"attributes": bare["attributes"] | {"NORMAL": normals}}]
     tree["meshes"][0]["primitives"][1]["indices"] = 1
-    for layer in ("", 'layer = [{ model = "lambert", albedo = 0.2 }]\n'):
+    for layer in ("", material('model = "lambert", albedo = 0.2')):
         glb_file(tree, binary)
-        scene = load_scene(scene_file(f'[[object]]\nname = "toy"\nmesh = "model.glb"\n{layer}'))
+        scene = load_scene(scene_file(TOY + layer))
         assert scene.smooth.tolist() == [True]
         at_corners = scene.normals[scene.triangles]
         assert np.allclose(at_corners[:2], [[[0, 0, 1]] * 3, [[0, -1, 0]] * 3])
@@ -436,7 +438,7 @@ def two_materials(tree: dict) -> dict:
 def test_a_scene_object_becomes_one_object_a_material(triangle_glb, glb_file, scene_file):
     tree, binary = triangle_glb
     glb_file(two_materials(tree), binary)
-    scene = load_scene(scene_file('[[object]]\nname = "toy"\nmesh = "model.glb"\n'))
+    scene = load_scene(scene_file(TOY))
     first, second = scene.description.objects
     assert (first.name, first.part, second.name, second.part) == ("toy 1", 0, "toy 2", 1)
     assert [layer.model for layer in first.layers] == ["rough_conductor"]  # a metal has no diffuse part
@@ -447,13 +449,12 @@ def test_a_scene_object_becomes_one_object_a_material(triangle_glb, glb_file, sc
 def test_parts_are_chosen_and_own_layers_win(triangle_glb, glb_file, scene_file):
     tree, binary = triangle_glb
     glb_file(two_materials(tree), binary)
-    one = load_scene(scene_file('[[object]]\nname = "toy"\nmesh = "model.glb"\npart = 0\n'))
+    one = load_scene(scene_file(TOY + "part = 0\n"))
     assert len(one.triangles) == 1 and one.description.objects[0].name == "toy"
-    layer = 'layer = [{ model = "lambert", albedo = 0.2 }]'
-    own = load_scene(scene_file(f'[[object]]\nname = "toy"\nmesh = "model.glb"\n{layer}\n'))
+    own = load_scene(scene_file(TOY + material('model = "lambert", albedo = 0.2')))
     assert len(own.triangles) == 2 and own.description.objects[0].layers[0].model == "lambert"
     with pytest.raises(LoadError, match="object 'toy': part = 2, expected a part from 0 to 1"):
-        load_scene(scene_file('[[object]]\nname = "toy"\nmesh = "model.glb"\npart = 2\n'))
+        load_scene(scene_file(TOY + "part = 2\n"))
 
 
 def with_tangents(triangle_glb, *tangents: float) -> tuple[dict, bytes]:

@@ -20,6 +20,8 @@ from engine.scene.loaders.gltf_materials import conductor_index, metallic_roughn
 from engine.scene.map_sampler import look_up_images
 from engine.scene.scene_loader import load_scene
 from engine.scene.surface_uvs import uvs_at
+from tests.engine.scene.conftest import TOY
+from tests.scene_text import placed
 
 
 def normal_reflectance(eta: float, k: float) -> float:
@@ -116,7 +118,7 @@ def test_a_base_colour_texture_lies_as_in_the_file(
     tree, binary = textured
     tree["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"] = [0.5, 0.25, 1.0, 1.0]
     glb_file(tree, binary)
-    scene = load_scene(scene_file('[[object]]\nname = "toy"\nmesh = "model.glb"\n'))
+    scene = load_scene(scene_file(TOY))
     (toy,) = scene.description.objects
     base, coat = toy.layers
     assert base.model == "lambert" and base.maps == LayerMaps("model.glb#0", "srgb")
@@ -137,7 +139,7 @@ def test_a_normal_texture_turns_normals_as_the_file_means_it(
     transform = {"KHR_texture_transform": {"scale": [2.0, 3.0], "offset": [0.0, -2.0]}}
     normal = {"index": 0, "scale": 0.5, "extensions": transform}
     glb_file(tree | {"images": [image], "materials": [{"normalTexture": normal}]}, binary)
-    scene = load_scene(scene_file('[[object]]\nname = "toy"\nmesh = "model.glb"\n'))
+    scene = load_scene(scene_file(TOY))
     bumps = scene.description.objects[0].bumps
     assert bumps == Bumps(normal_map="model.glb#0", bump_strength=0.5, bump_repeats=(2.0, 3.0))
     up, none = np.array([[0.0, 0.0, 1.0]]), np.zeros(1)
@@ -145,7 +147,7 @@ def test_a_normal_texture_turns_normals_as_the_file_means_it(
     # Green is +Y, upwards in the picture: to where v grows here, and where the triangle's own +Y is.
     assert turned[1] / turned[2] == pytest.approx(0.5 * 51 / 115, rel=1e-3) and abs(turned[0]) < 1e-6
     own = 'bump_map = { file = "model.glb#0" }\n'
-    scene = load_scene(scene_file('[[object]]\nname = "toy"\nmesh = "model.glb"\n' + own))
+    scene = load_scene(scene_file(TOY + own))
     assert scene.description.objects[0].bumps == Bumps(bump_map="model.glb#0")
 
 
@@ -191,7 +193,7 @@ def test_images_may_be_files_beside_it(
     tree["images"] = [{"uri": "two%20rows.png"}]
     path = glb_file(tree, binary)
     (path.parent / "two rows.png").write_bytes(TWO_ROWS)
-    scene = load_scene(scene_file('[[object]]\nname = "toy"\nmesh = "model.glb"\n'))
+    scene = load_scene(scene_file(TOY))
     assert scene.description.objects[0].layers[0].maps.texture == "model.glb#0"
     tree["images"] = [{"uri": "../secret.png"}]
     glb_file(tree, binary)
@@ -252,10 +254,10 @@ def test_images_are_looked_up_where_the_extension_says(
     tree["textures"] = [{"source": 0, "sampler": 0}]
     info = tree["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]
     glb_file(tree, binary)
-    plain = load_scene(scene_file('[[object]]\nname = "toy"\nmesh = "model.glb"\n'))
+    plain = load_scene(scene_file(TOY))
     info["extensions"] = {"KHR_texture_transform": transform}
     glb_file(tree, binary)
-    scene = load_scene(scene_file('[[object]]\nname = "toy"\nmesh = "model.glb"\n'))
+    scene = load_scene(scene_file(TOY))
     assert scene.notes == plain.notes
     maps, as_it_is = (each.description.objects[0].layers[0].maps for each in (scene, plain))
     assert as_it_is.texture_wrap == maps.texture_wrap == ("mirror", "clamp")
@@ -295,7 +297,7 @@ def test_a_texture_without_coordinates_is_left_out(textured: Glb, glb_file: Call
 
 @pytest.mark.parametrize("name", ["CesiumMan", "Fox"])
 def test_real_files_bring_their_pictures(shared_data: Path, scene_file: Callable[..., Path], name: str) -> None:
-    scene_path = scene_file(f'[[object]]\nname = "it"\nmesh = "{name}.glb"\n')
+    scene_path = scene_file(placed("it", f"{name}.glb"))
     (scene_path.parent / f"{name}.glb").write_bytes((shared_data / "glb" / f"{name}.glb").read_bytes())
     scene = load_scene(scene_path)
     maps = scene.description.objects[0].layers[0].maps

@@ -20,6 +20,7 @@ from engine.scene.loaders.gltf import GlbModel, GlbPart, read_glb
 from engine.scene.rig import Clip, Track
 from engine.scene.scene_loader import Scene, load_scene
 from tests.engine.scene.conftest import n_calls
+from tests.scene_text import placed
 
 HALF = float(np.sqrt(0.5))
 QUARTER_ABOUT_Z = [0.0, 0.0, HALF, HALF]
@@ -479,8 +480,7 @@ def test_an_object_moves_in_the_scene_it_was_placed_in(
 ) -> None:
     """Twice as large, turned by a quarter about Y and far off, so that the scene has an origin of its own."""
     glb_file(bar.tree | {"buffers": [{"byteLength": len(bar.binary)}]}, bar.binary)
-    placed = "transform = [0, 0, 2, 1000, 0, 2, 0, 0, -2, 0, 0, 0, 0, 0, 0, 1]"
-    scene = load_scene(scene_file(f'[[object]]\nname = "bar"\nmesh = "model.glb"\n{placed}\n'))
+    scene = load_scene(scene_file(placed("bar", "model.glb", "0,0,2,1000, 0,2,0,0, -2,0,0,0, 0,0,0,1")))
     rest, triangles = _rest(scene)
     pose = animated_pose(scene.rigs[0], rest, triangles, "bend", 1.0, loop=False)
     # (-1, 1, 0) in the file
