@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tests.pictures import write_exr
-from tests.scene_text import camera, placed
+from tests.scene_text import camera, environment, material, placed, scaled
 
 Quad = tuple[Sequence[float], Sequence[float], Sequence[float]]
-PLASTER = '{ model = "lambert", albedo = [0.7, 0.7, 0.7] }'
+PLASTER = 'model = "lambert", albedo = [0.7, 0.7, 0.7]'
 
 
 def write_quads(path: Path, quads: Iterable[Quad]) -> None:
@@ -32,7 +32,7 @@ def write_quads(path: Path, quads: Iterable[Quad]) -> None:
 def meshed(folder: Path, name: str, quads: Iterable[Quad], more: str) -> str:
     """An object of quads, and what else is said of it."""
     write_quads(folder / f"{name}.obj", quads)
-    return f'[[object]]\nname = "{name}"\nmesh = "{name}.obj"\nsmooth = false\n{more}\n'
+    return placed(name, f"{name}.obj", more="smooth = false\n" + more)
 
 
 def box(low: Sequence[float], high: Sequence[float], inwards: bool = False) -> list[Quad]:
@@ -57,9 +57,9 @@ def gap_room(folder: Path, resolution: tuple[int, int] = (48, 36)) -> Path:
     walls: list[Quad] = box((-1.5, 0.0, -2.0), (1.5, 2.5, 3.0), inwards=True)
     wall = [((-1.5, 0.0, GAP_WALL), (3, 0, 0), (0, low, 0)), ((-1.5, high, GAP_WALL), (3, 0, 0), (0, 2.5 - high, 0))]
     text = camera((0.3, 0.9, 2.7), 62, resolution, (0, 2.3, 1.2), "bounces = 1\n")
-    text += meshed(folder, "walls", walls, f"layer = [{PLASTER}]")
-    text += meshed(folder, "wall", wall, f"layer = [{PLASTER}]")
-    text += meshed(folder, "lamp", [GAP_LAMP], f"editable = false\nemission = {[GAP_RADIANCE] * 3}")
+    text += meshed(folder, "walls", walls, material(PLASTER))
+    text += meshed(folder, "wall", wall, material(PLASTER))
+    text += meshed(folder, "lamp", [GAP_LAMP], f"editable = false\nemission = {[GAP_RADIANCE] * 3}\n")
     (folder / "scene.toml").write_text(text)
     return folder / "scene.toml"
 
@@ -144,12 +144,12 @@ def blinds_room(folder: Path, resolution: tuple[int, int] = (48, 36), n_slats: i
         for z in (-0.55, 0.50):
             table += box((x, 0.0, z), (x + 0.05, 0.70, z + 0.05))
     text = camera((-1.7, 1.7, 1.7), 58, resolution, (0.3, 0.6, -0.4), "bounces = 1\n")
-    text += '[environment]\nfile = "sky.exr"\n'
-    text += meshed(folder, "walls", walls, f"layer = [{PLASTER}]")
-    gloss = '{ model = "rough_conductor", distribution = "ggx", alpha = 0.2, eta = [1.5, 1.5, 1.5], k = [0, 0, 0] }'
-    text += meshed(folder, "floor", floor, f"layer = [{PLASTER}, {gloss}]")
-    text += meshed(folder, "slats", slats, f"layer = [{PLASTER}]")
-    text += meshed(folder, "table", table, 'layer = [{ model = "lambert", albedo = [0.4, 0.2, 0.1] }]')
+    text += environment(file="sky.exr")
+    text += meshed(folder, "walls", walls, material(PLASTER))
+    gloss = 'model = "rough_conductor", distribution = "ggx", alpha = 0.2, eta = [1.5, 1.5, 1.5], k = [0, 0, 0]'
+    text += meshed(folder, "floor", floor, material(PLASTER, gloss))
+    text += meshed(folder, "slats", slats, material(PLASTER))
+    text += meshed(folder, "table", table, material('model = "lambert", albedo = [0.4, 0.2, 0.1]'))
     (folder / "scene.toml").write_text(text)
     return folder / "scene.toml"
 
@@ -157,10 +157,9 @@ def blinds_room(folder: Path, resolution: tuple[int, int] = (48, 36), n_slats: i
 def lamp_room(folder: Path, resolution: tuple[int, int] = (48, 36), radius: float = 0.2) -> Path:
     """A round lamp over a matt floor."""
     text = camera((0.0, 1.5, 3.0), 50, resolution, (0, 0.2, 0), "bounces = 1\n")
-    text += meshed(folder, "floor", [((-2, 0, 2), (4, 0, 0), (0, 0, -4))], f"layer = [{PLASTER}]")
-    d = 2 * radius
-    text += placed("lamp", "sphere", f"{d},0,0,0, 0,{d},0,{LAMP_HEIGHT}, 0,0,{d},0, 0,0,0,1",
-                   "editable = false\nemission = [10.0, 10.0, 10.0]\n")  # fmt: skip
+    text += meshed(folder, "floor", [((-2, 0, 2), (4, 0, 0), (0, 0, -4))], material(PLASTER))
+    lamp = scaled(2 * radius, (0, LAMP_HEIGHT, 0))
+    text += placed("lamp", "sphere", lamp, "editable = false\nemission = [10.0, 10.0, 10.0]\n")
     (folder / "scene.toml").write_text(text)
     return folder / "scene.toml"
 
@@ -178,13 +177,15 @@ def sphere_irradiance(points: NDArray[np.floating], radius: float) -> NDArray[np
 def plate_room(folder: Path, resolution: tuple[int, int] = (48, 36), alpha: float = 0.01) -> Path:
     """A polished plate that mirrors small lamps: balls of 2, 6 and 20 mm and a square."""
     text = camera((0.0, 1.0, 1.6), 40, resolution, (0, 0.0, -0.1), "bounces = 1\n")
-    metal = '{ model = "rough_conductor", distribution = "ggx", eta = [0.2, 0.9, 1.1], k = [3.9, 2.4, 2.2], '
-    metal += f"alpha = {alpha} }}"
-    text += meshed(folder, "plate", [((-0.8, 0, 0.8), (1.6, 0, 0), (0, 0, -1.6))], f"layer = [{metal}]")
+    metal = 'model = "rough_conductor", distribution = "ggx", eta = [0.2, 0.9, 1.1], k = [3.9, 2.4, 2.2], '
+    metal += f"alpha = {alpha}"
+    text += meshed(folder, "plate", [((-0.8, 0, 0.8), (1.6, 0, 0), (0, 0, -1.6))], material(metal))
     for i, (x, size) in enumerate(((-0.5, 0.004), (-0.17, 0.012), (0.17, 0.04))):
-        text += placed(f"ball {i}", "sphere", f"{size},0,0,{x}, 0,{size},0,0.6, 0,0,{size},-0.9, 0,0,0,1",
-                       f"editable = false\nemission = {[0.01 / size**2] * 3}\n")  # fmt: skip
+        radiance = [0.01 / size**2] * 3
+        text += placed(
+            f"ball {i}", "sphere", scaled(size, (x, 0.6, -0.9)), f"editable = false\nemission = {radiance}\n"
+        )
     lamp = [((0.46, 0.56, -0.9), (0.08, 0, 0), (0, 0.08, 0))]
-    text += meshed(folder, "square", lamp, "editable = false\nemission = [6.0, 6.0, 6.0]")
+    text += meshed(folder, "square", lamp, "editable = false\nemission = [6.0, 6.0, 6.0]\n")
     (folder / "scene.toml").write_text(text)
     return folder / "scene.toml"

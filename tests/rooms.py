@@ -8,16 +8,14 @@ import numpy as np
 
 from assets.generate.furniture import block
 from assets.generate.mesh import Mesh, axis_rotation, merged, save_ply, transformed
-from tests.scene_text import camera
+from tests.scene_text import camera, environment, material, placed, scaled
 
-PLASTER = 'layer = [{ model = "lambert", albedo = [0.72, 0.70, 0.66] }]\n'
-CLAY = 'layer = [{ model = "lambert", albedo = [0.60, 0.34, 0.20] }]\n'
-BOARDS = 'layer = [{ model = "lambert", albedo = [0.36, 0.27, 0.19] }]\n'
-VARNISHED = (
-    'layer = [{ model = "lambert", albedo = [0.36, 0.27, 0.19] }, '
-    '{ model = "rough_conductor", alpha = 0.2, eta = [1.5, 1.5, 1.5], k = [0.0, 0.0, 0.0] }]\n'
-)
-GOLD = 'smooth = true\nlayer = [{ model = "rough_conductor", alpha = 0.25 }]\n'
+PLASTER = material('model = "lambert", albedo = [0.72, 0.70, 0.66]')
+CLAY = material('model = "lambert", albedo = [0.60, 0.34, 0.20]')
+WOOD = 'model = "lambert", albedo = [0.36, 0.27, 0.19]'
+VARNISH = 'model = "rough_conductor", alpha = 0.2, eta = [1.5, 1.5, 1.5], k = [0.0, 0.0, 0.0]'
+BOARDS, VARNISHED = material(WOOD), material(WOOD, VARNISH)
+GOLD = "smooth = true\n" + material('model = "rough_conductor", alpha = 0.25')
 SKY = Path("assets/scenes/room/sky.exr")
 
 
@@ -32,8 +30,8 @@ def inside_out(folder: Path, inward: bool = False, has_ball: bool = True) -> Pat
         camera((0.6, 1.5, 1.8), 60, (96, 72), (-0.1, 0.8, -0.6), "bounces = 4\n")
         + _object("shell", "shell.ply", PLASTER)
         + _object("block", "block.ply", CLAY)
-        + (_ball("ball", (0.6, 0.35, -0.5), 0.7, GOLD) if has_ball else "")
-        + _lamp("lamp", (0.0, 2.58, 0.0), (0.8, 0.8), [14.0, 13.0, 11.0])
+        + (placed("ball", "sphere", scaled(0.7, (0.6, 0.35, -0.5)), GOLD) if has_ball else "")
+        + _lamp((0.0, 2.58, 0.0), 0.8, [14.0, 13.0, 11.0])
     )
     return _written(folder, text)
 
@@ -46,7 +44,7 @@ def solid(folder: Path, inward: bool = False) -> Path:
     save_ply(block((-3.0, -0.1, -3.0), (3.0, 0.0, 3.0)), folder / "floor.ply")
     text = (
         camera((1.5, 1.4, 2.2), 40, (96, 72), (0.0, 0.3, 0.0))
-        + "[environment]\nradiance = [1.0, 0.9, 0.8]\n"
+        + environment((1.0, 0.9, 0.8))
         + _object("block", "block.ply", CLAY)
         + _object("floor", "floor.ply", BOARDS)
     )
@@ -74,7 +72,7 @@ def slit(folder: Path, width: float = 0.06) -> Path:
         + _object("walls", "walls.ply", PLASTER)
         + _object("floor", "floor.ply", BOARDS)
         + _object("block", "block.ply", CLAY)
-        + _lamp("lamp", (1.0, y - 0.02, -2.0 * z), (1.2, 1.2), [90.0, 84.0, 72.0])
+        + _lamp((1.0, y - 0.02, -2.0 * z), 1.2, [90.0, 84.0, 72.0])
     )
     return _written(folder, text)
 
@@ -102,12 +100,13 @@ def slats(folder: Path) -> Path:
     shutil.copy(SKY, folder / "sky.exr")
     text = (
         camera((1.3, 1.6, -1.6), 68, (96, 72), (-0.6, 0.5, 0.9), "bounces = 4\n")
-        + '[environment]\nfile = "sky.exr"\nrotation = 323\n'
+        + environment(file="sky.exr")
+        + "rotation = 323\n"
         + _object("walls", "walls.ply", PLASTER)
         + _object("floor", "floor.ply", BOARDS)
         + _object("slats", "slats.ply", PLASTER)
         + _object("table", "table.ply", VARNISHED)
-        + _ball("ball", (0.1, 0.86, -0.2), 0.24, CLAY)
+        + placed("ball", "sphere", scaled(0.24, (0.1, 0.86, -0.2)), CLAY)
     )
     return _written(folder, text)
 
@@ -127,20 +126,13 @@ def _turned(mesh: Mesh) -> Mesh:
 
 def _object(name: str, mesh: str, more: str) -> str:
     smooth = "" if "smooth" in more else "smooth = false\n"
-    return f'[[object]]\nname = "{name}"\nmesh = "{mesh}"\n{smooth}{more}'
+    return placed(name, mesh, more=smooth + more)
 
 
-def _ball(name: str, at: tuple[float, float, float], size: float, more: str) -> str:
+def _lamp(at: tuple[float, float, float], width: float, radiance: list[float]) -> str:
+    """A square panel that looks down."""
     x, y, z = at
-    where = f"transform = [{size},0,0,{x}, 0,{size},0,{y}, 0,0,{size},{z}, 0,0,0,1]\n"
-    return f'[[object]]\nname = "{name}"\nprimitive = "sphere"\n{where}{more}'
-
-
-def _lamp(name: str, at: tuple[float, float, float], size: tuple[float, float], radiance: list[float]) -> str:
-    """A panel that looks down."""
-    (x, y, z), (w, d) = at, size
-    where = f"transform = [{w},0,0,{x}, 0,0,-1,{y}, 0,{d},0,{z}, 0,0,0,1]\n"
-    return f'[[object]]\nname = "{name}"\nprimitive = "quad"\n{where}emission = {radiance}\n'
+    return placed("lamp", "quad", f"{width},0,0,{x}, 0,0,-1,{y}, 0,{width},0,{z}, 0,0,0,1", f"emission = {radiance}\n")
 
 
 def _written(folder: Path, text: str) -> Path:

@@ -17,6 +17,7 @@ from tests.app.files.test_brdf_files import insitu
 from tests.engine.realtime.conftest import SCENE
 from tests.few_points import use_few_points
 from tests.pictures import write_exr
+from tests.scene_text import camera, environment, placed
 
 
 def off(found: np.ndarray, truth: np.ndarray) -> tuple[float, float]:
@@ -64,8 +65,8 @@ def test_diffuse_objects_are_as_bright_as_in_placement(tmp_path: Path, monkeypat
     image = np.full((16, 32, 3), 0.1, np.float32)
     image[2:7, 5:12] = (8.0, 6.0, 4.0)
     write_exr(tmp_path / "sky.exr", image)
-    matt = SCENE.replace('"rough_conductor"\nalpha = 0.3', '"lambert"')
-    (tmp_path / "ball.toml").write_text(matt.replace("radiance = [1.0, 1.0, 1.0]", 'file = "sky.exr"'))
+    diffuse = SCENE.replace('"rough_conductor", alpha = 0.3', '"lambert"')
+    (tmp_path / "ball.toml").write_text(diffuse.replace(environment(), environment(file="sky.exr")))
     project = open_project(str(tmp_path / "ball.toml"), (48, 36))
     series, placement = BounceSeries(1), Placement(project.scene)
     orbit = render_project(project, lambda _: None, mode="orbit", series=series).picture
@@ -88,7 +89,7 @@ def test_the_command_writes_it(tmp_path, capsys, monkeypatch) -> None:
 
 def test_lamps_alone_are_drawn(tmp_path: Path) -> None:
     """There is no point to be lit."""
-    lamp = 'version = 1\n[camera]\nposition = [0, 0, 3]\ntarget = [0, 0, 0]\n[[object]]\nname = "lamp"\n'
-    (tmp_path / "lamp.toml").write_text(lamp + 'primitive = "quad"\nemission = [1, 2, 3]\n')
+    lamp = camera((0, 0, 3)) + placed("lamp", "quad", more="emission = [1, 2, 3]\n")
+    (tmp_path / "lamp.toml").write_text(lamp)
     found = render_project(open_project(str(tmp_path / "lamp.toml"), (8, 6)), lambda _: None, mode="orbit").picture
     np.testing.assert_array_equal(found[3, 4], [1.0, 2.0, 3.0])

@@ -26,24 +26,13 @@ from engine.planner import (
 )
 from engine.scene.scene_loader import Scene, load_scene
 from engine.settings import AS_PLANNED, RenderSettings
+from tests.scene_text import camera, material, placed, scaled
 
-SCENE = """
-version = 1
-name = "two"
-[camera]
-position = [0, 1, 4]
-target = [0, 0, 0]
-resolution = [24, 20]
-[[object]]
-name = "ball"
-primitive = "sphere"
-layer = [{ model = "lambert" }, { model = "rough_conductor", alpha = 0.4 }]
-[[object]]
-name = "lamp"
-primitive = "quad"
-transform = [1, 0, 0, 0,  0, 1, 0, 3,  0, 0, 1, 0,  0, 0, 0, 1]
-emission = EMISSION
-"""
+SCENE = (
+    camera((0, 1, 4), resolution=(24, 20))
+    + placed("ball", "sphere", more=material('model = "lambert"', 'model = "rough_conductor", alpha = 0.4'))
+    + placed("lamp", "quad", scaled(1, (0, 3, 0)), "emission = EMISSION\n")
+)
 
 
 def conductor(alpha: float) -> Layer:

@@ -30,7 +30,7 @@ from tests.app.files.test_brdf_files import insitu
 from tests.app.system.test_outputs import as_on_a_full_disk
 from tests.engine.realtime.conftest import BLOCK
 from tests.engine.realtime.zonal_harmonics.test_posed_scene import write_bar
-from tests.scene_text import camera, placed
+from tests.scene_text import camera, environment, placed
 
 
 @pytest.fixture
@@ -38,7 +38,7 @@ def scene(tmp_path: Path) -> Path:
     """A matt block on a floor under an even sky, in a folder of its own."""
     folder = tmp_path / "scene"
     folder.mkdir()
-    (folder / "block.toml").write_text(BLOCK.replace('"rough_conductor"\nalpha = 0.3', '"lambert"'))
+    (folder / "block.toml").write_text(BLOCK.replace('"rough_conductor", alpha = 0.3', '"lambert"'))
     return folder / "block.toml"
 
 
@@ -236,12 +236,11 @@ def detailed_scene(tmp_path: Path) -> Path:
     (tmp_path / "leaf.obj").write_text(OBJ)
     write_bar(tmp_path)
     path = tmp_path / "scene.toml"
-    leaf = '[[object]]\nname = "leaf"\nmesh = "leaf.obj"\n' + BUMP + DEFORM
     path.write_text(
         camera((0.0, 0.5, 3.0), 40, (8, 6))
-        + "[environment]\nradiance = [1, 1, 1]\n"
-        + leaf
-        + '[[object]]\nname = "bar"\nmesh = "bar.glb"\n'
+        + environment()
+        + placed("leaf", "leaf.obj", more=BUMP + DEFORM)
+        + placed("bar", "bar.glb")
         + placed("ball", "sphere")
     )
     return path

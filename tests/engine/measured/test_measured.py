@@ -27,6 +27,7 @@ from engine.render.still import render_reference, render_still, still_layers, st
 from engine.scene.scene_loader import load_scene
 from tests.engine.forging import forged_numbers, forged_shapes
 from tests.naive.measured import analytic_samples, drawn_measurement
+from tests.scene_text import camera, placed, scaled
 
 
 class Kept:
@@ -186,24 +187,12 @@ def test_what_was_forged_is_made_again(
             assert store.n_refused == 1, what
 
 
-SCENE = """
-version = 1
-[camera]
-position = [0.2, 1.0, 2.4]
-target = [0.0, 0.45, 0.0]
-resolution = [{size}, {size}]
-[[object]]
-name = "bunny"
-{shape}
-"""
-
-
 def bunny_under_galileo(tmp_path: Path, layers: list[Layer], data: Path, size: int) -> tuple[np.ndarray, np.ndarray]:
     """The pixels of the bunny: by transport, and by brute force over 20,480 directions with the table itself."""
     bunny = data / "meshes" / "bunny.ply"
     (tmp_path / "bunny.ply").write_bytes(bunny.read_bytes())
-    shape = 'mesh = "bunny.ply"\ntransform = [8,0,0,0.15, 0,8,0,-0.3, 0,0,8,0, 0,0,0,1]\nsmooth = true'
-    (tmp_path / "scene.toml").write_text(SCENE.format(size=size, shape=shape))
+    view = camera((0.2, 1.0, 2.4), resolution=(size, size), target=(0.0, 0.45, 0.0))
+    (tmp_path / "scene.toml").write_text(view + placed("bunny", "bunny.ply", scaled(8, (0.15, -0.3, 0))))
     placement = Placement(load_scene(tmp_path / "scene.toml"))
     sky = SkyState(load_environment(data / "probes" / "galileo_probe.hdr", "angular"))
     named = {f"bunny.{i}": layer for i, layer in enumerate(layers)}

@@ -1,4 +1,4 @@
-"""A small scene: a metal ball on a matt floor under an even sky."""
+"""A small scene: a metal ball on a diffuse floor under an even sky."""
 
 from __future__ import annotations
 
@@ -13,33 +13,14 @@ from engine.realtime.triple_product.visibility import Bits, trace_hemispheres
 from engine.scene.description import parse_description
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene, build_scene
+from tests.scene_text import camera, environment, facing_up, material, placed, scaled
 
-SCENE = """
-version = 1
-[camera]
-position = [0.0, 1.6, 4.0]
-target = [0.0, 0.4, 0.0]
-fov_y = 35.0
-[environment]
-radiance = [1.0, 1.0, 1.0]
-[[objects]]
-name = "floor"
-primitive = "quad"
-transform = [6, 0, 0, 0, 0, 0, 6, 0, 0, -6, 0, 0, 0, 0, 0, 1]
-[[objects.layers]]
-model = "lambert"
-albedo = [0.5, 0.4, 0.3]
-[[objects]]
-name = "ball"
-primitive = "sphere"
-smooth = true
-transform = [1, 0, 0, 0, 0, 1, 0, 0.5, 0, 0, 1, 0, 0, 0, 0, 1]
-[[objects.layers]]
-model = "rough_conductor"
-alpha = 0.3
-"""
+VIEW = camera((0.0, 1.6, 4.0), 35.0, target=(0.0, 0.4, 0.0)) + environment()
+FLOOR = placed("floor", "quad", facing_up(6), material('model = "lambert", albedo = [0.5, 0.4, 0.3]'))
+HALF_UP, METAL = scaled(1, (0, 0.5, 0)), material('model = "rough_conductor", alpha = 0.3')
+SCENE = VIEW + FLOOR + placed("ball", "sphere", HALF_UP, METAL)
 # With a cube in the ball's place, whose mesh has a hundredth of the points.
-BLOCK = SCENE.replace('primitive = "sphere"\nsmooth = true', 'primitive = "cube"').replace("ball", "block")
+BLOCK = VIEW + FLOOR + placed("block", "cube", HALF_UP, METAL)
 
 
 @pytest.fixture(scope="session")

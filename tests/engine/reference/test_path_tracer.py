@@ -22,52 +22,19 @@ from engine.reference.path_tracer import PathEstimate, noise_of_halves, trace_pa
 from engine.render.still import render_paths
 from engine.scene.scene_loader import load_scene
 from tests.chi_square import p_of_directions
+from tests.scene_text import LAMBERT, LIT_TABLE, camera, facing_down, placed
 
-CAMERA = """
-version = 1
-name = "small"
-[camera]
-position = [0, 1.2, 3.4]
-target = [0, 0, 0]
-resolution = [32, 24]
-"""
-BALL = """
-[[object]]
-name = "ball"
-primitive = "sphere"
-layer = [{ model = "lambert" }]
-"""
-TABLE = """
-[[object]]
-name = "table"
-primitive = "quad"
-smooth = false
-transform = [4, 0, 0, 0,  0, 0, 1, -0.5,  0, -4, 0, 0,  0, 0, 0, 1]
-layer = [{ model = "lambert" }]
-[[object]]
-name = "lamp"
-primitive = "quad"
-transform = [1, 0, 0, 0.6,  0, 0, -1, 1.6,  0, 1, 0, 0.2,  0, 0, 0, 1]
-emission = [3.0, 4.0, 5.0]
-"""
+VIEW = camera((0, 1.2, 3.4), resolution=(32, 24))
+BALL = placed("ball", "sphere", more=LAMBERT)
 # Facets: from behind one, a smooth shading normal would let light in, or none.
 # A hollow ball of radius 0.5 around the camera, with a lamp of 0.04 by 0.04 in it that looks down.
-FACETED = BALL.replace('sphere"', 'sphere"\nsmooth = false')
-HOLLOW = (
-    FACETED
-    + """
-[[object]]
-name = "lamp"
-primitive = "quad"
-transform = [0.04, 0, 0, 0,  0, 0, -0.04, 0.1,  0, 0.04, 0, 0,  0, 0, 0, 1]
-emission = [100.0, 100.0, 100.0]
-"""
-)
+FACETED = BALL + "smooth = false\n"
+HOLLOW = FACETED + placed("lamp", "quad", facing_down(0.04, (0, 0.1, 0)), "emission = [100.0, 100.0, 100.0]\n")
 Layers = Mapping[int, Sequence[Layer]]
 
 
-def place(folder: Path, objects: str, camera: str = CAMERA) -> Placement:
-    (folder / "scene.toml").write_text(camera + objects)
+def place(folder: Path, objects: str, view: str = VIEW) -> Placement:
+    (folder / "scene.toml").write_text(view + objects)
     return Placement(load_scene(folder / "scene.toml"))
 
 
@@ -132,7 +99,7 @@ def test_the_sky_is_drawn_with_the_reported_density() -> None:
 
 
 def test_emitters_are_drawn_with_the_reported_density(tmp_path: Path) -> None:
-    placement = place(tmp_path, BALL + TABLE)
+    placement = place(tmp_path, BALL + LIT_TABLE)
     light = EmitterLight(placement.scene)
     point = np.array([[0.6, -0.4, 0.2]])
     drawn = light.sample(np.tile(point, (20_000, 1)), np.random.default_rng(8).random((20_000, 3)))
@@ -163,8 +130,7 @@ def test_a_convex_white_thing_under_a_white_sky_is_invisible(tmp_path: Path) -> 
 def test_a_hollow_ball_is_a_furnace(tmp_path: Path, albedo: float, n_bounces: int) -> None:
     # In a hollow ball every place gives the same share of its light to each other, so that what was reflected n times
     # is everywhere  flux / area · albedo^n / pi.  The lamp sends pi · 100 · 0.0016 W, and takes 0.1 % of the light.
-    camera = CAMERA.replace("[0, 1.2, 3.4]", "[0, -0.1, 0.2]").replace("target = [0, 0, 0]", "target = [1, -0.5, 0]")
-    placement = place(tmp_path, HOLLOW, camera.replace("[32, 24]", "[8, 8]\nfov_y = 60"))
+    placement = place(tmp_path, HOLLOW, camera((0, -0.1, 0.2), 60, (8, 8), (1, -0.5, 0)))
     layers = {0: [lambert(albedo)]}
     once, often = (trace(placement, layers, SkyState(None), n, 256) for n in (1, n_bounces))
     edges = placement.scene.vertices[placement.scene.triangles].astype(np.float64)
@@ -175,7 +141,7 @@ def test_a_hollow_ball_is_a_furnace(tmp_path: Path, albedo: float, n_bounces: in
 
 
 def test_any_albedo_stays_finite(tmp_path: Path) -> None:
-    placement = place(tmp_path, HOLLOW, CAMERA.replace("[0, 1.2, 3.4]", "[0, 0, 0.2]").replace("[32, 24]", "[3, 3]"))
+    placement = place(tmp_path, HOLLOW, camera((0, 0, 0.2), resolution=(3, 3)))
     picture = run_to_end(render_paths(placement, {0: [lambert(1e12)]}, SkyState(None), 16, 4), lambda step: None)
     assert np.isfinite(picture).all() and picture.max() > 1e20
 
@@ -196,7 +162,7 @@ def test_darkness_is_black(tmp_path: Path) -> None:
 @pytest.mark.parametrize("model", sorted(MODELS))
 def test_one_bounce_is_direct_light(tmp_path: Path, model: str) -> None:
     """Under a sky and a lamp, with an edited curve on the table and a plain one on the ball."""
-    placement = place(tmp_path, BALL + TABLE)
+    placement = place(tmp_path, BALL + LIT_TABLE)
     layers = {0: [make_layer(MODELS[model]), lambert(0.2)], 1: [edited(model)]}
     sky = SkyState(constant_environment([1.0, 0.5, 0.2]))
     n = len(placement.hits.pixel)
@@ -217,7 +183,7 @@ def test_one_bounce_is_direct_light(tmp_path: Path, model: str) -> None:
 
 
 def test_the_reported_noise_is_the_error_that_there_is(tmp_path: Path) -> None:
-    placement = place(tmp_path, BALL + TABLE)
+    placement = place(tmp_path, BALL + LIT_TABLE)
     layers = {0: [make_layer(MODELS["rough_conductor"], {"alpha": 0.5})], 1: [lambert(0.7)]}
     sky = SkyState(constant_environment(0.5))
     truth = trace(placement, layers, sky, 3, 256, seed=9).radiance
@@ -236,7 +202,7 @@ def test_the_noise_of_halves_of_unequal_size() -> None:
 
 
 def test_a_seed_gives_the_same_picture_again_and_another_one_another(tmp_path: Path) -> None:
-    placement = place(tmp_path, BALL + TABLE)
+    placement = place(tmp_path, BALL + LIT_TABLE)
     layers, sky = {0: [lambert(0.5)], 1: [lambert(0.7)]}, SkyState(uneven_sky(), 20.0)
     a, b, c = (trace(placement, layers, sky, 2, 40, seed).radiance for seed in (1, 1, 2))
     assert np.array_equal(a, b) and not np.array_equal(a, c)
@@ -296,7 +262,7 @@ def test_four_bounces_are_what_an_independent_path_tracer_finds(
 
 
 def test_samples_lower_the_noise(tmp_path: Path) -> None:
-    placement = place(tmp_path, BALL + TABLE)
+    placement = place(tmp_path, BALL + LIT_TABLE)
     layers = {0: [replace(lambert(0.5))], 1: [lambert(0.7)]}
     few, many = (trace(placement, layers, SkyState(uneven_sky()), 2, n).noise for n in (8, 128))
     # At least as fast as the square root of their number: a quarter.

@@ -17,27 +17,14 @@ from engine.render.bounce_plan import (
     shares_of,
 )
 from engine.scene.scene_loader import load_scene
+from tests.scene_text import LAMBERT, camera, environment, placed, scaled
 
-INSIDE = 'primitive = "sphere"\ntransform = [9, 0, 0, 0, 0, 9, 0, 0, 0, 0, 9, 0, 0, 0, 0, 1]'
-OUTSIDE = 'primitive = "sphere"'
+INSIDE, OUTSIDE = scaled(9), ""  # of a ball: where the camera is
 
 
 def place(folder: Path, ball: str) -> Placement:
     scene = folder / "scene.toml"
-    scene.write_text(f"""
-version = 1
-[camera]
-position = [0, 0, 3]
-target = [0, 0, 0]
-fov_y = 40
-resolution = [24, 24]
-[environment]
-radiance = 1
-[[object]]
-name = "ball"
-{ball}
-layer = [{{ model = "lambert" }}]
-""")
+    scene.write_text(camera((0, 0, 3), 40, (24, 24)) + environment(1) + placed("ball", "sphere", ball, LAMBERT))
     return Placement(load_scene(scene))
 
 

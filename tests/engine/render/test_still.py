@@ -18,35 +18,10 @@ from engine.planner import plan_scene
 from engine.precompute.direct.pipeline import COARSE, Placement, SkyState
 from engine.render.still import render_reference, render_still, still_layers, still_quality
 from engine.scene.scene_loader import Scene, load_scene
+from tests.scene_text import LAMBERT, LIT_TABLE, camera, placed
 
-BALL = """
-version = 1
-name = "ball"
-[camera]
-position = [0, 0, 4]
-target = [0, 0, 0]
-resolution = [32, 24]
-[[object]]
-name = "ball"
-primitive = "sphere"
-layer = [{ model = "lambert" }]
-"""
-TABLE = (
-    BALL.replace("[0, 0, 4]", "[0, 1.2, 3.4]")
-    + """
-[[object]]
-name = "table"
-primitive = "quad"
-smooth = false
-transform = [4, 0, 0, 0,  0, 0, 1, -0.5,  0, -4, 0, 0,  0, 0, 0, 1]
-layer = [{ model = "lambert" }]
-[[object]]
-name = "lamp"
-primitive = "quad"
-transform = [1, 0, 0, 0.6,  0, 0, -1, 1.6,  0, 1, 0, 0.2,  0, 0, 0, 1]
-emission = [3.0, 4.0, 5.0]
-"""
-)
+BALL = camera((0, 0, 4), resolution=(32, 24)) + placed("ball", "sphere", more=LAMBERT)
+TABLE = BALL.replace("[0, 0, 4]", "[0, 1.2, 3.4]") + LIT_TABLE
 
 
 def load(folder: Path, text: str) -> Scene:

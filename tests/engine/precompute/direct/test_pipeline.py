@@ -15,11 +15,11 @@ from engine.precompute.direct.bandstore import BandStore
 from engine.precompute.direct.pipeline import COARSE, DRAG, FINAL, PREVIEW, Placement, SkyState, footprint, lattice_rows
 from engine.precompute.direct.projection import LayerShape, VisibleLight, project_layer
 from engine.scene.scene_loader import load_scene
-from tests.scene_text import camera, placed
+from tests.scene_text import camera, facing_down, facing_up, placed, scaled
 
-GROUND = camera((0, 4, 0.01), 40, (33, 33)) + placed("ground", "quad", "20,0,0,0, 0,0,20,0, 0,-20,0,0, 0,0,0,1")
-LAMP = placed("lamp", "quad", "1,0,0,1.5, 0,0,-1,1, 0,1,0,0, 0,0,0,1", "emission = [2, 2, 2]\n")
-BALL = placed("ball", "sphere", "1,0,0,0, 0,1,0,1, 0,0,1,0, 0,0,0,1")
+GROUND = camera((0, 4, 0.01), 40, (33, 33)) + placed("ground", "quad", facing_up(20))
+LAMP = placed("lamp", "quad", facing_down(1, (1.5, 1, 0)), "emission = [2, 2, 2]\n")
+BALL = placed("ball", "sphere", scaled(1, (0, 1, 0)))
 
 
 def placement_of(text: str, folder: Path) -> Placement:
@@ -61,11 +61,7 @@ def _window(low: tuple[float, float], high: tuple[float, float], far: float) -> 
         (low[0], high[0], high[1], 300.0),
     ]
     return "".join(
-        f"""[[object]]
-name = "part {i}"
-primitive = "quad"
-transform = [{x1 - x0},0,0,{(x0 + x1) / 2}, 0,{y1 - y0},0,{(y0 + y1) / 2}, 0,0,1,{far}, 0,0,0,1]
-"""
+        placed(f"part {i}", "quad", scaled((x1 - x0, y1 - y0, 1), ((x0 + x1) / 2, (y0 + y1) / 2, far)))
         for i, (x0, x1, y0, y1) in enumerate(parts)
     )
 
@@ -79,17 +75,7 @@ def _corner_factor(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 def test_a_window_draws_no_stripes_on_the_wall_across(tmp_path: Path) -> None:
     # Upright edges cross upright rows of lights on the level of the sphere all at once: with as many lights, shared
     # out by brightness alone, the wall had stripes and this error was 6 %.
-    wall = """version = 1
-[camera]
-position = [0, 0, 1.9]
-target = [0, 0, 0]
-fov_y = 60
-resolution = [72, 48]
-[[object]]
-name = "wall"
-primitive = "quad"
-transform = [600,0,0,0, 0,600,0,0, 0,0,1,0, 0,0,0,1]
-"""
+    wall = camera((0, 0, 1.9), 60, (72, 48)) + placed("wall", "quad", scaled((600, 600, 1)))
     low, high, far = (-0.2, -0.5), (0.5, 0.4), 2.0
     placement = placement_of(wall + _window(low, high, far), tmp_path)
     light, _ = driven(placement.light(SkyState(constant_environment(1.0)), FINAL))
@@ -167,24 +153,12 @@ def test_rows_and_footprints_are_kept(tmp_path: Path) -> None:
     np.testing.assert_array_equal(joined, placement.rows(4))
 
 
-SCENE = """version = 1
-[camera]
-position = [0, 1.5, 3]
-target = [0, 0.3, 0]
-resolution = [50, 37]
-[[object]]
-name = "ground"
-primitive = "quad"
-transform = [4,0,0,0, 0,0,4,0, 0,-4,0,0, 0,0,0,1]
-[[object]]
-name = "box"
-primitive = "cube"
-transform = [0.8,0,0,0, 0,0.8,0,0.4, 0,0,0.8,0, 0,0,0,1]
-[[object]]
-name = "bead"
-primitive = "cube"
-transform = [0.02,0,0,1.1, 0,0.06,0,0.1, 0,0,0.02,0.8, 0,0,0,1]
-"""
+SCENE = (
+    camera((0, 1.5, 3), resolution=(50, 37), target=(0, 0.3, 0))
+    + placed("ground", "quad", facing_up(4))
+    + placed("box", "cube", scaled(0.8, (0, 0.4, 0)))
+    + placed("bead", "cube", scaled((0.02, 0.06, 0.02), (1.1, 0.1, 0.8)))
+)
 
 
 @pytest.fixture(scope="module")

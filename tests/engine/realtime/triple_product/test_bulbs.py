@@ -11,27 +11,14 @@ from engine.material.layer import make_layer
 from engine.realtime.triple_product.orbit_engine import Orbit
 from engine.scene.description import parse_description
 from engine.scene.scene_loader import build_scene
+from tests.scene_text import camera, facing_down, facing_up, placed
 
-LAMP = """
-version = 1
-[camera]
-position = [0.3, 0.4, 1.0]
-target = [0.2, 0.0, 0.0]
-fov_y = 1.0
-[[object]]
-name = "floor"
-primitive = "quad"
-transform = [1.2, 0, 0, 0, 0, 0, 1.2, 0, 0, -1.2, 0, 0, 0, 0, 0, 1]
-[[object]]
-name = "lamp"
-primitive = "{primitive}"
-emission = [100.0, 50.0, 25.0]
-transform = [0.1, 0, 0, 0, 0, 0, -0.1, 0.5, 0, 0.1, 0, 0, 0, 0, 0, 1]
-"""
+ROOM = camera((0.3, 0.4, 1.0), 1.0, target=(0.2, 0, 0)) + placed("floor", "quad", facing_up(1.2))
 
 
 def lit_by(primitive: str) -> Orbit:
-    scene = build_scene(parse_description(tomllib.loads(LAMP.format(primitive=primitive)), "lamp"), Path("lamp.toml"))
+    lamp = placed("lamp", primitive, facing_down(0.1, (0, 0.5, 0)), "emission = [100.0, 50.0, 25.0]\n")
+    scene = build_scene(parse_description(tomllib.loads(ROOM + lamp), "lamp"), Path("lamp.toml"))
     orbit = Orbit(scene, n_points=1500)
     orbit.set_layers({0: [make_layer(MODELS["lambert"], {"albedo": [0.8, 0.5, 0.2]})]})
     orbit.set_bounces(1)

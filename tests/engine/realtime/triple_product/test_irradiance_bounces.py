@@ -15,23 +15,13 @@ from engine.realtime.triple_product.orbit_engine import Orbit
 from engine.scene.description import parse_description
 from engine.scene.scene_loader import build_scene
 from tests.rooms import slit
+from tests.scene_text import camera, facing_up, placed, scaled
 
-SPHERE = """
-version = 1
-[camera]
-position = [0.6, 0.3, 0.0]
-target = [-0.5, 0.0, 0.0]
-fov_y = 80.0
-[[object]]
-name = "sphere"
-primitive = "sphere"
-transform = [2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 1]
-[[object]]
-name = "lamp"
-primitive = "quad"
-emission = [100.0, 50.0, 25.0]
-transform = [0.1, 0, 0, 0, 0, 0, 0.1, 0, 0, -0.1, 0, 0, 0, 0, 0, 1]
-"""
+SPHERE = (
+    camera((0.6, 0.3, 0.0), 80.0, target=(-0.5, 0, 0))
+    + placed("sphere", "sphere", scaled(2))
+    + placed("lamp", "quad", facing_up(0.1), "emission = [100.0, 50.0, 25.0]\n")
+)
 
 
 @pytest.fixture(scope="module")
