@@ -33,6 +33,7 @@ from engine.precompute.direct.pipeline import Placement
 from engine.scene.loaders.ply import parse_ply
 from tests.app.files.test_brdf_files import insitu
 from tests.pictures import write_exr
+from tests.scene_text import camera, environment, placed, scaled
 from tests.ui.small_scene import coloured_sky, write_small_scene
 
 BUMP = Operator("amplify", "y", 0.1, 0.2, 0.4, 0.6, 0.8)
@@ -209,9 +210,7 @@ def test_a_far_scene_is_written_about_its_own_centre(tmp_path):
     for folder, x in ((near, 0.0), (far, 4.6e6)):
         scene = tmp_path / f"{folder.name}.toml"
         scene.write_text(
-            f"version = 1\n[camera]\nposition = [{x}, 1, 4]\ntarget = [{x}, 0, 0]\n[environment]\nradiance = 1.0\n"
-            '[[object]]\nname = "ball"\nprimitive = "sphere"\n'
-            f"transform = [1,0,0,{x}, 0,1,0,0, 0,0,1,0, 0,0,0,1]\n"
+            camera((x, 1, 4), target=(x, 0, 0)) + environment(1.0) + placed("ball", "sphere", scaled(1, (x, 0, 0)))
         )
         notes = export_scene(open_project(str(scene)), folder, 1, lambda *_: None)
         assert [note for note in notes if "moved by" in note] == (

@@ -46,20 +46,14 @@ from engine.settings import RenderSettings
 from tests.app.fake_worker import FakeClient
 from tests.naive.measured import drawn_measurement
 from tests.opened import open_in_process, run_in_process
+from tests.scene_text import camera, environment, material, placed
 
-SCENE = """version = 1
-bounces = 1
-[camera]
-position = [0, 0, 3]
-target = [0, 0, 0]
-resolution = [12, 12]
-[environment]
-radiance = [0.4, 0.5, 0.7]
-[[object]]
-name = "ball"
-primitive = "sphere"
-layer = [{ model = "measured_diffuse", file = "NAME" }, { model = "measured", file = "NAME", smoothing = 0.3 }]
-"""
+LAYERS = 'model = "measured_diffuse", file = "NAME"', 'model = "measured", file = "NAME", smoothing = 0.3'
+SCENE = (
+    camera((0, 0, 3), resolution=(12, 12), head="bounces = 1\n")
+    + environment((0.4, 0.5, 0.7))
+    + placed("ball", "sphere", more=material(*LAYERS))
+)
 
 
 @pytest.fixture

@@ -19,26 +19,14 @@ from app.worker.schedule import InProcessClient
 from app.worker.tasks import RequestDispatcher
 from engine.precompute.indirect.sampling_settings import ROUGH
 from engine.precompute.indirect.solver import Solver
+from tests.scene_text import camera, environment, facing_up, material, placed, scaled
 
-SCENE = """version = 1
-name = "two"
-[camera]
-position = [0, 0.6, 3]
-target = [0, 0.4, 0]
-resolution = [24, 16]
-[environment]
-radiance = 0.5
-[[object]]
-name = "floor"
-primitive = "quad"
-transform = [2,0,0,0, 0,0,2,0, 0,-2,0,0, 0,0,0,1]
-layer = [{ model = "lambert", albedo = [0.6, 0.5, 0.4] }]
-[[object]]
-name = "ball"
-primitive = "sphere"
-transform = [0.8,0,0,0, 0,0.8,0,0.4, 0,0,0.8,0, 0,0,0,1]
-layer = [{ model = "rough_conductor", alpha = 0.3 }]
-"""
+SCENE = (
+    camera((0, 0.6, 3), resolution=(24, 16), target=(0, 0.4, 0))
+    + environment(0.5)
+    + placed("floor", "quad", facing_up(2), material('model = "lambert", albedo = [0.6, 0.5, 0.4]'))
+    + placed("ball", "sphere", scaled(0.8, (0, 0.4, 0)), material('model = "rough_conductor", alpha = 0.3'))
+)
 
 
 class CountingStore(ArrayCache):

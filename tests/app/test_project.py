@@ -21,6 +21,7 @@ from engine.core.errors import InsituError, LoadError
 from engine.scene.builtin import builtin_environments
 from tests.app.cli.command_line import SCENE
 from tests.pictures import write_exr
+from tests.scene_text import environment
 
 
 @pytest.fixture
@@ -87,7 +88,7 @@ def test_the_light_is_the_scenes_until_another_is_chosen(scene: Path) -> None:
 
 
 def test_a_scene_without_environment_has_no_sky(tmp_path: Path) -> None:
-    (tmp_path / "dark.toml").write_text(SCENE.replace("[environment]\nradiance = 0.5\n", ""))
+    (tmp_path / "dark.toml").write_text(SCENE.replace(environment(0.5), ""))
     assert open_project(str(tmp_path / "dark.toml")).sky.environment is None
 
 

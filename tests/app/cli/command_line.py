@@ -10,22 +10,13 @@ from app.cli import program
 from app.cli.console import run_guarded
 from app.operators.script import Step
 from engine.core.errors import InsituError
+from tests.scene_text import camera, environment, material, placed
 
-SCENE = """
-version = 1
-name = "ball"
-bounces = 1
-[camera]
-position = [0, 0, 4]
-target = [0, 0, 0]
-resolution = [24, 16]
-[environment]
-radiance = 0.5
-[[object]]
-name = "ball"
-primitive = "sphere"
-layer = [{ model = "lambert", name = "chalk", albedo = 1.0 }]
-"""
+SCENE = (
+    camera((0, 0, 4), resolution=(24, 16), head='name = "ball"\nbounces = 1\n')
+    + environment(0.5)
+    + placed("ball", "sphere", more=material('model = "lambert", name = "chalk", albedo = 1.0'))
+)
 
 
 class Recorder:

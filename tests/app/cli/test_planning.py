@@ -27,25 +27,15 @@ from engine.core.errors import InsituError
 from engine.planner import Cost, Plan
 from engine.scene.builtin import builtin_scenes
 from engine.settings import DEFAULT_SETTINGS
-from tests.scene_text import ground
+from tests.scene_text import camera, ground, material, placed, scaled
 
 # Within a ball whose texture takes four fifths of the light: by its albedo alone it would need four bounces.
-SCENE = """
-version = 1
-[camera]
-position = [0, 0, 4]
-target = [0, 0, 0]
-resolution = [16, 12]
-[[object]]
-name = "ball"
-primitive = "sphere"
-transform = [12, 0, 0, 0, 0, 12, 0, 0, 0, 0, 12, 0, 0, 0, 0, 1]
-layer = [{ model = "lambert", albedo = 0.9, texture = "dark.png", texture_space = "linear" }]
-[[object]]
-name = "lamp"
-primitive = "sphere"
-emission = 4
-"""
+DARK = 'model = "lambert", albedo = 0.9, texture = "dark.png", texture_space = "linear"'
+SCENE = (
+    camera((0, 0, 4), resolution=(16, 12))
+    + placed("ball", "sphere", scaled(12), material(DARK))
+    + placed("lamp", "sphere", more="emission = 4\n")
+)
 
 
 @pytest.fixture

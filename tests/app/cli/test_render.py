@@ -12,6 +12,7 @@ from PIL import Image
 from engine.light.radiance_files import read_radiance_image
 from tests.app.cli.command_line import SCENE, run
 from tests.app.limits import largest_file
+from tests.scene_text import environment, facing_down, placed
 
 Captured = pytest.CaptureFixture[str]
 
@@ -30,14 +31,8 @@ def test_render_writes_linear_radiance(scene: Path, tmp_path: Path, capsys: Capt
 
 def test_intensity_multiplies_lamps_as_well_as_the_sky(tmp_path: Path) -> None:
     scene = tmp_path / "lamp.toml"
-    lamp = """
-[[object]]
-name = "lamp"
-primitive = "quad"
-transform = [1,0,0,0, 0,0,-1,1.2, 0,1,0,0.5, 0,0,0,1]
-emission = [6, 5, 4]
-"""
-    scene.write_text(SCENE.replace("[environment]\nradiance = 0.5\n", "") + lamp)
+    lamp = placed("lamp", "quad", facing_down(1, (0, 1.2, 0.5)), "emission = [6, 5, 4]\n")
+    scene.write_text(SCENE.replace(environment(0.5), "") + lamp)
     pictures = {}
     for intensity in (1, 3):
         output = tmp_path / f"{intensity}.exr"

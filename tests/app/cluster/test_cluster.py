@@ -35,16 +35,10 @@ from engine.core.errors import InsituError
 from engine.precompute.indirect.sampling_settings import BounceSeries
 from engine.render.display import exr_bytes
 from tests.app.cli.command_line import SCENE, run
+from tests.scene_text import material, placed, scaled
 
-ROOM = (
-    SCENE.replace("bounces = 1", "bounces = 2").replace("radiance = 0.5", 'file = "sky.exr"')
-    + """
-[[object]]
-name = "floor"
-primitive = "sphere"
-transform = [1, 0, 0, 0.6, 0, 1, 0, -1.5, 0, 0, 1, 0, 0, 0, 0, 1]
-layer = [{ model = "lambert", name = "clay", albedo = [0.7, 0.4, 0.2] }]
-"""
+ROOM = SCENE.replace("bounces = 1", "bounces = 2").replace("radiance = 0.5", 'file = "sky.exr"') + placed(
+    "floor", "sphere", scaled(1, (0.6, -1.5, 0)), material('model = "lambert", name = "clay", albedo = [0.7, 0.4, 0.2]')
 )
 FRAMES = Frames(4, settings=(("n_lights", 60), ("n_patches", 20)), series=BounceSeries(1))
 

@@ -10,38 +10,20 @@ from app.project.project import open_project
 from app.stills.stills import render_project
 from engine.precompute.indirect.sampling_settings import BounceSeries
 from tests.few_points import use_few_points
+from tests.scene_text import camera, environment, material, placed
 
 GLOW, ALBEDO, SKY = np.array([0.3, 0.1, 0.0]), np.array([0.5, 0.5, 0.8]), 0.7
-BALL = f"""
-version = 1
-name = "glow"
-[camera]
-position = [0, 0, 4]
-target = [0, 0, 0]
-resolution = [24, 18]
-[environment]
-radiance = [{SKY}, {SKY}, {SKY}]
-[[object]]
-name = "ball"
-mesh = "ball.ply"
-emission = {GLOW.tolist()}
-layer = [{{ model = "lambert", albedo = {ALBEDO.tolist()} }}]
-"""
-HOLLOW = """
-version = 1
-name = "furnace"
-[camera]
-position = [0, 0, 0.2]
-target = [0.3, 0.1, -1]
-fov_y = 60
-resolution = [8, 6]
-[[object]]
-name = "shell"
-mesh = "shell.ply"
-smooth = false
-emission = [1.0, 0.5, 2.0]
-layer = [{ model = "lambert", albedo = [0.5, 0.5, 0.5] }]
-"""
+BALL = (
+    camera((0, 0, 4), resolution=(24, 18))
+    + environment((SKY, SKY, SKY))
+    + placed("ball", "ball.ply", more=material(f'model = "lambert", albedo = {ALBEDO.tolist()}'))
+    + f"emission = {GLOW.tolist()}\n"
+)
+HOLLOW = (
+    camera((0, 0, 0.2), 60, (8, 6), (0.3, 0.1, -1))
+    + placed("shell", "shell.ply", more=material('model = "lambert", albedo = [0.5, 0.5, 0.5]'))
+    + "smooth = false\nemission = [1.0, 0.5, 2.0]\n"
+)
 QUICK = {"orbit": {"n_points": 0}, "deform": {"n_rays": 256}}
 
 

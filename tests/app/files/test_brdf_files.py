@@ -18,17 +18,10 @@ from engine.measured.measurement import above_horizon, evaluate_table, grid_dire
 from engine.measured.sample_files import merl_samples, read_merl
 from engine.measured.tables import read_measurement, table_of
 from engine.render.tabulate import tabulate_layers, untabulated_features
+from tests.scene_text import camera, material, placed
 
-SCENE = """
-version = 1
-[camera]
-position = [0, 0, 4]
-target = [0, 0, 0]
-[[object]]
-name = "ball"
-primitive = "sphere"
-layer = [{ model = "lambert", albedo = [0.7, 0.3, 0.1] }, { model = "rough_conductor", alpha = 0.3, scale = 0.4 }]
-"""
+LAYERS = 'model = "lambert", albedo = [0.7, 0.3, 0.1]', 'model = "rough_conductor", alpha = 0.3, scale = 0.4'
+SCENE = camera((0, 0, 4)) + placed("ball", "sphere", more=material(*LAYERS))
 
 
 def insitu(*arguments: object) -> int:

@@ -2,29 +2,15 @@
 
 import pytest
 
-SCENE = """
-version = 1
-name = "tiny"
-bounces = 1
-[camera]
-position = [0.0, 1.6, 2.4]
-target = [0.0, 0.2, 0.0]
-fov_y = 40.0
-resolution = [32, 24]
-[environment]
-radiance = [1.0, 0.9, 0.8]
-[[object]]
-name = "cube"
-primitive = "cube"
-smooth = false
-transform = [0.6, 0, 0, 0,  0, 0.6, 0, 0.31,  0, 0, 0.6, 0,  0, 0, 0, 1]
-layer = [ { model = "rough_conductor", alpha = 0.3 } ]
-[[object]]
-name = "ground"
-primitive = "quad"
-transform = [4, 0, 0, 0,  0, 0, 4, 0,  0, -4, 0, 0,  0, 0, 0, 1]
-layer = [ { model = "lambert", albedo = [0.5, 0.4, 0.3] } ]
-"""
+from tests.scene_text import camera, environment, facing_up, material, placed, scaled
+
+SCENE = (
+    camera((0.0, 1.6, 2.4), 40.0, (32, 24), (0.0, 0.2, 0.0), 'name = "tiny"\nbounces = 1\n')
+    + environment((1.0, 0.9, 0.8))
+    + placed("cube", "cube", scaled(0.6, (0, 0.31, 0)), material('model = "rough_conductor", alpha = 0.3'))
+    + "smooth = false\n"
+    + placed("ground", "quad", facing_up(4), material('model = "lambert", albedo = [0.5, 0.4, 0.3]'))
+)
 
 
 @pytest.fixture(scope="package")

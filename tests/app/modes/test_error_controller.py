@@ -25,17 +25,11 @@ from app.worker.schedule import InProcessClient
 from app.worker.tasks import RequestDispatcher
 from engine.curve.operators import Operator
 from engine.precompute.indirect.sampling_settings import ROUGH, BounceSeries
-from tests.scene_text import ground
+from tests.scene_text import ground, material, placed, scaled
 
 LIFT = Operator("translate", "y", 0.1, 0.2, 0.3, 0.4, magnitude=1.0)
-SCENE = (
-    ground((16, 12))
-    + """[[object]]
-name = "ball"
-primitive = "sphere"
-transform = [1,0,0,0, 0,1,0,0.5, 0,0,1,0, 0,0,0,1]
-layer = [{ model = "rough_conductor", alpha = 0.3 }]
-"""
+SCENE = ground((16, 12)) + placed(
+    "ball", "sphere", scaled(1, (0, 0.5, 0)), material('model = "rough_conductor", alpha = 0.3')
 )
 
 

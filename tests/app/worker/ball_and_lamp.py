@@ -23,32 +23,14 @@ from engine.precompute.direct.bandstore import BandTile
 from engine.precompute.direct.projection import project_layer
 from engine.settings import RenderSettings
 from tests.opened import open_in_process
+from tests.scene_text import facing_down, ground, material, placed, scaled
 
-SCENE = """version = 1
-bounces = 1
-[camera]
-position = [0.4, 1.6, 2.6]
-target = [0, 0.3, 0]
-fov_y = 45
-resolution = [48, 48]
-[environment]
-radiance = [0.4, 0.5, 0.7]
-[[object]]
-name = "ground"
-primitive = "quad"
-transform = [5,0,0,0, 0,0,5,0, 0,-5,0,0, 0,0,0,1]
-layer = [{ model = "lambert" }]
-[[object]]
-name = "ball"
-primitive = "sphere"
-transform = [0.9,0,0,0, 0,0.9,0,0.5, 0,0,0.9,0, 0,0,0,1]
-layer = [{ model = "lambert" }, { model = "rough_conductor", alpha = 0.3 }]
-[[object]]
-name = "lamp"
-primitive = "quad"
-transform = [1,0,0,-1.2, 0,0,-1,2.4, 0,1,0,0, 0,0,0,1]
-emission = [6, 5, 4]
-"""
+COATED = material('model = "lambert"', 'model = "rough_conductor", alpha = 0.3')
+SCENE = (
+    ground((48, 48), size=5)
+    + placed("ball", "sphere", scaled(0.9, (0, 0.5, 0)), COATED)
+    + placed("lamp", "quad", facing_down(1, (-1.2, 2.4, 0)), "emission = [6, 5, 4]\n")
+)
 PREVIEW_LIGHTS, FINAL_LIGHTS = 80, 480
 DECIDED = {field.name for field in fields(RenderSettings)} - {"precision"}  # which a request has itself
 BANDS = {"lambert": (8,), "rough_conductor": (16, 4)}

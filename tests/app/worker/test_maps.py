@@ -15,11 +15,10 @@ from engine.material.layer_maps import Images
 from engine.material.strokes import Stroke, Strokes, pack_dabs
 from engine.texture.pyramid import make_pyramid
 from tests.opened import open_in_process, run_in_process
-from tests.scene_text import camera, placed
+from tests.scene_text import LAMBERT, camera, placed
 
-MATT = 'layer = [{ model = "lambert" }]\n'
-SCENE = camera((0, 0, 3), 20, (12, 12)) + placed("card", "quad", more=MATT)
-SCENE += '[[object]]\nname = "bare"\nmesh = "bare.obj"\n' + MATT
+SCENE = camera((0, 0, 3), 20, (12, 12)) + placed("card", "quad", more=LAMBERT)
+SCENE += placed("bare", "bare.obj", more=LAMBERT)
 
 
 @pytest.fixture
