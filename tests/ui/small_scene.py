@@ -15,35 +15,20 @@ from app.messages.worker_messages import Request, WorkerClient
 from app.worker.schedule import InProcessClient
 from app.worker.tasks import RequestDispatcher
 from tests.pictures import write_exr
+from tests.scene_text import LEANING_LAMP, camera, environment, facing_up, material, placed, scaled
 from ui.headless import HeadlessWindow
 from ui.picture_feed import PictureFeed
 
-SCENE = """version = 1
-bounces = 1
-name = "small"
-[camera]
-position = [0.4, 1.2, 2.6]
-target = [0, 0.45, 0]
-fov_y = 42
-resolution = [96, 64]
-[environment]
-file = "sky.exr"
-[[object]]
-name = "ground"
-primitive = "quad"
-transform = [5,0,0,0, 0,0,5,0, 0,-5,0,0, 0,0,0,1]
-layer = [{ model = "lambert", name = "clay", albedo = [0.6, 0.5, 0.4] }]
-[[object]]
-name = "ball"
-primitive = "sphere"
-transform = [0.9,0,0,0, 0,0.9,0,0.5, 0,0,0.9,0, 0,0,0,1]
-layer = [{ model = "lambert", name = "base", albedo = [0.1, 0.2, 0.4] }, { model = "rough_conductor", name = "coat", alpha = 0.3 }]
-[[object]]
-name = "lamp"
-primitive = "quad"
-transform = [0.5,0,0,-0.8, 0,0.35,-0.35,1.05, 0,0.35,0.35,-0.6, 0,0,0,1]
-emission = [9, 7, 5]
-"""  # noqa: E501
+CLAY = 'model = "lambert", name = "clay", albedo = [0.6, 0.5, 0.4]'
+BASE = 'model = "lambert", name = "base", albedo = [0.1, 0.2, 0.4]'
+COAT = 'model = "rough_conductor", name = "coat", alpha = 0.3'
+SCENE = (
+    camera((0.4, 1.2, 2.6), 42, (96, 64), (0, 0.45, 0), 'bounces = 1\nname = "small"\n')
+    + environment(file="sky.exr")
+    + placed("ground", "quad", facing_up(5), material(CLAY))
+    + placed("ball", "sphere", scaled(0.9, (0, 0.5, 0)), material(BASE, COAT))
+    + LEANING_LAMP
+)
 
 
 def write_small_scene(folder: Path, text: str = SCENE) -> Path:

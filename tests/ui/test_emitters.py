@@ -17,6 +17,7 @@ from app.stills.stills import render_picture
 from app.worker.cache import ArrayCache
 from app.worker.tasks import RequestDispatcher
 from engine.precompute.indirect.sampling_settings import BounceSeries
+from tests.scene_text import environment
 from tests.ui.small_scene import (
     SCENE,
     CountingClient,
@@ -30,7 +31,7 @@ from ui.picture_feed import PictureFeed
 
 pytestmark = pytest.mark.gl
 
-DARK = SCENE.replace('[environment]\nfile = "sky.exr"\n', "")
+DARK = SCENE.replace(environment(file="sky.exr"), "")
 BLUE = (1.0, 3.0, 9.0)
 SCENE_OF_BLUE = SCENE.replace("emission = [9, 7, 5]", "emission = [1, 3, 9]")
 

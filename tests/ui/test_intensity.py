@@ -14,6 +14,7 @@ from app.document.view_state import SetView
 from app.modes.placement.placement_messages import ComputeTransport, ContractTransport
 from app.worker.cache import ArrayCache
 from app.worker.tasks import RequestDispatcher
+from tests.scene_text import environment
 from tests.ui.small_scene import SCENE, CountingClient, opened_window, wait_until_exact, write_small_scene
 from ui.headless import HeadlessWindow
 from ui.picture_feed import PictureFeed
@@ -29,7 +30,7 @@ def client(tmp_path: Path) -> CountingClient:
 @pytest.fixture
 def window(context: moderngl.Context, client: CountingClient, tmp_path: Path) -> Iterator[HeadlessWindow]:
     """The small scene without its sky, shown linearly."""
-    scene = write_small_scene(tmp_path, SCENE.replace('[environment]\nfile = "sky.exr"\n', ""))
+    scene = write_small_scene(tmp_path, SCENE.replace(environment(file="sky.exr"), ""))
     view = {"n_lights": 400, "tone_mapping": "linear"}
     with opened_window(context, scene, client, **view) as opened:
         opened.shell.editor.select(None)  # no outline in the picture

@@ -16,34 +16,20 @@ from app.worker.cache import ArrayCache
 from app.worker.schedule import InProcessClient
 from app.worker.tasks import RequestDispatcher
 from engine.precompute.indirect.sampling_settings import BounceSeries
+from tests.scene_text import camera, environment, material, placed, scaled
 from tests.ui.small_scene import linear_picture, opened_window, wait_until_exact
 
 pytestmark = pytest.mark.gl
 
-SCENE = """version = 1
-bounces = 1
-name = "textured"
-[camera]
-position = [0, 1.2, 2.2]
-target = [0, 0.25, 0]
-fov_y = 40
-resolution = [32, 20]
-[environment]
-radiance = [0.8, 0.9, 1.0]
-[[object]]
-name = "ground"
-primitive = "quad"
-transform = [4,0,0,0, 0,0,1,0, 0,-4,0,0, 0,0,0,1]
-layer = [{ model = "lambert", albedo = 0.9, texture = "red.png", texture_scale = 6 }]
-[[object]]
-name = "ball"
-primitive = "sphere"
-transform = [0.8,0,0,0, 0,0.8,0,0.4, 0,0,0.8,0, 0,0,0,1]
-layer = [
-  { model = "lambert", albedo = 0.8, weight = "mask.png" },
-  { model = "phong", exponent = 10, weight = "mask.png", weight_invert = true },
-]
-"""
+RED = 'model = "lambert", albedo = 0.9, texture = "red.png", texture_scale = 6'
+MASKED = 'model = "lambert", albedo = 0.8, weight = "mask.png"'
+REST = 'model = "phong", exponent = 10, weight = "mask.png", weight_invert = true'
+SCENE = (
+    camera((0, 1.2, 2.2), 40, (32, 20), (0, 0.25, 0), "bounces = 1\n")
+    + environment((0.8, 0.9, 1.0))
+    + placed("ground", "quad", "4,0,0,0, 0,0,1,0, 0,-4,0,0, 0,0,0,1", material(RED))
+    + placed("ball", "sphere", scaled(0.8, (0, 0.4, 0)), material(MASKED, REST))
+)
 
 
 @pytest.fixture
