@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 from engine.realtime.core.shading_points import ShadingPoints, shading_points
 from engine.realtime.triple_product.visibility import Bits, trace_hemispheres
@@ -23,9 +24,17 @@ SCENE = VIEW + FLOOR + placed("ball", "sphere", HALF_UP, METAL)
 BLOCK = VIEW + FLOOR + placed("block", "cube", HALF_UP, METAL)
 
 
+def with_ball(folder: Path, n_subdivisions: int) -> str:
+    """The scene with a ball of fewer triangles, whose mesh is written to the folder."""
+    trimesh.creation.icosphere(n_subdivisions, radius=0.5).export(folder / "ball.ply")
+    return SCENE.replace('primitive = "sphere"', 'mesh = "ball.ply"')
+
+
 @pytest.fixture(scope="session")
-def ball_scene() -> Scene:
-    return build_scene(parse_description(tomllib.loads(SCENE), "ball"), Path("ball.toml"), (48, 36))
+def ball_scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
+    folder = tmp_path_factory.mktemp("ball")
+    text = with_ball(folder, 3)
+    return build_scene(parse_description(tomllib.loads(text), "ball"), folder / "ball.toml", (48, 36))
 
 
 @pytest.fixture(scope="session")

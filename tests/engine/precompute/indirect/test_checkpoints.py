@@ -96,13 +96,17 @@ def test_what_is_resumed_is_what_is_found_at_once(at_once: Arrays) -> None:
     assert_same(at_once, resumed)
 
 
+@pytest.mark.parametrize("every", [6, pytest.param(1, marks=pytest.mark.sweep)])
 @pytest.mark.parametrize("tolerance", [0.0, 1.0], ids=["looked at anew", "by the fewest rays"])
-def test_wherever_it_ends_it_goes_on_with_as_many_rays(monkeypatch: pytest.MonkeyPatch, tolerance: float) -> None:
+def test_wherever_it_ends_it_goes_on_with_as_many_rays(
+    monkeypatch: pytest.MonkeyPatch, tolerance: float, every: int
+) -> None:
     monkeypatch.setattr(ray_budget, "TOLERANCE", tolerance)
     whole = Memory()
     once = found(whole, other_light=0.0)
     assert once["n_rays"] == FINENESS.n_rays // (1 if tolerance == 0.0 else LEVELS[0]) and once["noise"] > 0.0
-    for lives in range(1, len(whole.parts)):
+    assert len(whole.parts) > 6
+    for lives in range(1, len(whole.parts), every):
         memory = Memory(lives=lives)
         with pytest.raises(Killed):
             found(memory, other_light=0.0)
