@@ -104,8 +104,12 @@ class Environment:
 
 def constant_environment(radiance: ArrayLike) -> Environment:
     """The same radiance from everywhere: a number or (3,). Raises ValueError if it is negative or not finite."""
-    value = np.broadcast_to(np.asarray(radiance, dtype=np.float32), (3,))
-    return Environment(value.reshape(1, 1, 3), "constant")
+    return _constant(*np.broadcast_to(np.asarray(radiance, dtype=np.float32), (3,)).tolist())
+
+
+@lru_cache(maxsize=8)  # so that a sky set again is the same one, whose integrals are known
+def _constant(*radiance: float) -> Environment:
+    return Environment(np.array([[radiance]], np.float32), "constant")
 
 
 def load_environment(path: str | Path, mapping: Mapping = "latlong") -> Environment:
