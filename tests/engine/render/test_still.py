@@ -1,7 +1,6 @@
 """Stills: against closed forms, against brute force, and against pictures of an independent path tracer."""
 
 import importlib.util
-from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 
@@ -18,6 +17,7 @@ from engine.planner import plan_scene
 from engine.precompute.direct.pipeline import COARSE, Placement, SkyState
 from engine.render.still import render_reference, render_still, still_layers, still_quality
 from engine.scene.scene_loader import Scene, load_scene
+from tests.reference_thirds import open_third, third
 from tests.scene_text import LAMBERT, LIT_TABLE, camera, placed
 
 BALL = camera((0, 0, 4), resolution=(32, 24)) + placed("ball", "sphere", more=LAMBERT)
@@ -135,19 +135,13 @@ def compare(shared_reference: Path) -> ModuleType:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [pytest.param("teatray", marks=pytest.mark.sweep), "bunny", "cornell"])
-def test_references(name: str, shared_reference: Path, compare: ModuleType, open_reference: Callable) -> None:
-    project = open_reference(name)
+def test_references(name: str, shared_reference: Path, compare: ModuleType) -> None:
+    project = open_third(shared_reference / f"{name}.toml")
     image = render(project.scene, project.layers, project.sky)
     with Image.open(shared_reference / f"{name}_mask.png") as picture:
         mask = np.asarray(picture.convert("L")) > 127
-    rmse, mean = compare.errors(image, compare.load(shared_reference / f"{name}_1.exr"), mask)
+    expected = compare.load(shared_reference / f"{name}_1.exr")
+    rmse, mean = compare.errors(image, third(expected), third(mask))
     assert np.isfinite(image).all()
     # The path tracer's own noise is 0.04 to 0.37 %.
     assert rmse <= 0.02 and abs(mean) <= 0.002, f"relRMSE {rmse:.3%}, mean {mean:+.3%}"
-
-
-@pytest.fixture
-def open_reference(shared_reference: Path) -> Callable:
-    from app.project.project import open_project
-
-    return lambda name: open_project(str(shared_reference / f"{name}.toml"))
