@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-# What is compiled while the arguments' call is made, by module.
+# What is compiled on words while the call of each argument is made, a line each.
 PROGRAM = """
 import sys
 import numpy as np
@@ -23,11 +23,12 @@ from engine.precompute.direct import _relight_kernels as relight
 
 single = lambda *shape: np.ones(shape, np.float32)
 double, whole = np.ones, np.zeros(1, np.int64)
-with event.install_recorder("numba:compile") as recorder:
-    exec(sys.argv[1])
-modules = {each.data["dispatcher"].py_func.__module__ for _, each in recorder.buffer}
-assert any(module.startswith("engine.") for module in modules), modules
-print(*(module for module in modules if "unicode" in module))
+for call in sys.argv[1:]:
+    with event.install_recorder("numba:compile") as recorder:
+        exec(call)
+    modules = {each.data["dispatcher"].py_func.__module__ for _, each in recorder.buffer}
+    assert any(module.startswith("engine.") for module in modules), modules
+    print(*(module for module in modules if "unicode" in module))
 """
 CALLS = {
     "first rays": "orbit.first_rays(whole, single(1, 3), single(1, 3, 3), single(4, 3), single(1, 3), single(1, 3))",
@@ -39,12 +40,19 @@ CALLS = {
 }
 
 
-@pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"), reason="nothing is compiled")
-@pytest.mark.parametrize("call", CALLS.values(), ids=CALLS)
-def test_no_words_are_compiled(call: str, tmp_path: Path) -> None:
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+@pytest.fixture(scope="module")
+def compiled(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """Modules of words that each call compiles, in a process that has compiled nothing before."""
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path_factory.mktemp("kernels"))}
     done = subprocess.run(
-        [sys.executable, "-c", PROGRAM, call], cwd=ROOT, env=environment, capture_output=True, text=True, timeout=300
-    )
+        [sys.executable, "-c", PROGRAM, *CALLS.values()], cwd=ROOT, env=environment, capture_output=True, text=True,
+        timeout=300,
+    )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    assert done.stdout.strip() == ""
+    return dict(zip(CALLS, done.stdout.splitlines(), strict=True))
+
+
+@pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"), reason="nothing is compiled")
+@pytest.mark.parametrize("call", CALLS)
+def test_no_words_are_compiled(compiled: dict[str, str], call: str) -> None:
+    assert compiled[call] == ""
