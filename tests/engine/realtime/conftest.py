@@ -19,7 +19,6 @@ from tests.scene_text import camera, environment, facing_up, material, placed, s
 VIEW = camera((0.0, 1.6, 4.0), 35.0, target=(0.0, 0.4, 0.0)) + environment()
 FLOOR = placed("floor", "quad", facing_up(6), material('model = "lambert", albedo = [0.5, 0.4, 0.3]'))
 HALF_UP, METAL = scaled(1, (0, 0.5, 0)), material('model = "rough_conductor", alpha = 0.3')
-SCENE = VIEW + FLOOR + placed("ball", "sphere", HALF_UP, METAL)
 # With a cube in the ball's place, whose mesh has a hundredth of the points.
 BLOCK = VIEW + FLOOR + placed("block", "cube", HALF_UP, METAL)
 
@@ -27,7 +26,7 @@ BLOCK = VIEW + FLOOR + placed("block", "cube", HALF_UP, METAL)
 def with_ball(folder: Path, n_subdivisions: int) -> str:
     """The scene with a ball of fewer triangles, whose mesh is written to the folder."""
     trimesh.creation.icosphere(n_subdivisions, radius=0.5).export(folder / "ball.ply")
-    return SCENE.replace('primitive = "sphere"', 'mesh = "ball.ply"')
+    return VIEW + FLOOR + placed("ball", "ball.ply", HALF_UP, METAL)
 
 
 @pytest.fixture(scope="session")

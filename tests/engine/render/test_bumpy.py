@@ -1,6 +1,7 @@
 """Bumps in pictures: the irradiance of a tilted plane below the true horizon, and one picture by three methods."""
 
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -51,6 +52,7 @@ def lambert(albedo: float = 0.5) -> Layer:
     return make_layer(MODELS["lambert"], {"albedo": (albedo,) * 3})
 
 
+@cache
 def sun(height: float) -> SkyState:
     """A small sun over +X, so many degrees above the horizon, of irradiance 1 across its rays."""
     image = np.zeros((180, 360, 3), np.float32)
@@ -133,6 +135,7 @@ def walled(folder: Path, model: str) -> Placement:
     return Placement(load_scene(folder / "scene.toml"))
 
 
+@cache
 def bright_side() -> SkyState:
     """Smooth, as oracles and transport differ in how they look up between texels."""
     row, column = np.mgrid[0:64, 0:128]

@@ -10,13 +10,14 @@ from engine.core.generators import run_to_end
 from engine.light.environment import constant_environment
 from engine.planner import plan_scene
 from engine.precompute.direct.pipeline import FINAL, Placement, SkyState
-from engine.precompute.indirect.sampling_settings import BounceSeries
+from engine.precompute.indirect.sampling_settings import STILL, BounceSeries
 from engine.render.error_estimate import estimate_error
 from engine.render.still import indirect_radiance, reflect_layers, render_still, still_layers
 from engine.scene.scene_loader import Scene, load_scene
 from tests.engine.render.test_still import TABLE
 
 QUALITY = replace(FINAL, n_lights=100, n_patches=64)
+FEWER_RAYS = replace(STILL, n_rays=256, n_cache_records=4000)
 SKY = SkyState(constant_environment((0.5, 0.6, 0.7)))
 
 
@@ -25,7 +26,7 @@ def picture(scene: Scene, n_edge_rays: int = 0, n_bounces: int = 1) -> np.ndarra
     layers = layers_of(scene)
     indirect = None
     if n_bounces > 1:
-        indirect = run_to_end(indirect_radiance(placement, layers, SKY, BounceSeries(n_bounces)))
+        indirect = run_to_end(indirect_radiance(placement, layers, SKY, BounceSeries(n_bounces), FEWER_RAYS))
     return run_to_end(render_still(placement, layers, SKY, QUALITY, indirect))
 
 

@@ -127,7 +127,7 @@ def wrong_answers(scene: str | Path, resolution: tuple[int, int], every: int) ->
 def test_coherence_on_shapes() -> None:
     # At most 2 answers in 10,000 are wrong, for 7 % of the rays; at half the pixels a side of the full picture,
     # where neighbours are less alike.
-    wrong, traced = wrong_answers(builtin_scenes()["shapes"], (257, 257), 12)
+    wrong, traced = wrong_answers(builtin_scenes()["shapes"], (257, 257), 36)
     assert wrong <= 2e-4 and traced < 0.07
 
 

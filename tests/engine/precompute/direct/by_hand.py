@@ -1,6 +1,7 @@
 """Shading points, blockers and lights placed by hand, and the whole way from them to band transport."""
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 
@@ -71,6 +72,11 @@ def square(centre: Sequence[float], u: Sequence[float], v: Sequence[float]) -> n
     return corners[[[0, 1, 2], [0, 2, 3]]]
 
 
+@lru_cache(maxsize=16)
+def cut_sky(environment: Environment, n_lights: int, rotation: float) -> TriangleLights:
+    return cut_lights(environment, n_lights, rotation, 6)
+
+
 def light_of(
     hits: PrimaryHits,
     environment: Environment | None = None,
@@ -85,7 +91,7 @@ def light_of(
     sky: TriangleLights | None = None
     tree: EmitterTree | None = None
     if environment is not None:
-        sky = cut_lights(environment, n_lights, rotation, 6)
+        sky = cut_sky(environment, n_lights, rotation)
     if emitters is not None:
         tree = emitter_tree(emitters, np.ones((len(emitters), 3)), n_patches)
     lighting = prepare_lighting(sky, tree, tolerance)

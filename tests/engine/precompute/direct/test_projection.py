@@ -1,6 +1,7 @@
 """From light and visibility to bands: closed forms, the dense twin, and every knob at its ends."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -57,6 +58,7 @@ LAYERS += [
 ]  # fmt: skip
 
 
+@cache
 def noise(seed: int = 0) -> Environment:
     return Environment(np.random.default_rng(seed).random((16, 32, 3)) ** 4, "noise")
 
@@ -380,6 +382,13 @@ def test_tiles_come_in_order_and_are_left_out_when_known() -> None:
     np.testing.assert_array_equal(rest[1].values, everything[2].values)
 
 
+@cache
+def one_texel(radiance: float) -> Environment:
+    image = np.zeros((8, 16, 3), np.float32)
+    image[2, 3] = radiance
+    return Environment(image, "one texel")
+
+
 @settings(deadline=None, max_examples=40, derandomize=True)
 @given(
     model=st.sampled_from(sorted(MODELS)),
@@ -399,10 +408,8 @@ def test_no_number_is_ever_odd(model, roughness, bands, lean, turn, radiance, n_
         bands = (bands[0], 1)
     eye = np.array([[np.sin(lean) * np.cos(turn), np.cos(lean), np.sin(lean) * np.sin(turn)]])
     hits = points_at(ORIGIN, UP, eye)
-    image = np.zeros((8, 16, 3), np.float32)
-    image[2, 3] = radiance
     lamp = square((0, distance, 0), (1, 0, 0), (0, 0, 1))
-    light = light_of(hits, Environment(image, "one texel"), lamp, n_lights=n_lights, n_patches=8)
+    light = light_of(hits, one_texel(radiance), lamp, n_lights=n_lights, n_patches=8)
     store = project(hits, light, layer, bands)
     values = bands_of(store)
     assert np.isfinite(values).all() and (values >= 0).all()

@@ -19,7 +19,9 @@ from engine.precompute.indirect.solver import Solver
 from engine.scene.description import parse_description
 from engine.scene.scene_loader import build_scene
 
-QUICK = replace(FINE, n_rays=256, max_extra_sets=0, n_cache_records=600, n_record_rays=64, n_samples=512)
+QUICK = replace(
+    FINE, n_rays=256, max_extra_sets=0, n_photons=1 << 14, n_cache_records=600, n_record_rays=64, n_samples=512
+)
 IDENTITY = [1.0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
 
 

@@ -13,7 +13,7 @@ from engine.material.layer import Layer, evaluate_layer, make_layer
 from engine.precompute.direct.pipeline import SkyState
 from engine.precompute.indirect.albedo import slant_roots
 from engine.precompute.indirect.indirect_layers import indirect_layer
-from engine.precompute.indirect.sampling_settings import BounceSeries
+from engine.precompute.indirect.sampling_settings import STILL, BounceSeries
 from engine.reference.path_tracer import trace_halves
 from engine.render.still import StillLayer, by_object, indirect_radiance
 from engine.sphere.geodesic import geodesic
@@ -81,7 +81,10 @@ def test_light_below_a_low_lamp_has_the_mean_of_paths() -> None:
     white = make_layer(MODELS["lambert"], {"albedo": [0.7] * 3})
     layers = [StillLayer(0, white, (16, 1), False), StillLayer(1, dark, (16, 1), False)]
     layers += [StillLayer(1, POLISH, (128, 32), False)]
-    ours = run_to_end(indirect_radiance(placement, layers, SkyState(None), BounceSeries(3)), lambda step: None)
+    ours = run_to_end(
+        indirect_radiance(placement, layers, SkyState(None), BounceSeries(3), replace(STILL, n_photons=1 << 17)),
+        lambda step: None,
+    )
     rows = np.arange(len(placement.hits.pixel))
     halves = run_to_end(trace_halves(placement, by_object(layers), SkyState(None), 3, 1024, 1, rows))
     indirect = halves[:, :, 1] - halves[:, :, 0]

@@ -83,7 +83,7 @@ def test_a_caustic_is_that_of_traced_paths(under_lamp):
     }  # fmt: skip
     rows = placement.rows_of(0)
     truth = [
-        run_to_end(trace_paths(placement, materials, SkyState(None), n, 256, rows=rows), lambda step: None).radiance
+        run_to_end(trace_paths(placement, materials, SkyState(None), n, 128, rows=rows), lambda step: None).radiance
         for n in (1, 2)
     ]
     truth, ours = truth[1] - truth[0], _on_floor(found, layers, placement)

@@ -159,12 +159,14 @@ def test_memory_does_not_grow_with_the_number_of_objects():
     assert bytes_of[1] == pytest.approx(bytes_of[0], rel=0.01)
 
 
+NOISE = Environment((np.random.default_rng(3).random((16, 32, 3)) ** 4).astype(np.float32), "noise")
+
+
 def _under_a_gradient(scale: float, *layers) -> np.ndarray:
     """Indirect light of the corner under a sky that is not even, `scale` times as bright."""
-    rows = np.random.default_rng(3).random((16, 32, 3)) ** 4
     solver = Solver(
         placement_of(CORNER, **CORNER_VIEW, n=12), {0: ["lambert"], 1: ["lambert"], 2: ["cook_torrance"]},
-        SkyState(Environment(rows.astype(np.float32), "noise"), 20.0, scale), 4, replace(QUICK, n_rays=64, n_samples=64),
+        SkyState(NOISE, 20.0, scale), 4, replace(QUICK, n_rays=64, n_samples=64),
     )  # fmt: skip
     return run_to_end(solver.solve(layers), lambda step: None).picture(layers).astype(np.float64)
 

@@ -68,11 +68,11 @@ def test_more_points_gather_where_bounced_light_has_an_edge(tmp_path: Path) -> N
     z = points.position[:, 2]
     floor = np.flatnonzero((points.i_object == 1) & ~points.buried & (z > -1.8) & (z < -0.5))
     assert len(floor) > 100
-    ways = np.einsum("rk,nki->nri", cosine_tables(2048)[0], points.frames[floor][:, [0, 2, 1]]).astype(np.float32)
-    met, _ = lit.mesh.trace(np.repeat(points.lifted[floor], 2048, axis=0), ways.reshape(-1, 3))
+    ways = np.einsum("rk,nki->nri", cosine_tables(1024)[0], points.frames[floor][:, [0, 2, 1]]).astype(np.float32)
+    met, _ = lit.mesh.trace(np.repeat(points.lifted[floor], 1024, axis=0), ways.reshape(-1, 3))
     albedo = orbit.reflections.albedos(orbit.scene)[points.i_object]
     sent = (lit.incident.irradiance * albedo)[met.corners]
-    truth = np.einsum("nk,nki->ni", met.weights * (met.corners[:, :1] >= 0), sent).reshape(len(floor), 2048, 3)
+    truth = np.einsum("nk,nki->ni", met.weights * (met.corners[:, :1] >= 0), sent).reshape(len(floor), 1024, 3)
     truth = truth.mean(axis=1)
 
     def error(bounces: Bounces) -> float:

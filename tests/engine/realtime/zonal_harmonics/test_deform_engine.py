@@ -114,7 +114,7 @@ def test_an_object_that_bends_casts_no_shadow_on_others(deform: Deform, scene: S
 
 def test_the_shadow_of_what_begins_to_bend_goes_before_anything_else_is_made(scene: Scene) -> None:
     """Roughly and at once: no picture of the floor that is drawn after the first piece of work has it."""
-    made = Deform(scene, n_points=400, n_rays=2000)
+    made = Deform(scene, n_points=400, n_rays=500)
     made.set_light(sky())
     made.set_layers({0: (MATT,), 1: (MATT,)})
     eye = scene.description.camera
@@ -153,7 +153,7 @@ def test_rays_know_of_what_shades_alone_and_objects_share_them(deform: Deform) -
 
 def test_light_that_goes_through_an_object_leaves_the_others_as_they_are(scene: Scene) -> None:
     """Its points are others from then on, but what is seen stays until there is better."""
-    made = Deform(scene, n_points=400, n_rays=2000)
+    made = Deform(scene, n_points=400, n_rays=500)
     made.set_light(sky())
     made.set_layers({0: (MATT,), 1: (MATT,)})
     eye = scene.description.camera

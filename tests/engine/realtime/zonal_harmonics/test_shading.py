@@ -176,8 +176,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
         camera((0.5, 2.0, 4.0), 40, SIZE)
         + environment()
         + ball(folder, 3, scaled(1, (0, HEIGHT, 0)))
-        + placed("floor", "quad", facing_up(3), "smooth = false
-")
+        + placed("floor", "quad", facing_up(3), "smooth = false\n")
     )
     return load_scene(path)
 
