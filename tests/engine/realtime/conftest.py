@@ -19,6 +19,7 @@ from tests.scene_text import camera, environment, facing_up, material, placed, s
 VIEW = camera((0.0, 1.6, 4.0), 35.0, target=(0.0, 0.4, 0.0)) + environment()
 FLOOR = placed("floor", "quad", facing_up(6), material('model = "lambert", albedo = [0.5, 0.4, 0.3]'))
 HALF_UP, METAL = scaled(1, (0, 0.5, 0)), material('model = "rough_conductor", alpha = 0.3')
+SCENE = VIEW + FLOOR + placed("ball", "sphere", HALF_UP, METAL)
 # With a cube in the ball's place, whose mesh has a hundredth of the points.
 BLOCK = VIEW + FLOOR + placed("block", "cube", HALF_UP, METAL)
 
