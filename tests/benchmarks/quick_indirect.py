@@ -1,4 +1,5 @@
-"""`benchmarks.programs.indirect` over a worker whose finest light is the quick one; no edit is made to warm up."""
+"""`benchmarks.programs.indirect` over a worker whose finest light is the quick one; of few lights, and no edit is made to
+warm up."""
 
 import functools
 import sys
@@ -9,5 +10,6 @@ from tests.ui.quick_worker import HANDLERS
 
 if __name__ == "__main__":
     renderer.Client = functools.partial(Client, HANDLERS)
+    indirect.EditorRig = functools.partial(renderer.EditorRig, n_lights=200)
     indirect.WARM_UP = 0
     sys.exit(indirect.main())

@@ -22,19 +22,20 @@ from benchmarks.run import run
 from benchmarks.sweep import Grid
 from benchmarks.visibility_methods import Size, VisibilityEffort
 from engine.core.errors import InsituError
+from engine.precompute.direct.pipeline import FINAL
 
 EFFORT = Effort(
     "test",
     1,
     1,
     0,
-    6,
+    2,
     32,
     20_000,
     50,
     False,
     600.0,
-    Grid((50, 400), (16, 64), (1, 64), side=24, n_points=6, level=4, oracle_lights=800),
+    Grid((50, 200), (16, 64), (1, 64), side=24, n_points=6, level=3, oracle_lights=400),
     IndirectEffort(1, 1, (2, 4), 12, 12, ((2, 2), (3, 3)), 12, warm_up=False, room=False),
     edges=None,
     rooms=None,
@@ -68,7 +69,10 @@ def measured(tiny_scene: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
     twice.write_text(Path(tiny_scene).read_text().replace("bounces = 1", "bounces = 2"))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("benchmarks.window.open_screen", no_screen)
+        patch.setattr("benchmarks.launches.RENDERER", "tests.benchmarks.quick_renderer")
         patch.setattr("benchmarks.launches.INDIRECT", "tests.benchmarks.quick_indirect")
+        for module in ("run", "window", "direct"):
+            patch.setattr(f"benchmarks.{module}.FINAL", replace(FINAL, n_lights=200))
         patch.setattr(indirect, "measure_indirect", lambda _, *others: measure_indirect(str(twice), *others))
         patch.setattr(indirect, "memory_rows", lambda *_: [GrowthRow(2, 10.0, 0.0), GrowthRow(4, 15.0, 0.0)])
         run(tiny_scene, folder, report=lambda line: None, effort=EFFORT, only=["figures"])
