@@ -26,7 +26,7 @@ from ui.shell import FrameResult, Shell
 FRAME_SECONDS = 1.0 / 60.0
 # The time between two checks for the worker's responses while nothing is drawn: the processors are the worker's.
 POLL_SECONDS = 0.01
-DRAG_STEPS = 12
+DRAG_STEPS = 6
 DEFAULT_SIZE = (1280, 800)
 
 

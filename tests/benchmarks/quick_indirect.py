@@ -1,4 +1,4 @@
-"""`benchmarks.programs.indirect` over a worker whose finest light is the quick one; of few lights, and no edit is made to
+"""`benchmarks.programs.indirect` with few lights, over a worker whose finest light is the quick one; no edit is made to
 warm up."""
 
 import functools

@@ -59,10 +59,10 @@ def undone(window: HeadlessWindow, before: Document, shown: np.ndarray, steps: i
     ("tool", "by", "kinds"),
     [
         ("translate_y", (0, -60), [("translate", "y")]),
-        ("translate_x", (25, 0), [("translate", "x")]),
+        pytest.param("translate_x", (25, 0), [("translate", "x")], marks=pytest.mark.sweep),
         ("translate_xy", (20, -50), [("translate", "y"), ("translate", "x")]),
-        ("amplify_y", (0, -40), [("amplify", "y")]),
-        ("amplify_x", (30, 0), [("amplify", "x")]),
+        pytest.param("amplify_y", (0, -40), [("amplify", "y")], marks=pytest.mark.sweep),
+        pytest.param("amplify_x", (30, 0), [("amplify", "x")], marks=pytest.mark.sweep),
         ("amplify_xy", (20, -30), [("amplify", "y"), ("amplify", "x")]),
     ],
 )
@@ -95,7 +95,13 @@ def test_the_ring_follows_the_mouse(window: HeadlessWindow) -> None:
     assert second.magnitude == pytest.approx(2.0 * first.magnitude, rel=1e-9)
 
 
-@pytest.mark.parametrize(("handle", "by"), [("a", -20), ("b", 15), ("c", -12), ("d", 40), ("b", 200), ("region", 60)])
+@pytest.mark.parametrize(
+    ("handle", "by"),
+    [
+        ("b", 15), ("d", 40), ("b", 200), ("region", 60),
+        *(pytest.param(*each, marks=pytest.mark.sweep) for each in (("a", -20), ("c", -12))),
+    ],
+)  # fmt: skip
 def test_bars_move_regions(window: HeadlessWindow, handle: str, by: int) -> None:
     set_view(window, active_tool="translate_y", regions=(0.2, 0.4, 0.6, 0.8))
     window.drag_handle("curve.magnitude", (0, -40))
