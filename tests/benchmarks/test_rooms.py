@@ -71,7 +71,9 @@ def test_direct_light_in_a_room_is_that_of_paths(name: str) -> None:
     assert_within(against_judge(name, 1), DIRECT[name])
 
 
-@pytest.mark.parametrize("name", ["stairwell", "ajar", pytest.param("storeroom", marks=pytest.mark.sweep)])
+@pytest.mark.parametrize(
+    "name", ["ajar", *(pytest.param(n, marks=pytest.mark.sweep) for n in ("stairwell", "storeroom"))]
+)
 def test_light_between_walls_is_that_of_paths(name: str) -> None:
     project, ours, truth = judged(name, N_BOUNCES)
     assert_within(compared(project, ours, truth, BLOCK), BOUNCES[name])

@@ -39,7 +39,7 @@ def opened(context: moderngl.Context, tmp_path: Path, monkeypatch: pytest.Monkey
     monkeypatch.setattr("engine.realtime.zonal_harmonics.deform_engine.N_POINTS", 60)
     client = InProcessClient(RequestDispatcher(ArrayCache(tmp_path / "cache")))
     with ExitStack() as stack:
-        way = {"resolution": (48, 32), "mode": "deform", "n_lights": 40, "n_bounces": 1}
+        way = {"resolution": (48, 32), "mode": "deform", "n_lights": 40, "n_bounces": 1, "n_lobes": 1}
         yield lambda scene: stack.enter_context(opened_window(context, scene, client, **way))
 
 
