@@ -27,7 +27,7 @@ def shapes(side: int) -> Placement:
 @pytest.fixture(scope="module")
 def results() -> dict[str, tuple[float, float]]:
     """Share of wrong answers and of rays traced, by variant."""
-    placement, targets = shapes(129), voronoi_targets(geodesic(2).centres)
+    placement, targets = shapes(65), voronoi_targets(geodesic(2).centres)
     rows = np.arange(len(placement.hits.pixel))
     true = brute_force_visibility(placement.hits, placement.caster, targets, rows)
     found = {}
