@@ -24,7 +24,7 @@ from engine.precompute.indirect.sampling_settings import STILL, BounceSeries, Sa
 from engine.realtime.triple_product.orbit_engine import Orbit
 from engine.realtime.zonal_harmonics.deform_engine import Deform, finish_deform
 from engine.reference.path_tracer import trace_halves
-from engine.render import picture_error
+from engine.render import error_estimate, picture_error
 from engine.render.error_estimate import estimate_drawn_errors, estimate_point_errors, interior_points
 from engine.render.picture_error import ErrorEstimate
 from engine.render.still import (
@@ -58,7 +58,9 @@ NOISE = {("room", 1): 0.0118, ("stairwell", 1): 0.005, ("teatray", 1): 0.0153}
 NOISE |= {("cornell", 4): 0.0086, ("room", 4): 0.0225, ("teatray", 4): 0.0236}
 NOISE |= {("ajar", 4): 0.0375}  # by three times as many paths
 # A lamp, a sky, and light between walls in the suite; all rooms, and all their light, in the sweep.
-ONCE = {("cornell", 1), ("cornell", 4), ("stairwell", 1), ("teatray", 1)}
+ONCE = {("cornell", 4), ("stairwell", 1), ("teatray", 1)}
+# Teatray's sky takes many lights; of few the error is larger, and as well known.
+EFFORT = {("teatray", 1): {"n_lights": 250}}
 SWEPT = [
     pytest.param(room, n, marks=pytest.mark.sweep)
     for room in ROOMS for n in (1, 4) if (room, n) not in ONCE
@@ -66,8 +68,11 @@ SWEPT = [
 
 
 @pytest.mark.parametrize(("room", "n_bounces"), [*sorted(ONCE), *SWEPT])
-def test_the_estimate_is_within_a_factor_of_two(room: str, n_bounces: int) -> None:
-    still, estimate = judged(room, n_bounces)
+def test_the_estimate_is_within_a_factor_of_two(room: str, n_bounces: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    if (room, n_bounces) in ONCE:
+        monkeypatch.setattr(error_estimate, "PATHS_A_PIXEL", 16)
+        monkeypatch.setattr(error_estimate, "N_TRUTH_SAMPLES", 2)
+    still, estimate = judged(room, n_bounces, **EFFORT.get((room, n_bounces), {}))
     seen = Placement(open_project(room, (48, 36)).scene).hits.pixel
     ours, truth = still.picture, read_radiance_image(JUDGES / f"{room}_{n_bounces}.exr")
     found = errors(*(picture.reshape(-1, 3)[seen] for picture in (ours, truth))).rmse
@@ -88,21 +93,28 @@ def test_too_few_patches_are_reported(tmp_path: Path, capsys: Captured, monkeypa
     assert "most of the error" not in capsys.readouterr().out
 
 
-def test_too_few_lights_are_reported() -> None:
-    _, few = judged("teatray", 1, (24, 18), n_lights=20)
-    _, usual = judged("teatray", 1, (24, 18), n_lights=1000)
+def test_too_few_lights_are_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(error_estimate, "N_TRUTH_SAMPLES", 2)
+    _, few = judged("teatray", 1, (16, 12), n_lights=20)
+    _, usual = judged("teatray", 1, (16, 12), n_lights=200)
     assert few.is_large and few.overall > 4.0 * usual.overall
+
+
+@pytest.fixture
+def few_patches(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where direct light is not what is asked about, four times as many patches of lamps as the picture has."""
+    monkeypatch.setattr(error_estimate, "FINER_PATCHES", 4)
 
 
 @pytest.mark.parametrize("bounces", [1, 2])
 def test_the_dark_has_no_error(tmp_path: Path, bounces: int) -> None:
     path = tmp_path / "scene.toml"
     path.write_text(ground((16, 12), (0, 0, 0), bounces=bounces))
-    still, estimate = judged(str(path), bounces, n_lights=400)
+    still, estimate = judged(str(path), bounces, n_lights=100)
     assert not still.picture.any() and estimate.overall == 0.0 and not estimate.is_large
 
 
-def test_it_is_the_same_again() -> None:
+def test_it_is_the_same_again(few_patches: None) -> None:
     (first, one), (second, other) = (judged("storeroom", 1, (16, 12)) for _ in range(2))
     np.testing.assert_array_equal(first.picture, second.picture)
     assert one == other
@@ -135,8 +147,9 @@ def drawn_by_deform(project: Project) -> Picture:
 
 @pytest.mark.parametrize("drawn", [drawn_by_orbit, drawn_by_deform])
 def test_errors_of_other_modes_are_estimated_within_a_factor_of_two(
-    drawn: Callable[[Project], Picture], tmp_path: Path
+    drawn: Callable[[Project], Picture], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(error_estimate, "N_TRUTH_SAMPLES", 2)
     path = tmp_path / "scene.toml"
     path.write_text(ground((24, 18)) + placed("box", "cube", scaled(1, (0, 0.5, 0)), LAMBERT))
     project = open_project(str(path)).with_settings(n_edge_rays=0)
@@ -159,10 +172,10 @@ def test_errors_of_other_modes_are_estimated_within_a_factor_of_two(
     )
 
 
-def test_the_chance_of_paths_is_not_taken_for_an_error() -> None:
+def test_the_chance_of_paths_is_not_taken_for_an_error(few_patches: None) -> None:
     # Some 40 paths a point are far noisier than the picture, whose own noise the solver tells; 2.5 times too much was
     # told by them alone. What is a third too bright they still tell.
-    project = open_project("cornell", (24, 18)).with_settings(n_edge_rays=0)
+    project = open_project("cornell", (20, 15)).with_settings(n_edge_rays=0)
     placement, plan, series = Placement(project.scene), plan_still(project), BounceSeries(2)
     layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
     found = run_to_end(find_indirect(placement, layers, project.sky, series, STILL, True))
@@ -170,7 +183,7 @@ def test_the_chance_of_paths_is_not_taken_for_an_error() -> None:
     indirect = run_to_end(reflected_light(found, layers, series.second, placement.hits))
     direct = run_to_end(reflect_layers(placement, layers, project.sky, still_quality(plan)))
     rows = np.arange(len(placement.hits.pixel))
-    truth = run_to_end(trace_halves(placement, layers_by_object(project), project.sky, 2, 1024, 1, rows))
+    truth = run_to_end(trace_halves(placement, layers_by_object(project), project.sky, 2, 512, 1, rows))
     again = truth[:, :, 1] - truth[:, :, 0]
 
     def told(gain: float, known: float | None) -> tuple[float, float]:
@@ -218,7 +231,7 @@ def test_the_error_of_interpolated_indirect_light_is_estimated(room: str, monkey
     assert told is not None and 0.7 * error < told < 1.5 * error
 
 
-def test_the_whole_error_is_measured_and_not_added_up() -> None:
+def test_the_whole_error_is_measured_and_not_added_up(few_patches: None) -> None:
     project = open_project("cornell", (16, 12)).with_settings(n_edge_rays=0)
     placement, plan = Placement(project.scene), plan_still(project)
     layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))

@@ -145,11 +145,11 @@ def test_a_cache_is_filled_with_the_same_though_the_worker_with_the_light_is_kil
         machines.kill(address)
         return light
 
-    words = replace(words, resolution=(48, 36))
-    done = precompute(words.open().with_settings(n_lights=500), silent, ArrayCache(tmp_path / "here"))
+    words = replace(words, resolution=(24, 18))
+    done = precompute(words.open().with_settings(n_lights=401), silent, ArrayCache(tmp_path / "here"))
     monkeypatch.setattr(ClusterExecutor, "compute_light", losing)
     with open_on_cluster(words, machines.address) as (project, cluster):
-        assert precompute(project.with_settings(n_lights=500), silent, ArrayCache(tmp_path / "there"), cluster) == done
+        assert precompute(project.with_settings(n_lights=401), silent, ArrayCache(tmp_path / "there"), cluster) == done
     here, there = ({file.name: file.read_bytes() for file in (tmp_path / name).iterdir()} for name in ("here", "there"))
     assert len(here) >= 5 and here == there  # visibility, unit, two layers, indirect light
 

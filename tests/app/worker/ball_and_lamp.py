@@ -27,11 +27,11 @@ from tests.scene_text import facing_down, ground, material, placed, scaled
 
 COATED = material('model = "lambert"', 'model = "rough_conductor", alpha = 0.3')
 SCENE = (
-    ground((48, 48), size=5)
+    ground((32, 32), size=5)
     + placed("ball", "sphere", scaled(0.9, (0, 0.5, 0)), COATED)
     + placed("lamp", "quad", facing_down(1, (-1.2, 2.4, 0)), "emission = [6, 5, 4]\n")
 )
-PREVIEW_LIGHTS, FINAL_LIGHTS = 80, 480
+PREVIEW_LIGHTS, FINAL_LIGHTS = 40, 120
 DECIDED = {field.name for field in fields(RenderSettings)} - {"precision"}  # which a request has itself
 BANDS = {"lambert": (8,), "rough_conductor": (16, 4)}
 GLOSS = "ball.1"

@@ -130,7 +130,7 @@ folder = Path(sys.argv[1])
 scene = load_scene(folder / "scene.toml")
 found_by(indirect_tasks.IndirectTasks(Placement(scene), ArrayCache(folder / "cache"), "scene"), scene)
 """
-PART_POINTS = 8
+PART_POINTS = 2
 
 
 def test_a_search_that_was_killed_goes_on(scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

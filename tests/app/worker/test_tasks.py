@@ -58,7 +58,7 @@ def test_an_opened_scene_tells_what_the_window_needs(source: str, store: ArrayCa
     assert [type(answer) for answer in answers] == [Progress, SceneOpened, Progress, ViewTraced]
     frame = answers[-1].frame
     n_points = frame.n_points
-    assert (frame.width, frame.height) == (48, 48)
+    assert (frame.width, frame.height) == (32, 32)
     # The lamp shines and has no points; the other two share them all.
     assert frame.object_ranges.tolist()[-1] == [n_points, n_points]
     assert ((frame.theta_o >= 0) & (frame.theta_o <= np.float32(np.pi / 2))).all()
