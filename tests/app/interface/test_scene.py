@@ -185,8 +185,8 @@ def test_the_error_is_estimated(cube_file: Path, monkeypatch: pytest.MonkeyPatch
     scene = insitu.open(cube_file, resolution=(16, 12))
     direct, both = scene.error(bounces=1), scene.error(bounces=2)
     assert 0.0 <= direct.overall < 0.1 and direct.indirect is None
-    assert 0.0 <= both.overall < 0.3 and both.indirect is not None
-    assert 0.0 <= scene.error("orbit", bounces=1).overall < 0.3
+    assert 0.0 <= both.overall < 0.1 and both.indirect is not None
+    assert 0.0 <= scene.error("orbit", bounces=1).overall < 0.05
 
 
 def test_what_is_saved_opens_again(file: Path, tmp_path: Path) -> None:
