@@ -6,7 +6,7 @@ Events enter where GLFW would bring them: while the window polls or waits, throu
 What is sent together (`events`, `quick`) comes in together, between two frames, as from a queue that filled while a
 frame was long; `slow(70)` makes every frame that long. All other calls wait until the window has drawn what it heard.
 
-One Xvfb and one process serve all modules that want the same window; `fresh()` reopens the scene between tests:
+One Xvfb and one process serve modules in a row that want the same window; `fresh()` reopens the scene between tests:
 
     real = real_window_fixture()                                # the stand-in worker: made-up arrays, at once
     small = real_window_fixture(small_scene=True)               # a real worker on tests/ui/small_scene.py
@@ -361,24 +361,25 @@ def real_window_fixture(*, small_scene: bool = False) -> Any:
 
 
 class RealWindows:
-    """The windows that the modules of a run share: one on the stand-in worker, one on a real worker."""
+    """The window that the modules of a run share: on the stand-in worker, or on a real one. One at a time is open: one
+    that nobody looks at takes its share of the processor, too."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._stack = ExitStack()
-        self._open: dict[bool, RealWindow] = {}
+        self._open: tuple[bool, RealWindow] | None = None
 
     def get(self, small_scene: bool) -> RealWindow:
-        """The window on the small scene, or on the stand-in's: opened once, and once more where a test has ended it."""
-        known = self._open.get(small_scene)
-        if known is None or known.has_ended:
-            self._open[small_scene] = known = self._stack.enter_context(self._opened(small_scene))
+        """The window on the small scene, or the stand-in's: that which is open, unless it is another or has ended."""
+        if self._open is not None and self._open[0] == small_scene and not self._open[1].has_ended:
+            self._open[1].fresh(None)
         else:
-            known.fresh(None)
-        return known
+            self.close()
+            self._open = small_scene, self._stack.enter_context(self._opened(small_scene))
+        return self._open[1]
 
     def close(self) -> None:
-        """End all of them."""
+        """End it."""
         self._stack.close()
 
     def _opened(self, small_scene: bool) -> AbstractContextManager[RealWindow]:
