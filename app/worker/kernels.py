@@ -192,19 +192,20 @@ def _compiler() -> str:
 
 
 def compile_all() -> None:
-    """Compile all that the first picture needs, then what is needed later, each in two processes, where it is
-    missing."""
+    """Compile all that the first picture needs, in two processes, then what is needed later, in three: Orbit and Deform
+    have one each. One after the other, or the second behind the first, they would leave a processor idle, because few
+    kernels are compiled at once by processes that need the same ones in the same order."""
     if are_compiled() and all(map(are_compiled, LATER)):
         return
     kernels = Kernels()
     kernels.prepare_and_wait(patience_s=None)
-    other = _start_compiler(LATER_PART, DEFORM)  # from the other end: what either of them compiles, both read
+    of_modes = [_start_compiler(LATER_PART, mode) for mode in (ORBIT, DEFORM)]
     for what in LATER:
         for _ in kernels.until_ready(what):
             pass
-    if other is not None:
-        other.kill()
-        other.wait()
+    for process in filter(None, of_modes):
+        process.kill()
+        process.wait()
 
 
 def _start_compiler(part: str, first: str = "") -> subprocess.Popen[bytes] | None:
