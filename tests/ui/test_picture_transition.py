@@ -6,6 +6,7 @@ The worker is that of the random walks, on a small scene; its answers come in bi
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import moderngl
@@ -15,10 +16,13 @@ import pytest
 from app.document.commands.curves import AddOperator
 from app.document.commands.layers import SetMaterial, SetParameter
 from app.document.commands.light import SetEmission, SetEnvironment, SetRotation
+from app.document.document import Selection
 from app.document.view_state import SetView
 from app.worker.cache import ArrayCache
+from engine.scene.description import Camera
 from tests.ui.small_scene import SCENE, write_small_scene
 from tests.ui.test_any_sequence import LIBRARY, LIFT, LateClient, Walk, relative_error
+from ui.modes.placement.gl.transport import TransportUpload
 from ui.panels.status_bar import picture_state
 
 pytestmark = pytest.mark.gl
@@ -41,6 +45,7 @@ def several_undone(walk: Walk) -> None:
         walk.frames(1)
 
 
+CAMERA = Camera(position=(0.4, 1.2, 2.6), target=(0.0, 0.45, 0.0), fov_y=42.0)
 # What is done in one go, and how far off the old and the new picture a frame in between may be at most.
 CHANGES: dict[str, tuple[Act, dict[int, float]]] = {
     "a material of the library": (lambda w: w.editor.do(material("Copper")), SAME),
@@ -109,6 +114,32 @@ def test_quick_undo_of_all_goes_from_picture_to_picture(walk: Walk) -> None:
     assert relative_error(shown[-1], finals[0]) < SAME[1]
     for each in shown:
         assert min(relative_error(each, final) for final in finals) < 0.01
+
+
+def test_a_finer_stage_never_goes_back_to_the_curve_of_its_request(walk: Walk, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A stage's radiance has the curves of its request; an edit since is added when its transport is uploaded."""
+    editor, renderer = walk.editor, walk.feed.source.renderer
+    editor.do(SetView.of(selected=Selection("ball", 1, "theta_h"), camera=CAMERA))
+    before = walk.settle()
+    editor.do(AddOperator("ball.1", "theta_h", replace(LIFT, magnitude=4.0)))
+    change = walk.settle() - before
+    editor.undo()
+    walk.settle()
+    n_slices = [0]
+    advance = TransportUpload.advance
+
+    def slowly(upload: TransportUpload, seconds: float) -> bool:
+        n_slices[0] += 1
+        return n_slices[0] % 6 == 0 and advance(upload, 1.0)
+
+    monkeypatch.setattr(TransportUpload, "advance", slowly)
+    editor.do(SetView.of(camera=CAMERA.model_copy(update={"fov_y": 42.01})))
+    walk.until(lambda: editor.status.stage == "preview" and renderer.transport_curve("ball.1") == "theta_h")
+    editor.do(AddOperator("ball.1", "theta_h", replace(LIFT, magnitude=4.0)))
+    walk.frames(5)
+    shown = [float(np.vdot(image - before, change) / np.vdot(change, change)) for image in pictures(walk)]
+    assert shown[-1] == pytest.approx(1.0, abs=0.01)
+    assert len(shown) > 3 and min(shown) > 0.4, shown  # few samples lack half of the highlight
 
 
 def test_a_picture_of_before_the_edit_is_called_that(walk: Walk) -> None:

@@ -209,8 +209,8 @@ class PictureTransition:
         events: list[PictureEvent] = [] if self._sky is None else [self._sky]
         self._sky = None
         for key, event in radiances.items():
+            events.append(replace(event, is_outdated=self._is_outdated(event)))
             self._layers[key] = _shown_layer(event)
-            events.append(event)
         self._coming = {key: event for key, event in self._coming.items() if key not in radiances}
         for key in [key for key in self._transports if key in self._layers and key not in self._coming]:
             transport = self._transports.pop(key)
@@ -218,6 +218,14 @@ class PictureTransition:
                 layer.curve = transport.factor if other == key else layer.curve if other in transport.beside else None
             events.append(transport)
         return events
+
+    def _is_outdated(self, event: LayerRadiance) -> bool:
+        """Whether a radiance lacks the edits of a curve whose transport comes with it, and the layer's picture on
+        screen is of the same material: that has them, and stays until they can be added."""
+        shown = self._layers.get(event.key)
+        if event.key not in self._transports or shown is None or shown.drawn_as != event.drawn_as:
+            return False
+        return not same_coefficients(event.coefficients, self._curves.coefficients(self.drawn, event.key))
 
     # ------------------------------------------------------------------------------------------------ what can be drawn
 

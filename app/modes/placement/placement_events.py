@@ -35,7 +35,8 @@ class Footprint:
 @dataclass(frozen=True, eq=False)
 class LayerRadiance(PictureEvent):
     """One layer's radiance (p,3) without f_q and f_o, made with these coefficients by factor; footprint None: every
-    pixel has its own sample; drawn_as: see `drawn_as`."""
+    pixel has its own sample; drawn_as: see `drawn_as`; is_outdated: a curve has been edited since, and the
+    `TransportReady` that follows brings what the edit adds."""
 
     key: str
     stage: str
@@ -43,6 +44,7 @@ class LayerRadiance(PictureEvent):
     coefficients: Coefficients
     footprint: Footprint | None = None
     drawn_as: tuple[object, ...] = ()
+    is_outdated: bool = False
 
 
 @dataclass(frozen=True, eq=False)

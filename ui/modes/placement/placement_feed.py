@@ -112,6 +112,7 @@ class PlacementFeed(PictureSource):
         self._names: list[str] = []
         self._view_curves: dict[str, NDArray[np.float64]] = {}
         self._indirect: dict[str, IndirectRadiance] = {}
+        self._held: dict[str, LayerRadiance] = {}  # until the transport that comes next
         self._drawn_as: dict[str, tuple[object, ...]] = {}
         self._holds = False
         self._emission: dict[str, RGB] = {}
@@ -174,11 +175,12 @@ class PlacementFeed(PictureSource):
                 if self._compared is not None:
                     self.renderer.snapshot_compare({key: _appearance(look) for key, look in event.appearances.items()})
             case TransportReady():
-                numbers, curve = event.coefficients_first, event.factor
+                numbers, curve, held = event.coefficients_first, event.factor, self._held.pop(event.key, None)
                 self.renderer.set_footprint(*_both(event.footprint))
                 self.renderer.begin_transport(
-                    event.key, numbers, event.norms, event.scale, event.beside, curve, event.stage
-                )
+                    event.key, numbers, event.norms, event.scale, event.beside, curve, event.stage,
+                    None if held is None else held.radiance,
+                )  # fmt: skip
 
     def _take_scene(self, event: SceneFrame) -> None:
         self.renderer.set_frame(event.frame)
@@ -186,6 +188,7 @@ class PlacementFeed(PictureSource):
         self._plain.clear()
         self._view_curves.clear()
         self._indirect.clear()
+        self._held.clear()
         self._drawn_as.clear()
         self._emission.clear()
         self._maps.clear()
@@ -204,6 +207,9 @@ class PlacementFeed(PictureSource):
         if self._drawn_as.get(event.key) != event.drawn_as:
             self._drawn_as[event.key] = event.drawn_as
             self._take_indirect(event.key)  # it may have come first, or belong to the layer before
+        if event.is_outdated:  # its transport comes next
+            self._held[event.key] = event
+            return
         bands = event.coefficients.get(renderer.transport_curve(event.key) or "")
         shown = None if bands is None else forward(bands)
         renderer.set_layer_radiance(event.key, event.radiance, shown, event.stage)

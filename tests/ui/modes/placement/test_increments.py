@@ -6,6 +6,7 @@ import pytest
 from tests.ui.gl.pictures import contracted, finish, norms_of, relative_error, start_layer
 from ui.gl.context import GraphicsError
 from ui.modes.placement.gl.renderer import PlacementRenderer
+from ui.modes.placement.gl.transport import TransportUpload
 
 pytestmark = pytest.mark.gl
 
@@ -301,3 +302,52 @@ def test_a_transport_is_not_stepped_by_another_curve_of_as_many_bands(renderer: 
         pass
     finish(renderer)
     assert relative_error(renderer.layer_radiance("ball.0"), contracted(2.0 * transport, coefficients + 1.0)) < 1e-5
+
+
+def test_a_picture_under_a_curve_of_before_is_held_back_for_its_transport(renderer: PlacementRenderer) -> None:
+    transport, coefficients, rng = _problem(16, 200)
+    start_layer(renderer, transport, coefficients)
+    before, finer = renderer.layer_radiance("ball.0"), transport + 0.1 * rng.normal(size=transport.shape)
+    old = contracted(finer, 0.0 * coefficients).astype(np.float32)
+    numbers = finer.astype(np.float32)
+    # The one before goes on following the curve until it is uploaded; another transport for it changes nothing.
+    renderer.begin_transport("ball.0", numbers, norms_of(finer), stage="preview", radiance=old)
+    np.testing.assert_array_equal(renderer.layer_radiance("ball.0"), before)
+    renderer.want("ball.0", 2.0 * coefficients)
+    finish(renderer)
+    assert relative_error(renderer.layer_radiance("ball.0"), contracted(transport, 2.0 * coefficients)) < 1e-5
+    renderer.begin_transport("ball.0", numbers, norms_of(finer), stage="preview")
+    assert relative_error(renderer.layer_radiance("ball.0"), contracted(transport, 2.0 * coefficients)) < 1e-5
+    while not renderer.upload(1.0):
+        assert relative_error(renderer.layer_radiance("ball.0"), contracted(transport, 2.0 * coefficients)) < 1e-5
+    finish(renderer)
+    assert relative_error(renderer.layer_radiance("ball.0"), contracted(finer, 2.0 * coefficients)) < 1e-5
+
+
+@pytest.mark.parametrize("how", ["another layer", "fails", "no curve"])
+def test_where_its_transport_cannot_be_used_it_is_shown(
+    renderer: PlacementRenderer, monkeypatch: pytest.MonkeyPatch, how: str
+) -> None:
+    transport, coefficients, _ = _problem(16, 200)
+    start_layer(renderer, transport, coefficients)
+    renderer.set_layer("ball.1", 0, 200)
+    held = contracted(transport, 0.5 * coefficients).astype(np.float32)
+    curve = "the other" if how == "no curve" else ""
+    renderer.begin_transport("ball.0", transport, norms_of(transport), curve=curve, stage="preview", radiance=held)
+    if how == "another layer":
+        renderer.begin_transport("ball.1", transport, norms_of(transport))
+    elif how == "no curve":
+        while not renderer.upload(1.0):
+            pass
+    else:
+
+        def fail(upload: TransportUpload, seconds: float) -> bool:
+            raise GraphicsError("no memory")
+
+        monkeypatch.setattr(TransportUpload, "advance", fail)
+        with pytest.raises(GraphicsError, match="no memory"):
+            renderer.upload(1.0)
+    np.testing.assert_array_equal(renderer.layer_radiance("ball.0"), held)
+    renderer.want("ball.0", coefficients)
+    renderer.update()  # there is no transport of these samples
+    np.testing.assert_array_equal(renderer.layer_radiance("ball.0"), held)

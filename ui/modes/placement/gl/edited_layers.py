@@ -23,7 +23,11 @@ from ui.modes.placement.gl.transport import TermSum, TransportUpload
 
 @dataclass(eq=False)
 class _PendingUpload:
-    """A transport that is being uploaded, with the footprint of its samples and the layers that stay beside it."""
+    """A transport that is being uploaded, with the footprint of its samples and the layers that stay beside it.
+
+    held: the layer's newest picture, radiance (p,3) at the samples of a footprint, under a curve that has been edited
+    since. The picture before, which has the edits, stays instead; it is shown only if the upload is given up.
+    """
 
     key: str
     curve: str
@@ -31,6 +35,7 @@ class _PendingUpload:
     upload: TransportUpload
     footprint: FootprintTextures | None
     beside: Collection[str]
+    held: tuple[NDArray[np.floating], FootprintTextures | None] | None = None
 
 
 @dataclass(eq=False)
@@ -77,9 +82,10 @@ class EditedLayers:
 
     @property
     def footprints(self) -> tuple[FootprintTextures | None, ...]:
-        """The footprints of transports in use and under way."""
+        """The footprints of transports in use and under way, and of pictures that are held back."""
         at_work = (active.footprint for active in self._active.values())
-        return (*at_work, *(arriving.footprint for arriving in self._arriving))
+        held = (arriving.held[1] for arriving in self._arriving if arriving.held is not None)
+        return (*at_work, *(arriving.footprint for arriving in self._arriving), *held)
 
     def begin(
         self,
@@ -91,19 +97,30 @@ class EditedLayers:
         beside: Collection[str],
         curve: str,
         stage: str = "",
+        radiance: NDArray[np.floating] | None = None,
     ) -> None:
-        """Start to upload a transport over a curve. Other uploads, except for layers `beside` it, are dropped."""
-        self.cancel(keep=[other for other in beside if other != key])
+        """Start to upload a transport over a curve. Other uploads, except for layers `beside` it, are dropped.
+
+        radiance: a picture at its samples that is held back until then, see `_PendingUpload`.
+        """
+        held = None if radiance is None else (radiance, layers.footprint)
+        for other in [each for each in self._arriving if each.key == key or each.key not in beside]:
+            self._give_up(other)
+            if other.key == key:
+                held = held or other.held
+            else:
+                self._show_held(layers, other)
         upload = TransportUpload(self._memory, transport, norms, scale)
-        arriving = _PendingUpload(key, curve, stage, upload, layers.footprint, beside)
+        arriving = _PendingUpload(key, curve, stage, upload, layers.footprint, beside, held)
         self._arriving.append(arriving)
         try:
             layers.check_sample_count(key, layers[key].i_object, upload.target.n_samples)
         except GraphicsError:
             self._give_up(arriving)
+            self._show_held(layers, arriving)
             raise
 
-    def upload(self, time_budget_s: float) -> bool:
+    def upload(self, layers: LayerStack, time_budget_s: float) -> bool:
         """Continue pending uploads for about this long; True when none is left."""
         if not self._arriving:
             return True
@@ -112,16 +129,14 @@ class EditedLayers:
             if not arriving.upload.advance(time_budget_s):
                 return False
             self._activate(arriving)
+            if arriving.key not in self._wanted:  # no curve to sum it by
+                self._show_held(layers, arriving)
         except GraphicsError:
             self._give_up(arriving)
+            self._show_held(layers, arriving)
             raise
         self._arriving.remove(arriving)
         return not self._arriving
-
-    def cancel(self, keep: Collection[str] = ()) -> None:
-        """Drop pending uploads, except for some layers; transports in use stay."""
-        for arriving in [each for each in self._arriving if each.key not in keep]:
-            self._give_up(arriving)
 
     def curve(self, key: str) -> str | None:
         """The curve of a layer's transport in use."""
@@ -144,8 +159,10 @@ class EditedLayers:
 
         A pending transport of another stage would bring back the picture before.
         """
-        for arriving in [each for each in self._arriving if each.key == key and each.stage != stage]:
-            self._give_up(arriving)
+        for arriving in [each for each in self._arriving if each.key == key]:
+            arriving.held = None
+            if arriving.stage != stage:
+                self._give_up(arriving)
         if key in self._active:
             if same_samples:
                 self._active[key].refiner.start_from(coefficients)
@@ -181,11 +198,13 @@ class EditedLayers:
     def drop(self, key: str) -> None:
         """Drop a layer's transport, in use or pending."""
         self._stop(key)
-        self.cancel(keep=[each.key for each in self._arriving if each.key != key])
+        for arriving in [each for each in self._arriving if each.key == key]:
+            self._give_up(arriving)
 
     def clear(self) -> None:
         """Drop everything."""
-        self.cancel()
+        for arriving in [*self._arriving]:
+            self._give_up(arriving)
         for key in self.keys:
             self._stop(key)
         self._wanted.clear()
@@ -212,6 +231,12 @@ class EditedLayers:
     def _give_up(self, arriving: _PendingUpload) -> None:
         arriving.upload.target.release()
         self._arriving.remove(arriving)
+
+    def _show_held(self, layers: LayerStack, arriving: _PendingUpload) -> None:
+        """Show the picture that was held back for a transport that does not come, or cannot be used."""
+        if arriving.held is not None and arriving.key in layers:
+            layers.set_radiance(arriving.key, *arriving.held)
+            self._stop(arriving.key)  # it is of other samples, or would be started from an unknown curve
 
     def _stop(self, key: str) -> None:
         if key in self._active:

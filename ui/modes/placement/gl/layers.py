@@ -113,9 +113,13 @@ class LayerStack:
         del self._layers[key]
         self.dirty.add(layer.i_object)
 
-    def set_radiance(self, key: str, radiance: NDArray[np.floating]) -> None:
-        """Replace a layer's picture by radiance (p,3) at the samples of the current footprint."""
+    def set_radiance(
+        self, key: str, radiance: NDArray[np.floating], footprint: FootprintTextures | None
+    ) -> bool:  # fmt: skip
+        """Replace a layer's picture by radiance (p,3) at the samples of a footprint; returns whether these are those
+        of the picture before."""
         layer = self[key]
+        same_samples = layer.footprint is footprint and layer.accumulator.n_samples == len(radiance)
         if radiance.ndim != 2 or radiance.shape[1] != 3:
             raise GraphicsError(f"layer {key}: radiance of shape {radiance.shape}, expected (p, 3)")
         self.check_sample_count(key, layer.i_object, len(radiance))
@@ -124,9 +128,10 @@ class LayerStack:
             layer.accumulator.release()
             layer.accumulator = replacement
         layer.accumulator.write(radiance)
-        layer.footprint = self.footprint
+        layer.footprint = footprint
         layer.mean = _finite_mean(radiance)
         self.dirty.add(layer.i_object)
+        return same_samples
 
     def set_indirect(self, key: str, radiance: NDArray[np.floating] | None) -> None:
         """Set a layer's indirect radiance (p,3) at the samples of the indirect footprint; None removes it."""

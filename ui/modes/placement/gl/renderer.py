@@ -193,9 +193,7 @@ class PlacementRenderer:
         transport of another one is dropped.
         """
         layers = self._shown().layers
-        before = layers[key]
-        same_samples = before.footprint is layers.footprint and before.accumulator.n_samples == len(radiance)
-        layers.set_radiance(key, radiance)
+        same_samples = layers.set_radiance(key, radiance, layers.footprint)
         self._edited.start_from(key, coefficients, same_samples, stage)
         self._release_unused_footprints()
 
@@ -243,21 +241,23 @@ class PlacementRenderer:
         beside: Collection[str] = (),
         curve: str = "",
         stage: str = "",
+        radiance: NDArray[np.floating] | None = None,
     ) -> None:
         """Start to upload a layer's transport (J,p,3) over a curve, true values transport·scale, in the Daub4 domain.
 
         Its numbers are float16 or float32, and stay so on the GPU. norms (J,3) are the lengths ‖T_k‖ of the true values
         over the p samples; scale (J,) or (J,3), None is 1. The active transport and the picture stay until ``upload``
         is done; then all transports are dropped except those of layers `beside` it, which follow the same curve.
-        Another pending one is dropped unless it is one of these.
+        Another pending one is dropped unless it is one of these. radiance: the layer's at these samples under a curve
+        of before, which is shown only if the upload is dropped.
         """
-        self._edited.begin(self._shown().layers, key, transport, norms, scale, beside, curve, stage)
+        self._edited.begin(self._shown().layers, key, transport, norms, scale, beside, curve, stage, radiance)
 
     def upload(self, time_budget_s: float) -> bool:
         """Continue the upload for about this long; True when none is pending."""
         if self._edited.upload_fraction is None:
             return True
-        is_over = self._edited.upload(time_budget_s)
+        is_over = self._edited.upload(self._shown().layers, time_budget_s)
         self._release_unused_footprints()
         return is_over
 
