@@ -140,6 +140,7 @@ def place_points(
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     inwards = _towards_middles(corners[mine], number.reshape(-1, 3), len(stored))
     inwards -= np.einsum("pk,pk->p", inwards, normal)[:, None] * normal
+    inwards += _depth(corners[mine], number.reshape(-1, 3), inwards, normal)[:, None] * normal
     return ShadingPoints(
         position.astype(np.float32),
         caster.offset_origins(position + inwards, normal),
@@ -164,7 +165,10 @@ def with_backs(points: ShadingPoints, behind: NDArray[np.bool_]) -> ShadingPoint
     triangles[mine, 1] = len(points) + number.reshape(-1, 3)
     position, normal = points.position[twins], -points.normal[twins]
     lift = np.einsum("pk,pk->p", points.lifted[twins] - position, normal)[:, None]
-    own = position, points.lifted[twins] - 2.0 * lift * normal, normal, points.tangent[twins], points.i_object[twins]
+    inwards = points.lifted[twins] - position - lift * normal
+    depth = _depth(points.corners[mine], number.reshape(-1, 3), inwards, normal)[:, None].astype(np.float32)
+    lifted = points.lifted[twins] + (depth - 2.0 * lift) * normal
+    own = position, lifted, normal, points.tangent[twins], points.i_object[twins]
     stored = points.position, points.lifted, points.normal, points.tangent, points.i_object
     position, lifted, normal, tangent, i_object = (np.concatenate(both) for both in zip(stored, own, strict=True))
     return ShadingPoints(
@@ -180,6 +184,25 @@ def _towards_middles(corners: Float64Array, numbers: NDArray[np.intp], n_points:
     steps, at = corners.mean(axis=1, keepdims=True) - corners, numbers.ravel()
     total = np.stack([np.bincount(at, steps[..., i].ravel(), n_points) for i in range(3)], axis=1)
     return np.asarray(_INWARDS * total / np.bincount(at, minlength=n_points)[:, None])
+
+
+def _depth(corners: NDArray, numbers: NDArray[np.intp], moved: NDArray, normal: NDArray) -> Float64Array:
+    """How deep (S,) points that moved by (S, 3) from a corner of triangles are beneath the triangle that they moved
+    over; corners (T, 3, 3) have the indices (T, 3), normal (S, 3). Where the surface is convex that is 0; where it is
+    hollow a step along the tangent leads beneath it."""
+    depth = np.zeros(len(moved))
+    for k in range(3):
+        at = numbers[:, k]
+        along, across = (corners[:, (k + i) % 3] - corners[:, k] for i in (1, 2))
+        step, up = moved[at], normal[at]
+        # The step as a along + b across, seen along the normal; it is over the triangle if neither is negative.
+        area = np.einsum("tk,tk->t", up, np.cross(along, across))
+        area = np.where(area == 0.0, np.inf, area)
+        a = np.einsum("tk,tk->t", up, np.cross(step, across)) / area
+        b = np.einsum("tk,tk->t", up, np.cross(along, step)) / area
+        height = np.einsum("tk,tk->t", up, a[:, None] * along + b[:, None] * across - step)
+        np.maximum.at(depth, at, np.where((a >= 0.0) & (b >= 0.0), height, 0.0))
+    return depth
 
 
 def _quarters(corners: NDArray, middles: NDArray) -> NDArray:

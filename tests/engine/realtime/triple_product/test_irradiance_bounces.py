@@ -3,6 +3,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 from app.project.project import open_project
 from app.stills.stills import layers_by_object
@@ -19,15 +20,20 @@ from tests.scene_text import camera, facing_up, placed, scaled
 
 SPHERE = (
     camera((0.6, 0.3, 0.0), 80.0, target=(-0.5, 0, 0))
-    + placed("sphere", "sphere", scaled(2))
+    + placed("sphere", "ball.ply", scaled(2))
     + placed("lamp", "quad", facing_up(0.1), "emission = [100.0, 50.0, 25.0]\n")
 )
 
 
-@pytest.fixture(scope="module")
-def inside() -> Orbit:
-    """An integrating sphere, seen from within: its backs are what its own camera sees."""
-    scene = build_scene(parse_description(tomllib.loads(SPHERE), "sphere"), Path("sphere.toml"), (16, 12))
+@pytest.fixture(scope="module", params=["outwards", "inwards"])
+def inside(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Orbit:
+    """An integrating sphere of few triangles, seen from within: its winding faces away from its own camera, or towards
+    it. Beside its corners the surface is hollow."""
+    folder, ball = tmp_path_factory.mktemp("sphere"), trimesh.creation.icosphere(subdivisions=3, radius=0.5)
+    if request.param == "inwards":
+        ball.invert()
+    ball.export(folder / "ball.ply")
+    scene = build_scene(parse_description(tomllib.loads(SPHERE), "sphere"), folder / "sphere.toml", (16, 12))
     orbit = Orbit(scene, n_points=0, n_patches=4)
     orbit.set_layers({0: [make_layer(MODELS["lambert"], {"albedo": [0.8, 0.5, 0.0]})]})
     orbit.set_bounces(1)
