@@ -355,11 +355,11 @@ def test_an_installation_compiles_all_once(compilers: list[Compiler], log: list[
     monkeypatch.setattr(Compiler, "wait", lambda compiler, timeout_s=0.0: log.append(f"{compiler.part} compiled"))
     kernels.compile_all()
     first, later = [f"{part} compiled" for part in PARTS], f"{kernels.LATER_PART} compiled"
-    # What is needed later is compiled from both ends: by one process in order, by another Deform first.
+    # What is needed later is compiled by one process in order, and by two others that begin with Orbit and with Deform.
     assert kernels.are_compiled() and log == [*first, *(f"{part} read" for part in PARTS), later, later]
-    assert [compiler.first for compiler in compilers] == ["", "", "", kernels.DEFORM]
-    assert [compiler.is_killed for compiler in compilers] == [False, False, False, True]
+    assert [compiler.first for compiler in compilers] == ["", "", "", kernels.ORBIT, kernels.DEFORM]
+    assert [compiler.is_killed for compiler in compilers] == [False, False, False, True, True]
     for what in kernels.LATER:
         kernels.note_compiled(what)
     kernels.compile_all()
-    assert len(compilers) == len(PARTS) + 2
+    assert len(compilers) == len(PARTS) + 3
