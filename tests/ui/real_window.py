@@ -367,20 +367,24 @@ class RealWindows:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._stack = ExitStack()
-        self._open: tuple[bool, RealWindow] | None = None
+        self._open: tuple[bool, RealWindow, object] | None = None
 
     def get(self, small_scene: bool) -> RealWindow:
-        """The window on the small scene, or the stand-in's: that which is open, unless it is another or has ended."""
-        if self._open is not None and self._open[0] == small_scene and not self._open[1].has_ended:
-            self._open[1].fresh(None)
-        else:
-            self.close()
-            self._open = small_scene, self._stack.enter_context(self._opened(small_scene))
-        return self._open[1]
+        """The window on the small scene, or the stand-in's: that which is open, unless it is another, has ended, or has
+        its panels elsewhere than at its start."""
+        if self._open is not None:
+            is_small, window, start = self._open
+            if is_small == small_scene and not window.has_ended and _layout(window) == start:
+                return window
+        self.close()
+        window = self._stack.enter_context(self._opened(small_scene))
+        self._open = small_scene, window, _layout(window)
+        return window
 
     def close(self) -> None:
         """End it."""
         self._stack.close()
+        self._open = None
 
     def _opened(self, small_scene: bool) -> AbstractContextManager[RealWindow]:
         folder = Path(tempfile.mkdtemp(dir=self._folder))
@@ -389,6 +393,12 @@ class RealWindows:
         from tests.ui.small_scene import write_small_scene
 
         return opened(folder, str(write_small_scene(folder)), resolution=SMALL)
+
+
+def _layout(window: RealWindow) -> object:
+    """Where all handles of a window are that begins anew, to a pixel."""
+    window.fresh(None)
+    return window.ask("{name: tuple(map(round, shell.handle_position(name))) for name in shell.handles.names()}")
 
 
 @contextmanager
