@@ -230,7 +230,7 @@ def _draw_steps(orbit: Orbit, wanted: DrawOrbit) -> Generator[StillProgress, Non
 
 def _key(orbit: Orbit) -> str:
     """The key of its visibility in the cache."""
-    return content_key("orbit visibility 4", *orbit.geometry)
+    return content_key("orbit visibility 5", *orbit.geometry)
 
 
 def _bumps(scene: Scene) -> dict[str, Bumps]:

@@ -195,7 +195,7 @@ def bending_points(
     """Make the points, about n_points in addition to the meshes' vertices; caster: intersects the scene's triangles;
     even: see `shading_points`."""
     points = shading_points(scene, caster, n_points, even, is_whole=True)
-    # Rays start above the points themselves. Orbit moves its origins aside, which would put them inside a coarse mesh.
+    # Rays start above the points themselves, where lobes are fitted, and not beside them as Orbit's do.
     points = replace(points, lifted=caster.offset_origins(points.position, points.normal))
     return BendingPoints(scene, with_backs(points, _is_open(scene) | lit_sides(scene, caster).reached[:, 1]))
 
