@@ -349,5 +349,22 @@ def test_where_its_transport_cannot_be_used_it_is_shown(
             renderer.upload(1.0)
     np.testing.assert_array_equal(renderer.layer_radiance("ball.0"), held)
     renderer.want("ball.0", coefficients)
-    renderer.update()  # there is no transport of these samples
+    renderer.update()  # there is no transport of these samples, or not of this curve
     np.testing.assert_array_equal(renderer.layer_radiance("ball.0"), held)
+    renderer.want("ball.0", coefficients, "the other")
+    finish(renderer)
+    expected = contracted(transport, coefficients) if how == "no curve" else held
+    assert relative_error(renderer.layer_radiance("ball.0"), expected) < 1e-5
+
+
+def test_a_transport_whose_curve_was_never_wanted_leaves_the_picture(renderer: PlacementRenderer) -> None:
+    # Another curve of the layer is selected before it is there, and dragged before its own transport comes.
+    transport, coefficients, _ = _problem(16, 200)
+    start_layer(renderer, transport, coefficients)
+    before = renderer.layer_radiance("ball.0")
+    renderer.begin_transport("ball.0", transport, norms_of(transport), curve="the other")
+    while not renderer.upload(1.0):
+        pass
+    renderer.want("ball.0", 2.0 * coefficients)
+    assert renderer.update().applied == 0
+    np.testing.assert_array_equal(renderer.layer_radiance("ball.0"), before)

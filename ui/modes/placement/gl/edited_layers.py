@@ -129,8 +129,8 @@ class EditedLayers:
             if not arriving.upload.advance(time_budget_s):
                 return False
             self._activate(arriving)
-            if arriving.key not in self._wanted:  # no curve to sum it by
-                self._show_held(layers, arriving)
+            if arriving.held is not None and arriving.key not in self._wanted:  # no curve to sum it by
+                layers.set_radiance(arriving.key, *arriving.held)
         except GraphicsError:
             self._give_up(arriving)
             self._show_held(layers, arriving)
@@ -210,8 +210,9 @@ class EditedLayers:
         self._wanted.clear()
 
     def _at_work(self) -> Iterator[tuple[str, _ActiveTransport]]:
-        """Those with a wanted curve."""
-        return ((key, active) for key, active in self._active.items() if key in self._wanted)
+        """Those whose own curve is wanted."""
+        curves = {key: curve for key, (curve, _) in self._wanted.items()}
+        return ((key, active) for key, active in self._active.items() if curves.get(key) == active.curve)
 
     def _activate(self, arrived: _PendingUpload) -> None:
         refiner = Refiner(self._memory, self._terms, arrived.upload.target, arrived.upload.norms)
@@ -233,10 +234,10 @@ class EditedLayers:
         self._arriving.remove(arriving)
 
     def _show_held(self, layers: LayerStack, arriving: _PendingUpload) -> None:
-        """Show the picture that was held back for a transport that does not come, or cannot be used."""
+        """Show the picture that was held back for a transport that does not come; one in use is of other samples."""
         if arriving.held is not None and arriving.key in layers:
             layers.set_radiance(arriving.key, *arriving.held)
-            self._stop(arriving.key)  # it is of other samples, or would be started from an unknown curve
+            self._stop(arriving.key)
 
     def _stop(self, key: str) -> None:
         if key in self._active:

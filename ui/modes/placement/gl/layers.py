@@ -113,9 +113,7 @@ class LayerStack:
         del self._layers[key]
         self.dirty.add(layer.i_object)
 
-    def set_radiance(
-        self, key: str, radiance: NDArray[np.floating], footprint: FootprintTextures | None
-    ) -> bool:  # fmt: skip
+    def set_radiance(self, key: str, radiance: NDArray[np.floating], footprint: FootprintTextures | None) -> bool:
         """Replace a layer's picture by radiance (p,3) at the samples of a footprint; returns whether these are those
         of the picture before."""
         layer = self[key]
