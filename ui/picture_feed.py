@@ -170,6 +170,11 @@ class PictureFeed:
         """Whether a response of the worker is not in the picture yet."""
         return bool(self._waiting)
 
+    @property
+    def is_finished(self) -> bool:
+        """Whether the last frame showed a finished picture, with nothing of the one before fading out."""
+        return self._finished_of is not None
+
     def object_at(self, column: int, row: int) -> str | None:
         """The name of the object that a pixel of the picture sees."""
         return self._scene.object_at(column, row)

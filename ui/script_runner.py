@@ -109,6 +109,9 @@ def wait_for_picture(
     window.frames(2)
     _wait(window, editor, there, timeout)
     window.frames(1)
+    source = window.shell.source
+    if picture == "exact" and source is not None:  # over Orbit's picture it fades in
+        _wait(window, editor, lambda: source.is_finished, timeout)
     _wait(window, editor, lambda: not window.shell.awaits_table, timeout)
 
 

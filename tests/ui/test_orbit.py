@@ -25,6 +25,7 @@ from ui.headless import HeadlessWindow
 from ui.modes.orbit import orbit_feed
 from ui.modes.orbit.gl.shaded_picture import ShadedPicture
 from ui.modes.orbit.orbit_feed import FADE_SECONDS, OrbitFeed
+from ui.script_runner import wait_for_picture
 
 pytestmark = pytest.mark.gl
 
@@ -58,6 +59,14 @@ def feed_of(window: HeadlessWindow) -> OrbitFeed:
     source = window.shell.source
     assert source is not None and isinstance(source.source, OrbitFeed)
     return source.source
+
+
+def test_a_script_waits_until_the_exact_picture_has_faded_in(
+    window: HeadlessWindow, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(orbit_feed, "FADE_SECONDS", 1.0)
+    wait_for_picture(window, window.shell.editor, "exact")
+    assert feed_of(window).picture is feed_of(window).placement.picture
 
 
 def wait_until_shown_by(window: HeadlessWindow, name: str) -> None:
