@@ -47,7 +47,7 @@ from engine.precompute.direct.projection import VisibleLight, project_points
 from engine.reference.path_tracer import trace_halves
 from engine.render.display import error_to_radiance, false_colour
 from engine.render.picture_error import ErrorEstimate
-from engine.render.still import StillLayer, by_object, layer_radiance, shape_of
+from engine.render.still import StillLayer, by_object, curves_of, layer_radiance, shape_of
 from engine.scene.primary_hits import PrimaryHits
 from engine.scene.raycaster import RayCaster
 from engine.visibility.point_visibility import Targets, Visibility, empty_visibility, evaluate_rows
@@ -321,7 +321,7 @@ def _direct(
             if len(mine):
                 finer = replace(each, bands=_finer(each.bands))
                 tile = project_points(points, mine, light, shape_of(finer), 0)
-                one[mine] += layer_radiance(hits, rows[mine], finer, tile, lighting.unit)
+                one[mine] += layer_radiance(hits, rows[mine], finer, tile, lighting.unit, curves_of(finer))
                 yield StillProgress(0.0, WHAT)
         if cut is None:
             found[:] = one  # emitters are the same each time

@@ -27,7 +27,7 @@ from engine.core.generators import map_steps
 from engine.planner import MIN_LIGHTS_FOR_SPHERE, SLOW_ANGLES, Plan
 from engine.precompute.direct.pipeline import Placement, SkyState, final_quality
 from engine.precompute.direct.projection import VisibleLight, project_points
-from engine.render.still import StillLayer, curves_of, radiance_with_curves, shape_of
+from engine.render.still import StillLayer, curves_of, layer_radiance, shape_of
 from engine.scene.primary_hits import PrimaryHits
 from engine.settings import RenderSettings
 
@@ -196,10 +196,10 @@ def _reflected(
 ) -> NDArray[np.float64]:
     tile = project_points(hits, rows, light, shape_of(each), 0)
     curves, unit = curves_of(each), light.lighting.unit
-    plain = radiance_with_curves(hits, rows, each, tile, unit, curves)
+    plain = layer_radiance(hits, rows, each, tile, unit, curves)
     if is_still or not each.editable or each.layer.model.factors[0].gamma in SLOW_ANGLES:
         return np.stack([plain, plain])
-    return np.stack([plain, radiance_with_curves(hits, rows, each, tile, unit, (_sharper(curves[0]), *curves[1:]))])
+    return np.stack([plain, layer_radiance(hits, rows, each, tile, unit, (_sharper(curves[0]), *curves[1:]))])
 
 
 def _sharper(curve: NDArray[np.float64]) -> NDArray[np.float64]:

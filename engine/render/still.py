@@ -120,10 +120,10 @@ def reflect_layers(
     total = sum(len(placement.rows_of(each.i_object)) for each in layers) or 1
     done = 0
     for each in layers:
-        rows = placement.rows_of(each.i_object)
+        rows, curves = placement.rows_of(each.i_object), curves_of(each)
         for tile in project_layer(placement.hits, rows, light, shape_of(each)):
             covered = rows[tile.begin : tile.begin + len(tile.scale)]
-            radiance[covered] += layer_radiance(placement.hits, covered, each, tile, light.lighting.unit)
+            radiance[covered] += layer_radiance(placement.hits, covered, each, tile, light.lighting.unit, curves)
             done += len(covered)
             yield StillProgress(SHADOWS + (1 - SHADOWS) * done / total, f"{each.layer.name} of object {each.i_object}")
     return radiance
@@ -181,17 +181,11 @@ def shape_of(each: StillLayer) -> LayerShape:
 
 
 def layer_radiance(
-    hits: PrimaryHits, rows: NDArray[np.integer], each: StillLayer, tile: BandTile, unit: float
-) -> NDArray[np.floating]:
-    """Radiance (p, 3) that a layer reflects at the rows of a tile; unit: that of its transport."""
-    return radiance_with_curves(hits, rows, each, tile, unit, curves_of(each))
-
-
-def radiance_with_curves(
     hits: PrimaryHits, rows: NDArray[np.integer], each: StillLayer, tile: BandTile, unit: float,
     curves: Sequence[NDArray[np.float64]],
 ) -> NDArray[np.floating]:  # fmt: skip
-    """The same under other curves (J, 3) than its own."""
+    """Radiance (p, 3) that a layer reflects at the rows of a tile under these curves (J, 3); unit: that of its
+    transport."""
     contracted = BandStore(each.bands, (replace(tile, begin=0),)).radiance(curves[0], (*curves, np.ones((1, 3)))[1])
     return contracted * unit * view_factors(hits, rows, each)
 

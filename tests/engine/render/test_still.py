@@ -14,8 +14,10 @@ from engine.light.environment import constant_environment, load_environment
 from engine.material import MODELS, make_layer
 from engine.material.layer import Layer
 from engine.planner import plan_scene
+from engine.precompute.direct import projection
 from engine.precompute.direct.pipeline import COARSE, Placement, SkyState
-from engine.render.still import render_reference, render_still, still_layers, still_quality
+from engine.render import still
+from engine.render.still import StillLayer, curves_of, render_reference, render_still, still_layers, still_quality
 from engine.scene.scene_loader import Scene, load_scene
 from tests.reference_thirds import open_third, third
 from tests.scene_text import LAMBERT, LIT_TABLE, camera, placed
@@ -44,6 +46,15 @@ def test_a_convex_white_thing_under_a_white_sky_is_invisible(tmp_path: Path) -> 
     assert image.shape == (24, 32, 3) and image.dtype == np.float32
     # Facets stand for a ball and shading normals lean beyond the horizon of their facet: 1 % at the rim.
     assert np.abs(image / 0.7 - 1.0).max() < 0.02 and abs(image.mean() / 0.7 - 1.0) < 2e-3
+
+
+def test_the_curves_of_a_layer_are_evaluated_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    evaluated = list[StillLayer]()
+    monkeypatch.setattr(still, "curves_of", lambda each: evaluated.append(each) or curves_of(each))
+    monkeypatch.setattr(projection, "TILE", 16)  # the layer is projected in several tiles
+    layers = {"ball.0": make_layer(MODELS["lambert"])}
+    render(load(tmp_path, BALL), layers, SkyState(constant_environment(0.7)))
+    assert [each.layer for each in evaluated] == [layers["ball.0"]]
 
 
 def test_no_silhouette_of_a_coarse_smooth_mesh_is_a_dark_dot(tmp_path: Path) -> None:
