@@ -76,6 +76,7 @@ class Attempt:
         self.samples = no_samples(settings.n_rays)
         self.n_rays_traced = 0
         self._photons = PhotonMap(no_photons(scene.n_objects))
+        self._newest = self.samples
         self._points: GatherPoints | None = None
         search.n_sets = PART_POINTS // 2  # an estimate for the part that is abandoned
 
@@ -97,19 +98,26 @@ class Attempt:
     def points(self) -> GatherPoints:
         """The gather points of all sample sets so far, with the photons near them."""
         if self._points is None:
-            scene, placement = self._scene, self._scene.placement
-            points = GatherPoints(
-                placement.hits, self.samples, scene.lobe_axes, self._sample_counts(), scene.axes,
-                scene.second is not None,
-                self._photons.photons, no_nearby_photons(len(self.samples.rows)),
-            )  # fmt: skip
-            self._points = points.with_photons(self._photons, placement.scene, placement.caster)
+            self._points = self._points_of(self.samples)
         return self._points
+
+    @property
+    def newest_points(self) -> GatherPoints:
+        """The gather points of the sample sets that were traced last, with the photons near them."""
+        return self.points if self._newest is self.samples else self._points_of(self._newest)
+
+    def _points_of(self, samples: GatherSamples) -> GatherPoints:
+        scene, placement = self._scene, self._scene.placement
+        points = GatherPoints(
+            placement.hits, samples, scene.lobe_axes, self._sample_counts(), scene.axes, scene.second is not None,
+            self._photons.photons, no_nearby_photons(len(samples.rows)),
+        )  # fmt: skip
+        return points.with_photons(self._photons, placement.scene, placement.caster)
 
     def restore(self, table: CacheTable, samples: GatherSamples) -> None:
         """Restores records and sample sets of an attempt that ended."""
         self.cache.restore(table)
-        self.samples, self._points = samples, None
+        self.samples, self._newest, self._points = samples, samples, None
 
     def begin_anew(self, settings: SamplingSettings) -> None:
         """Drops all sample sets; the next ones have the rays of these settings. Records stay."""
@@ -134,7 +142,7 @@ class Attempt:
     def _traced(
         self, rows: NDArray[np.int32], nth: NDArray[np.uint8], span: Span, first_open: int
     ) -> Generator[Progress, None, None]:
-        found, done = [self.samples], 0
+        found, done = [no_samples(self.settings.n_rays)], 0
         n_lobe = np.array([size.n_lobe for size in self._sample_counts()])
         n_lobe = n_lobe[object_of_rows(self._scene.placement.hits, rows)]
         # Points with as many rays about their lobe axes are traced together.
@@ -146,7 +154,10 @@ class Attempt:
                     found.append(samples)
                     done += len(samples.rows)
                     yield span.at(done / len(rows)), "tracing gather points"
-        self.samples, self._points = join_samples(found), None
+        self._newest = join_samples(found)
+        is_first = not len(self.samples.rows)
+        self.samples = self._newest if is_first else join_samples([self.samples, self._newest])
+        self._points = None
 
     def _part(
         self, rows: NDArray[np.int32], nth: NDArray[np.uint8], size: SampleCounts, first_open: int

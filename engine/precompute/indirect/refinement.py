@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.precompute.indirect import _lattice_kernels as kernels
-from engine.precompute.indirect._ray_kernels import NORMAL
 from engine.precompute.indirect.indirect_layers import IndirectLayer
 from engine.precompute.indirect.indirect_light import Footprint, GatherPoints
+from engine.precompute.indirect.photons import PhotonFlux
 from engine.precompute.indirect.reflection import OutgoingRadiance
 from engine.precompute.indirect.smoothing import extra_sample_sets, least_alike
 from engine.scene.edges import nearest_centres
@@ -53,17 +53,17 @@ class Lattice:
     """Blocks that are as coarse as the picture allows, and the rows at their corners.
 
     Call in turn: `missing_rows()` returns rows without a value; `refine` takes values at all rows requested so far and
-    returns whether blocks remain open.
+    returns whether blocks remain open. least_alike (M,): the least cosine between normals on one surface of an object.
     """
 
     def __init__(self, hits: PrimaryHits, glossy: NDArray[np.bool_], close: bool = True) -> None:
         """glossy (M,): the objects whose reflection changes with the normal; close: smaller blocks in small pictures,
         single pixels beside edges, and blocks within the clearance of their corners."""
         self.hits, self._close = hits, close
-        self._least_alike = least_alike(glossy)
+        self.least_alike = least_alike(glossy)
         width, height = hits.resolution
         self._row_image = hits.row_image
-        self._beside, self._nearest = nearest_centres(hits, hits.normal, self._least_alike)
+        self._beside, self._nearest = nearest_centres(hits, hits.normal, self.least_alike)
         self._objects = hits.object_image.astype(np.int32)
         size = coarsest_of(height) if close else COARSEST
         y, x = np.mgrid[0:height:size, 0:width:size]
@@ -116,7 +116,7 @@ class Lattice:
         split = np.empty(len(self._open), bool)
         kernels.must_split(
             self._open, self._objects, self._row_image, self.hits.position, self.hits.normal,
-            self._least_alike, np.ascontiguousarray(values, np.float32), np.ascontiguousarray(noise, np.float32),
+            self.least_alike, np.ascontiguousarray(values, np.float32), np.ascontiguousarray(noise, np.float32),
             np.ascontiguousarray(clearance, np.float32), REACH, self._close, TOLERANCE,
             np.asarray(floor, np.float32), split,
         )  # fmt: skip
@@ -135,7 +135,7 @@ class Lattice:
         rows, weights = np.zeros((n_points, 4), np.int32), np.zeros((n_points, 4), np.float32)
         kernels.interpolate(
             self._closed, self._objects, self._row_image, self.hits.position, self.hits.normal,
-            self._least_alike, point_of_row, rows, weights,
+            self.least_alike, point_of_row, rows, weights,
         )  # fmt: skip
         rows[self._beside], weights[self._beside] = rows[self._nearest], weights[self._nearest]
         alone = self._alone
@@ -184,20 +184,23 @@ class Refinement:
         """radiosity (C, D, 3): rough radiosity of the first C records."""
         self.lattice = lattice
         self._layers, self._radiosity = layers, radiosity
+        self._caustics: PhotonFlux | None = None
         n_points = len(lattice.hits.pixel)
         self._light, self._noise = np.zeros((2, n_points, 3), np.float32)
         self._clearance = np.zeros(n_points, np.float32)
 
     def measure(self, points: GatherPoints, n_records: int) -> Generator[None, None, None]:
         """Computes light and noise of these gather points, whose rays hit n_records records. A generator of steps.
+        What was measured before stays: neither radiosity nor photons change.
 
         Glossy surfaces reflect by albedo, with a share of the photons, because their directional reflection is noisier.
         """
         n_new = n_records - len(self._radiosity)  # not known yet: dark
         radiosity = np.concatenate([self._radiosity, np.zeros((n_new, *self._radiosity.shape[1:]), np.float32)])
-        caustics = points.caustic_flux(self._layers)
-        caustics = caustics._replace(light=_PHOTONS_SHARE * caustics.light)
-        first, second = yield from points.halves(self._layers, OutgoingRadiance(radiosity, None, caustics))
+        if self._caustics is None:
+            caustics = points.caustic_flux(self._layers)
+            self._caustics = caustics._replace(light=_PHOTONS_SHARE * caustics.light)
+        first, second = yield from points.halves(self._layers, OutgoingRadiance(radiosity, None, self._caustics))
         rows = points.samples.rows
         self._light[rows], self._noise[rows] = 0.5 * (first + second), 0.5 * abs(first - second)
         self._clearance[rows] = points.samples.clearance
@@ -207,14 +210,14 @@ class Refinement:
         return self.lattice.refine(self._light, self._noise, self._clearance)
 
     def extra_sets(
-        self, points: GatherPoints, footprint: Footprint, most: float
+        self, rows: NDArray[np.int32], footprint: Footprint, most: float
     ) -> tuple[NDArray[np.int32], NDArray[np.uint8]]:
         """The extra sample sets (q,) of noisy gather points that the picture shows: the row of each, and its number at
-        that row. most: on average per point."""
-        rows, (numbers, weights) = points.samples.rows, footprint
+        that row. rows (p,): of all gather points, which were measured; most: on average per point."""
+        numbers, weights = footprint
         # The squared weight with which each gather point contributes to the picture: its share of the variance.
         shown = np.bincount(numbers.ravel(), weights.ravel() ** 2, len(rows)).astype(np.float64)
-        alike = least_alike(points.lobe_axes != NORMAL)
-        n = extra_sample_sets(points.hits, rows, alike, self._light[rows], self._noise[rows], shown, most)
+        hits, alike = self.lattice.hits, self.lattice.least_alike
+        n = extra_sample_sets(hits, rows, alike, self._light[rows], self._noise[rows], shown, most)
         nth = np.arange(1, n.sum() + 1) - np.repeat(np.cumsum(n) - n, n)
         return np.repeat(rows, n), nth.astype(np.uint8)

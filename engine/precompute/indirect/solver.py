@@ -184,7 +184,7 @@ class Solver:
         # Refinement passes: split blocks until light at their corners differs by no more than its noise.
         refinement = Refinement(lattice, layers, radiosities)
         for span in chain(REFINEMENTS, repeat(Span(REFINED, REFINED))):
-            measured = refinement.measure(attempt.points, len(attempt.cache))
+            measured = refinement.measure(attempt.newest_points, len(attempt.cache))
             yield from at_fraction(measured, span.begin, "tracing gather points")
             if not refinement.split_blocks():
                 break
@@ -192,7 +192,7 @@ class Solver:
         # Extra sample sets. Records keep their sample positions: the extra rays come from noisy points, and would bias
         # them towards bright ones.
         found = lattice.footprint()
-        rows, nth = refinement.extra_sets(attempt.points, found, self._most.max_extra_sets)
+        rows, nth = refinement.extra_sets(attempt.samples.rows, found, self._most.max_extra_sets)
         if not len(rows):
             return found, REFINED
         span = extra_sets_span(len(rows) / len(attempt.samples.rows))

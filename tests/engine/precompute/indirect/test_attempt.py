@@ -53,6 +53,22 @@ def test_sample_sets_add_up_by_row(monkeypatch: pytest.MonkeyPatch) -> None:
     assert len(attempt.points.samples.rows) == len(ROWS) + 3
 
 
+def test_the_newest_points_are_those_that_were_traced_last() -> None:
+    attempt = begun()
+    attempt.emit_photons()
+    run_to_end(attempt.trace(ROWS[::2], None, FIRST_PASS))
+    assert attempt.newest_points is attempt.points  # not searched for photons twice
+    run_to_end(attempt.trace(ROWS[1::2], None, FIRST_PASS))
+    newest, every = attempt.newest_points, attempt.points
+    np.testing.assert_array_equal(newest.samples.rows, ROWS[1::2])
+    np.testing.assert_array_equal(newest.samples.records, every.samples.records[1::2])
+    # The same photons are near them as in the search around all points.
+    near = [np.split(each.landed.photon, each.landed.start[1:-1]) for each in (newest, every)]
+    assert sum(map(len, near[0]))
+    for a, b in zip(near[0], near[1][1::2], strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
 def test_what_was_stored_is_not_traced_again(monkeypatch: pytest.MonkeyPatch) -> None:
     memory = Memory()
     one = begun(memory)

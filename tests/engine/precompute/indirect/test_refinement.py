@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +13,7 @@ from engine.core.generators import run_to_end
 from engine.light.environment import constant_environment
 from engine.precompute.indirect import smoothing
 from engine.precompute.indirect._ray_kernels import NORMAL
-from engine.precompute.indirect.indirect_light import IndirectLight
+from engine.precompute.indirect.indirect_light import GatherPoints, IndirectLight
 from engine.precompute.indirect.refinement import COARSEST, Lattice, Refinement, coarsest_of, count_by_shape
 from engine.precompute.indirect.smoothing import GLOSSY_TURN
 from tests.engine.precompute.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placement_of, solve
@@ -186,18 +187,32 @@ def test_records_that_are_not_lit_yet_are_dark(found: IndirectLight) -> None:
     assert 0.0 < some._light[rows].mean() < found.at_points(LAYERS).mean() / found.unit
 
 
+def test_each_gather_point_is_measured_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    measured = list[NDArray[np.int32]]()
+    measure = Refinement.measure
+
+    def measuring(refinement: Refinement, points: GatherPoints, n_records: int) -> Generator[None, None, None]:
+        measured.append(points.samples.rows)
+        return measure(refinement, points, n_records)
+
+    monkeypatch.setattr(Refinement, "measure", measuring)
+    light = solve(placement_of(CORNER, **CORNER_VIEW, n=64), LAYERS, 3, QUICK, constant_environment((1.0, 0.8, 0.6)))
+    assert len(measured) > 2  # the lattice was refined
+    np.testing.assert_array_equal(np.sort(np.concatenate(measured)), light.points.samples.points)
+
+
 def test_extra_sets_are_numbered_at_their_points(found: IndirectLight, monkeypatch: pytest.MonkeyPatch) -> None:
     refinement, n = refinement_of(found, found.radiosity(LAYERS)), len(found.points.samples.points)
     run_to_end(refinement.measure(found.points, len(found.cache)))
     monkeypatch.setattr(smoothing, "NOISY", 0.0)
     monkeypatch.setattr(smoothing, "VERY_NOISY", 0.0)
-    rows, nth = refinement.extra_sets(found.points, found.footprint, 10.0)
+    rows, nth = refinement.extra_sets(found.points.samples.points, found.footprint, 10.0)
     assert len(rows) > n and nth.dtype == np.uint8
     assert set(rows) <= set(found.points.samples.points)
     # Each point has the numbers 1, 2, ... without a gap: 0 is its first set.
     for row in np.unique(rows):
         np.testing.assert_array_equal(nth[rows == row], 1 + np.arange((rows == row).sum()))
-    fewer, _ = refinement.extra_sets(found.points, found.footprint, 0.5)
+    fewer, _ = refinement.extra_sets(found.points.samples.points, found.footprint, 0.5)
     assert len(fewer) <= 0.5 * n
-    none, _ = refinement.extra_sets(found.points, found.footprint, 0.0)
+    none, _ = refinement.extra_sets(found.points.samples.points, found.footprint, 0.0)
     assert not len(none)
