@@ -25,10 +25,12 @@ from app.modes.placement.placement_messages import (
     IndirectFound,
     IndirectFrozen,
     IndirectNoise,
+    IndirectRelit,
 )
 from app.worker.array_files import Tiles
 from app.worker.cache import ArrayCache, content_key
 from app.worker.executor import IndirectSteps
+from engine.core.clamping import unscaled
 from engine.core.generators import map_steps
 from engine.core.stored_arrays import Arrays
 from engine.material.layer import Layer, object_of
@@ -38,6 +40,7 @@ from engine.precompute.indirect.checkpoints import NAMES, arrays_of
 from engine.precompute.indirect.indirect_layers import IndirectLayer, indirect_layer
 from engine.precompute.indirect.indirect_light import GatherPolynomial, IndirectLight, SelectedCurve
 from engine.precompute.indirect.irradiance_cache import NO_OBJECT
+from engine.precompute.indirect.relighting import IndirectRelighting, SceneLight, SourceLighting
 from engine.precompute.indirect.sampling_settings import FINE, ROUGH, SamplingSettings
 from engine.precompute.indirect.solver import Solver, relit
 from engine.render.bounce_plan import planned_bounces
@@ -54,9 +57,11 @@ FOUND_AT = 0.9
 
 @dataclass(frozen=True, eq=False)
 class _FoundLight:
-    """Indirect light, and what its rays and its irradiance were computed for; n_rays: 0 for as many as it needs."""
+    """Indirect light, and what its rays and its irradiance were computed for; lit_by: the key of `lit`; n_rays: 0 for
+    as many as it needs."""
 
     light: IndirectLight
+    lit: SceneLight
     settings: SamplingSettings
     n_rays: int
     models: tuple[tuple[str, str], ...]
@@ -96,6 +101,9 @@ class IndirectTasks:
         self._sent = 0
         self._noise_found: tuple[_FoundLight, FreezeIndirect, tuple[float, float]] | None = None
         self._representations: GatherPolynomial | None = None
+        self._frozen_light: _FoundLight | None = None
+        self._relighting: IndirectRelighting | None = None
+        self._relit_for: tuple[int, tuple[LayerState, ...]] | None = None
         self._numbers = itertools.count(time.time_ns())  # none that a worker before this one used
 
     @property
@@ -140,7 +148,7 @@ class IndirectTasks:
                 return
             yield Progress("indirect light", 0.0, text="light on surfaces")
             light = relit(found.light, self._placement, sky, found.settings, n_bounces)
-            yield from self._cache_light(replace(found, light=light, lit_by=lit_by))
+            yield from self._cache_light(replace(found, light=light, lit=self._scene_light(sky), lit_by=lit_by))
         else:
             yield from self._find_anew(layers, sky, lit_by, n_bounces, is_last, n_rays)
 
@@ -159,7 +167,10 @@ class IndirectTasks:
         key = content_key(
             "indirect", STORED_VERSION, NAMES, self._scene_key, models, lit_by, n_bounces, repr(fine), n_rays
         )
-        as_requested = partial(_FoundLight, settings=fine, n_rays=n_rays, models=models, lit_by=lit_by, depth=n_bounces)
+        as_requested = partial(
+            _FoundLight, lit=self._scene_light(sky), settings=fine, n_rays=n_rays, models=models, lit_by=lit_by,
+            depth=n_bounces,
+        )  # fmt: skip
         kept = None if self._store is None else self._store.get(key, lambda arrays: solver(fine).restored(arrays))
         if kept is not None:
             yield from self._cache_light(as_requested(kept))
@@ -196,6 +207,47 @@ class IndirectTasks:
                 yield self._found_message(self._found)
             yield from self._frozen(self._found, request)
             yield from self._noise(self._found, request)
+
+    def relight(self, layers: Sequence[LayerState], sky: SkyState, n_bounces: int) -> Steps:
+        """The light that was frozen last, of these layers, under another sky and the emitters as they are: the answer
+        to a light that is dragged. None where no such light was frozen."""
+        relighting, found = self._relighting_of(layers), self._frozen_light
+        if relighting is None or found is None or n_bounces not in (0, found.light.n_bounces):
+            return
+        relit = yield from relighting.relit(self._scene_light(sky))
+        now, resting, gloss = (
+            {each.key: getattr(layer, what) for each, layer in zip(layers, relit, strict=True)}
+            for what in ("now", "resting", "gloss")
+        )
+        yield IndirectRelit(found.number, now, resting, gloss)
+
+    def prepare_relighting(self, layers: Sequence[LayerState]) -> Steps:
+        """Do of `relight` what does not depend on the other light."""
+        relighting = self._relighting_of(layers)
+        if relighting is not None:
+            yield from relighting.prepare()
+
+    def _relighting_of(self, layers: Sequence[LayerState]) -> IndirectRelighting | None:
+        """That of the light that was frozen last and these layers; None where it was not frozen for such."""
+        found, models = self._frozen_light, tuple((each.key, each.model) for each in layers)
+        if found is None or found.models != models:
+            return None
+        if self._relit_for != (found.number, tuple(layers)):
+            reflecting = [self._reflecting(each) for each in layers]
+            lighting = SourceLighting(found.light, self._placement.scene, found.lit.sky)
+            self._relighting = IndirectRelighting(lighting, found.lit, partial(self._reflected, reflecting))
+            self._relit_for = found.number, tuple(layers)
+        return self._relighting
+
+    def _reflected(self, layers: list[IndirectLayer], light: IndirectLight) -> Generator[None, None, list[np.ndarray]]:
+        """What these layers reflect of a light at their gather points, (p, 3) each."""
+        assert self._representations is not None
+        self._representations = self._representations.with_light(light)
+        frozen = yield from self._representations.freeze(layers)
+        return [unscaled(frozen.reflected[i][:, 0], light.unit) for i in range(len(layers))]
+
+    def _scene_light(self, sky: SkyState) -> SceneLight:
+        return SceneLight(sky, self._placement.scene.emission)
 
     def _is_requested_light(self, found: _FoundLight) -> bool:
         """Whether it is the light of the transport requested last."""
@@ -239,10 +291,11 @@ class IndirectTasks:
             each.key: albedo_bands(*each.quotient, each.bands)
             for each in desired.scene.visible if self._object(each) == edited
         }  # fmt: skip
-        unit = found.light.unit
+        unit, by_albedo = found.light.unit, not found.light.points.glossy
         yield IndirectFrozen(
-            found.number, desired.serial, desired.key, desired.factor, reflected, frozen.bands, albedos, unit
+            found.number, desired.serial, desired.key, desired.factor, reflected, frozen.bands, albedos, unit, by_albedo
         )
+        self._frozen_light = found
 
     def _noise(self, found: _FoundLight, desired: FreezeIndirect) -> Steps:
         """The noise of the light with its layers as they are: a curve that is raised may show what was hidden by the

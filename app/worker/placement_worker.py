@@ -134,6 +134,8 @@ class PlacementWorker(ModeWorker):
         yield from self._until_compiled(RELIGHTING)
         context, scene = self._context, request.scene
         yield from self._relighting.prepare(context.open_placement, scene, context.sky(scene.light), self._current)
+        if self._indirect is not None:
+            yield from self._indirect.prepare_relighting(scene.visible)
         yield RelightingPrepared(self._n_bytes)
 
     # -------------------------------------------------------------------------------------------------------- transport
@@ -185,6 +187,8 @@ class PlacementWorker(ModeWorker):
                 yield from tasks.find(
                     scene.visible, sky, lit_key(sky, placement.scene), n_bounces, exact, settings.n_hemisphere_rays
                 )
+            if quality is DRAG and self._indirect is not None and n_bounces != 1:
+                yield from self._indirect.relight(scene.visible, sky, n_bounces)
             # A cached picture waits for the first indirect light, and for nothing else.
             if due or exact or quality.name == COARSE.name and n_bounces > 1:
                 spent = time.process_time() - begun

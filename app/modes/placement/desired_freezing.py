@@ -29,6 +29,11 @@ class LayerReflectance:
     def key(self) -> str:
         return self.layer.key
 
+    @property
+    def shape(self) -> tuple[object, ...]:
+        """What its sums depend on beside the values of its curves."""
+        return self.key, self.layer.quotient, tuple(len(curve) for curve in self.coefficients)
+
 
 def layer_reflectances(scene: SceneState, document: Document, curves: Curves) -> tuple[LayerReflectance, ...]:
     """The reflectance of all visible layers of a document, as the worker gets it."""
@@ -77,6 +82,12 @@ class DesiredFreezing:
         return len(self.reflectances) == len(other.reflectances) and all(
             _equal(*pair) for pair in zip(self.reflectances, other.reflectances, strict=True)
         )
+
+    def has_layers_of(self, other: DesiredFreezing) -> bool:
+        """Whether the response to one can be drawn for the other's layers, though the curves that it holds fixed may be
+        others."""
+        one, two = ((each.key, each.factor, [look.shape for look in each.reflectances]) for each in (self, other))
+        return one == two
 
     def _alike(self, mine: LayerReflectance, theirs: LayerReflectance) -> bool:
         if mine.key != theirs.key or mine.layer.quotient != theirs.layer.quotient:

@@ -4,7 +4,8 @@ The worker freezes indirect light for the object of the selected layer [BenArtzi
 the picture of a freezing in every frame. What its sums hold fixed (other objects' curves, the other curve of the
 selected layer) is compared with the document once a frame, and frozen anew when it has changed, one request at a time.
 The secondary emission of a glossy object keeps its shape while its curve is dragged; it is frozen anew as well once the
-user is idle. A freezing is answered again whenever its samples have become finer.
+user is idle. A freezing is answered again whenever its samples have become finer. While a light is dragged, what was
+frozen is relit with each quick picture of the direct light, and stays so until the light of the end is frozen.
 """
 
 from __future__ import annotations
@@ -18,7 +19,13 @@ from app.modes.placement.curves import Curves
 from app.modes.placement.desired_freezing import DesiredFreezing, desired_freezing
 from app.modes.placement.indirect_picture import Freezing, IndirectPicture
 from app.modes.placement.placement_events import Footprint
-from app.modes.placement.placement_messages import FreezeIndirect, IndirectFound, IndirectFrozen, IndirectNoise
+from app.modes.placement.placement_messages import (
+    FreezeIndirect,
+    IndirectFound,
+    IndirectFrozen,
+    IndirectNoise,
+    IndirectRelit,
+)
 from app.modes.reconciler import Reconciler
 
 FREEZE_PATIENCE = 5.0
@@ -52,8 +59,10 @@ class IndirectController:
         self._found: IndirectFound | None = None
         self._confirmed = -1  # the revision under which it holds
         self._used: Freezing | None = None  # the one that is drawn
+        self._lit_under = -1  # the revision under which its light holds
         self._cached: list[Freezing] = []
         self._noise: IndirectNoise | None = None
+        self._relit: IndirectRelit | None = None  # of the one that is drawn
         self._desired: DesiredFreezing | None = None
         self._desired_inputs: tuple[Document | None, Selection | None, int | None] = None, None, None
         self._drawn: DesiredFreezing | None = None
@@ -89,6 +98,10 @@ class IndirectController:
             return False
         is_due = not self._fits and self._used is not None and self._reconciler.is_under_way
         return is_due or revision is not None and self._confirmed != revision
+
+    def awaits_relit(self, revision: int) -> bool:
+        """Whether indirect light follows a drag, and has not yet come for the light of the transport of that number."""
+        return self._relit is not None and self._relit.revision != revision
 
     @property
     def noise(self) -> float | None:
@@ -141,6 +154,10 @@ class IndirectController:
             if response.stage != FINE_STAGE:
                 return  # what is there is finer, and of this light
         self._confirmed = response.revision
+        if self._used is not None and self._used.frozen.number == response.number:
+            self._lit_under = response.revision
+        if self._relit is not None and response.number == self._relit.number:
+            self._relight(None)  # the light is as it was
         if self._found is None or response.number != self._found.number:
             self._found = response
 
@@ -153,13 +170,24 @@ class IndirectController:
         used = self._used
         is_of_them = used is not None and used.frozen.number == response.number
         footprint = used.footprint if is_of_them and used else Footprint(found.rows, found.weights)
+        self._lit_under = self._confirmed
         self._use(Freezing(reconciler.ready_for[0], response, footprint))
+
+    def receive_relit(self, response: IndirectRelit) -> None:
+        """Take what the freezing that is drawn looks like under a dragged light."""
+        if self._used is not None and self._used.frozen.number == response.number:
+            self._relight(response)
+
+    def _relight(self, relit: IndirectRelit | None) -> None:
+        self._relit, self._drawn = relit, None
 
     def _use(self, freezing: Freezing) -> None:
         """Use a freezing from now on; earlier ones stay stored as long as they are of the same light."""
         others = [each for each in (self._used, *self._cached) if each is not None and each is not freezing]
         self._cached = [each for each in others if each.frozen.number == freezing.frozen.number][:MAX_CACHED]
         self._used, self._drawn = freezing, None
+        if self._relit is not None and self._relit.number != freezing.frozen.number:
+            self._relit = None
         self.picture.forget_drawn()
 
     def _use_cached(self, desired: DesiredFreezing) -> None:
@@ -185,7 +213,7 @@ class IndirectController:
     ) -> list[PictureEvent]:  # fmt: skip
         """Request what is missing; returns the radiances that changed."""
         self.request_missing(now, document, selected, n_bounces, second, revision)
-        return self.follow(document)
+        return self.follow(document, revision)
 
     def request_missing(
         self, now: float, document: Document, selected: Selection | None, n_bounces: int, second: int | None,
@@ -233,13 +261,28 @@ class IndirectController:
             self._sent_id = self._send(request)
             reconciler.sent(now, self._n_sent)
 
-    def follow(self, document: Document) -> list[PictureEvent]:
-        """The radiances that changed, of the document at the last request."""
+    def follow(self, document: Document, revision: int | None) -> list[PictureEvent]:
+        """The radiances that changed, of the document at the last request. revision: of the transport under whose light
+        the document is, None where that has not been requested."""
         if self._n_bounces <= 1:
             self._reconciler.restart()
-            self._used = self._drawn = None
+            self._used = self._drawn = self._relit = None
             return self.picture.remove()
         if self._used is None or not self._fits or self._drawn is self._desired:
             return []
+        if self._lit_under != revision and self._used.frozen.number != self.picture.number:
+            return []  # it was frozen for a light that is not the document's any more
         self._drawn = self._desired
-        return self.picture.draw(document, self._used)
+        return self.picture.draw(document, self._used, self._relit)
+
+    def follow_light(self, document: Document, revision: int) -> list[PictureEvent]:
+        """The same, of a document that is drawn in place of the present one: the light is on its way to that, or other
+        edits are. revision: of the transport whose light it has."""
+        is_relit = self._relit is not None and self._relit.revision == revision
+        if self._n_bounces <= 1 or self._used is None or not (is_relit or self._lit_under == revision):
+            return []
+        _, selected, second = self._desired_inputs
+        if not self._used.made_for.has_layers_of(desired_freezing(document, selected, second, self._curves)):
+            return []
+        self._drawn = None
+        return self.picture.draw(document, self._used, self._relit)

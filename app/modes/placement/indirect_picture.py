@@ -7,6 +7,14 @@ over the bands of its curve [BenArtzi07, sect. 6.1]:
 
 Both are sums over a few thousand samples, a few milliseconds, so that indirect light follows a drag exactly in every
 frame, without increments.
+
+While lights change, the layer's radiance A by albedo alone is known under each of them (`IndirectRelit`), and what
+glossy surfaces add is known under the frozen light alone; of that the share s stays:
+
+    L(l) = A(l) + s (L(l₀) − A(l₀)).
+
+So the picture follows without a jump. When the new light is frozen by albedo, what glossy surfaces add stays in the
+picture until that is known as well.
 """
 
 from __future__ import annotations
@@ -21,7 +29,7 @@ from app.messages.picture_events import PictureEvent
 from app.modes.placement.curves import Curves, Float64Array, picture_identity
 from app.modes.placement.desired_freezing import DesiredFreezing
 from app.modes.placement.placement_events import Footprint, IndirectRadiance
-from app.modes.placement.placement_messages import IndirectFrozen
+from app.modes.placement.placement_messages import IndirectFrozen, IndirectRelit
 from engine.core.clamping import is_clamped, unscaled
 from engine.precompute.indirect.albedo import albedo_of
 
@@ -36,13 +44,15 @@ class Freezing:
 
 
 class IndirectPicture:
-    """The indirect light on screen. is_on_screen: whether there is any, of this freezing or of one before."""
+    """The indirect light on screen. is_on_screen: whether there is any, of this freezing or of one before; number: of
+    the light that was drawn last."""
 
     def __init__(self, curves: Curves) -> None:
         self._curves = curves
-        self.is_on_screen = False
+        self.is_on_screen, self.number = False, 0
         self._shown: dict[str, tuple[object, ...]] = {}
         self._clamped: set[str] = set()
+        self._gloss = _LastingGloss()
 
     @property
     def is_shown(self) -> bool:
@@ -64,24 +74,55 @@ class IndirectPicture:
         self._clamped.clear()
         return [IndirectRadiance(key) for key in shown]
 
-    def draw(self, document: Document, freezing: Freezing) -> list[PictureEvent]:
-        """Draw a document; returns the radiances of the layers that differ from those on screen."""
-        self.is_on_screen = True
+    def draw(self, document: Document, freezing: Freezing, relit: IndirectRelit | None = None) -> list[PictureEvent]:
+        """Draw a document, under the light that was frozen or that of `relit`; returns the radiances of the layers that
+        differ from those on screen."""
         frozen = freezing.frozen
+        self.is_on_screen, self.number = True, frozen.number
+        self._gloss.follow(frozen)
         albedo = edited_albedo(document, frozen, self._curves)
         events: list[PictureEvent] = []
         for look in freezing.made_for.reflectances:
             curve = None
             if look.key == frozen.key and frozen.factor is not None:
                 curve = list(self._curves.coefficients(document, look.key).values())[frozen.factor]
-            state = (*albedo.tolist(), id(curve))
+            state = (*albedo.tolist(), id(curve), None if relit is None else relit.revision)
             if self._shown.get(look.key) != state:
                 self._shown[look.key] = state
-                radiance = _radiance(frozen, look.key, albedo, curve)
+                radiance = self._gloss.added_to(_radiance(frozen, look.key, albedo, curve), look.key)
+                if relit is not None and look.key in relit.now:
+                    radiance = self._gloss.relit(radiance, look.key, relit)
                 (self._clamped.add if is_clamped(radiance) else self._clamped.discard)(look.key)
                 drawn_as = picture_identity(*look.layer.quotient)
                 events.append(IndirectRadiance(look.key, radiance, freezing.footprint, drawn_as))
         return events
+
+
+class _LastingGloss:
+    """What glossy surfaces add to the indirect light by albedo: as it was last known, until it is known anew."""
+
+    def __init__(self) -> None:
+        self._number, self._added = 0, dict[str, NDArray[np.float32]]()
+        self._relit: dict[str, NDArray[np.float32]] = {}
+
+    def follow(self, frozen: IndirectFrozen) -> None:
+        """Begin to draw a freezing: gloss of the relit picture before stays with light by albedo alone, and with no
+        other light after that."""
+        if frozen.number != self._number or not frozen.by_albedo:
+            self._added, self._number = self._relit if frozen.by_albedo else {}, frozen.number
+            self._relit = {}
+
+    def added_to(self, radiance: NDArray[np.float32], key: str) -> NDArray[np.float32]:
+        """A layer's radiance (p,3) with the gloss that stays."""
+        added = self._added.get(key)
+        if added is None or added.shape != radiance.shape:
+            return radiance
+        return np.maximum(radiance + added, np.float32(0.0))
+
+    def relit(self, radiance: NDArray[np.float32], key: str, relit: IndirectRelit) -> NDArray[np.float32]:
+        """A layer's frozen radiance (p,3) under the light of `relit`."""
+        self._relit[key] = gloss = relit.gloss[key] * (radiance - relit.resting[key])
+        return np.maximum(relit.now[key] + gloss, np.float32(0.0))
 
 
 def edited_albedo(document: Document, frozen: IndirectFrozen, curves: Curves) -> Float64Array:

@@ -44,7 +44,8 @@ class RequestedTransport:
     needs are.
 
     is_drag: for a light that is dragged. is_last: whether its last stage has come. has_other_parts: whether images and
-    indirect light of the document as it is now are there; is_finished: whether all of its picture is.
+    indirect light of the document as it is now are there, of a light that is dragged the indirect light as far as it
+    follows; is_finished: whether all of the picture is.
     """
 
     desired: DesiredTransport
@@ -193,7 +194,7 @@ class PictureTransition:
             least = self._rank if same_light else min(self._rank, _FULL_RESOLUTION)
         keys = [shape.key for shape in requested.desired.layers]
         is_whole = all(key in self._coming and _RANK[self._coming[key].stage] >= least for key in keys)
-        if not is_whole or not (requested.has_other_parts or requested.is_drag or requested.is_finished):
+        if not is_whole or not (requested.has_other_parts or requested.is_finished):
             return []
         if self._can_draw(document, self._after(self._coming, {}), follows, dragging, requested.desired):
             next_drawn = document

@@ -49,6 +49,7 @@ from app.modes.placement.placement_messages import (
     IndirectFound,
     IndirectFrozen,
     IndirectNoise,
+    IndirectRelit,
     LayerPicture,
     LayerTransport,
     LightPlanned,
@@ -97,7 +98,7 @@ class PlacementController(ModeController):
         self._error = ErrorController[RestingPicture, ErrorEstimated](
             services.send, EstimateError, ERROR_IDLE_SECONDS, MAX_ESTIMATES
         )
-        self._relight = RelightController(services.send, self.curves)
+        self.relight = RelightController(services.send, self.curves)
         self._changeover = PictureTransition(self.curves)
         self.picture = DrawnPicture(services, self.curves, self._changeover, self.indirect, self.maps)
         self._warned_clamped = False
@@ -116,7 +117,7 @@ class PlacementController(ModeController):
     def scene_closed(self) -> None:
         self._transport.scene_closed()
         self._error.worker_interrupted()
-        self._relight.forget()
+        self.relight.forget()
 
     def scene_open_failed(self) -> None:
         self._transport.scene_opened(is_new=False)
@@ -139,7 +140,7 @@ class PlacementController(ModeController):
         self.indirect.scene_opened()
         self.maps.scene_opened()
         self._error.forget()
-        self._relight.forget()
+        self.relight.forget()
         self._accepted_light.accept(scene.described.light)
         self.curves.scene_opened(scene.description)
         self._changeover.scene_opened(scene.document, scene.description.environment is not None)
@@ -173,7 +174,7 @@ class PlacementController(ModeController):
         self._transport.cancelled()
         self.indirect.cancelled()
         self._error.user_stopped()
-        self._relight.interrupted()
+        self.relight.interrupted()
 
     def resume(self) -> None:
         self._transport.resume()
@@ -181,7 +182,7 @@ class PlacementController(ModeController):
     def worker_restarted(self) -> None:
         self._transport.worker_restarted()
         self.indirect.worker_restarted()
-        self._relight.forget()
+        self.relight.forget()
         self._comparison.worker_restarted()
 
     @property
@@ -198,12 +199,15 @@ class PlacementController(ModeController):
     def update(self, now: float, document: Document, view: ViewState) -> list[PictureEvent]:
         compare = partial(self._compare, now, document, view)
         none: list[PictureEvent] = []
+        events: list[PictureEvent] = []
+        if self._transport.drag_quality:  # what has come is shown before the next request makes it void
+            events += self._advance_transition(document, view, True)
         planned = self._request_missing(now, document, view)
-        events = self._advance_transition(document, view, planned)
+        events += self._advance_transition(document, view, planned)
         rests = self._picture_state in ("finished", "exact") and not self._services.history.dragging
         self._update_error(now, document, view, rests)
         turns = rests and self._transport.requested_rotation is not None
-        self._relight.update(now, document, self._transport.revision, turns)
+        self.relight.update(now, document, self._transport.revision, turns)
         return events + self._services.barrier.run("Side A", compare, none, (document, view))
 
     def _update_error(self, now: float, document: Document, view: ViewState, rests: bool) -> None:
@@ -241,11 +245,13 @@ class PlacementController(ModeController):
         if changes:
             self._report.picture_changed()
         self._was_held = change.drawn is not document
+        if not change.waits if controller.drag_quality else self._was_held and changes:
+            changes += self.indirect.follow_light(change.drawn, controller.revision)
         if self._was_held:
             return group_events(changes)
         events = self.maps.follow(document)
         if planned and not controller.drag_quality:
-            changes += self.indirect.follow(document)
+            changes += self.indirect.follow(document, controller.revision if controller.light_is_current else None)
             if self.indirect.picture.is_clamped and not self._warned_clamped:
                 self._services.notify(TOO_BRIGHT, True)
             self._warned_clamped = self.indirect.picture.is_clamped
@@ -259,15 +265,16 @@ class PlacementController(ModeController):
         if controller.requested is None or not controller.is_open:
             return None
         desired, document = controller.requested
+        if controller.drag_quality:  # direct and indirect light of one angle appear together
+            has_rest = not (controller.running and self.indirect.awaits_relit(controller.revision))
+            return RequestedTransport(desired, document, True, False, has_rest, controller.finished)
         has_rest = self.maps.is_complete and not self.indirect.is_outdated(
             controller.revision if controller.running else None
         )
         if controller.running and not self._changeover.has_picture and self._view.settings.n_bounces != 1:
             # A first picture without indirect light would have black metal.
             has_rest = has_rest and controller.has_stage and not self.indirect.is_pending
-        return RequestedTransport(
-            desired, document, controller.drag_quality, controller.delivered_final, has_rest, controller.finished
-        )
+        return RequestedTransport(desired, document, False, controller.delivered_final, has_rest, controller.finished)
 
     def _compare(self, now: float, document: Document, view: ViewState) -> list[PictureEvent]:
         """Follow the choice of side A, and refine its picture; returns the events."""
@@ -408,10 +415,12 @@ class PlacementController(ModeController):
             case ErrorEstimated():
                 self._error.receive(response)
             case RelightingPrepared():
-                self._relight.receive(response)
+                self.relight.receive(response)
                 self._report.note_memory(response.transport_bytes)
             case IndirectFrozen():
                 self.indirect.receive_frozen(response)
+            case IndirectRelit():
+                self.indirect.receive_relit(response)
             case LayerPicture() if self._comparison.receive(response):
                 return []
             case LayerPicture():
@@ -447,7 +456,7 @@ class PlacementController(ModeController):
         self._transport.receive_failure(response)
         self._comparison.receive_failure(response.id)
         self._error.receive_failure(response.id)
-        self._relight.receive_failure(response.id)
+        self.relight.receive_failure(response.id)
         self.maps.receive_failure(response.id)
         self.indirect.receive_failure(response.id)
         refused = self._transport.requested_light if self._transport.is_transport(response.id) else None

@@ -247,7 +247,8 @@ class IndirectFrozen(Response):
 
     reflected: by layer key (D,p,3), in units of `unit`; bands (3,J,D,p), likewise, of the layer and curve that were
     named, which is then not among `reflected`; albedos: by key of the edited object's layers, e (V,J,K) or (3,V,J,K)
-    [engine.precompute.indirect.albedo].
+    [engine.precompute.indirect.albedo]. by_albedo: whether the second bounce off glossy surfaces, which depends on
+    direction, is still to come.
     """
 
     number: int
@@ -258,6 +259,20 @@ class IndirectFrozen(Response):
     bands: NDArray[np.float32]
     albedos: dict[str, NDArray[np.float64]]
     unit: float = 1.0
+    by_albedo: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class IndirectRelit(Response):
+    """The frozen light of that number while lights change: at the p samples of each layer, by its key, (p,3), without
+    f_q and f_o. now: under the light of the request, by albedo alone; resting: the same under the light that was
+    frozen; gloss: how much of what glossy surfaces added to that they add now
+    [engine.precompute.indirect.relighting]."""
+
+    number: int
+    now: dict[str, NDArray[np.float32]]
+    resting: dict[str, NDArray[np.float32]]
+    gloss: dict[str, NDArray[np.float32]]
 
 
 @dataclass(frozen=True, eq=False)

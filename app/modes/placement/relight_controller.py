@@ -33,6 +33,11 @@ class RelightController:
             IDLE_SECONDS, cancels_at_once=True, covers=_is_same
         )
 
+    @property
+    def is_ready(self) -> bool:
+        """Whether the scene is prepared for other light."""
+        return self._reconciler.is_ready
+
     def forget(self) -> None:
         """Forget what is ready: another picture, or another worker."""
         self._reconciler.clear()

@@ -1,0 +1,122 @@
+"""A light that is dragged in the window: `python -m benchmarks.programs.dragged_light SCENE OUT.json`.
+
+A program of its own, as `renderer`: editor, worker process and renderer are the real ones. The sky is turned, or all
+emitters are dimmed, in steps; the last picture of each drag is compared with the exact one that follows it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import statistics
+import sys
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from app.document.commands import EditCommand
+from app.document.commands.light import SetEmission, SetRotation, emission_of
+from app.document.document import Document
+from app.document.view_state import SetView
+from app.measure.subject import errors
+from benchmarks.programs.command_line import Figures, command_line, resolution_of, write_found
+from benchmarks.programs.renderer import EditorRig
+from engine.core.errors import InsituError
+from ui.gl.display import DisplayView
+
+N_STEPS = 4
+# Without a sky that could turn, nothing is prepared.
+PREPARED_SECONDS = 240.0
+# The commands of a drag at a fraction of its way.
+Drag = Callable[[float], list[EditCommand]]
+
+
+def measure(
+    source: str, resolution: tuple[int, int] | None, n_bounces: int, turns: list[float], dims: list[float]
+) -> Figures:
+    """By drag: relRMSE of its last picture against the exact one, the mean change (of 255) of what the screen shows
+    between both, and seconds of a step."""
+    with contextlib.closing(EditorRig(source, resolution, wait=False)) as rig:
+        rig.wait_until(lambda: rig.editor.scene_is_open)
+        rig.editor.do(SetView.of(n_bounces=n_bounces))
+        rig.wait_until_exact()
+        _wait_until_prepared(rig)
+        at_rest = rig.editor.document
+        drags = {f"turned by {degrees:g}°": _turn(at_rest, degrees) for degrees in turns}
+        drags |= {f"emitters at {factor:g}": _dim(at_rest, factor) for factor in dims}
+        return {name: _measure_drag(rig, drag) for name, drag in drags.items()}
+
+
+def _measure_drag(rig: EditorRig, drag: Drag) -> Figures:
+    editor = rig.editor
+    editor.begin_drag()
+    seconds = []
+    for step in range(1, N_STEPS + 1):
+        started = time.perf_counter()
+        _do(rig, drag(step / N_STEPS))
+        rig.wait_until(lambda: not (rig.controller.is_running or rig.feed.is_behind))
+        seconds.append(time.perf_counter() - started)
+    last = _pictures(rig)
+    editor.end_drag()
+    rig.wait_until_exact()
+    exact = _pictures(rig)
+    _do(rig, drag(0.0))
+    rig.wait_until_exact()
+    _wait_until_prepared(rig)
+    return {
+        "error": errors(last[0], exact[0]).rmse,
+        "jump": 255.0 * float(np.abs(last[1] - exact[1]).mean()),
+        "first_step_s": seconds[0],
+        "step_s": statistics.median(seconds[1:]),
+    }
+
+
+def _turn(document: Document, degrees: float) -> Drag:
+    return lambda share: [SetRotation(document.light.rotation + share * degrees)]
+
+
+def _dim(document: Document, factor: float) -> Drag:
+    def at(share: float) -> list[EditCommand]:
+        gain = 1.0 + share * (factor - 1.0)
+        return [
+            SetEmission(name, (gain * radiance[0], gain * radiance[1], gain * radiance[2]))
+            for name, radiance in emission_of(document)
+        ]
+
+    return at
+
+
+def _do(rig: EditorRig, commands: list[EditCommand]) -> None:
+    for command in commands:
+        refused = rig.editor.do(command)
+        if refused is not None:
+            raise InsituError(refused)
+    rig.frame()  # requests what is missing
+
+
+def _pictures(rig: EditorRig) -> tuple[np.ndarray, np.ndarray]:
+    """The linear picture (H, W, 3), and as the screen shows it."""
+    return rig.renderer.linear_image(), rig.renderer.finished_image(DisplayView())
+
+
+def _wait_until_prepared(rig: EditorRig) -> None:
+    """Frames until the scene is ready for other light, or it is clear that it will not be."""
+    end = time.monotonic() + PREPARED_SECONDS
+    rig.wait_until(lambda: rig.controller.relight.is_ready or time.monotonic() > end)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """The command line; its exit status."""
+    parser = command_line("dragged_light", __doc__, "source")
+    parser.add_argument("--resolution", nargs=2, type=int)
+    parser.add_argument("--bounces", type=int, default=4)
+    parser.add_argument("--turns", nargs="*", type=float, default=[])
+    parser.add_argument("--dims", nargs="*", type=float, default=[])
+    given = parser.parse_args(arguments)
+    return write_found(
+        given.output, lambda: measure(given.source, resolution_of(given), given.bounces, given.turns, given.dims)
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())

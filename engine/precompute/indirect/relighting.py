@@ -1,0 +1,211 @@
+"""Indirect light while lights change, with fixed materials: by albedo, one source at a time.
+
+Light adds up, so what surfaces reflect is a sum over the sources: the sky, each emitter that changes, and all other
+emitters together. Each part is linear in its source [BenArtzi07, eq. 7.4]. An emitter that is dimmed or recoloured is
+reflected once, as if it were white, and multiplied by its radiance from then on. A sky that turns is reflected anew at
+each angle: the records' rays to it are traced, and the gather points' rays summed.
+
+The triangles of the sky are those of the light at rest, and turn with it. Records sample them by the same few random
+numbers at each angle. The noise of neighbouring angles is therefore alike, and at rest it cancels.
+
+What glossy surfaces add is known of the light at rest alone (`GatherPolynomial`). A source keeps its share of it:
+emitters in proportion to their radiance, which is exact for a single one, and the sky as far as it still resembles the
+sky at rest.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Generator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.core.clamping import BRIGHTEST, clamp_radiance
+from engine.core.generators import map_steps
+from engine.light.environment import downsample, triangle_integrals
+from engine.light.triangle_lights import TriangleLights, cut_lights
+from engine.precompute.direct.pipeline import SkyState, patches_of
+from engine.precompute.indirect._cache_kernels import Lights
+from engine.precompute.indirect.emission import N_LIGHTS, N_PATCHES, in_units, patch_lights, sky_lights
+from engine.precompute.indirect.indirect_light import IndirectLight
+from engine.precompute.indirect.irradiance_cache import direct_irradiance
+from engine.scene.scene_loader import Scene
+
+# Samples of a source by each record: as many as make about this many rays.
+_RAYS = 1 << 19
+_FEWEST, _MOST = 8, 64
+# So many emitters are reflected one by one before it is known which will change.
+_MOST_SEPARATE = 3
+# Resolution at which two skies are compared.
+_SKY_HEIGHT, _SKY_LEVEL = 128, 4
+
+Float32Array = NDArray[np.float32]
+# What each layer reflects at its gather points, (p, 3).
+Reflected = list[Float32Array]
+Reflect = Callable[[IndirectLight], Generator[None, None, Reflected]]
+
+
+@dataclass(frozen=True, eq=False)
+class SceneLight:
+    """All light of a scene: its sky, and the radiance (M, 3) of its objects, 0 where they do not emit."""
+
+    sky: SkyState
+    emission: Float32Array
+
+
+@dataclass(frozen=True, eq=False)
+class RelitLayer:
+    """Indirect radiance (p, 3) of a layer by albedo alone, without f_q and f_o: `now`, and `resting`, in the light at
+    rest; gloss (p, 3): how much of what glossy surfaces add to `resting` they still add now."""
+
+    now: Float32Array
+    resting: Float32Array
+    gloss: Float32Array
+
+
+class SourceLighting:
+    """Lights the records of indirect light by one source at a time."""
+
+    def __init__(self, found: IndirectLight, scene: Scene, sky: SkyState) -> None:
+        """found: for its records and rays; scene: for its emitters; sky: at rest."""
+        self._light, self._scene, self._resting = found.without_glossy_hits(), scene, sky
+        self._n_samples = min(max(_RAYS // max(len(found.cache), 1), _FEWEST), _MOST)
+        self._cut: tuple[TriangleLights | None, float] = None, 1.0
+        if sky.environment is not None:
+            self._cut = _cut_in_units(sky)
+
+    def by_sky(self, sky: SkyState) -> Generator[None, None, IndirectLight]:
+        """The light that the sky alone gives."""
+        cut, unit = self._cut
+        if sky.environment is not self._resting.environment or sky.scale != self._resting.scale:
+            cut, unit = (None, 1.0) if sky.environment is None else _cut_in_units(sky)
+        elif cut is not None:
+            cut = turned_lights(cut, sky.rotation - self._resting.rotation)
+        return (yield from self._lit_by(() if cut is None else (sky_lights(cut),), unit))
+
+    def by_emitters(self, emission: NDArray[np.floating]) -> Generator[None, None, IndirectLight]:
+        """The light that objects of this radiance (M, 3) alone give."""
+        patches = patches_of(replace(self._scene, emission=np.asarray(emission, np.float32)), N_PATCHES)
+        _, patches, unit = in_units(None, patches, 1.0)
+        return (yield from self._lit_by(() if patches is None else (patch_lights(patches),), unit))
+
+    def _lit_by(self, lights: tuple[Lights, ...], unit: float) -> Generator[None, None, IndirectLight]:
+        there = tuple(each for each in lights if len(each.cumulative))
+        steps = direct_irradiance(self._light.cache, there, self._n_samples)
+        direct = yield from map_steps(steps, lambda fraction: None)
+        return replace(self._light, light=replace(self._light.light, direct=direct), unit=unit)
+
+
+class IndirectRelighting:
+    """What layers with fixed materials reflect of changing lights; each source is reflected once for as long as it
+    stays."""
+
+    def __init__(self, lighting: SourceLighting, resting: SceneLight, reflect: Reflect) -> None:
+        """reflect: what each layer reflects of a light, in its own units."""
+        self._lighting, self._resting, self._reflect = lighting, resting, reflect
+        self._skies: list[tuple[SkyState, Reflected]] = []
+        self._changing: dict[int, Reflected] = {}  # emitters by object, as if they were white
+        self._others: Reflected | None = None
+
+    def prepare(self) -> Generator[None, None, None]:
+        """Reflects the sources of the light at rest; emitters each on its own where there are few."""
+        emitters = np.flatnonzero(self._resting.emission.any(axis=1)).tolist()
+        yield from self._by_sky(self._resting.sky)
+        yield from self._separate(emitters if len(emitters) <= _MOST_SEPARATE else [])
+
+    def relit(self, light: SceneLight) -> Generator[None, None, list[RelitLayer]]:
+        """Each layer under a light. A generator of steps."""
+        then, emission = self._resting, light.emission
+        sky_then = yield from self._by_sky(then.sky)
+        sky_now = yield from self._by_sky(light.sky)
+        yield from self._separate(np.flatnonzero((emission != then.emission).any(axis=1)).tolist())
+        likeness = sky_likeness(light.sky, then.sky)
+        kept_emission = np.where(then.emission > 0.0, emission, np.float32(0.0))
+        now, resting = self._sums(sky_now, emission), self._sums(sky_then, then.emission)
+        kept = self._sums([each * likeness for each in sky_then], kept_emission)
+        return [RelitLayer(*each) for each in zip(now, resting, _ratios(kept, resting), strict=True)]
+
+    def _by_sky(self, sky: SkyState) -> Generator[None, None, Reflected]:
+        """What the layers reflect of a sky; that at rest and the newest are stored."""
+        for stored, reflected in self._skies:
+            if _is_same(stored, sky):
+                return reflected
+        reflected = yield from self._reflect((yield from self._lighting.by_sky(sky)))
+        self._skies = [*self._skies[:1], (sky, reflected)]
+        return reflected
+
+    def _separate(self, changing: list[int]) -> Generator[None, None, None]:
+        """Reflects emitters that begin to change on their own, and all others together."""
+        added = [i for i in changing if i not in self._changing]
+        for i in added:
+            white = np.zeros_like(self._resting.emission)
+            white[i] = 1.0
+            self._changing[i] = yield from self._reflect((yield from self._lighting.by_emitters(white)))
+        if added or self._others is None:
+            emission = self._resting.emission.copy()
+            emission[list(self._changing)] = 0.0
+            self._others = yield from self._reflect((yield from self._lighting.by_emitters(emission)))
+
+    def _sums(self, sky: Reflected, emission: Float32Array) -> Reflected:
+        """What the layers reflect of a sky and of emitters with this radiance (M, 3)."""
+        assert self._others is not None
+        sums = []
+        for i, others in enumerate(self._others):
+            total = sky[i] + others
+            for emitter, white in self._changing.items():
+                total = total + white[i] * emission[emitter]
+            sums.append(clamp_radiance(total, BRIGHTEST))
+        return sums
+
+
+def _ratios(parts: Reflected, wholes: Reflected) -> Reflected:
+    """parts / wholes; where a whole is 0, the ratio of the sums over all layers."""
+    part, whole = (sum(np.sum(each, axis=0, dtype=np.float64) for each in all_of) for all_of in (parts, wholes))
+    overall = np.divide(part, whole, out=np.ones(3), where=np.asarray(whole) > 0.0).astype(np.float32)
+    return [
+        np.divide(one, all_, out=np.broadcast_to(overall, all_.shape).copy(), where=all_ > 0.0)
+        for one, all_ in zip(parts, wholes, strict=True)
+    ]
+
+
+def turned_lights(cut: TriangleLights, degrees: float) -> TriangleLights:
+    """The lights of a sky that is rotated by so many degrees more. Of the geometry only the vertices turn: they are all
+    that records sample."""
+    if not degrees:
+        return cut
+    sine, cosine = math.sin(math.radians(degrees)), math.cos(math.radians(degrees))
+    # The azimuth in the world, atan2(x, −z), is that in the map minus the rotation.
+    x, y, z = cut.vertices.astype(np.float64).T
+    vertices = np.stack([x * cosine + z * sine, y, z * cosine - x * sine], axis=1)
+    return replace(cut, vertices=vertices.astype(np.float32))
+
+
+def sky_likeness(one: SkyState, two: SkyState) -> Float32Array:
+    """The factor (3,) by which `two` is to be multiplied to be nearest to `one`, in the sense of least squares over
+    directions: 1 for equal skies, 0 where no bright direction is common."""
+    if _is_same(one, two):
+        return np.ones(3, np.float32)
+    if one.environment is None or two.environment is None:
+        return np.zeros(3, np.float32)
+    first, second = (
+        sky.scale * triangle_integrals(downsample(sky.environment, _SKY_HEIGHT), sky.rotation, _SKY_LEVEL)
+        for sky in (one, two)
+        if sky.environment is not None
+    )
+    # In units of the brightest, whose squares are finite.
+    most = max(float(second.max()), 1e-300)
+    products = np.sum(first / most * (second / most), axis=0), np.sum((second / most) ** 2, axis=0)
+    likeness = np.divide(*products, out=np.zeros(3), where=products[1] > 0.0)
+    return np.minimum(likeness, BRIGHTEST).astype(np.float32)
+
+
+def _cut_in_units(sky: SkyState) -> tuple[TriangleLights | None, float]:
+    assert sky.environment is not None
+    cut, _, unit = in_units(cut_lights(sky.environment, N_LIGHTS, sky.rotation), None, sky.scale)
+    return cut, unit
+
+
+def _is_same(one: SkyState, two: SkyState) -> bool:
+    return one.environment is two.environment and (one.rotation, one.scale) == (two.rotation, two.scale)

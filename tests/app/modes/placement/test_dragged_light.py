@@ -1,0 +1,262 @@
+"""Direct and indirect light while the sky is dragged: any order of hands and answers, with a worker whose pictures hold
+the rotation that they were made for."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from app.document.commands.curves import SetOperators
+from app.document.commands.light import SetRotation
+from app.document.view_state import SetView
+from app.editor.editor import Editor
+from app.messages.worker_messages import Request, Response
+from app.modes.placement.placement_events import IndirectRadiance, LayerRadiance
+from app.modes.placement.placement_messages import (
+    ComputeTransport,
+    ContractTransport,
+    FreezeIndirect,
+    IndirectFound,
+    IndirectFrozen,
+    IndirectNoise,
+    IndirectRelit,
+    LayerPicture,
+    StageDone,
+)
+from app.modes.placement.placement_status import RenderReport
+from engine.curve.operators import Operator
+from tests.app.fake_worker import FakeClient
+
+VIEW_ID = 2  # the number of the second request, by which the scene is seen
+ROWS, WEIGHTS = np.zeros((1, 4), np.int32), np.full((1, 4), 0.25, np.float32)
+# What indirect light is brighter than its rotation, by albedo and with what glossy surfaces add.
+BY_ALBEDO, WHOLE = 800.0, 1000.0
+LIFT = Operator("amplify", "y", 0.0, 0.0, 1.0, 1.2, magnitude=2.0)
+
+
+class LitWorker:
+    """Answers requests for transport and indirect light, one step at a time, as the worker does."""
+
+    def __init__(self, client: FakeClient) -> None:
+        self._client = client
+        self._request: ComputeTransport | None = None
+        self._steps: Iterator[list[Response]] = iter(())
+        self._found: tuple[int, float, bool] | None = None  # number, rotation, whether glossy surfaces are known
+        self._frozen: tuple[int, float] | None = None
+        self._answered: Request | None = None
+        self._number, self._stage = 0, ""
+        self._contracted: set[int] = set()
+
+    @property
+    def newest(self) -> ComputeTransport:
+        """The transport requested last."""
+        request: ComputeTransport = self._client.sent(ComputeTransport)[-1]
+        return request
+
+    def step(self) -> None:
+        """Answer a little more of the newest request."""
+        newest = self.newest
+        if newest is not self._request:
+            self._request, self._steps, self._stage = newest, self._stages(newest), ""
+        freezing = self._freezing()
+        self._contract()
+        if freezing is not None and self._found is not None and self._found[1] == newest.scene.light.rotation:
+            self._client.answer(freezing, *self._freeze(freezing))
+        else:
+            self._client.answer(newest, *next(self._steps, ()))
+
+    def _contract(self) -> None:
+        """Answer the requests for layers with other curves, once there are pictures."""
+        assert self._request is not None
+        for each in self._client.sent(ContractTransport):
+            if each.revision == self._request.revision and each.id not in self._contracted and self._stage:
+                self._contracted.add(each.id)
+                light = np.full((1, 3), self._request.scene.light.rotation)
+                picture = LayerPicture(each.layer.key, self._stage, light, each.layer.coefficients)
+                self._client.answer(each, picture)
+
+    def _freezing(self) -> FreezeIndirect | None:
+        """The newest request for a freezing under this transport that was not answered yet."""
+        assert self._request is not None
+        asked = self._client.sent(FreezeIndirect)
+        if not asked or asked[-1].revision != self._request.revision or asked[-1] is self._answered:
+            return None
+        return asked[-1]
+
+    def _stages(self, request: ComputeTransport) -> Iterator[list[Response]]:
+        rotation = request.scene.light.rotation
+        if request.is_drag:
+            yield self._pictures(request, "relit")
+            if self._frozen is not None:
+                yield [self._relit(request)]
+            yield [StageDone("drag", True, 0.1)]
+            return
+        if self._found is not None and self._found[1] != rotation:
+            yield self._find(request, False)
+            yield self._refrozen(request)
+        yield self._pictures(request, "preview")
+        yield [StageDone("preview", False, 0.1)]
+        yield self._pictures(request, "final")
+        yield self._find(request, True)
+        yield self._refrozen(request)
+        yield [StageDone("final", True, 0.1)]
+
+    def _pictures(self, request: ComputeTransport, stage: str) -> list[Response]:
+        light, self._stage = np.full((1, 3), request.scene.light.rotation), stage
+        return [LayerPicture(each.key, stage, light, each.coefficients) for each in request.scene.layers]
+
+    def _find(self, request: ComputeTransport, has_gloss: bool) -> list[Response]:
+        if self._found is None or self._found[1:] != (request.scene.light.rotation, True):
+            self._number += 1
+            self._found = self._number, request.scene.light.rotation, has_gloss
+        return [IndirectFound(self._found[0], "fine", ROWS, WEIGHTS, id=VIEW_ID)]
+
+    def _refrozen(self, request: ComputeTransport) -> list[Response]:
+        asked = self._client.sent(FreezeIndirect)
+        return self._freeze(asked[-1]) if asked and asked[-1].revision == request.revision else []
+
+    def _freeze(self, request: FreezeIndirect) -> list[Response]:
+        assert self._found is not None
+        number, rotation, has_gloss = self._found
+        self._answered, self._frozen = request, (number, rotation)
+        light = np.full((1, 1, 3), rotation + (WHOLE if has_gloss else BY_ALBEDO), np.float32)
+        reflected = dict.fromkeys((look.key for look in request.scene.visible), light)
+        bands = np.zeros((3, 0, 1, 0), np.float32)
+        return [
+            IndirectFrozen(number, request.serial, None, None, reflected, bands, {}, by_albedo=not has_gloss),
+            IndirectNoise(number, request.serial, 0.01, 1.0, id=VIEW_ID),
+        ]
+
+    def _relit(self, request: ComputeTransport) -> IndirectRelit:
+        assert self._frozen is not None
+        keys = [look.key for look in request.scene.visible]
+        now, then, all_of_it = (
+            dict.fromkeys(keys, np.full((1, 3), value, np.float32))
+            for value in (request.scene.light.rotation + BY_ALBEDO, self._frozen[1] + BY_ALBEDO, 1.0)
+        )
+        return IndirectRelit(self._frozen[0], now, then, all_of_it)
+
+
+class Screen:
+    """The editor with that worker, and the rotations that its picture holds."""
+
+    def __init__(self, editor: Editor, client: FakeClient) -> None:
+        self.editor, self.worker, self.now = editor, LitWorker(client), 0.0
+        self.direct, self.indirect = dict[str, float](), dict[str, float]()
+        self.rotations: list[float] = []  # of the direct light that was shown
+        editor.do(SetView.of(n_bounces=3, selected=None))
+        self.rest()
+
+    def frame(self, n_steps: int = 1) -> None:
+        for _ in range(n_steps):
+            self.worker.step()
+        self.now += 0.05
+        for event in self.editor.tick(self.now):
+            if isinstance(event, LayerRadiance):
+                self.direct[event.key] = float(event.radiance[0, 0])
+            elif isinstance(event, IndirectRadiance):
+                self.indirect[event.key] = 0.0 if event.radiance is None else float(event.radiance[0, 0])
+        self.editor.controller.rendered(RenderReport(128, 128, 0.0, True))
+        self._check()
+
+    def _check(self) -> None:
+        shown = set(self.direct.values())
+        if not shown:
+            return
+        assert len(shown) == 1
+        if shown != set(self.rotations[-1:]):
+            self.rotations += shown
+        if self.indirect:
+            (light,) = set(self.indirect.values())
+            # One behind while light is frozen, and one more in the first step of a drag.
+            assert {light - WHOLE, light - BY_ALBEDO} & set(self.rotations[-3:])
+
+    def rest(self) -> None:
+        """Frames until nothing is left to come; the picture is then the document's."""
+        for _ in range(60):
+            self.frame(3)
+        assert self.editor.status.is_finished
+        rotation = self.editor.document.light.rotation
+        assert set(self.direct.values()) == {rotation} and set(self.indirect.values()) == {rotation + WHOLE}
+
+    def turn(self, rotation: float) -> None:
+        self.editor.do(SetRotation(rotation))
+
+
+@pytest.fixture
+def screen(editor: Editor, client: FakeClient) -> Screen:
+    return Screen(editor, client)
+
+
+def test_indirect_light_turns_with_the_direct_light(screen: Screen) -> None:
+    screen.editor.begin_drag()
+    shown = []
+    for rotation in range(31, 60):
+        screen.turn(float(rotation))
+        screen.frame()
+        (direct,), (indirect,) = set(screen.direct.values()), set(screen.indirect.values())
+        shown.append((direct, indirect - WHOLE))
+    # All but the first step's appear together, and with what glossy surfaces added at rest.
+    assert sum(direct != indirect for direct, indirect in shown) <= 1
+    assert len(set(shown)) > 8
+    screen.editor.end_drag()
+    for _ in range(60):  # and stay together until the exact picture comes
+        screen.frame()
+        (direct,), (indirect,) = set(screen.direct.values()), set(screen.indirect.values())
+        assert direct == indirect - WHOLE
+    screen.rest()
+
+
+def test_pictures_that_come_with_their_end_are_shown(screen: Screen) -> None:
+    screen.editor.begin_drag()
+    screen.turn(40.0)
+    screen.frame()
+    for rotation in (50.0, 60.0, 70.0):
+        screen.turn(rotation)  # the next request is due when the answers to the one before are there
+        requested = screen.worker.newest.scene.light.rotation
+        screen.frame(3)
+        assert set(screen.direct.values()) == {requested}
+        assert set(screen.indirect.values()) == {requested + WHOLE}
+
+
+def test_a_light_that_is_dragged_back_has_its_exact_picture(screen: Screen) -> None:
+    before = dict(screen.indirect)
+    screen.editor.begin_drag()
+    for rotation in (40.0, 50.0, 30.0):
+        screen.turn(rotation)
+        screen.frame(3)
+    screen.editor.end_drag()
+    screen.rest()
+    assert screen.indirect == before
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_any_sequence_ends_with_the_light_of_the_document(screen: Screen, seed: int) -> None:
+    chance = random.Random(seed)
+    for _ in range(60):
+        match chance.choice(("drag", "drag", "turn", "undo", "redo", "curve", "wait", "rest", "restart")):
+            case "drag":
+                screen.editor.begin_drag()
+                for _ in range(chance.randrange(1, 6)):
+                    screen.turn(float(chance.randrange(90)))
+                    screen.frame(chance.randrange(4))
+                screen.editor.end_drag()
+            case "turn":
+                screen.turn(float(chance.randrange(90)))
+            case "undo":
+                screen.editor.undo()
+            case "redo":
+                screen.editor.redo()
+            case "curve":
+                screen.editor.do(SetOperators("floor.0", "theta_i", (LIFT,) if chance.random() < 0.5 else ()))
+            case "wait":
+                screen.frame(chance.randrange(3))
+            case "rest" if chance.random() < 0.3:
+                screen.rest()
+            case "restart":
+                screen.editor.resume_work()
+        screen.frame(chance.randrange(3))
+    screen.rest()

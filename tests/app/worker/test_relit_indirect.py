@@ -1,0 +1,96 @@
+"""Indirect light of a lamp that is dimmed and a sky that turns, as the worker answers a drag."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.document.document import LightState
+from app.messages.worker_messages import Response
+from app.modes.placement.placement_messages import (
+    ComputeTransport,
+    FreezeIndirect,
+    IndirectFrozen,
+    IndirectRelit,
+    StageDone,
+)
+from app.worker.cache import ArrayCache
+from app.worker.tasks import RequestDispatcher
+from tests.app.worker.ball_and_lamp import SCENE, compute, opened
+from tests.opened import run_in_process
+from tests.quick_indirect import light_quickly
+
+LAMP = (60.0, 50.0, 40.0)
+
+
+@pytest.fixture
+def tasks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> RequestDispatcher:
+    light_quickly(monkeypatch)
+    (tmp_path / "scene.toml").write_text(SCENE)
+    return opened(str(tmp_path / "scene.toml"), ArrayCache(tmp_path / "cache"))
+
+
+def lit_by(lamp: tuple[float, float, float] = LAMP, is_drag: bool = False, rotation: float = 0.0) -> ComputeTransport:
+    request = compute(None, None, n_bounces=3, is_drag=is_drag)
+    return replace(
+        request, scene=replace(request.scene, light=LightState(rotation=rotation), emission=(("lamp", lamp),))
+    )
+
+
+def frozen(tasks: RequestDispatcher, request: ComputeTransport) -> IndirectFrozen:
+    """The exact indirect light under a light, at rest."""
+    run_in_process(tasks, request)
+    found = run_in_process(tasks, FreezeIndirect(request.scene))
+    (answer,) = (each for each in found if isinstance(each, IndirectFrozen))
+    return answer
+
+
+def relit(tasks: RequestDispatcher, request: ComputeTransport) -> tuple[IndirectRelit, list[Response]]:
+    found = run_in_process(tasks, request)
+    (answer,) = (each for each in found if isinstance(each, IndirectRelit))
+    return answer, found
+
+
+def test_a_lamp_that_is_dimmed_to_nothing_and_back_has_the_same_picture(tasks: RequestDispatcher) -> None:
+    before = frozen(tasks, lit_by())
+    assert not before.by_albedo
+    sky = dict[str, np.ndarray]()
+    for factor in (0.0, 0.5, 2.0):
+        answer, found = relit(tasks, lit_by((60 * factor, 50 * factor, 40 * factor), is_drag=True))
+        assert answer.number == before.number and isinstance(found[-1], StageDone)
+        assert answer.now.keys() == before.reflected.keys()
+        sky = sky or answer.now
+        for key, resting in answer.resting.items():
+            assert resting.shape == before.reflected[key][0].shape
+            assert 0.0 < sky[key].mean() < 0.7 * resting.mean()
+            np.testing.assert_allclose(answer.now[key], sky[key] + factor * (resting - sky[key]), rtol=1e-4, atol=1e-6)
+            assert (
+                min(factor, 1.0) - 1e-5 <= answer.gloss[key].min()
+                and answer.gloss[key].max() <= max(factor, 1.0) + 1e-5
+            )
+    again, _ = relit(tasks, lit_by(is_drag=True))
+    for key, now in again.now.items():
+        np.testing.assert_array_equal(now, again.resting[key])
+    after = frozen(tasks, lit_by())
+    for key, light in before.reflected.items():
+        np.testing.assert_array_equal(after.reflected[key], light)
+
+
+def test_light_that_rested_elsewhere_is_the_same_when_it_is_back(tasks: RequestDispatcher) -> None:
+    before, dark = frozen(tasks, lit_by()), frozen(tasks, lit_by((0.0, 0.0, 0.0)))
+    for key, light in dark.reflected.items():
+        assert dark.unit * light.mean() < 0.7 * before.unit * before.reflected[key].mean()
+    relit(tasks, lit_by((1.0, 1.0, 1.0), is_drag=True))
+    after = frozen(tasks, lit_by())
+    for key, light in before.reflected.items():
+        np.testing.assert_array_equal(after.reflected[key], light)
+
+
+def test_nothing_is_relit_before_there_is_light_or_after_another_model(tasks: RequestDispatcher) -> None:
+    answers = run_in_process(tasks, lit_by(is_drag=True))
+    assert not any(isinstance(each, IndirectRelit) for each in answers)
+    frozen(tasks, lit_by())
+    request = lit_by(is_drag=True)
+    fewer = replace(request, scene=replace(request.scene, layers=request.scene.layers[:-1]))
+    assert not any(isinstance(each, IndirectRelit) for each in run_in_process(tasks, fewer))
