@@ -260,8 +260,8 @@ class PlacementWorker(ModeWorker):
         for work in self._selected_first(request):
             if self._is_needless(work, lit_by, RELIT.name, False) or not self._relighting.takes(work, lit_by):
                 continue
-            light = self._relighting.light_of(sky) if light is None else light
-            picture = FixedPicture(self._relighting.picture(work, lit_by, light))
+            light = (self._relighting.light_of(sky), self._relighting.likeness(sky)) if light is None else light
+            picture = FixedPicture(self._relighting.picture(work, lit_by, *light))
             yield from self._answers(self._hold(LayerData(work, lit_by, RELIT.name, picture, 1.0)), None, "half")
 
     def _is_needless(self, work: LayerState, lit_by: LightingState, stage: str, is_last: bool) -> bool:

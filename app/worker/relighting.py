@@ -15,11 +15,19 @@ from numpy.typing import NDArray
 from app.document.document import LightState
 from app.document.scene_state import LayerState, SceneState
 from app.messages.worker_messages import Response
+from app.modes.placement.desired_state import brightening_factors
 from app.system.memory import available_memory
 from app.worker.layer_data import LayerData, LightingState
 from engine.light.environment import Environment
 from engine.precompute.direct.pipeline import FINAL, Placement, SkyState
-from engine.precompute.direct.relight import LightRows, RowMaker, joined_rows, light_coefficients, turning_effects
+from engine.precompute.direct.relight import (
+    LightRows,
+    RowMaker,
+    joined_rows,
+    light_coefficients,
+    sky_likeness,
+    turning_effects,
+)
 
 Steps = Iterator[Response | None]
 MOST_BYTES = 256e6
@@ -53,6 +61,7 @@ class Relighting:
         self._ready: dict[str, _LayerRows] = {}
         self._maker: RowMaker | None = None
         self._made_under: tuple[Environment, float] | None = None
+        self._compared_under: SkyState | None = None
 
     @property
     def n_bytes(self) -> int:
@@ -73,7 +82,7 @@ class Relighting:
         rows_of = {work.key: placement.rows_of(placement.scene.object_index(work.object)) for work in works}
         maker = yield from self._maker_for(placement, sky.environment, sky.scale, works, rows_of)
         self._ready = {work.key: self._ready[work.key] for work in works if work.key in self._ready}
-        light = self.light_of(sky)
+        light, self._compared_under = self.light_of(sky), sky
         for work in works:
             ready = self._ready.get(work.key)
             if ready is None or ready.maker is not maker or not ready.is_of(work):
@@ -105,11 +114,12 @@ class Relighting:
     # ------------------------------------------------------------------------------------------------------- relighting
 
     def takes(self, work: LayerState, lit_by: LightingState) -> bool:
-        """Whether a layer can be relit: its material is that of its rows, and emitters are as they were."""
+        """Whether a layer can be relit: its material is that of its rows, and emitters are as they were, or all of them
+        brighter by one factor."""
         ready = self._ready.get(work.key)
         if ready is None or not ready.is_of(work) or ready.rest is None or ready.lit_by is None:
             return False
-        return ready.lit_by.emission == lit_by.emission
+        return _emitter_factors(lit_by, ready.lit_by) is not None
 
     def light_of(self, sky: SkyState) -> NDArray[np.float32]:
         """A sky's coefficients in the rows' basis."""
@@ -117,19 +127,33 @@ class Relighting:
             return np.zeros((1, 3), np.float32)
         return light_coefficients(sky.environment, sky.rotation, sky.scale)
 
-    def picture(self, work: LayerState, lit_by: LightingState, light: NDArray[np.float32]) -> NDArray[np.float32]:
-        """The radiance (p, 3) of a relit layer.
+    def likeness(self, sky: SkyState) -> NDArray[np.float32]:
+        """How far a sky (3,) is still like the one that the exact pictures were made under, see `sky_likeness`."""
+        return sky_likeness(sky, self._compared_under or sky)
 
-        It adds to the rows' radiance what the exact picture had more under the light before: emitters', and while the
-        sky is the same what is finer than its basis. Under another sky the latter would be ghosts.
+    def picture(
+        self, work: LayerState, lit_by: LightingState, light: NDArray[np.float32], likeness: NDArray[np.float32]
+    ) -> NDArray[np.float32]:
+        """The radiance (p, 3) of a relit layer, from what `light_of` and `likeness` find of the sky.
+
+        It adds to the rows' radiance what the exact picture had more under the light before: of emitters, in proportion
+        to their radiance; without emitters what is finer than the basis, as far as the sky is still like that one, for
+        under another sky it is the ghost of a sun that has moved on.
         """
         ready = self._ready[work.key]
         radiance = ready.rows.lit(light)
         assert ready.rest is not None and ready.lit_by is not None
         if lit_by.emission or _source(lit_by.light) == _source(ready.lit_by.light):
-            radiance += ready.rest
+            factors = _emitter_factors(lit_by, ready.lit_by) if lit_by.emission else likeness
+            assert factors is not None
+            radiance += ready.rest * factors.astype(np.float32)
         return np.maximum(radiance, 0.0)
 
 
 def _source(light: LightState) -> LightState:
     return replace(light, rotation=0.0)
+
+
+def _emitter_factors(now: LightingState, then: LightingState) -> NDArray[np.float64] | None:
+    """The factors (3,) by which all emitters are brighter; None where they are not the same for all."""
+    return np.ones(3) if now.emission == then.emission else brightening_factors(now.emission, then.emission)

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
+from engine.core.clamping import BRIGHTEST
 from engine.core.threads import n_threads, on_threads, pool
 from engine.curve.operators import HALF_PI
 from engine.light.environment import Environment, downsample, triangle_integrals
@@ -30,6 +31,7 @@ from engine.material.layer import Layer
 from engine.precompute.direct import _relight_kernels as kernels
 from engine.precompute.direct._angle_kernels import slope
 from engine.precompute.direct._projection_kernels import ViewedPoints
+from engine.precompute.direct.pipeline import SkyState
 from engine.scene.primary_hits import PrimaryHits
 from engine.sphere.geodesic import geodesic
 from engine.sphere.haar import forward, levels_of_coefficients
@@ -85,6 +87,30 @@ def light_coefficients(environment: Environment, rotation: float, scale: float =
     """
     power = triangle_integrals(downsample(environment, SKY_HEIGHT), rotation, VISIBILITY_LEVEL)
     return np.ascontiguousarray(forward(scale * power) * _measures()[:, None], np.float32)
+
+
+def sky_likeness(one: SkyState, two: SkyState) -> Float32Array:
+    """The factor (3,) by which `two` is to be multiplied to be nearest to `one`, in the sense of least squares over
+    directions: 1 for equal skies, 0 where no bright direction is common."""
+    if is_same_sky(one, two):
+        return np.ones(3, np.float32)
+    if one.environment is None or two.environment is None:
+        return np.zeros(3, np.float32)
+    first, second = (
+        sky.scale * triangle_integrals(downsample(sky.environment, SKY_HEIGHT), sky.rotation, VISIBILITY_LEVEL)
+        for sky in (one, two)
+        if sky.environment is not None
+    )
+    # In units of the brightest, whose squares are finite.
+    most = max(float(second.max()), 1e-300)
+    products = np.sum(first / most * (second / most), axis=0), np.sum((second / most) ** 2, axis=0)
+    likeness = np.divide(*products, out=np.zeros(3), where=products[1] > 0.0)
+    return np.minimum(likeness, BRIGHTEST).astype(np.float32)
+
+
+def is_same_sky(one: SkyState, two: SkyState) -> bool:
+    """Whether both are the same environment with the same rotation and scale."""
+    return one.environment is two.environment and (one.rotation, one.scale) == (two.rotation, two.scale)
 
 
 def turning_effects(environment: Environment, scale: float = 1.0) -> Generator[None, None, Float32Array]:

@@ -24,9 +24,9 @@ from numpy.typing import NDArray
 
 from engine.core.clamping import BRIGHTEST, clamp_radiance
 from engine.core.generators import map_steps
-from engine.light.environment import downsample, triangle_integrals
 from engine.light.triangle_lights import TriangleLights, cut_lights
 from engine.precompute.direct.pipeline import SkyState, patches_of
+from engine.precompute.direct.relight import is_same_sky, sky_likeness
 from engine.precompute.indirect._cache_kernels import Lights
 from engine.precompute.indirect.emission import N_LIGHTS, N_PATCHES, in_units, patch_lights, sky_lights
 from engine.precompute.indirect.indirect_light import IndirectLight
@@ -38,8 +38,6 @@ _RAYS = 1 << 19
 _FEWEST, _MOST = 8, 64
 # So many emitters are reflected one by one before it is known which will change.
 _MOST_SEPARATE = 3
-# Resolution at which two skies are compared.
-_SKY_HEIGHT, _SKY_LEVEL = 128, 4
 
 Float32Array = NDArray[np.float32]
 # What each layer reflects at its gather points, (p, 3).
@@ -130,7 +128,7 @@ class IndirectRelighting:
     def _by_sky(self, sky: SkyState) -> Generator[None, None, Reflected]:
         """What the layers reflect of a sky; that at rest and the newest are stored."""
         for stored, reflected in self._skies:
-            if _is_same(stored, sky):
+            if is_same_sky(stored, sky):
                 return reflected
         reflected = yield from self._reflect((yield from self._lighting.by_sky(sky)))
         self._skies = [*self._skies[:1], (sky, reflected)]
@@ -182,30 +180,7 @@ def turned_lights(cut: TriangleLights, degrees: float) -> TriangleLights:
     return replace(cut, vertices=vertices.astype(np.float32))
 
 
-def sky_likeness(one: SkyState, two: SkyState) -> Float32Array:
-    """The factor (3,) by which `two` is to be multiplied to be nearest to `one`, in the sense of least squares over
-    directions: 1 for equal skies, 0 where no bright direction is common."""
-    if _is_same(one, two):
-        return np.ones(3, np.float32)
-    if one.environment is None or two.environment is None:
-        return np.zeros(3, np.float32)
-    first, second = (
-        sky.scale * triangle_integrals(downsample(sky.environment, _SKY_HEIGHT), sky.rotation, _SKY_LEVEL)
-        for sky in (one, two)
-        if sky.environment is not None
-    )
-    # In units of the brightest, whose squares are finite.
-    most = max(float(second.max()), 1e-300)
-    products = np.sum(first / most * (second / most), axis=0), np.sum((second / most) ** 2, axis=0)
-    likeness = np.divide(*products, out=np.zeros(3), where=products[1] > 0.0)
-    return np.minimum(likeness, BRIGHTEST).astype(np.float32)
-
-
 def _cut_in_units(sky: SkyState) -> tuple[TriangleLights | None, float]:
     assert sky.environment is not None
     cut, _, unit = in_units(cut_lights(sky.environment, N_LIGHTS, sky.rotation), None, sky.scale)
     return cut, unit
-
-
-def _is_same(one: SkyState, two: SkyState) -> bool:
-    return one.environment is two.environment and (one.rotation, one.scale) == (two.rotation, two.scale)

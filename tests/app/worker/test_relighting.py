@@ -140,15 +140,28 @@ def test_another_environment_comes_first_without_ghosts_of_the_one_before(tmp_pa
 
 
 def test_lamps_stay_as_they_are_while_the_sky_turns(tmp_path: Path) -> None:
-    tasks = opened(tmp_path, SCENE + LAMP)
-    lit = (("lamp", (3.0, 3.0, 3.0)),)
+    tasks, lit = opened(tmp_path, SCENE + LAMP), (("lamp", (3.0, 3.0, 3.0)),)
     ready(tasks, emission=lit)
     found = pictures(run_in_process(tasks, turning(110.0, emission=lit)), "relit")
-    dimmed = run_in_process(tasks, turning(110.0, emission=(("lamp", (1.0, 1.0, 1.0)),)))
-    assert not pictures(dimmed, "relit") and set(pictures(dimmed, "drag")) == set(found)
     truth = pictures(run_in_process(tasks, asked(LightState(rotation=110.0), emission=lit)), "final")
     for key, picture in truth.items():
         assert errors(found[key], picture).rmse < 0.06
+
+
+def test_emitters_that_are_dimmed_together_are_dimmed_at_every_pixel(tmp_path: Path) -> None:
+    two = LAMP + LAMP.replace('"lamp"', '"other"').replace("-1.2", "1.2")
+    tasks, lit = opened(tmp_path, SCENE + two), (("lamp", (3.0, 3.0, 3.0)), ("other", (1.0, 2.0, 3.0)))
+    final = ready(tasks, emission=lit)
+    for factor in (0.4, 2.5):
+        changed = tuple((name, (factor * r, factor * g, factor * b)) for name, (r, g, b) in lit)
+        found = pictures(run_in_process(tasks, turning(0.0, emission=changed)), "relit")
+        truth = pictures(run_in_process(tasks, asked(LightState(), emission=changed)), "final")
+        for key, picture in truth.items():
+            off = errors(found[key], picture).rmse
+            assert off < 0.06 and errors(final[key], picture).rmse > 3 * off
+        ready(tasks, emission=lit)
+    alone = run_in_process(tasks, turning(0.0, emission=(("lamp", (1.0, 1.0, 1.0)), lit[1])))
+    assert not pictures(alone, "relit") and set(pictures(alone, "drag")) == set(final)
 
 
 @pytest.mark.parametrize("n_made", [1, 3])

@@ -12,6 +12,7 @@ from engine.core.generators import run_to_end
 from engine.light.environment import Environment
 from engine.light.triangle_lights import cut_lights
 from engine.precompute.direct.pipeline import Placement, SkyState, patches_of
+from engine.precompute.direct.relight import sky_likeness
 from engine.precompute.indirect.emission import N_LIGHTS, in_units, patch_lights, sky_lights
 from engine.precompute.indirect.indirect_layers import view_factors
 from engine.precompute.indirect.indirect_light import GatherPolynomial, IndirectLight
@@ -20,7 +21,6 @@ from engine.precompute.indirect.relighting import (
     RelitLayer,
     SceneLight,
     SourceLighting,
-    sky_likeness,
     turned_lights,
 )
 from engine.precompute.indirect.solver import Solver, relit
