@@ -10,6 +10,7 @@ from app.measure.subject import Subject, at_most, open_subject
 from benchmarks.api_edit import ApiEditEffort
 from benchmarks.brute_force_ratio import RAW_RAYS
 from benchmarks.deform import DeformEffort
+from benchmarks.dragged_light import DragEffort
 from benchmarks.edges import EdgeEffort
 from benchmarks.gloss import GlossEffort
 from benchmarks.indirect import QUICK as QUICK_INDIRECT
@@ -52,6 +53,7 @@ class Effort:
     orbit: OrbitEffort | None = field(default_factory=OrbitEffort)
     deform: DeformEffort | None = field(default_factory=DeformEffort)
     relight: RelightEffort | None = field(default_factory=RelightEffort)
+    drags: DragEffort | None = field(default_factory=DragEffort)
     turning: TurningEffort | None = field(default_factory=TurningEffort)
     api_edits: ApiEditEffort | None = field(default_factory=ApiEditEffort)
     planning: PlanEffort | None = field(default_factory=PlanEffort)
@@ -63,7 +65,8 @@ class Effort:
 FULL = Effort("full")
 QUICK = Effort(
     "quick", 1, 1, 0, 10, 64, 200_000, 300, False, 300.0, QUICK_GRID, QUICK_INDIRECT, edges=None, rooms=None,
-    gloss=None, orbit=None, deform=None, relight=None, turning=None, api_edits=None, visibility=QUICK_VISIBILITY,
+    gloss=None, orbit=None, deform=None, relight=None, drags=None, turning=None, api_edits=None,
+    visibility=QUICK_VISIBILITY,
     settings=QUICK_STUDY, variants=QUICK_VARIANTS, planning=None,
 )  # fmt: skip
 

@@ -92,6 +92,13 @@ SPECS |= {
     "turn_error": Spec("relRMSE", 0.1),
     "turn_cpu_s": Spec("s"),
     "relight_rows_s": Spec("s"),
+    **{
+        f"drag_{kind}_{name}": Spec("relRMSE", 0.05, "worst")
+        for kind in ("error", "indirect_error")
+        for name in ("room", "vase", "teatray")
+    },
+    "drag_jump": Spec("of 255, mean over the picture", 2.0, "worst"),
+    "drag_step_s": Spec("s"),
     "zh_error_random_6": Spec("RMS", 0.00908),
     "zh_error_mesh_3": Spec("RMS", 0.045),
     "zh_fit_s": Spec("s", 60.0),

@@ -30,6 +30,7 @@ Milestone = Literal["first_frame", "scene", "first_layer", "first_picture", "exa
 RENDERER = "benchmarks.programs.renderer"
 INDIRECT = "benchmarks.programs.indirect"
 ORBIT = "benchmarks.programs.orbit"
+DRAGGED_LIGHT = "benchmarks.programs.dragged_light"
 SCREEN = "1440x900x24"
 LOOK_SECONDS = 0.02
 GRACE_SECONDS = 5.0
@@ -197,6 +198,19 @@ def measure_orbit(source: str, options: Sequence[str], folder: Path, timeout_s: 
     output = folder / "orbit.json"
     run_program([sys.executable, "-m", ORBIT, source, str(output), *options], folder, timeout_s)
     found: dict[str, Any] = json.loads(output.read_text())
+    return found
+
+
+def measure_dragged_light(
+    source: str, resolution: tuple[int, int], n_bounces: int, turns: Sequence[float], dims: Sequence[float],
+    folder: Path, timeout_s: float,
+) -> dict[str, dict[str, float]]:  # fmt: skip
+    """What `benchmarks.programs.dragged_light` finds. Raises NotMeasured with its words."""
+    output = folder / "dragged_light.json"
+    options = [*_resolution(resolution), "--bounces", str(n_bounces)]
+    options += ["--turns", *map(str, turns), "--dims", *map(str, dims)]
+    run_program([sys.executable, "-m", DRAGGED_LIGHT, source, str(output), *options], folder, timeout_s)
+    found: dict[str, dict[str, float]] = json.loads(output.read_text())
     return found
 
 

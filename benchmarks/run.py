@@ -14,6 +14,7 @@ from benchmarks import PARTS
 from benchmarks.api_edit import api_edit_figures
 from benchmarks.deform import deform_figures
 from benchmarks.direct import precompute_figures, reference_figures, visibility_figures
+from benchmarks.dragged_light import drag_figures
 from benchmarks.edges import edge_figures
 from benchmarks.effort import FULL, QUICK, Effort, open_at_most, size_text
 from benchmarks.figures import Figure, summary_lines, write_figures
@@ -85,6 +86,7 @@ def _measured_figures(source: str, output: Path, effort: Effort, report: Callabl
     figures += gloss_figures(effort.gloss, report)
     figures += orbit_figures(effort.orbit, output, report)
     figures += relight_figures(effort.relight, report)
+    figures += drag_figures(effort.drags, report)
     figures += api_edit_figures(effort.api_edits, report)
     if effort.turning is not None:
         write_turning(output, turning_errors(effort.turning, report))

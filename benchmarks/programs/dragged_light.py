@@ -11,18 +11,26 @@ import statistics
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 
+import moderngl
 import numpy as np
 
 from app.document.commands import EditCommand
 from app.document.commands.light import SetEmission, SetRotation, emission_of
 from app.document.document import Document
 from app.document.view_state import SetView
+from app.editor.editor import Editor
 from app.measure.subject import errors
+from app.messages.picture_events import PictureEvent
+from app.modes.placement.placement_events import IndirectRadiance
 from benchmarks.programs.command_line import Figures, command_line, resolution_of, write_found
 from benchmarks.programs.renderer import EditorRig
 from engine.core.errors import InsituError
 from ui.gl.display import DisplayView
+from ui.modes.placement.gl.renderer import PlacementRenderer
+from ui.modes.placement.placement_feed import PlacementFeed
+from ui.picture_feed import PictureFeed
 
 N_STEPS = 4
 # Without a sky that could turn, nothing is prepared.
@@ -31,12 +39,35 @@ PREPARED_SECONDS = 240.0
 Drag = Callable[[float], list[EditCommand]]
 
 
+@dataclass(frozen=True, eq=False)
+class _Pictures:
+    """The linear picture (H, W, 3), its direct light, and the picture as the screen shows it."""
+
+    whole: np.ndarray
+    direct: np.ndarray
+    shown: np.ndarray
+
+
+class _RecordingFeed(PlacementFeed):
+    """Remembers the indirect light of each layer."""
+
+    def __init__(self, context: moderngl.Context, renderer: PlacementRenderer) -> None:
+        super().__init__(context, renderer)
+        self.indirect: dict[str, IndirectRadiance] = {}
+
+    def take(self, editor: Editor, event: PictureEvent) -> None:
+        if isinstance(event, IndirectRadiance):
+            self.indirect[event.key] = event
+        super().take(editor, event)
+
+
 def measure(
     source: str, resolution: tuple[int, int] | None, n_bounces: int, turns: list[float], dims: list[float]
 ) -> Figures:
-    """By drag: relRMSE of its last picture against the exact one, the mean change (of 255) of what the screen shows
-    between both, and seconds of a step."""
+    """By drag: relRMSE of its last picture against the exact one (`error`), and of its indirect light over the exact
+    direct light (`indirect`); the mean change (of 255) of what the screen shows between both; seconds of a step."""
     with contextlib.closing(EditorRig(source, resolution, wait=False)) as rig:
+        rig.feed = PictureFeed(rig.context, rig.editor.mode, _RecordingFeed(rig.context, rig.renderer))
         rig.wait_until(lambda: rig.editor.scene_is_open)
         rig.editor.do(SetView.of(n_bounces=n_bounces))
         rig.wait_until_exact()
@@ -64,8 +95,9 @@ def _measure_drag(rig: EditorRig, drag: Drag) -> Figures:
     rig.wait_until_exact()
     _wait_until_prepared(rig)
     return {
-        "error": errors(last[0], exact[0]).rmse,
-        "jump": 255.0 * float(np.abs(last[1] - exact[1]).mean()),
+        "error": errors(last.whole, exact.whole).rmse,
+        "indirect": errors(exact.direct + last.whole - last.direct, exact.whole).rmse,
+        "jump": 255.0 * float(np.abs(last.shown - exact.shown).mean()),
         "first_step_s": seconds[0],
         "step_s": statistics.median(seconds[1:]),
     }
@@ -94,9 +126,17 @@ def _do(rig: EditorRig, commands: list[EditCommand]) -> None:
     rig.frame()  # requests what is missing
 
 
-def _pictures(rig: EditorRig) -> tuple[np.ndarray, np.ndarray]:
-    """The linear picture (H, W, 3), and as the screen shows it."""
-    return rig.renderer.linear_image(), rig.renderer.finished_image(DisplayView())
+def _pictures(rig: EditorRig) -> _Pictures:
+    whole, shown = rig.renderer.linear_image(), rig.renderer.finished_image(DisplayView())
+    feed = rig.feed.source
+    assert isinstance(feed, _RecordingFeed)
+    events = list(feed.indirect.values())
+    for event in events:
+        feed.take(rig.editor, IndirectRadiance(event.key))
+    direct = rig.renderer.linear_image()
+    for event in events:
+        feed.take(rig.editor, event)
+    return _Pictures(whole, direct, shown)
 
 
 def _wait_until_prepared(rig: EditorRig) -> None:
