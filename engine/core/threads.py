@@ -13,8 +13,9 @@ from __future__ import annotations
 
 import os
 import threading
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor, wait
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from functools import lru_cache
 from typing import Any, TypeVar
 
@@ -81,27 +82,42 @@ def even_parts(count: int) -> tuple[list[int], list[int]]:
     return bounds[:-1], bounds[1:]
 
 
+def map_ahead(
+    threads: ThreadPoolExecutor, work: Callable[[Item], Result], items: Iterable[Item], n_ahead: int
+) -> Iterator[Result]:
+    """The results of `work` in the order of the items, of which up to n_ahead are under way: no thread waits for the
+    consumer, and little is computed in vain where the consumer stops."""
+    under_way: deque[Future[Result]] = deque()
+    for item in items:
+        under_way.append(threads.submit(work, item))
+        if len(under_way) == n_ahead:
+            yield under_way.popleft().result()
+    while under_way:
+        yield under_way.popleft().result()
+
+
 class OrderedSection:
     """A section that one of several concurrent items enters with `with turn:` when it is its turn, once per stage.
 
-    All items run their first stage in order, then all their second.
+    Of each two items, both run their first stage in order, then both their second; then come the next two.
     """
 
-    def __init__(self, passed: Sequence[threading.Event], item: int, n_items: int) -> None:
-        self._passed, self._next, self._n_items = passed, item, n_items
+    def __init__(self, passed: Sequence[threading.Event], turns: Sequence[int]) -> None:
+        """passed: of the turns of all items, in order; turns: those of this item, one per stage."""
+        self._passed, self._turns = passed, deque(turns)
 
     def __enter__(self) -> None:
-        if self._next:
-            self._passed[self._next - 1].wait()
+        if self._turns[0]:
+            self._passed[self._turns[0] - 1].wait()
 
     def __exit__(self, *_: object) -> None:
-        self._passed[self._next].set()
-        self._next += self._n_items
+        self._passed[self._turns.popleft()].set()
 
     def end(self) -> None:
-        """Releases all items that wait for this one."""
-        for event in self._passed[self._next :: self._n_items]:
-            event.set()
+        """Passes the turns that were not taken, each when it comes."""
+        while self._turns:
+            with self:
+                pass
 
 
 def run_in_order(
@@ -109,16 +125,17 @@ def run_in_order(
 ) -> Iterator[Result]:
     """Runs `work` on all items, two at a time, with the result of one thread; each may enter its ordered section
     `n_stages` times."""
+    passed = [threading.Event() for _ in range(n_stages * len(items))]
+
+    def ended(item: Item, turn: OrderedSection) -> Result:
+        try:
+            return work(item, turn)
+        finally:
+            turn.end()
+
+    def turns_of(i: int) -> OrderedSection:
+        first, n = i - i % AT_A_TIME, min(AT_A_TIME, len(items) - (i - i % AT_A_TIME))
+        return OrderedSection(passed, [n_stages * first + stage * n + i % AT_A_TIME for stage in range(n_stages)])
+
     with pool(AT_A_TIME) as threads:
-        for begin in range(0, len(items), AT_A_TIME):
-            few = items[begin : begin + AT_A_TIME]
-            passed = [threading.Event() for _ in range(n_stages * len(few))]
-            turns = [OrderedSection(passed, i, len(few)) for i in range(len(few))]
-            yield from threads.map(lambda item, turn: _ended(work, item, turn), few, turns)
-
-
-def _ended(work: Callable[[Item, OrderedSection], Result], item: Item, turn: OrderedSection) -> Result:
-    try:
-        return work(item, turn)
-    finally:
-        turn.end()
+        yield from map_ahead(threads, lambda i: ended(items[i], turns_of(i)), range(len(items)), 2 * AT_A_TIME)

@@ -25,7 +25,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.core.threads import pool
+from engine.core.threads import map_ahead, pool
 from engine.scene.edges import nearest_centres
 from engine.scene.primary_hits import PrimaryHits
 from engine.scene.raycaster import RayCaster
@@ -34,6 +34,7 @@ from engine.visibility import _kernels as kernels
 from engine.visibility.point_visibility import BLOCK, VISIBILITY_LEVEL, Guess, Visibility, evaluate_block, horizons
 
 COARSEST_STEP = 16
+AT_ONCE = 8
 ALIKE_COSINE = 0.8
 
 
@@ -151,7 +152,7 @@ def coherent_visibility(
 ) -> Iterator[float]:
     """Fills `visibility` coarse to fine, down to every `until`-th pixel; yields the fraction done.
 
-    At most eight blocks of 1,024 points are evaluated between two yields. Finished rows are skipped, so a call
+    Yields after each block of 1,024 points; up to eight are evaluated at once. Finished rows are skipped, so a call
     continues where an earlier one stopped. Without targets it finishes at once.
 
     sphere: for targets with parents, the finished visibility of those. A cluster of bright lights is so small that the
@@ -168,12 +169,16 @@ def coherent_visibility(
             fresh = ~visibility.done[step.rows]
             rows, informers = step.rows[fresh], step.informers[fresh]
             blocks = [slice(i, i + BLOCK) for i in range(0, len(rows), BLOCK)]
-            for group in (blocks[i : i + 8] for i in range(0, len(blocks), 8)):
-                jobs = [(rows[block], prediction.guess_by(informers[block], step)) for block in group]
-                for count in threads.map(lambda job: evaluate_block(hits, caster, visibility, *job), jobs):
-                    visibility.rays.traced += count[0]
-                    visibility.rays.possible += count[1]
-                for job in jobs:
-                    visibility.done[job[0]] = True
-                    n_done += len(job[0])
+
+            def evaluate(
+                block: slice, step: GridStep = step, rows: np.ndarray = rows, informers: np.ndarray = informers
+            ) -> tuple[int, int]:
+                guess = prediction.guess_by(informers[block], step)
+                return evaluate_block(hits, caster, visibility, rows[block], guess)
+
+            for block, count in zip(blocks, map_ahead(threads, evaluate, blocks, AT_ONCE), strict=True):
+                visibility.rays.traced += count[0]
+                visibility.rays.possible += count[1]
+                visibility.done[rows[block]] = True
+                n_done += len(rows[block])
                 yield n_done / n_points

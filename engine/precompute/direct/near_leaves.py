@@ -20,11 +20,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.core.threads import pool
+from engine.core.threads import map_ahead, pool
 from engine.precompute.direct import _near_kernels as kernels
 from engine.precompute.direct._emitter_kernels import Emitters
 from engine.scene.primary_hits import PrimaryHits
@@ -67,11 +68,11 @@ class NearLight:
         self._found: list[_BlockLeaves] = []
 
     def find_steps(self) -> Iterator[float]:
-        """Processes the rows, eight blocks of 1,024 points per step; yields the fraction done."""
+        """Processes the rows, a block of 1,024 points per step, up to eight of them at once; yields the fraction
+        done."""
         with pool() as threads:
-            for i in range(0, len(self._blocks), AT_ONCE):
-                group = self._blocks[i : i + AT_ONCE]
-                self._found += threads.map(lambda block: _find_in_block(*self._work, block), group)
+            for found in map_ahead(threads, partial(_find_in_block, *self._work), self._blocks, AT_ONCE):
+                self._found.append(found)
                 yield len(self._found) / len(self._blocks)
 
     def leaves(self) -> NearLeaves:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.core.threads import n_threads, pool
+from engine.core.threads import map_ahead, n_threads, pool
 from engine.material import MODELS
 from engine.precompute.direct import _projection_kernels as kernels
 from engine.precompute.direct._band_kernels import PackedTile
@@ -49,9 +49,13 @@ def project_layer(
     skip: indices of tiles that the caller already has.
     """
     tiles = [(begin, rows[begin : begin + TILE]) for i, begin in enumerate(range(0, len(rows), TILE)) if i not in skip]
+
+    def project(tile: tuple[int, np.ndarray]) -> BandTile:
+        begin, covered = tile
+        return project_points(hits, covered, light, layer, begin)
+
     with pool() as threads:
-        for group in (tiles[i : i + n_threads()] for i in range(0, len(tiles), n_threads())):
-            yield from threads.map(lambda tile: project_points(hits, tile[1], light, layer, tile[0]), group)
+        yield from map_ahead(threads, project, tiles, 2 * n_threads())
 
 
 def project_points(hits: PrimaryHits, rows: np.ndarray, light: VisibleLight, layer: LayerShape, begin: int) -> BandTile:

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from engine.core.clamping import BRIGHTEST
-from engine.core.threads import n_threads, on_threads, pool
+from engine.core.threads import map_ahead, n_threads, on_threads, pool
 from engine.curve.operators import HALF_PI
 from engine.light.environment import Environment, downsample, triangle_integrals
 from engine.material.layer import Layer
@@ -145,11 +145,10 @@ class RowMaker:
             n = kernels.fill_rows(tile, surface, self.sphere.bits, parts, reflection, self.effects, least, room)
             return kernels.LightRowArrays(start, scale, number[:n].copy(), value[:n].copy())
 
-        points = np.ascontiguousarray(points, np.int32)
-        tiles = [points[i : i + TILE] for i in range(0, len(points), TILE)]
+        rows = np.ascontiguousarray(points, np.int32)
+        tiles = [rows[i : i + TILE] for i in range(0, len(rows), TILE)]
         with pool() as threads:
-            for i in range(0, len(tiles), n_threads()):
-                yield from threads.map(make, tiles[i : i + n_threads()])
+            yield from map_ahead(threads, make, tiles, 2 * n_threads())
 
     def rows_within(self, layers: Iterable[tuple[Layer, NDArray[np.integer]]], most_bytes: float) -> RowMaker:
         """A RowMaker that drops so many terms that the rows of these layers at these points have at most about 96 terms

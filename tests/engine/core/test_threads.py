@@ -139,6 +139,42 @@ def test_turns_come_in_order_whoever_is_first() -> None:
     assert log == [(0, 0), (0, 1), (1, 0), (1, 1), (0, 2), (0, 3), (1, 2), (1, 3), (0, 4), (1, 4)]
 
 
+def test_the_next_items_begin_while_one_is_late() -> None:
+    begun = [threading.Event() for _ in range(4)]
+
+    def work(item: int, turn: OrderedSection) -> bool:
+        begun[item].set()
+        with turn:
+            pass
+        return item > 0 or begun[2].wait(10.0)  # the first item is late until the third one is under way
+
+    assert all(run_in_order(work, range(4), 1))
+
+
+def test_a_turn_that_is_not_taken_does_not_let_others_overtake() -> None:
+    log: list[tuple[int, int]] = []
+
+    def work(item: int, turn: OrderedSection) -> None:
+        for stage in (0, 1)[: 2 - item % 2]:  # every other item has one stage
+            time.sleep(0.002 * (item % 2 == 0))
+            with turn:
+                log.append((stage, item))
+
+    list(run_in_order(work, range(6), 2))
+    assert log == [(0, 0), (0, 1), (1, 0), (0, 2), (0, 3), (1, 2), (0, 4), (0, 5), (1, 4)]
+
+
+def test_mapping_ahead_keeps_the_order_and_a_bounded_number_under_way() -> None:
+    begun = list[int]()
+    with threads.pool(2) as shared:
+        results = threads.map_ahead(shared, lambda i: begun.append(i) or i * i, range(20), 4)
+        found = []
+        for result in results:
+            found.append(result)
+            assert len(begun) <= len(found) + 3  # the one that was asked for, and those that are ahead
+    assert found == [i * i for i in range(20)] and sorted(begun) == list(range(20))
+
+
 def test_nobody_waits_for_one_that_failed() -> None:
     def work(item: int, turn: OrderedSection) -> None:
         if item == 0:
