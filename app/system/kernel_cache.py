@@ -38,7 +38,8 @@ NUMBA_VARIABLE = "NUMBA_CACHE_DIR"
 _ROOT = Path(__file__).resolve().parents[2]
 _ENGINE = _ROOT / "engine"
 _IMPORT = re.compile(
-    rb"^\s*(?:from\s+(?:insitu\.)?(engine[\w.]*)\s+import\s+(\w+)|import\s+(?:insitu\.)?(engine[\w.]*))", re.MULTILINE
+    rb"^\s*(?:from\s+(?:insitu\.)?(engine[\w.]*)\s+import\s+\(?\s*(\w+)|import\s+(?:insitu\.)?(engine[\w.]*))",
+    re.MULTILINE,
 )
 
 

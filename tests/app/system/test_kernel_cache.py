@@ -193,6 +193,13 @@ def test_only_what_a_change_reaches_is_compiled_anew(tmp_path: Path, monkeypatch
     assert not any(folder.startswith("material_kernels-") for folder in before & folders_now())
 
 
+def test_what_is_imported_in_parentheses_counts() -> None:
+    folder = ROOT / "engine" / "precompute" / "indirect"
+    imported = kernel_cache.with_imported(folder / "_photon_kernels.py")
+    # Photons are weighted by a function that is compiled into theirs, from a list of names in parentheses.
+    assert folder / "_second_bounce_kernels.py" in imported
+
+
 def folders_now() -> set[str]:
     """Those of the sources as they are, whatever was read before."""
     for read in (kernel_cache.kernel_folders, kernel_cache.with_imported, kernel_cache.read):
