@@ -122,11 +122,11 @@ class PhotonSource:
         # Stratified positions by area.
         places = (np.arange(n_photons) + 0.5) / n_photons * cumulative[-1]
         triangles = (begin + np.minimum(np.searchsorted(cumulative, places), end - begin - 1)).astype(np.int32)
-        parts = [
-            self._chunk(hits, triangles[i : i + CHUNK], numbers[i : i + CHUNK], per_area)
-            for i in range(0, n_photons, CHUNK)
-        ]
-        return _joined(parts, per_area)
+
+        def chunk(i: int) -> Photons:
+            return self._chunk(hits, triangles[i : i + CHUNK], numbers[i : i + CHUNK], per_area)
+
+        return _joined(on_threads(chunk, range(0, n_photons, CHUNK)), per_area)
 
     def _chunk(
         self, hits: PrimaryHits, triangles: NDArray[np.int32], numbers: NDArray[np.float64],
@@ -321,7 +321,12 @@ def photon_flux(photons: Photons, layers: GlossyLayers, edited: int, inverse: ND
     """The flux of the photons. Photons from the object `edited` count as proportional to its albedo, whose reciprocal
     is `inverse`."""
     light = np.zeros((len(photons.objects), 3), np.float32)
-    kernels.photon_power(photons, layers, light)
+
+    def power(begin: int, end: int) -> None:
+        some = Photons._make([*(each[begin:end] for each in photons[:-1]), photons.per_area])
+        kernels.photon_power(some, layers, light[begin:end])
+
+    on_threads(power, *even_parts(len(light)))
     own = photons.sources == edited
     light[own] *= inverse
     return PhotonFlux(light, own.astype(np.uint8), photons.directions)
