@@ -20,7 +20,7 @@ from benchmarks.indirect_representations import representation_rows
 from benchmarks.indirect_representations import write_rows as write_representations
 from benchmarks.launches import measure_indirect
 from benchmarks.peer import FIGURE as PEER_FIGURE
-from benchmarks.peer import SERIES, peer_figure
+from benchmarks.peer import peer_figure
 from benchmarks.references import masked_reference, reference_folder
 from engine.precompute.direct.pipeline import Placement
 from engine.precompute.indirect.sampling_settings import parse_series
@@ -29,7 +29,7 @@ CSV = "indirect_memory.csv"
 OF_CORNELL = ("gi_edit_ms", "gi_memory_mb_cornell", "gi_first_s", "gi_first_error")
 REFERENCES = ("cornell", "teatray")
 WARM_UP = (24, 24)
-GLOSSY_SERIES = "64,8,1,1"
+SERIES, GLOSSY_SERIES = "64,1,1,1", "64,8,1,1"
 KINDS = ("error", "mean", "error_8")
 LEFT_OUT = "left out of a quick run"
 
