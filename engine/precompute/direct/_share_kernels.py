@@ -19,6 +19,9 @@ from typing import NamedTuple
 
 import numba as nb
 import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
 
 from engine.material.kinds import THETA_D, THETA_I
 from engine.precompute.direct._angle_kernels import slope
@@ -98,23 +101,38 @@ def _fill_shares(mean, spread, scale, last, first, w0, w1, w2, wide):
         first[i], w0[i], w1[i], w2[i] = three_shares(mean[i] * scale, min(extent, HALF), last)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
-def _add_row(flat, at, w0, w1, w2, r, g, b):
-    """Adds (r, g, b) to three neighbouring hats from flat[at] on, by their shares.
+@intrinsic
+def _add_row(typing_context, flat, at, w0, w1, w2, r, g, b):
+    """Adds (r, g, b) to three neighbouring hats from flat[at] on, by their shares: flat[at + 3 i + c] += w_i colour_c.
 
-    An unsigned index needs no test for negative values, and a slice would be reference-counted: either would take
-    longer than the sums.
+    A point spends most of its time on these nine sums. Numba compiles them to nine times three instructions; here eight
+    of them are one, which takes two thirds of the time of a spot (15 to 10 ns) and has the same result.
     """
-    place = np.uint64(at)
-    flat[place] += w0 * r
-    flat[place + np.uint64(1)] += w0 * g
-    flat[place + np.uint64(2)] += w0 * b
-    flat[place + np.uint64(3)] += w1 * r
-    flat[place + np.uint64(4)] += w1 * g
-    flat[place + np.uint64(5)] += w1 * b
-    flat[place + np.uint64(6)] += w2 * r
-    flat[place + np.uint64(7)] += w2 * g
-    flat[place + np.uint64(8)] += w2 * b
+    signature = types.void(flat, types.uint64, *[types.float32] * 6)
+
+    def generate(context, builder, signature, arguments):
+        flat, at, *values = arguments
+        data = context.make_array(signature.args[0])(context, builder, flat).data
+        number, index = ir.FloatType(), ir.IntType(32)
+
+        def arranged(three, order):
+            """A vector of eight of three numbers."""
+            four = ir.Constant(ir.VectorType(number, 4), ir.Undefined)
+            for i, value in enumerate(three):
+                four = builder.insert_element(four, value, index(i))
+            return builder.shuffle_vector(four, four, ir.VectorType(index, 8)([index(i) for i in order]))
+
+        def add_product(place, a, b):
+            pointer = builder.bitcast(builder.gep(data, [place]), a.type.as_pointer())
+            product = builder.fmul(a, b, flags=("contract",))
+            builder.store(builder.fadd(builder.load(pointer, align=4), product, flags=("contract",)), pointer, align=4)
+
+        shares, colours = values[:3], values[3:]
+        add_product(at, arranged(shares, (0, 0, 0, 1, 1, 1, 2, 2)), arranged(colours, (0, 1, 2, 0, 1, 2, 0, 1)))
+        add_product(builder.add(at, at.type(8)), shares[2], colours[2])
+        return context.get_dummy_value()
+
+    return signature, generate
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
@@ -122,19 +140,21 @@ def _add_narrow(bands, colours, begin, end, spots):
     """Adds the spots [begin, end) that are not wide to the three hats of each curve that hold them."""
     light, weight, wide = spots.light, spots.weight, spots.wide
     first_a, first_b, a, b = spots.first_a, spots.first_b, spots.shares_a, spots.shares_b
-    flat, width, a0, a1, a2, b0, b1, b2 = bands.reshape(-1), 3 * bands.shape[1], a[0], a[1], a[2], b[0], b[1], b[2]
+    flat, width = bands.reshape(-1), np.uint64(3 * bands.shape[1])
+    a0, a1, a2, b0, b1, b2 = a[0], a[1], a[2], b[0], b[1], b[2]
     two = bands.shape[1] > 1
     for i in range(begin, end):
         m = light[i]
         w = weight[i] if wide[i] == 0 else ZERO
         red, green, blue = colours[m, 0] * w, colours[m, 1] * w, colours[m, 2] * w
-        at = np.int64(first_a[i]) * width
+        # An unsigned index needs no test for negative values.
+        at = np.uint64(first_a[i]) * width
         if two:
-            at += 3 * np.int64(first_b[i])
+            at += np.uint64(3) * np.uint64(first_b[i])
             v0, v1, v2 = b0[i], b1[i], b2[i]
             _add_row(flat, at, v0, v1, v2, a0[i] * red, a0[i] * green, a0[i] * blue)
             _add_row(flat, at + width, v0, v1, v2, a1[i] * red, a1[i] * green, a1[i] * blue)
-            _add_row(flat, at + 2 * width, v0, v1, v2, a2[i] * red, a2[i] * green, a2[i] * blue)
+            _add_row(flat, at + np.uint64(2) * width, v0, v1, v2, a2[i] * red, a2[i] * green, a2[i] * blue)
         else:
             _add_row(flat, at, a0[i], a1[i], a2[i], red, green, blue)
 

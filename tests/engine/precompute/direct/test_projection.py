@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numba import njit
 
 from engine.core.frames import local_frames
 from engine.curve.bands import band_values
@@ -29,7 +30,7 @@ from engine.material.kinds import (
 )
 from engine.material.layer import evaluate_layers, make_layer
 from engine.precompute.direct._angle_kernels import fill_gammas, weigh
-from engine.precompute.direct._share_kernels import make_spots, mean_and_spread, share_out
+from engine.precompute.direct._share_kernels import _add_row, make_spots, mean_and_spread, share_out
 from engine.precompute.direct.projection import LayerShape, project_layer
 from engine.scene.object_meshes import sphere
 from engine.sphere.geodesic import geodesic
@@ -204,6 +205,25 @@ def test_light_around_the_pole(exponent) -> None:
     lobe = lambda gamma: np.repeat(np.cos(gamma)[:, None] ** exponent, 3, axis=1)  # noqa: E731
     values = band_values(lobe, 32, by_solid_angle=True)
     assert np.pi * bands @ values[:, 0] == pytest.approx(2 * np.pi / (exponent + 2), rel=0.02)
+
+
+@njit
+def added(flat: np.ndarray, at: int, shares: np.ndarray, colour: np.ndarray) -> None:
+    _add_row(flat, np.uint64(at), shares[0], shares[1], shares[2], colour[0], colour[1], colour[2])
+
+
+def test_a_row_of_three_hats_gets_nine_sums_and_nothing_beside_them() -> None:
+    # At any place of an array: the vector of eight numbers is not aligned.
+    generator = np.random.default_rng(5)
+    for at in range(12):
+        flat = generator.random(21, np.float32)
+        shares, colour = generator.random((2, 3), np.float32)
+        expected = flat.copy()
+        expected[at : at + 9] += np.outer(shares, colour).ravel()
+        added(flat, at, shares, colour)
+        np.testing.assert_allclose(flat[at : at + 9], expected[at : at + 9], rtol=2e-7)
+        beside = np.delete(np.arange(21), np.arange(at, at + 9))
+        np.testing.assert_array_equal(flat[beside], expected[beside])
 
 
 @settings(deadline=None, max_examples=200, derandomize=True)
