@@ -13,7 +13,7 @@
 the window and the `programs` that draw: nothing else here calls OpenGL. What cannot be measured on a machine (no
 OpenGL, no display) stands in the file with the reason, and the rest is measured all the same.
 
-Programs of their own write pages and references: `peer_page` (docs/peers.md), `large_scenes` (docs/scale.md),
+Programs of their own write pages and references: `peers` (docs/peers.md), `large_scenes` (docs/scale.md),
 `room_references` (tests/golden/rooms).
 """
 

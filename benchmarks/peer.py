@@ -36,7 +36,7 @@ from engine.precompute.indirect.sampling_settings import parse_series
 from engine.scene.primary_hits import PrimaryHits
 
 VARIABLE = "INSITU_PEER_PYTHON"
-PROGRAM = Path(__file__).with_name("peer_program.py")
+PROGRAM = Path(__file__).with_name("programs") / "mitsuba_stills.py"
 FIGURE = "gi_precompute_ratio_peer"
 # Little work that keeps to the target: 1.8 % off. As many rays as the plan chooses leave 1.2 %, for twice the time.
 # With 64,1,1,1 the albedo of the glossy wall alone misses 2.9 %, whatever the number of rays.
@@ -73,10 +73,16 @@ class Stills:
 
     def error_of(self, ours: Pictures, mask: NDArray[np.bool_]) -> float:
         """relRMSE of another picture without the stills' own noise, see above."""
-        halves = [self.pictures[i::2, mask].mean(axis=0, dtype=np.float64) for i in (0, 1)]
-        top = np.percentile(self.pictures[:, mask].mean(axis=0), CLAMP_PERCENTILE)
-        a, b, mine = (np.minimum(each, top) for each in (*halves, ours[mask].astype(np.float64)))
-        return float(np.sqrt(max(np.mean((mine - a) * (mine - b)), 0.0)) / np.mean((a + b) / 2))
+        a, b = (self.pictures[i::2, mask].mean(axis=0, dtype=np.float64) for i in (0, 1))
+        return cleared_error(ours[mask], a, b)
+
+
+def cleared_error(picture: Pictures, a: Pictures, b: Pictures) -> float:
+    """relRMSE against two halves of a truth, without their noise, see above; any equal shapes. Clamped at the 99.9
+    percentile of the halves' mean."""
+    top = np.percentile((a + b) / 2, CLAMP_PERCENTILE)
+    mine, a, b = (np.minimum(np.asarray(each, np.float64), top) for each in (picture, a, b))
+    return float(np.sqrt(max(float(np.mean((mine - a) * (mine - b))), 0.0)) / np.mean((a + b) / 2))
 
 
 def peer_figure(repetitions: int, scratch: Path, timeout_s: float, report: Callable[[str], None]) -> Figure:

@@ -1,6 +1,6 @@
 """Stills of a scene by Mitsuba 3: run by an interpreter that has it, never imported by the project.
 
-    PYTHON peer_program.py SCENE.toml OUT.npz WIDTH HEIGHT BOUNCES SAMPLES STILLS [OBJECT LAYER PARAMETER VALUE]
+    PYTHON mitsuba_stills.py SCENE.toml OUT.npz WIDTH HEIGHT BOUNCES SAMPLES STILLS [OBJECT LAYER PARAMETER VALUE]
 
 Writes pictures (n, H, W, 3), each from its own seed, the seconds (n,) of each and of processor time, and what they were
 made with. The last four arguments change one parameter of a layer, by its number, to a JSON value. A small still before
@@ -9,7 +9,7 @@ them, which is not timed, has Mitsuba's kernels compiled. A pixel is averaged ov
 Understood are layers `lambert` and `rough_conductor` (at most one of each on an object), emission and a lat-long file
 as environment; other scenes end with one line. Mitsuba reads row i of an environment of H rows at i / (H - 1), others
 at the middles of pixels: it gets a map that it reads as it was meant. Mitsuba has no sum of two materials, but a blend:
-w a/w + (1 - w) b/(1 - w) = a + b.
+w a/w + (1 - w) b/(1 - w) = a + b, with w near the share of the light that each reflects, by which it chooses samples.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 
 # Of the versions of LLVM that Debian names by number; another one may be named in DRJIT_LIBLLVM_PATH.
-for number in (19, 22):
+for number in (19, 22, 15):
     library = ctypes.util.find_library(f"LLVM-{number}")
     if library:
         os.environ.setdefault("DRJIT_LIBLLVM_PATH", library)
@@ -37,8 +37,29 @@ VARIANT = "llvm_ad_rgb"
 WARM_UP = 4
 
 
-def colour(value: Any, factor: float = 1.0) -> dict[str, Any]:
-    return {"type": "rgb", "value": (np.broadcast_to(value, 3) * factor).tolist()}
+def colour(value: Any) -> dict[str, Any]:
+    return {"type": "rgb", "value": np.broadcast_to(value, 3).tolist()}
+
+
+def reflectance(value: Any, share: float) -> dict[str, Any]:
+    """That of a part of a blend, which may be above 1."""
+    return {"type": "srgb", "color": (np.broadcast_to(value, 3) / share).tolist(), "unbounded": True}
+
+
+def shares(layers: list[dict[str, Any]]) -> dict[str, float]:
+    """The weight of each layer, by its model: near its part of what they reflect straight on, 1 together."""
+    amounts = {}
+    for layer in layers:
+        if layer["model"] == "lambert":
+            amounts["lambert"] = float(np.mean(layer["albedo"]))
+        else:
+            eta, k = np.array(layer["eta"]), np.array(layer["k"])
+            fresnel = ((eta - 1) ** 2 + k**2) / ((eta + 1) ** 2 + k**2)
+            amounts["rough_conductor"] = float(np.mean(layer.get("scale", 1.0) * fresnel))
+    if len(amounts) < 2:
+        return dict.fromkeys(amounts, 1.0)
+    metal = float(np.clip(amounts["rough_conductor"] / sum(amounts.values()), 0.1, 0.9))
+    return {"lambert": 1.0 - metal, "rough_conductor": metal}
 
 
 def material(layers: list[dict[str, Any]]) -> dict[str, Any]:
@@ -47,25 +68,21 @@ def material(layers: list[dict[str, Any]]) -> dict[str, Any]:
     unknown = set(parts) - {"lambert", "rough_conductor"}
     if unknown or len(parts) < len(layers):
         sys.exit(f"layers {[layer['model'] for layer in layers]}: no counterpart")
-    lambert, metal = parts.get("lambert"), parts.get("rough_conductor")
     if not parts:
-        return diffuse(0.0, 1.0)
-    if metal is None:
-        return both_sides(diffuse(parts["lambert"]["albedo"], 1.0))
-    if lambert is None:
-        return both_sides(conductor(metal, 1.0))
-    share = float(np.clip(metal.get("scale", 1.0), 0.05, 0.95))
-    blend = {"type": "blendbsdf", "weight": share}
-    blend |= {"first": diffuse(lambert["albedo"], 1.0 - share), "second": conductor(metal, share)}
-    return both_sides(blend)
+        return diffuse({"albedo": 0.0}, 1.0)
+    weights, makers = shares(layers), {"lambert": diffuse, "rough_conductor": conductor}
+    made = [makers[model](parts[model], weights[model]) for model in makers if model in parts]
+    if len(made) == 1:
+        return both_sides(made[0])
+    return both_sides({"type": "blendbsdf", "weight": weights["rough_conductor"], "first": made[0], "second": made[1]})
 
 
 def both_sides(inner: dict[str, Any]) -> dict[str, Any]:
     return {"type": "twosided", "inner": inner}
 
 
-def diffuse(albedo: Any, share: float) -> dict[str, Any]:
-    return {"type": "diffuse", "reflectance": colour(albedo, 1.0 / share)}
+def diffuse(layer: dict[str, Any], share: float) -> dict[str, Any]:
+    return {"type": "diffuse", "reflectance": reflectance(layer["albedo"], share)}
 
 
 def conductor(layer: dict[str, Any], share: float) -> dict[str, Any]:
@@ -75,7 +92,7 @@ def conductor(layer: dict[str, Any], share: float) -> dict[str, Any]:
         "alpha": float(layer["alpha"]),
         "eta": colour(layer["eta"]),
         "k": colour(layer["k"]),
-        "specular_reflectance": colour(layer.get("scale", 1.0), 1.0 / share),
+        "specular_reflectance": reflectance(layer.get("scale", 1.0), share),
     }
 
 
