@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import platform
 import statistics
@@ -37,10 +38,13 @@ class Loss:
         """What our area is larger by, in words."""
         horizon = self.edit.horizon_s
         mine, other = self.ours.last(horizon, cpu=True), self.theirs.last(horizon, cpu=True)
+        changed, first = self.ours.changed_after(), self.theirs.cpu_seconds[:1]
+        if first and changed > 2 * first[0]:
+            return f"our picture stays as it was for {time_text(changed)}, theirs for {time_text(first[0])}"
         if mine > other:
             return f"what our picture leaves out: {mine:.1%} at the end, theirs {other:.1%}"
         if self.ours.first > self.theirs.first:
-            return f"our first picture is {self.ours.first:.1%} off, theirs {self.theirs.first:.1%}"
+            return f"our first picture: an error of {self.ours.first:.1%}, theirs {self.theirs.first:.1%}"
         return "our pictures come later"
 
 
@@ -146,6 +150,7 @@ def rest_rows(found: Sequence[Found]) -> Iterable[Sequence[str]]:
                 name,
                 spread([watch.seconds[0] for watch in came]),
                 spread([watch.cpu_seconds[0] for watch in came]),
+                spread([changed for _, watch in rests if (changed := watch.changed_after()) < math.inf]),
                 percents([watch.first for _, watch in rests]),
                 percents([watch.last(edit.horizon_s, True) for edit, watch in rests]),
                 percents([watch.area(edit.horizon_s, True) for edit, watch in rests], " s"),
@@ -283,7 +288,8 @@ def machine() -> str:
 
 
 REST_COLUMNS = (
-    "scene", "program", "first picture after", "its processor time", "its error", "error at the end",
+    "scene", "program", "first picture after", "its processor time", "processor time to a visible change",
+    "first picture's error", "error at the end",
     "area by processor time", "area by seconds", "change at rest", "the same state again",
 )  # fmt: skip
 DRAG_COLUMNS = (
@@ -316,10 +322,10 @@ A *drag* is a step of one, a *release* its last step.
 
 {rests}
 
-Median and range. *The end* is the horizon, by processor time. *Change at rest* is the relative RMS difference of the
-last two pictures, in ours of two successive frames; *the same state again*, of the last pictures of a state that the
-script comes back to, which the peers render with another seed: this is how much a denoised picture flickers between
-edits that change nothing.
+Median and range. A change is *visible* when the error is another one by a tenth. *The end* is the horizon, by
+processor time. *Change at rest* is the relative RMS difference of the last two pictures, in ours of two successive
+frames; *the same state again*, of the last pictures of a state that the script comes back to, which the peers render
+with another seed: this is how much a denoised picture flickers between edits that change nothing.
 
 ## Steps of drags
 

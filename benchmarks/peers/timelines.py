@@ -8,6 +8,7 @@ processor time.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -18,6 +19,9 @@ from numpy.typing import NDArray
 from app.measure.subject import CLAMP_PERCENTILE
 from benchmarks.peer import Pictures, cleared_error
 from benchmarks.peers.edits import Edit
+
+# Errors that differ by less of themselves are of a picture that the edit did not reach.
+SAME = 0.1
 
 
 @dataclass(frozen=True)
@@ -37,6 +41,11 @@ class Watched:
     def first(self) -> float:
         """relRMSE of the first picture, of the one from before where none came."""
         return self.errors[0] if self.errors else self.before
+
+    def changed_after(self) -> float:
+        """Processor seconds until a picture's error is another one than before the edit, by a tenth; inf if none is."""
+        shown = zip(self.errors, self.cpu_seconds, strict=True)
+        return next((at for error, at in shown if abs(error - self.before) > SAME * self.before), math.inf)
 
     def last(self, horizon_s: float, cpu: bool) -> float:
         """relRMSE of the picture at the horizon."""

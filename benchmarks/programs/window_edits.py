@@ -83,13 +83,13 @@ def make(rig: EditorRig, edit: dict[str, Any]) -> None:
 
 
 def select(rig: EditorRig, edit: dict[str, Any]) -> float:
-    """Select what is edited and draw for a second; processor seconds."""
+    """Select what is edited; draw for a second on both clocks, or until nothing more comes. Processor seconds."""
     if edit["kind"] == "undo" or rig.editor.history.dragging:
         return 0.0
     watch = Watch(rig)
     if (refused := rig.editor.select(edit["object"])) is not None:
         raise InsituError(refused)
-    rig.wait_until(lambda: watch.read()[0] > SELECT_SECONDS)
+    rig.wait_until(lambda: rig.editor.status.is_finished or min(watch.read()) > SELECT_SECONDS)
     return watch.read()[1]
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from benchmarks.peers import page as page_module
@@ -60,6 +62,9 @@ def test_losses_stand_there_with_reasons() -> None:
     ours = Program("a renderer", [later] * N, [0.0] * 7, opening=(1.0, 1.0))
     late = Found(CASES[0], 4, ours, {MITSUBA: Program("a tracer", [OURS] * N, [0.0] * 7), CYCLES: "-"})
     assert {loss.reason for loss in losses([late])} == {"our pictures come later"}
+    still_as_before = Watched(0.2, (0.195, 0.02), (0.02, 3.0), (0.01, 1.2), 0.0)
+    held = replace(late, ours=replace(ours, edits=[still_as_before] * N))
+    assert {loss.reason for loss in losses([held])} == {"our picture stays as it was for 1.2 s, theirs for 10 ms"}
 
 
 def test_without_a_denoiser_time_goes_by_the_square_of_the_error() -> None:
