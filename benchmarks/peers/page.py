@@ -6,6 +6,7 @@ import math
 import os
 import platform
 import statistics
+import textwrap
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +18,7 @@ from benchmarks.peers.measurement import PEERS, TRUTH_SAMPLES, Found, Program
 from benchmarks.peers.timelines import Watched
 
 OURS = "Insitu"
+WIDTH = 120
 KINDS: tuple[Kind, ...] = ("drag", "release", "jump", "undo")
 # Of edits, in which the area is to be lower.
 AIM = 0.9
@@ -57,7 +59,7 @@ def page(found: Sequence[Found]) -> str:
         for name, peer in each.peers.items()
         if isinstance(peer, str)
     ]
-    return PAGE.format(
+    text = PAGE.format(
         n_edits=sum(len(each.case.script.edits) for each in found),
         verdict=verdict(found),
         missing="\n" + "".join(missing) if missing else "",
@@ -77,6 +79,15 @@ def page(found: Sequence[Found]) -> str:
         machine=machine(),
         made_with="; ".join(made_with(found)),
     )
+    return "\n".join(wrapped(line) for line in text.split("\n"))
+
+
+def wrapped(line: str) -> str:
+    """A paragraph or a point of a list in lines that fit; tables and headings stay."""
+    if line.startswith(("|", "#")):
+        return line
+    indent = "  " if line.startswith("- ") else ""
+    return textwrap.fill(line, WIDTH, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
 
 
 def measured(each: Found) -> list[tuple[str, Program]]:
@@ -302,16 +313,16 @@ RAW_COLUMNS = (
 LOSS_COLUMNS = ("scene", "edit", "peer", "our area", "theirs", "why")
 PAGE = """# An edit here, and in path tracers with a denoiser
 
-Written by `python -m benchmarks.peers`, which makes it anew where `INSITU_PEER_PYTHON` names an interpreter that has
-Mitsuba 3 and pyoidn, and `INSITU_CYCLES_PYTHON` one that has bpy, pyoidn and OpenEXR. It asks: the user edits a
-material; how wrong is what is on screen, and for how long? A script of {n_edits} edits (slow drags, jumps, undo) runs
-in each program. The peers render 1, 2, 4, 8 and so on samples a pixel, keep them, and denoise each picture with Intel
-Open Image Denoise, guided by albedo and normals.
+Written by `python -m benchmarks.peers`, which makes it anew where `INSITU_PEER_PYTHON` names an interpreter that has \
+Mitsuba 3 and pyoidn, and `INSITU_CYCLES_PYTHON` one that has bpy, pyoidn and OpenEXR. It asks: the user edits a \
+material; how wrong is what is on screen, and for how long? A script of {n_edits} edits (slow drags, jumps, undo) \
+runs in each program. The peers render 1, 2, 4, 8 and so on samples a pixel, keep them, and denoise each picture with \
+Intel Open Image Denoise, guided by albedo and normals.
 
 {verdict}
 {missing}
-*Area* is that under the error on screen over time: the picture from before an edit counts until the first one after
-it is there. It is taken up to {step:g} s after a step of a drag and {rest:g} s after other edits, by seconds of
+*Area* is that under the error on screen over time: the picture from before an edit counts until the first one after \
+it is there. It is taken up to {step:g} s after a step of a drag and {rest:g} s after other edits, by seconds of \
 processor time, and by seconds. Edits in which our area is the lower one, by processor time (by seconds):
 
 {wins}
@@ -322,9 +333,9 @@ A *drag* is a step of one, a *release* its last step.
 
 {rests}
 
-Median and range. A change is *visible* when the error is another one by a tenth. *The end* is the horizon, by
-processor time. *Change at rest* is the relative RMS difference of the last two pictures, in ours of two successive
-frames; *the same state again*, of the last pictures of a state that the script comes back to, which the peers render
+Median and range. A change is *visible* when the error is another one by a tenth. *The end* is the horizon, by \
+processor time. *Change at rest* is the relative RMS difference of the last two pictures, in ours of two successive \
+frames; *the same state again*, of the last pictures of a state that the script comes back to, which the peers render \
 with another seed: this is how much a denoised picture flickers between edits that change nothing.
 
 ## Steps of drags
@@ -341,43 +352,44 @@ Edits after which a peer's area by processor time is not larger than ours, by nu
 
 ## Without a denoiser
 
-To equal error, medians over edits that rest; how many of our pictures there are in the processor time of one of
+To equal error, medians over edits that rest; how many of our pictures there are in the processor time of one of \
 theirs:
 
 {raws}
 
-*First* is the frame that the window draws in answer to the edit, with as many increments as its budget allows; *last*
-is the picture when nothing more comes, or at the end. A peer's time is that of its last picture before it is
+*First* is the frame that the window draws in answer to the edit, with as many increments as its budget allows; \
+*last* is the picture when nothing more comes, or at the end. A peer's time is that of its last picture before it is \
 denoised, without the denoiser's, scaled by 1/error².
 
 ## How it was measured
 
 - {machine}. {made_with}.
-- The scenes have only materials that all three have: `lambert` and `rough_conductor`. *cornell* is the built-in
-  scene; *teatray* is too, but its pot's copper is `rough_conductor` here. Light is reflected up to {bounces} times.
-  Pictures: {sizes}.
-- The script is fixed (`benchmarks/peers/edits.py`). Steps of a drag come {step:g} s apart; a peer's pass that has
-  begun is ended. Ours selects the object a second before its edit, while the hand goes to the curve; that second is
-  in no time.
-- Errors are relative RMS errors, linear, clamped at the 99.9 percentile, over pixels two off silhouettes and creases.
-  The truth of each of the {states} states is a picture of {truth} samples a pixel by Mitsuba, in two halves, whose
-  noises are independent, so that they do not count (`benchmarks/peer.py`).
-- Others worked on the machine: seconds are stretched by that, ranges are wide. Processor time, of all threads, and of
-  ours of window and worker together, is stretched far less. Reading our picture back counts as ours.
-- A peer's kernels are compiled, its scene is built and its denoiser is ready before the first edit. Of Cycles,
-  clamping, filtered gloss, adaptive sampling and light thresholds are off; its scene persists between passes.
-- Each pass of Cycles is a render of its own and goes through a file in memory, since `bpy` has no window: some 50 ms
-  of processor time a pass that its viewport would not need.
+- The scenes have only materials that all three have: `lambert` and `rough_conductor`. *cornell* is the built-in \
+scene; *teatray* is too, but its pot's copper is `rough_conductor` here. Light is reflected up to {bounces} times. \
+Pictures: {sizes}.
+- The script is fixed (`benchmarks/peers/edits.py`). Steps of a drag come {step:g} s apart; a peer's pass that has \
+begun is ended. Ours \
+selects the object before its edit, while the hand goes to the curve: for a second on both clocks, or until nothing \
+more comes; that is in no time.
+- Errors are relative RMS errors, linear, clamped at the 99.9 percentile, over pixels two off silhouettes and \
+creases. The truth of each of the {states} states is a picture of {truth} samples a pixel by Mitsuba, in two halves, \
+whose noises are independent, so that they do not count (`benchmarks/peer.py`).
+- Others worked on the machine: seconds are stretched by that, ranges are wide. Processor time, of all threads, and \
+of ours of window and worker together, is stretched far less. Reading our picture back counts as ours.
+- A peer's kernels are compiled, its scene is built and its denoiser is ready before the first edit. Of Cycles, \
+clamping, filtered gloss, adaptive sampling and light thresholds are off; its scene persists between passes.
+- Each pass of Cycles is a render of its own and goes through a file in memory, since `bpy` has no window: some 50 ms \
+of processor time a pass that its viewport would not need.
 - First and last pictures of each edit are kept as OpenEXR in the output folder, all others as NumPy files.
 
 ## What is not equal
 
-- Ours had precomputed, for this camera and this light: {opening}. The peers start from nothing, and may turn the
-  camera at no cost. What precomputation takes stands in [benchmarks](benchmarks.md).
-- Ours is wrong by what its bands, lights and records leave out, smoothly, and does not get better with time; a peer's
-  noise and its denoiser's guess do.
-- Cycles' metal has another masking term (correlated, ours and Mitsuba's is separable). With many samples and without
-  denoiser its picture is {models} away from the truth where the drag ends; its errors have that in them.
+- Ours had precomputed, for this camera and this light: {opening}. The peers start from nothing, and may turn the \
+camera at no cost. What precomputation takes stands in [benchmarks](benchmarks.md).
+- Ours is wrong by what its bands, lights and records leave out, smoothly, and does not get better with time; a \
+peer's noise and its denoiser's guess do.
+- Cycles' metal has another masking term (correlated, ours and Mitsuba's is separable). With many samples and without \
+denoiser its picture is {models} away from the truth where the drag ends; its errors have that in them.
 - The peers average each pixel over its area, ours looks through its centre but at edges, which are left out here.
 - Mitsuba reads rows of an environment half a texel off; it was given a map that it reads as it was meant.
 - All run on the processor here; on a graphics card all would be other numbers.
