@@ -42,14 +42,14 @@ PEERS = (
 class Program:
     """What one program did with a script. again: see `differences_again`; model_error: relRMSE between its own long
     picture and the truth. opening: seconds and processor seconds until its first picture was finished, and selecting:
-    processor seconds of selecting objects; of ours alone."""
+    processor seconds of selecting objects, one by one; of ours alone."""
 
     made_with: str
     edits: list[Watched]
     again: list[float]
     model_error: float = 0.0
     opening: tuple[float, float] | None = None
-    selecting: float = 0.0
+    selecting: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -153,5 +153,5 @@ def read(case: Case, found: Mapping[str, Any], truths: NDArray[np.float32], mask
         watched(edits, found, truths, mask),
         differences_again(edits, found, mask),
         opening=opening,
-        selecting=float(np.sum(found.get("selecting", 0.0))),
+        selecting=tuple(seconds for seconds in np.ravel(found.get("selecting", ())).tolist() if seconds > 0.0),
     )

@@ -70,6 +70,7 @@ def page(found: Sequence[Found]) -> str:
         raws=table(RAW_COLUMNS, raw_rows(found)),
         models=model_text(found),
         opening=opening_text(found),
+        selecting=spread([seconds for each in found for seconds in each.ours.selecting]),
         sizes=", ".join(f"*{each.case.name}* {' × '.join(map(str, each.case.resolution))}" for each in found),
         bounces=" and ".join(dict.fromkeys(str(each.n_bounces) for each in found)),
         step=STEP_SECONDS,
@@ -241,7 +242,7 @@ def model_text(found: Sequence[Found]) -> str:
 def opening_text(found: Sequence[Found]) -> str:
     return " and ".join(
         f"{time_text(each.ours.opening[1])} of processor time in *{each.case.name}*, and "
-        f"{time_text(each.ours.selecting)} for selecting objects during the script"
+        f"{time_text(sum(each.ours.selecting))} for selecting objects during the script"
         for each in found
         if each.ours.opening is not None
     )
@@ -368,9 +369,9 @@ denoised, without the denoiser's, scaled by 1/error².
 scene; *teatray* is too, but its pot's copper is `rough_conductor` here. Light is reflected up to {bounces} times. \
 Pictures: {sizes}.
 - The script is fixed (`benchmarks/peers/edits.py`). Steps of a drag come {step:g} s apart; a peer's pass that has \
-begun is ended. Ours \
-selects the object before its edit, while the hand goes to the curve: for a second on both clocks, or until nothing \
-more comes; that is in no time.
+begun is ended. Ours selects the object before its edit, while the hand goes to the curve, outside the times, until \
+the picture is finished or for three seconds on both clocks; it takes {selecting} of processor time. An \
+edit that comes before that ends may be seen only after it.
 - Errors are relative RMS errors, linear, clamped at the 99.9 percentile, over pixels two off silhouettes and \
 creases. The truth of each of the {states} states is a picture of {truth} samples a pixel by Mitsuba, in two halves, \
 whose noises are independent, so that they do not count (`benchmarks/peer.py`).
@@ -390,6 +391,8 @@ camera at no cost. What precomputation takes stands in [benchmarks](benchmarks.m
 peer's noise and its denoiser's guess do.
 - Cycles' metal has another masking term (correlated, ours and Mitsuba's is separable). With many samples and without \
 denoiser its picture is {models} away from the truth where the drag ends; its errors have that in them.
+- A roughness that is set in one step, and not dragged, is shown when transport for it is there, so that a picture is \
+always of one document; a drag shows its curve at once. Undo of it waits as well, for less.
 - The peers average each pixel over its area, ours looks through its centre but at edges, which are left out here.
 - Mitsuba reads rows of an environment half a texel off; it was given a map that it reads as it was meant.
 - All run on the processor here; on a graphics card all would be other numbers.

@@ -25,7 +25,7 @@ def joined(text: str) -> str:
 
 
 def found(theirs: Watched = THEIRS, cycles: Program | str = "no interpreter named") -> Found:
-    ours = Program("a renderer", [OURS] * N, [0.0] * 7, opening=(12.0, 9.0), selecting=0.7)
+    ours = Program("a renderer", [OURS] * N, [0.0] * 7, opening=(12.0, 9.0), selecting=(0.2, 0.5))
     peers = {MITSUBA: Program("a tracer", [theirs] * N, [0.03] * 7), CYCLES: cycles}
     return Found(CASES[0], 4, ours, peers)
 
@@ -46,6 +46,7 @@ def test_a_page_counts_edits_with_a_lower_area() -> None:
     assert "short of the aim" not in text and "None: after every edit" in text
     assert rows(text, "| drag | 12 |") == [["cornell", "drag", "12", "12 (12)", "not measured"]]
     assert "Cycles + OIDN in *cornell* is **not measured**: no interpreter named." in joined(text)
+    assert "350 ms (200 to 500) of processor time" in joined(text) and "0.7 s for selecting" in joined(text)
     assert text.count("not measured: ") == 0 and "9 s of processor time in *cornell*" in joined(text)
 
 
