@@ -65,6 +65,7 @@ def page(found: Sequence[Found]) -> str:
         missing="\n" + "".join(missing) if missing else "",
         wins=table(("scene", "edits", "number", *(name for name, *_ in PEERS)), win_rows(found)),
         rests=table(REST_COLUMNS, rest_rows(found)),
+        ends=ends_text(found),
         drags=table(DRAG_COLUMNS, drag_rows(found)),
         losses=loss_text(lost),
         raws=table(RAW_COLUMNS, raw_rows(found)),
@@ -170,6 +171,21 @@ def rest_rows(found: Sequence[Found]) -> Iterable[Sequence[str]]:
                 still([watch.change for _, watch in rests]),
                 still(program.again),
             )
+
+
+def ends_text(found: Sequence[Found]) -> str:
+    """After how many edits a peer ends with the lower error."""
+    said = []
+    for each in found:
+        for name, peer in measured(each):
+            rests = [
+                (ours.last(edit.horizon_s, True), theirs.last(edit.horizon_s, True))
+                for (edit, ours), theirs in zip(paired(each, each.ours), peer.edits, strict=True)
+                if edit.kind != "drag"
+            ]
+            lower = sum(theirs < ours for ours, theirs in rests)
+            said.append(f"{name} after {lower} of {len(rests)} in *{each.case.name}*")
+    return ", ".join(said) if said else "none was measured"
 
 
 def drag_rows(found: Sequence[Found]) -> Iterable[Sequence[str]]:
@@ -338,6 +354,8 @@ Median and range. A change is *visible* when the error is another one by a tenth
 processor time. *Change at rest* is the relative RMS difference of the last two pictures, in ours of two successive \
 frames; *the same state again*, of the last pictures of a state that the script comes back to, which the peers render \
 with another seed: this is how much a denoised picture flickers between edits that change nothing.
+
+At the end a peer's error is the lower one so often: {ends}. With more time it would be so more often, since ours stays.
 
 ## Steps of drags
 

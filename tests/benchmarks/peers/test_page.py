@@ -59,6 +59,13 @@ def test_flicker_is_nothing_only_where_it_is() -> None:
     assert still([0.0, 1e-9]) != "0"
 
 
+def test_a_peer_that_ends_nearer_is_told() -> None:
+    # 1 % after 2 s of processor time, ours stays at 2 %.
+    assert "so often: Mitsuba + OIDN after 13 of 13 in *cornell*." in joined(page([found()]))
+    worse = replace(THEIRS, errors=(0.08, 0.03))
+    assert "Mitsuba + OIDN after 0 of 13" in joined(page([found(worse)]))
+
+
 def test_losses_stand_there_with_reasons() -> None:
     lost = losses([found(EXACT)])
     assert len(lost) == 25 and all(loss.peer == MITSUBA for loss in lost)
