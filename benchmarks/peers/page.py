@@ -44,9 +44,9 @@ class Loss:
         if first and changed > 2 * first[0]:
             return f"our picture stays as it was for {time_text(changed)}, theirs for {time_text(first[0])}"
         if mine > other:
-            return f"what our picture leaves out: {mine:.1%} at the end, theirs {other:.1%}"
+            return f"an error of {percent(mine)} at the end, theirs {percent(other)}"
         if self.ours.first > self.theirs.first:
-            return f"our first picture: an error of {self.ours.first:.1%}, theirs {self.theirs.first:.1%}"
+            return f"an error of {percent(self.ours.first)} at first, theirs {percent(self.theirs.first)}"
         return "our pictures come later"
 
 
@@ -108,8 +108,8 @@ def wins(each: Found, peer: Program, cpu: bool, kinds: Sequence[Kind] = KINDS) -
 
 
 def losses(found: Sequence[Found]) -> list[Loss]:
-    """By processor time."""
-    return [
+    """By processor time, in the script's order."""
+    lost = [
         Loss(each.case.name, number, edit, name, ours, theirs)
         for each in found
         for name, peer in measured(each)
@@ -118,6 +118,7 @@ def losses(found: Sequence[Found]) -> list[Loss]:
         )
         if ours.area(edit.horizon_s, cpu=True) >= theirs.area(edit.horizon_s, cpu=True)
     ]
+    return sorted(lost, key=lambda loss: (loss.scene, loss.number))
 
 
 def verdict(found: Sequence[Found]) -> str:
@@ -132,7 +133,7 @@ def verdict(found: Sequence[Found]) -> str:
         ]
         if counts:
             lower, number, by_seconds = (sum(column) for column in zip(*counts, strict=True))
-            aim = "" if lower >= AIM * number else f", short of the aim of {AIM:.0%}"
+            aim = "" if lower >= AIM * number else f", short of the aim of {100 * AIM:.0f} %"
             said.append(f"against {name} in {lower} of {number} edits by processor time{aim} ({by_seconds} by seconds)")
     return "Ours has the lower area " + ", ".join(said) + "." if said else "No peer was measured."
 
@@ -223,7 +224,7 @@ def raw_rows(found: Sequence[Found]) -> Iterable[Sequence[str]]:
             for what, rows in (("first", firsts), ("last", lasts)):
                 errors, ours_s, theirs_s = (statistics.median(column) for column in zip(*rows, strict=True))
                 heads = (each.case.name, name.partition(" ")[0]) if what == "first" else ("", "")
-                yield *heads, what, f"{errors:.1%}", time_text(ours_s), time_text(theirs_s), short(theirs_s / ours_s)
+                yield *heads, what, percent(errors), time_text(ours_s), time_text(theirs_s), short(theirs_s / ours_s)
 
 
 def paired(each: Found, program: Program) -> list[tuple[Edit, Watched]]:
@@ -247,7 +248,7 @@ def loss_text(lost: Sequence[Loss]) -> str:
 def model_text(found: Sequence[Found]) -> str:
     """How far the peers' long pictures are from the truth."""
     parts = [
-        f"{peer.model_error:.1%} in *{each.case.name}*"
+        f"{percent(peer.model_error)} in *{each.case.name}*"
         for each in found
         for _, peer in measured(each)
         if peer.model_error > 0.0
@@ -256,7 +257,7 @@ def model_text(found: Sequence[Found]) -> str:
 
 
 def opening_text(found: Sequence[Found]) -> str:
-    return " and ".join(
+    return "; ".join(
         f"{time_text(each.ours.opening[1])} of processor time in *{each.case.name}*, and "
         f"{time_text(sum(each.ours.selecting))} for selecting objects during the script"
         for each in found
@@ -282,6 +283,10 @@ def ranged(values: Sequence[float], text: Callable[[float], str], end: str = "")
     if not values:
         return "never"
     return f"{text(statistics.median(values))}{end} ({text(min(values))} to {text(max(values))})"
+
+
+def percent(value: float) -> str:
+    return f"{100 * value:.1f} %"
 
 
 def percents(values: Sequence[float], end: str = "") -> str:
@@ -355,7 +360,8 @@ processor time. *Change at rest* is the relative RMS difference of the last two 
 frames; *the same state again*, of the last pictures of a state that the script comes back to, which the peers render \
 with another seed: this is how much a denoised picture flickers between edits that change nothing.
 
-At the end a peer's error is the lower one so often: {ends}. With more time it would be so more often, since ours stays.
+At the end a peer's error is the lower one so often: {ends}. With more time it would be so more \
+often, since ours stays once it is finished.
 
 ## Steps of drags
 
@@ -397,8 +403,8 @@ whose noises are independent, so that they do not count (`benchmarks/peer.py`).
 of ours of window and worker together, is stretched far less. Reading our picture back counts as ours.
 - A peer's kernels are compiled, its scene is built and its denoiser is ready before the first edit. Of Cycles, \
 clamping, filtered gloss, adaptive sampling and light thresholds are off; its scene persists between passes.
-- Each pass of Cycles is a render of its own and goes through a file in memory, since `bpy` has no window: some 50 ms \
-of processor time a pass that its viewport would not need.
+- Each pass of Cycles is a render of its own and goes through a file in memory, since `bpy` has no window: some 30 ms \
+of processor time a pass, which its viewport may not need.
 - First and last pictures of each edit are kept as OpenEXR in the output folder, all others as NumPy files.
 
 ## What is not equal

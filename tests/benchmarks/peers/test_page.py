@@ -70,8 +70,8 @@ def test_losses_stand_there_with_reasons() -> None:
     lost = losses([found(EXACT)])
     assert len(lost) == 25 and all(loss.peer == MITSUBA for loss in lost)
     text = page([found(EXACT)])
-    assert "in 0 of 25 edits by processor time, short of the aim of 90%" in joined(text)
-    assert len(rows(text, "what our picture leaves out: 2.0% at the end, theirs 0.1%")) == 25
+    assert "in 0 of 25 edits by processor time, short of the aim of 90 %" in joined(text)
+    assert len(rows(text, "an error of 2.0 % at the end, theirs 0.1 %")) == 25
     later = Watched(0.2, (0.02,), (0.03,), (0.02,), 0.0)
     ours = Program("a renderer", [later] * N, [0.0] * 7, opening=(1.0, 1.0))
     late = Found(CASES[0], 4, ours, {MITSUBA: Program("a tracer", [OURS] * N, [0.0] * 7), CYCLES: "-"})
@@ -91,7 +91,7 @@ def test_differences_of_models_are_told() -> None:
     cycles = Program("another", [THEIRS] * N, [0.03] * 7, model_error=0.012)
     text = page([found(cycles=cycles)])
     text = joined(text)
-    assert "1.2% in *cornell*" in text and "**not measured**" not in text and "Cycles: another" in text
+    assert "1.2 % in *cornell*" in text and "**not measured**" not in text and "Cycles: another" in text
 
 
 @pytest.mark.parametrize(("value", "text"), [(0.123, "0.12"), (9.6, "9.6"), (1234.5, "1,234")])
