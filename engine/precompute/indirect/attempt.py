@@ -95,6 +95,11 @@ class Attempt:
         return PhotonMap(source.send(scene.placement.hits, self.settings.n_photons))
 
     @property
+    def has_glossy_hits(self) -> bool:
+        """Whether any ray so far ends on a glossy surface."""
+        return len(self.samples.glossy_hits.ray) > 0
+
+    @property
     def points(self) -> GatherPoints:
         """The gather points of all sample sets so far, with the photons near them."""
         if self._points is None:

@@ -230,6 +230,12 @@ class CacheLight:
     def n_bytes(self) -> int:
         return self.objects.nbytes + self.records_hit.nbytes + self.direct.nbytes
 
+    def extended_to(self, objects: NDArray[np.int32]) -> "CacheLight":
+        """The same for all records that there are now, (C,), of which its own are the first. The others are dark."""
+        n_new = len(objects) - len(self.objects)
+        none = np.zeros((n_new, *self.direct.shape[1:]), self.direct.dtype)
+        return CacheLight(objects, self.records_hit, np.concatenate([self.direct, none]))
+
 
 def connect(cache: IrradianceCache, n_bounces: int, n_rays: int) -> Iterator[tuple[float, NDArray[np.uint16]]]:
     """Traces the rays of all records, generation by generation; new records appear on the way. Yields (fraction,

@@ -200,10 +200,15 @@ class Refinement:
         if self._caustics is None:
             caustics = points.caustic_flux(self._layers)
             self._caustics = caustics._replace(light=_PHOTONS_SHARE * caustics.light)
-        first, second = yield from points.halves(self._layers, OutgoingRadiance(radiosity, None, self._caustics))
+        yield from self.measure_under(OutgoingRadiance(radiosity, None, self._caustics), points)
+        self._clearance[points.samples.rows] = points.samples.clearance
+
+    def measure_under(self, light: OutgoingRadiance, points: GatherPoints) -> Generator[None, None, None]:
+        """Computes light and noise of these gather points, each with one sample set, under this light. A generator of
+        steps."""
+        first, second = yield from points.halves(self._layers, light)
         rows = points.samples.rows
         self._light[rows], self._noise[rows] = 0.5 * (first + second), 0.5 * abs(first - second)
-        self._clearance[rows] = points.samples.clearance
 
     def split_blocks(self) -> bool:
         """Splits the blocks of the lattice that require it; returns whether gather points are missing now."""

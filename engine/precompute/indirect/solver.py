@@ -54,6 +54,7 @@ from engine.precompute.indirect.progress import (
 )
 from engine.precompute.indirect.ray_budget import LEVELS, RayBudget, ray_budget_of
 from engine.precompute.indirect.refinement import COARSEST, Lattice, Refinement, count_by_shape
+from engine.precompute.indirect.reflection import OutgoingRadiance
 from engine.precompute.indirect.sampling_settings import FINE, SamplingSettings
 from engine.precompute.indirect.second_bounce import SecondBounceTracer
 from engine.scene.primary_hits import object_axes
@@ -189,9 +190,14 @@ class Solver:
             if not refinement.split_blocks():
                 break
             yield from attempt.trace(lattice.missing_rows(), None, span)
-        # Extra sample sets. Records keep their sample positions: the extra rays come from noisy points, and would bias
-        # them towards bright ones.
+        # Extra sample sets, by the noise with the directional reflection of glossy surfaces.
         found = lattice.footprint()
+        if attempt.has_glossy_hits and self._most.max_extra_sets:
+            light = self._rough_radiance(attempt, rough, layers)
+            measured = refinement.measure_under(light, attempt.points)
+            yield from at_fraction(measured, REFINED, "tracing gather points")
+        # Records keep their sample positions: the extra rays come from noisy points, and would bias them towards
+        # bright ones.
         rows, nth = refinement.extra_sets(attempt.samples.rows, found, self._most.max_extra_sets)
         if not len(rows):
             return found, REFINED
@@ -207,13 +213,18 @@ class Solver:
         reflectance = attempt.cache.maps.reflectance(layers, n_objects)
         return radiosity(rough, albedos_of(layers, n_objects), self._scene.n_bounces, reflectance)[0]
 
+    def _rough_radiance(self, attempt: Attempt, rough: CacheLight, layers: Sequence[IndirectLayer]) -> OutgoingRadiance:
+        """Directional radiance of all records so far under these layers, from rough light between the first ones."""
+        nowhere = np.zeros((0, 4), np.int32), np.zeros((0, 4), np.float32)
+        light = rough.extended_to(attempt.cache.objects)
+        return attempt.assemble(light, nowhere, self._ray_budget).outgoing_radiance(layers)
+
     def _find_ray_budget(
         self, attempt: Attempt, rough: CacheLight, layers: Sequence[IndirectLayer]
     ) -> Generator[Progress, None, None]:
         """Finds the ray budget by the noise of the first pass: in everything that depends on the number of rays, with
         the directional reflection of glossy surfaces, without photons."""
-        nowhere = np.zeros((0, 4), np.int32), np.zeros((0, 4), np.float32)
-        outgoing = attempt.assemble(rough, nowhere, self._ray_budget).outgoing_radiance(layers)
+        outgoing = self._rough_radiance(attempt, rough, layers)
         steps = attempt.points.halves(layers, replace(outgoing, caustics=None))
         halves = yield from at_fraction(steps, ROUGH_LIGHT.end, "tracing gather points")
         other = (self._other_light or 0.0) / self._scene.emission.unit
