@@ -106,7 +106,7 @@ def peer_command(variable: str, program: str) -> list[str]:
     """Raises NotMeasured where the variable names no interpreter."""
     python = os.environ.get(variable, "")
     if not python:
-        raise NotMeasured(f"{variable} names no interpreter that has it")
+        raise NotMeasured(f"{variable} names no interpreter that has {program.removesuffix('_edits').capitalize()}")
     return [python, "-m", f"benchmarks.programs.{program}"]
 
 
