@@ -5,12 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numba import njit
+from numpy.typing import NDArray
 
 from engine.core.generators import StepRunner, run_to_end
 from engine.light.environment import constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.precompute.indirect import reflection
+from engine.precompute.indirect._reflection_kernels import _add_shared, add_product
 from engine.precompute.indirect.indirect_layers import IndirectLayer, indirect_layer
 from engine.precompute.indirect.indirect_light import GatherPolynomial, IndirectLight, SelectedCurve
 from engine.precompute.indirect.reflection import HemisphereSamples, OutgoingRadiance
@@ -116,3 +119,26 @@ def test_no_more_is_kept_than_of_the_layers_that_there_are(found):
         np.testing.assert_array_equal(again.bands, anew.bands)
         sizes.append(kept.n_bytes)
     assert sizes[0] > 0 and len(set(sizes)) == 1
+
+
+@njit
+def product_and_shares(
+    factors: NDArray[np.float32], share: np.float32, lights: NDArray[np.float32], total: NDArray[np.float32],
+    bands: NDArray[np.float32],
+) -> None:  # fmt: skip
+    a, b, c = factors[0], factors[1], factors[2]
+    add_product(a, b, c, lights[1], total)
+    _add_shared(a, b, c, share, lights[1], bands[0], bands[1])
+
+
+@pytest.mark.parametrize("n_powers", [1, 2, 5])
+def test_products_are_summed_by_power_and_colour(n_powers: int) -> None:
+    # The light is one of several, so that its numbers are not those at the beginning of an array.
+    generator = np.random.default_rng(n_powers)
+    lights, bands = generator.random((3, n_powers, 4), np.float32), generator.random((3, n_powers, 4), np.float32)
+    total, factors, share = bands[2].copy(), generator.random(3, np.float32), np.float32(0.3)
+    product = lights[1] * [*factors, 0.0]
+    expected, shared = total + product, np.stack([bands[0] + 0.7 * product, bands[1] + 0.3 * product, bands[2]])
+    product_and_shares(factors, share, lights, total, bands)
+    np.testing.assert_allclose(total, expected, rtol=1e-6)
+    np.testing.assert_allclose(bands, shared, rtol=1e-6)
