@@ -34,7 +34,7 @@ from ui.modes.placement.placement_feed import PlacementFeed
 from ui.picture_feed import PictureFeed
 
 N_STEPS = 4
-TREMBLING = 1e-7
+STIR = 1e-7
 # Without a sky that could turn, nothing is prepared.
 PREPARED_SECONDS = 240.0
 # The commands of a drag at a fraction of its way.
@@ -103,13 +103,13 @@ def _measure_drag(rig: EditorRig, drag: Drag) -> Figures:
 
 
 def _move(rig: EditorRig, drag: Drag, share: float) -> float:
-    """Move the hand there, which trembles: were it to rest, the exact picture would be requested. Seconds until the
-    picture is there."""
+    """Drag the light there, and on by a little in each frame: for an idle one the exact picture would be requested.
+    Seconds until the picture is there."""
     started = time.perf_counter()
-    trembling = itertools.count()
+    frames = itertools.count()
 
     def is_shown() -> bool:
-        _do(rig, drag(share * (1.0 + TREMBLING * next(trembling))))
+        _do(rig, drag(share * (1.0 + STIR * next(frames))))
         wanted, drawn = (_light_values(each) for each in (rig.editor.document, rig.controller.picture.document))
         return np.allclose(drawn, wanted, rtol=1e-3) and not rig.feed.is_behind
 
