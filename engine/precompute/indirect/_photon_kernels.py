@@ -18,6 +18,7 @@ import numpy as np
 
 from engine.material._kernels import gamma, quotient_cosine
 from engine.precompute.indirect._cache_kernels import _pick, _position, _shading_normal
+from engine.precompute.indirect._gloss_kernels import add_gloss
 from engine.precompute.indirect._ray_kernels import (
     ABOUT_AXIS,
     HORIZON,
@@ -31,7 +32,6 @@ from engine.precompute.indirect._ray_kernels import (
 from engine.precompute.indirect._reflection_kernels import CONSTANT, HALF_PI, ONE, ZERO, _node
 from engine.precompute.indirect._second_bounce_kernels import (
     TINY,
-    _add_gloss,
     expected_photons,
     photon_share,
     towards_light,
@@ -103,7 +103,7 @@ def emit(numbers, about, triangles, per_area, mesh, lobe_axes, axes, all_lights,
 def photon_power(photons, g, out):
     """The flux (n, 3) of each photon in watts under the curves of the glossy layers g, with the means of their texture
     maps."""
-    nowhere = np.int64(-1)  # a literal would have its own type, and `_add_gloss` would be compiled twice
+    nowhere = np.int64(-1)  # a literal would have its own type, and `add_gloss` would be compiled twice
     for i in range(out.shape[0]):
         o = photons.sources[i]
         nx, ny, nz = photons.normals[i, 0], photons.normals[i, 1], photons.normals[i, 2]
@@ -113,7 +113,7 @@ def photon_power(photons, g, out):
         x, y, z = to_local(tx, ty, tz, nx, ny, nz, to_light[0], to_light[1], to_light[2])
         ox, oy, oz = to_local(tx, ty, tz, nx, ny, nz, onward[0], onward[1], onward[2])
         out[i] = ZERO
-        _add_gloss(g, o, nowhere, x, y, z, ox, oy, oz, ONE, out[i])
+        add_gloss(g, o, nowhere, x, y, z, ox, oy, oz, ONE, out[i])
         for channel in range(3):
             out[i, channel] *= photons.power[i, channel]
 

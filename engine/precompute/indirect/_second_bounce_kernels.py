@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numba as nb
 import numpy as np
 
-from engine.material._kernels import gamma, quotient_cosine
 from engine.precompute.indirect._cache_kernels import NO_RECORD, _pick, _point_in_triangle, _shading_normal, _write_ray
+from engine.precompute.indirect._gloss_kernels import GlossyLayers, add_gloss
 from engine.precompute.indirect._ray_kernels import (
     ABOUT_AXIS,
     HORIZON,
@@ -29,7 +29,7 @@ from engine.precompute.indirect._ray_kernels import (
     to_world,
     uniform,
 )
-from engine.precompute.indirect._reflection_kernels import HALF_PI, ONE, ZERO, _is_in_half, _node, _ray
+from engine.precompute.indirect._reflection_kernels import ONE, ZERO, SampleArrays, _is_in_half, _ray
 
 N_BY_POWER, N_BY_LOBE = 4, 4
 NO_LIGHT = 0xFFFF
@@ -49,31 +49,6 @@ class SampledLights(NamedTuple):
     density: np.ndarray
     radiance: np.ndarray
     raster: np.ndarray
-
-
-class GlossyLayers(NamedTuple):
-    """The glossy layers of all objects: object o has the layers first[o] to first[o + 1]. models, kinds_a, kinds_b
-    (L,), q (L, 8); the values of their curves concatenated (V, 3), the first curve from begin_a (L,), of length n_a
-    (L,), the second likewise; gains (L, 3); views (L, N, 3), f_o at even angles. lobe_axes (M,); axes (M, 2, 3): each
-    object's Y and X. image (L,): the layer's index into texels (K, C, 3), the factors at the records relative to those
-    in the gains; −1 for none."""
-
-    first: np.ndarray
-    models: np.ndarray
-    kinds_a: np.ndarray
-    kinds_b: np.ndarray
-    q: np.ndarray
-    values: np.ndarray
-    begin_a: np.ndarray
-    n_a: np.ndarray
-    begin_b: np.ndarray
-    n_b: np.ndarray
-    gains: np.ndarray
-    views: np.ndarray
-    lobe_axes: np.ndarray
-    axes: np.ndarray
-    image: np.ndarray
-    texels: np.ndarray
 
 
 # At n path vertices: normal (n, 3), distance, light, candidate and weight (n,), see `GlossyHits`.
@@ -262,46 +237,6 @@ def sample_lobe_rays(which, n_rays, rows, nth, hits, origins, directions, normal
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _add_gloss(g, o, record, x, y, z, ox, oy, oz, factor, out):
-    """Adds factor · Σ f_q f_o ρ_q f_A f_B cos θ_i over the glossy layers of object o to out (3,) [BenArtzi07, eq. 3.1],
-    with texture and weight maps at a record; −1 for their means."""
-    for layer in range(g.first[o], g.first[o + 1]):
-        q = g.q[layer]
-        weight = factor * np.float32(quotient_cosine(g.models[layer], q, x, y, z, ox, oy, oz))
-        if weight <= ZERO:
-            continue
-        # Positions on the curves f_A(γ_A) and f_B(γ_B); beyond π/2 both are 0.
-        angle = gamma(g.kinds_a[layer], q, x, y, z, ox, oy, oz)
-        if angle > HALF_PI:
-            continue
-        j, t = _node(angle, g.n_a[layer])
-        low_a = g.begin_a[layer] + j
-        high_a = g.begin_a[layer] + min(j + 1, g.n_a[layer] - 1)
-        low_b, high_b, u = 0, 0, ZERO
-        two = g.kinds_b[layer] >= 0
-        if two:
-            angle = gamma(g.kinds_b[layer], q, x, y, z, ox, oy, oz)
-            if angle > HALF_PI:
-                continue
-            k, u = _node(angle, g.n_b[layer])
-            low_b = g.begin_b[layer] + k
-            high_b = g.begin_b[layer] + min(k + 1, g.n_b[layer] - 1)
-        # Position on f_o(θ_o).
-        position = np.float32(math.acos(min(oz, ONE))) / HALF_PI * np.float32(g.views.shape[1] - 1)
-        v = min(np.int64(position), g.views.shape[1] - 2)
-        s = position - np.float32(v)
-        # The product of the factors, each interpolated linearly.
-        for c in range(3):
-            value = (ONE - t) * g.values[low_a, c] + t * g.values[high_a, c]
-            if two:
-                value *= (ONE - u) * g.values[low_b, c] + u * g.values[high_b, c]
-            value *= (ONE - s) * g.views[layer, v, c] + s * g.views[layer, v + 1, c]
-            if record >= 0 and g.image[layer] >= 0:
-                value *= g.texels[g.image[layer], record, c]
-            out[c] += weight * g.gains[layer, c] * value
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
 def expected_photons(all_lights, m, lobe_axis, per_area, x, y, z, ox, oy, oz):
     """Expected number of photons per stored ray, for the light that a glossy surface reflects from light m at (x, y, z)
     to (ox, oy, oz), both local, up to the geometry of the receiving point; per_area: photons emitted per square metre.
@@ -327,97 +262,134 @@ def photon_share(ahead, cosine, area, sample_set):
     return ONE - ONE / (ONE + ratio * ratio)
 
 
+class GlossyPaths(NamedTuple):
+    """What `find_reflections` reads: samples and position (P, 3) of the gather points; records: their stored rays;
+    objects (C,) of the records; layers; all_lights; table: of directions about the lobe axis; area (p,), per_area (M,):
+    of photons that carry the same light, see `photon_share`."""
+
+    samples: SampleArrays
+    position: np.ndarray
+    records: GlossyHits
+    objects: np.ndarray
+    layers: GlossyLayers
+    all_lights: SampledLights
+    table: np.ndarray
+    area: np.ndarray
+    per_area: np.ndarray
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _light_colour(all_lights, m, c):
+    """Radiance of a light of the sky, power of another."""
+    return all_lights.radiance[m, c] if m < all_lights.density.shape[0] else all_lights.power[m, c]
+
+
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def second_bounce_light(samples, position, records, begin, end, objects, g, all_lights, table, area, per_area, missing,
-                        first, out):  # fmt: skip
+def find_reflections(paths, i, e, numbers, directions, factors):
+    """The glossy reflections along stored ray e of point i: of a light at the second vertex, of what the lobe ray hits
+    there, and of a light at the third vertex. Writes numbers (3, 3): object, record and light (−1 for none); directions
+    (3, 6): local, of incidence and towards the ray before; factors (3,): on the gloss, 0 where there is no reflection.
+
+    The factor contains π, the resampling weight and the balance weight, less the photons' share.
+    """
+    samples, records, g, all_lights, table = paths.samples, paths.records, paths.layers, paths.all_lights, paths.table
+    factors[0] = factors[1] = factors[2] = ZERO
+    n_cosine, n_lobe = np.float32(samples.tables_cosine.shape[1]), np.float32(samples.tables_lobe.shape[1])
+    n_rays, times, m = samples.records.shape[1], records.times[i], np.int64(records.ray[e])
+    if not _is_in_half(samples, m):
+        return
+    # Second vertex: regenerate the ray from its pattern, then position, frame and direction back along the ray.
+    r = samples.rows[i]
+    tangent, normal = samples.tangent[r], samples.normal[r]
+    wo_x, wo_y, wo_z = local_wo(tangent, normal, samples.wo[r])
+    turn, cosine, sine = pattern_rotation(r)
+    x, y, z = _ray(samples, i, m, pattern_of(turn, samples.nth[i]), cosine, sine, wo_x, wo_y, wo_z)
+    dx, dy, dz = to_world(tangent[0], tangent[1], tangent[2], normal[0], normal[1], normal[2], x, y, z)
+    record, far = np.int64(samples.records[i, m]), records.distance[e]
+    o = np.int64(paths.objects[record])
+    px = paths.position[r, 0] + far * dx
+    py = paths.position[r, 1] + far * dy
+    pz = paths.position[r, 2] + far * dz
+    nx, ny, nz = records.normal[e, 0], records.normal[e, 1], records.normal[e, 2]
+    tx, ty, tz = object_tangent(g.axes, o, nx, ny, nz)
+    ox, oy, oz = to_local(tx, ty, tz, nx, ny, nz, -dx, -dy, -dz)
+    if oz <= HORIZON:
+        return
+    # Density of stored rays at the gather point, per steradian.
+    sample_set = direction_pdf(n_cosine, n_lobe, samples.lobe_axes[i], x, y, z, wo_x, wo_y, wo_z) / times
+    slant = z
+    seed, third = _seed(r, samples.nth[i], n_rays, m, 2), _seed(r, samples.nth[i], n_rays, m, 3)
+    # Direct light at the second vertex: π · RIS weight · balance weight · gloss · L, less the photons' share.
+    if records.light[e] != NO_LIGHT:
+        frame, place, wo = (tx, ty, tz, nx, ny, nz), (px, py, pz), (ox, oy, oz)
+        light = np.int64(records.light[e])
+        c = np.int64(records.candidate[e])
+        m, x, y, z, _, _, share = _candidate(all_lights, table, c, light, seed, g.lobe_axes[o], frame, place, wo)
+        if m >= 0:
+            ahead = expected_photons(all_lights, m, g.lobe_axes[o], paths.per_area[o], x, y, z, ox, oy, oz)
+            share *= ONE - photon_share(ahead, slant, paths.area[i], sample_set)
+            factors[0] = np.float32(PI * times * share * records.weight[e])
+            _write_reflection(numbers, directions, 0, o, record, m, (x, y, z), wo)
+    # Indirect light at the second vertex: a factor on the radiosity of the record that the lobe ray hits.
+    beyond = np.int64(records.beyond[e])
+    if beyond == NO_RECORD:
+        return
+    x, y, z = _sample_about_axis(table, seed, g.lobe_axes[o], ox, oy, oz)
+    if z <= HORIZON:
+        return
+    factors[1] = times / direction_pdf(ZERO, ONE, g.lobe_axes[o], x, y, z, ox, oy, oz)
+    _write_reflection(numbers, directions, 1, o, record, np.int64(-1), (x, y, z), (ox, oy, oz))
+    # Third vertex: direct light there, if that record is glossy as well.
+    light = np.int64(records.light_3[e])
+    if light == NO_LIGHT:
+        return
+    o, far = np.int64(paths.objects[beyond]), records.distance_3[e]
+    dx, dy, dz = to_world(tx, ty, tz, nx, ny, nz, x, y, z)
+    px, py, pz = px + far * dx, py + far * dy, pz + far * dz
+    nx, ny, nz = records.normal_3[e, 0], records.normal_3[e, 1], records.normal_3[e, 2]
+    tx, ty, tz = object_tangent(g.axes, o, nx, ny, nz)
+    ox, oy, oz = to_local(tx, ty, tz, nx, ny, nz, -dx, -dy, -dz)
+    frame, place, wo = (tx, ty, tz, nx, ny, nz), (px, py, pz), (ox, oy, oz)
+    c = np.int64(records.candidate_3[e])
+    m, x, y, z, _, _, share = _candidate(all_lights, table, c, light, third, g.lobe_axes[o], frame, place, wo)
+    if m >= 0 and oz > HORIZON:
+        factors[2] = np.float32(PI * share * records.weight_3[e])
+        _write_reflection(numbers, directions, 2, o, beyond, m, (x, y, z), wo)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _write_reflection(numbers, directions, vertex, o, record, light, wi, wo):
+    numbers[vertex, 0], numbers[vertex, 1], numbers[vertex, 2] = o, record, light
+    directions[vertex, 0], directions[vertex, 1], directions[vertex, 2] = wi
+    directions[vertex, 3], directions[vertex, 4], directions[vertex, 5] = wo
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def second_bounce_light(paths, begin, end, missing, first, out):
     """Light (n, 3, 3) that returns along the stored rays of points [begin, end) from the glossy layers there, times π:
     from the lights; as a factor on the radiosity beyond; and, as such radiosity, from the lights by glossy layers
-    beyond. Ray number `first` is out[0].
-
-    objects (C,) of the records; area (p,), per_area (M,): of photons that carry the same light, see `photon_share`.
-    Results of objects that are not `missing` (M,) remain unchanged.
+    beyond. Ray number `first` is out[0]. Results of objects that are not `missing` (M,) remain unchanged.
     """
-    n_cosine, n_lobe = np.float32(samples.tables_cosine.shape[1]), np.float32(samples.tables_lobe.shape[1])
-    n_rays, gloss = samples.records.shape[1], np.zeros(3, np.float32)
+    samples, records = paths.samples, paths.records
+    numbers, directions = np.empty((3, 3), np.int64), np.empty((3, 6), np.float32)
+    factors, gloss = np.empty(3, np.float32), np.empty(3, np.float32)
     for i in range(begin, end):
-        r = samples.rows[i]
-        tangent, normal = samples.tangent[r], samples.normal[r]
-        wo_x, wo_y, wo_z = local_wo(tangent, normal, samples.wo[r])
-        turn, cosine, sine = pattern_rotation(r)
-        pattern = pattern_of(turn, samples.nth[i])
-        times = records.times[i]
         for e in range(records.start[i], records.start[i + 1]):
-            n = e - first
-            m = np.int64(records.ray[e])
-            record, beyond = np.int64(samples.records[i, m]), records.beyond[e]
-            o = objects[record]
-            if not missing[o] and (records.light_3[e] == NO_LIGHT or not missing[objects[beyond]]):
+            n, o = e - first, paths.objects[samples.records[i, records.ray[e]]]
+            if not missing[o] and (records.light_3[e] == NO_LIGHT or not missing[paths.objects[records.beyond[e]]]):
                 continue
+            find_reflections(paths, i, e, numbers, directions, factors)
             out[n] = ZERO
-            if not _is_in_half(samples, m):
-                continue
-            # Second vertex: regenerate the ray from its pattern, then position, frame and direction back along the ray.
-            x, y, z = _ray(samples, i, m, pattern, cosine, sine, wo_x, wo_y, wo_z)
-            dx, dy, dz = to_world(tangent[0], tangent[1], tangent[2], normal[0], normal[1], normal[2], x, y, z)
-            far = records.distance[e]
-            px, py, pz = position[r, 0] + far * dx, position[r, 1] + far * dy, position[r, 2] + far * dz
-            nx, ny, nz = records.normal[e, 0], records.normal[e, 1], records.normal[e, 2]
-            tx, ty, tz = object_tangent(g.axes, o, nx, ny, nz)
-            ox, oy, oz = to_local(tx, ty, tz, nx, ny, nz, -dx, -dy, -dz)
-            if oz <= HORIZON:
-                continue
-            # Density of stored rays at the gather point, per steradian.
-            sample_set = direction_pdf(n_cosine, n_lobe, samples.lobe_axes[i], x, y, z, wo_x, wo_y, wo_z) / times
-            slant = z
-            seed, third = _seed(r, samples.nth[i], n_rays, m, 2), _seed(r, samples.nth[i], n_rays, m, 3)
-            light = np.int64(records.light[e])
-            # Direct light at the second vertex: π · RIS weight · balance weight · gloss · L, less the photons' share.
-            if light != NO_LIGHT:
-                frame, place, wo = (tx, ty, tz, nx, ny, nz), (px, py, pz), (ox, oy, oz)
-                c = np.int64(records.candidate[e])
-                m, x, y, z, _, _, share = _candidate(
-                    all_lights, table, c, light, seed, g.lobe_axes[o], frame, place, wo
-                )
-                if m >= 0:
-                    gloss[:] = ZERO
-                    ahead = expected_photons(all_lights, m, g.lobe_axes[o], per_area[o], x, y, z, ox, oy, oz)
-                    share *= ONE - photon_share(ahead, slant, area[i], sample_set)
-                    _add_gloss(
-                        g, o, record, x, y, z, ox, oy, oz, np.float32(PI * times * share * records.weight[e]), gloss
-                    )
-                    colour = all_lights.radiance[m] if m < all_lights.density.shape[0] else all_lights.power[m]
-                    for channel in range(3):
-                        out[n, 0, channel] = gloss[channel] * colour[channel]
-            # Indirect light at the second vertex: a factor on the radiosity of the record that the lobe ray hits.
-            if beyond == NO_RECORD:
-                continue
-            x, y, z = _sample_about_axis(table, seed, g.lobe_axes[o], ox, oy, oz)
-            if z <= HORIZON:
-                continue
-            gloss[:] = ZERO
-            density = direction_pdf(ZERO, ONE, g.lobe_axes[o], x, y, z, ox, oy, oz)
-            _add_gloss(g, o, record, x, y, z, ox, oy, oz, times / density, gloss)
-            out[n, 1] = gloss
-            # Third vertex: direct light there, if that record is glossy as well.
-            light = np.int64(records.light_3[e])
-            if light == NO_LIGHT:
-                continue
-            record, o, far = np.int64(beyond), objects[beyond], records.distance_3[e]
-            dx, dy, dz = to_world(tx, ty, tz, nx, ny, nz, x, y, z)
-            px, py, pz = px + far * dx, py + far * dy, pz + far * dz
-            nx, ny, nz = records.normal_3[e, 0], records.normal_3[e, 1], records.normal_3[e, 2]
-            tx, ty, tz = object_tangent(g.axes, o, nx, ny, nz)
-            ox, oy, oz = to_local(tx, ty, tz, nx, ny, nz, -dx, -dy, -dz)
-            frame, place, wo = (tx, ty, tz, nx, ny, nz), (px, py, pz), (ox, oy, oz)
-            c = np.int64(records.candidate_3[e])
-            m, x, y, z, _, _, share = _candidate(all_lights, table, c, light, third, g.lobe_axes[o], frame, place, wo)
-            if m < 0 or oz <= HORIZON:
-                continue
-            gloss[:] = ZERO
-            _add_gloss(g, o, record, x, y, z, ox, oy, oz, np.float32(PI * share * records.weight_3[e]), gloss)
-            colour = all_lights.radiance[m] if m < all_lights.density.shape[0] else all_lights.power[m]
-            for channel in range(3):
-                out[n, 2, channel] = gloss[channel] * colour[channel]
+            for v in range(3):
+                if factors[v] == ZERO:
+                    continue
+                gloss[:] = ZERO
+                d = directions[v]
+                add_gloss(paths.layers, numbers[v, 0], numbers[v, 1], d[0], d[1], d[2], d[3], d[4], d[5], factors[v],
+                          gloss)  # fmt: skip
+                for c in range(3):
+                    light = ONE if numbers[v, 2] < 0 else _light_colour(paths.all_lights, numbers[v, 2], c)
+                    out[n, v, c] = gloss[c] * light
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})

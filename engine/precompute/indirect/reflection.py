@@ -101,16 +101,20 @@ class SecondBounceWeights:
             return np.ones(len(light.digests), bool)
         return np.array([now != then for now, then in zip(light.digests, digests, strict=True)])
 
+    def paths(self, light: SecondBounceLight) -> second_kernels.GlossyPaths:
+        """The stored rays, for the kernels."""
+        return second_kernels.GlossyPaths(
+            self._samples, self._position, self._records, light.objects, light.layers, light.all_lights,
+            lobe_tables(N_LOBE_RAYS), self._area, light.per_area,
+        )  # fmt: skip
+
     def part(self, begin: int, end: int, light: SecondBounceLight, missing: NDArray[np.bool_]) -> kernels.SecondBounce:
         """The second-bounce light of points [begin, end)."""
         records, base = self._records, int(self._records.start[begin])
         n = int(records.start[end]) - base
         sent, first = (np.empty((n, 3, 3), np.float32), base) if self._cached is None else (self._cached, self._first)
         if missing.any():
-            second_kernels.second_bounce_light(
-                self._samples, self._position, records, begin, end, light.objects, light.layers, light.all_lights,
-                lobe_tables(N_LOBE_RAYS), self._area, light.per_area, missing, first, sent,
-            )  # fmt: skip
+            second_kernels.second_bounce_light(self.paths(light), begin, end, missing, first, sent)
         lit = np.empty((n, *light.radiosity.shape[2:]), np.float32)
         second_kernels.light_second_bounce(
             self._samples, records, begin, end, light.objects, sent, first, light.radiosity, light.edited,

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from engine.material import kinds
 from engine.precompute.indirect import _second_bounce_kernels as kernels
 from engine.precompute.indirect._cache_kernels import NO_RECORD, Hits
+from engine.precompute.indirect._gloss_kernels import GlossyLayers
 from engine.precompute.indirect.direction_patterns import lobe_tables
 from engine.precompute.indirect.indirect_layers import IndirectLayer, is_glossy
 from engine.precompute.indirect.irradiance_cache import NO_ORDER, IrradianceCache, Rays
@@ -163,7 +164,7 @@ class SecondBounceLight:
     radiosity: NDArray[np.float32]
     per_area: NDArray[np.float32]
     digests: tuple[bytes, ...]
-    layers: kernels.GlossyLayers
+    layers: GlossyLayers
     all_lights: kernels.SampledLights
     edited: int
     inverse: NDArray[np.float32]
@@ -172,7 +173,7 @@ class SecondBounceLight:
 def glossy_tables(
     layers: Sequence[IndirectLayer], lobe_axes: NDArray[np.int64], axes: NDArray[np.float32],
     reflectance: RecordReflectance | None = None,
-) -> kernels.GlossyLayers:  # fmt: skip
+) -> GlossyLayers:  # fmt: skip
     """Tables of the glossy layers, ordered by object. reflectance: of the records under these layers, None to
     use the means of texture maps."""
     glossy = [i for i, each in enumerate(layers) if is_glossy(each)]
@@ -186,7 +187,7 @@ def glossy_tables(
     lengths = np.array([[len(curve) for curve in (*pair, none)[:2]] for pair in curves], np.int64).reshape(-1, 2)
     begins = np.cumsum([0, *lengths.ravel()])[:-1].reshape(-1, 2)
     factors = [each.second_curves.model.factors for each in chosen]
-    return kernels.GlossyLayers(
+    return GlossyLayers(
         first.astype(np.int64),
         np.array([each.second_curves.model.number for each in chosen], np.int64),
         np.array([pair[0].gamma for pair in factors], np.int64),

@@ -12,10 +12,9 @@ from engine.precompute.direct.pipeline import Placement
 from engine.precompute.indirect import _ray_kernels as rays
 from engine.precompute.indirect import _second_bounce_kernels as kernels
 from engine.precompute.indirect._cache_kernels import NO_RECORD
-from engine.precompute.indirect.direction_patterns import lobe_tables
 from engine.precompute.indirect.indirect_layers import indirect_layer
 from engine.precompute.indirect.reflection import HemisphereSamples
-from engine.precompute.indirect.second_bounce import N_LOBE_RAYS, SecondBounceLight
+from engine.precompute.indirect.second_bounce import SecondBounceLight
 from tests.engine.precompute.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placed, placement_of, solve
 from tests.naive.second import sent_back
 
@@ -45,10 +44,8 @@ def found() -> Found:
     records, n_points = fans._second._records, len(fans)
     assert records.start[0] == 0  # the floor is the first object
     sent = np.zeros((int(records.start[-1]), 3, 3), np.float32)
-    kernels.second_bounce_light(
-        fans._samples, placement.hits.position, records, 0, n_points, light.objects, light.layers, light.all_lights,
-        lobe_tables(N_LOBE_RAYS), np.zeros(n_points, np.float32), light.per_area, np.ones(4, bool), 0, sent,
-    )  # fmt: skip
+    paths = fans._second.paths(light)._replace(area=np.zeros(n_points, np.float32))
+    kernels.second_bounce_light(paths, 0, n_points, np.ones(4, bool), 0, sent)
     return Found(placement, fans, light, sent)
 
 
