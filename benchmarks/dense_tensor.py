@@ -21,8 +21,9 @@ from numpy.typing import NDArray
 
 from engine.core.errors import InsituError
 from engine.core.generators import run_to_end
+from engine.precompute.indirect.frozen_light import FrozenLight, SelectedCurve
 from engine.precompute.indirect.indirect_layers import IndirectLayer, albedos_of
-from engine.precompute.indirect.indirect_light import Freezing, FrozenLight, IndirectLight, SelectedCurve
+from engine.precompute.indirect.indirect_light import Freezing, IndirectLight
 from engine.precompute.indirect.irradiance_cache import NO_OBJECT, CacheLight, bounce_radiosity
 from engine.precompute.indirect.reflection import OutgoingRadiance
 
@@ -87,20 +88,20 @@ class DenseTensor:
         return sum(tensor.nbytes for tensor in self._tensors)
 
     def freeze(
-        self, layers: Sequence[IndirectLayer], edited: int = NO_OBJECT, selected: SelectedCurve | None = None
+        self, layers: Sequence[IndirectLayer], edited: int = NO_OBJECT, curves: Sequence[SelectedCurve] = ()
     ) -> Freezing:
         """As `Representation.freeze`; the layers have the models and bands that the tensor was made for."""
         powers = self._powers(layers, edited)
         reflected: dict[int, NDArray[np.float32]] = {}
-        bands = np.zeros((3, 0, powers.shape[1], 0), np.float32)
+        bands: dict[int, NDArray[np.float32]] = {}
         for i, (layer, tensor) in enumerate(zip(layers, self._tensors, strict=True)):
-            if selected is not None and selected.layer == i:
-                bands = np.matmul(powers[:, None], tensor)
+            if i in {each.layer for each in curves}:
+                bands[i] = np.matmul(powers[:, None], tensor)
             else:
                 curve = layer.curves.curves[0].T.astype(np.float32)[:, None]
                 n_bands, shape = tensor.shape[1], tensor.shape[2:]
                 whole = np.matmul(curve, tensor.reshape(3, n_bands, -1)).reshape(3, *shape)
-                reflected[i] = np.matmul(powers, whole).transpose(2, 1, 0)
+                reflected[i] = np.matmul(powers, whole)
             yield None
         return FrozenLight(reflected, bands)
 

@@ -82,8 +82,7 @@ def memory_of(scene: Scene, n_objects: int) -> GrowthRow:
         for answer in tasks.freeze(FreezeIndirect(wanted, wanted.visible[0].key, 0))
         if isinstance(answer, IndirectFrozen)
     )
-    handed_out = frozen.bands.nbytes + sum(array.nbytes for array in frozen.reflected.values())
-    return GrowthRow(n_objects, tasks.n_bytes / 1e6, handed_out / 1e6)
+    return GrowthRow(n_objects, tasks.n_bytes / 1e6, frozen.light.n_bytes / 1e6)
 
 
 def memory_rows(counts: Sequence[int], side: int) -> Iterator[GrowthRow]:

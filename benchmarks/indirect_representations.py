@@ -30,14 +30,9 @@ from engine.core.generators import run_to_end
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.precompute.direct.pipeline import Placement
+from engine.precompute.indirect.frozen_light import FrozenLight, LightEdit, SelectedCurve
 from engine.precompute.indirect.indirect_layers import IndirectLayer, diffuse_slant, indirect_layer
-from engine.precompute.indirect.indirect_light import (
-    FrozenLight,
-    GatherPolynomial,
-    IndirectLight,
-    Representation,
-    SelectedCurve,
-)
+from engine.precompute.indirect.indirect_light import GatherPolynomial, IndirectLight, Representation
 from engine.precompute.indirect.sampling_settings import ROUGH, SamplingSettings
 from engine.precompute.indirect.solver import Solver
 from engine.scene.scene_loader import Scene
@@ -119,8 +114,7 @@ def edited_pictures(
     [plain] = run_to_end(
         light.points.hemisphere_samples(0).reflect([edited.curves], light.outgoing_radiance([edited, *layers[1:]]))
     )
-    powers = albedo ** np.arange(frozen.bands.shape[2])[:, None]
-    return np.einsum("cjnp,jc,nc->pc", frozen.bands, curve, powers), plain[:, 0]
+    return frozen.radiance(0, LightEdit(albedo, {0: curve}, {})), plain[:, 0]
 
 
 def representation_setting(n_objects: int, n_bounces: int, side: int) -> Setting:
@@ -128,7 +122,7 @@ def representation_setting(n_objects: int, n_bounces: int, side: int) -> Setting
     scene = open_subject(SOURCE).scene
     scene = cut(replace(scene, resolution=at_most(scene.resolution, side)), n_objects)
     light, layers = _traced(scene, n_objects, n_bounces, FINENESS)
-    frozen = run_to_end(GatherPolynomial(light).freeze(layers, 0, SelectedCurve(0, 0)))
+    frozen = run_to_end(GatherPolynomial(light).freeze(layers, 0, [SelectedCurve(0, 0)]))
     truth = edited_pictures(light, layers, frozen)[1]
 
     def make(name: Any) -> Any:
@@ -136,7 +130,7 @@ def representation_setting(n_objects: int, n_bounces: int, side: int) -> Setting
         _timed(made, layers, n_objects - 1)  # what the first freezing keeps is a part of making it
 
         def compute() -> Outcome:
-            found = run_to_end(made.freeze(layers, layers[0].i_object, SelectedCurve(0, 0)))
+            found = run_to_end(made.freeze(layers, layers[0].i_object, [SelectedCurve(0, 0)]))
             return Outcome(edited_pictures(light, layers, found)[0], made.n_bytes / 2**20)
 
         return compute
@@ -157,5 +151,5 @@ def write_rows(file: Path, rows: Sequence[RepresentationRow]) -> None:
 def _timed(made: Representation, layers: Sequence[IndirectLayer], i_layer: int) -> tuple[float, FrozenLight]:
     """Seconds of a freezing for a layer's object, and what it gave."""
     started = time.process_time()
-    frozen = run_to_end(made.freeze(layers, layers[i_layer].i_object, SelectedCurve(i_layer, 0)))
+    frozen = run_to_end(made.freeze(layers, layers[i_layer].i_object, [SelectedCurve(i_layer, 0)]))
     return time.process_time() - started, frozen

@@ -15,8 +15,6 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
-import numpy as np
-
 from app.document.scene_state import LayerState
 from app.messages.worker_messages import Progress, Response
 from app.modes.placement.placement_messages import (
@@ -37,8 +35,9 @@ from engine.material.layer import Layer, object_of
 from engine.precompute.direct.pipeline import Placement, SkyState
 from engine.precompute.indirect.albedo import albedo_bands
 from engine.precompute.indirect.checkpoints import NAMES, arrays_of
+from engine.precompute.indirect.frozen_light import SelectedCurve
 from engine.precompute.indirect.indirect_layers import IndirectLayer, indirect_layer
-from engine.precompute.indirect.indirect_light import GatherPolynomial, IndirectLight, SelectedCurve
+from engine.precompute.indirect.indirect_light import GatherPolynomial, IndirectLight
 from engine.precompute.indirect.irradiance_cache import NO_OBJECT
 from engine.precompute.indirect.relighting import IndirectRelighting, SceneLight, SourceLighting
 from engine.precompute.indirect.sampling_settings import FINE, ROUGH, SamplingSettings
@@ -281,19 +280,17 @@ class IndirectTasks:
         self._representations = (
             GatherPolynomial(seen) if self._representations is None else self._representations.with_light(seen)
         )
-        selected = None
-        if desired.key in layers and desired.factor is not None:
-            selected = SelectedCurve(list(layers).index(desired.key), desired.factor)
-        frozen = yield from self._representations.freeze(list(layers.values()), edited, selected)
         keys = list(layers)
-        reflected = {keys[i]: np.ascontiguousarray(part.transpose(1, 0, 2)) for i, part in frozen.reflected.items()}
+        curves = {key: factor for key, factor in desired.curves.items() if key in layers}
+        selected = [SelectedCurve(keys.index(key), factor) for key, factor in curves.items()]
+        light = yield from self._representations.freeze(list(layers.values()), edited, selected)
         albedos = {
             each.key: albedo_bands(*each.quotient, each.bands)
             for each in desired.scene.visible if self._object(each) == edited
         }  # fmt: skip
         unit, by_albedo = found.light.unit, not found.light.points.glossy
         yield IndirectFrozen(
-            found.number, desired.serial, desired.key, desired.factor, reflected, frozen.bands, albedos, unit, by_albedo
+            found.number, desired.serial, tuple(keys), curves, light, albedos, unit, by_albedo
         )
         self._frozen_light = found
 

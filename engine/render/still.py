@@ -284,7 +284,7 @@ def reflected_light(
         out = np.zeros((len(gather_points), 3), np.float32)
         mine = np.flatnonzero(objects == layer.i_object)
         with np.errstate(over="ignore"):
-            out[mine] = frozen.reflected[i][:, 0] * gather_view_factors(hits, gather_points[mine], layer)
+            out[mine] = frozen.reflected[i][:, 0].T * gather_view_factors(hits, gather_points[mine], layer)
         return out
 
     def at_pixels(radiance: NDArray[np.float32]) -> NDArray[np.float32]:

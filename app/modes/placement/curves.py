@@ -69,6 +69,11 @@ class Curves:
         counts = self.bands(document, key)
         return {name: self._band_values(key, layer, name, min(n, most or n)) for name, n in counts.items()}
 
+    def band_values(self, document: Document, key: str, factor: int, n_bands: int) -> Float64Array:
+        """Band values (J,3) of one of a layer's transport factors, by number, of so many bands."""
+        layer = document.layer(key)
+        return self._band_values(key, layer, layer.model.factors[factor].name, n_bands)
+
     def scene_state(self, document: Document) -> SceneState:
         """The state of a document for the worker."""
         return scene_state(document, self.layer_state)

@@ -50,8 +50,7 @@ def layer_reflectances(scene: SceneState, document: Document, curves: Curves) ->
 class DesiredFreezing:
     """The scene that indirect light is frozen for; two serve the same if what they hold fixed is the same.
 
-    edited: for layers that share the selected curve, which of their curves it is: like all that is edited of the
-    object, they have a shape, and are frozen anew once the user is idle.
+    edited: for layers that share the selected curve, which of their curves it is.
     """
 
     scene: SceneState
@@ -75,8 +74,8 @@ class DesiredFreezing:
         )
 
     def same(self, other: DesiredFreezing) -> bool:
-        """Whether it was also made with the other's curves of the edited object: glossy ones have a shape, and the
-        noise depends on all of them."""
+        """Whether it was also made with the other's curves of the edited object: the light that these send on follows
+        them as far as a few of their bands tell, and the noise depends on all of them."""
         if self is other:
             return True
         return len(self.reflectances) == len(other.reflectances) and all(
@@ -90,15 +89,15 @@ class DesiredFreezing:
         return one == two
 
     def _alike(self, mine: LayerReflectance, theirs: LayerReflectance) -> bool:
-        if mine.key != theirs.key or mine.layer.quotient != theirs.layer.quotient:
+        if mine.key != theirs.key or mine.layer.model != theirs.layer.model:
             return False
+        edited = self.factor if mine.key == self.key else self.edited.get(mine.key)
+        if edited is None and mine.layer.quotient != theirs.layer.quotient:
+            return False
+        # The bands of an edited curve are those that it was frozen with, whatever it needs now; so is its shadowing.
         for i, (one, two) in enumerate(zip(mine.coefficients, theirs.coefficients, strict=True)):
-            if (mine.key, i) == (self.key, self.factor) or self.edited.get(mine.key) == i or one is two:
-                continue
-            if not _close(one, two):
+            if i != edited and not (one is two or _close(one, two)):
                 return False
-        if any(a.shape != b.shape for a, b in zip(mine.coefficients, theirs.coefficients, strict=True)):
-            return False  # with another choice of bands, those of the selected curve differ
         if self.key is not None and object_of(mine.key) == object_of(self.key):
             return True  # its albedo is a variable
         return np.array_equal(mine.gain, theirs.gain) and np.array_equal(mine.view_curve, theirs.view_curve)
@@ -126,6 +125,8 @@ def desired_freezing(
 
 def _equal(one: LayerReflectance, two: LayerReflectance) -> bool:
     """Whether two reflectances of one layer are equal."""
+    if one.layer.quotient != two.layer.quotient:
+        return False
     mine, theirs = ((*look.coefficients, look.gain, look.view_curve) for look in (one, two))
     return all(a is b or _close(a, b) for a, b in zip(mine, theirs, strict=True))
 

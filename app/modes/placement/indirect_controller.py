@@ -3,8 +3,8 @@
 The worker freezes indirect light for the object of the selected layer [BenArtzi07, sect. 6.1]; `indirect_picture` makes
 the picture of a freezing in every frame. What its sums hold fixed (other objects' curves, the other curve of the
 selected layer) is compared with the document once a frame, and frozen anew when it has changed, one request at a time.
-The secondary emission of a glossy object keeps its shape while its curve is dragged; it is frozen anew as well once the
-user is idle. A freezing is answered again whenever its samples have become finer. While a light is dragged, what was
+The light that a glossy object sends on follows its curve, by the bands that it was frozen with; it is frozen anew once
+the user is idle. A freezing is answered again whenever its samples have become finer. While a light is dragged, what was
 frozen is relit with each quick picture of the direct light, and stays so until the light of the end is frozen.
 """
 
@@ -256,7 +256,13 @@ class IndirectController:
         if reconciler.action(now, may_request) == "request":
             self._n_sent += 1
             request = FreezeIndirect(
-                desired.scene, desired.key, desired.factor, desired.second, self._n_sent, revision=revision
+                desired.scene,
+                desired.key,
+                desired.factor,
+                desired.second,
+                self._n_sent,
+                tuple(desired.edited.items()),
+                revision=revision,
             )
             self._sent_id = self._send(request)
             reconciler.sent(now, self._n_sent)

@@ -1,12 +1,8 @@
 """Indirect light in the picture: the sums over a freezing, for the document of each frame.
 
-A frozen layer's radiance is a polynomial in the edited object's equivalent albedo d, the selected layer's also a sum
-over the bands of its curve [BenArtzi07, sect. 6.1]:
-
-    L = Σ_n d^n β_n        and        L = Σ_n d^n Σ_j c_j F_jn.
-
-Both are sums over a few thousand samples, a few milliseconds, so that indirect light follows a drag exactly in every
-frame, without increments.
+A frozen layer's radiance is a polynomial in the edited object's equivalent albedo, with sums over the bands of edited
+curves, at the layer itself and at the second bounce (`engine.precompute.indirect.frozen_light`). They are sums over a
+few thousand samples, a few milliseconds, so that indirect light follows a drag in every frame, without increments.
 
 While lights change, the layer's radiance A by albedo alone is known under each of them (`IndirectRelit`), and what
 glossy surfaces add is known under the frozen light alone; of that the share s stays:
@@ -22,7 +18,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from app.document.document import Document
 from app.messages.picture_events import PictureEvent
@@ -32,6 +27,7 @@ from app.modes.placement.placement_events import Footprint, IndirectRadiance
 from app.modes.placement.placement_messages import IndirectFrozen, IndirectRelit
 from engine.core.clamping import is_clamped, unscaled
 from engine.precompute.indirect.albedo import albedo_of
+from engine.precompute.indirect.frozen_light import LightEdit
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,16 +76,15 @@ class IndirectPicture:
         frozen = freezing.frozen
         self.is_on_screen, self.number = True, frozen.number
         self._gloss.follow(frozen)
-        albedo = edited_albedo(document, frozen, self._curves)
+        edit = light_edit(document, frozen, self._curves)
         events: list[PictureEvent] = []
         for look in freezing.made_for.reflectances:
-            curve = None
-            if look.key == frozen.key and frozen.factor is not None:
-                curve = list(self._curves.coefficients(document, look.key).values())[frozen.factor]
-            state = (*albedo.tolist(), id(curve), None if relit is None else relit.revision)
+            i_layer = frozen.keys.index(look.key)
+            state = (frozen.light.dependence(i_layer, edit), None if relit is None else relit.revision)
             if self._shown.get(look.key) != state:
                 self._shown[look.key] = state
-                radiance = self._gloss.added_to(_radiance(frozen, look.key, albedo, curve), look.key)
+                radiance = unscaled(frozen.light.radiance(i_layer, edit), frozen.unit)
+                radiance = self._gloss.added_to(radiance, look.key)
                 if relit is not None and look.key in relit.now:
                     radiance = self._gloss.relit(radiance, look.key, relit)
                 (self._clamped.add if is_clamped(radiance) else self._clamped.discard)(look.key)
@@ -135,19 +130,14 @@ def edited_albedo(document: Document, frozen: IndirectFrozen, curves: Curves) ->
     return total
 
 
-def _radiance(
-    frozen: IndirectFrozen, key: str, albedo: Float64Array, curve: Float64Array | None
-) -> NDArray[np.float32]:
-    """Indirect radiance (p,3) of one layer, without f_q and f_o."""
-    # Powers in double precision: beyond single, what they multiply may be 0.
-    if curve is None:
-        reflected = frozen.reflected[key]
-        powers = albedo ** np.arange(len(reflected))[:, None]
-        return unscaled(np.einsum("npc,nc->pc", reflected, powers), frozen.unit)
-    bands = frozen.bands
-    powers = albedo ** np.arange(bands.shape[2])[:, None]
-    channels = [
-        powers[:, c] @ (curve[:, c].astype(np.float32) @ bands[c].reshape(len(curve), -1)).reshape(bands.shape[2:])
-        for c in range(3)
-    ]
-    return unscaled(np.stack(channels, axis=1), frozen.unit)
+def light_edit(document: Document, frozen: IndirectFrozen, curves: Curves) -> LightEdit:
+    """What a document edits of a freezing: albedo and curves, with the numbers of bands that they were frozen with."""
+    light, values, sent = frozen.light, {}, {}
+    for key, factor in frozen.curves.items():
+        i = frozen.keys.index(key)
+        values[i] = curves.band_values(document, key, factor, light.bands[i].shape[1])
+    for each in light.gloss:
+        key = frozen.keys[each.curve.layer]
+        bands = curves.band_values(document, key, each.curve.factor, len(each.frozen))
+        sent[each.curve.layer] = curves.outgoing_gain(document, key) * bands
+    return LightEdit(edited_albedo(document, frozen, curves), values, sent)

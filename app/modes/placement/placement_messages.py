@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from app.document.scene_state import LayerState, SceneState
     from engine.material.layer import Layer
     from engine.material.layer_maps import Images, MapMeans
+    from engine.precompute.indirect.frozen_light import FrozenLight
     from engine.render.picture_error import ErrorEstimate
     from engine.settings import Precision, RenderSettings
 
@@ -93,7 +94,8 @@ class FreezeIndirect(Request):
     sect. 6.1]); answered again whenever it becomes finer.
 
     key, factor: the layer and the curve whose bands are desired; None: only what every layer reflects. The object that
-    is edited is that of `key`. second_bands: the most that the second bounce has, None for as many as a curve has; with
+    is edited is that of `key`. edited: layers of it that share this curve, by key, and which of theirs it is.
+    second_bands: the most that the second bounce has, None for as many as a curve has; with
     one it depends on albedo alone, as all later bounces do. serial comes back with the responses.
     """
 
@@ -105,6 +107,12 @@ class FreezeIndirect(Request):
     factor: int | None = None
     second_bands: int | None = None
     serial: int = 0
+    edited: tuple[tuple[str, int], ...] = ()
+
+    @property
+    def curves(self) -> dict[str, int]:
+        """The curves whose bands are desired, by the key of their layer."""
+        return {} if self.key is None or self.factor is None else {self.key: self.factor, **dict(self.edited)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,20 +251,18 @@ class IndirectNoise(Response):
 
 @dataclass(frozen=True, eq=False)
 class IndirectFrozen(Response):
-    """Indirect light at the p samples of each layer, without f_q and f_o, by powers of the edited object's albedo.
+    """Indirect light at the samples of each layer, in units of `unit`.
 
-    reflected: by layer key (D,p,3), in units of `unit`; bands (3,J,D,p), likewise, of the layer and curve that were
-    named, which is then not among `reflected`; albedos: by key of the edited object's layers, e (V,J,K) or (3,V,J,K)
-    [engine.precompute.indirect.albedo]. by_albedo: whether the second bounce off glossy surfaces, which depends on
-    direction, is still to come.
+    light: by the layers' numbers in `keys`; curves: those whose bands it has, by key of the layer; albedos: by key of
+    the edited object's layers, e (V,J,K) or (3,V,J,K) [engine.precompute.indirect.albedo]. by_albedo: whether the
+    second bounce off glossy surfaces, which depends on direction, is still to come.
     """
 
     number: int
     serial: int
-    key: str | None
-    factor: int | None
-    reflected: dict[str, NDArray[np.float32]]
-    bands: NDArray[np.float32]
+    keys: tuple[str, ...]
+    curves: dict[str, int]
+    light: FrozenLight
     albedos: dict[str, NDArray[np.float64]]
     unit: float = 1.0
     by_albedo: bool = False

@@ -37,7 +37,7 @@ class GlossyLayers(NamedTuple):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _at_layer(g, layer, x, y, z, ox, oy, oz):
-    """ρ_q cos θ_i of a glossy layer, 0 where it reflects nothing; node and fraction on f_A, f_B and f_o, see `_node`."""
+    """ρ_q cos θ_i of a glossy layer, 0 where it reflects nothing; node and fraction on f_A, f_B, f_o, see `_node`."""
     q = g.q[layer]
     j, t, k, u = 0, ZERO, 0, ZERO
     weight = np.float32(quotient_cosine(g.models[layer], q, x, y, z, ox, oy, oz))

@@ -279,7 +279,7 @@ class GlossyPaths(NamedTuple):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _light_colour(all_lights, m, c):
+def light_colour(all_lights, m, c):
     """Radiance of a light of the sky, power of another."""
     return all_lights.radiance[m, c] if m < all_lights.density.shape[0] else all_lights.power[m, c]
 
@@ -388,7 +388,7 @@ def second_bounce_light(paths, begin, end, missing, first, out):
                 add_gloss(paths.layers, numbers[v, 0], numbers[v, 1], d[0], d[1], d[2], d[3], d[4], d[5], factors[v],
                           gloss)  # fmt: skip
                 for c in range(3):
-                    light = ONE if numbers[v, 2] < 0 else _light_colour(paths.all_lights, numbers[v, 2], c)
+                    light = ONE if numbers[v, 2] < 0 else light_colour(paths.all_lights, numbers[v, 2], c)
                     out[n, v, c] = gloss[c] * light
 
 

@@ -6,7 +6,7 @@ power of the edited object's albedo, Σ_n d^n V_n for every layer, and for the s
 
 from __future__ import annotations
 
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -17,8 +17,18 @@ from engine.core.clamping import SQUARED, clamp_radiance, unscaled
 from engine.core.generators import run_to_end
 from engine.precompute.indirect._ray_kernels import NORMAL
 from engine.precompute.indirect._second_bounce_kernels import SampledLights
+from engine.precompute.indirect.edited_gloss import (
+    MOST_KNOTS,
+    MOST_MODES,
+    EditedGloss,
+    choose_knots,
+    choose_modes,
+    edited_gloss,
+    knot_table,
+)
+from engine.precompute.indirect.frozen_light import FrozenGloss, FrozenLight, FrozenProducts, SelectedCurve
 from engine.precompute.indirect.gather import GatherSamples, SampleCounts, object_of_rows
-from engine.precompute.indirect.indirect_layers import IndirectLayer, albedos_of, view_factors
+from engine.precompute.indirect.indirect_layers import IndirectLayer, albedos_of, is_glossy, view_factors
 from engine.precompute.indirect.irradiance_cache import NO_OBJECT, CacheLight, IrradianceCache, radiosity
 from engine.precompute.indirect.photons import (
     NearbyPhotons,
@@ -31,7 +41,12 @@ from engine.precompute.indirect.photons import (
 )
 from engine.precompute.indirect.ray_budget import RayBudget
 from engine.precompute.indirect.record_maps import RecordReflectance
-from engine.precompute.indirect.reflection import HemisphereSamples, OutgoingRadiance
+from engine.precompute.indirect.reflection import (
+    EditedReceiver,
+    HemisphereSamples,
+    OutgoingRadiance,
+    Receiver,
+)
 from engine.precompute.indirect.second_bounce import (
     SecondBounceLight,
     glossy_tables,
@@ -98,18 +113,18 @@ class GatherPoints:
         layers: Sequence[IndirectLayer], reflectance: RecordReflectance, all_lights: SampledLights,
         edited: int = NO_OBJECT,
     ) -> OutgoingRadiance:  # fmt: skip
-        """Radiance that records of the given objects (C,), with radiosities (C, D, 3) from `radiosity`, send on under
-        these layers."""
-        bright, beyond = radiosities
+        """Radiance that records of the given objects (C,) send on under these layers. radiosities (C, D, 3): by diffuse
+        layers, and beyond glossy ones. edited: the object whose gloss keeps its shape, and changes with its albedo."""
+        diffuse, beyond = radiosities
         if not self.glossy:
-            return OutgoingRadiance(bright, None, None)
+            return OutgoingRadiance(diffuse, None, None)
         n_objects = len(self.lobe_axes)
         tables, inverse = glossy_tables(layers, self.lobe_axes, self.axes, reflectance), self._inverse(layers, edited)
         digests, per_area = layer_digests(layers, n_objects, reflectance), self.photons.per_area
         second = SecondBounceLight(
             objects, outgoing_radiosity(beyond, inverse), per_area, digests, tables, all_lights, edited, inverse
         )
-        return OutgoingRadiance(bright * reflectance.diffuse[:, None], second, self.caustic_flux(layers, edited))
+        return OutgoingRadiance(diffuse, second, self.caustic_flux(layers, edited))
 
     def _inverse(self, layers: Sequence[IndirectLayer], edited: int) -> NDArray[np.float32]:
         """The reciprocal albedo (3,) of the edited object, 1 where none is edited."""
@@ -201,11 +216,60 @@ class IndirectLight:
         # Glossy hits account for the direct light that glossy surfaces reflect.
         return radiosity(self.light, albedos, self.n_bounces, reflectance, edited, self.points.glossy)
 
-    def outgoing_radiance(self, layers: Sequence[IndirectLayer], edited: int = NO_OBJECT) -> OutgoingRadiance:
-        """Radiance that surfaces send towards the gather points under these layers."""
+    def outgoing_radiance(
+        self, layers: Sequence[IndirectLayer], edited: int = NO_OBJECT, curves: Sequence[SelectedCurve] = ()
+    ) -> OutgoingRadiance:
+        """Radiance that surfaces send towards the gather points under these layers. curves: of the object `edited`,
+        whose light at the second bounce is computed apart, see `edited_gloss`; without any, its shape stays."""
         reflectance = self._reflectance(layers)
-        bright = self._radiosities(layers, reflectance, edited)
-        return self.points.outgoing_radiance(bright, self.light.objects, layers, reflectance, self.all_lights, edited)
+        radiosities = self._radiosities(layers, reflectance, edited)
+        objects, all_lights = self.light.objects, self.all_lights
+        if not self.points.glossy:
+            return self.points.outgoing_radiance(radiosities, objects, layers, reflectance, all_lights)
+        if not curves:
+            bright, beyond = radiosities
+            apart = bright * reflectance.diffuse[:, None], beyond
+            return self.points.outgoing_radiance(apart, objects, layers, reflectance, all_lights, edited)
+        apart = self._diffuse_radiosities(radiosities, layers, reflectance, edited, curves)
+        return self.points.outgoing_radiance(apart, objects, layers, reflectance, all_lights)
+
+    def _diffuse_radiosities(
+        self, radiosities: tuple[NDArray[np.float32], NDArray[np.float32]], layers: Sequence[IndirectLayer],
+        reflectance: RecordReflectance, edited: int, curves: Sequence[SelectedCurve],
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:  # fmt: skip
+        """Radiosities (C, D, 3) of the diffuse layers, and beyond glossy ones, where the albedo d of the object
+        `edited` varies by these curves alone: its diffuse layers reflect α d + β, with what is not edited in β."""
+        bright, beyond = radiosities
+        diffuse, beyond = bright * reflectance.diffuse[:, None], beyond.copy()
+        are_glossy = {is_glossy(layers[each.layer]) for each in curves}
+        own = np.flatnonzero(self.light.objects == edited)
+        if len(are_glossy) > 1 or not len(own):
+            return diffuse, beyond
+        albedo = albedos_of(layers, len(self.points.lobe_axes))[edited].astype(np.float32)
+        share = reflectance.diffuse[own]
+        factor, rest = (0.0, share * albedo) if True in are_glossy else (1.0, (share - 1.0) * albedo)
+        diffuse[own] = np.float32(factor) * bright[own]
+        diffuse[own, :-1] += rest[:, None] * bright[own, 1:]
+        if self.n_bounces > 2:  # light from the lights, of which `beyond` has the diffuse share
+            direct = self.light.irradiance[own] * reflectance.relative[own]
+            beyond[own, 0] += rest * direct
+            beyond[own, 1] += (factor - share) * direct
+        return clamp_radiance(diffuse), clamp_radiance(beyond)
+
+    def edited_gloss(
+        self, layers: Sequence[IndirectLayer], edited: int, curves: Sequence[SelectedCurve]
+    ) -> list[EditedGloss]:
+        """The curves among these that reflect light at the second bounce, with the light that reaches them."""
+        if not self.points.glossy:
+            return []
+        reflectance = self._reflectance(layers)
+        radiosities = self._radiosities(layers, reflectance, edited)
+        _, beyond = self._diffuse_radiosities(radiosities, layers, reflectance, edited, curves)
+        powers = albedos_of(layers, len(self.points.lobe_axes))[edited] ** np.arange(beyond.shape[1])[:, None]
+        bright = clamp_radiance(np.einsum("cnk,nk->ck", beyond, powers))
+        tables = glossy_tables(layers, self.points.lobe_axes, self.points.axes, reflectance)
+        found = (edited_gloss(layers, curve, tables, bright, self.points.photons) for curve in curves)
+        return [each for each in found if each is not None]
 
     def at_points(self, layers: Sequence[IndirectLayer], half: int | None = None) -> NDArray[np.float32]:
         """Indirect radiance (p, 3) of all gather points; half: 0 or 1 for one half of the rays."""
@@ -235,21 +299,10 @@ class IndirectLight:
         return unscaled(np.einsum("pk,pkc->pc", weights, found[rows]), self.unit)
 
 
-@dataclass(frozen=True)
-class SelectedCurve:
-    """The layer, by its number among all, and the curve of it whose bands are selected."""
-
-    layer: int
-    factor: int
-
-
-@dataclass(frozen=True, eq=False)
-class FrozenLight:
-    """Radiance at the gather points without f_q and f_o. reflected: V (p, D, 3) of each layer by its number; bands: F
-    (3, J, D, p) of the selected layer."""
-
-    reflected: dict[int, NDArray[np.float32]]
-    bands: NDArray[np.float32]
+def _by_object(layers: Sequence[IndirectLayer]) -> list[tuple[int, list[int]]]:
+    """Each object with layers, and the numbers of these."""
+    objects = sorted({layer.i_object for layer in layers})
+    return [(o, [i for i, layer in enumerate(layers) if layer.i_object == o]) for o in objects]
 
 
 Freezing = Generator[None, None, FrozenLight]
@@ -263,9 +316,10 @@ class Representation(Protocol):
         """Memory in addition to the traced rays."""
 
     def freeze(
-        self, layers: Sequence[IndirectLayer], edited: int = NO_OBJECT, selected: SelectedCurve | None = None
+        self, layers: Sequence[IndirectLayer], edited: int = NO_OBJECT, curves: Sequence[SelectedCurve] = ()
     ) -> Freezing:
-        """The light under these layers as a polynomial in the albedo of the object `edited`. A generator of steps."""
+        """The light under these layers as a polynomial in the albedo of the object `edited`, and by band of these
+        curves of it, one of a layer. A generator of steps."""
 
 
 class GatherPolynomial:
@@ -307,22 +361,56 @@ class GatherPolynomial:
         return sum(samples.n_bytes for samples in self._samples.values())
 
     def freeze(
-        self, layers: Sequence[IndirectLayer], edited: int = NO_OBJECT, selected: SelectedCurve | None = None
+        self, layers: Sequence[IndirectLayer], edited: int = NO_OBJECT, curves: Sequence[SelectedCurve] = ()
     ) -> Freezing:
-        light = self._light.outgoing_radiance(layers, edited)
+        light = self._light.outgoing_radiance(layers, edited, curves)
         yield None
         reflected: dict[int, NDArray[np.float32]] = {}
-        bands = np.zeros((3, 0, light.n_powers, 0), np.float32)
-        for i_object in sorted({layer.i_object for layer in layers}):
+        bands: dict[int, NDArray[np.float32]] = {}
+        factors = {curve.layer: curve.factor for curve in curves}
+        for i_object, own in _by_object(layers):
             samples = self._samples_of(i_object)
-            own = [i for i, layer in enumerate(layers) if layer.i_object == i_object]
             samples.forget_all_but([layers[i].curves for i in own])
-            whole = [i for i in own if selected is None or i != selected.layer]
+            whole = [i for i in own if i not in factors]
             found = yield from samples.reflect([layers[i].curves for i in whole], light)
-            reflected |= zip(whole, found, strict=True)
-            if selected is not None and selected.layer in own:
-                bands = yield from samples.by_band(layers[selected.layer].curves, selected.factor, light)
-        return FrozenLight(reflected, bands)
+            reflected |= zip(whole, (np.ascontiguousarray(each.T) for each in found), strict=True)
+            for i in own:
+                if i in factors:
+                    bands[i] = yield from samples.by_band(layers[i].curves, factors[i], light)
+        gloss = []
+        for each in self._light.edited_gloss(layers, edited, curves):
+            gloss.append((yield from self._frozen_gloss(layers, curves, light, each, bands)))
+        return FrozenLight(reflected, bands, tuple(gloss))
+
+    def _frozen_gloss(
+        self, layers: Sequence[IndirectLayer], curves: Sequence[SelectedCurve], light: OutgoingRadiance,
+        gloss: EditedGloss, bands: Mapping[int, NDArray[np.float32]],
+    ) -> Generator[None, None, FrozenGloss]:  # fmt: skip
+        """What an edited curve changes at the second bounce, for each layer that its light reaches. bands: F of the
+        edited layers."""
+        reached = [(self._samples_of(i_object), own) for i_object, own in _by_object(layers)]
+        reached = [(samples, own) for samples, own in reached if samples.receives(gloss, light)]
+        effect = np.zeros((gloss.n_bands, 3))
+        for samples, own in reached:
+            effect += samples.effect_by_band([layers[i].curves for i in own], light, gloss)
+            yield
+        total = effect.sum(axis=1)
+        knots = choose_knots(total, gloss.frozen, MOST_KNOTS)
+        n_points = max(len(self._light.points.samples.points), 1)
+        frozen = FrozenGloss(gloss.curve, gloss.tint, gloss.frozen, knots, effect / n_points)
+        factors, table = {curve.layer: curve.factor for curve in curves}, knot_table(knots, gloss.n_bands)
+        for samples, own in reached:
+            found = yield from samples.of_edited([Receiver(layers[i].curves, table) for i in own], light, gloss)
+            frozen.by_layer.update(zip(own, found, strict=True))
+            for i in (i for i in own if i in factors):
+                curve = layers[i].curves.curves[factors[i]]
+                met = np.abs(bands[i][:, :, 0]).sum(axis=(0, 2), dtype=np.float64)
+                modes = choose_modes(met, curve, MOST_MODES), choose_modes(total, gloss.frozen, MOST_MODES)
+                shapes = [each.shapes for each in modes]
+                receiver = EditedReceiver(layers[i].curves, table, factors[i], *shapes)
+                [products] = yield from samples.of_edited([receiver], light, gloss)
+                frozen.products[i] = FrozenProducts(curve, *modes, products)
+        return frozen
 
     def _samples_of(self, i_object: int) -> HemisphereSamples:
         if i_object not in self._samples:

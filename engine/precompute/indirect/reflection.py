@@ -11,6 +11,8 @@ the contracted operator of points and records instead was rejected: it takes as 
 reflect along the stored rays depends on their curves. It is cached per object until the object's curves change.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
@@ -21,10 +23,13 @@ from numpy.typing import NDArray
 
 from engine.core.clamping import clamp_radiance
 from engine.core.threads import even_parts, n_threads, on_threads
+from engine.precompute.indirect import _edited_gloss_kernels as edited_kernels
 from engine.precompute.indirect import _reflection_kernels as kernels
 from engine.precompute.indirect import _second_bounce_kernels as second_kernels
+from engine.precompute.indirect._edited_gloss_kernels import EditedLight, Knots
 from engine.precompute.indirect._photon_kernels import reflect_photon_bands, reflect_photons
 from engine.precompute.indirect.direction_patterns import lobe_tables
+from engine.precompute.indirect.edited_gloss import EditedGloss, all_knots, knot_table
 from engine.precompute.indirect.gather import GatherSamples, SampleCounts, direction_tables, object_of_rows
 from engine.precompute.indirect.indirect_layers import LayerCurves
 from engine.precompute.indirect.photons import (
@@ -42,6 +47,7 @@ from engine.scene.raycaster import RayCaster
 
 _PART = 128
 _PARTS = 2  # parts per step and thread: about 50 ms
+_PILOT, _EVERY = 32, 16  # points of a part of the pilot, and which of all parts are in it
 
 
 def n_angles_of(optics: kernels.ReflectingLayer) -> int:
@@ -111,11 +117,8 @@ class SecondBounceWeights:
     def part(self, begin: int, end: int, light: SecondBounceLight, missing: NDArray[np.bool_]) -> kernels.SecondBounce:
         """The second-bounce light of points [begin, end)."""
         records, base = self._records, int(self._records.start[begin])
-        n = int(records.start[end]) - base
-        sent, first = (np.empty((n, 3, 3), np.float32), base) if self._cached is None else (self._cached, self._first)
-        if missing.any():
-            second_kernels.second_bounce_light(self.paths(light), begin, end, missing, first, sent)
-        lit = np.empty((n, *light.radiosity.shape[2:]), np.float32)
+        sent, first = self._sent(begin, end, light, missing)
+        lit = np.empty((int(records.start[end]) - base, *light.radiosity.shape[2:]), np.float32)
         second_kernels.light_second_bounce(
             self._samples, records, begin, end, light.objects, sent, first, light.radiosity, light.edited,
             light.inverse,
@@ -123,10 +126,52 @@ class SecondBounceWeights:
         )  # fmt: skip
         return kernels.SecondBounce(records.start, records.ray, lit, base)
 
+    def _sent(
+        self, begin: int, end: int, light: SecondBounceLight, missing: NDArray[np.bool_]
+    ) -> tuple[NDArray[np.float32], int]:
+        """See `second_bounce_light`: the light of points [begin, end), and the number of its first ray."""
+        first, last = int(self._records.start[begin]), int(self._records.start[end])
+        if self._cached is None:
+            sent = np.empty((last - first, 3, 3), np.float32)
+        else:
+            sent, first = self._cached, self._first
+        if missing.any():
+            second_kernels.second_bounce_light(self.paths(light), begin, end, missing, first, sent)
+        return sent, first
+
+    def meets(self, i_object: int, light: SecondBounceLight) -> bool:
+        """Whether any stored path is reflected by an object at its second or third vertex."""
+        records = self._records
+        rays = np.arange(self._first, int(records.start[-1]))
+        sets = np.repeat(np.arange(len(records.start) - 1), np.diff(records.start))
+        if (light.objects[self._samples.records[sets, records.ray[rays]]] == i_object).any():
+            return True
+        third = rays[records.light_3[rays] != second_kernels.NO_LIGHT]
+        return bool((light.objects[records.beyond[third]] == i_object).any())
+
+    def edited(
+        self, begin: int, end: int, light: SecondBounceLight, gloss: EditedGloss, missing: NDArray[np.bool_]
+    ) -> EditedLight:
+        """The light of an edited curve along the stored rays of points [begin, end)."""
+        records, base = self._records, int(self._records.start[begin])
+        sent, first = self._sent(begin, end, light, missing)
+        n = int(records.start[end]) - base
+        positions, lit = np.empty((n, 3), np.float32), np.empty((n, 3, 3), np.float32)
+        edited_kernels.edited_light(
+            self.paths(light), begin, end, gloss.i_object, gloss.i_glossy, gloss.curve.factor == 0, sent, first,
+            gloss.bright, positions, lit,
+        )  # fmt: skip
+        return EditedLight(records.start, records.ray, positions, lit, base)
+
     def complete(self, light: SecondBounceLight, step: int) -> None:
         """Marks the parts of a step as computed under this light."""
         if self._cached is not None:
             self._cached_of[step] = light.digests, light.all_lights
+
+    @property
+    def is_uncached(self) -> bool:
+        """Whether each request computes the light anew."""
+        return self._cached is None
 
     @property
     def n_bytes(self) -> int:
@@ -252,6 +297,69 @@ class HemisphereSamples:
             out = _mean_planes(out, means)
         return out
 
+    def receives(self, gloss: EditedGloss, light: OutgoingRadiance) -> bool:
+        """Whether light of an edited curve reaches any of the points."""
+        is_near = bool(gloss.light[self._photons.photon].any())
+        return is_near or light.glossy is not None and self._second.meets(gloss.i_object, light.glossy)
+
+    def of_edited(
+        self, receivers: Sequence[Receiver], light: OutgoingRadiance, gloss: EditedGloss
+    ) -> Generator[None, None, list[NDArray[np.float32]]]:
+        """Radiance (3, ..., p) of each receiving layer of the light of an edited curve, see `Receiver`. Follows a
+        `reflect` of the same light. A generator of steps."""
+        out = [np.zeros((3, *each.shape, len(self)), np.float32) for each in receivers]
+        weights = [self._weights_of(each.optics) for each in receivers]
+        step = _PARTS * _PART * n_threads()
+
+        def add(begin: int) -> None:
+            end = min(begin + _PART, len(self))
+            self._add_edited(begin, end, receivers, weights, light, gloss, [each[..., begin:end] for each in out])
+
+        for begin in range(0, len(self), step):
+            on_threads(add, range(begin, min(begin + step, len(self)), _PART))
+            yield
+        for i, each in enumerate(receivers):
+            if each.layer.is_tinted:
+                out[i] = (out[i].T * each.layer.tint.astype(np.float32)).T
+            out[i] = clamp_radiance(out[i])
+            for means in self._means:
+                yield
+                out[i] = _mean_planes(out[i], means)
+        return out
+
+    def effect_by_band(
+        self, layers: Sequence[LayerCurves], light: OutgoingRadiance, gloss: EditedGloss
+    ) -> NDArray[np.float64]:
+        """The same summed over all points and layers, by band, (J, 3): estimated from every sixteenth of the points."""
+        receivers = [Receiver(layer, knot_table(all_knots(gloss.n_bands), gloss.n_bands)) for layer in layers]
+        weights = [self._weights_of(each.optics) for each in receivers]
+        n = min(_PILOT, len(self))
+        starts = range(0, max(len(self) - n, 0) + 1, _EVERY * n)
+        total = np.zeros((len(starts), gloss.n_bands, 3))
+
+        def add(i: int) -> None:
+            out = [np.zeros((3, *each.shape, n), np.float32) for each in receivers]
+            self._add_edited(starts[i], starts[i] + n, receivers, weights, light, gloss, out)
+            for each, receiver in zip(out, receivers, strict=True):
+                total[i] += np.abs(clamp_radiance(each)).sum(axis=2, dtype=np.float64).T * receiver.layer.tint
+
+        on_threads(add, range(len(starts)))
+        return total.sum(axis=0) * (len(self) / max(n * len(starts), 1))
+
+    def _add_edited(
+        self, begin: int, end: int, receivers: Sequence[Receiver], weights: Sequence[RayWeights],
+        light: OutgoingRadiance, gloss: EditedGloss, out: Sequence[NDArray[np.float32]],
+    ) -> None:  # fmt: skip
+        """Adds the points [begin, end) to out (3, ..., end - begin)."""
+        if light.glossy is not None:
+            missing = np.full(len(light.glossy.digests), self._second.is_uncached)
+            edited = self._second.edited(begin, end, light.glossy, gloss, missing)
+            for each, stored_weights, part in zip(receivers, weights, out, strict=True):
+                each.reflect(self._samples, begin, end, stored_weights.part(begin, end), edited, part)
+        if light.caustics is not None:
+            for each, part in zip(receivers, out, strict=True):
+                each.reflect_photons(self._samples, begin, end, self._photons, light.caustics.directions, gloss, part)
+
     def _weights_of(self, optics: kernels.ReflectingLayer) -> RayWeights:
         """The stored weights of a layer, or new ones."""
         key = _weights_key(optics)
@@ -290,6 +398,77 @@ class HemisphereSamples:
             yield
         for weights in weights_of_layers:
             weights.complete()
+
+
+@dataclass(frozen=True, eq=False)
+class Receiver:
+    """A layer that reflects light of an edited curve, by K knots of its change, (3, K, p)."""
+
+    layer: LayerCurves
+    knots: Knots
+
+    @cached_property
+    def optics(self) -> kernels.ReflectingLayer:
+        """The layer for the kernels."""
+        return self.layer.optics(folded=True)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        return (len(self.knots.at) - 1,)
+
+    def reflect(
+        self, samples: kernels.SampleArrays, begin: int, end: int, weights: kernels.WeightArrays, edited: EditedLight,
+        out: NDArray[np.float32],
+    ) -> None:  # fmt: skip
+        """Adds what points [begin, end) reflect along their rays to out (3, ..., end - begin)."""
+        edited_kernels.reflect_by_knot(samples, begin, end, self.optics, weights, edited, self.knots, out)
+
+    def reflect_photons(
+        self, samples: kernels.SampleArrays, begin: int, end: int, nearby: NearbyPhotons,
+        directions: NDArray[np.float32], gloss: EditedGloss, out: NDArray[np.float32],
+    ) -> None:  # fmt: skip
+        """Adds what they reflect of photons."""
+        edited_kernels.reflect_photons_by_knot(
+            samples, begin, end, self.optics, nearby, directions, gloss.positions, gloss.light, self.knots, out
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class EditedReceiver(Receiver):
+    """A layer whose curve number `which` is edited as well: by modes of both changes, own (J', R) and other (J, K),
+    (3, R, K, p). `knots` are not used."""
+
+    which: int
+    own: NDArray[np.float32]
+    other: NDArray[np.float32]
+
+    @cached_property
+    def optics(self) -> kernels.ReflectingLayer:
+        """The layer for the kernels, with ones in place of its edited curve."""
+        optics = self.layer.optics()
+        ones = np.ones_like(optics.curve_b if self.which else optics.curve_a)
+        return optics._replace(curve_b=ones) if self.which else optics._replace(curve_a=ones)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        return self.own.shape[1], self.other.shape[1]
+
+    def reflect(
+        self, samples: kernels.SampleArrays, begin: int, end: int, weights: kernels.WeightArrays, edited: EditedLight,
+        out: NDArray[np.float32],
+    ) -> None:  # fmt: skip
+        edited_kernels.reflect_by_mode(
+            samples, begin, end, self.optics, self.which, weights, edited, self.own, self.other, out
+        )
+
+    def reflect_photons(
+        self, samples: kernels.SampleArrays, begin: int, end: int, nearby: NearbyPhotons,
+        directions: NDArray[np.float32], gloss: EditedGloss, out: NDArray[np.float32],
+    ) -> None:  # fmt: skip
+        edited_kernels.reflect_photons_by_mode(
+            samples, begin, end, self.optics, self.which, nearby, directions, gloss.positions, gloss.light, self.own,
+            self.other, out,
+        )  # fmt: skip
 
 
 def _weights_key(optics: kernels.ReflectingLayer) -> tuple[int, bytes]:

@@ -170,14 +170,18 @@ class SecondBounceLight:
     inverse: NDArray[np.float32]
 
 
+def glossy_order(layers: Sequence[IndirectLayer]) -> list[int]:
+    """The glossy layers, by their numbers among all, in the order of their tables: by object."""
+    return sorted((i for i, each in enumerate(layers) if is_glossy(each)), key=lambda i: layers[i].i_object)
+
+
 def glossy_tables(
     layers: Sequence[IndirectLayer], lobe_axes: NDArray[np.int64], axes: NDArray[np.float32],
     reflectance: RecordReflectance | None = None,
 ) -> GlossyLayers:  # fmt: skip
     """Tables of the glossy layers, ordered by object. reflectance: of the records under these layers, None to
     use the means of texture maps."""
-    glossy = [i for i, each in enumerate(layers) if is_glossy(each)]
-    glossy.sort(key=lambda i: layers[i].i_object)
+    glossy = glossy_order(layers)
     chosen = [layers[i] for i in glossy]
     image = np.array([-1 if reflectance is None else reflectance.image[i] for i in glossy], np.int64)
     texels = np.zeros((0, 0, 3), np.float32) if reflectance is None else reflectance.texels

@@ -103,7 +103,8 @@ def shown(answers: list[Response]) -> dict[str, np.ndarray]:
     assert not failed, failed
     pictures = {a.key: np.asarray(a.radiance) for a in answers if isinstance(a, LayerPicture) and a.stage == "final"}
     frozen = [answer for answer in answers if isinstance(answer, IndirectFrozen)][-1]
-    return pictures | {f"indirect {key}": part for key, part in frozen.reflected.items()} | {"bands": frozen.bands}
+    indirect = {f"indirect {frozen.keys[i]}": part for i, part in frozen.light.reflected.items()}
+    return pictures | indirect | {f"bands {frozen.keys[i]}": part for i, part in frozen.light.bands.items()}
 
 
 def flip(data: bytearray, random: Random) -> None:

@@ -17,6 +17,7 @@ from app.modes.placement.indirect_picture import edited_albedo
 from app.modes.placement.placement_events import IndirectRadiance
 from app.modes.placement.placement_messages import FreezeIndirect, IndirectFound, IndirectFrozen, IndirectNoise
 from engine.curve.operators import Operator
+from engine.precompute.indirect.frozen_light import FrozenLight
 from engine.scene.description import parse_description
 from tests.app.fake_worker import SCENE, FakeClient
 
@@ -49,18 +50,17 @@ class StartedController:
     def frozen(self, number: int = 1, noise: float | None = 0.02) -> None:
         """The answer to the newest request: two samples a layer, powers 1, d and d²."""
         wish = self.asked[-1]
-        reflected, n_bands = {}, 0
+        reflected, bands = {}, {}
         for look in wish.scene.visible:
-            if look.key == wish.key and wish.factor is not None:
-                n_bands = len(look.coefficients[wish.factor])
+            if look.key in wish.curves:
+                bands[look.key] = np.ones((3, len(look.coefficients[wish.curves[look.key]]), 3, 2), np.float32)
             else:
                 reflected[look.key] = np.stack([np.full((2, 3), 10.0**n, np.float32) for n in range(3)])
         mine = [
             look for look in wish.scene.visible if look.key.rpartition(".")[0] == (wish.key or "").rpartition(".")[0]
         ]
         albedos = {look.key: np.ones((32, *(*map(len, look.coefficients), 1)[:2])) / 1e4 for look in mine}
-        bands = np.ones((3, n_bands, 3, 2), np.float32)
-        self.answer = IndirectFrozen(number, wish.serial, wish.key, wish.factor, reflected, bands, albedos)
+        self.answer = frozen_for(wish, reflected, bands, albedos, number)
         self.controller.receive_frozen(self.answer)
         if noise is not None:
             self.controller.receive_noise(IndirectNoise(number, wish.serial, noise, mean=0.5))
@@ -69,6 +69,17 @@ class StartedController:
         layer = self.document.layer(key)
         self.document = self.document.with_layer(key, layer.with_operators(factor, operators))
         self.controller.edited()
+
+
+def frozen_for(
+    wish: FreezeIndirect, reflected: dict[str, np.ndarray], bands: dict[str, np.ndarray],
+    albedos: dict[str, np.ndarray], number: int = 1, unit: float = 1.0,
+) -> IndirectFrozen:  # fmt: skip
+    """The answer to a request: reflected (D, p, 3) and bands (3, J, D, p) by key."""
+    keys = tuple(look.key for look in wish.scene.visible)
+    by_number = {keys.index(key): np.ascontiguousarray(part.transpose(2, 0, 1)) for key, part in reflected.items()}
+    light = FrozenLight(by_number, {keys.index(key): part for key, part in bands.items()})
+    return IndirectFrozen(number, wish.serial, keys, wish.curves, light, albedos, unit)
 
 
 @pytest.fixture
@@ -246,9 +257,7 @@ def test_an_answer_to_an_older_request_is_not_taken_for_the_newer(controller: St
     controller.edit("floor.0", "theta_i", LIFT)
     controller.update()
     assert controller.asked[-1] is not late
-    controller.controller.receive_frozen(
-        IndirectFrozen(1, late.serial, late.key, late.factor, {}, np.zeros((3, 0, 3, 0)), {})
-    )
+    controller.controller.receive_frozen(frozen_for(late, {}, {}, {}))
     assert controller.update() == []
 
 
@@ -375,8 +384,7 @@ def test_light_comes_in_units_of_its_own(controller: StartedController) -> None:
     bands = np.full(
         (3, len(next(x for x in wish.scene.visible if x.key == wish.key).coefficients[0]), 1, 2), 0.0, np.float32
     )
-    answer = IndirectFrozen(1, wish.serial, wish.key, wish.factor, reflected, bands, {}, unit=1e24)
-    controller.controller.receive_frozen(answer)
+    controller.controller.receive_frozen(frozen_for(wish, reflected, {wish.key: bands}, {}, unit=1e24))
     shown = {event.key: event.radiance for event in controller.update()}
     np.testing.assert_allclose(shown["floor.0"], 3e24, rtol=1e-6)
     assert not controller.controller.picture.is_clamped
@@ -393,7 +401,7 @@ def test_an_albedo_beyond_all_bounds_is_bright_where_there_is_light_and_said(con
     bands = np.zeros((3, len(mine.coefficients[0]), 3, 2), np.float32)
     e = {wish.key: np.full((32, *map(len, mine.coefficients)), 1e19)}
     reflected.pop(wish.key)
-    controller.controller.receive_frozen(IndirectFrozen(1, wish.serial, wish.key, wish.factor, reflected, bands, e))
+    controller.controller.receive_frozen(frozen_for(wish, reflected, {wish.key: bands}, e))
     shown = {event.key: event.radiance for event in controller.update()}
     np.testing.assert_array_equal(shown["floor.0"], 1.0)
     assert (

@@ -13,8 +13,9 @@ from engine.measured.measurement import Measurement
 from engine.measured.sample_files import merl_bytes
 from engine.measured.tables import read_measurement
 from engine.precompute.indirect.albedo import equivalent_albedo
+from engine.precompute.indirect.frozen_light import SelectedCurve
 from engine.precompute.indirect.indirect_layers import IndirectLayer, indirect_layer
-from engine.precompute.indirect.indirect_light import GatherPolynomial, SelectedCurve
+from engine.precompute.indirect.indirect_light import GatherPolynomial
 from tests.engine.precompute.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placement_of, solve
 
 BANDS = 64, 16
@@ -73,11 +74,11 @@ def test_sums_over_rays_are_tinted() -> None:
     mine = seen[:, 0] > 1.5 * plain[:, 0]
     assert mine.any()
     np.testing.assert_allclose(seen[mine], plain[mine] * TINT, rtol=1e-4)
-    selected = SelectedCurve(0, 0)
-    before, after = (run_to_end(GatherPolynomial(light.without_glossy_hits()).freeze(each, selected=selected),
+    selected = [SelectedCurve(0, 0)]
+    before, after = (run_to_end(GatherPolynomial(light.without_glossy_hits()).freeze(each, curves=selected),
     lambda _: None)
                      for each in (layers, changed))  # fmt: skip
-    np.testing.assert_allclose(after.bands, before.bands * TINT[:, None, None, None], rtol=1e-5)
+    np.testing.assert_allclose(after.bands[0], before.bands[0] * TINT[:, None, None, None], rtol=1e-5)
     one, two = (light.outgoing_radiance(each).glossy for each in (layers, changed))
     assert one is not None and two is not None and one.digests[0] != two.digests[0]
     np.testing.assert_allclose(two.layers.gains, one.layers.gains * TINT, rtol=1e-6)

@@ -14,8 +14,9 @@ from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.precompute.indirect import reflection
 from engine.precompute.indirect._reflection_kernels import _add_shared, add_product
+from engine.precompute.indirect.frozen_light import SelectedCurve
 from engine.precompute.indirect.indirect_layers import IndirectLayer, indirect_layer
-from engine.precompute.indirect.indirect_light import GatherPolynomial, IndirectLight, SelectedCurve
+from engine.precompute.indirect.indirect_light import GatherPolynomial, IndirectLight
 from engine.precompute.indirect.reflection import HemisphereSamples, OutgoingRadiance
 from tests.engine.precompute.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placement_of, solve
 from tests.naive.fans import reflected as reflected_naively
@@ -114,9 +115,9 @@ def test_no_more_is_kept_than_of_the_layers_that_there_are(found):
     for alpha in (0.2, 0.25, 0.3, 0.35):
         gloss = indirect_layer(0, make_layer(MODELS["rough_conductor"], {"alpha": alpha}), (64, 16))
         layers = [LAYERS[0], gloss, *LAYERS[2:]]
-        again = run_to_end(kept.freeze(layers, 0, SelectedCurve(1, 0)))
-        anew = run_to_end(GatherPolynomial(found).freeze(layers, 0, SelectedCurve(1, 0)))
-        np.testing.assert_array_equal(again.bands, anew.bands)
+        again = run_to_end(kept.freeze(layers, 0, [SelectedCurve(1, 0)]))
+        anew = run_to_end(GatherPolynomial(found).freeze(layers, 0, [SelectedCurve(1, 0)]))
+        np.testing.assert_array_equal(again.bands[1], anew.bands[1])
         sizes.append(kept.n_bytes)
     assert sizes[0] > 0 and len(set(sizes)) == 1
 

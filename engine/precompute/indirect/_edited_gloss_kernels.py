@@ -1,0 +1,270 @@
+"""Compiled: the light that an edited curve reflects at the second bounce, by knots of its change.
+
+A path that meets the edited curve at one of its glossy reflections carries light in proportion to the curve at one
+position. `edited_light` finds position and light of the stored rays, `photon_light` of the photons. Both are reflected
+at the gather points, and distributed between the knots on either side of the position; where the receiving curve is
+edited as well, the products are summed by modes of both changes.
+"""
+
+from typing import NamedTuple
+
+import numba as nb
+import numpy as np
+
+from engine.material._kernels import quotient_cosine
+from engine.precompute.indirect._gloss_kernels import gloss_without_curve
+from engine.precompute.indirect._photon_kernels import TWO, _arrival, _is_in_half, _on_curves
+from engine.precompute.indirect._ray_kernels import object_tangent, to_local
+from engine.precompute.indirect._reflection_kernels import CODES, CONSTANT, HALF_BAND, ONE, ZERO, _curve_at
+from engine.precompute.indirect._second_bounce_kernels import NO_LIGHT, find_reflections, light_colour
+
+
+class Knots(NamedTuple):
+    """K of a curve's J bands, between which its change is interpolated linearly: at (K + 1,) float32, ascending, the
+    last beyond all bands; below (J,): the last knot at or below each band."""
+
+    at: np.ndarray
+    below: np.ndarray
+
+
+class EditedLight(NamedTuple):
+    """Light of an edited curve along n stored rays: start (p + 1,) of each point's range, ray (n,) within the sample
+    set; for up to three reflections, positions (n', 3) on the curve in bands and light (n', 3, 3) divided by the curve.
+    The last two begin with number `base`."""
+
+    start: np.ndarray
+    ray: np.ndarray
+    positions: np.ndarray
+    light: np.ndarray
+    base: int
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def edited_light(paths, begin, end, o, layer, of_a, sent, first, bright, positions, light):
+    """Writes positions (n, 3) and light (n, 3, 3), see `EditedLight`, of the stored rays of points [begin, end).
+
+    o, layer, of_a: the object, its glossy layer and which of its curves; sent: of `second_bounce_light` from ray number
+    `first` on, under the curves as they are; bright (C, 3): radiosity of the records that reaches o. Where a path meets
+    the curve twice, each position is written with the curve applied at the other: the first order of the change.
+    """
+    samples, records = paths.samples, paths.records
+    numbers, directions, factors = np.empty((3, 3), np.int64), np.empty((3, 6), np.float32), np.empty(3, np.float32)
+    base = records.start[begin]
+    for i in range(begin, end):
+        for e in range(records.start[i], records.start[i + 1]):
+            n, at, beyond = e - first, e - base, records.beyond[e]
+            light[at], positions[at] = ZERO, ZERO
+            own = paths.objects[samples.records[i, records.ray[e]]] == o
+            own_3 = records.light_3[e] != NO_LIGHT and paths.objects[beyond] == o
+            if not own and not own_3:
+                continue
+            find_reflections(paths, i, e, numbers, directions, factors)
+            for v in range(3):
+                if factors[v] == ZERO or not (own_3 if v == 2 else own):
+                    continue
+                d = directions[v]
+                positions[at, v] = gloss_without_curve(
+                    paths.layers, layer, of_a, numbers[v, 1], d[0], d[1], d[2], d[3], d[4], d[5], factors[v],
+                    light[at, v],
+                )  # fmt: skip
+                for c in range(3):
+                    if v == 1:
+                        light[at, v, c] *= bright[beyond, c] + sent[n, 2, c]
+                    else:
+                        light[at, v, c] *= light_colour(paths.all_lights, numbers[v, 2], c)
+                        if v == 2:
+                            light[at, v, c] *= sent[n, 1, c]
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def photon_light(photons, g, o, layer, of_a, positions, light):
+    """Writes the positions (n,) on an edited curve and the flux (n, 3) divided by that curve of the photons from object
+    o; 0 for other photons."""
+    nowhere = np.int64(-1)
+    for i in range(light.shape[0]):
+        positions[i], light[i] = ZERO, ZERO
+        if photons.sources[i] != o:
+            continue
+        nx, ny, nz = photons.normals[i, 0], photons.normals[i, 1], photons.normals[i, 2]
+        tx, ty, tz = object_tangent(g.axes, o, nx, ny, nz)
+        to_light, onward = photons.to_light[i], photons.directions[i]
+        x, y, z = to_local(tx, ty, tz, nx, ny, nz, to_light[0], to_light[1], to_light[2])
+        ox, oy, oz = to_local(tx, ty, tz, nx, ny, nz, onward[0], onward[1], onward[2])
+        positions[i] = gloss_without_curve(g, layer, of_a, nowhere, x, y, z, ox, oy, oz, ONE, light[i])
+        for c in range(3):
+            light[i, c] *= photons.power[i, c]
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _ray_value(stored_weights, at, m, optics, n_angles):
+    """The weight of ray m times the curves of the receiving layer, three channels."""
+    root = np.float32(stored_weights.roots[at, m])
+    a = b = c = root * root * stored_weights.scales[at]
+    if n_angles == 0:
+        return a * optics.curve_a[0, 0], b * optics.curve_a[0, 1], c * optics.curve_a[0, 2]
+    red, green, blue = _curve_at(stored_weights.angles[0, at, m], optics.curve_a)
+    a, b, c = a * red, b * green, c * blue
+    if n_angles > 1:
+        red, green, blue = _curve_at(stored_weights.angles[1, at, m], optics.curve_b)
+        a, b, c = a * red, b * green, c * blue
+    return a, b, c
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _photon_value(samples, i, e, optics, nearby, directions):
+    """The weight of a nearby photon times the curves of the receiving layer, three channels, and its positions on both
+    in bands."""
+    n, scale = nearby.photon[e], ONE if samples.half < 0 else TWO
+    x, y, z, ox, oy, oz = _arrival(samples, i, n, directions)
+    weight = scale * nearby.weight[e] * np.float32(quotient_cosine(optics.model, optics.q, x, y, z, ox, oy, oz))
+    within, j, t, k, u = _on_curves(optics, x, y, z, ox, oy, oz)
+    if not within:
+        return ZERO, ZERO, ZERO, ZERO, ZERO
+    j1, k1 = min(j + 1, optics.curve_a.shape[0] - 1), min(k + 1, optics.curve_b.shape[0] - 1)
+    a = weight * ((ONE - t) * optics.curve_a[j, 0] + t * optics.curve_a[j1, 0])
+    b = weight * ((ONE - t) * optics.curve_a[j, 1] + t * optics.curve_a[j1, 1])
+    c = weight * ((ONE - t) * optics.curve_a[j, 2] + t * optics.curve_a[j1, 2])
+    if optics.kind_b >= 0:
+        a *= (ONE - u) * optics.curve_b[k, 0] + u * optics.curve_b[k1, 0]
+        b *= (ONE - u) * optics.curve_b[k, 1] + u * optics.curve_b[k1, 1]
+        c *= (ONE - u) * optics.curve_b[k, 2] + u * optics.curve_b[k1, 2]
+    return a, b, c, np.float32(j) + t, np.float32(k) + u
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _is_lit(light):
+    return light[0] != ZERO or light[1] != ZERO or light[2] != ZERO
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _add_to_knots(knots, position, a, b, c, total):
+    """Distributes a colour between the knots on either side of a position in bands, total (K + 1, 3)."""
+    k = knots.below[np.int64(position)]
+    t = (position - knots.at[k]) / (knots.at[k + 1] - knots.at[k])
+    total[k, 0] += (ONE - t) * a
+    total[k, 1] += (ONE - t) * b
+    total[k, 2] += (ONE - t) * c
+    total[k + 1, 0] += t * a
+    total[k + 1, 1] += t * b
+    total[k + 1, 2] += t * c
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def reflect_by_knot(samples, begin, end, optics, stored_weights, edited, knots, out):
+    """Adds the radiance that points [begin, end) reflect of the light of an edited curve, by knot of its change, to out
+    (3, K, end - begin)."""
+    n_angles = 0 if optics.kind_a == CONSTANT else stored_weights.angles.shape[0]
+    total = np.empty((out.shape[1] + 1, 3), np.float32)
+    for i in range(begin, end):
+        total[:] = ZERO
+        for e in range(edited.start[i], edited.start[i + 1]):
+            n, m, at = e - edited.base, edited.ray[e], i - stored_weights.base
+            if stored_weights.roots[at, m] == 0:
+                continue
+            a, b, c = _ray_value(stored_weights, at, m, optics, n_angles)
+            for v in range(3):
+                light = edited.light[n, v]
+                if _is_lit(light):
+                    _add_to_knots(knots, edited.positions[n, v], a * light[0], b * light[1], c * light[2], total)
+        _add_knots(total, out, i - begin)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def reflect_photons_by_knot(samples, begin, end, optics, nearby, directions, positions, light, knots, out):
+    """Adds the reflection of photons near points [begin, end) to out, see `reflect_by_knot`; directions (n, 3) of
+    flight, positions (n,) and light (n, 3): see `photon_light`."""
+    total = np.empty((out.shape[1] + 1, 3), np.float32)
+    for i in range(begin, end):
+        if nearby.start[i] == nearby.start[i + 1]:
+            continue
+        total[:] = ZERO
+        for e in range(nearby.start[i], nearby.start[i + 1]):
+            n = nearby.photon[e]
+            flux = light[n]
+            if _is_in_half(samples.half, n) and _is_lit(flux):
+                a, b, c, _, _ = _photon_value(samples, i, e, optics, nearby, directions)
+                _add_to_knots(knots, positions[n], a * flux[0], b * flux[1], c * flux[2], total)
+        _add_knots(total, out, i - begin)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _add_knots(total, out, i):
+    for c in range(3):
+        for k in range(out.shape[1]):
+            out[c, k, i] += total[k, c]
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _modes_at(modes, position, out):
+    """Modes (J, K) at a position in bands, interpolated linearly, to out (K,)."""
+    j = min(np.int64(position), max(modes.shape[0] - 2, 0))
+    j1, t = min(j + 1, modes.shape[0] - 1), position - np.float32(j)
+    for k in range(out.shape[0]):
+        out[k] = (ONE - t) * modes[j, k] + t * modes[j1, k]
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _add_to_modes(receiver, own, a, b, c, total):
+    """Adds a colour times the product of two sets of modes (R,) and (K,) to total (R, K, 3)."""
+    for r in range(receiver.shape[0]):
+        red, green, blue = receiver[r] * a, receiver[r] * b, receiver[r] * c
+        for k in range(own.shape[0]):
+            total[r, k, 0] += own[k] * red
+            total[r, k, 1] += own[k] * green
+            total[r, k, 2] += own[k] * blue
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def reflect_by_mode(samples, begin, end, optics, which, stored_weights, edited, receiver, modes, out):
+    """Adds the radiance that points [begin, end) reflect of the light of an edited curve by another edited curve, by
+    modes of both, receiver (J', R) and modes (J, K), to out (3, R, K, end - begin).
+
+    which: the edited curve of the receiving layer, 0 or 1, which `optics` has as ones.
+    """
+    n_bands = np.float32(receiver.shape[0])
+    total = np.empty((receiver.shape[1], modes.shape[1], 3), np.float32)
+    at_receiver, own = np.empty(receiver.shape[1], np.float32), np.empty(modes.shape[1], np.float32)
+    for i in range(begin, end):
+        total[:] = ZERO
+        for e in range(edited.start[i], edited.start[i + 1]):
+            n, m, at = e - edited.base, edited.ray[e], i - stored_weights.base
+            if stored_weights.roots[at, m] == 0:
+                continue
+            a, b, c = _ray_value(stored_weights, at, m, optics, stored_weights.angles.shape[0])
+            position = np.float32(stored_weights.angles[which, at, m]) * (n_bands / CODES) - HALF_BAND
+            _modes_at(receiver, min(max(position, ZERO), n_bands - ONE), at_receiver)
+            for v in range(3):
+                light = edited.light[n, v]
+                if _is_lit(light):
+                    _modes_at(modes, edited.positions[n, v], own)
+                    _add_to_modes(at_receiver, own, a * light[0], b * light[1], c * light[2], total)
+        _add_modes(total, out, i - begin)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def reflect_photons_by_mode(samples, begin, end, optics, which, nearby, directions, positions, light, receiver, modes,
+                            out):  # fmt: skip
+    """Adds the reflection of photons near points [begin, end) to out, see `reflect_by_mode`."""
+    total = np.empty((receiver.shape[1], modes.shape[1], 3), np.float32)
+    at_receiver, own = np.empty(receiver.shape[1], np.float32), np.empty(modes.shape[1], np.float32)
+    for i in range(begin, end):
+        if nearby.start[i] == nearby.start[i + 1]:
+            continue
+        total[:] = ZERO
+        for e in range(nearby.start[i], nearby.start[i + 1]):
+            n = nearby.photon[e]
+            flux = light[n]
+            if _is_in_half(samples.half, n) and _is_lit(flux):
+                a, b, c, on_a, on_b = _photon_value(samples, i, e, optics, nearby, directions)
+                _modes_at(receiver, on_b if which else on_a, at_receiver)
+                _modes_at(modes, positions[n], own)
+                _add_to_modes(at_receiver, own, a * flux[0], b * flux[1], c * flux[2], total)
+        _add_modes(total, out, i - begin)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _add_modes(total, out, i):
+    for c in range(3):
+        for r in range(out.shape[1]):
+            for k in range(out.shape[2]):
+                out[c, r, k, i] += total[r, k, c]

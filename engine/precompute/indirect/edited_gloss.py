@@ -1,0 +1,137 @@
+"""The second bounce off an object whose curve is edited: what is frozen of it (`frozen_light.FrozenGloss`).
+
+The change of the curve is interpolated linearly between a few knots among its bands. They lie where rays and photons
+meet the curve, and densely where edits bend it most. Nothing is stored for receivers that the light does not reach.
+Where the receiving curve is edited as well, the products of both changes, which are of second order, are summed by a
+few modes of either: a dozen modes are as near as 32 × 32 knots were, in a tenth of the memory. Where a path meets the
+edited curve twice after the receiver, the first order of the change alone is stored.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.precompute.indirect import _edited_gloss_kernels as kernels
+from engine.precompute.indirect._gloss_kernels import GlossyLayers
+from engine.precompute.indirect.frozen_light import Modes, SelectedCurve
+from engine.precompute.indirect.indirect_layers import IndirectLayer, is_glossy
+from engine.precompute.indirect.photons import Photons
+from engine.precompute.indirect.second_bounce import glossy_order
+
+Float32Array = NDArray[np.float32]
+Float64Array = NDArray[np.float64]
+
+MOST_KNOTS, MOST_MODES = 24, 8
+# Edits that knots and modes are chosen for stretch the curve's angle by these factors, or draw a shoulder.
+_STRETCHES = (0.3, 0.45, 0.65, 0.8, 1.0, 1.25, 1.5, 2.2, 3.3)
+_N_SHOULDERS, _SHOULDER = 8, 0.2
+
+
+@dataclass(frozen=True, eq=False)
+class EditedGloss:
+    """An edited curve of a glossy layer. curve: which; i_object, its object; i_glossy: its number among the glossy
+    layers; frozen (J, 3): f_q⁰ f_e⁰, with the layer's tint; bright (C, 3): radiosity of the records that reaches it;
+    positions (n,) and light (n, 3) of the photons, see `photon_light`."""
+
+    curve: SelectedCurve
+    i_object: int
+    i_glossy: int
+    frozen: Float64Array
+    tint: Float64Array
+    bright: Float32Array
+    positions: Float32Array
+    light: Float32Array
+
+    @property
+    def n_bands(self) -> int:
+        return len(self.frozen)
+
+
+def edited_gloss(
+    layers: Sequence[IndirectLayer], curve: SelectedCurve, tables: GlossyLayers, bright: Float32Array, photons: Photons
+) -> EditedGloss | None:
+    """What an edit of this curve changes at the second bounce; None for a diffuse layer."""
+    layer = layers[curve.layer]
+    if not is_glossy(layer):
+        return None
+    i_glossy = glossy_order(layers).index(curve.layer)
+    positions, light = np.empty(len(photons.sources), np.float32), np.empty((len(photons.sources), 3), np.float32)
+    kernels.photon_light(photons, tables, layer.i_object, i_glossy, curve.factor == 0, positions, light)
+    tint = np.asarray(layer.second_curves.tint, np.float64)
+    return EditedGloss(
+        curve, layer.i_object, i_glossy, layer.gain * layer.second_curves.curves[curve.factor], tint, bright, positions,
+        light,
+    )  # fmt: skip
+
+
+def all_knots(n_bands: int) -> NDArray[np.intp]:
+    """Every band as a knot."""
+    return np.arange(n_bands)
+
+
+def knot_table(knots: NDArray[np.intp], n_bands: int) -> kernels.Knots:
+    """Knots, ascending from 0, for the kernels."""
+    below = np.searchsorted(knots, np.arange(n_bands), "right") - 1
+    return kernels.Knots(np.append(knots, knots[-1] + 1).astype(np.float32), below)
+
+
+def _probes(curve: NDArray[np.floating]) -> Float64Array:
+    """Curves (n, J) that edits make of each channel of a curve (J, 3): stretched in angle."""
+    bands = np.arange(len(curve))
+    found = [np.interp(bands * stretch, bands, channel) for stretch in _STRETCHES for channel in curve.T]
+    return np.array(found)
+
+
+def choose_modes(effect: NDArray[np.floating], curve: NDArray[np.floating], most: int) -> Modes:
+    """At most `most` modes of the changes that edits make of a curve (J, 3): the principal components of its stretched
+    forms and of hat functions as wide as a freely drawn shoulder, where `effect` (J,) says how much light meets each
+    band."""
+    n = len(curve)
+    share = np.sqrt(effect / max(float(effect.sum()), 1e-30) + 1e-3 / n)
+    probes = _probes(curve)
+    sizes = np.maximum(np.linalg.norm(probes * share, axis=1), 1e-30)
+    shoulders = np.maximum(
+        1.0 - np.abs(np.arange(n) - np.linspace(0, n, _N_SHOULDERS)[:, None]) * _N_SHOULDERS / n, 0.0
+    )
+    widths = np.maximum(np.linalg.norm(shoulders * share, axis=1), 1e-30)
+    changes = np.concatenate([probes / sizes[:, None], _SHOULDER * shoulders / widths[:, None]])
+    _, _, rows = np.linalg.svd(changes * share, full_matrices=False)
+    rows = rows[:most]
+    return Modes((rows / share).T.astype(np.float32), rows * share)
+
+
+def choose_knots(effect: NDArray[np.floating], curve: NDArray[np.floating], most: int) -> NDArray[np.intp]:
+    """At most `most` of a curve's J bands (J, 3) as knots: those between which edits of it are interpolated best, where
+    `effect` (J,) says how much light meets each band.
+
+    The edits stretch the curve's angle. From all bands, the one that would be missed least is removed until few enough
+    are left; the first and the last stay.
+    """
+    n, probes = len(curve), _probes(curve)
+    bands = np.arange(n)
+    # Relative to each probe's light; an even share keeps bands that no probe bends.
+    norms = np.maximum(np.abs(probes) @ effect, 1e-30)
+    weight = effect / max(float(effect.sum()), 1e-30) + 1e-3 / n
+    scaled = probes * (max(float(effect.sum()), 1e-30) / norms)[:, None]
+
+    def missed(left: int, right: int) -> float:
+        """The error where all bands between two knots are interpolated."""
+        inner = bands[left + 1 : right]
+        t = (inner - left) / (right - left)
+        found = scaled[:, left, None] * (1.0 - t) + scaled[:, right, None] * t
+        return float(np.sum(np.abs(found - scaled[:, inner]) @ weight[inner]))
+
+    knots = bands.tolist()
+    costs = [np.inf, *(missed(i - 1, i + 1) - 0.0 for i in range(1, n - 1)), np.inf][:n]
+    while len(knots) > most:
+        i = int(np.argmin(costs))
+        del knots[i], costs[i]
+        for k in (i - 1, i):
+            if 0 < k < len(knots) - 1:
+                left, right = knots[k - 1], knots[k + 1]
+                costs[k] = missed(left, right) - missed(left, knots[k]) - missed(knots[k], right)
+    return np.array(knots, np.intp)
