@@ -121,11 +121,15 @@ class _LastingGloss:
 
 
 def edited_albedo(document: Document, frozen: IndirectFrozen, curves: Curves) -> Float64Array:
-    """The equivalent albedo d (3,) of the edited object as it is in the document."""
+    """The equivalent albedo d (3,) of the edited object as it is in the document, by the numbers of bands that it was
+    frozen with."""
     total = np.zeros(3)
     for key, e in frozen.albedos.items():
         if document.is_visible(key):
-            values = tuple(curves.coefficients(document, key).values())
+            n_factors = len(document.layer(key).model.factors)
+            values = tuple(
+                curves.band_values(document, key, i, n) for i, n in enumerate(e.shape[e.ndim - 2 :][:n_factors])
+            )
             total += albedo_of(e, values, curves.outgoing_gain(document, key), curves.view_curve(document, key))
     return total
 

@@ -29,23 +29,26 @@ class Knots(NamedTuple):
 
 class EditedLight(NamedTuple):
     """Light of an edited curve along n stored rays: start (p + 1,) of each point's range, ray (n,) within the sample
-    set; for up to three reflections, positions (n', 3) on the curve in bands and light (n', 3, 3) divided by the curve.
-    The last two begin with number `base`."""
+    set; for up to three reflections, positions (n', 3) on the curve in bands and light (n', 3, 3) divided by the curve;
+    pairs (n', 3): light that meets the curve at the second and at the third vertex, divided by both. The last three
+    begin with number `base`."""
 
     start: np.ndarray
     ray: np.ndarray
     positions: np.ndarray
     light: np.ndarray
+    pairs: np.ndarray
     base: int
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def edited_light(paths, begin, end, o, layer, of_a, sent, first, bright, positions, light):
-    """Writes positions (n, 3) and light (n, 3, 3), see `EditedLight`, of the stored rays of points [begin, end).
+def edited_light(paths, begin, end, o, layer, of_a, sent, first, bright, positions, light, pairs):
+    """Writes positions (n, 3), light (n, 3, 3) and pairs (n, 3), see `EditedLight`, of the stored rays of points
+    [begin, end).
 
     o, layer, of_a: the object, its glossy layer and which of its curves; sent: of `second_bounce_light` from ray number
     `first` on, under the curves as they are; bright (C, 3): radiosity of the records that reaches o. Where a path meets
-    the curve twice, each position is written with the curve applied at the other: the first order of the change.
+    the curve twice, the curve is applied at the other position.
     """
     samples, records = paths.samples, paths.records
     numbers, directions, factors = np.empty((3, 3), np.int64), np.empty((3, 6), np.float32), np.empty(3, np.float32)
@@ -53,7 +56,7 @@ def edited_light(paths, begin, end, o, layer, of_a, sent, first, bright, positio
     for i in range(begin, end):
         for e in range(records.start[i], records.start[i + 1]):
             n, at, beyond = e - first, e - base, records.beyond[e]
-            light[at], positions[at] = ZERO, ZERO
+            light[at], positions[at], pairs[at] = ZERO, ZERO, ZERO
             own = paths.objects[samples.records[i, records.ray[e]]] == o
             own_3 = records.light_3[e] != NO_LIGHT and paths.objects[beyond] == o
             if not own and not own_3:
@@ -69,11 +72,13 @@ def edited_light(paths, begin, end, o, layer, of_a, sent, first, bright, positio
                 )  # fmt: skip
                 for c in range(3):
                     if v == 1:
-                        light[at, v, c] *= bright[beyond, c] + sent[n, 2, c]
+                        pairs[at, c] = light[at, 1, c]
+                        light[at, 1, c] *= bright[beyond, c] + sent[n, 2, c]
                     else:
                         light[at, v, c] *= light_colour(paths.all_lights, numbers[v, 2], c)
-                        if v == 2:
-                            light[at, v, c] *= sent[n, 1, c]
+            for c in range(3):
+                pairs[at, c] *= light[at, 2, c]
+                light[at, 2, c] *= sent[n, 1, c]
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -216,28 +221,36 @@ def _add_to_modes(receiver, own, a, b, c, total):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def reflect_by_mode(samples, begin, end, optics, which, stored_weights, edited, receiver, modes, out):
-    """Adds the radiance that points [begin, end) reflect of the light of an edited curve by another edited curve, by
-    modes of both, receiver (J', R) and modes (J, K), to out (3, R, K, end - begin).
+    """Adds the radiance that points [begin, end) reflect of light that meets two edited curves, by modes of both,
+    receiver (J', R) and modes (J, K), to out (3, R, K, end - begin).
 
-    which: the edited curve of the receiving layer, 0 or 1, which `optics` has as ones.
+    which: the first is the curve 0 or 1 of the receiving layer, which `optics` has as ones; −1: both are the edited
+    curve, at the second and at the third vertex.
     """
     n_bands = np.float32(receiver.shape[0])
+    n_angles = 0 if optics.kind_a == CONSTANT else stored_weights.angles.shape[0]
     total = np.empty((receiver.shape[1], modes.shape[1], 3), np.float32)
-    at_receiver, own = np.empty(receiver.shape[1], np.float32), np.empty(modes.shape[1], np.float32)
+    at_first, own = np.empty(receiver.shape[1], np.float32), np.empty(modes.shape[1], np.float32)
     for i in range(begin, end):
         total[:] = ZERO
         for e in range(edited.start[i], edited.start[i + 1]):
             n, m, at = e - edited.base, edited.ray[e], i - stored_weights.base
-            if stored_weights.roots[at, m] == 0:
+            if stored_weights.roots[at, m] == 0 or (which < 0 and not _is_lit(edited.pairs[n])):
                 continue
-            a, b, c = _ray_value(stored_weights, at, m, optics, stored_weights.angles.shape[0])
+            a, b, c = _ray_value(stored_weights, at, m, optics, n_angles)
+            if which < 0:
+                pair = edited.pairs[n]
+                _modes_at(receiver, edited.positions[n, 1], at_first)
+                _modes_at(modes, edited.positions[n, 2], own)
+                _add_to_modes(at_first, own, a * pair[0], b * pair[1], c * pair[2], total)
+                continue
             position = np.float32(stored_weights.angles[which, at, m]) * (n_bands / CODES) - HALF_BAND
-            _modes_at(receiver, min(max(position, ZERO), n_bands - ONE), at_receiver)
+            _modes_at(receiver, min(max(position, ZERO), n_bands - ONE), at_first)
             for v in range(3):
                 light = edited.light[n, v]
                 if _is_lit(light):
                     _modes_at(modes, edited.positions[n, v], own)
-                    _add_to_modes(at_receiver, own, a * light[0], b * light[1], c * light[2], total)
+                    _add_to_modes(at_first, own, a * light[0], b * light[1], c * light[2], total)
         _add_modes(total, out, i - begin)
 
 

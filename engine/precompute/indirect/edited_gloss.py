@@ -2,9 +2,9 @@
 
 The change of the curve is interpolated linearly between a few knots among its bands. They lie where rays and photons
 meet the curve, and densely where edits bend it most. Nothing is stored for receivers that the light does not reach.
-Where the receiving curve is edited as well, the products of both changes, which are of second order, are summed by a
-few modes of either: a dozen modes are as near as 32 × 32 knots were, in a tenth of the memory. Where a path meets the
-edited curve twice after the receiver, the first order of the change alone is stored.
+Where the receiving curve is edited as well, or a path meets the edited curve twice, the products of both changes, which
+are of second order, are summed by a few modes of either: ten modes are as near as 32 × 32 knots were, in a tenth of the
+memory. Products of three changes are left out.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from engine.precompute.indirect.second_bounce import glossy_order
 Float32Array = NDArray[np.float32]
 Float64Array = NDArray[np.float64]
 
-MOST_KNOTS, MOST_MODES = 24, 8
+MOST_KNOTS, MOST_MODES = 24, 10
 # Edits that knots and modes are chosen for stretch the curve's angle by these factors, or draw a shoulder.
 _STRETCHES = (0.3, 0.45, 0.65, 0.8, 1.0, 1.25, 1.5, 2.2, 3.3)
 _N_SHOULDERS, _SHOULDER = 8, 0.2
@@ -86,7 +86,7 @@ def _probes(curve: NDArray[np.floating]) -> Float64Array:
     return np.array(found)
 
 
-def choose_modes(effect: NDArray[np.floating], curve: NDArray[np.floating], most: int) -> Modes:
+def choose_modes(effect: NDArray[np.floating], curve: NDArray[np.floating], most: int = MOST_MODES) -> Modes:
     """At most `most` modes of the changes that edits make of a curve (J, 3): the principal components of its stretched
     forms and of hat functions as wide as a freely drawn shoulder, where `effect` (J,) says how much light meets each
     band."""
@@ -104,7 +104,7 @@ def choose_modes(effect: NDArray[np.floating], curve: NDArray[np.floating], most
     return Modes((rows / share).T.astype(np.float32), rows * share)
 
 
-def choose_knots(effect: NDArray[np.floating], curve: NDArray[np.floating], most: int) -> NDArray[np.intp]:
+def choose_knots(effect: NDArray[np.floating], curve: NDArray[np.floating], most: int = MOST_KNOTS) -> NDArray[np.intp]:
     """At most `most` of a curve's J bands (J, 3) as knots: those between which edits of it are interpolated best, where
     `effect` (J,) says how much light meets each band.
 

@@ -18,8 +18,6 @@ from engine.core.generators import run_to_end
 from engine.precompute.indirect._ray_kernels import NORMAL
 from engine.precompute.indirect._second_bounce_kernels import SampledLights
 from engine.precompute.indirect.edited_gloss import (
-    MOST_KNOTS,
-    MOST_MODES,
     EditedGloss,
     choose_knots,
     choose_modes,
@@ -299,12 +297,6 @@ class IndirectLight:
         return unscaled(np.einsum("pk,pkc->pc", weights, found[rows]), self.unit)
 
 
-def _by_object(layers: Sequence[IndirectLayer]) -> list[tuple[int, list[int]]]:
-    """Each object with layers, and the numbers of these."""
-    objects = sorted({layer.i_object for layer in layers})
-    return [(o, [i for i, layer in enumerate(layers) if layer.i_object == o]) for o in objects]
-
-
 Freezing = Generator[None, None, FrozenLight]
 
 
@@ -368,8 +360,7 @@ class GatherPolynomial:
         reflected: dict[int, NDArray[np.float32]] = {}
         bands: dict[int, NDArray[np.float32]] = {}
         factors = {curve.layer: curve.factor for curve in curves}
-        for i_object, own in _by_object(layers):
-            samples = self._samples_of(i_object)
+        for samples, own in self._all_samples(layers):
             samples.forget_all_but([layers[i].curves for i in own])
             whole = [i for i in own if i not in factors]
             found = yield from samples.reflect([layers[i].curves for i in whole], light)
@@ -388,29 +379,36 @@ class GatherPolynomial:
     ) -> Generator[None, None, FrozenGloss]:  # fmt: skip
         """What an edited curve changes at the second bounce, for each layer that its light reaches. bands: F of the
         edited layers."""
-        reached = [(self._samples_of(i_object), own) for i_object, own in _by_object(layers)]
-        reached = [(samples, own) for samples, own in reached if samples.receives(gloss, light)]
+        found = [(samples, own, *samples.receives(gloss, light)) for samples, own in self._all_samples(layers)]
+        reached = [(samples, own, twice) for samples, own, once, twice in found if once]
         effect = np.zeros((gloss.n_bands, 3))
-        for samples, own in reached:
+        for samples, own, _ in reached:
             effect += samples.effect_by_band([layers[i].curves for i in own], light, gloss)
             yield
         total = effect.sum(axis=1)
-        knots = choose_knots(total, gloss.frozen, MOST_KNOTS)
+        knots, modes = choose_knots(total, gloss.frozen), choose_modes(total, gloss.frozen)
         n_points = max(len(self._light.points.samples.points), 1)
-        frozen = FrozenGloss(gloss.curve, gloss.tint, gloss.frozen, knots, effect / n_points)
+        frozen = FrozenGloss(gloss.curve, gloss.tint, gloss.frozen, knots, effect / n_points, modes)
         factors, table = {curve.layer: curve.factor for curve in curves}, knot_table(knots, gloss.n_bands)
-        for samples, own in reached:
-            found = yield from samples.of_edited([Receiver(layers[i].curves, table) for i in own], light, gloss)
-            frozen.by_layer.update(zip(own, found, strict=True))
+        for samples, own, twice in reached:
+            plain = yield from samples.of_edited([Receiver(layers[i].curves, table) for i in own], light, gloss)
+            frozen.by_layer.update(zip(own, plain, strict=True))
+            if twice:
+                pairs = [EditedReceiver(layers[i].curves, table, -1, modes.shapes, modes.shapes) for i in own]
+                frozen.pairs.update(zip(own, (yield from samples.of_edited(pairs, light, gloss)), strict=True))
             for i in (i for i in own if i in factors):
                 curve = layers[i].curves.curves[factors[i]]
                 met = np.abs(bands[i][:, :, 0]).sum(axis=(0, 2), dtype=np.float64)
-                modes = choose_modes(met, curve, MOST_MODES), choose_modes(total, gloss.frozen, MOST_MODES)
-                shapes = [each.shapes for each in modes]
-                receiver = EditedReceiver(layers[i].curves, table, factors[i], *shapes)
+                at_receiver = choose_modes(met, curve)
+                receiver = EditedReceiver(layers[i].curves, table, factors[i], at_receiver.shapes, modes.shapes)
                 [products] = yield from samples.of_edited([receiver], light, gloss)
-                frozen.products[i] = FrozenProducts(curve, *modes, products)
+                frozen.products[i] = FrozenProducts(curve, at_receiver, products)
         return frozen
+
+    def _all_samples(self, layers: Sequence[IndirectLayer]) -> list[tuple[HemisphereSamples, list[int]]]:
+        """The samples of each object with layers, and the numbers of these."""
+        objects = sorted({layer.i_object for layer in layers})
+        return [(self._samples_of(o), [i for i, layer in enumerate(layers) if layer.i_object == o]) for o in objects]
 
     def _samples_of(self, i_object: int) -> HemisphereSamples:
         if i_object not in self._samples:

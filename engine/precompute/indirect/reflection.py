@@ -139,15 +139,16 @@ class SecondBounceWeights:
             second_kernels.second_bounce_light(self.paths(light), begin, end, missing, first, sent)
         return sent, first
 
-    def meets(self, i_object: int, light: SecondBounceLight) -> bool:
-        """Whether any stored path is reflected by an object at its second or third vertex."""
+    def vertices_on(self, i_object: int, light: SecondBounceLight) -> tuple[bool, bool]:
+        """Whether any stored path is reflected by an object at its second or third vertex; and any at both."""
         records = self._records
         rays = np.arange(self._first, int(records.start[-1]))
         sets = np.repeat(np.arange(len(records.start) - 1), np.diff(records.start))
-        if (light.objects[self._samples.records[sets, records.ray[rays]]] == i_object).any():
-            return True
-        third = rays[records.light_3[rays] != second_kernels.NO_LIGHT]
-        return bool((light.objects[records.beyond[third]] == i_object).any())
+        second = light.objects[self._samples.records[sets, records.ray[rays]]] == i_object
+        at_third = records.light_3[rays] != second_kernels.NO_LIGHT
+        third = np.zeros(len(rays), bool)
+        third[at_third] = light.objects[records.beyond[rays[at_third]]] == i_object
+        return bool((second | third).any()), bool((second & third).any())
 
     def edited(
         self, begin: int, end: int, light: SecondBounceLight, gloss: EditedGloss, missing: NDArray[np.bool_]
@@ -156,12 +157,12 @@ class SecondBounceWeights:
         records, base = self._records, int(self._records.start[begin])
         sent, first = self._sent(begin, end, light, missing)
         n = int(records.start[end]) - base
-        positions, lit = np.empty((n, 3), np.float32), np.empty((n, 3, 3), np.float32)
+        positions, lit, pairs = (np.empty((n, *shape), np.float32) for shape in ((3,), (3, 3), (3,)))
         edited_kernels.edited_light(
             self.paths(light), begin, end, gloss.i_object, gloss.i_glossy, gloss.curve.factor == 0, sent, first,
-            gloss.bright, positions, lit,
+            gloss.bright, positions, lit, pairs,
         )  # fmt: skip
-        return EditedLight(records.start, records.ray, positions, lit, base)
+        return EditedLight(records.start, records.ray, positions, lit, pairs, base)
 
     def complete(self, light: SecondBounceLight, step: int) -> None:
         """Marks the parts of a step as computed under this light."""
@@ -297,10 +298,12 @@ class HemisphereSamples:
             out = _mean_planes(out, means)
         return out
 
-    def receives(self, gloss: EditedGloss, light: OutgoingRadiance) -> bool:
-        """Whether light of an edited curve reaches any of the points."""
-        is_near = bool(gloss.light[self._photons.photon].any())
-        return is_near or light.glossy is not None and self._second.meets(gloss.i_object, light.glossy)
+    def receives(self, gloss: EditedGloss, light: OutgoingRadiance) -> tuple[bool, bool]:
+        """Whether light of an edited curve reaches any of the points, and any that met it twice."""
+        once, twice = False, False
+        if light.glossy is not None:
+            once, twice = self._second.vertices_on(gloss.i_object, light.glossy)
+        return once or bool(gloss.light[self._photons.photon].any()), twice
 
     def of_edited(
         self, receivers: Sequence[Receiver], light: OutgoingRadiance, gloss: EditedGloss
@@ -435,8 +438,8 @@ class Receiver:
 
 @dataclass(frozen=True, eq=False)
 class EditedReceiver(Receiver):
-    """A layer whose curve number `which` is edited as well: by modes of both changes, own (J', R) and other (J, K),
-    (3, R, K, p). `knots` are not used."""
+    """A layer whose curve number `which` is edited as well; −1: light that met the edited curve twice. By modes of both
+    changes, own (J', R) and other (J, K), (3, R, K, p). `knots` are not used."""
 
     which: int
     own: NDArray[np.float32]
@@ -445,6 +448,8 @@ class EditedReceiver(Receiver):
     @cached_property
     def optics(self) -> kernels.ReflectingLayer:
         """The layer for the kernels, with ones in place of its edited curve."""
+        if self.which < 0:
+            return self.layer.optics(folded=True)
         optics = self.layer.optics()
         ones = np.ones_like(optics.curve_b if self.which else optics.curve_a)
         return optics._replace(curve_b=ones) if self.which else optics._replace(curve_a=ones)
@@ -465,10 +470,11 @@ class EditedReceiver(Receiver):
         self, samples: kernels.SampleArrays, begin: int, end: int, nearby: NearbyPhotons,
         directions: NDArray[np.float32], gloss: EditedGloss, out: NDArray[np.float32],
     ) -> None:  # fmt: skip
-        edited_kernels.reflect_photons_by_mode(
-            samples, begin, end, self.optics, self.which, nearby, directions, gloss.positions, gloss.light, self.own,
-            self.other, out,
-        )  # fmt: skip
+        if self.which >= 0:
+            edited_kernels.reflect_photons_by_mode(
+                samples, begin, end, self.optics, self.which, nearby, directions, gloss.positions, gloss.light,
+                self.own, self.other, out,
+            )  # fmt: skip
 
 
 def _weights_key(optics: kernels.ReflectingLayer) -> tuple[int, bytes]:
