@@ -15,6 +15,8 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
+import numpy as np
+
 from app.document.scene_state import LayerState
 from app.messages.worker_messages import Progress, Response
 from app.modes.placement.placement_messages import (
@@ -243,7 +245,7 @@ class IndirectTasks:
         assert self._representations is not None
         self._representations = self._representations.with_light(light)
         frozen = yield from self._representations.freeze(layers)
-        return [unscaled(frozen.reflected[i][:, 0], light.unit) for i in range(len(layers))]
+        return [unscaled(frozen.reflected[i][:, 0].T, light.unit) for i in range(len(layers))]
 
     def _scene_light(self, sky: SkyState) -> SceneLight:
         return SceneLight(sky, self._placement.scene.emission)
@@ -289,9 +291,7 @@ class IndirectTasks:
             for each in desired.scene.visible if self._object(each) == edited
         }  # fmt: skip
         unit, by_albedo = found.light.unit, not found.light.points.glossy
-        yield IndirectFrozen(
-            found.number, desired.serial, tuple(keys), curves, light, albedos, unit, by_albedo
-        )
+        yield IndirectFrozen(found.number, desired.serial, tuple(keys), curves, light, albedos, unit, by_albedo)
         self._frozen_light = found
 
     def _noise(self, found: _FoundLight, desired: FreezeIndirect) -> Steps:

@@ -61,7 +61,7 @@ def drags_of(rig: EditorRig, key: str) -> list[Drag]:
     tinted = FRESNEL if n_curves > 1 else HIGHLIGHT
 
     def colour(done: float) -> object:
-        channels = [tuple(c == channel for c in range(3)) for channel in range(3)]
+        channels = {1: (False, True, False), 2: (False, False, True)}
         dims = [Operator("amplify", "y", 0.0, 0.0, HALF_PI, HALF_PI, TINT[c] ** done, 0.0, channels[c]) for c in (1, 2)]
         return SetOperators(key, tinted, tuple(dims) if done else ())
 

@@ -4,8 +4,9 @@ The worker freezes indirect light for the object of the selected layer [BenArtzi
 the picture of a freezing in every frame. What its sums hold fixed (other objects' curves, the other curve of the
 selected layer) is compared with the document once a frame, and frozen anew when it has changed, one request at a time.
 The light that a glossy object sends on follows its curve, by the bands that it was frozen with; it is frozen anew once
-the user is idle. A freezing is answered again whenever its samples have become finer. While a light is dragged, what was
-frozen is relit with each quick picture of the direct light, and stays so until the light of the end is frozen.
+the user is idle, or at once where the curve has moved far. A freezing is answered again whenever its samples have
+become finer. While a light is dragged, what was frozen is relit with each quick picture of the direct light, and stays
+so until the light of the end is frozen.
 """
 
 from __future__ import annotations

@@ -28,6 +28,7 @@ from app.modes.placement.placement_messages import (
 )
 from app.modes.placement.placement_status import RenderReport
 from engine.curve.operators import Operator
+from engine.precompute.indirect.frozen_light import FrozenLight
 from tests.app.fake_worker import FakeClient
 
 VIEW_ID = 2  # the number of the second request, by which the scene is seen
@@ -122,11 +123,11 @@ class LitWorker:
         assert self._found is not None
         number, rotation, has_gloss = self._found
         self._answered, self._frozen = request, (number, rotation)
-        light = np.full((1, 1, 3), rotation + (WHOLE if has_gloss else BY_ALBEDO), np.float32)
-        reflected = dict.fromkeys((look.key for look in request.scene.visible), light)
-        bands = np.zeros((3, 0, 1, 0), np.float32)
+        light = np.full((3, 1, 1), rotation + (WHOLE if has_gloss else BY_ALBEDO), np.float32)
+        keys = tuple(look.key for look in request.scene.visible)
+        reflected = FrozenLight(dict.fromkeys(range(len(keys)), light), {})
         return [
-            IndirectFrozen(number, request.serial, None, None, reflected, bands, {}, by_albedo=not has_gloss),
+            IndirectFrozen(number, request.serial, keys, {}, reflected, {}, by_albedo=not has_gloss),
             IndirectNoise(number, request.serial, 0.01, 1.0, id=VIEW_ID),
         ]
 

@@ -61,7 +61,7 @@ class Lit:
         self.n_reflected += 1
         self._representation = self._representation.with_light(light)
         frozen = yield from self._representation.freeze(LAYERS)
-        return [unscaled(frozen.reflected[i][:, 0], light.unit) for i in range(len(LAYERS))]
+        return [unscaled(frozen.reflected[i][:, 0].T, light.unit) for i in range(len(LAYERS))]
 
     def under(self, rotation: float = 20.0, **emission: tuple[float, float, float]) -> list[RelitLayer]:
         changed = self.emission.copy()
