@@ -11,6 +11,7 @@ so until the light of the end is frozen.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 from app.document.document import Document, Selection
@@ -31,6 +32,8 @@ from app.modes.reconciler import Reconciler
 
 FREEZE_PATIENCE = 5.0
 IDLE_SECONDS = 0.25
+# A curve that has moved this far is frozen anew during the drag: products of three changes are left out.
+FAR = 0.5
 FINE_STAGE = "fine"
 # Freezings stored beside the one that is drawn: undo goes back to them.
 MAX_CACHED = 4
@@ -106,8 +109,12 @@ class IndirectController:
 
     @property
     def noise(self) -> float | None:
-        """The noise of the indirect light that is shown, RMS relative to its mean; None while unknown."""
-        return self._noise.noise if self.picture.is_shown and self._noise_is_current and self._noise else None
+        """The noise of the indirect light that is shown, RMS relative to its mean, with what a drag leaves out; None
+        while unknown."""
+        if not self.picture.is_shown or not self._noise_is_current or self._noise is None:
+            return None
+        left_out = self.picture.unrepresented / self._noise.mean if self._noise.mean > 0.0 else 0.0
+        return math.hypot(self._noise.noise, left_out)
 
     def noise_of_picture(self, direct: float) -> float:
         """The same, relative to the mean of the whole picture; direct: the mean of its direct light. 0 while
@@ -253,6 +260,8 @@ class IndirectController:
             reconciler.lose()  # other transport has cancelled it
         reconciler.desire(now, (desired, revision))
         if reconciler.requested is None or not reconciler.requested.desired[0].serves(desired):
+            reconciler.skip_idle()
+        if self._used is not None and self.picture.departure > FAR:
             reconciler.skip_idle()
         if reconciler.action(now, may_request) == "request":
             self._n_sent += 1

@@ -41,12 +41,15 @@ class Freezing:
 
 
 class IndirectPicture:
-    """The indirect light on screen. is_on_screen: whether there is any, of this freezing or of one before; number: of
-    the light that was drawn last."""
+    """The indirect light on screen. is_on_screen: whether there is any, of this freezing or of one before; number:
+    of the light that was drawn last; departure: how far the edited curves are from those that were frozen, see
+    `FrozenLight`; unrepresented: the mean light of the edit that is left out.
+    """
 
     def __init__(self, curves: Curves) -> None:
         self._curves = curves
         self.is_on_screen, self.number = False, 0
+        self.departure = self.unrepresented = 0.0
         self._shown: dict[str, tuple[object, ...]] = {}
         self._clamped: set[str] = set()
         self._gloss = _LastingGloss()
@@ -64,6 +67,7 @@ class IndirectPicture:
     def forget_drawn(self) -> None:
         """Draw all layers anew: another freezing is used from now on."""
         self._shown.clear()
+        self.departure = self.unrepresented = 0.0
 
     def remove(self) -> list[PictureEvent]:
         """Remove all indirect light; returns the events."""
@@ -78,6 +82,8 @@ class IndirectPicture:
         self.is_on_screen, self.number = True, frozen.number
         self._gloss.follow(frozen)
         edit = light_edit(document, frozen, self._curves)
+        self.departure = frozen.light.departure(edit)
+        self.unrepresented = frozen.unit * frozen.light.unrepresented(edit)
         events: list[PictureEvent] = []
         for look in freezing.made_for.reflectances:
             i_layer = frozen.keys.index(look.key)

@@ -59,7 +59,8 @@ class FrozenProducts:
 @dataclass(frozen=True, eq=False)
 class FrozenGloss:
     """Light of an edited curve at the second bounce by its change. curve: which; tint (3,); frozen (J, 3): f_q f when
-    frozen, without the tint; knots (K,): bands; effect (J, 3): the mean light of all points per unit of each band;
+    frozen, without the tint; knots (K,): bands; effect (J, 3): the mean light of all points, times their f_q, per
+    unit of each band;
     modes: K' of its changes; by receiving layer: by_layer (3, K, p); pairs (3, K', K', p): light that met the curve
     twice; products: where the layer's own curve is edited."""
 
@@ -122,6 +123,14 @@ class FrozenLight:
         used = [edit.albedo, *([edit.curves[layer]] if layer in self.bands else [])]
         used += [edit.sent[each.curve.layer] for each in self.gloss if layer in each.by_layer]
         return b"".join(array.tobytes() for array in used)
+
+    def departure(self, edit: LightEdit) -> float:
+        """How far edited curves have moved, at most: the change relative to their light at the second bounce."""
+        return max((each.departure(edit) for each in self.gloss), default=0.0)
+
+    def unrepresented(self, edit: LightEdit) -> float:
+        """The mean light that knots leave out after an edit."""
+        return sum(each.unrepresented(edit) for each in self.gloss)
 
     def radiance(self, layer: int, edit: LightEdit) -> NDArray[np.floating]:
         """Radiance (p, 3) of a layer, by its number, after an edit."""

@@ -383,7 +383,8 @@ class GatherPolynomial:
         reached = [(samples, own, twice) for samples, own, once, twice in found if once]
         effect = np.zeros((gloss.n_bands, 3))
         for samples, own, _ in reached:
-            effect += samples.effect_by_band([layers[i].curves for i in own], light, gloss)
+            gains = [layers[i].gain for i in own]
+            effect += samples.effect_by_band([layers[i].curves for i in own], gains, light, gloss)
             yield
         total = effect.sum(axis=1)
         knots, modes = choose_knots(total, gloss.frozen), choose_modes(total, gloss.frozen)

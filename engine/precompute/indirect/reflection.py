@@ -331,9 +331,11 @@ class HemisphereSamples:
         return out
 
     def effect_by_band(
-        self, layers: Sequence[LayerCurves], light: OutgoingRadiance, gloss: EditedGloss
-    ) -> NDArray[np.float64]:
-        """The same summed over all points and layers, by band, (J, 3): estimated from every sixteenth of the points."""
+        self, layers: Sequence[LayerCurves], gains: Sequence[NDArray[np.floating]], light: OutgoingRadiance,
+        gloss: EditedGloss,
+    ) -> NDArray[np.float64]:  # fmt: skip
+        """The same times f_q of each layer, gains (3,), summed over all points and layers, by band, (J, 3): estimated
+        from every sixteenth of the points."""
         receivers = [Receiver(layer, knot_table(all_knots(gloss.n_bands), gloss.n_bands)) for layer in layers]
         weights = [self._weights_of(each.optics) for each in receivers]
         n = min(_PILOT, len(self))
@@ -343,8 +345,8 @@ class HemisphereSamples:
         def add(i: int) -> None:
             out = [np.zeros((3, *each.shape, n), np.float32) for each in receivers]
             self._add_edited(starts[i], starts[i] + n, receivers, weights, light, gloss, out)
-            for each, receiver in zip(out, receivers, strict=True):
-                total[i] += np.abs(clamp_radiance(each)).sum(axis=2, dtype=np.float64).T * receiver.layer.tint
+            for each, receiver, gain in zip(out, receivers, gains, strict=True):
+                total[i] += np.abs(clamp_radiance(each)).sum(axis=2, dtype=np.float64).T * receiver.layer.tint * gain
 
         on_threads(add, range(len(starts)))
         return total.sum(axis=0) * (len(self) / max(n * len(starts), 1))

@@ -17,7 +17,7 @@ from app.modes.placement.indirect_picture import edited_albedo
 from app.modes.placement.placement_events import IndirectRadiance
 from app.modes.placement.placement_messages import FreezeIndirect, IndirectFound, IndirectFrozen, IndirectNoise
 from engine.curve.operators import Operator
-from engine.precompute.indirect.frozen_light import FrozenLight
+from engine.precompute.indirect.frozen_light import FrozenGloss, FrozenLight, Modes, SelectedCurve
 from engine.scene.description import parse_description
 from tests.app.fake_worker import SCENE, FakeClient
 
@@ -412,3 +412,52 @@ def test_an_albedo_beyond_all_bounds_is_bright_where_there_is_light_and_said(con
     assert (
         np.isfinite(shown["pot.0"]).all() and shown["pot.0"].min() > 1e35 and controller.controller.picture.is_clamped
     )
+
+
+def with_gloss(answer: IndirectFrozen, controller: StartedController) -> IndirectFrozen:
+    """The answer with what the gloss sends on: a light of 1 per unit of its first band, to the floor."""
+    i_gloss, curve = answer.keys.index("pot.1"), controller.curves.coefficients(controller.document, "pot.1")["theta_h"]
+    sent = controller.curves.outgoing_gain(controller.document, "pot.1") * curve
+    n, effect = len(curve), np.zeros((len(curve), 3))
+    effect[0] = 1.0
+    knots, modes = np.array([0, n - 1]), Modes(np.ones((n, 1), np.float32), np.zeros((1, n)))
+    by_layer = {answer.keys.index("floor.0"): np.stack([np.array([[1.0, 1.0], [0.0, 0.0]], np.float32)] * 3)}
+    gloss = FrozenGloss(SelectedCurve(i_gloss, 0), np.ones(3), sent, knots, effect, modes, by_layer)
+    return replace(answer, light=replace(answer.light, gloss=(gloss,)))
+
+
+def test_light_sent_on_follows_the_curve_and_is_frozen_anew_at_once_when_that_has_moved_far(
+    controller: StartedController,
+) -> None:
+    controller.update()
+    controller.found()
+    controller.frozen()
+    controller.controller.receive_frozen(with_gloss(controller.answer, controller))
+    controller.update()
+    gain = controller.curves.outgoing_gain(controller.document, "pot.1")
+    frozen = controller.curves.coefficients(controller.document, "pot.1")["theta_h"]
+    for magnitude, n_asked in ((1.02, 1), (9.0, 2)):  # near: only once the hand rests
+        controller.edit("pot.1", "theta_h", replace(LIFT, magnitude=magnitude))
+        floor = {event.key: event.radiance for event in controller.update()}["floor.0"]
+        albedo = edited_albedo(controller.document, controller.answer, controller.curves)
+        curve = controller.curves.coefficients(controller.document, "pot.1")["theta_h"]
+        sent_on = gain * (curve - frozen)[0]
+        assert (sent_on > 0.0).all()
+        np.testing.assert_allclose(floor, np.tile(1 + 10 * albedo + 100 * albedo**2 + sent_on, (2, 1)), rtol=1e-5)
+        controller.update()
+        assert len(controller.asked) == n_asked
+
+
+def test_what_knots_leave_out_of_an_edit_is_a_part_of_the_error(controller: StartedController) -> None:
+    controller.update()
+    controller.found()
+    controller.frozen(noise=0.02)
+    answer = with_gloss(controller.answer, controller)
+    [gloss] = answer.light.gloss
+    gloss.effect[:] = 1.0  # light meets all bands, of which two are knots
+    controller.controller.receive_frozen(answer)
+    controller.update()
+    assert controller.controller.noise == pytest.approx(0.02)
+    controller.edit("pot.1", "theta_h", Operator("amplify", "y", 0.0, 0.3, 0.5, 0.7, magnitude=1.1))
+    controller.update()
+    assert controller.controller.noise is not None and controller.controller.noise > 0.021

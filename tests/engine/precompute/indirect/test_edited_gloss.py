@@ -154,7 +154,9 @@ def test_light_that_meets_the_curve_twice_follows_it_to_second_order(all_bands: 
         LAMP | {"transform": placed(0.2, 0.9, 0.1, 0.05)},
     ]
     layers = [matt(0, 0.5), indirect_layer(1, METAL, (N_BANDS, 8))]
-    light = solve(placement_of(objects, eye=(0.0, 0.8, 0.5), target=(0.0, 0.1, 0.0)), layers, 3, replace(QUICK, n_photons=0))
+    light = solve(
+        placement_of(objects, eye=(0.0, 0.8, 0.5), target=(0.0, 0.1, 0.0)), layers, 3, replace(QUICK, n_photons=0)
+    )
     curve = SelectedCurve(1, 0)
     frozen = run_to_end(GatherPolynomial(light).freeze(layers, 1, [curve]))
     [gloss] = frozen.gloss
