@@ -80,6 +80,13 @@ _ORBIT_CHANGES = (
     ),
 )
 
+_RING_SCALE = 60.0  # fills the picture
+_CONCAVE_CHANGES = (
+    (
+        'primitive = "sphere"',
+        f'mesh = "ring.ply"\ntransform = [{_RING_SCALE},0,0,0, 0,{_RING_SCALE},0,0, 0,0,{_RING_SCALE},0, 0,0,0,1]',
+    ),
+)
 # Few vertices, each of which has its own transfer, and an animation.
 _DEFORM_CHANGES = (
     ('primitive = "sphere"', 'primitive = "cube"'),
@@ -96,6 +103,12 @@ _SURFACES = (
     DeformSurface(patch=Detail(file="patch.png")),
 )
 _N_TEXELS = 8  # per side of the patch
+
+
+_FILES = (
+    ("sky.exr", "rings/studio.exr"), ("relief.png", "rings/relief.png"), ("bat.glb", "bat/bat.glb"),
+    ("ring.ply", "ring/ring.ply"),
+)  # fmt: skip
 
 
 class SmallDeform(DeformWorker):
@@ -128,6 +141,7 @@ def warm_up_later(first: str = "", is_done: Callable[[str], bool] = lambda what:
         _ask(client, ComputeTransport(state, "ball.1", "theta_h", 50, RenderSettings(100, 64, 3)))
         _ask(client, FreezeIndirect(state, "ball.1", 0))
         _ask(client, FreezeIndirect(state))
+        _freeze_concave(Path(folder))
         yield INDIRECT
         _ask(client, EstimateError(state))
         yield ESTIMATE
@@ -141,6 +155,14 @@ def warm_up_later(first: str = "", is_done: Callable[[str], bool] = lambda what:
     if first != DEFORM and not is_done(DEFORM):
         warm_up_deform()
         yield DEFORM
+
+
+def _freeze_concave(folder: Path) -> None:
+    """Freeze a ring that lights itself."""
+    client = InProcessClient(RequestDispatcher(ArrayCache(folder / "cache of the ring")))
+    _, state = _opened(client, folder, _CONCAVE_CHANGES, _with_bands)
+    _ask(client, ComputeTransport(state, "ball.1", "theta_h", 50, RenderSettings(100, 64, 3)))
+    _ask(client, FreezeIndirect(state, "ball.1", 0))
 
 
 def _warm_up_orbit(client: InProcessClient, folder: Path) -> None:
@@ -178,20 +200,23 @@ def _draw_bent(client: InProcessClient, folder: Path) -> None:
 
 
 def _opened(
-    client: InProcessClient, folder: Path, changes: tuple[tuple[str, str], ...]
+    client: InProcessClient,
+    folder: Path,
+    changes: tuple[tuple[str, str], ...],
+    layer: Callable[[Document, str], LayerState] = layer_state,
 ) -> tuple[SceneDescription, SceneState]:
     """The opened scene, with other text in some places and the files that this names."""
     text = _SCENE
     for before, after in changes:
         text = text.replace(before, after)
-    for name, of in (("sky.exr", "rings/studio.exr"), ("relief.png", "rings/relief.png"), ("bat.glb", "bat/bat.glb")):
+    for name, of in _FILES:
         shutil.copy(ASSETS / "scenes" / of, folder / name)
     scene = folder / "changed.toml"
     scene.write_text(text)
     _ask(client, OpenScene(str(scene), id=1))
     _ask(client, SetCamera(1))
     description = parse_description(parse_toml(text, scene.name), scene.name)
-    return description, scene_state(document_from_description(str(scene), description))
+    return description, scene_state(document_from_description(str(scene), description), layer)
 
 
 def _with_bands(document: Document, key: str) -> LayerState:
