@@ -11,15 +11,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engine.precompute.indirect import _edited_gloss_kernels as kernels
 from engine.precompute.indirect._gloss_kernels import GlossyLayers
+from engine.precompute.indirect._reflection_kernels import ReflectingLayer, SampleArrays, WeightArrays
 from engine.precompute.indirect.frozen_light import Modes, SelectedCurve
-from engine.precompute.indirect.indirect_layers import IndirectLayer, is_glossy
-from engine.precompute.indirect.photons import Photons
+from engine.precompute.indirect.indirect_layers import IndirectLayer, LayerCurves, is_glossy
+from engine.precompute.indirect.photons import NearbyPhotons, Photons
 from engine.precompute.indirect.second_bounce import glossy_order
 
 Float32Array = NDArray[np.float32]
@@ -49,6 +51,80 @@ class EditedGloss:
     @property
     def n_bands(self) -> int:
         return len(self.frozen)
+
+
+@dataclass(frozen=True, eq=False)
+class Receiver:
+    """A layer that reflects light of an edited curve, by K knots of its change, (3, K, p)."""
+
+    layer: LayerCurves
+    knots: kernels.Knots
+
+    @cached_property
+    def optics(self) -> ReflectingLayer:
+        """The layer for the kernels."""
+        return self.layer.optics(folded=True)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        return (len(self.knots.at) - 1,)
+
+    def reflect(
+        self, samples: SampleArrays, begin: int, end: int, weights: WeightArrays, edited: kernels.EditedLight,
+        out: NDArray[np.float32],
+    ) -> None:  # fmt: skip
+        """Adds what points [begin, end) reflect along their rays to out (3, ..., end - begin)."""
+        kernels.reflect_by_knot(samples, begin, end, self.optics, weights, edited, self.knots, out)
+
+    def reflect_photons(
+        self, samples: SampleArrays, begin: int, end: int, nearby: NearbyPhotons,
+        directions: NDArray[np.float32], gloss: EditedGloss, out: NDArray[np.float32],
+    ) -> None:  # fmt: skip
+        """Adds what they reflect of photons."""
+        kernels.reflect_photons_by_knot(
+            samples, begin, end, self.optics, nearby, directions, gloss.positions, gloss.light, self.knots, out
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class EditedReceiver(Receiver):
+    """A layer whose curve number `which` is edited as well; −1: light that met the edited curve twice. By modes of both
+    changes, own (J', R) and other (J, K), (3, R, K, p). `knots` are not used."""
+
+    which: int
+    own: NDArray[np.float32]
+    other: NDArray[np.float32]
+
+    @cached_property
+    def optics(self) -> ReflectingLayer:
+        """The layer for the kernels, with ones in place of its edited curve."""
+        if self.which < 0:
+            return self.layer.optics(folded=True)
+        optics = self.layer.optics()
+        ones = np.ones_like(optics.curve_b if self.which else optics.curve_a)
+        return optics._replace(curve_b=ones) if self.which else optics._replace(curve_a=ones)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        return self.own.shape[1], self.other.shape[1]
+
+    def reflect(
+        self, samples: SampleArrays, begin: int, end: int, weights: WeightArrays, edited: kernels.EditedLight,
+        out: NDArray[np.float32],
+    ) -> None:  # fmt: skip
+        kernels.reflect_by_mode(
+            samples, begin, end, self.optics, self.which, weights, edited, self.own, self.other, out
+        )
+
+    def reflect_photons(
+        self, samples: SampleArrays, begin: int, end: int, nearby: NearbyPhotons,
+        directions: NDArray[np.float32], gloss: EditedGloss, out: NDArray[np.float32],
+    ) -> None:  # fmt: skip
+        if self.which >= 0:
+            kernels.reflect_photons_by_mode(
+                samples, begin, end, self.optics, self.which, nearby, directions, gloss.positions, gloss.light,
+                self.own, self.other, out,
+            )  # fmt: skip
 
 
 def edited_gloss(

@@ -19,6 +19,8 @@ from engine.precompute.indirect._ray_kernels import NORMAL
 from engine.precompute.indirect._second_bounce_kernels import SampledLights
 from engine.precompute.indirect.edited_gloss import (
     EditedGloss,
+    EditedReceiver,
+    Receiver,
     choose_knots,
     choose_modes,
     edited_gloss,
@@ -39,12 +41,7 @@ from engine.precompute.indirect.photons import (
 )
 from engine.precompute.indirect.ray_budget import RayBudget
 from engine.precompute.indirect.record_maps import RecordReflectance
-from engine.precompute.indirect.reflection import (
-    EditedReceiver,
-    HemisphereSamples,
-    OutgoingRadiance,
-    Receiver,
-)
+from engine.precompute.indirect.reflection import HemisphereSamples, OutgoingRadiance
 from engine.precompute.indirect.second_bounce import (
     SecondBounceLight,
     glossy_tables,

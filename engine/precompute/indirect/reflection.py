@@ -26,10 +26,10 @@ from engine.core.threads import even_parts, n_threads, on_threads
 from engine.precompute.indirect import _edited_gloss_kernels as edited_kernels
 from engine.precompute.indirect import _reflection_kernels as kernels
 from engine.precompute.indirect import _second_bounce_kernels as second_kernels
-from engine.precompute.indirect._edited_gloss_kernels import EditedLight, Knots
+from engine.precompute.indirect._edited_gloss_kernels import EditedLight
 from engine.precompute.indirect._photon_kernels import reflect_photon_bands, reflect_photons
 from engine.precompute.indirect.direction_patterns import lobe_tables
-from engine.precompute.indirect.edited_gloss import EditedGloss, all_knots, knot_table
+from engine.precompute.indirect.edited_gloss import EditedGloss, Receiver, all_knots, knot_table
 from engine.precompute.indirect.gather import GatherSamples, SampleCounts, direction_tables, object_of_rows
 from engine.precompute.indirect.indirect_layers import LayerCurves
 from engine.precompute.indirect.photons import (
@@ -403,80 +403,6 @@ class HemisphereSamples:
             yield
         for weights in weights_of_layers:
             weights.complete()
-
-
-@dataclass(frozen=True, eq=False)
-class Receiver:
-    """A layer that reflects light of an edited curve, by K knots of its change, (3, K, p)."""
-
-    layer: LayerCurves
-    knots: Knots
-
-    @cached_property
-    def optics(self) -> kernels.ReflectingLayer:
-        """The layer for the kernels."""
-        return self.layer.optics(folded=True)
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        return (len(self.knots.at) - 1,)
-
-    def reflect(
-        self, samples: kernels.SampleArrays, begin: int, end: int, weights: kernels.WeightArrays, edited: EditedLight,
-        out: NDArray[np.float32],
-    ) -> None:  # fmt: skip
-        """Adds what points [begin, end) reflect along their rays to out (3, ..., end - begin)."""
-        edited_kernels.reflect_by_knot(samples, begin, end, self.optics, weights, edited, self.knots, out)
-
-    def reflect_photons(
-        self, samples: kernels.SampleArrays, begin: int, end: int, nearby: NearbyPhotons,
-        directions: NDArray[np.float32], gloss: EditedGloss, out: NDArray[np.float32],
-    ) -> None:  # fmt: skip
-        """Adds what they reflect of photons."""
-        edited_kernels.reflect_photons_by_knot(
-            samples, begin, end, self.optics, nearby, directions, gloss.positions, gloss.light, self.knots, out
-        )
-
-
-@dataclass(frozen=True, eq=False)
-class EditedReceiver(Receiver):
-    """A layer whose curve number `which` is edited as well; −1: light that met the edited curve twice. By modes of both
-    changes, own (J', R) and other (J, K), (3, R, K, p). `knots` are not used."""
-
-    which: int
-    own: NDArray[np.float32]
-    other: NDArray[np.float32]
-
-    @cached_property
-    def optics(self) -> kernels.ReflectingLayer:
-        """The layer for the kernels, with ones in place of its edited curve."""
-        if self.which < 0:
-            return self.layer.optics(folded=True)
-        optics = self.layer.optics()
-        ones = np.ones_like(optics.curve_b if self.which else optics.curve_a)
-        return optics._replace(curve_b=ones) if self.which else optics._replace(curve_a=ones)
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        return self.own.shape[1], self.other.shape[1]
-
-    def reflect(
-        self, samples: kernels.SampleArrays, begin: int, end: int, weights: kernels.WeightArrays, edited: EditedLight,
-        out: NDArray[np.float32],
-    ) -> None:  # fmt: skip
-        edited_kernels.reflect_by_mode(
-            samples, begin, end, self.optics, self.which, weights, edited, self.own, self.other, out
-        )
-
-    def reflect_photons(
-        self, samples: kernels.SampleArrays, begin: int, end: int, nearby: NearbyPhotons,
-        directions: NDArray[np.float32], gloss: EditedGloss, out: NDArray[np.float32],
-    ) -> None:  # fmt: skip
-        if self.which >= 0:
-            edited_kernels.reflect_photons_by_mode(
-                samples, begin, end, self.optics, self.which, nearby, directions, gloss.positions, gloss.light,
-                self.own, self.other, out,
-            )  # fmt: skip
 
 
 def _weights_key(optics: kernels.ReflectingLayer) -> tuple[int, bytes]:
