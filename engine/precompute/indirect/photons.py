@@ -119,13 +119,13 @@ class PhotonSource:
         cumulative = np.cumsum(area[begin:end])
         per_area = np.zeros(len(mine), np.float32)
         per_area[o] = n_photons / mine[o]
-        numbers = _numbers(n_photons, o)
-        # Stratified positions by area.
-        places = (np.arange(n_photons) + 0.5) / n_photons * cumulative[-1]
-        triangles = (begin + np.minimum(np.searchsorted(cumulative, places), end - begin - 1)).astype(np.int32)
 
-        def chunk(i: int) -> Photons:
-            return self._chunk(hits, triangles[i : i + CHUNK], numbers[i : i + CHUNK], per_area)
+        def chunk(first: int) -> Photons:
+            nth = np.arange(first, min(first + CHUNK, n_photons))
+            # Stratified positions by area.
+            places = (nth + 0.5) / n_photons * cumulative[-1]
+            triangles = (begin + np.minimum(np.searchsorted(cumulative, places), end - begin - 1)).astype(np.int32)
+            return self._chunk(hits, triangles, _numbers(nth, o), per_area)
 
         return _joined(on_threads(chunk, range(0, n_photons, CHUNK)), per_area)
 
@@ -186,13 +186,14 @@ def _areas(scene: Scene) -> NDArray[np.float64]:
     return np.asarray(np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2.0)
 
 
-def _numbers(n: int, seed: int) -> NDArray[np.float64]:
-    """n low-discrepancy points in seven dimensions, (n, 7): multiples of the powers of a root, modulo 1 [Roberts18]."""
+def _numbers(nth: NDArray[np.integer], seed: int) -> NDArray[np.float64]:
+    """The nth (n,) of low-discrepancy points in seven dimensions, (n, 7): multiples of the powers of a root, modulo 1
+    [Roberts18]."""
     root = 2.0
     for _ in range(64):
         root = (1.0 + root) ** (1.0 / 8.0)  # x⁸ = x + 1
     shift = np.random.default_rng((_SEED, seed)).random(7)
-    return np.asarray((shift + np.arange(n)[:, None] * root ** -np.arange(1.0, 8.0)) % 1.0)
+    return np.asarray((shift + nth[:, None] * root ** -np.arange(1.0, 8.0)) % 1.0)
 
 
 def _joined(parts: Sequence[Photons], per_area: NDArray[np.float32]) -> Photons:

@@ -215,14 +215,15 @@ class Refinement:
         return self.lattice.refine(self._light, self._noise, self._clearance)
 
     def extra_sets(
-        self, rows: NDArray[np.int32], footprint: Footprint, most: float
+        self, rows: NDArray[np.int32], footprint: Footprint, most: float, scale: float = 1.0
     ) -> tuple[NDArray[np.int32], NDArray[np.uint8]]:
         """The extra sample sets (q,) of noisy gather points that the picture shows: the row of each, and its number at
-        that row. rows (p,): of all gather points, which were measured; most: on average per point."""
+        that row. rows (p,): of all gather points, which were measured; most: on average per point; scale: see
+        `extra_sample_sets`."""
         numbers, weights = footprint
         # The squared weight with which each gather point contributes to the picture: its share of the variance.
         shown = np.bincount(numbers.ravel(), weights.ravel() ** 2, len(rows)).astype(np.float64)
         hits, alike = self.lattice.hits, self.lattice.least_alike
-        n = extra_sample_sets(hits, rows, alike, self._light[rows], self._noise[rows], shown, most)
+        n = extra_sample_sets(hits, rows, alike, self._light[rows], self._noise[rows], shown, most, scale)
         nth = np.arange(1, n.sum() + 1) - np.repeat(np.cumsum(n) - n, n)
         return np.repeat(rows, n), nth.astype(np.uint8)

@@ -23,7 +23,8 @@ class SamplingSettings:
     max_extra_sets: extra sample sets per gather point on average, where the first ones are noisy; n_photons from glossy
     surfaces; n_cache_records: the number to aim at; n_record_rays: rays between records, per record; n_samples: samples
     of each kind of light, per record; adaptive: refine the lattice of gather points, else every eighth pixel; close:
-    refine down to single pixels beside edges and contacts, which doubles the memory and freezing time of an editor.
+    refine down to single pixels beside edges and contacts, which doubles the memory and freezing time of an editor;
+    gloss_noise: the noise for which points that see glossy surfaces get extra sample sets, relative to that of others.
     """
 
     name: str
@@ -36,6 +37,7 @@ class SamplingSettings:
     n_samples: int
     adaptive: bool
     close: bool = False
+    gloss_noise: float = 1.0
 
     def with_rays(self, n_rays: int) -> SamplingSettings:
         """The same with n_rays per sample set, a power of two; 0 for no change. With fewer rays, the rays between
@@ -49,7 +51,7 @@ class SamplingSettings:
 
 ROUGH = SamplingSettings("rough", 128, 0, 32, 1 << 15, 4000, 64, 64, False)
 FINE = SamplingSettings("fine", 512, 1, 96, 1 << 19, 24000, 64, 128, True)
-STILL = SamplingSettings("still", 1024, 1, 1024, 1 << 20, 16000, 64, 128, True, True)
+STILL = SamplingSettings("still", 1024, 1, 1024, 1 << 22, 16000, 64, 128, True, True, 0.4)
 
 
 @dataclass(frozen=True)

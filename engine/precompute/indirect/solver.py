@@ -191,14 +191,14 @@ class Solver:
                 break
             yield from attempt.trace(lattice.missing_rows(), None, span)
         # Extra sample sets, by the noise with the directional reflection of glossy surfaces.
-        found = lattice.footprint()
+        found, scale = lattice.footprint(), 1.0
         if attempt.has_glossy_hits and self._most.max_extra_sets:
             light = self._rough_radiance(attempt, rough, layers)
-            measured = refinement.measure_under(light, attempt.points)
+            measured, scale = refinement.measure_under(light, attempt.points), self._most.gloss_noise
             yield from at_fraction(measured, REFINED, "tracing gather points")
         # Records keep their sample positions: the extra rays come from noisy points, and would bias them towards
         # bright ones.
-        rows, nth = refinement.extra_sets(attempt.samples.rows, found, self._most.max_extra_sets)
+        rows, nth = refinement.extra_sets(attempt.samples.rows, found, self._most.max_extra_sets, scale)
         if not len(rows):
             return found, REFINED
         span = extra_sets_span(len(rows) / len(attempt.samples.rows))

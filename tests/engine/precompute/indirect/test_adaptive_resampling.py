@@ -43,15 +43,19 @@ SLIT.append({"name": "lamp", "primitive": "cube", "emission": [200.0] * 3, "tran
 HELD_AGAINST = 1.25
 
 
-def asked(noise: np.ndarray | float, shown: np.ndarray | float = 1.0, most: float = ALL) -> np.ndarray:
+def asked(
+    noise: np.ndarray | float, shown: np.ndarray | float = 1.0, most: float = ALL, scale: float = 1.0
+) -> np.ndarray:
     """Where there is light of 1 and this noise, relative to what it is held against."""
     even = np.repeat(np.broadcast_to(np.float32(noise * HELD_AGAINST), len(ROWS))[:, None], 3, axis=1)
-    return extra_sample_sets(HITS, ROWS, ALIKE, np.ones_like(even), even, np.broadcast_to(shown, len(ROWS)), most)
+    shown = np.broadcast_to(shown, len(ROWS))
+    return extra_sample_sets(HITS, ROWS, ALIKE, np.ones_like(even), even, shown, most, scale)
 
 
 def test_points_ask_by_their_noise() -> None:
     for noise, n in ((0.0, 0), (0.95 * NOISY, 0), (1.05 * NOISY, 1), (0.95 * VERY_NOISY, 1), (1.05 * VERY_NOISY, ALL)):
         assert (asked(noise) == n).all()
+        assert (asked(0.4 * noise, scale=0.4) == n).all()
 
 
 def test_surfaces_ask_for_themselves_and_only_where_the_picture_shows_them() -> None:
