@@ -141,3 +141,17 @@ def test_other_modes_have_the_lines_that_they_carry_out(
 
 def computed(client: StandInClient) -> list[ComputeTransport]:
     return [request for request in client.requests if isinstance(request, ComputeTransport)]
+
+
+def test_the_plan_tells_what_of_a_gloss_follows_a_drag() -> None:
+    from app.document.document import Document
+
+    view = SetView.of(n_bounces=3).apply(ViewState())
+    followed = "light that the selected curve sends on to 2 layers follows it during a drag, 1.5 MB"
+    for n_knots, reason, value in ((24, followed, "24 knots"), (0, "too little light", "none"), (0, "", None)):
+        status = PlacementStatus(gloss_knots=n_knots, plan_reasons={"gloss": reason})
+        lines = {line.line: line for line in plan_table(Document("scene"), view, status)}
+        if value is None:
+            assert "gloss" not in lines
+        else:
+            assert (lines["gloss"].value, lines["gloss"].reason) == (value, reason)

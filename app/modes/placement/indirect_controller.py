@@ -29,6 +29,7 @@ from app.modes.placement.placement_messages import (
     IndirectRelit,
 )
 from app.modes.reconciler import Reconciler
+from engine.precompute.indirect.frozen_light import FrozenGloss
 
 FREEZE_PATIENCE = 5.0
 IDLE_SECONDS = 0.25
@@ -106,6 +107,11 @@ class IndirectController:
     def awaits_relit(self, revision: int) -> bool:
         """Whether indirect light follows a drag, and has not yet come for the light of the transport of that number."""
         return self._relit is not None and self._relit.revision != revision
+
+    @property
+    def sent_on(self) -> tuple[FrozenGloss, ...]:
+        """What is stored of the light that the edited curves send on, of the freezing that is drawn."""
+        return () if self._used is None or self._n_bounces <= 1 else self._used.frozen.light.gloss
 
     @property
     def noise(self) -> float | None:

@@ -343,7 +343,11 @@ class PlacementController(ModeController):
             "planned_bands": self.curves.all_planned(self._document),
         }
         return PlacementStatus(
-            **(vars(status) | said | self._report.status(controller.revision, view.settings.n_bounces, fine))
+            **(
+                vars(status)
+                | said
+                | self._report.status(controller.revision, view.settings.n_bounces, fine, self.indirect.sent_on)
+            )
         )
 
     @property

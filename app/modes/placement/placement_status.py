@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from app.document.document import LightState
 from app.messages.editor_status import Status
 from app.modes.placement.placement_messages import BouncesPlanned, IndirectFound, LightPlanned, StageDone
 from app.modes.placement.transport_controller import TransportController
+from engine.precompute.indirect.frozen_light import FrozenGloss
 from engine.render.picture_error import NONE, percent
 from engine.settings import Precision
 
@@ -31,7 +32,8 @@ class PlacementStatus(Status):
     ``needed_lights`` and ``needed_patches`` what the worker found to be enough of those requested (0: it did not look),
     ``found_rays`` those of the hemisphere samples of the indirect light that is there (0: none is), ``plan_reasons``
     why, by line. ``spent_seconds`` of processor time the picture has taken since its last change, None while it is
-    being computed.
+    being computed. ``gloss_knots`` of the selected curve follow it at the second bounce, 0 where its light there is
+    not stored.
     """
 
     shown_coefficients: int = 0
@@ -48,6 +50,7 @@ class PlacementStatus(Status):
     found_rays: int = 0
     plan_reasons: Mapping[str, str] = field(default_factory=dict)
     spent_seconds: float | None = None
+    gloss_knots: int = 0
 
 
 @dataclass(frozen=True)
@@ -100,9 +103,11 @@ class PlacementReport:
         """Note the memory that is held for transport; 0 where a response does not tell."""
         self._transport_bytes = transport_bytes or self._transport_bytes
 
-    def status(self, revision: int, n_bounces: int, fine: IndirectFound | None) -> dict[str, object]:
+    def status(
+        self, revision: int, n_bounces: int, fine: IndirectFound | None, gloss: Sequence[FrozenGloss]
+    ) -> dict[str, object]:
         """The fields of the status that were reported. revision: of the transport requested last; n_bounces: those of
-        the view; fine: the fine indirect light under that transport."""
+        the view; fine: the fine indirect light under that transport; gloss: what follows edited curves."""
         bounces, render = self._bounces, self.render
         lights = self._lights if self._lights is not None and self._lights.revision == revision else LightPlanned(0, 0)
         done = self._done if self._done is not None and self._done.revision == revision else None
@@ -119,9 +124,22 @@ class PlacementReport:
                 **dict(lights.reasons),
                 "bounces": "" if bounces is None else bounces.reason,
                 "rays": "" if fine is None else fine.reason,
+                "gloss": gloss_reason(gloss),
             },
+            "gloss_knots": max((len(each.knots) for each in gloss if each.by_layer), default=0),
             "spent_seconds": None if done is None else done.spent_seconds,
         }
+
+
+def gloss_reason(gloss: Sequence[FrozenGloss]) -> str:
+    """Why so much is stored of the light that edited curves send on, for the plan; empty where they send none on."""
+    if not gloss:
+        return ""
+    n_layers = len({layer for each in gloss for layer in each.by_layer})
+    if not n_layers:
+        return "the selected curve sends too little light on to follow it during a drag"
+    megabytes = sum(each.n_bytes for each in gloss) / 1e6
+    return f"light that the selected curve sends on to {n_layers} layers follows it during a drag, {megabytes:.1f} MB"
 
 
 def error_note(curve_error: float | None, noise: float | None) -> str:

@@ -60,9 +60,8 @@ class FrozenProducts:
 class FrozenGloss:
     """Light of an edited curve at the second bounce by its change. curve: which; tint (3,); frozen (J, 3): f_q f when
     frozen, without the tint; knots (K,): bands; effect (J, 3): the mean light of all points, times their f_q, per
-    unit of each band;
-    modes: K' of its changes; by receiving layer: by_layer (3, K, p); pairs (3, K', K', p): light that met the curve
-    twice; products: where the layer's own curve is edited."""
+    unit of each band; modes: K' of its changes; by receiving layer, where there is enough of it: by_layer (3, K, p);
+    pairs (3, K', K', p): light that met the curve twice; products: where the layer's own curve is edited."""
 
     curve: SelectedCurve
     tint: Float64Array
@@ -78,9 +77,17 @@ class FrozenGloss:
         """δ (J, 3), the tint included."""
         return self.tint * (edit.sent[self.curve.layer] - self.frozen)
 
+    @property
+    def n_bytes(self) -> int:
+        """Memory of the sums that follow the curve."""
+        arrays = [*self.by_layer.values(), *self.pairs.values(), *(each.light for each in self.products.values())]
+        return sum(array.nbytes for array in arrays)
+
     def unrepresented(self, edit: LightEdit) -> float:
-        """The mean light of the part of the change that the knots leave out."""
+        """The mean light of the part of the change that the knots leave out: all of it where nothing is stored."""
         change = self.change(edit)
+        if not self.by_layer:
+            return float(np.sum(np.abs(change) * self.effect))
         bands = np.arange(len(change))
         found = np.stack([np.interp(bands, self.knots, change[self.knots, c]) for c in range(3)], axis=1)
         return float(np.sum(np.abs(change - found) * self.effect))
@@ -112,11 +119,8 @@ class FrozenLight:
 
     @property
     def n_bytes(self) -> int:
-        arrays = [*self.reflected.values(), *self.bands.values()]
-        for each in self.gloss:
-            arrays += [*each.by_layer.values(), *each.pairs.values()]
-            arrays += [products.light for products in each.products.values()]
-        return sum(array.nbytes for array in arrays)
+        whole = sum(array.nbytes for array in (*self.reflected.values(), *self.bands.values()))
+        return whole + sum(each.n_bytes for each in self.gloss)
 
     def dependence(self, layer: int, edit: LightEdit) -> bytes:
         """Identifies the radiance of a layer after an edit."""

@@ -294,6 +294,15 @@ class IndirectLight:
         return unscaled(np.einsum("pk,pkc->pc", weights, found[rows]), self.unit)
 
 
+# Light of an edited curve at the second bounce that is stored, relative to all that other layers reflect.
+LEAST_EFFECT = 1e-4
+
+
+def _mean_light(layers: Sequence[IndirectLayer], reflected: Mapping[int, NDArray[np.float32]]) -> float:
+    """The light that layers reflect, times their f_q, summed over all points; as if the edited object were black."""
+    return sum(float(part[:, 0].sum(axis=1, dtype=np.float64) @ layers[i].gain) for i, part in reflected.items())
+
+
 Freezing = Generator[None, None, FrozenLight]
 
 
@@ -365,17 +374,17 @@ class GatherPolynomial:
             for i in own:
                 if i in factors:
                     bands[i] = yield from samples.by_band(layers[i].curves, factors[i], light)
-        gloss = []
+        gloss, least = [], LEAST_EFFECT * _mean_light(layers, reflected)
         for each in self._light.edited_gloss(layers, edited, curves):
-            gloss.append((yield from self._frozen_gloss(layers, curves, light, each, bands)))
+            gloss.append((yield from self._frozen_gloss(layers, curves, light, each, bands, least)))
         return FrozenLight(reflected, bands, tuple(gloss))
 
     def _frozen_gloss(
         self, layers: Sequence[IndirectLayer], curves: Sequence[SelectedCurve], light: OutgoingRadiance,
-        gloss: EditedGloss, bands: Mapping[int, NDArray[np.float32]],
+        gloss: EditedGloss, bands: Mapping[int, NDArray[np.float32]], least: float,
     ) -> Generator[None, None, FrozenGloss]:  # fmt: skip
         """What an edited curve changes at the second bounce, for each layer that its light reaches. bands: F of the
-        edited layers."""
+        edited layers; least: the light of that curve, summed over all points, for which anything is stored."""
         found = [(samples, own, *samples.receives(gloss, light)) for samples, own in self._all_samples(layers)]
         reached = [(samples, own, twice) for samples, own, once, twice in found if once]
         effect = np.zeros((gloss.n_bands, 3))
@@ -387,6 +396,8 @@ class GatherPolynomial:
         knots, modes = choose_knots(total, gloss.frozen), choose_modes(total, gloss.frozen)
         n_points = max(len(self._light.points.samples.points), 1)
         frozen = FrozenGloss(gloss.curve, gloss.tint, gloss.frozen, knots, effect / n_points, modes)
+        if float(np.sum(np.abs(gloss.tint * gloss.frozen) * effect)) < least:
+            return frozen
         factors, table = {curve.layer: curve.factor for curve in curves}, knot_table(knots, gloss.n_bands)
         for samples, own, twice in reached:
             plain = yield from samples.of_edited([Receiver(layers[i].curves, table) for i in own], light, gloss)

@@ -192,6 +192,15 @@ def test_few_knots_are_as_near_as_they_say(corner: IndirectLight) -> None:
     assert gloss.departure(LightEdit(np.ones(3), {}, {1: 2.0 * sent})) == pytest.approx(1.0)
 
 
+def test_too_little_light_is_not_stored(corner: IndirectLight) -> None:
+    dim = replace(LAYERS[1], gain=LAYERS[1].gain * 1e-6, albedo=LAYERS[1].albedo * 1e-6)
+    [gloss] = run_to_end(GatherPolynomial(corner).freeze([LAYERS[0], dim, *LAYERS[2:]], 1, [GLOSS])).gloss
+    assert not gloss.by_layer and gloss.n_bytes == 0
+    # What an edit of it would change is told all the same.
+    brighter = LightEdit(np.ones(3), {}, {1: 1e6 * gloss.frozen})
+    assert gloss.unrepresented(brighter) > 0.0 and gloss.departure(brighter) == pytest.approx(1e6, rel=1e-5)
+
+
 # --------------------------------------------------------------------------------------------------- knots and modes
 
 
