@@ -15,7 +15,7 @@ Squared differences are therefore averaged over neighbours on the same surface f
 compared with. Samples are only added: redistributing the same number of rays by noise gained nothing in built-in rooms
 (a stairwell 1.72 to 1.74 %, `ajar` 4.20 to 4.15 %) and lost on a tea tray (2.58 to 2.84 %), whose gloss the first pass
 omits. A still asks for less noise in gloss: with 0.4 of it and four times the photons the reference tea tray is 1.48 %
-off for 1.65, in 1.44 times the processor time. In a room lit only through a slit of 6 cm, twice the rays reduce an
+off for 1.65, in 1.4 to 2 times the processor time. In a room lit only through a slit of 6 cm, twice the rays reduce an
 error of 14 % to 10 %, four times to 7 %.
 """
 
