@@ -30,21 +30,23 @@ class Knots(NamedTuple):
 class EditedLight(NamedTuple):
     """Light of an edited curve along n stored rays: start (p + 1,) of each point's range, ray (n,) within the sample
     set; for up to three reflections, positions (n', 3) on the curve in bands and light (n', 3, 3) divided by the curve;
-    pairs (n', 3): light that meets the curve at the second and at the third vertex, divided by both. The last three
-    begin with number `base`."""
+    pairs (n', 3): light that meets the curve at the second and at the third vertex, divided by both; factor (n', 3) on
+    the radiosity of the record `beyond` (n,), divided by the curve. Those of n' begin with number `base`."""
 
     start: np.ndarray
     ray: np.ndarray
     positions: np.ndarray
     light: np.ndarray
     pairs: np.ndarray
+    factor: np.ndarray
+    beyond: np.ndarray
     base: int
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def edited_light(paths, begin, end, o, layer, of_a, sent, first, bright, positions, light, pairs):
-    """Writes positions (n, 3), light (n, 3, 3) and pairs (n, 3), see `EditedLight`, of the stored rays of points
-    [begin, end).
+def edited_light(paths, begin, end, o, layer, of_a, sent, first, bright, positions, light, pairs, factor):
+    """Writes positions (n, 3), light (n, 3, 3), pairs and factor (n, 3), see `EditedLight`, of the stored rays of
+    points [begin, end).
 
     o, layer, of_a: the object, its glossy layer and which of its curves; sent: of `second_bounce_light` from ray number
     `first` on, under the curves as they are; bright (C, 3): radiosity of the records that reaches o. Where a path meets
@@ -56,7 +58,7 @@ def edited_light(paths, begin, end, o, layer, of_a, sent, first, bright, positio
     for i in range(begin, end):
         for e in range(records.start[i], records.start[i + 1]):
             n, at, beyond = e - first, e - base, records.beyond[e]
-            light[at], positions[at], pairs[at] = ZERO, ZERO, ZERO
+            light[at], positions[at], pairs[at], factor[at] = ZERO, ZERO, ZERO, ZERO
             own = paths.objects[samples.records[i, records.ray[e]]] == o
             own_3 = records.light_3[e] != NO_LIGHT and paths.objects[beyond] == o
             if not own and not own_3:
@@ -72,12 +74,12 @@ def edited_light(paths, begin, end, o, layer, of_a, sent, first, bright, positio
                 )  # fmt: skip
                 for c in range(3):
                     if v == 1:
-                        pairs[at, c] = light[at, 1, c]
+                        factor[at, c] = light[at, 1, c]
                         light[at, 1, c] *= bright[beyond, c] + sent[n, 2, c]
                     else:
                         light[at, v, c] *= light_colour(paths.all_lights, numbers[v, 2], c)
             for c in range(3):
-                pairs[at, c] *= light[at, 2, c]
+                pairs[at, c] = factor[at, c] * light[at, 2, c]
                 light[at, 2, c] *= sent[n, 1, c]
 
 
@@ -251,6 +253,31 @@ def reflect_by_mode(samples, begin, end, optics, which, stored_weights, edited, 
                 if _is_lit(light):
                     _modes_at(modes, edited.positions[n, v], own)
                     _add_to_modes(at_first, own, a * light[0], b * light[1], c * light[2], total)
+        _add_modes(total, out, i - begin)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def reflect_by_power(samples, begin, end, optics, stored_weights, edited, radiosity, modes, out):
+    """Adds the radiance that points [begin, end) reflect of radiosity (C, N, 3) that an edited curve sends on, by power
+    of the edited object's albedo and by modes (J, K) of the curve's change, to out (3, N, K, end - begin)."""
+    n_angles = 0 if optics.kind_a == CONSTANT else stored_weights.angles.shape[0]
+    total, own = np.empty((radiosity.shape[1], modes.shape[1], 3), np.float32), np.empty(modes.shape[1], np.float32)
+    for i in range(begin, end):
+        total[:] = ZERO
+        for e in range(edited.start[i], edited.start[i + 1]):
+            n, m, at = e - edited.base, edited.ray[e], i - stored_weights.base
+            factor = edited.factor[n]
+            if stored_weights.roots[at, m] == 0 or not _is_lit(factor):
+                continue
+            a, b, c = _ray_value(stored_weights, at, m, optics, n_angles)
+            a, b, c = a * factor[0], b * factor[1], c * factor[2]
+            _modes_at(modes, edited.positions[n, 1], own)
+            for power in range(radiosity.shape[1]):
+                light = radiosity[edited.beyond[e], power]
+                for k in range(modes.shape[1]):
+                    total[power, k, 0] += own[k] * a * light[0]
+                    total[power, k, 1] += own[k] * b * light[1]
+                    total[power, k, 2] += own[k] * c * light[2]
         _add_modes(total, out, i - begin)
 
 

@@ -16,13 +16,14 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.core.clamping import clamp_radiance
+from engine.core.threads import even_parts, on_threads
 from engine.precompute.indirect import _edited_gloss_kernels as kernels
-from engine.precompute.indirect._gloss_kernels import GlossyLayers
 from engine.precompute.indirect._reflection_kernels import ReflectingLayer, SampleArrays, WeightArrays
 from engine.precompute.indirect.frozen_light import Modes, SelectedCurve
 from engine.precompute.indirect.indirect_layers import IndirectLayer, LayerCurves, is_glossy
-from engine.precompute.indirect.photons import NearbyPhotons, Photons
-from engine.precompute.indirect.second_bounce import glossy_order
+from engine.precompute.indirect.photons import NearbyPhotons, Photons, slice_photons
+from engine.precompute.indirect.second_bounce import SecondBounceLight, glossy_order
 
 Float32Array = NDArray[np.float32]
 Float64Array = NDArray[np.float64]
@@ -36,14 +37,17 @@ _N_SHOULDERS, _SHOULDER = 8, 0.2
 @dataclass(frozen=True, eq=False)
 class EditedGloss:
     """An edited curve of a glossy layer. curve: which; i_object, its object; i_glossy: its number among the glossy
-    layers; frozen (J, 3): f_q⁰ f_e⁰, with the layer's tint; bright (C, 3): radiosity of the records that reaches it;
-    positions (n,) and light (n, 3) of the photons, see `photon_light`."""
+    layers; frozen (J, 3): f_q⁰ f_e⁰, without the layer's tint (3,); albedo (3,): d⁰ of the object; radiosity (C, N,
+    3) of the records that reaches it, by powers of d, and bright (C, 3), its sum; positions (n,) and light (n, 3): of
+    photons, see `photon_light`."""
 
     curve: SelectedCurve
     i_object: int
     i_glossy: int
     frozen: Float64Array
     tint: Float64Array
+    albedo: Float64Array
+    radiosity: Float32Array
     bright: Float32Array
     positions: Float32Array
     light: Float32Array
@@ -127,20 +131,56 @@ class EditedReceiver(Receiver):
             )  # fmt: skip
 
 
+@dataclass(frozen=True, eq=False)
+class PowerReceiver(Receiver):
+    """A layer that reflects radiosity (C, N, 3) that an edited curve sends on, by power and by modes (J, K) of its
+    change, (3, N, K, p). `knots` are not used."""
+
+    radiosity: Float32Array
+    modes: Float32Array
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        return self.radiosity.shape[1], self.modes.shape[1]
+
+    def reflect(
+        self, samples: SampleArrays, begin: int, end: int, weights: WeightArrays, edited: kernels.EditedLight,
+        out: NDArray[np.float32],
+    ) -> None:  # fmt: skip
+        kernels.reflect_by_power(samples, begin, end, self.optics, weights, edited, self.radiosity, self.modes, out)
+
+    def reflect_photons(
+        self, samples: SampleArrays, begin: int, end: int, nearby: NearbyPhotons,
+        directions: NDArray[np.float32], gloss: EditedGloss, out: NDArray[np.float32],
+    ) -> None:  # fmt: skip
+        """Photons carry none of it."""
+
+
 def edited_gloss(
-    layers: Sequence[IndirectLayer], curve: SelectedCurve, tables: GlossyLayers, bright: Float32Array, photons: Photons
-) -> EditedGloss | None:
-    """What an edit of this curve changes at the second bounce; None for a diffuse layer."""
+    layers: Sequence[IndirectLayer], curve: SelectedCurve, second: SecondBounceLight, albedo: Float64Array,
+    photons: Photons,
+) -> EditedGloss | None:  # fmt: skip
+    """What an edit of this curve changes at the second bounce; None for a diffuse layer. second: the light there under
+    the curves as they are; albedo (3,): of the edited object."""
     layer = layers[curve.layer]
     if not is_glossy(layer):
         return None
     i_glossy = glossy_order(layers).index(curve.layer)
     positions, light = np.empty(len(photons.sources), np.float32), np.empty((len(photons.sources), 3), np.float32)
-    kernels.photon_light(photons, tables, layer.i_object, i_glossy, curve.factor == 0, positions, light)
+
+    def find(begin: int, end: int) -> None:
+        some = slice_photons(photons, begin, end)
+        kernels.photon_light(
+            some, second.layers, layer.i_object, i_glossy, curve.factor == 0, positions[begin:end], light[begin:end]
+        )
+
+    on_threads(find, *even_parts(len(light)))
+    beyond = np.ascontiguousarray(second.radiosity[0, ..., :3])
+    bright = clamp_radiance(np.einsum("cnk,nk->ck", beyond, albedo ** np.arange(beyond.shape[1])[:, None]))
     tint = np.asarray(layer.second_curves.tint, np.float64)
     return EditedGloss(
-        curve, layer.i_object, i_glossy, layer.gain * layer.second_curves.curves[curve.factor], tint, bright, positions,
-        light,
+        curve, layer.i_object, i_glossy, layer.gain * layer.second_curves.curves[curve.factor], tint, albedo, beyond,
+        bright, positions, light,
     )  # fmt: skip
 
 
@@ -190,9 +230,9 @@ def choose_knots(effect: NDArray[np.floating], curve: NDArray[np.floating], most
     n, probes = len(curve), _probes(curve)
     bands = np.arange(n)
     # Relative to each probe's light; an even share keeps bands that no probe bends.
-    norms = np.maximum(np.abs(probes) @ effect, 1e-30)
-    weight = effect / max(float(effect.sum()), 1e-30) + 1e-3 / n
-    scaled = probes * (max(float(effect.sum()), 1e-30) / norms)[:, None]
+    whole = max(float(effect.sum()), 1e-30)
+    weight = effect / whole + 1e-3 / n
+    scaled = probes * (whole / np.maximum(np.abs(probes) @ effect, 1e-30))[:, None]
 
     def missed(left: int, right: int) -> float:
         """The error where all bands between two knots are interpolated."""
@@ -202,7 +242,7 @@ def choose_knots(effect: NDArray[np.floating], curve: NDArray[np.floating], most
         return float(np.sum(np.abs(found - scaled[:, inner]) @ weight[inner]))
 
     knots = bands.tolist()
-    costs = [np.inf, *(missed(i - 1, i + 1) - 0.0 for i in range(1, n - 1)), np.inf][:n]
+    costs = [np.inf, *(missed(i - 1, i + 1) for i in range(1, n - 1)), np.inf][:n]
     while len(knots) > most:
         i = int(np.argmin(costs))
         del knots[i], costs[i]

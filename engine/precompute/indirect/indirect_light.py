@@ -20,6 +20,7 @@ from engine.precompute.indirect._second_bounce_kernels import SampledLights
 from engine.precompute.indirect.edited_gloss import (
     EditedGloss,
     EditedReceiver,
+    PowerReceiver,
     Receiver,
     choose_knots,
     choose_modes,
@@ -251,21 +252,6 @@ class IndirectLight:
             beyond[own, 1] += (factor - share) * direct
         return clamp_radiance(diffuse), clamp_radiance(beyond)
 
-    def edited_gloss(
-        self, layers: Sequence[IndirectLayer], edited: int, curves: Sequence[SelectedCurve]
-    ) -> list[EditedGloss]:
-        """The curves among these that reflect light at the second bounce, with the light that reaches them."""
-        if not self.points.glossy:
-            return []
-        reflectance = self._reflectance(layers)
-        radiosities = self._radiosities(layers, reflectance, edited)
-        _, beyond = self._diffuse_radiosities(radiosities, layers, reflectance, edited, curves)
-        powers = albedos_of(layers, len(self.points.lobe_axes))[edited] ** np.arange(beyond.shape[1])[:, None]
-        bright = clamp_radiance(np.einsum("cnk,nk->ck", beyond, powers))
-        tables = glossy_tables(layers, self.points.lobe_axes, self.points.axes, reflectance)
-        found = (edited_gloss(layers, curve, tables, bright, self.points.photons) for curve in curves)
-        return [each for each in found if each is not None]
-
     def at_points(self, layers: Sequence[IndirectLayer], half: int | None = None) -> NDArray[np.float32]:
         """Indirect radiance (p, 3) of all gather points; half: 0 or 1 for one half of the rays."""
         return unscaled(run_to_end(self.points.reflect(layers, self.outgoing_radiance(layers), half)), self.unit)
@@ -375,9 +361,20 @@ class GatherPolynomial:
                 if i in factors:
                     bands[i] = yield from samples.by_band(layers[i].curves, factors[i], light)
         gloss, least = [], LEAST_EFFECT * _mean_light(layers, reflected)
-        for each in self._light.edited_gloss(layers, edited, curves):
+        for each in self._edited_gloss(layers, edited, curves, light):
             gloss.append((yield from self._frozen_gloss(layers, curves, light, each, bands, least)))
         return FrozenLight(reflected, bands, tuple(gloss))
+
+    def _edited_gloss(
+        self, layers: Sequence[IndirectLayer], edited: int, curves: Sequence[SelectedCurve], light: OutgoingRadiance
+    ) -> list[EditedGloss]:
+        """The curves among these that reflect light at the second bounce, with the light that reaches them."""
+        points = self._light.points
+        if light.glossy is None or not curves:
+            return []
+        albedo = albedos_of(layers, len(points.lobe_axes))[edited]
+        found = [edited_gloss(layers, curve, light.glossy, albedo, points.photons) for curve in curves]
+        return [each for each in found if each is not None]
 
     def _frozen_gloss(
         self, layers: Sequence[IndirectLayer], curves: Sequence[SelectedCurve], light: OutgoingRadiance,
@@ -395,7 +392,7 @@ class GatherPolynomial:
         total = effect.sum(axis=1)
         knots, modes = choose_knots(total, gloss.frozen), choose_modes(total, gloss.frozen)
         n_points = max(len(self._light.points.samples.points), 1)
-        frozen = FrozenGloss(gloss.curve, gloss.tint, gloss.frozen, knots, effect / n_points, modes)
+        frozen = FrozenGloss(gloss.curve, gloss.tint, gloss.frozen, knots, effect / n_points, modes, gloss.albedo)
         if float(np.sum(np.abs(gloss.tint * gloss.frozen) * effect)) < least:
             return frozen
         factors, table = {curve.layer: curve.factor for curve in curves}, knot_table(knots, gloss.n_bands)
@@ -405,6 +402,10 @@ class GatherPolynomial:
             if twice:
                 pairs = [EditedReceiver(layers[i].curves, table, -1, modes.shapes, modes.shapes) for i in own]
                 frozen.pairs.update(zip(own, (yield from samples.of_edited(pairs, light, gloss)), strict=True))
+            if gloss.radiosity[:, 1:].any():
+                later = np.ascontiguousarray(gloss.radiosity[:, 1:])
+                powers = [PowerReceiver(layers[i].curves, table, later, modes.shapes) for i in own]
+                frozen.by_power.update(zip(own, (yield from samples.of_edited(powers, light, gloss)), strict=True))
             for i in (i for i in own if i in factors):
                 curve = layers[i].curves.curves[factors[i]]
                 met = np.abs(bands[i][:, :, 0]).sum(axis=(0, 2), dtype=np.float64)

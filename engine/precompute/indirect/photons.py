@@ -319,14 +319,18 @@ def slice_nearby(landed: NearbyPhotons, begin: int, end: int) -> NearbyPhotons:
     )  # fmt: skip
 
 
+def slice_photons(photons: Photons, begin: int, end: int) -> Photons:
+    """Photons [begin, end)."""
+    return Photons._make([*(each[begin:end] for each in photons[:-1]), photons.per_area])
+
+
 def photon_flux(photons: Photons, layers: GlossyLayers, edited: int, inverse: NDArray[np.float32]) -> PhotonFlux:
     """The flux of the photons. Photons from the object `edited` count as proportional to its albedo, whose reciprocal
     is `inverse`."""
     light = np.zeros((len(photons.objects), 3), np.float32)
 
     def power(begin: int, end: int) -> None:
-        some = Photons._make([*(each[begin:end] for each in photons[:-1]), photons.per_area])
-        kernels.photon_power(some, layers, light[begin:end])
+        kernels.photon_power(slice_photons(photons, begin, end), layers, light[begin:end])
 
     on_threads(power, *even_parts(len(light)))
     own = photons.sources == edited

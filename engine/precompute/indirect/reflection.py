@@ -157,12 +157,13 @@ class SecondBounceWeights:
         records, base = self._records, int(self._records.start[begin])
         sent, first = self._sent(begin, end, light, missing)
         n = int(records.start[end]) - base
-        positions, lit, pairs = (np.empty((n, *shape), np.float32) for shape in ((3,), (3, 3), (3,)))
+        shapes = (3,), (3, 3), (3,), (3,)
+        positions, lit, pairs, factor = (np.empty((n, *shape), np.float32) for shape in shapes)
         edited_kernels.edited_light(
             self.paths(light), begin, end, gloss.i_object, gloss.i_glossy, gloss.curve.factor == 0, sent, first,
-            gloss.bright, positions, lit, pairs,
+            gloss.bright, positions, lit, pairs, factor,
         )  # fmt: skip
-        return EditedLight(records.start, records.ray, positions, lit, pairs, base)
+        return EditedLight(records.start, records.ray, positions, lit, pairs, factor, records.beyond, base)
 
     def complete(self, light: SecondBounceLight, step: int) -> None:
         """Marks the parts of a step as computed under this light."""

@@ -422,7 +422,7 @@ def with_gloss(answer: IndirectFrozen, controller: StartedController) -> Indirec
     effect[0] = 1.0
     knots, modes = np.array([0, n - 1]), Modes(np.ones((n, 1), np.float32), np.zeros((1, n)))
     by_layer = {answer.keys.index("floor.0"): np.stack([np.array([[1.0, 1.0], [0.0, 0.0]], np.float32)] * 3)}
-    gloss = FrozenGloss(SelectedCurve(i_gloss, 0), np.ones(3), sent, knots, effect, modes, by_layer)
+    gloss = FrozenGloss(SelectedCurve(i_gloss, 0), np.ones(3), sent, knots, effect, modes, np.ones(3), by_layer)
     return replace(answer, light=replace(answer.light, gloss=(gloss,)))
 
 

@@ -146,7 +146,8 @@ def test_an_object_that_sees_itself_follows_the_products_of_its_curve(all_bands:
     assert_as_plain(light, frozen, after, edit_to(after, 0, curve), 2e-4)
 
 
-def test_light_that_meets_the_curve_twice_follows_it_to_second_order(all_bands: None) -> None:
+@pytest.mark.parametrize("n_bounces", [3, 4])
+def test_light_that_meets_the_curve_twice_follows_it_to_second_order(all_bands: None, n_bounces: int) -> None:
     # A hollow ball around a table: its light reaches that by two of its reflections.
     objects = [
         {"name": "table", "primitive": "quad", "transform": [0.8, 0, 0, 0, 0, 0, 0.8, 0.1, 0, -0.8, 0, 0, 0, 0, 0, 1]},
@@ -155,16 +156,19 @@ def test_light_that_meets_the_curve_twice_follows_it_to_second_order(all_bands: 
     ]
     layers = [matt(0, 0.5), indirect_layer(1, METAL, (N_BANDS, 8))]
     light = solve(
-        placement_of(objects, eye=(0.0, 0.8, 0.5), target=(0.0, 0.1, 0.0)), layers, 3, replace(QUICK, n_photons=0)
-    )
+        placement_of(objects, eye=(0.0, 0.8, 0.5), target=(0.0, 0.1, 0.0)), layers, n_bounces,
+        replace(QUICK, n_photons=0),
+    )  # fmt: skip
     curve = SelectedCurve(1, 0)
     frozen = run_to_end(GatherPolynomial(light).freeze(layers, 1, [curve]))
     [gloss] = frozen.gloss
-    assert gloss.pairs
-    # Change the curve at the second bounce alone: the receiver's own stays, and no product has three changes.
-    after = edited(layers, 1, 0, changes(6))
-    held = replace(after[1], curves=layers[1].curves, albedo=layers[1].albedo)
-    after = [layers[0], held]
+    assert gloss.pairs and bool(gloss.by_power) == (n_bounces > 3)
+    # Change the curve at the second bounce alone, and the albedo by which light is reflected later: the receiver's own
+    # curve stays, so that no product has three changes.
+    after = edited(layers, 1, 0, changes(6) if n_bounces == 3 else np.full((N_BANDS, 3), [1.6, 1.3, 0.5]))
+    held = replace(after[1], curves=layers[1].curves)
+    after = [layers[0], held if n_bounces > 3 else replace(held, albedo=layers[1].albedo)]
+    held = after[1]
     edit = replace(edit_to(after, 1, curve), sent={1: held.gain * held.second_curves.curves[0]})
     assert_as_plain(light, frozen, after, edit, 2e-3)
 
