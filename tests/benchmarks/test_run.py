@@ -43,6 +43,7 @@ EFFORT = Effort(
     orbit=None,
     deform=None,
     relight=None,
+    drags=None,
     turning=None,
     api_edits=None,
 )
