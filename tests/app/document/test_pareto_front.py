@@ -65,7 +65,7 @@ def test_a_larger_picture_takes_longer_where_pixels_are_computed_and_not_where_p
 
 
 def test_a_front_is_measured() -> None:
-    effort = FrontEffort(("cornell",), (), (24, 18), rays=(), lights=((20, 20, 128), (2000, 768, 0)))
+    effort = FrontEffort(("cornell",), (), (24, 18), rays=(), lights=((4, 2, 128), (2000, 768, 0)))
     told: list[str] = []
     stops = measure_front(effort, told.append)["placement"]
     assert len(told) == 2 and stops[-1].settings == (("n_lights", 2000), ("n_patches", 768), ("n_hemisphere_rays", 0))
