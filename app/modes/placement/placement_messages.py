@@ -95,8 +95,8 @@ class FreezeIndirect(Request):
 
     key, factor: the layer and the curve whose bands are desired; None: only what every layer reflects. The object that
     is edited is that of `key`. edited: layers of it that share this curve, by key, and which of theirs it is.
-    second_bands: the most that the second bounce has, None for as many as a curve has; with
-    one it depends on albedo alone, as all later bounces do. serial comes back with the responses.
+    second_bands: the most that the second bounce has, None for as many as a curve has; with one it depends on albedo
+    alone, as all later bounces do. serial comes back with the responses.
     """
 
     built_on = (ComputeTransport,)

@@ -18,6 +18,9 @@ from engine.precompute.indirect._ray_kernels import object_tangent, to_local
 from engine.precompute.indirect._reflection_kernels import CODES, CONSTANT, HALF_BAND, ONE, ZERO, _curve_at
 from engine.precompute.indirect._second_bounce_kernels import NO_LIGHT, find_reflections, light_colour
 
+# In place of a curve of the receiving layer, see `reflect_by_mode`.
+NO_CURVE = -1
+
 
 class Knots(NamedTuple):
     """K of a curve's J bands, between which its change is interpolated linearly: at (K + 1,) float32, ascending, the
@@ -226,8 +229,8 @@ def reflect_by_mode(samples, begin, end, optics, which, stored_weights, edited, 
     """Adds the radiance that points [begin, end) reflect of light that meets two edited curves, by modes of both,
     receiver (J', R) and modes (J, K), to out (3, R, K, end - begin).
 
-    which: the first is the curve 0 or 1 of the receiving layer, which `optics` has as ones; −1: both are the edited
-    curve, at the second and at the third vertex.
+    which: the first is the curve 0 or 1 of the receiving layer, which `optics` has as ones; NO_CURVE: both are the
+    edited curve, at the second and at the third vertex.
     """
     n_bands = np.float32(receiver.shape[0])
     n_angles = 0 if optics.kind_a == CONSTANT else stored_weights.angles.shape[0]

@@ -9,6 +9,7 @@ memory. Products of three changes are left out.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -58,11 +59,10 @@ class EditedGloss:
 
 
 @dataclass(frozen=True, eq=False)
-class Receiver:
-    """A layer that reflects light of an edited curve, by K knots of its change, (3, K, p)."""
+class Receiver(ABC):
+    """A layer that reflects light of an edited curve at its p gather points: sums (3, *shape, p)."""
 
     layer: LayerCurves
-    knots: kernels.Knots
 
     @cached_property
     def optics(self) -> ReflectingLayer:
@@ -70,71 +70,72 @@ class Receiver:
         return self.layer.optics(folded=True)
 
     @property
+    @abstractmethod
+    def shape(self) -> tuple[int, ...]:
+        """The number of sums for each channel and point, along each axis."""
+
+    @abstractmethod
+    def reflect(
+        self, samples: SampleArrays, begin: int, end: int, weights: WeightArrays, edited: kernels.EditedLight,
+        out: Float32Array,
+    ) -> None:  # fmt: skip
+        """Adds what points [begin, end) reflect along their rays to out (3, *shape, end - begin)."""
+
+    def reflect_photons(  # noqa: B027 — photons carry none of it unless a subclass adds it
+        self, samples: SampleArrays, begin: int, end: int, nearby: NearbyPhotons, directions: Float32Array,
+        gloss: EditedGloss, out: Float32Array,
+    ) -> None:  # fmt: skip
+        """Adds what they reflect of photons, which fly in these directions (n, 3)."""
+
+
+@dataclass(frozen=True, eq=False)
+class KnotReceiver(Receiver):
+    """The light by K knots of the curve's change: (3, K, p)."""
+
+    knots: kernels.Knots
+
+    @property
     def shape(self) -> tuple[int, ...]:
         return (len(self.knots.at) - 1,)
 
     def reflect(
         self, samples: SampleArrays, begin: int, end: int, weights: WeightArrays, edited: kernels.EditedLight,
-        out: NDArray[np.float32],
+        out: Float32Array,
     ) -> None:  # fmt: skip
-        """Adds what points [begin, end) reflect along their rays to out (3, ..., end - begin)."""
         kernels.reflect_by_knot(samples, begin, end, self.optics, weights, edited, self.knots, out)
 
     def reflect_photons(
-        self, samples: SampleArrays, begin: int, end: int, nearby: NearbyPhotons,
-        directions: NDArray[np.float32], gloss: EditedGloss, out: NDArray[np.float32],
+        self, samples: SampleArrays, begin: int, end: int, nearby: NearbyPhotons, directions: Float32Array,
+        gloss: EditedGloss, out: Float32Array,
     ) -> None:  # fmt: skip
-        """Adds what they reflect of photons."""
         kernels.reflect_photons_by_knot(
             samples, begin, end, self.optics, nearby, directions, gloss.positions, gloss.light, self.knots, out
         )
 
 
 @dataclass(frozen=True, eq=False)
-class EditedReceiver(Receiver):
-    """A layer whose curve number `which` is edited as well; −1: light that met the edited curve twice. By modes of both
-    changes, own (J', R) and other (J, K), (3, R, K, p). `knots` are not used."""
+class PairReceiver(Receiver):
+    """Light that met the curve twice, by K modes (J, K) of its change: (3, K, K, p). Photons meet it once."""
 
-    which: int
-    own: NDArray[np.float32]
-    other: NDArray[np.float32]
-
-    @cached_property
-    def optics(self) -> ReflectingLayer:
-        """The layer for the kernels, with ones in place of its edited curve."""
-        if self.which < 0:
-            return self.layer.optics(folded=True)
-        optics = self.layer.optics()
-        ones = np.ones_like(optics.curve_b if self.which else optics.curve_a)
-        return optics._replace(curve_b=ones) if self.which else optics._replace(curve_a=ones)
+    modes: Float32Array
 
     @property
     def shape(self) -> tuple[int, ...]:
-        return self.own.shape[1], self.other.shape[1]
+        return self.modes.shape[1], self.modes.shape[1]
 
     def reflect(
         self, samples: SampleArrays, begin: int, end: int, weights: WeightArrays, edited: kernels.EditedLight,
-        out: NDArray[np.float32],
+        out: Float32Array,
     ) -> None:  # fmt: skip
         kernels.reflect_by_mode(
-            samples, begin, end, self.optics, self.which, weights, edited, self.own, self.other, out
+            samples, begin, end, self.optics, kernels.NO_CURVE, weights, edited, self.modes, self.modes, out
         )
-
-    def reflect_photons(
-        self, samples: SampleArrays, begin: int, end: int, nearby: NearbyPhotons,
-        directions: NDArray[np.float32], gloss: EditedGloss, out: NDArray[np.float32],
-    ) -> None:  # fmt: skip
-        if self.which >= 0:
-            kernels.reflect_photons_by_mode(
-                samples, begin, end, self.optics, self.which, nearby, directions, gloss.positions, gloss.light,
-                self.own, self.other, out,
-            )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
 class PowerReceiver(Receiver):
-    """A layer that reflects radiosity (C, N, 3) that an edited curve sends on, by power and by modes (J, K) of its
-    change, (3, N, K, p). `knots` are not used."""
+    """Radiosity (C, N, 3) that the curve sends on, by power and by K modes (J, K) of its change: (3, N, K, p). Photons
+    carry none of it."""
 
     radiosity: Float32Array
     modes: Float32Array
@@ -145,15 +146,47 @@ class PowerReceiver(Receiver):
 
     def reflect(
         self, samples: SampleArrays, begin: int, end: int, weights: WeightArrays, edited: kernels.EditedLight,
-        out: NDArray[np.float32],
+        out: Float32Array,
     ) -> None:  # fmt: skip
         kernels.reflect_by_power(samples, begin, end, self.optics, weights, edited, self.radiosity, self.modes, out)
 
-    def reflect_photons(
-        self, samples: SampleArrays, begin: int, end: int, nearby: NearbyPhotons,
-        directions: NDArray[np.float32], gloss: EditedGloss, out: NDArray[np.float32],
+
+@dataclass(frozen=True, eq=False)
+class EditedReceiver(Receiver):
+    """The light at a layer whose own curve, its first or second by `which`, is edited as well, by modes of both, own
+    (J', R) and other (J, K): (3, R, K, p)."""
+
+    which: int
+    own: Float32Array
+    other: Float32Array
+
+    @cached_property
+    def optics(self) -> ReflectingLayer:
+        """The layer for the kernels, with ones in place of its edited curve."""
+        optics = self.layer.optics()
+        ones = np.ones_like(optics.curve_b if self.which else optics.curve_a)
+        return optics._replace(curve_b=ones) if self.which else optics._replace(curve_a=ones)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        return self.own.shape[1], self.other.shape[1]
+
+    def reflect(
+        self, samples: SampleArrays, begin: int, end: int, weights: WeightArrays, edited: kernels.EditedLight,
+        out: Float32Array,
     ) -> None:  # fmt: skip
-        """Photons carry none of it."""
+        kernels.reflect_by_mode(
+            samples, begin, end, self.optics, self.which, weights, edited, self.own, self.other, out
+        )
+
+    def reflect_photons(
+        self, samples: SampleArrays, begin: int, end: int, nearby: NearbyPhotons, directions: Float32Array,
+        gloss: EditedGloss, out: Float32Array,
+    ) -> None:  # fmt: skip
+        kernels.reflect_photons_by_mode(
+            samples, begin, end, self.optics, self.which, nearby, directions, gloss.positions, gloss.light,
+            self.own, self.other, out,
+        )  # fmt: skip
 
 
 def edited_gloss(

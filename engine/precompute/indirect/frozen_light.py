@@ -48,13 +48,11 @@ class Modes:
 
 
 @dataclass(frozen=True, eq=False)
-class FrozenProducts:
-    """Light of an edited curve reflected by an edited curve, by the changes of both. receiver (J', 3): the frozen curve
-    at the first bounce; modes: R of its changes; light (3, R, K, p)."""
+class FrozenCurve:
+    """An edited curve at the first bounce as it was frozen, values (J, 3), and modes of its changes."""
 
-    receiver: Float64Array
+    values: Float64Array
     modes: Modes
-    light: Float32Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +74,7 @@ class FrozenGloss:
     by_layer: dict[int, Float32Array] = field(default_factory=dict)
     pairs: dict[int, Float32Array] = field(default_factory=dict)
     by_power: dict[int, Float32Array] = field(default_factory=dict)
-    products: dict[int, FrozenProducts] = field(default_factory=dict)
+    products: dict[int, Float32Array] = field(default_factory=dict)
 
     def change(self, edit: LightEdit) -> Float64Array:
         """δ (J, 3), the tint included."""
@@ -85,7 +83,7 @@ class FrozenGloss:
     @property
     def n_bytes(self) -> int:
         """Memory of the sums that follow the curve."""
-        parts = self.by_layer, self.pairs, self.by_power, {i: each.light for i, each in self.products.items()}
+        parts = self.by_layer, self.pairs, self.by_power, self.products
         return sum(array.nbytes for part in parts for array in part.values())
 
     def unrepresented(self, edit: LightEdit) -> float:
@@ -116,10 +114,12 @@ class LightEdit:
 @dataclass(frozen=True, eq=False)
 class FrozenLight:
     """Radiance at the gather points without f_q and f_o. reflected: V (3, D, p) of each layer by its number; bands: F
-    (3, J, D, p) of each whose curve is edited, instead; gloss: what these curves change at the second bounce."""
+    (3, J, D, p) of each whose curve is edited, instead; curves: of these, where they reflect what an edited curve sends
+    on; gloss: what these curves change at the second bounce."""
 
     reflected: dict[int, Float32Array]
     bands: dict[int, Float32Array]
+    curves: dict[int, FrozenCurve] = field(default_factory=dict)
     gloss: tuple[FrozenGloss, ...] = ()
 
     @property
@@ -159,9 +159,10 @@ class FrozenLight:
                 rise = edit.albedo**exponents - gloss.albedo**exponents
                 total += _sum(rise[:, None] * amounts, gloss.by_power[layer])
             if layer in gloss.products:
-                products = gloss.products[layer]
-                own = products.modes.weights @ (edit.curves[layer] - products.receiver)
-                total += _sum(own[:, None] * amounts, products.light)
+                own = self.curves[layer]
+                total += _sum(
+                    (own.modes.weights @ (edit.curves[layer] - own.values))[:, None] * amounts, gloss.products[layer]
+                )
         return np.ascontiguousarray(total.T)
 
 

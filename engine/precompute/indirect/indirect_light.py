@@ -20,6 +20,8 @@ from engine.precompute.indirect._second_bounce_kernels import SampledLights
 from engine.precompute.indirect.edited_gloss import (
     EditedGloss,
     EditedReceiver,
+    KnotReceiver,
+    PairReceiver,
     PowerReceiver,
     Receiver,
     choose_knots,
@@ -27,7 +29,7 @@ from engine.precompute.indirect.edited_gloss import (
     edited_gloss,
     knot_table,
 )
-from engine.precompute.indirect.frozen_light import FrozenGloss, FrozenLight, FrozenProducts, SelectedCurve
+from engine.precompute.indirect.frozen_light import FrozenCurve, FrozenGloss, FrozenLight, SelectedCurve
 from engine.precompute.indirect.gather import GatherSamples, SampleCounts, object_of_rows
 from engine.precompute.indirect.indirect_layers import IndirectLayer, albedos_of, is_glossy, view_factors
 from engine.precompute.indirect.irradiance_cache import NO_OBJECT, CacheLight, IrradianceCache, radiosity
@@ -289,6 +291,12 @@ def _mean_light(layers: Sequence[IndirectLayer], reflected: Mapping[int, NDArray
     return sum(float(part[:, 0].sum(axis=1, dtype=np.float64) @ layers[i].gain) for i, part in reflected.items())
 
 
+def _frozen_curve(values: NDArray[np.float64], bands: NDArray[np.float32]) -> FrozenCurve:
+    """A curve (J, 3) at the first bounce and modes of its changes, by the light of its bands (3, J, D, p)."""
+    met = np.abs(bands[:, :, 0]).sum(axis=(0, 2), dtype=np.float64)
+    return FrozenCurve(values, choose_modes(met, values))
+
+
 Freezing = Generator[None, None, FrozenLight]
 
 
@@ -361,9 +369,12 @@ class GatherPolynomial:
                 if i in factors:
                     bands[i] = yield from samples.by_band(layers[i].curves, factors[i], light)
         gloss, least = [], LEAST_EFFECT * _mean_light(layers, reflected)
-        for each in self._edited_gloss(layers, edited, curves, light):
-            gloss.append((yield from self._frozen_gloss(layers, curves, light, each, bands, least)))
-        return FrozenLight(reflected, bands, tuple(gloss))
+        of_curves = self._edited_gloss(layers, edited, curves, light)
+        at_receivers = factors if of_curves else {}
+        frozen = {i: _frozen_curve(layers[i].curves.curves[factor], bands[i]) for i, factor in at_receivers.items()}
+        for each in of_curves:
+            gloss.append((yield from self._frozen_gloss(layers, factors, light, each, frozen, least)))
+        return FrozenLight(reflected, bands, frozen, tuple(gloss))
 
     def _edited_gloss(
         self, layers: Sequence[IndirectLayer], edited: int, curves: Sequence[SelectedCurve], light: OutgoingRadiance
@@ -377,11 +388,12 @@ class GatherPolynomial:
         return [each for each in found if each is not None]
 
     def _frozen_gloss(
-        self, layers: Sequence[IndirectLayer], curves: Sequence[SelectedCurve], light: OutgoingRadiance,
-        gloss: EditedGloss, bands: Mapping[int, NDArray[np.float32]], least: float,
+        self, layers: Sequence[IndirectLayer], factors: Mapping[int, int], light: OutgoingRadiance, gloss: EditedGloss,
+        curves: Mapping[int, FrozenCurve], least: float,
     ) -> Generator[None, None, FrozenGloss]:  # fmt: skip
-        """What an edited curve changes at the second bounce, for each layer that its light reaches. bands: F of the
-        edited layers; least: the light of that curve, summed over all points, for which anything is stored."""
+        """What an edited curve changes at the second bounce, for each layer that its light reaches. factors: which
+        curves of edited layers are edited, `curves` at the first bounce; least: the light of that curve, summed over
+        all points, for which anything is stored."""
         found = [(samples, own, *samples.receives(gloss, light)) for samples, own in self._all_samples(layers)]
         reached = [(samples, own, twice) for samples, own, once, twice in found if once]
         effect = np.zeros((gloss.n_bands, 3))
@@ -395,24 +407,22 @@ class GatherPolynomial:
         frozen = FrozenGloss(gloss.curve, gloss.tint, gloss.frozen, knots, effect / n_points, modes, gloss.albedo)
         if float(np.sum(np.abs(gloss.tint * gloss.frozen) * effect)) < least:
             return frozen
-        factors, table = {curve.layer: curve.factor for curve in curves}, knot_table(knots, gloss.n_bands)
+        table, later = knot_table(knots, gloss.n_bands), np.ascontiguousarray(gloss.radiosity[:, 1:])
         for samples, own, twice in reached:
-            plain = yield from samples.of_edited([Receiver(layers[i].curves, table) for i in own], light, gloss)
-            frozen.by_layer.update(zip(own, plain, strict=True))
-            if twice:
-                pairs = [EditedReceiver(layers[i].curves, table, -1, modes.shapes, modes.shapes) for i in own]
-                frozen.pairs.update(zip(own, (yield from samples.of_edited(pairs, light, gloss)), strict=True))
-            if gloss.radiosity[:, 1:].any():
-                later = np.ascontiguousarray(gloss.radiosity[:, 1:])
-                powers = [PowerReceiver(layers[i].curves, table, later, modes.shapes) for i in own]
-                frozen.by_power.update(zip(own, (yield from samples.of_edited(powers, light, gloss)), strict=True))
-            for i in (i for i in own if i in factors):
-                curve = layers[i].curves.curves[factors[i]]
-                met = np.abs(bands[i][:, :, 0]).sum(axis=(0, 2), dtype=np.float64)
-                at_receiver = choose_modes(met, curve)
-                receiver = EditedReceiver(layers[i].curves, table, factors[i], at_receiver.shapes, modes.shapes)
-                [products] = yield from samples.of_edited([receiver], light, gloss)
-                frozen.products[i] = FrozenProducts(curve, at_receiver, products)
+            receivers: list[tuple[dict[int, NDArray[np.float32]], int, Receiver]] = []
+            for i in own:
+                layer = layers[i].curves
+                receivers.append((frozen.by_layer, i, KnotReceiver(layer, table)))
+                if twice:
+                    receivers.append((frozen.pairs, i, PairReceiver(layer, modes.shapes)))
+                if later.any():
+                    receivers.append((frozen.by_power, i, PowerReceiver(layer, later, modes.shapes)))
+                if i in curves:
+                    edited = EditedReceiver(layer, factors[i], curves[i].modes.shapes, modes.shapes)
+                    receivers.append((frozen.products, i, edited))
+            sums = yield from samples.of_edited([receiver for _, _, receiver in receivers], light, gloss)
+            for (part, i, _), each in zip(receivers, sums, strict=True):
+                part[i] = each
         return frozen
 
     def _all_samples(self, layers: Sequence[IndirectLayer]) -> list[tuple[HemisphereSamples, list[int]]]:

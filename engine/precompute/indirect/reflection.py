@@ -29,7 +29,7 @@ from engine.precompute.indirect import _second_bounce_kernels as second_kernels
 from engine.precompute.indirect._edited_gloss_kernels import EditedLight
 from engine.precompute.indirect._photon_kernels import reflect_photon_bands, reflect_photons
 from engine.precompute.indirect.direction_patterns import lobe_tables
-from engine.precompute.indirect.edited_gloss import EditedGloss, Receiver, all_knots, knot_table
+from engine.precompute.indirect.edited_gloss import EditedGloss, KnotReceiver, Receiver, all_knots, knot_table
 from engine.precompute.indirect.gather import GatherSamples, SampleCounts, direction_tables, object_of_rows
 from engine.precompute.indirect.indirect_layers import LayerCurves
 from engine.precompute.indirect.photons import (
@@ -337,7 +337,7 @@ class HemisphereSamples:
     ) -> NDArray[np.float64]:  # fmt: skip
         """The same times f_q of each layer, gains (3,), summed over all points and layers, by band, (J, 3): estimated
         from every sixteenth of the points."""
-        receivers = [Receiver(layer, knot_table(all_knots(gloss.n_bands), gloss.n_bands)) for layer in layers]
+        receivers = [KnotReceiver(layer, knot_table(all_knots(gloss.n_bands), gloss.n_bands)) for layer in layers]
         weights = [self._weights_of(each.optics) for each in receivers]
         n = min(_PILOT, len(self))
         starts = range(0, max(len(self) - n, 0) + 1, _EVERY * n)
