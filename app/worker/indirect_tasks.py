@@ -242,10 +242,14 @@ class IndirectTasks:
 
     def _reflected(self, layers: list[IndirectLayer], light: IndirectLight) -> Generator[None, None, list[np.ndarray]]:
         """What these layers reflect of a light at their gather points, (p, 3) each."""
-        assert self._representations is not None
-        self._representations = self._representations.with_light(light)
-        frozen = yield from self._representations.freeze(layers)
+        frozen = yield from self._represented(light).freeze(layers)
         return [unscaled(frozen.reflected[i][:, 0].T, light.unit) for i in range(len(layers))]
+
+    def _represented(self, light: IndirectLight) -> GatherPolynomial:
+        """A light as it is frozen; what is stored of the one before stays where the rays are the same."""
+        known = self._representations
+        self._representations = GatherPolynomial(light) if known is None else known.with_light(light)
+        return self._representations
 
     def _scene_light(self, sky: SkyState) -> SceneLight:
         return SceneLight(sky, self._placement.scene.emission)
@@ -256,11 +260,7 @@ class IndirectTasks:
         return found.lit_by == lit_by and n_bounces in (0, found.light.n_bounces)
 
     def _cache_light(self, found: _FoundLight) -> Steps:
-        self._representations = (
-            self._representations.with_light(found.light)
-            if self._representations is not None
-            else GatherPolynomial(found.light)
-        )
+        self._represented(found.light)
         self._found = found = replace(found, number=next(self._numbers))
         yield self._found_message(found)
         if self._freeze_request is not None:
@@ -279,13 +279,11 @@ class IndirectTasks:
         layers = {each.key: self._reflecting(each, desired.second_bands) for each in desired.scene.visible}
         edited = NO_OBJECT if desired.key is None else self._placement.scene.object_index(object_of(desired.key))
         seen = _layer_visibility(found, desired)
-        self._representations = (
-            GatherPolynomial(seen) if self._representations is None else self._representations.with_light(seen)
-        )
+        polynomial = self._represented(seen)
         keys = list(layers)
         curves = {key: factor for key, factor in desired.curves.items() if key in layers}
         selected = [SelectedCurve(keys.index(key), factor) for key, factor in curves.items()]
-        light = yield from self._representations.freeze(list(layers.values()), edited, selected)
+        light = yield from polynomial.freeze(list(layers.values()), edited, selected)
         albedos = {
             each.key: albedo_bands(*each.quotient, each.bands)
             for each in desired.scene.visible if self._object(each) == edited
@@ -300,7 +298,7 @@ class IndirectTasks:
         known, appearance = self._noise_found, (desired.second_bands, desired.scene.visible)
         if known is None or known[0] is not found or (known[1].second_bands, known[1].scene.visible) != appearance:
             layers = [self._reflecting(each, desired.second_bands) for each in desired.scene.visible]
-            noise = yield from _layer_visibility(found, desired).noise(layers)
+            noise = yield from self._represented(_layer_visibility(found, desired)).noise(layers)
             self._noise_found = known = found, desired, noise
         yield IndirectNoise(found.number, desired.serial, *known[2], id=self._scene_id)
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from engine.material._kernels import quotient_cosine
 from engine.precompute.indirect._gloss_kernels import gloss_without_curve
-from engine.precompute.indirect._photon_kernels import TWO, _arrival, _is_in_half, _on_curves
+from engine.precompute.indirect._photon_kernels import _arrival, _on_curves
 from engine.precompute.indirect._ray_kernels import object_tangent, to_local
 from engine.precompute.indirect._reflection_kernels import CODES, CONSTANT, HALF_BAND, ONE, ZERO, _curve_at
 from engine.precompute.indirect._second_bounce_kernels import NO_LIGHT, find_reflections, light_colour
@@ -124,9 +124,8 @@ def _ray_value(stored_weights, at, m, optics, n_angles):
 def _photon_value(samples, i, e, optics, nearby, directions):
     """The weight of a nearby photon times the curves of the receiving layer, three channels, and its positions on both
     in bands."""
-    n, scale = nearby.photon[e], ONE if samples.half < 0 else TWO
-    x, y, z, ox, oy, oz = _arrival(samples, i, n, directions)
-    weight = scale * nearby.weight[e] * np.float32(quotient_cosine(optics.model, optics.q, x, y, z, ox, oy, oz))
+    x, y, z, ox, oy, oz = _arrival(samples, i, nearby.photon[e], directions)
+    weight = nearby.weight[e] * np.float32(quotient_cosine(optics.model, optics.q, x, y, z, ox, oy, oz))
     within, j, t, k, u = _on_curves(optics, x, y, z, ox, oy, oz)
     if not within:
         return ZERO, ZERO, ZERO, ZERO, ZERO
@@ -191,7 +190,7 @@ def reflect_photons_by_knot(samples, begin, end, optics, nearby, directions, pos
         for e in range(nearby.start[i], nearby.start[i + 1]):
             n = nearby.photon[e]
             flux = light[n]
-            if _is_in_half(samples.half, n) and _is_lit(flux):
+            if _is_lit(flux):
                 a, b, c, _, _ = _photon_value(samples, i, e, optics, nearby, directions)
                 _add_to_knots(knots, positions[n], a * flux[0], b * flux[1], c * flux[2], total)
         _add_knots(total, out, i - begin)
@@ -297,7 +296,7 @@ def reflect_photons_by_mode(samples, begin, end, optics, which, nearby, directio
         for e in range(nearby.start[i], nearby.start[i + 1]):
             n = nearby.photon[e]
             flux = light[n]
-            if _is_in_half(samples.half, n) and _is_lit(flux):
+            if _is_lit(flux):
                 a, b, c, on_a, on_b = _photon_value(samples, i, e, optics, nearby, directions)
                 _modes_at(receiver, on_b if which else on_a, at_receiver)
                 _modes_at(modes, positions[n], own)

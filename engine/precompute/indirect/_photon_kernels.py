@@ -37,7 +37,6 @@ from engine.precompute.indirect._second_bounce_kernels import (
     towards_light,
 )
 
-TWO = np.float32(2.0)
 # Bounds the weight of photons at grazing incidence.
 _LEAST_COSINE = np.float32(0.05)
 # sin² 15°: a photon seen at a greater angle to the tangent plane lies on another part of the surface.
@@ -179,11 +178,6 @@ def _arrival(samples, i, n, directions):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _is_in_half(half, n):
-    return half < 0 or (n & 1) == half
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _on_curves(optics, x, y, z, ox, oy, oz):
     """Whether light is within the domain of both curves, and node and fraction on the first and on the second, see
     `_node`."""
@@ -203,14 +197,15 @@ def _on_curves(optics, x, y, z, ox, oy, oz):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def reflect_photons(samples, begin, end, optics, nearby, sent, out):
-    """Adds the reflection of photons at points [begin, end) to out (p, D, 3), without f_q and f_o."""
-    n_a, n_b, n_powers = optics.curve_a.shape[0], optics.curve_b.shape[0], out.shape[1]
-    scale = ONE if samples.half < 0 else TWO
+    """Adds the reflection of photons at points [begin, end), without f_q and f_o, to out (p, 1, D, 3), or that of even
+    and odd photons to out (p, 2, D, 3)."""
+    n_a, n_b, n_halves, n_powers = optics.curve_a.shape[0], optics.curve_b.shape[0], out.shape[1], out.shape[2]
+    scale = np.float32(n_halves)
     for i in range(begin, end):
         for e in range(nearby.start[i], nearby.start[i + 1]):
             n = nearby.photon[e]
             power = sent.powers[n]
-            if not _is_in_half(samples.half, n) or power >= n_powers:
+            if power >= n_powers:
                 continue
             # BRDF quotient times kernel weight, then the curves at the photon's angles.
             x, y, z, ox, oy, oz = _arrival(samples, i, n, sent.directions)
@@ -223,22 +218,21 @@ def reflect_photons(samples, begin, end, optics, nearby, sent, out):
                 value = weight * ((ONE - t) * optics.curve_a[j, channel] + t * optics.curve_a[j1, channel])
                 if optics.kind_b >= 0:
                     value *= (ONE - u) * optics.curve_b[k, channel] + u * optics.curve_b[k1, channel]
-                out[i, power, channel] += value * sent.light[n, channel]
+                out[i, n % n_halves, power, channel] += value * sent.light[n, channel]
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def reflect_photon_bands(samples, begin, end, optics, of_a, nearby, sent, out):
     """As `reflect_photons`, by band of one of the curves, to out (3, J, D, p): of the first if of_a."""
     n_bands, n_powers = out.shape[1], out.shape[2]
-    scale = ONE if samples.half < 0 else TWO
     for i in range(begin, end):
         for e in range(nearby.start[i], nearby.start[i + 1]):
             n = nearby.photon[e]
             power = sent.powers[n]
-            if not _is_in_half(samples.half, n) or power >= n_powers:
+            if power >= n_powers:
                 continue
             x, y, z, ox, oy, oz = _arrival(samples, i, n, sent.directions)
-            weight = scale * nearby.weight[e] * np.float32(quotient_cosine(optics.model, optics.q, x, y, z, ox, oy, oz))
+            weight = nearby.weight[e] * np.float32(quotient_cosine(optics.model, optics.q, x, y, z, ox, oy, oz))
             within, j, t, k, u = _on_curves(optics, x, y, z, ox, oy, oz)
             if not within:
                 continue

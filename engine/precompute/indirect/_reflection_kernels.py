@@ -69,14 +69,12 @@ class SecondBounce(NamedTuple):
 
 class SampleArrays(NamedTuple):
     """q sample sets: rows (q,) of the hits, number nth (q,) at its point, lobe_axes (q,), records (q, R) uint16 that
-    the rays hit. half: 0 or 1 for one half of the rays of each table, −1 for all. Tables (64 n, R_c, 3), (64 n, R_p,
-    3), see `pattern_of`. tangent, normal, wo (P, 3) of the hits."""
+    the rays hit. Tables (64 n, R_c, 3), (64 n, R_p, 3), see `pattern_of`. tangent, normal, wo (P, 3) of the hits."""
 
     rows: np.ndarray
     nth: np.ndarray
     lobe_axes: np.ndarray
     records: np.ndarray
-    half: int
     tables_cosine: np.ndarray
     tables_lobe: np.ndarray
     tangent: np.ndarray
@@ -127,12 +125,12 @@ def _coded_node(code, n):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _is_in_half(samples, m):
-    """Whether ray m belongs to the active half. Either half of a Sobol set, first or last, is as well distributed as
-    the whole."""
+def _half_of(samples, m):
+    """The half of its table, 0 or 1, that ray m belongs to. Either half of a Sobol set, first or last, is as well
+    distributed as the whole."""
     n = samples.tables_cosine.shape[1]
     k, n = (m, n) if m < n else (m - n, samples.tables_lobe.shape[1])
-    return samples.half < 0 or (2 * k >= n) == (samples.half == 1)
+    return np.int64(2 * k >= n)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -153,7 +151,7 @@ def weigh_rays(samples, begin, end, optics, stored_weights):
     """Writes the weights of the rays of points [begin, end) without the curves to `stored_weights`."""
     n_angles = stored_weights.angles.shape[0]
     n_cosine, n_lobe = np.float32(samples.tables_cosine.shape[1]), np.float32(samples.tables_lobe.shape[1])
-    scale = (ONE if samples.half < 0 else np.float32(2.0)) / np.float32(math.pi)
+    scale = ONE / np.float32(math.pi)
     weights = np.empty(samples.records.shape[1], np.float32)
     for i in range(begin, end):
         r, at = samples.rows[i], i - stored_weights.base
@@ -164,7 +162,7 @@ def weigh_rays(samples, begin, end, optics, stored_weights):
         weights[:] = ZERO
         most = ZERO
         for m in range(samples.records.shape[1]):
-            if samples.records[i, m] == NO_RECORD or not _is_in_half(samples, m):
+            if samples.records[i, m] == NO_RECORD:
                 continue
             # The quotient ρ_q cosθ_i of each ray that hits a record.
             x, y, z = _ray(samples, i, m, pattern, cosine, sine, ox, oy, oz)
@@ -271,21 +269,23 @@ def bounce(begin, end, seen, radiosity, n_powers, out):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def reflect(samples, begin, end, optics, stored_weights, radiosity, second, out):
-    """Radiance (p, D, 3) that points [begin, end) reflect towards the camera, from radiosity (C, D, 4), with the curves
-    applied.
+    """Radiance that points [begin, end) reflect towards the camera, from radiosity (C, D, 4), with the curves applied:
+    out (p, 1, D, 3) by all rays, or (p, 2, D, 3) by each half of them.
 
     Without f_q and f_o. stored_weights: of the same points and layer, with as many angles as there are curves; none are
     read if the only curve is constant.
     """
-    n_angles = 0 if optics.kind_a == CONSTANT else stored_weights.angles.shape[0]
-    values, total = np.zeros((samples.records.shape[1], 3), np.float32), np.empty((radiosity.shape[1], 4), np.float32)
+    n_angles, n_halves = 0 if optics.kind_a == CONSTANT else stored_weights.angles.shape[0], out.shape[1]
+    values = np.zeros((samples.records.shape[1], 3), np.float32)
+    total = np.empty((n_halves, radiosity.shape[1], 4), np.float32)
     for i in range(begin, end):
         at = i - stored_weights.base
+        scale = np.float32(n_halves) * stored_weights.scales[at]
         total[:] = ZERO
         # Each ray: stored weight times the curves at its angles, times the radiosity of the record it hits.
         for m in range(samples.records.shape[1]):
             root = np.float32(stored_weights.roots[at, m])
-            a = b = c = root * root * stored_weights.scales[at]
+            a = b = c = root * root * scale
             if a > ZERO:
                 if n_angles == 0:
                     a, b, c = a * optics.curve_a[0, 0], b * optics.curve_a[0, 1], c * optics.curve_a[0, 2]
@@ -295,13 +295,16 @@ def reflect(samples, begin, end, optics, stored_weights, radiosity, second, out)
                 if n_angles > 1:
                     red, green, blue = _curve_at(stored_weights.angles[1, at, m], optics.curve_b)
                     a, b, c = a * red, b * green, c * blue
-                add_product(a, b, c, radiosity[samples.records[i, m]], total)
+                half = _half_of(samples, m) if n_halves > 1 else 0
+                add_product(a, b, c, radiosity[samples.records[i, m]], total[half])
             values[m, 0], values[m, 1], values[m, 2] = a, b, c
         # Glossy hits add directional radiosity along some of the rays.
         for e in range(second.start[i], second.start[i + 1]):
             m = second.ray[e]
-            add_product(values[m, 0], values[m, 1], values[m, 2], second.light[e - second.base], total)
-        _take_colours(total, out[i])
+            half = _half_of(samples, m) if n_halves > 1 else 0
+            add_product(values[m, 0], values[m, 1], values[m, 2], second.light[e - second.base], total[half])
+        for half in range(n_halves):
+            _take_colours(total[half], out[i, half])
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")

@@ -29,7 +29,7 @@ from engine.precompute.indirect._ray_kernels import (
     to_world,
     uniform,
 )
-from engine.precompute.indirect._reflection_kernels import ONE, ZERO, SampleArrays, _is_in_half, _ray
+from engine.precompute.indirect._reflection_kernels import ONE, ZERO, SampleArrays, _ray
 
 N_BY_POWER, N_BY_LOBE = 4, 4
 NO_LIGHT = 0xFFFF
@@ -296,8 +296,6 @@ def find_reflections(paths, i, e, numbers, directions, factors):
     factors[0] = factors[1] = factors[2] = ZERO
     n_cosine, n_lobe = np.float32(samples.tables_cosine.shape[1]), np.float32(samples.tables_lobe.shape[1])
     n_rays, times, m = samples.records.shape[1], records.times[i], np.int64(records.ray[e])
-    if not _is_in_half(samples, m):
-        return
     # Second vertex: regenerate the ray from its pattern, then position, frame and direction back along the ray.
     r = samples.rows[i]
     tangent, normal = samples.tangent[r], samples.normal[r]

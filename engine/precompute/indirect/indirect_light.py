@@ -6,7 +6,7 @@ power of the edited object's albedo, Σ_n d^n V_n for every layer, and for the s
 
 from __future__ import annotations
 
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -58,6 +58,7 @@ from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene
 
 Footprint = tuple[NDArray[np.int32], NDArray[np.float32]]
+SamplesOf = Callable[[int], HemisphereSamples]
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,13 +84,10 @@ class GatherPoints:
         arrays = (*self.photons, *self.landed, *(self.smoothing or ()))
         return self.samples.n_bytes + sum(array.nbytes for array in arrays)
 
-    def hemisphere_samples(self, i_object: int, half: int | None = None, keeps: bool = False) -> HemisphereSamples:
-        """The hemisphere samples of one object; half: 0 or 1 for one half of the rays; keeps: see
-        `HemisphereSamples`."""
+    def hemisphere_samples(self, i_object: int, keeps: bool = False) -> HemisphereSamples:
+        """The hemisphere samples of one object; keeps: see `HemisphereSamples`."""
         lobe_axis, size = int(self.lobe_axes[i_object]), self.sizes[i_object]
-        return HemisphereSamples(
-            self.hits, self.samples, i_object, lobe_axis, size, half, keeps, self.landed, self.smoothing
-        )
+        return HemisphereSamples(self.hits, self.samples, i_object, lobe_axis, size, keeps, self.landed, self.smoothing)
 
     def with_photons(self, photon_map: PhotonMap, scene: Scene, caster: RayCaster) -> GatherPoints:
         """The same with the photons near its points."""
@@ -131,29 +129,33 @@ class GatherPoints:
         return inverse_albedo(albedos_of(layers, len(self.lobe_axes))[edited])
 
     def reflect(
-        self, layers: Sequence[IndirectLayer], light: OutgoingRadiance, half: int | None = None
+        self, layers: Sequence[IndirectLayer], light: OutgoingRadiance
     ) -> Generator[None, None, NDArray[np.float32]]:
         """Radiance (p, 3) towards the camera for light without an edited object. A generator of steps."""
-        out, rows = np.zeros((len(self.samples.points), 3), np.float32), self.samples.points
-        objects = object_of_rows(self.hits, rows)
+        return clamp_radiance((yield from self._seen(layers, light, 1, self.hemisphere_samples))[0])
+
+    def halves(
+        self, layers: Sequence[IndirectLayer], light: OutgoingRadiance, samples_of: SamplesOf | None = None
+    ) -> Generator[None, None, NDArray[np.float32]]:
+        """Radiance (2, p, 3) by each half of the rays, clamped so that its square is finite. A generator of steps.
+        samples_of: the hemisphere samples of an object, where they are kept."""
+        return clamp_radiance((yield from self._seen(layers, light, 2, samples_of or self.hemisphere_samples)), SQUARED)
+
+    def _seen(
+        self, layers: Sequence[IndirectLayer], light: OutgoingRadiance, n_halves: int, samples_of: SamplesOf
+    ) -> Generator[None, None, NDArray[np.float32]]:
+        """Radiance (n_halves, p, 3) towards the camera, see `HemisphereSamples.reflect_halves`."""
+        rows = self.samples.points
+        out, objects = np.zeros((n_halves, len(rows), 3), np.float32), object_of_rows(self.hits, rows)
         for i_object in sorted({layer.i_object for layer in layers}):
             mine = np.flatnonzero(objects == i_object)
             own = [layer for layer in layers if layer.i_object == i_object]
-            found = yield from self.hemisphere_samples(i_object, half).reflect([layer.curves for layer in own], light)
+            found = yield from samples_of(i_object).reflect_halves([layer.curves for layer in own], light, n_halves)
             for layer, reflected in zip(own, found, strict=True):
                 with np.errstate(over="ignore"):
-                    out[mine] += reflected[:, 0] * view_factors(self.hits, rows[mine], layer)
+                    out[:, mine] += reflected[:, :, 0].swapaxes(0, 1) * view_factors(self.hits, rows[mine], layer)
             yield None
-        return clamp_radiance(out)
-
-    def halves(
-        self, layers: Sequence[IndirectLayer], light: OutgoingRadiance
-    ) -> Generator[None, None, NDArray[np.float32]]:
-        """Radiance (2, p, 3) by each half of the rays, clamped so that its square is finite. A generator of steps."""
-        found = np.zeros((2, len(self.samples.points), 3), np.float32)
-        for half in (0, 1):
-            found[half] = clamp_radiance((yield from self.reflect(layers, light, half)), SQUARED)
-        return found
+        return out
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,31 +256,31 @@ class IndirectLight:
             beyond[own, 1] += (factor - share) * direct
         return clamp_radiance(diffuse), clamp_radiance(beyond)
 
-    def at_points(self, layers: Sequence[IndirectLayer], half: int | None = None) -> NDArray[np.float32]:
-        """Indirect radiance (p, 3) of all gather points; half: 0 or 1 for one half of the rays."""
-        return unscaled(run_to_end(self.points.reflect(layers, self.outgoing_radiance(layers), half)), self.unit)
+    def at_points(self, layers: Sequence[IndirectLayer]) -> NDArray[np.float32]:
+        """Indirect radiance (p, 3) of all gather points."""
+        return unscaled(run_to_end(self.points.reflect(layers, self.outgoing_radiance(layers))), self.unit)
 
-    def noise(self, layers: Sequence[IndirectLayer]) -> Generator[None, None, tuple[float, float]]:
+    def noise(
+        self, layers: Sequence[IndirectLayer], samples_of: SamplesOf | None = None
+    ) -> Generator[None, None, tuple[float, float]]:
         """RMS noise of the picture relative to its mean, and that mean. The two halves differ by twice the noise. A
-        generator of steps.
+        generator of steps. samples_of: see `GatherPoints.halves`.
 
         The bias of the filter is not included.
         """
         light, (rows, weights) = self.outgoing_radiance(layers), self.footprint
         if not len(rows):  # nothing in the picture reflects
             return 0.0, 0.0
-        halves = yield from self.points.halves(layers, light)
+        halves = yield from self.points.halves(layers, light, samples_of)
         first, second = (np.einsum("pk,pkc->pc", weights, found[rows]) for found in halves)
         mean = 0.5 * float(np.mean(first + second, dtype=np.float64))
         rms = 0.5 * float(np.sqrt(np.mean((first - second) ** 2, dtype=np.float64)))
         return (rms / mean if mean > 0.0 else 0.0), mean * self.unit
 
-    def picture(self, layers: Sequence[IndirectLayer], half: int | None = None) -> NDArray[np.float32]:
+    def picture(self, layers: Sequence[IndirectLayer]) -> NDArray[np.float32]:
         """Indirect radiance (P, 3) of all points of the picture."""
-        found, (rows, weights) = (
-            run_to_end(self.points.reflect(layers, self.outgoing_radiance(layers), half)),
-            self.footprint,
-        )
+        found = run_to_end(self.points.reflect(layers, self.outgoing_radiance(layers)))
+        rows, weights = self.footprint
         return unscaled(np.einsum("pk,pkc->pc", weights, found[rows]), self.unit)
 
 
@@ -375,6 +377,10 @@ class GatherPolynomial:
         for each in of_curves:
             gloss.append((yield from self._frozen_gloss(layers, factors, light, each, frozen, least)))
         return FrozenLight(reflected, bands, frozen, tuple(gloss))
+
+    def noise(self, layers: Sequence[IndirectLayer]) -> Generator[None, None, tuple[float, float]]:
+        """See `IndirectLight.noise`; by the stored weights of the last freezing where they fit."""
+        return (yield from self._light.noise(layers, self._samples_of))
 
     def _edited_gloss(
         self, layers: Sequence[IndirectLayer], edited: int, curves: Sequence[SelectedCurve], light: OutgoingRadiance

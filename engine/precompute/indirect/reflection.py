@@ -200,12 +200,11 @@ class OutgoingRadiance:
 
 
 class HemisphereSamples:
-    """The hemisphere samples of one object's gather points, with all their rays or one half of them; a point's result
-    is the mean of its sample sets."""
+    """The hemisphere samples of one object's gather points; a point's result is the mean of its sample sets."""
 
     def __init__(
         self, hits: PrimaryHits, gathered: GatherSamples, i_object: int, lobe_axis: int, size: SampleCounts,
-        half: int | None = None, keeps: bool = False, landed: NearbyPhotons | None = None,
+        keeps: bool = False, landed: NearbyPhotons | None = None,
         smoothing: Smoothing | None = None,
     ) -> None:  # fmt: skip
         """keeps: store what does not depend on curves, for later sums over the same rays; landed: photons near all
@@ -217,7 +216,6 @@ class HemisphereSamples:
         records = records._replace(start=records.start[begin : end + 1], times=records.times[begin:end])
         self._samples = kernels.SampleArrays(
             rows, nth, np.full(len(rows), lobe_axis, np.int64), gathered.records[begin:end],
-            -1 if half is None else half,
             *direction_tables(size), hits.tangent, hits.normal, hits.wo,
         )  # fmt: skip
         self._caches = keeps
@@ -257,7 +255,13 @@ class HemisphereSamples:
     ) -> Generator[None, None, list[NDArray[np.float32]]]:
         """Radiance (p, D, 3) of each layer at the p points towards the camera, without f_q and f_o. A generator of
         steps."""
-        out = [np.empty((len(self), light.n_powers, 3), np.float32) for _ in layers]
+        return [each[:, 0] for each in (yield from self.reflect_halves(layers, light, 1))]
+
+    def reflect_halves(
+        self, layers: Sequence[LayerCurves], light: OutgoingRadiance, n_halves: int
+    ) -> Generator[None, None, list[NDArray[np.float32]]]:
+        """The same (p, n_halves, D, 3) by each half of the rays and photons, or by all of them for n_halves = 1."""
+        out = [np.empty((len(self), n_halves, light.n_powers, 3), np.float32) for _ in layers]
         optics = [layer.optics(folded=True) for layer in layers]
         weights_of_layers = [self._weights_of(each) for each in optics]
 

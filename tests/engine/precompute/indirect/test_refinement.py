@@ -167,7 +167,7 @@ def test_light_is_the_mean_of_the_halves_and_noise_half_their_difference(found: 
     radiosity, rows = found.radiosity(LAYERS), found.points.samples.points
     refinement = refinement_of(found, radiosity)
     run_to_end(refinement.measure(found.points, len(found.cache)))
-    first, second = (found.at_points(LAYERS, half) / found.unit for half in (0, 1))
+    first, second = run_to_end(found.points.halves(LAYERS, found.outgoing_radiance(LAYERS)))
     np.testing.assert_allclose(refinement._light[rows], 0.5 * (first + second), rtol=1e-5)
     np.testing.assert_allclose(refinement._noise[rows], 0.5 * abs(first - second), rtol=1e-4, atol=1e-6)
     np.testing.assert_array_equal(refinement._clearance[rows], found.points.samples.clearance)
