@@ -159,7 +159,7 @@ class PlacementWorker(ModeWorker):
             yield from self._send_cached(
                 placement, request, sky, replace(lit_by, planned_settings=need.limit_settings(settings))
             )
-        yield from self._send_relit(request, sky, lit_by)
+        yield from self._send_relit(placement, request, sky, lit_by)
         n_bounces, bounces_reported, bounces_found = settings.n_bounces, settings.n_bounces == 1, False
         begun = time.process_time()
         for quality, exact in stages_of(request)[-1 if self._context.fills else 0 :]:
@@ -254,14 +254,17 @@ class PlacementWorker(ModeWorker):
                 data = self._hold(LayerData(work, lit_by, quality.name, kept, unit))
                 yield from self._answers(data, self._selected_factor(work.key), self._precision)
 
-    def _send_relit(self, request: ComputeTransport, sky: SkyState, lit_by: LightingState) -> Steps:
+    def _send_relit(
+        self, placement: Placement, request: ComputeTransport, sky: SkyState, lit_by: LightingState
+    ) -> Steps:
         """Answer with relit pictures, where nothing better is there."""
         light = None
         for work in self._selected_first(request):
             if self._is_needless(work, lit_by, RELIT.name, False) or not self._relighting.takes(work, lit_by):
                 continue
-            light = (self._relighting.light_of(sky), self._relighting.likeness(sky)) if light is None else light
-            picture = FixedPicture(self._relighting.picture(work, lit_by, *light))
+            if light is None:
+                light = yield from self._relighting.light_of(placement, sky)
+            picture = FixedPicture(self._relighting.picture(work, lit_by, light))
             yield from self._answers(self._hold(LayerData(work, lit_by, RELIT.name, picture, 1.0)), None, "half")
 
     def _is_needless(self, work: LayerState, lit_by: LightingState, stage: str, is_last: bool) -> bool:

@@ -1,6 +1,7 @@
-"""Lights a scene anew at once: rows over a lighting basis for each layer, made when there is nothing else to do.
+"""Lights a scene anew at once: rows over a lighting basis for each layer, made when there is nothing else to do, and
+shadows of the sky's peaks, traced at each angle.
 
-They hold for the layers' materials as they are: when one changes, that layer's are made again, and until then a dragged
+Rows hold for the layers' materials as they are: when one changes, that layer's are made again, and until then a dragged
 light gets the quick picture. The basis was chosen for the sky at the time; another sky makes them anew in the end.
 """
 
@@ -18,12 +19,16 @@ from app.messages.worker_messages import Response
 from app.modes.placement.desired_state import brightening_factors
 from app.system.memory import available_memory
 from app.worker.layer_data import LayerData, LightingState
-from engine.light.environment import Environment
+from engine.core.generators import map_steps
+from engine.light.environment import Environment, constant_environment
+from engine.precompute.direct._relight_kernels import Reflection
+from engine.precompute.direct.peaks import PeakLight, split_peaks, trace_peaks
 from engine.precompute.direct.pipeline import FINAL, Placement, SkyState
 from engine.precompute.direct.relight import (
     LightRows,
     RowMaker,
     joined_rows,
+    layer_reflection,
     light_coefficients,
     sky_likeness,
     turning_effects,
@@ -36,12 +41,25 @@ SHARE_OF_MEMORY = 0.25
 
 
 @dataclass(frozen=True, eq=False)
+class _DistantLight:
+    """A sky as layers are relit by it: coefficients of all but its peaks in the rows' basis, its peaks, and how far
+    (3,) it is still like the sky that the exact pictures were made under, see `sky_likeness`."""
+
+    coefficients: NDArray[np.float32]
+    peaks: PeakLight
+    likeness: NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
 class _LayerRows:
-    """A layer's rows, for its material then, and what its exact picture (p, 3) adds to them under a light."""
+    """A layer's rows, for its material then, and what its exact picture (p, 3) adds to them under a light. points: the
+    rows of `hits` that it covers."""
 
     work: LayerState
     maker: RowMaker
+    points: NDArray[np.integer]
     rows: LightRows
+    reflection: Reflection
     rest: NDArray[np.float32] | None = None
     lit_by: LightingState | None = None
 
@@ -52,6 +70,11 @@ class _LayerRows:
             return True
         alike = mine.quotient == theirs.quotient and len(mine.coefficients) == len(theirs.coefficients)
         return alike and all(map(np.array_equal, mine.coefficients, theirs.coefficients))
+
+    def lit(self, light: _DistantLight) -> NDArray[np.float32]:
+        """The layer's radiance (p, 3), without f_q and f_o, under a sky alone."""
+        peaks = light.peaks.reflected(self.maker.hits, self.reflection, self.points)
+        return np.asarray(self.rows.lit(light.coefficients) + peaks, np.float32)
 
 
 class Relighting:
@@ -82,19 +105,21 @@ class Relighting:
         rows_of = {work.key: placement.rows_of(placement.scene.object_index(work.object)) for work in works}
         maker = yield from self._maker_for(placement, sky.environment, sky.scale, works, rows_of)
         self._ready = {work.key: self._ready[work.key] for work in works if work.key in self._ready}
-        light, self._compared_under = self.light_of(sky), sky
+        self._compared_under = sky
+        light = yield from self.light_of(placement, sky)
         for work in works:
             ready = self._ready.get(work.key)
             if ready is None or ready.maker is not maker or not ready.is_of(work):
                 self._ready.pop(work.key, None)  # memory for one at a time
                 tiles = []
-                for tile in maker.rows(work.layer, rows_of[work.key]):
+                points, reflection = rows_of[work.key], layer_reflection(work.layer)
+                for tile in maker.rows(work.layer, points):
                     tiles.append(tile)
                     yield None
-                ready = _LayerRows(work, maker, joined_rows(tiles))
+                ready = _LayerRows(work, maker, points, joined_rows(tiles), reflection)
             data = pictures[work.key]
             data = data.with_curves(work) if data.fits_curves(work) else data
-            rest = data.radiance - ready.rows.lit(light) if data.lit_by.light == scene.light else None
+            rest = data.radiance - ready.lit(light) if data.lit_by.light == scene.light else None
             self._ready[work.key] = replace(ready, rest=rest, lit_by=data.lit_by)
             yield None
 
@@ -104,7 +129,7 @@ class Relighting:
     ) -> Generator[None, None, RowMaker]:  # fmt: skip
         """The row maker for this sky."""
         if self._maker is None or self._made_under != (environment, scale):
-            effects = yield from turning_effects(environment, scale)
+            effects = yield from turning_effects(split_peaks(environment)[1], scale)
             all_of_it = RowMaker(placement.hits, placement.sphere, effects)
             room = min(MOST_BYTES, SHARE_OF_MEMORY * available_memory())
             self._maker = all_of_it.rows_within([(work.layer, rows_of[work.key]) for work in works], room)
@@ -121,30 +146,26 @@ class Relighting:
             return False
         return _emitter_factors(lit_by, ready.lit_by) is not None
 
-    def light_of(self, sky: SkyState) -> NDArray[np.float32]:
-        """A sky's coefficients in the rows' basis."""
-        if sky.environment is None:
-            return np.zeros((1, 3), np.float32)
-        return light_coefficients(sky.environment, sky.rotation, sky.scale)
+    def light_of(self, placement: Placement, sky: SkyState) -> Generator[None, None, _DistantLight]:
+        """A sky, to relight layers by. A generator of steps."""
+        peaks, rest = split_peaks(sky.environment or constant_environment(0.0))
+        tracing = trace_peaks(placement, peaks, sky.rotation, sky.scale)
+        peak_light = yield from map_steps(tracing, lambda fraction: None)
+        coefficients = light_coefficients(rest, sky.rotation, sky.scale)
+        return _DistantLight(coefficients, peak_light, sky_likeness(sky, self._compared_under or sky))
 
-    def likeness(self, sky: SkyState) -> NDArray[np.float32]:
-        """How far a sky (3,) is still like the one that the exact pictures were made under, see `sky_likeness`."""
-        return sky_likeness(sky, self._compared_under or sky)
+    def picture(self, work: LayerState, lit_by: LightingState, light: _DistantLight) -> NDArray[np.float32]:
+        """The radiance (p, 3) of a relit layer, under a sky from `light_of`.
 
-    def picture(
-        self, work: LayerState, lit_by: LightingState, light: NDArray[np.float32], likeness: NDArray[np.float32]
-    ) -> NDArray[np.float32]:
-        """The radiance (p, 3) of a relit layer, from what `light_of` and `likeness` find of the sky.
-
-        It adds to the rows' radiance what the exact picture had more under the light before: of emitters, in proportion
+        It adds to the sky's radiance what the exact picture had more under the light before: of emitters, in proportion
         to their radiance; without emitters what is finer than the basis, as far as the sky is still like that one, for
         under another sky it is the ghost of a sun that has moved on.
         """
         ready = self._ready[work.key]
-        radiance = ready.rows.lit(light)
+        radiance = ready.lit(light)
         assert ready.rest is not None and ready.lit_by is not None
         if lit_by.emission or _source(lit_by.light) == _source(ready.lit_by.light):
-            factors = _emitter_factors(lit_by, ready.lit_by) if lit_by.emission else likeness
+            factors = _emitter_factors(lit_by, ready.lit_by) if lit_by.emission else light.likeness
             assert factors is not None
             radiance += ready.rest * factors.astype(np.float32)
         return np.maximum(radiance, 0.0)

@@ -22,6 +22,7 @@ further, down to `peak_level`. The power of each piece follows from the interpol
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -83,6 +84,14 @@ class TriangleLights:
 
     def __len__(self) -> int:
         return len(self.index)
+
+
+def turned(directions: NDArray[np.floating], degrees: float) -> NDArray[np.float32]:
+    """Directions (N, 3) of an environment that is rotated by so many degrees more."""
+    sine, cosine = math.sin(math.radians(degrees)), math.cos(math.radians(degrees))
+    # The azimuth in the world, atan2(x, −z), is that in the map minus the rotation.
+    x, y, z = directions.astype(np.float64).T
+    return np.stack([x * cosine + z * sine, y, z * cosine - x * sine], axis=1).astype(np.float32)
 
 
 def cut_lights(

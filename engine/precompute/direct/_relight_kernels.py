@@ -27,6 +27,13 @@ class TriangleParts(NamedTuple):
     owner: np.ndarray
 
 
+class DirectedLights(NamedTuple):
+    """M lights too small to have an extent: unit directions (3, M) towards them, power (M, 3), the integral of L dω."""
+
+    directions: np.ndarray
+    power: np.ndarray
+
+
 class Reflection(NamedTuple):
     """A layer's reflection with its curves: model and angle numbers, quotient parameters q (8,); tints: number of the
     look-up of quotients per colour channel, or 0; both curves at even steps from 0 to π/2, (S + 1, C), C = 1 where all
@@ -154,31 +161,22 @@ def _compact_listed(n, listed):
     return n_listed
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def _reflect(words, wo, parts, reflection, s):
-    """Fills s.values (T, C) with ρ V cosθ, averaged over each triangle of the sphere.
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _to_frame(frame, wo):
+    """The direction to the camera in the local frame."""
+    return (
+        frame[0, 0] * wo[0] + frame[0, 1] * wo[1] + frame[0, 2] * wo[2],
+        frame[1, 0] * wo[0] + frame[1, 1] * wo[1] + frame[1, 2] * wo[2],
+        frame[2, 0] * wo[0] + frame[2, 1] * wo[1] + frame[2, 2] * wo[2],
+    )
 
-    Triangles over which a curve bends are averaged over their parts.
-    """
-    q, frame, n_triangles, n_channels = reflection.q, s.frame, s.values.shape[0], s.values.shape[1]
-    # Direction to the camera in the local frame.
-    ox = frame[0, 0] * wo[0] + frame[0, 1] * wo[1] + frame[0, 2] * wo[2]
-    oy = frame[1, 0] * wo[0] + frame[1, 1] * wo[1] + frame[1, 2] * wo[2]
-    oz = frame[2, 0] * wo[0] + frame[2, 1] * wo[1] + frame[2, 2] * wo[2]
-    two = reflection.curve_b.shape[0] > 1
-    # List visible triangles; replace those over which a curve bends by their parts.
-    n_seen = _list_visible(words, n_triangles, s.listed)
-    gather_local(parts.centres, s.listed, n_seen, frame, s.x, s.y, s.z)
-    n = _part_bending(reflection.kind_a, reflection.bends_a, q, ox, oy, oz, n_triangles, n_seen, n_seen, s)
-    if two:
-        n = _part_bending(reflection.kind_b, reflection.bends_b, q, ox, oy, oz, n_triangles, n_seen, n, s)
-    if n > n_seen:
-        n = _compact_listed(n, s.listed)
-        gather_local(parts.centres, s.listed, n, frame, s.x, s.y, s.z)
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def _fill_reflected(reflection, ox, oy, oz, n, s):
+    """Fills s.reflected (n, C) with s.weights (n,) times ρ cosθ for the first n local directions of the scratch."""
+    q, n_channels = reflection.q, s.reflected.shape[1]
     x, y, z, weights, gamma, reflected = s.x[:n], s.y[:n], s.z[:n], s.weights[:n], s.gamma[:n], s.reflected[:n]
-    # ρ_q cosθ times each part's share of its triangle.
-    for k in range(n):
-        weights[k] = parts.shares[s.listed[k]]
+    # ρ_q cosθ.
     if reflection.tints != 0:
         tint(reflection.tints, q, s.order[:n], x, y, z, ox, oy, oz, weights, s.ones, s.quotients, s.tinted)
     else:
@@ -189,9 +187,34 @@ def _reflect(words, wo, parts, reflection, s):
     # Times the curves f_A(γ_A) and f_B(γ_B) [BenArtzi07, eq. 3.1].
     fill_gammas(reflection.kind_a, q, x, y, z, ox, oy, oz, gamma)
     _times_curve(reflection.curve_a, gamma, reflected)
-    if two:
+    if reflection.curve_b.shape[0] > 1:
         fill_gammas(reflection.kind_b, q, x, y, z, ox, oy, oz, gamma)
         _times_curve(reflection.curve_b, gamma, reflected)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def _reflect(words, wo, parts, reflection, s):
+    """Fills s.values (T, C) with ρ V cosθ, averaged over each triangle of the sphere.
+
+    Triangles over which a curve bends are averaged over their parts.
+    """
+    q, frame, n_triangles, n_channels = reflection.q, s.frame, s.values.shape[0], s.values.shape[1]
+    ox, oy, oz = _to_frame(frame, wo)
+    two = reflection.curve_b.shape[0] > 1
+    # List visible triangles; replace those over which a curve bends by their parts.
+    n_seen = _list_visible(words, n_triangles, s.listed)
+    gather_local(parts.centres, s.listed, n_seen, frame, s.x, s.y, s.z)
+    n = _part_bending(reflection.kind_a, reflection.bends_a, q, ox, oy, oz, n_triangles, n_seen, n_seen, s)
+    if two:
+        n = _part_bending(reflection.kind_b, reflection.bends_b, q, ox, oy, oz, n_triangles, n_seen, n, s)
+    if n > n_seen:
+        n = _compact_listed(n, s.listed)
+        gather_local(parts.centres, s.listed, n, frame, s.x, s.y, s.z)
+    # Reflection times each part's share of its triangle.
+    for k in range(n):
+        s.weights[k] = parts.shares[s.listed[k]]
+    _fill_reflected(reflection, ox, oy, oz, n, s)
+    z, reflected = s.z[:n], s.reflected[:n]
     # Sum the parts of each triangle.
     s.values[:] = np.float32(0.0)
     for k in range(n):
@@ -261,3 +284,27 @@ def light_rows(rows, light, out):
                 g += np.float32(value[k, 1]) * light[t, 1]
                 b += np.float32(value[k, 2]) * light[t, 2]
         out[p, 0], out[p, 1], out[p, 2] = scale[p] * r, scale[p] * g, scale[p] * b
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def reflect_lights(points, surface, bits, lights, reflection, out):
+    """out (p, 3): what `points` (p,) reflect of the lights that they see by bits (P, words)."""
+    n_lights, n_channels = lights.power.shape[0], reflection.curve_a.shape[1]
+    s = _make_scratch(0, n_lights, n_channels)
+    for i in range(points.shape[0]):
+        p = points[i]
+        for c in range(3):
+            out[i, c] = np.float32(0.0)
+        n = _list_visible(bits[p], n_lights, s.listed)
+        if n == 0:
+            continue
+        set_frame(surface.tangent[p], surface.normal[p], s.frame)
+        ox, oy, oz = _to_frame(s.frame, surface.wo[p])
+        gather_local(lights.directions, s.listed, n, s.frame, s.x, s.y, s.z)
+        for k in range(n):
+            s.weights[k] = np.float32(1.0)
+        _fill_reflected(reflection, ox, oy, oz, n, s)
+        for k in range(n):
+            if s.z[k] > np.float32(0.0):
+                for c in range(3):
+                    out[i, c] += s.reflected[k, min(c, n_channels - 1)] * lights.power[s.listed[k], c]

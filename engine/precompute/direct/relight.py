@@ -1,11 +1,12 @@
 """Relights a picture by another distant light, with fixed materials and camera: rows over a lighting basis.
 
-    B(r) = B(r₀) + K (l(r) − l(r₀))
+    B(r) = B(r₀) + K (l(r) − l(r₀)) + S(r) − S(r₀)
 
 l holds the spherical Haar coefficients of the environment's power over the 5,120 triangles of the visibility sphere,
-rotated by r. K holds the reflection of each point, including shadows. r₀ is the rotation for which the exact picture
-was computed [BenArtzi07, eq. 7.4]. What does not change with rotation, emitters among it, therefore stays exact, and a
-rotation begins without a jump.
+rotated by r. K holds the reflection of each point, including shadows. S is the light of the environment's peaks, which
+are finer than the triangles and no part of l (`peaks`). r₀ is the rotation for which the exact picture was computed
+[BenArtzi07, eq. 7.4]. What does not change with rotation, emitters among it, therefore stays exact, and a rotation
+begins without a jump.
 
 Every point has its own row. Terms of K are dropped by their effect on the picture: |K_xk| times the RMS of l_k over a
 full rotation of the environment. Most terms of a row therefore lie where the light is. docs/relighting.md compares this
@@ -133,7 +134,7 @@ class RowMaker:
 
     def rows(self, layer: Layer, points: NDArray[np.integer]) -> Iterator[kernels.LightRowArrays]:
         """Rows of a layer at the given points, all of them visible to the camera, one tile at a time."""
-        reflection, parts = _reflection(layer), _parts()
+        reflection, parts = layer_reflection(layer), _parts()
         least = np.float32(self.least / max(float(layer.scale().max()), 1e-6))
         surface = ViewedPoints(self.hits.position, self.hits.tangent, self.hits.normal, self.hits.wo)
 
@@ -208,7 +209,7 @@ def _bends(curve: Float32Array, kind: int) -> NDArray[np.bool_]:
     return np.asarray((largest - least > BEND * np.abs(curve).max(axis=0)).any(axis=1))
 
 
-def _reflection(layer: Layer) -> kernels.Reflection:
+def layer_reflection(layer: Layer) -> kernels.Reflection:
     """A layer's reflection with its curves tabulated; one channel if all channels are equal."""
     model = layer.model
     angles = np.linspace(0.0, HALF_PI, CURVE_STEPS + 1)

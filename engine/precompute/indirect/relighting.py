@@ -15,7 +15,6 @@ sky at rest.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Generator
 from dataclasses import dataclass, replace
 
@@ -24,7 +23,7 @@ from numpy.typing import NDArray
 
 from engine.core.clamping import BRIGHTEST, clamp_radiance
 from engine.core.generators import map_steps
-from engine.light.triangle_lights import TriangleLights, cut_lights
+from engine.light.triangle_lights import TriangleLights, cut_lights, turned
 from engine.precompute.direct.pipeline import SkyState, patches_of
 from engine.precompute.direct.relight import is_same_sky, sky_likeness
 from engine.precompute.indirect._cache_kernels import Lights
@@ -171,13 +170,7 @@ def _ratios(parts: Reflected, wholes: Reflected) -> Reflected:
 def turned_lights(cut: TriangleLights, degrees: float) -> TriangleLights:
     """The lights of a sky that is rotated by so many degrees more. Of the geometry only the vertices turn: they are all
     that records sample."""
-    if not degrees:
-        return cut
-    sine, cosine = math.sin(math.radians(degrees)), math.cos(math.radians(degrees))
-    # The azimuth in the world, atan2(x, −z), is that in the map minus the rotation.
-    x, y, z = cut.vertices.astype(np.float64).T
-    vertices = np.stack([x * cosine + z * sine, y, z * cosine - x * sine], axis=1)
-    return replace(cut, vertices=vertices.astype(np.float32))
+    return replace(cut, vertices=turned(cut.vertices, degrees)) if degrees else cut
 
 
 def _cut_in_units(sky: SkyState) -> tuple[TriangleLights | None, float]:

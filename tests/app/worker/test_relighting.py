@@ -92,6 +92,22 @@ def test_a_turned_sky_lights_every_pixel_as_its_own_transport_does(tmp_path: Pat
         assert len(quick[key]) < len(picture)  # as it is without
 
 
+def test_the_shadow_of_a_sun_turns_with_it(tmp_path: Path) -> None:
+    tasks = opened(tmp_path)
+    sunny = np.repeat(np.repeat(skylight(), 8, axis=0), 8, axis=1)
+    sunny[32:34, 160:162] = 8000.0
+    write_exr(tmp_path / "sunny.exr", sunny)
+    sun = LightState(environment=str(tmp_path / "sunny.exr"))
+    final = pictures(run_in_process(tasks, asked(sun, 1500)), "final")
+    run_in_process(tasks, PrepareRelighting(asked(sun).scene))
+    begun = pictures(run_in_process(tasks, asked(sun, 0)), "relit")
+    found = pictures(run_in_process(tasks, asked(replace(sun, rotation=37.0), 0)), "relit")
+    truth = pictures(run_in_process(tasks, asked(replace(sun, rotation=37.0), 1500)), "final")
+    for key, picture in truth.items():
+        np.testing.assert_allclose(begun[key], final[key], rtol=1e-4, atol=1e-5 * final[key].max())
+        assert errors(found[key], picture).rmse < 0.05
+
+
 def test_no_turn_is_the_exact_picture_and_a_walk_of_turns_is_one_turn(tmp_path: Path) -> None:
     tasks = opened(tmp_path)
     final = ready(tasks)
