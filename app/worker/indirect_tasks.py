@@ -109,8 +109,9 @@ class IndirectTasks:
 
     @property
     def n_bytes(self) -> int:
-        """Memory of the light that was found, and of stored freezings."""
+        """Memory of the light that was found, of stored freezings, and of what is prepared for other light."""
         kept = 0 if self._representations is None else self._representations.n_bytes
+        kept += 0 if self._relighting is None else self._relighting.n_bytes
         return kept + (0 if self._found is None else self._found.light.n_bytes)
 
     @property

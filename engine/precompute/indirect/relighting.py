@@ -106,6 +106,12 @@ class IndirectRelighting:
         self._changing: dict[int, Reflected] = {}  # emitters by object, as if they were white
         self._others: Reflected | None = None
 
+    @property
+    def n_bytes(self) -> int:
+        """Memory of what was reflected of each source."""
+        parts = [*(reflected for _, reflected in self._skies), *self._changing.values(), self._others or []]
+        return sum(layer.nbytes for part in parts for layer in part)
+
     def prepare(self) -> Generator[None, None, None]:
         """Reflects the sources of the light at rest; emitters each on its own where there are few."""
         emitters = np.flatnonzero(self._resting.emission.any(axis=1)).tolist()

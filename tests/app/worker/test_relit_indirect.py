@@ -13,6 +13,8 @@ from app.modes.placement.placement_messages import (
     FreezeIndirect,
     IndirectFrozen,
     IndirectRelit,
+    PrepareRelighting,
+    RelightingPrepared,
     StageDone,
 )
 from app.worker.cache import ArrayCache
@@ -99,3 +101,14 @@ def test_nothing_is_relit_before_there_is_light_or_after_another_model(tasks: Re
     request = lit_by(is_drag=True)
     fewer = replace(request, scene=replace(request.scene, layers=request.scene.layers[:-1]))
     assert not any(isinstance(each, IndirectRelit) for each in run_in_process(tasks, fewer))
+
+
+def test_what_is_prepared_for_other_light_counts_as_memory(tasks: RequestDispatcher) -> None:
+    frozen(tasks, lit_by())
+    before = run_in_process(tasks, lit_by())[-1]
+    (prepared,) = run_in_process(tasks, PrepareRelighting(lit_by().scene))
+    assert isinstance(before, StageDone) and isinstance(prepared, RelightingPrepared)
+    answer, _ = relit(tasks, lit_by(is_drag=True))
+    # Of the sky, of the lamp, and of all other emitters.
+    of_sources = 3 * sum(light.nbytes for light in answer.now.values())
+    assert prepared.transport_bytes >= before.transport_bytes + of_sources
