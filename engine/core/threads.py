@@ -138,4 +138,8 @@ def run_in_order(
         return OrderedSection(passed, [n_stages * first + stage * n + i % AT_A_TIME for stage in range(n_stages)])
 
     with pool(AT_A_TIME) as threads:
-        yield from map_ahead(threads, lambda i: ended(items[i], turns_of(i)), range(len(items)), 2 * AT_A_TIME)
+        try:
+            yield from map_ahead(threads, lambda i: ended(items[i], turns_of(i)), range(len(items)), 2 * AT_A_TIME)
+        finally:
+            for each in passed:  # where the consumer stops, items wait for turns of others that never begin
+                each.set()

@@ -185,3 +185,19 @@ def test_nobody_waits_for_one_that_failed() -> None:
     with pytest.raises(Failed):
         list(run_in_order(work, range(2), 1))
     assert not any("ThreadPool" in thread.name for thread in threading.enumerate())
+
+
+@pytest.mark.parametrize("n_taken", range(1, 6))
+def test_nobody_waits_for_items_that_never_begin(n_taken: int) -> None:
+    def work(item: int, turn: OrderedSection) -> int:
+        for _ in range(2):
+            with turn:
+                pass
+        return item
+
+    results = run_in_order(work, range(12), 2)
+    assert [next(results) for _ in range(n_taken)] == list(range(n_taken))
+    closing = threading.Thread(target=results.close, daemon=True)
+    closing.start()
+    closing.join(5.0)
+    assert not closing.is_alive()
