@@ -17,6 +17,7 @@ import numpy as np
 
 from app.document.commands.curves import SetOperators
 from app.document.commands.layers import SetParameter
+from app.document.view_state import SetView
 from benchmarks.programs.command_line import Figures, Pictures, command_line, resolution_of, write_found
 from benchmarks.programs.renderer import EditorRig
 from engine.core.errors import InsituError
@@ -25,8 +26,9 @@ from engine.material.layer import object_of
 from ui.picture_feed import ViewportStill
 
 N_FRAMES, BLOCK = 12, 8
-HIGHLIGHT = "theta_h"
 FRESNEL = "theta_d"
+# The power of α with which each parameter of roughness goes: an exponent n is 2 / α² - 2, or about that.
+ROUGHNESS = {"alpha": 1, "n_u": -2, "n_v": -2}
 TINT = (1.0, 0.7, 0.4)
 
 
@@ -44,28 +46,32 @@ def drags_of(rig: EditorRig, key: str) -> list[Drag]:
     """The drags of a glossy layer: roughness up and down, a shoulder that doubles the light beside its highlight, and
     its colour at normal incidence."""
     layer = rig.editor.document.layer(key)
-    n_curves = len(layer.model.factors)
+    highlight, *others = (factor.name for factor in layer.model.factors)
     drags = []
-    if "alpha" in layer.values:
-        alpha = float(layer.values["alpha"])  # type: ignore[arg-type]
+    for name, power in ROUGHNESS.items():
+        if name in layer.values:
 
-        def rougher(times: float) -> Callable[[float], object]:
-            return lambda done: SetParameter(key, "alpha", alpha * times**done)
+            def rougher(times: float, name: str = name, power: int = power) -> Callable[[float], object]:
+                value = float(layer.values[name])  # type: ignore[arg-type]
+                return lambda done: SetParameter(key, name, value * times ** (power * done))
 
-        drags += [Drag(key, HIGHLIGHT, f"alpha {word}", rougher(n)) for word, n in (("up", 1.6), ("down", 0.625))]
+            curve = others[0] if name == "n_v" else highlight
+            drags += [
+                Drag(key, curve, f"{name} {word}", rougher(n)) for word, n in (("rougher", 1.6), ("smoother", 0.625))
+            ]
 
     def shoulder(done: float) -> object:
         lift = (Operator("amplify", "y", 0.0, 0.05, 0.35, 0.6, 1.0 + done),) if done else ()
-        return SetOperators(key, HIGHLIGHT, lift)
+        return SetOperators(key, highlight, lift)
 
-    tinted = FRESNEL if n_curves > 1 else HIGHLIGHT
+    tinted = FRESNEL if FRESNEL in others else highlight
 
     def colour(done: float) -> object:
         channels = {1: (False, True, False), 2: (False, False, True)}
         dims = [Operator("amplify", "y", 0.0, 0.0, HALF_PI, HALF_PI, TINT[c] ** done, 0.0, channels[c]) for c in (1, 2)]
         return SetOperators(key, tinted, tuple(dims) if done else ())
 
-    return [*drags, Drag(key, HIGHLIGHT, "shoulder", shoulder), Drag(key, tinted, "colour", colour)]
+    return [*drags, Drag(key, highlight, "shoulder", shoulder), Drag(key, tinted, "colour", colour)]
 
 
 @dataclass(frozen=True)
@@ -117,11 +123,20 @@ def worst_block(change: np.ndarray) -> float:
     return float(blocks.mean(axis=(1, 3)).max(initial=0.0))
 
 
-def measure(source: str, resolution: tuple[int, int] | None, keys: Sequence[str]) -> tuple[Figures, Pictures]:
-    """The jumps of all drags of these layers, "key kind" → mean, block and milliseconds; and pictures of each."""
+def measure(
+    source: str, resolution: tuple[int, int] | None, keys: Sequence[str], n_bounces: int | None, alpha: float | None
+) -> tuple[Figures, Pictures]:
+    """The jumps of all drags of these layers, "key kind" → mean, block and milliseconds; and pictures of each.
+    n_bounces: those of the scene where None; alpha: set for all the layers first."""
     figures: Figures = {}
     pictures: Pictures = {}
     with contextlib.closing(EditorRig(source, resolution)) as rig:
+        if n_bounces is not None:
+            do(rig, SetView.of(n_bounces=n_bounces))
+        for key in keys:
+            if alpha is not None:
+                do(rig, SetParameter(key, "alpha", alpha))
+        rig.wait_until_exact()
         for key in keys:
             for drag in drags_of(rig, key):
                 rig.switch(f"{key}.{drag.curve}")
@@ -139,8 +154,13 @@ def main(arguments: list[str] | None = None) -> int:
     parser = command_line("drags", __doc__, "source")
     parser.add_argument("--resolution", nargs=2, type=int)
     parser.add_argument("--layer", action="append", required=True)
+    parser.add_argument("--bounces", type=int)
+    parser.add_argument("--alpha", type=float, help="roughness of the layers at the start")
     given = parser.parse_args(arguments)
-    return write_found(given.output, lambda: measure(given.source, resolution_of(given), given.layer))
+    return write_found(
+        given.output,
+        lambda: measure(given.source, resolution_of(given), given.layer, given.bounces, given.alpha),
+    )
 
 
 if __name__ == "__main__":
