@@ -137,9 +137,13 @@ def run_in_order(
         first, n = i - i % AT_A_TIME, min(AT_A_TIME, len(items) - (i - i % AT_A_TIME))
         return OrderedSection(passed, [n_stages * first + stage * n + i % AT_A_TIME for stage in range(n_stages)])
 
+    numbers = iter(range(len(items)))
     with pool(AT_A_TIME) as threads:
         try:
-            yield from map_ahead(threads, lambda i: ended(items[i], turns_of(i)), range(len(items)), 2 * AT_A_TIME)
+            yield from map_ahead(threads, lambda i: ended(items[i], turns_of(i)), numbers, 2 * AT_A_TIME)
         finally:
-            for each in passed:  # where the consumer stops, items wait for turns of others that never begin
-                each.set()
+            # After an error, or where the consumer stops, an item under way may wait for one that never began.
+            for i in numbers:
+                if i % AT_A_TIME == 0:
+                    break
+                turns_of(i).end()

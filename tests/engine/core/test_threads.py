@@ -1,5 +1,6 @@
 """What is shared among threads comes out the same, to the last bit, on any number of them."""
 
+import contextlib
 import threading
 import time
 from collections.abc import Callable
@@ -187,17 +188,24 @@ def test_nobody_waits_for_one_that_failed() -> None:
     assert not any("ThreadPool" in thread.name for thread in threading.enumerate())
 
 
-@pytest.mark.parametrize("n_taken", range(1, 6))
-def test_nobody_waits_for_items_that_never_begin(n_taken: int) -> None:
+@pytest.mark.parametrize("last", range(7))
+@pytest.mark.parametrize("fails", [True, False])
+def test_no_item_waits_for_one_that_never_began(last: int, fails: bool) -> None:
     def work(item: int, turn: OrderedSection) -> int:
+        if fails and item == last:
+            raise Failed
         for _ in range(2):
             with turn:
                 pass
         return item
 
-    results = run_in_order(work, range(12), 2)
-    assert [next(results) for _ in range(n_taken)] == list(range(n_taken))
-    closing = threading.Thread(target=results.close, daemon=True)
-    closing.start()
-    closing.join(5.0)
-    assert not closing.is_alive()
+    def consume() -> None:
+        with contextlib.suppress(Failed), contextlib.closing(run_in_order(work, range(8), 2)) as results:
+            for result in results:
+                if result == last:
+                    break  # the consumer stops
+
+    consumer = threading.Thread(target=consume, daemon=True)
+    consumer.start()
+    consumer.join(20.0)
+    assert not consumer.is_alive()
