@@ -37,7 +37,7 @@ from engine.material.layer import Layer, object_of
 from engine.precompute.direct.pipeline import Placement, SkyState
 from engine.precompute.indirect.albedo import albedo_bands
 from engine.precompute.indirect.checkpoints import NAMES, arrays_of
-from engine.precompute.indirect.frozen_light import SelectedCurve
+from engine.precompute.indirect.frozen_light import FrozenLight, SelectedCurve
 from engine.precompute.indirect.indirect_layers import IndirectLayer, indirect_layer
 from engine.precompute.indirect.indirect_light import GatherPolynomial, IndirectLight
 from engine.precompute.indirect.irradiance_cache import NO_OBJECT
@@ -103,6 +103,7 @@ class IndirectTasks:
         self._noise_found: tuple[_FoundLight, FreezeIndirect, tuple[float, float]] | None = None
         self._representations: GatherPolynomial | None = None
         self._frozen_light: _FoundLight | None = None
+        self._answered: tuple[int, str | None, int | None] | None = None  # light, and what was edited of it
         self._relighting: IndirectRelighting | None = None
         self._relit_for: tuple[int, tuple[LayerState, ...]] | None = None
         self._numbers = itertools.count(time.time_ns())  # none that a worker before this one used
@@ -243,7 +244,7 @@ class IndirectTasks:
 
     def _reflected(self, layers: list[IndirectLayer], light: IndirectLight) -> Generator[None, None, list[np.ndarray]]:
         """What these layers reflect of a light at their gather points, (p, 3) each."""
-        frozen = yield from self._represented(light).freeze(layers)
+        frozen = yield from map_steps(self._represented(light).freeze(layers), lambda step: None)
         return [unscaled(frozen.reflected[i][:, 0].T, light.unit) for i in range(len(layers))]
 
     def _represented(self, light: IndirectLight) -> GatherPolynomial:
@@ -284,13 +285,25 @@ class IndirectTasks:
         keys = list(layers)
         curves = {key: factor for key, factor in desired.curves.items() if key in layers}
         selected = [SelectedCurve(keys.index(key), factor) for key, factor in curves.items()]
-        light = yield from polynomial.freeze(list(layers.values()), edited, selected)
         albedos = {
             each.key: albedo_bands(*each.quotient, each.bands)
             for each in desired.scene.visible if self._object(each) == edited
         }  # fmt: skip
-        unit, by_albedo = found.light.unit, not found.light.points.glossy
-        yield IndirectFrozen(found.number, desired.serial, tuple(keys), curves, light, albedos, unit, by_albedo)
+
+        def frozen(light: FrozenLight, is_last: bool) -> IndirectFrozen:
+            unit, by_albedo = found.light.unit, not found.light.points.glossy
+            return IndirectFrozen(
+                found.number, desired.serial, tuple(keys), curves, light, albedos, unit, by_albedo, is_last
+            )
+
+        # What is drawn by now follows these edits already, or else does so sooner without the gloss that is sent on.
+        answers, known = (found.number, desired.key, desired.factor), self._answered
+        light = yield from map_steps(
+            polynomial.freeze(list(layers.values()), edited, selected),
+            lambda early: None if early is None or known == answers else frozen(early, False),
+        )
+        yield frozen(light, True)
+        self._answered = answers
         self._frozen_light = found
 
     def _noise(self, found: _FoundLight, desired: FreezeIndirect) -> Steps:

@@ -275,7 +275,7 @@ def reflected_light(
     reflecting = indirect_layers(layers, second)
     found = found.without_glossy_hits() if second == 1 else found
     polynomial = GatherPolynomial(found, keeps=False) if polynomial is None else polynomial.with_light(found)
-    frozen = yield from polynomial.freeze(reflecting)
+    frozen = yield from map_steps(polynomial.freeze(reflecting), lambda step: None)
     gather_points = found.points.samples.points
     objects = object_of_rows(hits, gather_points)
 

@@ -4,8 +4,9 @@ The worker freezes indirect light for the object of the selected layer [BenArtzi
 the picture of a freezing in every frame. What its sums hold fixed (other objects' curves, the other curve of the
 selected layer) is compared with the document once a frame, and frozen anew when it has changed, one request at a time.
 The light that a glossy object sends on follows its curve, by the bands that it was frozen with; it is frozen anew once
-the user is idle, or at once where the curve has moved far. A freezing is answered again whenever its samples have
-become finer. While a light is dragged, what was frozen is relit with each quick picture of the direct light, and stays
+the user is idle, or at once where the curve has moved far. Just after another object was selected it stays as it is:
+its freezing takes longer, and comes with a second answer. A freezing is answered again whenever its samples have become
+finer. While a light is dragged, what was frozen is relit with each quick picture of the direct light, and stays
 so until the light of the end is frozen.
 """
 
@@ -66,7 +67,7 @@ class IndirectController:
         self._used: Freezing | None = None  # the one that is drawn
         self._lit_under = -1  # the revision under which its light holds
         self._cached: list[Freezing] = []
-        self._noise: IndirectNoise | None = None
+        self._noises: dict[tuple[int, int], IndirectNoise] = {}  # of freezings, by the numbers of light and request
         self._relit: IndirectRelit | None = None  # of the one that is drawn
         self._desired: DesiredFreezing | None = None
         self._desired_inputs: tuple[Document | None, Selection | None, int | None] = None, None, None
@@ -85,6 +86,13 @@ class IndirectController:
         """The fine light that was found, or also holds, under the transport of that number; None without any."""
         found = self._found if self._confirmed == revision else None
         return found if found is not None and found.stage == FINE_STAGE else None
+
+    @property
+    def follows_edits(self) -> bool:
+        """Whether what is shown follows edits of what is selected, by the newest samples; what edited gloss sends on
+        may be still to come."""
+        number = None if self._found is None else self._found.number
+        return self._n_bounces <= 1 or (self._used is not None and self._fits and self._used.frozen.number == number)
 
     @property
     def awaits_frozen(self) -> bool:
@@ -117,26 +125,26 @@ class IndirectController:
     def noise(self) -> float | None:
         """The noise of the indirect light that is shown, RMS relative to its mean, with what a drag leaves out; None
         while unknown."""
-        if not self.picture.is_shown or not self._noise_is_current or self._noise is None:
+        known = self._noise_of_used
+        if not self.picture.is_shown or known is None:
             return None
-        left_out = self.picture.unrepresented / self._noise.mean if self._noise.mean > 0.0 else 0.0
-        return math.hypot(self._noise.noise, left_out)
+        left_out = self.picture.unrepresented / known.mean if known.mean > 0.0 else 0.0
+        return math.hypot(known.noise, left_out)
 
     def noise_of_picture(self, direct: float) -> float:
         """The same, relative to the mean of the whole picture; direct: the mean of its direct light. 0 while
         unknown."""
-        if self.noise is None or self._noise is None:
+        known = self._noise_of_used
+        if self.noise is None or known is None:
             return 0.0
-        mean = self._noise.mean + direct
-        return self.noise * self._noise.mean / mean if mean > 0.0 else self.noise
+        mean = known.mean + direct
+        return self.noise * known.mean / mean if mean > 0.0 else self.noise
 
     @property
-    def _noise_is_current(self) -> bool:
-        """Whether the newest noise is that of the newest light."""
-        if self._used is None or self._noise is None:
-            return False
-        frozen = self._used.frozen
-        return (self._noise.number, self._noise.serial) == (frozen.number, frozen.serial)
+    def _noise_of_used(self) -> IndirectNoise | None:
+        """The noise of the freezing that is drawn, None while unknown."""
+        frozen = None if self._used is None else self._used.frozen
+        return None if frozen is None else self._noises.get((frozen.number, frozen.serial))
 
     # -------------------------------------------------------------------------------------------------------- responses
 
@@ -152,14 +160,22 @@ class IndirectController:
     def lose_request(self) -> None:
         """The freezing under way will not come: the worker gave it up for a scene or a view that it could not show."""
         self._reconciler.lose()
+        self._forget_early()
 
     def cancelled(self) -> None:
         """The user stopped the work: what is desired is not frozen before another transport."""
+        self._forget_early()
         self._reconciler.stop()
+
+    def _forget_early(self) -> None:
+        """Forget an answer whose second one will not come: it is to be requested again."""
+        if self._reconciler.ready is not None and not self._reconciler.ready.is_last:
+            self._reconciler.forget_ready()
 
     def receive_failure(self, id: int) -> None:
         """Note that a request failed: it is not repeated until it would be another one."""
         if id == self._sent_id:
+            self._forget_early()
             self._reconciler.fail(self._n_sent)
 
     def receive_samples(self, response: IndirectFound) -> None:
@@ -178,7 +194,9 @@ class IndirectController:
     def receive_frozen(self, response: IndirectFrozen) -> None:
         """Take a freezing; it is drawn with the footprint of its own samples."""
         reconciler, found = self._reconciler, self._found
-        if found is None or response.number != found.number or not reconciler.receive(response.serial, response):
+        if found is None or response.number != found.number:
+            return
+        if not reconciler.receive(response.serial, response, response.is_last):
             return
         assert reconciler.ready_for is not None
         used = self._used
@@ -196,20 +214,23 @@ class IndirectController:
         self._relit, self._drawn = relit, None
 
     def _use(self, freezing: Freezing) -> None:
-        """Use a freezing from now on; earlier ones stay stored as long as they are of the same light."""
+        """Use a freezing from now on; earlier ones stay stored as long as they are of the same light, and whole."""
         others = [each for each in (self._used, *self._cached) if each is not None and each is not freezing]
-        self._cached = [each for each in others if each.frozen.number == freezing.frozen.number][:MAX_CACHED]
+        alike = [each for each in others if each.frozen.number == freezing.frozen.number and each.frozen.is_last]
+        self._cached = alike[:MAX_CACHED]
+        kept = {(each.frozen.number, each.frozen.serial) for each in (freezing, *self._cached)}
+        self._noises = {numbers: noise for numbers, noise in self._noises.items() if numbers in kept}
         self._used, self._drawn = freezing, None
         if self._relit is not None and self._relit.number != freezing.frozen.number:
             self._relit = None
         self.picture.forget_drawn()
 
-    def _use_cached(self, desired: DesiredFreezing) -> None:
-        """Use a stored freezing for the same edits until the requested one is here."""
+    def _stored(self, desired: DesiredFreezing) -> Freezing | None:
+        """A stored freezing for the same edits."""
         for each in self._cached:
             if each.made_for.serves(desired) and each.made_for.same(desired):
-                self._use(each)
-                return
+                return each
+        return None
 
     def means_changed(self) -> None:
         """The albedo of layers became known otherwise than by an edit: the mean of a texture."""
@@ -217,7 +238,7 @@ class IndirectController:
 
     def receive_noise(self, response: IndirectNoise) -> None:
         """Take the noise of a freezing."""
-        self._noise = response
+        self._noises[response.number, response.serial] = response
 
     # ------------------------------------------------------------------------------------------------------- requesting
 
@@ -239,17 +260,28 @@ class IndirectController:
         if n_bounces <= 1:
             return
         desired = self._desired_state(document, selected, second)
+        if self._used is not None and not self._used.made_for.serves(desired):
+            if (stored := self._stored(desired)) is not None:
+                self._use(stored)
         self._reconcile(now, desired, revision, may_request)
         if self._used is None:
             self._complete = self._fits = False
             return
-        if not self._used.made_for.serves(desired):
-            self._use_cached(desired)
         made_for, number = self._used.made_for, self._used.frozen.number
         fine = self.found_under(revision)
         self._fits = made_for.serves(desired)
         is_final = fine is not None and fine.number == number  # it is the newest light, and of this transport
-        self._complete = self._fits and is_final and made_for.same(desired) and self._noise_is_current
+        is_whole = self._used.frozen.is_last and self._noise_of_used is not None
+        self._complete = self._fits and is_final and is_whole and made_for.same(desired)
+
+    def _accept_stored(self, desired: DesiredFreezing, revision: int) -> None:
+        """Where what is used again is all that is desired, and nothing better is to come, request nothing."""
+        used, fine = self._used, self.found_under(revision)
+        if self._reconciler.is_ready or used is None or fine is None or used.frozen.number != fine.number:
+            return
+        if used.frozen.is_last and self._noise_of_used is not None and used.made_for.same(desired):
+            if used.made_for.serves(desired):
+                self._reconciler.accept(used.frozen, (used.made_for, revision))
 
     def _desired_state(self, document: Document, selected: Selection | None, second: int | None) -> DesiredFreezing:
         """The desired freezing, computed once: most frames find nothing changed, and processors are the worker's."""
@@ -263,8 +295,9 @@ class IndirectController:
         """Request a freezing: at once where the one before does not serve, once the user is idle where it does."""
         reconciler = self._reconciler
         if reconciler.requested is not None and reconciler.requested.desired[1] != revision:
-            reconciler.lose()  # other transport has cancelled it
+            self.lose_request()  # other transport has cancelled it
         reconciler.desire(now, (desired, revision))
+        self._accept_stored(desired, revision)
         if reconciler.requested is None or not reconciler.requested.desired[0].serves(desired):
             reconciler.skip_idle()
         if self._used is not None and self.picture.departure > FAR:

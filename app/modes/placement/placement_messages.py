@@ -255,7 +255,8 @@ class IndirectFrozen(Response):
 
     light: by the layers' numbers in `keys`; curves: those whose bands it has, by key of the layer; albedos: by key of
     the edited object's layers, e (V,J,K) or (3,V,J,K) [engine.precompute.indirect.albedo]. by_albedo: whether the
-    second bounce off glossy surfaces, which depends on direction, is still to come.
+    second bounce off glossy surfaces, which depends on direction, is still to come; is_last: whether no second answer
+    comes, until which the light that edited gloss sends on stays as it is.
     """
 
     number: int
@@ -266,6 +267,7 @@ class IndirectFrozen(Response):
     albedos: dict[str, NDArray[np.float64]]
     unit: float = 1.0
     by_albedo: bool = False
+    is_last: bool = True
 
 
 @dataclass(frozen=True, eq=False)

@@ -299,7 +299,7 @@ def _frozen_curve(values: NDArray[np.float64], bands: NDArray[np.float32]) -> Fr
     return FrozenCurve(values, choose_modes(met, values))
 
 
-Freezing = Generator[None, None, FrozenLight]
+Freezing = Generator[FrozenLight | None, None, FrozenLight]
 
 
 class Representation(Protocol):
@@ -313,7 +313,8 @@ class Representation(Protocol):
         self, layers: Sequence[IndirectLayer], edited: int = NO_OBJECT, curves: Sequence[SelectedCurve] = ()
     ) -> Freezing:
         """The light under these layers as a polynomial in the albedo of the object `edited`, and by band of these
-        curves of it, one of a layer. A generator of steps."""
+        curves of it, one of a layer. A generator of steps; one of them yields the light in which what the edited curves
+        send on to other surfaces stays as it is, where that is known earlier."""
 
 
 class GatherPolynomial:
@@ -372,6 +373,8 @@ class GatherPolynomial:
                     bands[i] = yield from samples.by_band(layers[i].curves, factors[i], light)
         gloss, least = [], LEAST_EFFECT * _mean_light(layers, reflected)
         of_curves = self._edited_gloss(layers, edited, curves, light)
+        if of_curves:
+            yield FrozenLight(reflected, bands, {}, ())
         at_receivers = factors if of_curves else {}
         frozen = {i: _frozen_curve(layers[i].curves.curves[factor], bands[i]) for i, factor in at_receivers.items()}
         for each in of_curves:

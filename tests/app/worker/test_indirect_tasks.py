@@ -42,12 +42,32 @@ def scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Scene:
 def found_by(
     tasks: IndirectTasks, scene: Scene, lit_by: str = "noon", is_last: bool = True, n_rays: int = 0
 ) -> list[Response]:
-    """What the worker tells of the scene's light, a freezing for the ball's gloss having been asked for before."""
+    """What the worker tells of the scene's light in the end, a freezing for the ball's gloss having been asked for
+    before."""
     document = document_from_description("scene", scene.description)
     wanted = Curves().scene_state(document)
     list(tasks.freeze(FreezeIndirect(wanted, "ball.1", 0)))
     steps = tasks.find(wanted.visible, sky_of(scene, document.light), lit_by, N_BOUNCES, is_last, n_rays)
-    return [answer for answer in steps if isinstance(answer, IndirectFound | IndirectFrozen)]
+    found = [answer for answer in steps if isinstance(answer, IndirectFound | IndirectFrozen)]
+    return [answer for answer in found if not isinstance(answer, IndirectFrozen) or answer.is_last]
+
+
+def test_what_gloss_sends_on_comes_with_a_second_answer_where_another_curve_is_edited(scene: Scene) -> None:
+    document = document_from_description("scene", scene.description)
+    wanted, tasks = Curves().scene_state(document), IndirectTasks(Placement(scene))
+    list(tasks.find(wanted.visible, sky_of(scene, document.light), "noon", N_BOUNCES, True))
+
+    def frozen(key: str) -> list[IndirectFrozen]:
+        return [a for a in tasks.freeze(FreezeIndirect(wanted, key, 0)) if isinstance(a, IndirectFrozen)]
+
+    early, whole = frozen("ball.1")
+    assert (early.is_last, whole.is_last) == (False, True) and not early.light.gloss and whole.light.gloss
+    np.testing.assert_array_equal(early.light.reflected[0], whole.light.reflected[0])
+    [again] = frozen("ball.1")  # the picture follows its edits already: nothing stops following meanwhile
+    assert again.is_last and again.light.gloss
+    [diffuse] = frozen("ground.0")  # it sends nothing on that is not in its albedo
+    assert diffuse.is_last and not diffuse.light.gloss
+    assert [each.is_last for each in frozen("ball.1")] == [False, True]
 
 
 def test_light_found_before_is_there_with_the_first_picture(

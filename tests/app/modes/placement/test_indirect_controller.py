@@ -47,7 +47,7 @@ class StartedController:
     def found(self, number: int = 1, stage: str = "fine", revision: int = 1) -> None:
         self.controller.receive_samples(IndirectFound(number, stage, ROWS + number, WEIGHTS, revision=revision))
 
-    def frozen(self, number: int = 1, noise: float | None = 0.02) -> None:
+    def frozen(self, number: int = 1, noise: float | None = 0.02, is_last: bool = True) -> None:
         """The answer to the newest request: two samples a layer, powers 1, d and d²."""
         wish = self.asked[-1]
         reflected, bands = {}, {}
@@ -60,7 +60,7 @@ class StartedController:
             look for look in wish.scene.visible if look.key.rpartition(".")[0] == (wish.key or "").rpartition(".")[0]
         ]
         albedos = {look.key: np.ones((32, *(*map(len, look.coefficients), 1)[:2])) / 1e4 for look in mine}
-        self.answer = frozen_for(wish, reflected, bands, albedos, number)
+        self.answer = replace(frozen_for(wish, reflected, bands, albedos, number), is_last=is_last)
         self.controller.receive_frozen(self.answer)
         if noise is not None:
             self.controller.receive_noise(IndirectNoise(number, wish.serial, noise, mean=0.5))
@@ -298,6 +298,64 @@ def test_one_request_at_a_time_but_patience_ends(controller: StartedController) 
     controller.now += FREEZE_PATIENCE
     controller.update()
     assert len(controller.asked) == 2
+
+
+OTHER = Selection("floor", 0, "theta_i")
+
+
+def test_a_selection_that_comes_back_needs_no_other_freezing(controller: StartedController) -> None:
+    controller.update()
+    controller.found()
+    controller.frozen(noise=0.02)
+    controller.update(OTHER)
+    controller.frozen(noise=0.03)
+    controller.update(OTHER)
+    assert len(controller.asked) == 2 and controller.controller.noise == 0.03
+    for selected, noise in ((SELECTED, 0.02), (OTHER, 0.03)):
+        controller.update(selected)
+        assert len(controller.asked) == 2 and controller.controller.is_complete and controller.controller.noise == noise
+    # Under other light, or after another edit, it does.
+    controller.edit("pot.0", "theta_i", LIFT)
+    for _ in range(4):
+        controller.update(OTHER)
+    assert len(controller.asked) == 3 and not controller.controller.is_complete
+
+
+def test_a_selection_that_comes_back_while_another_is_frozen_is_there_at_once(controller: StartedController) -> None:
+    controller.update()
+    controller.found()
+    controller.frozen()
+    controller.update(OTHER)
+    controller.update()
+    assert controller.controller.is_complete
+    controller.frozen()  # of the other one: too late
+    controller.update()
+    assert len(controller.asked) == 2 and controller.controller.is_complete
+
+
+@pytest.mark.parametrize("ends", ["whole", "lost", "failed", "stopped"])
+def test_edits_are_followed_before_what_gloss_sends_on_is_there(controller: StartedController, ends: str) -> None:
+    controller.update()
+    controller.found()
+    controller.frozen(is_last=False, noise=None)
+    assert controller.update() and controller.controller.follows_edits and controller.controller.awaits_frozen
+    controller.edit("pot.1", "theta_h", LIFT)
+    assert controller.update() and not controller.controller.is_complete
+    controller.edit("pot.1", "theta_h")
+    controller.update()
+    match ends:
+        case "whole":
+            controller.frozen()
+        case "lost":
+            controller.controller.lose_request()
+        case "failed":
+            controller.controller.receive_failure(len(controller.client.requests))
+        case _:
+            controller.controller.cancelled()
+    for _ in range(4):
+        controller.update()
+    n_asked = 2 if ends == "lost" else 1
+    assert controller.controller.is_complete == (ends == "whole") and len(controller.asked) == n_asked
 
 
 def test_what_belongs_to_other_samples_is_not_shown(controller: StartedController) -> None:
