@@ -218,11 +218,11 @@ class IndirectTasks:
         if relighting is None or found is None or n_bounces not in (0, found.light.n_bounces):
             return
         relit = yield from relighting.relit(self._scene_light(sky))
-        now, resting, gloss = (
+        parts = (
             {each.key: getattr(layer, what) for each, layer in zip(layers, relit, strict=True)}
-            for what in ("now", "resting", "gloss")
+            for what in ("now", "resting", "gloss", "mirrored")
         )
-        yield IndirectRelit(found.number, now, resting, gloss)
+        yield IndirectRelit(found.number, *parts)
 
     def prepare_relighting(self, layers: Sequence[LayerState]) -> Steps:
         """Do of `relight` what does not depend on the other light."""
@@ -238,7 +238,8 @@ class IndirectTasks:
         if self._relit_for != (found.number, tuple(layers)):
             reflecting = [self._reflecting(each) for each in layers]
             lighting = SourceLighting(found.light, self._placement.scene, found.lit.sky)
-            self._relighting = IndirectRelighting(lighting, found.lit, partial(self._reflected, reflecting))
+            reflect = partial(self._reflected, reflecting)
+            self._relighting = IndirectRelighting(lighting, found.lit, reflecting, reflect)
             self._relit_for = found.number, tuple(layers)
         return self._relighting
 

@@ -70,8 +70,9 @@ emission = [5, 5, 5]
 # Besides those of the ball, whose shadow has an edge that requires directional lights split from the environment.
 _N_POINTS = 100
 # What else Orbit reads: an image, bumps, a sky with directional lights split from it, a brushed layer.
+_SKY_CHANGE = (("radiance = 0.5", 'file = "sky.exr"'),)
 _ORBIT_CHANGES = (
-    ("radiance = 0.5", 'file = "sky.exr"'),
+    *_SKY_CHANGE,
     ('{ model = "rough_conductor", alpha = 0.2 }', '{ model = "ward_anisotropic" }, { model = "rough_conductor" }'),
     (
         'layer = [{ model = "lambert" }]\n[[object]]\nname = "lamp"',
@@ -137,7 +138,7 @@ def warm_up_later(first: str = "", is_done: Callable[[str], bool] = lambda what:
         yield PAINTING
         description = parse_description(parse_toml(_SCENE, scene.name), scene.name)
         state = scene_state(document_from_description(str(scene), description), _with_bands)
-        # A preview, and a final picture that samples the whole sphere, which relighting requires.
+        # A preview, and a final picture.
         _ask(client, ComputeTransport(state, "ball.1", "theta_h", 50, RenderSettings(100, 64, 3)))
         _ask(client, FreezeIndirect(state, "ball.1", 0))
         _ask(client, FreezeIndirect(state))
@@ -145,9 +146,7 @@ def warm_up_later(first: str = "", is_done: Callable[[str], bool] = lambda what:
         yield INDIRECT
         _ask(client, EstimateError(state))
         yield ESTIMATE
-        _ask(client, PrepareRelighting(state))
-        turned = replace(state, light=replace(state.light, rotation=90.0))
-        _ask(client, ComputeTransport(turned, "ball.1", "theta_h", 50, RenderSettings(100, 64), is_drag=True))
+        _relight_concave(Path(folder))
         yield RELIGHTING
         if first != ORBIT and not is_done(ORBIT):
             _warm_up_orbit(client, Path(folder))
@@ -159,10 +158,25 @@ def warm_up_later(first: str = "", is_done: Callable[[str], bool] = lambda what:
 
 def _freeze_concave(folder: Path) -> None:
     """Freeze a ring that lights itself."""
-    client = InProcessClient(RequestDispatcher(ArrayCache(folder / "cache of the ring")))
-    _, state = _opened(client, folder, _CONCAVE_CHANGES, _with_bands)
-    _ask(client, ComputeTransport(state, "ball.1", "theta_h", 50, RenderSettings(100, 64, 3)))
+    client, state = _lit_ring(folder, ())
     _ask(client, FreezeIndirect(state, "ball.1", 0))
+
+
+def _relight_concave(folder: Path) -> None:
+    """Turn the sky over such a ring."""
+    client, state = _lit_ring(folder, _SKY_CHANGE)
+    _ask(client, FreezeIndirect(state))
+    _ask(client, PrepareRelighting(state))
+    turned = replace(state, light=replace(state.light, rotation=90.0))
+    _ask(client, ComputeTransport(turned, "ball.1", "theta_h", 50, RenderSettings(100, 64), is_drag=True))
+
+
+def _lit_ring(folder: Path, changes: tuple[tuple[str, str], ...]) -> tuple[InProcessClient, SceneState]:
+    """The picture of the ring after three bounces, which samples the whole sphere, as relighting requires."""
+    client = InProcessClient(RequestDispatcher(ArrayCache(folder / f"cache of {len(changes)} changes")))
+    _, state = _opened(client, folder, (*_CONCAVE_CHANGES, *changes), _with_bands)
+    _ask(client, ComputeTransport(state, "ball.1", "theta_h", 50, RenderSettings(100, 64, 3)))
+    return client, state
 
 
 def _warm_up_orbit(client: InProcessClient, folder: Path) -> None:

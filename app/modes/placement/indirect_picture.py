@@ -4,10 +4,10 @@ A frozen layer's radiance is a polynomial in the edited object's equivalent albe
 curves, at the layer itself and at the second bounce (`engine.precompute.indirect.frozen_light`). They are sums over a
 few thousand samples, a few milliseconds, so that indirect light follows a drag in every frame, without increments.
 
-While lights change, the layer's radiance A by albedo alone is known under each of them (`IndirectRelit`), and what
-glossy surfaces add is known under the frozen light alone; of that the share s stays:
+While lights change, the layer's radiance A by albedo alone is known under each of them (`IndirectRelit`). Of what
+glossy surfaces add under the frozen light the share s stays; what they mirror of a sky that turns adds M:
 
-    L(l) = A(l) + s (L(l₀) − A(l₀)).
+    L(l) = A(l) + s (L(l₀) − A(l₀)) + M(l).
 
 So the picture follows without a jump. When the new light is frozen by albedo, what glossy surfaces add stays in the
 picture until that is known as well.
@@ -123,7 +123,8 @@ class _LastingGloss:
 
     def relit(self, radiance: NDArray[np.float32], key: str, relit: IndirectRelit) -> NDArray[np.float32]:
         """A layer's frozen radiance (p,3) under the light of `relit`."""
-        self._relit[key] = gloss = relit.gloss[key] * (radiance - relit.resting[key])
+        gloss = relit.gloss[key] * (radiance - relit.resting[key]) + relit.mirrored[key]
+        self._relit[key] = gloss
         return np.maximum(relit.now[key] + gloss, np.float32(0.0))
 
 

@@ -274,13 +274,14 @@ class IndirectFrozen(Response):
 class IndirectRelit(Response):
     """The frozen light of that number while lights change: at the p samples of each layer, by its key, (p,3), without
     f_q and f_o. now: under the light of the request, by albedo alone; resting: the same under the light that was
-    frozen; gloss: how much of what glossy surfaces added to that they add now
+    frozen; gloss: how much of what glossy surfaces added to that they add now; mirrored: what they add besides
     [engine.precompute.indirect.relighting]."""
 
     number: int
     now: dict[str, NDArray[np.float32]]
     resting: dict[str, NDArray[np.float32]]
     gloss: dict[str, NDArray[np.float32]]
+    mirrored: dict[str, NDArray[np.float32]]
 
 
 @dataclass(frozen=True, eq=False)

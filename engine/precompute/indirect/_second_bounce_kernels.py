@@ -79,7 +79,7 @@ class GlossyHits(NamedTuple):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _seed(row, nth, n_rays, m, vertex):
+def ray_seed(row, nth, n_rays, m, vertex):
     """Random seed of a vertex of ray m in the nth sample set of a point."""
     ray = np.uint64(row) * np.uint64(0x10001) + np.uint64(m + n_rays * np.int64(nth))
     return hash64(ray + np.uint64(vertex) * np.uint64(0x55E68000000))
@@ -102,7 +102,7 @@ def towards_light(all_lights, m, u, v, px, py, pz):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _sample_about_axis(table, seed, lobe_axis, ox, oy, oz):
+def sample_about_axis(table, seed, lobe_axis, ox, oy, oz):
     """Local direction of a ray about the lobe axis."""
     turn = np.float32(2.0 * math.pi) * uniform(seed ^ np.uint64(3))
     pattern = np.int64(seed % np.uint64(table.shape[0]))
@@ -111,14 +111,14 @@ def _sample_about_axis(table, seed, lobe_axis, ox, oy, oz):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _sky_at(all_lights, x, y, z):
-    """The sky triangle in a direction, −1 where there is no sky."""
-    height, width = all_lights.raster.shape
+def sky_at(raster, x, y, z):
+    """The sky triangle in a direction by its raster (H, W), −1 where there is no sky."""
+    height, width = raster.shape
     if height == 0:
         return -1
     row = min(np.int64(math.acos(min(max(y, -ONE), ONE)) / math.pi * height), height - 1)
     column = np.int64((math.atan2(x, -z) / (2.0 * math.pi) + 0.5) * width) % width
-    return np.int64(all_lights.raster[row, column])
+    return np.int64(raster[row, column])
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -146,10 +146,10 @@ def _candidate(all_lights, table, c, m, seed, lobe_axis, frame, place, wo):
         wx, wy, wz, far, geometry = towards_light(all_lights, m, u, v, px, py, pz)
         x, y, z = to_local(tx, ty, tz, nx, ny, nz, wx, wy, wz)
     else:
-        x, y, z = _sample_about_axis(table, own, lobe_axis, ox, oy, oz)
+        x, y, z = sample_about_axis(table, own, lobe_axis, ox, oy, oz)
         if m < 0 and z > HORIZON:
             wx, wy, wz = to_world(tx, ty, tz, nx, ny, nz, x, y, z)
-            m = _sky_at(all_lights, wx, wy, wz)
+            m = sky_at(all_lights.raster, wx, wy, wz)
     # Below the horizon, or no light in this direction.
     if z <= HORIZON or m < 0:
         return -1, ZERO, ZERO, ONE, far, ZERO, ZERO
@@ -180,7 +180,7 @@ def choose_lights(which, at, vertex, n_rays, rows, nth, hits, origins, direction
         far = hits.distance[r]
         px, py, pz = origins[r, 0] + far * dx, origins[r, 1] + far * dy, origins[r, 2] + far * dz
         sample_set, m = divmod(which[i], n_rays)
-        seed = _seed(rows[sample_set], nth[sample_set], n_rays, m, vertex)
+        seed = ray_seed(rows[sample_set], nth[sample_set], n_rays, m, vertex)
         tx, ty, tz = object_tangent(axes, o, nx, ny, nz)
         ox, oy, oz = to_local(tx, ty, tz, nx, ny, nz, -dx, -dy, -dz)
         frame, place, wo = (tx, ty, tz, nx, ny, nz), (px, py, pz), (ox, oy, oz)
@@ -223,8 +223,8 @@ def sample_lobe_rays(which, n_rays, rows, nth, hits, origins, directions, normal
         tx, ty, tz = object_tangent(axes, o, nx, ny, nz)
         ox, oy, oz = to_local(tx, ty, tz, nx, ny, nz, -dx, -dy, -dz)
         sample_set, m = divmod(w, n_rays)
-        x, y, z = _sample_about_axis(
-            table, _seed(rows[sample_set], nth[sample_set], n_rays, m, 2), lobe_axes[o], ox, oy, oz
+        x, y, z = sample_about_axis(
+            table, ray_seed(rows[sample_set], nth[sample_set], n_rays, m, 2), lobe_axes[o], ox, oy, oz
         )
         there[i] = z > HORIZON
         if not there[i]:
@@ -284,6 +284,42 @@ def light_colour(all_lights, m, c):
     return all_lights.radiance[m, c] if m < all_lights.density.shape[0] else all_lights.power[m, c]
 
 
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _vertex(axes, o, normal, e, px, py, pz, dx, dy, dz, far):
+    """Frame, position and local direction back along a ray of length `far` that ends on object o with normal[e]."""
+    nx, ny, nz = normal[e, 0], normal[e, 1], normal[e, 2]
+    tx, ty, tz = object_tangent(axes, o, nx, ny, nz)
+    wo = to_local(tx, ty, tz, nx, ny, nz, -dx, -dy, -dz)
+    return (tx, ty, tz, nx, ny, nz), (px + far * dx, py + far * dy, pz + far * dz), wo
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def second_vertex(paths, i, e):
+    """Object, frame, position and local direction back along stored ray e of point i, which is regenerated from its
+    pattern; and the ray's local direction and that to the camera at the point."""
+    samples, records = paths.samples, paths.records
+    r, m = samples.rows[i], np.int64(records.ray[e])
+    tangent, normal = samples.tangent[r], samples.normal[r]
+    wo = local_wo(tangent, normal, samples.wo[r])
+    turn, cosine, sine = pattern_rotation(r)
+    x, y, z = _ray(samples, i, m, pattern_of(turn, samples.nth[i]), cosine, sine, wo[0], wo[1], wo[2])
+    dx, dy, dz = to_world(tangent[0], tangent[1], tangent[2], normal[0], normal[1], normal[2], x, y, z)
+    o = np.int64(paths.objects[samples.records[i, m]])
+    px, py, pz = paths.position[r, 0], paths.position[r, 1], paths.position[r, 2]
+    vertex = _vertex(paths.layers.axes, o, records.normal, e, px, py, pz, dx, dy, dz, records.distance[e])
+    return o, vertex, (x, y, z), wo
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def third_vertex(paths, e, frame, place, x, y, z):
+    """Object, frame, position and local direction back where the lobe ray (x, y, z) from the second vertex ends."""
+    records = paths.records
+    o = np.int64(paths.objects[records.beyond[e]])
+    dx, dy, dz = to_world(frame[0], frame[1], frame[2], frame[3], frame[4], frame[5], x, y, z)
+    px, py, pz = place
+    return o, _vertex(paths.layers.axes, o, records.normal_3, e, px, py, pz, dx, dy, dz, records.distance_3[e])
+
+
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def find_reflections(paths, i, e, numbers, directions, factors):
     """The glossy reflections along stored ray e of point i: of a light at the second vertex, of what the lobe ray hits
@@ -296,30 +332,18 @@ def find_reflections(paths, i, e, numbers, directions, factors):
     factors[0] = factors[1] = factors[2] = ZERO
     n_cosine, n_lobe = np.float32(samples.tables_cosine.shape[1]), np.float32(samples.tables_lobe.shape[1])
     n_rays, times, m = samples.records.shape[1], records.times[i], np.int64(records.ray[e])
-    # Second vertex: regenerate the ray from its pattern, then position, frame and direction back along the ray.
-    r = samples.rows[i]
-    tangent, normal = samples.tangent[r], samples.normal[r]
-    wo_x, wo_y, wo_z = local_wo(tangent, normal, samples.wo[r])
-    turn, cosine, sine = pattern_rotation(r)
-    x, y, z = _ray(samples, i, m, pattern_of(turn, samples.nth[i]), cosine, sine, wo_x, wo_y, wo_z)
-    dx, dy, dz = to_world(tangent[0], tangent[1], tangent[2], normal[0], normal[1], normal[2], x, y, z)
-    record, far = np.int64(samples.records[i, m]), records.distance[e]
-    o = np.int64(paths.objects[record])
-    px = paths.position[r, 0] + far * dx
-    py = paths.position[r, 1] + far * dy
-    pz = paths.position[r, 2] + far * dz
-    nx, ny, nz = records.normal[e, 0], records.normal[e, 1], records.normal[e, 2]
-    tx, ty, tz = object_tangent(g.axes, o, nx, ny, nz)
-    ox, oy, oz = to_local(tx, ty, tz, nx, ny, nz, -dx, -dy, -dz)
+    # Second vertex.
+    r, record = samples.rows[i], np.int64(samples.records[i, m])
+    o, (frame, place, wo), (x, y, z), (wo_x, wo_y, wo_z) = second_vertex(paths, i, e)
+    ox, oy, oz = wo
     if oz <= HORIZON:
         return
     # Density of stored rays at the gather point, per steradian.
     sample_set = direction_pdf(n_cosine, n_lobe, samples.lobe_axes[i], x, y, z, wo_x, wo_y, wo_z) / times
     slant = z
-    seed, third = _seed(r, samples.nth[i], n_rays, m, 2), _seed(r, samples.nth[i], n_rays, m, 3)
+    seed, third = ray_seed(r, samples.nth[i], n_rays, m, 2), ray_seed(r, samples.nth[i], n_rays, m, 3)
     # Direct light at the second vertex: π · RIS weight · balance weight · gloss · L, less the photons' share.
     if records.light[e] != NO_LIGHT:
-        frame, place, wo = (tx, ty, tz, nx, ny, nz), (px, py, pz), (ox, oy, oz)
         light = np.int64(records.light[e])
         c = np.int64(records.candidate[e])
         m, x, y, z, _, _, share = _candidate(all_lights, table, c, light, seed, g.lobe_axes[o], frame, place, wo)
@@ -332,7 +356,7 @@ def find_reflections(paths, i, e, numbers, directions, factors):
     beyond = np.int64(records.beyond[e])
     if beyond == NO_RECORD:
         return
-    x, y, z = _sample_about_axis(table, seed, g.lobe_axes[o], ox, oy, oz)
+    x, y, z = sample_about_axis(table, seed, g.lobe_axes[o], ox, oy, oz)
     if z <= HORIZON:
         return
     factors[1] = times / direction_pdf(ZERO, ONE, g.lobe_axes[o], x, y, z, ox, oy, oz)
@@ -341,16 +365,10 @@ def find_reflections(paths, i, e, numbers, directions, factors):
     light = np.int64(records.light_3[e])
     if light == NO_LIGHT:
         return
-    o, far = np.int64(paths.objects[beyond]), records.distance_3[e]
-    dx, dy, dz = to_world(tx, ty, tz, nx, ny, nz, x, y, z)
-    px, py, pz = px + far * dx, py + far * dy, pz + far * dz
-    nx, ny, nz = records.normal_3[e, 0], records.normal_3[e, 1], records.normal_3[e, 2]
-    tx, ty, tz = object_tangent(g.axes, o, nx, ny, nz)
-    ox, oy, oz = to_local(tx, ty, tz, nx, ny, nz, -dx, -dy, -dz)
-    frame, place, wo = (tx, ty, tz, nx, ny, nz), (px, py, pz), (ox, oy, oz)
+    o, (frame, place, wo) = third_vertex(paths, e, frame, place, x, y, z)
     c = np.int64(records.candidate_3[e])
     m, x, y, z, _, _, share = _candidate(all_lights, table, c, light, third, g.lobe_axes[o], frame, place, wo)
-    if m >= 0 and oz > HORIZON:
+    if m >= 0 and wo[2] > HORIZON:
         factors[2] = np.float32(PI * share * records.weight_3[e])
         _write_reflection(numbers, directions, 2, o, beyond, m, (x, y, z), wo)
 
@@ -391,12 +409,15 @@ def second_bounce_light(paths, begin, end, missing, first, out):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def light_second_bounce(samples, records, begin, end, objects, sent, first, radiosity, edited, inverse, out):
+def light_second_bounce(
+    samples, records, begin, end, objects, sent, first, is_lit, radiosity, edited, inverse, out
+):  # fmt: skip
     """Combines the result of `second_bounce_light` with the radiosity beyond: (n, D, 4), ray number start[begin] is
     out[0].
 
     radiosity (2, C, D, 4): the second is for light that the object `edited` reflects. It is multiplied by `inverse`
-    (4,) and moved to the next power, since such light is treated as proportional to that object's albedo.
+    (4,) and moved to the next power, since such light is treated as proportional to that object's albedo. is_lit:
+    whether the lights reach glossy surfaces directly.
     """
     for i in range(begin, end):
         for e in range(records.start[i], records.start[i + 1]):
@@ -411,6 +432,8 @@ def light_second_bounce(samples, records, begin, end, objects, sent, first, radi
                 light = radiosity[own, beyond, k]
                 red, green, blue = a * light[0], b * light[1], c * light[2]
                 out[at, k, 0], out[at, k, 1], out[at, k, 2], out[at, k, 3] = red, green, blue, ZERO
+            if not is_lit:
+                continue
             # Direct light at the second and third vertex, at the power of its number of reflections off the edited
             # object.
             for channel in range(3):

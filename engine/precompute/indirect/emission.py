@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -124,8 +125,9 @@ def _patches(patches: EmitterPatches | None) -> _Part | None:
     return patches.corners, power.max(axis=1).astype(np.float64), power, patches.normal
 
 
-def _raster(cut: TriangleLights) -> NDArray[np.int32]:
-    """The triangle of the cut in each direction of a lat-long grid; columns from -Z over +X."""
+@lru_cache(maxsize=2)
+def raster_of_triangles(level: int) -> NDArray[np.int32]:
+    """The geodesic triangle of a level in each direction of a lat-long grid (H, W); columns from -Z over +X."""
     height, width = _RASTER
     polar = (np.arange(height) + 0.5) * np.pi / height
     azimuth = ((np.arange(width) + 0.5) / width - 0.5) * 2 * np.pi
@@ -134,9 +136,14 @@ def _raster(cut: TriangleLights) -> NDArray[np.int32]:
             np.sin(polar)[:, None] * np.sin(azimuth), np.cos(polar)[:, None], -np.sin(polar)[:, None] * np.cos(azimuth)
         ), axis=2,
     ).reshape(-1, 3)  # fmt: skip
+    return np.ascontiguousarray(locate(directions, level).reshape(_RASTER), np.int32)
+
+
+def _raster(cut: TriangleLights) -> NDArray[np.int32]:
+    """The triangle of the cut in each direction of that grid."""
     finest = int(cut.level.max())
     size = 4 ** (finest - cut.level.astype(np.int64))
     first = cut.index.astype(np.int64) * size
     order = np.argsort(first)
-    found = np.searchsorted(first[order], locate(directions, finest), "right") - 1
-    return order[found].astype(np.int32).reshape(_RASTER)
+    found = np.searchsorted(first[order], raster_of_triangles(finest), "right") - 1
+    return order[found].astype(np.int32)

@@ -66,7 +66,7 @@ class GatherPoints:
     """The gather points of a picture. samples: their hemisphere samples; lobe_axes (M,) and sizes: how each object is
     sampled; axes (M, 2, 3) of the objects; glossy: whether rays were stored for the glossy second bounce; photons from
     glossy surfaces, and `landed`, those near the points; smoothing: the filter that removes noise from the reflected
-    light, None for none."""
+    light, None for none; lights_gloss: whether the lights reach glossy surfaces directly, and photons count."""
 
     hits: PrimaryHits
     samples: GatherSamples
@@ -77,6 +77,7 @@ class GatherPoints:
     photons: Photons
     landed: NearbyPhotons
     smoothing: Smoothing | None = None
+    lights_gloss: bool = True
 
     @property
     def n_bytes(self) -> int:
@@ -118,9 +119,10 @@ class GatherPoints:
         tables, inverse = glossy_tables(layers, self.lobe_axes, self.axes, reflectance), self._inverse(layers, edited)
         digests, per_area = layer_digests(layers, n_objects, reflectance), self.photons.per_area
         second = SecondBounceLight(
-            objects, outgoing_radiosity(beyond, inverse), per_area, digests, tables, all_lights, edited, inverse
-        )
-        return OutgoingRadiance(diffuse, second, self.caustic_flux(layers, edited))
+            objects, outgoing_radiosity(beyond, inverse), per_area, digests, tables, all_lights, edited, inverse,
+            self.lights_gloss,
+        )  # fmt: skip
+        return OutgoingRadiance(diffuse, second, self.caustic_flux(layers, edited) if self.lights_gloss else None)
 
     def _inverse(self, layers: Sequence[IndirectLayer], edited: int) -> NDArray[np.float32]:
         """The reciprocal albedo (3,) of the edited object, 1 where none is edited."""

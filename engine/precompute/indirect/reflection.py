@@ -17,6 +17,7 @@ import math
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial, reduce
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,9 +121,8 @@ class SecondBounceWeights:
         sent, first = self._sent(begin, end, light, missing)
         lit = np.empty((int(records.start[end]) - base, *light.radiosity.shape[2:]), np.float32)
         second_kernels.light_second_bounce(
-            self._samples, records, begin, end, light.objects, sent, first, light.radiosity, light.edited,
-            light.inverse,
-            lit,
+            self._samples, records, begin, end, light.objects, sent, first, light.is_lit, light.radiosity,
+            light.edited, light.inverse, lit,
         )  # fmt: skip
         return kernels.SecondBounce(records.start, records.ray, lit, base)
 
@@ -263,7 +263,7 @@ class HemisphereSamples:
         """The same (p, n_halves, D, 3) by each half of the rays and photons, or by all of them for n_halves = 1."""
         out = [np.empty((len(self), n_halves, light.n_powers, 3), np.float32) for _ in layers]
         optics = [layer.optics(folded=True) for layer in layers]
-        weights_of_layers = [self._weights_of(each) for each in optics]
+        weights_of_layers = [self.weights_of(each) for each in optics]
 
         def work(begin: int, end: int, second: kernels.SecondBounce) -> None:
             for each, weights, result in zip(optics, weights_of_layers, out, strict=True):
@@ -275,7 +275,7 @@ class HemisphereSamples:
         for layer, result in zip(layers, out, strict=True):
             if layer.is_tinted:
                 result *= layer.tint.astype(np.float32)
-        return [reduce(_mean_rows, self._means, clamp_radiance(each)) for each in out]
+        return [reduce(mean_rows, self._means, clamp_radiance(each)) for each in out]
 
     def by_band(
         self, layer: LayerCurves, factor: int, light: OutgoingRadiance
@@ -284,7 +284,7 @@ class HemisphereSamples:
         over J it equals `reflect`. A generator of steps."""
         out = np.empty((3, len(layer.curves[factor]), light.n_powers, len(self)), np.float32)
         optics = layer.optics()
-        weights = self._weights_of(optics)
+        weights = self.weights_of(optics)
 
         def work(begin: int, end: int, second: kernels.SecondBounce) -> None:
             stored_weights = weights.part(begin, end)
@@ -316,7 +316,7 @@ class HemisphereSamples:
         """Radiance (3, ..., p) of each receiving layer of the light of an edited curve, see `Receiver`. Follows a
         `reflect` of the same light. A generator of steps."""
         out = [np.zeros((3, *each.shape, len(self)), np.float32) for each in receivers]
-        weights = [self._weights_of(each.optics) for each in receivers]
+        weights = [self.weights_of(each.optics) for each in receivers]
         step = _PARTS * _PART * n_threads()
 
         def add(begin: int) -> None:
@@ -342,7 +342,7 @@ class HemisphereSamples:
         """The same times f_q of each layer, gains (3,), summed over all points and layers, by band, (J, 3): estimated
         from every sixteenth of the points."""
         receivers = [KnotReceiver(layer, knot_table(all_knots(gloss.n_bands), gloss.n_bands)) for layer in layers]
-        weights = [self._weights_of(each.optics) for each in receivers]
+        weights = [self.weights_of(each.optics) for each in receivers]
         n = min(_PILOT, len(self))
         starts = range(0, max(len(self) - n, 0) + 1, _EVERY * n)
         total = np.zeros((len(starts), gloss.n_bands, 3))
@@ -370,7 +370,21 @@ class HemisphereSamples:
             for each, part in zip(receivers, out, strict=True):
                 each.reflect_photons(self._samples, begin, end, self._photons, light.caustics.directions, gloss, part)
 
-    def _weights_of(self, optics: kernels.ReflectingLayer) -> RayWeights:
+    def stored_paths(self, light: SecondBounceLight) -> second_kernels.GlossyPaths:
+        """The stored rays that end on glossy surfaces."""
+        return self._second.paths(light)
+
+    def tiles(self, n_sets: int) -> list[tuple[int, int]]:
+        """Ranges of about so many sample sets, with all of those of their points."""
+        firsts = np.flatnonzero(self._samples.nth == 0)
+        chosen = np.unique(firsts[np.searchsorted(firsts, np.arange(0, len(self), n_sets), "right") - 1])
+        return list(pairwise([*chosen.tolist(), len(self)]))
+
+    def n_points(self, begin: int, end: int) -> int:
+        """The number of points with sample sets [begin, end)."""
+        return int(np.count_nonzero(self._samples.nth[begin:end] == 0))
+
+    def weights_of(self, optics: kernels.ReflectingLayer) -> RayWeights:
         """The stored weights of a layer, or new ones."""
         key = _weights_key(optics)
         cached = self._weights.get(key)
@@ -415,7 +429,7 @@ def _weights_key(optics: kernels.ReflectingLayer) -> tuple[int, bytes]:
     return optics.model, optics.q.tobytes()
 
 
-def _mean_rows(light: NDArray[np.float32], means: Smoothing) -> NDArray[np.float32]:
+def mean_rows(light: NDArray[np.float32], means: Smoothing) -> NDArray[np.float32]:
     """Means (p, D, 3) of light (q, D, 3); q may be 0."""
     values = light.reshape(len(light), math.prod(light.shape[1:]))
     out = np.empty((means.n_rows, values.shape[1]), np.float32)

@@ -8,14 +8,16 @@ each angle: the records' rays to it are traced, and the gather points' rays summ
 The triangles of the sky are those of the light at rest, and turn with it. Records sample them by the same few random
 numbers at each angle. The noise of neighbouring angles is therefore alike, and at rest it cancels.
 
-What glossy surfaces add is known of the light at rest alone (`GatherPolynomial`). A source keeps its share of it:
-emitters in proportion to their radiance, which is exact for a single one, and the sky as far as it still resembles the
-sky at rest.
+What glossy surfaces add is known of the light at rest (`GatherPolynomial`). A source keeps its share of it: emitters in
+proportion to their radiance, which is exact for a single one, and the sky as far as it still resembles the sky at rest.
+What they mirror of a sky that turns is known at each angle, where rows were made for it (`gloss_rows`); of that, the
+share concerns only what the rows leave out.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+import math
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,6 +30,8 @@ from engine.precompute.direct.pipeline import SkyState, patches_of
 from engine.precompute.direct.relight import is_same_sky, sky_likeness
 from engine.precompute.indirect._cache_kernels import Lights
 from engine.precompute.indirect.emission import N_LIGHTS, N_PATCHES, in_units, patch_lights, sky_lights
+from engine.precompute.indirect.gloss_rows import GlossRows, gloss_rows
+from engine.precompute.indirect.indirect_layers import IndirectLayer
 from engine.precompute.indirect.indirect_light import IndirectLight
 from engine.precompute.indirect.irradiance_cache import direct_irradiance
 from engine.scene.scene_loader import Scene
@@ -37,6 +41,8 @@ _RAYS = 1 << 19
 _FEWEST, _MOST = 8, 64
 # So many emitters are reflected one by one before it is known which will change.
 _MOST_SEPARATE = 3
+# What glossy surfaces add shows where it is this share of the indirect light, RMS.
+_LEAST_GLOSS = 0.05
 
 Float32Array = NDArray[np.float32]
 # What each layer reflects at its gather points, (p, 3).
@@ -55,18 +61,30 @@ class SceneLight:
 @dataclass(frozen=True, eq=False)
 class RelitLayer:
     """Indirect radiance (p, 3) of a layer by albedo alone, without f_q and f_o: `now`, and `resting`, in the light at
-    rest; gloss (p, 3): how much of what glossy surfaces add to `resting` they still add now."""
+    rest; gloss (p, 3): how much of what glossy surfaces add to `resting` they still add now; mirrored (p, 3): what they
+    add besides, of a sky that has turned."""
 
     now: Float32Array
     resting: Float32Array
     gloss: Float32Array
+    mirrored: Float32Array
+
+
+@dataclass(frozen=True, eq=False)
+class _ReflectedSky:
+    """What each layer reflects of a sky by albedo alone, and what glossy surfaces add to that."""
+
+    sky: SkyState
+    by_albedo: Reflected
+    added: Reflected
 
 
 class SourceLighting:
-    """Lights the records of indirect light by one source at a time."""
+    """Lights the records of indirect light by one source at a time. at_rest: the light that was found."""
 
     def __init__(self, found: IndirectLight, scene: Scene, sky: SkyState) -> None:
         """found: for its records and rays; scene: for its emitters; sky: at rest."""
+        self.at_rest = found
         self._light, self._scene, self._resting = found.without_glossy_hits(), scene, sky
         self._n_samples = min(max(_RAYS // max(len(found.cache), 1), _FEWEST), _MOST)
         self._cut: tuple[TriangleLights | None, float] = None, 1.0
@@ -81,6 +99,10 @@ class SourceLighting:
         elif cut is not None:
             cut = turned_lights(cut, sky.rotation - self._resting.rotation)
         return (yield from self._lit_by(() if cut is None else (sky_lights(cut),), unit))
+
+    def with_gloss(self, lit: IndirectLight) -> IndirectLight:
+        """The same light of the records, of which glossy surfaces reflect what comes to them from records."""
+        return replace(lit, points=replace(self.at_rest.points, lights_gloss=False))
 
     def by_emitters(self, emission: NDArray[np.floating]) -> Generator[None, None, IndirectLight]:
         """The light that objects of this radiance (M, 3) alone give."""
@@ -99,24 +121,52 @@ class IndirectRelighting:
     """What layers with fixed materials reflect of changing lights; each source is reflected once for as long as it
     stays."""
 
-    def __init__(self, lighting: SourceLighting, resting: SceneLight, reflect: Reflect) -> None:
-        """reflect: what each layer reflects of a light, in its own units."""
-        self._lighting, self._resting, self._reflect = lighting, resting, reflect
-        self._skies: list[tuple[SkyState, Reflected]] = []
+    def __init__(
+        self, lighting: SourceLighting, resting: SceneLight, layers: Sequence[IndirectLayer], reflect: Reflect
+    ) -> None:
+        """reflect: what each of the layers reflects of a light, in its own units."""
+        self._lighting, self._resting, self._layers, self._reflect = lighting, resting, layers, reflect
+        self._skies: list[_ReflectedSky] = []
         self._changing: dict[int, Reflected] = {}  # emitters by object, as if they were white
         self._others: Reflected | None = None
+        self._rows: GlossRows | None = None
+        self._is_prepared = False
 
     @property
     def n_bytes(self) -> int:
-        """Memory of what was reflected of each source."""
-        parts = [*(reflected for _, reflected in self._skies), *self._changing.values(), self._others or []]
-        return sum(layer.nbytes for part in parts for layer in part)
+        """Memory of what was reflected of each source, and of rows."""
+        of_skies = [part for sky in self._skies for part in (sky.by_albedo, sky.added)]
+        parts = [*of_skies, *self._changing.values(), self._others or []]
+        of_rows = 0 if self._rows is None else self._rows.n_bytes
+        return of_rows + sum(layer.nbytes for part in parts for layer in part)
 
     def prepare(self) -> Generator[None, None, None]:
-        """Reflects the sources of the light at rest; emitters each on its own where there are few."""
+        """Reflects the sources of the light at rest, emitters each on its own where there are few; and makes rows of
+        what glossy surfaces mirror of the sky, where that shows."""
+        if self._is_prepared:
+            return
         emitters = np.flatnonzero(self._resting.emission.any(axis=1)).tolist()
         yield from self._by_sky(self._resting.sky)
         yield from self._separate(emitters if len(emitters) <= _MOST_SEPARATE else [])
+        sky, found = self._resting.sky, self._lighting.at_rest
+        if sky.environment is not None and found.points.glossy and (yield from self._shows_gloss()):
+            self._rows = yield from gloss_rows(found, self._layers, sky.environment, sky.scale)
+            self._skies = []
+            yield from self._by_sky(sky)
+        self._is_prepared = True
+
+    def _shows_gloss(self) -> Generator[None, None, bool]:
+        """Whether what glossy surfaces add at rest is more than a little of the indirect light, and the sky uneven."""
+        environment = self._resting.sky.environment
+        if environment is None or (environment.radiance == environment.radiance[0, 0]).all():
+            return False
+        whole = yield from self._reflect(self._lighting.at_rest)
+        by_albedo = self._sums(self._skies[0].by_albedo, self._resting.emission)
+        squares = total = n = 0.0
+        for layer, one, other in zip(self._layers, whole, by_albedo, strict=True):
+            squares += float(np.sum(((one - other) * layer.gain) ** 2, dtype=np.float64))
+            total, n = total + float(np.sum(one * layer.gain, dtype=np.float64)), n + one.size
+        return n > 0 and math.sqrt(squares / n) > _LEAST_GLOSS * total / n
 
     def relit(self, light: SceneLight) -> Generator[None, None, list[RelitLayer]]:
         """Each layer under a light. A generator of steps."""
@@ -126,18 +176,27 @@ class IndirectRelighting:
         yield from self._separate(np.flatnonzero((emission != then.emission).any(axis=1)).tolist())
         likeness = sky_likeness(light.sky, then.sky)
         kept_emission = np.where(then.emission > 0.0, emission, np.float32(0.0))
-        now, resting = self._sums(sky_now, emission), self._sums(sky_then, then.emission)
-        kept = self._sums([each * likeness for each in sky_then], kept_emission)
-        return [RelitLayer(*each) for each in zip(now, resting, _ratios(kept, resting), strict=True)]
+        now, resting = self._sums(sky_now.by_albedo, emission), self._sums(sky_then.by_albedo, then.emission)
+        kept = self._sums([each * likeness for each in sky_then.by_albedo], kept_emission)
+        gloss = _ratios(kept, resting)
+        mirrored = [a - share * b for a, b, share in zip(sky_now.added, sky_then.added, gloss, strict=True)]
+        return [RelitLayer(*each) for each in zip(now, resting, gloss, mirrored, strict=True)]
 
-    def _by_sky(self, sky: SkyState) -> Generator[None, None, Reflected]:
+    def _by_sky(self, sky: SkyState) -> Generator[None, None, _ReflectedSky]:
         """What the layers reflect of a sky; that at rest and the newest are stored."""
-        for stored, reflected in self._skies:
-            if is_same_sky(stored, sky):
-                return reflected
-        reflected = yield from self._reflect((yield from self._lighting.by_sky(sky)))
-        self._skies = [*self._skies[:1], (sky, reflected)]
-        return reflected
+        for stored in self._skies:
+            if is_same_sky(stored.sky, sky):
+                return stored
+        lit = yield from self._lighting.by_sky(sky)
+        by_albedo = yield from self._reflect(lit)
+        added = [np.zeros_like(each) for each in by_albedo]
+        if self._rows is not None:
+            of_records = yield from self._reflect(self._lighting.with_gloss(lit))
+            of_sky = self._rows.lit(sky)
+            added = [a + b - c for a, b, c in zip(of_records, of_sky, by_albedo, strict=True)]
+        found = _ReflectedSky(sky, by_albedo, added)
+        self._skies = [*self._skies[:1], found]
+        return found
 
     def _separate(self, changing: list[int]) -> Generator[None, None, None]:
         """Reflects emitters that begin to change on their own, and all others together."""

@@ -158,7 +158,8 @@ class SecondBounceLight:
     """The light that glossy surfaces reflect under certain curves. objects (C,) of the records; radiosity (2, C, D, 4):
     as it lights others, and as the edited object reflects it on; per_area (M,): photons emitted per square metre;
     digests (M): differ if an object's surface reflects differently; layers, all_lights: tables of them; edited:
-    the edited object; inverse (3,): the reciprocal of its albedo."""
+    the edited object; inverse (3,): the reciprocal of its albedo; is_lit: whether the lights reach glossy surfaces
+    directly."""
 
     objects: NDArray[np.int32]
     radiosity: NDArray[np.float32]
@@ -168,6 +169,7 @@ class SecondBounceLight:
     all_lights: kernels.SampledLights
     edited: int
     inverse: NDArray[np.float32]
+    is_lit: bool = True
 
 
 def glossy_order(layers: Sequence[IndirectLayer]) -> list[int]:

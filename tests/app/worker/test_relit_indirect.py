@@ -1,5 +1,6 @@
 """Indirect light of a lamp that is dimmed and a sky that turns, as the worker answers a drag."""
 
+import random
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,8 +20,9 @@ from app.modes.placement.placement_messages import (
 )
 from app.worker.cache import ArrayCache
 from app.worker.tasks import RequestDispatcher
-from tests.app.worker.ball_and_lamp import SCENE, compute, opened
+from tests.app.worker.ball_and_lamp import SCENE, compute, opened, twice
 from tests.opened import run_in_process
+from tests.pictures import write_exr
 from tests.quick_indirect import light_quickly
 
 LAMP = (60.0, 50.0, 40.0)
@@ -112,3 +114,51 @@ def test_what_is_prepared_for_other_light_counts_as_memory(tasks: RequestDispatc
     # Of the sky, of the lamp, and of all other emitters.
     of_sources = 3 * sum(light.nbytes for light in answer.now.values())
     assert prepared.transport_bytes >= before.transport_bytes + of_sources
+
+
+def sky_file(folder: Path) -> str:
+    radiance = np.full((16, 32, 3), 0.3, np.float32)
+    radiance[4:7, 18:22] += np.float32((9.0, 7.0, 5.0))
+    write_exr(folder / "sky.exr", radiance)
+    return str(folder / "sky.exr")
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_any_sequence_ends_with_the_picture_of_its_last_light(
+    tasks: RequestDispatcher, tmp_path: Path, seed: int
+) -> None:
+    chance, file = random.Random(seed), sky_file(tmp_path)
+    request = lit_by()
+    n_relit = 0
+    for _ in range(10):
+        light, scene = request.scene.light, request.scene
+        match chance.choice(("turn", "turn", "dim", "environment", "curve", "bounces")):
+            case "turn":
+                scene = replace(scene, light=replace(light, rotation=float(chance.randrange(360))))
+            case "dim":
+                scene = replace(scene, emission=(("lamp", tuple(chance.choice((0.0, 0.4, 1.0)) * x for x in LAMP)),))
+            case "environment":
+                scene = replace(scene, light=replace(light, environment=chance.choice(("scene", file))))
+            case "curve":
+                layer = compute().scene.layers[2]
+                edited = chance.choice((layer, twice(layer, "theta_h")))
+                scene = replace(scene, layers=(*scene.layers[:2], edited))
+            case "bounces":
+                request = replace(request, settings=replace(request.settings, n_bounces=chance.choice((2, 3))))
+        request = replace(request, scene=scene)
+        if chance.random() < 0.6:
+            answers = run_in_process(tasks, replace(request, is_drag=True))
+            parts = [each for each in answers if isinstance(each, IndirectRelit)]
+            assert all(np.isfinite(light).all() for each in parts for light in (each.now | each.mirrored).values())
+            n_relit += len(parts)
+        else:
+            frozen(tasks, request)
+            run_in_process(tasks, PrepareRelighting(request.scene))
+    # A light that was not there before: it is found with the curves as they are.
+    request = replace(request, scene=replace(request.scene, light=LightState(environment=file, rotation=411.0)))
+    run_in_process(tasks, replace(request, is_drag=True))
+    found, fresh = frozen(tasks, request), opened(str(tmp_path / "scene.toml"), ArrayCache(tmp_path / "other"))
+    truth = frozen(fresh, request)
+    for key, light in reflected(truth).items():
+        np.testing.assert_allclose(reflected(found)[key], light, rtol=1e-5, atol=1e-7 * light.max())
+    assert found.unit == truth.unit and n_relit > 0

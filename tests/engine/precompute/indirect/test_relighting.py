@@ -55,7 +55,8 @@ class Lit:
         self.emission = self.placement.scene.emission.copy()
         self.lighting = SourceLighting(self.light, self.placement.scene, self.sky)
         self.n_reflected, self._representation = 0, GatherPolynomial(self.light)
-        self.relighting = IndirectRelighting(self.lighting, SceneLight(self.sky, self.emission), self._reflect)
+        at_rest = SceneLight(self.sky, self.emission)
+        self.relighting = IndirectRelighting(self.lighting, at_rest, LAYERS, self._reflect)
 
     def _reflect(self, light: IndirectLight):
         self.n_reflected += 1
@@ -145,7 +146,7 @@ def test_gloss_follows_the_emitters_in_proportion_and_the_sky_as_far_as_it_is_al
     lighting = SourceLighting(lit.light, lit.placement.scene, dark)
     one_lamp = lit.emission.copy()
     one_lamp[RIGHT] = 0.0
-    relighting = IndirectRelighting(lighting, SceneLight(dark, one_lamp), lit._reflect)
+    relighting = IndirectRelighting(lighting, SceneLight(dark, one_lamp), LAYERS, lit._reflect)
     for factor in (0.0, 0.25, 3.0):
         for layer in run_to_end(relighting.relit(SceneLight(dark, one_lamp * np.float32(factor)))):
             np.testing.assert_allclose(layer.now, factor * layer.resting, rtol=1e-5)

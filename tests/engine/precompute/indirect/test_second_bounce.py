@@ -99,7 +99,7 @@ def test_light_beyond_is_added_number_by_number(found: Found) -> None:
     for edited in (1, 2):
         lit = np.empty((len(sent), 3, 4), np.float32)
         kernels.light_second_bounce(
-            each, records, 0, len(found.fans), light.objects, sent, 0, radiosity, edited, inverse, lit
+            each, records, 0, len(found.fans), light.objects, sent, 0, True, radiosity, edited, inverse, lit
         )
         for i in range(0, len(found.fans), 5):
             for e in range(records.start[i], records.start[i + 1]):
