@@ -41,18 +41,23 @@ class Freezing:
 
 
 class IndirectPicture:
-    """The indirect light on screen. is_on_screen: whether there is any, of this freezing or of one before; number:
-    of the light that was drawn last; departure: how far the edited curves are from those that were frozen, see
-    `FrozenLight`; unrepresented: the mean light of the edit that is left out.
+    """The indirect light on screen. number: of the light that was drawn last; departure: how far the edited curves are
+    from those that were frozen, see `FrozenLight`; unrepresented: the mean light of the edit that is left out.
     """
 
     def __init__(self, curves: Curves) -> None:
         self._curves = curves
-        self.is_on_screen, self.number = False, 0
+        self.number = 0
         self.departure = self.unrepresented = 0.0
         self._shown: dict[str, tuple[object, ...]] = {}
+        self._on_screen: set[str] = set()
         self._clamped: set[str] = set()
         self._gloss = _LastingGloss()
+
+    @property
+    def is_on_screen(self) -> bool:
+        """Whether there is any, of the freezing that was drawn last or of one before."""
+        return bool(self._on_screen)
 
     @property
     def is_shown(self) -> bool:
@@ -71,15 +76,17 @@ class IndirectPicture:
 
     def remove(self) -> list[PictureEvent]:
         """Remove all indirect light; returns the events."""
-        shown, self._shown, self.is_on_screen = self._shown, {}, False
+        removed = [IndirectRadiance(key) for key in sorted(self._on_screen)]
+        self._on_screen.clear()
+        self._shown.clear()
         self._clamped.clear()
-        return [IndirectRadiance(key) for key in shown]
+        return list[PictureEvent](removed)
 
     def draw(self, document: Document, freezing: Freezing, relit: IndirectRelit | None = None) -> list[PictureEvent]:
         """Draw a document, under the light that was frozen or that of `relit`; returns the radiances of the layers that
         differ from those on screen."""
         frozen = freezing.frozen
-        self.is_on_screen, self.number = True, frozen.number
+        self.number = frozen.number
         self._gloss.follow(frozen)
         edit = light_edit(document, frozen, self._curves)
         self.departure = frozen.light.departure(edit)
@@ -90,6 +97,7 @@ class IndirectPicture:
             state = (frozen.light.dependence(i_layer, edit), None if relit is None else relit.revision)
             if self._shown.get(look.key) != state:
                 self._shown[look.key] = state
+                self._on_screen.add(look.key)
                 radiance = unscaled(frozen.light.radiance(i_layer, edit), frozen.unit)
                 radiance = self._gloss.added_to(radiance, look.key)
                 if relit is not None and look.key in relit.now:
