@@ -30,7 +30,6 @@ from app.modes.placement.placement_messages import (
 from app.worker.array_files import Tiles
 from app.worker.cache import ArrayCache, content_key
 from app.worker.executor import IndirectSteps
-from engine.core.clamping import unscaled
 from engine.core.generators import map_steps
 from engine.core.stored_arrays import Arrays
 from engine.material.layer import Layer, object_of
@@ -41,6 +40,7 @@ from engine.precompute.indirect.frozen_light import FrozenLight, SelectedCurve
 from engine.precompute.indirect.indirect_layers import IndirectLayer, indirect_layer
 from engine.precompute.indirect.indirect_light import GatherPolynomial, IndirectLight
 from engine.precompute.indirect.irradiance_cache import NO_OBJECT
+from engine.precompute.indirect.reflection import OutgoingRadiance
 from engine.precompute.indirect.relighting import IndirectRelighting, SceneLight, SourceLighting
 from engine.precompute.indirect.sampling_settings import FINE, ROUGH, SamplingSettings
 from engine.precompute.indirect.solver import Solver, relit
@@ -238,15 +238,16 @@ class IndirectTasks:
         if self._relit_for != (found.number, tuple(layers)):
             reflecting = [self._reflecting(each) for each in layers]
             lighting = SourceLighting(found.light, self._placement.scene, found.lit.sky)
-            reflect = partial(self._reflected, reflecting)
+            reflect = partial(self._reflected, found.light, reflecting)
             self._relighting = IndirectRelighting(lighting, found.lit, reflecting, reflect)
             self._relit_for = found.number, tuple(layers)
         return self._relighting
 
-    def _reflected(self, layers: list[IndirectLayer], light: IndirectLight) -> Generator[None, None, list[np.ndarray]]:
-        """What these layers reflect of a light at their gather points, (p, 3) each."""
-        frozen = yield from map_steps(self._represented(light).freeze(layers), lambda step: None)
-        return [unscaled(frozen.reflected[i][:, 0].T, light.unit) for i in range(len(layers))]
+    def _reflected(
+        self, found: IndirectLight, layers: list[IndirectLayer], outgoing: OutgoingRadiance
+    ) -> Generator[None, None, list[np.ndarray]]:
+        """What these layers reflect at the gather points of a light that was found, (p, D, 3) each."""
+        return (yield from self._represented(found).reflect(layers, outgoing))
 
     def _represented(self, light: IndirectLight) -> GatherPolynomial:
         """A light as it is frozen; what is stored of the one before stays where the rays are the same."""

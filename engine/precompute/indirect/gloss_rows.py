@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,13 +88,20 @@ def gloss_rows(
             return _tile(samples, *begin_and_end, curves, light, found.cache.caster, effects)
 
         with pool() as threads:
-            for tile in map_ahead(threads, make, samples.tiles(TILE), 2 * n_threads()):
+            for tile in map_ahead(threads, make, _tiles(samples.stored_paths(light).samples.nth), 2 * n_threads()):
                 for i, rows in zip(own, tile, strict=True):
                     tiles[i].append(rows)
                 yield
     return GlossRows(
         tuple((joined_rows(mine), smoothing[each.i_object]) for mine, each in zip(tiles, layers, strict=True))
     )
+
+
+def _tiles(nth: NDArray[np.uint8]) -> list[tuple[int, int]]:
+    """Ranges of about 32 sample sets, with all of those of their points; nth (q,): the number of each at its point."""
+    firsts = np.flatnonzero(nth == 0)
+    chosen = np.unique(firsts[np.searchsorted(firsts, np.arange(0, len(nth), TILE), "right") - 1])
+    return list(pairwise([*chosen.tolist(), len(nth)]))
 
 
 def _tile(
@@ -112,7 +120,7 @@ def _tile(
     seen = np.flatnonzero(triangles >= 0)
     blocked = caster.occluded(origins.reshape(-1, 3)[seen], directions.reshape(-1, 3)[seen])
     triangles.ravel()[seen[blocked]] = -1
-    n_points, found = samples.n_points(begin, end), []
+    n_points, found = int(np.count_nonzero(paths.samples.nth[begin:end] == 0)), []
     for layer in layers:
         coefficients = np.empty((n_points, len(effects), 3), np.float32)
         optics, tint = layer.optics(folded=True), layer.tint.astype(np.float32)

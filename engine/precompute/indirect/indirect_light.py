@@ -346,6 +346,16 @@ class GatherPolynomial:
         self._light, self._keeps = light, keeps
         self._samples: dict[int, HemisphereSamples] = {}
 
+    def reflect(
+        self, layers: Sequence[IndirectLayer], light: OutgoingRadiance
+    ) -> Generator[None, None, list[NDArray[np.float32]]]:
+        """What each layer reflects of a light at its points towards the camera, (p, D, 3), without f_q and f_o. A
+        generator of steps."""
+        reflected: dict[int, NDArray[np.float32]] = {}
+        for samples, own in self._all_samples(layers):
+            reflected |= zip(own, (yield from samples.reflect([layers[i].curves for i in own], light)), strict=True)
+        return [reflected[i] for i in range(len(layers))]
+
     def with_light(self, light: IndirectLight) -> GatherPolynomial:
         """The same for another light; reuses the ray weights if the rays are the same."""
         other = GatherPolynomial(light, self._keeps)

@@ -15,9 +15,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Generator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial, reduce
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -192,6 +191,15 @@ class OutgoingRadiance:
     @property
     def n_powers(self) -> int:
         return self.diffuse.shape[1]
+
+    def beside(self, other: OutgoingRadiance) -> OutgoingRadiance:
+        """This light without its gloss as the first powers, and the other without caustics as the next, to be reflected
+        in one pass."""
+        glossy = other.glossy
+        if glossy is not None:
+            none = np.zeros((*glossy.radiosity.shape[:2], self.n_powers, 4), np.float32)
+            glossy = replace(glossy, radiosity=np.concatenate([none, glossy.radiosity], axis=2))
+        return OutgoingRadiance(np.concatenate([self.diffuse, other.diffuse], axis=1), glossy)
 
     @cached_property
     def padded(self) -> NDArray[np.float32]:
@@ -373,16 +381,6 @@ class HemisphereSamples:
     def stored_paths(self, light: SecondBounceLight) -> second_kernels.GlossyPaths:
         """The stored rays that end on glossy surfaces."""
         return self._second.paths(light)
-
-    def tiles(self, n_sets: int) -> list[tuple[int, int]]:
-        """Ranges of about so many sample sets, with all of those of their points."""
-        firsts = np.flatnonzero(self._samples.nth == 0)
-        chosen = np.unique(firsts[np.searchsorted(firsts, np.arange(0, len(self), n_sets), "right") - 1])
-        return list(pairwise([*chosen.tolist(), len(self)]))
-
-    def n_points(self, begin: int, end: int) -> int:
-        """The number of points with sample sets [begin, end)."""
-        return int(np.count_nonzero(self._samples.nth[begin:end] == 0))
 
     def weights_of(self, optics: kernels.ReflectingLayer) -> RayWeights:
         """The stored weights of a layer, or new ones."""

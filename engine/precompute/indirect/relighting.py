@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.core.clamping import BRIGHTEST, clamp_radiance
+from engine.core.clamping import BRIGHTEST, clamp_radiance, unscaled
 from engine.core.generators import map_steps
 from engine.light.triangle_lights import TriangleLights, cut_lights, turned
 from engine.precompute.direct.pipeline import SkyState, patches_of
@@ -34,6 +34,7 @@ from engine.precompute.indirect.gloss_rows import GlossRows, gloss_rows
 from engine.precompute.indirect.indirect_layers import IndirectLayer
 from engine.precompute.indirect.indirect_light import IndirectLight
 from engine.precompute.indirect.irradiance_cache import direct_irradiance
+from engine.precompute.indirect.reflection import OutgoingRadiance
 from engine.scene.scene_loader import Scene
 
 # Samples of a source by each record: as many as make about this many rays.
@@ -47,7 +48,8 @@ _LEAST_GLOSS = 0.05
 Float32Array = NDArray[np.float32]
 # What each layer reflects at its gather points, (p, 3).
 Reflected = list[Float32Array]
-Reflect = Callable[[IndirectLight], Generator[None, None, Reflected]]
+# What each layer reflects of a light, (p, D, 3) by power.
+Reflect = Callable[[OutgoingRadiance], Generator[None, None, list[Float32Array]]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +126,7 @@ class IndirectRelighting:
     def __init__(
         self, lighting: SourceLighting, resting: SceneLight, layers: Sequence[IndirectLayer], reflect: Reflect
     ) -> None:
-        """reflect: what each of the layers reflects of a light, in its own units."""
+        """reflect: what each of the layers reflects of a light."""
         self._lighting, self._resting, self._layers, self._reflect = lighting, resting, layers, reflect
         self._skies: list[_ReflectedSky] = []
         self._changing: dict[int, Reflected] = {}  # emitters by object, as if they were white
@@ -160,7 +162,7 @@ class IndirectRelighting:
         environment = self._resting.sky.environment
         if environment is None or (environment.radiance == environment.radiance[0, 0]).all():
             return False
-        whole = yield from self._reflect(self._lighting.at_rest)
+        whole = yield from self._reflected(self._lighting.at_rest)
         by_albedo = self._sums(self._skies[0].by_albedo, self._resting.emission)
         squares = total = n = 0.0
         for layer, one, other in zip(self._layers, whole, by_albedo, strict=True):
@@ -188,15 +190,29 @@ class IndirectRelighting:
             if is_same_sky(stored.sky, sky):
                 return stored
         lit = yield from self._lighting.by_sky(sky)
-        by_albedo = yield from self._reflect(lit)
-        added = [np.zeros_like(each) for each in by_albedo]
-        if self._rows is not None:
-            of_records = yield from self._reflect(self._lighting.with_gloss(lit))
+        if self._rows is None:
+            by_albedo = yield from self._reflected(lit)
+            added = [np.zeros_like(each) for each in by_albedo]
+        else:
+            by_albedo, of_records = yield from self._reflected_both(lit)
             of_sky = self._rows.lit(sky)
             added = [a + b - c for a, b, c in zip(of_records, of_sky, by_albedo, strict=True)]
         found = _ReflectedSky(sky, by_albedo, added)
         self._skies = [*self._skies[:1], found]
         return found
+
+    def _reflected(self, light: IndirectLight) -> Generator[None, None, Reflected]:
+        found = yield from self._reflect(light.outgoing_radiance(self._layers))
+        return [unscaled(each[:, 0], light.unit) for each in found]
+
+    def _reflected_both(self, lit: IndirectLight) -> Generator[None, None, tuple[Reflected, Reflected]]:
+        """What the layers reflect of a light of the records by albedo alone, and where glossy surfaces reflect what
+        comes to them from records: in one pass over the rays."""
+        with_gloss = self._lighting.with_gloss(lit).outgoing_radiance(self._layers)
+        both = lit.outgoing_radiance(self._layers).beside(with_gloss)
+        found = yield from self._reflect(both)
+        by_albedo, of_records = ([unscaled(each[:, i], lit.unit) for each in found] for i in (0, 1))
+        return by_albedo, of_records
 
     def _separate(self, changing: list[int]) -> Generator[None, None, None]:
         """Reflects emitters that begin to change on their own, and all others together."""
@@ -204,11 +220,11 @@ class IndirectRelighting:
         for i in added:
             white = np.zeros_like(self._resting.emission)
             white[i] = 1.0
-            self._changing[i] = yield from self._reflect((yield from self._lighting.by_emitters(white)))
+            self._changing[i] = yield from self._reflected((yield from self._lighting.by_emitters(white)))
         if added or self._others is None:
             emission = self._resting.emission.copy()
             emission[list(self._changing)] = 0.0
-            self._others = yield from self._reflect((yield from self._lighting.by_emitters(emission)))
+            self._others = yield from self._reflected((yield from self._lighting.by_emitters(emission)))
 
     def _sums(self, sky: Reflected, emission: Float32Array) -> Reflected:
         """What the layers reflect of a sky and of emitters with this radiance (M, 3)."""

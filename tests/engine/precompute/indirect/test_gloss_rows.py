@@ -11,6 +11,7 @@ from engine.light.environment import Environment
 from engine.precompute.direct.pipeline import Placement, SkyState
 from engine.precompute.indirect.gloss_rows import MEAN_TERMS, GlossRows, gloss_rows
 from engine.precompute.indirect.indirect_light import GatherPolynomial, IndirectLight
+from engine.precompute.indirect.reflection import OutgoingRadiance
 from engine.precompute.indirect.relighting import IndirectRelighting, SceneLight, SourceLighting
 from engine.precompute.indirect.sampling_settings import STILL
 from engine.precompute.indirect.solver import Solver
@@ -82,9 +83,8 @@ def test_rows_are_linear_and_of_few_terms(rows: GlossRows) -> None:
 
 
 def relighting_of(placement: Placement, light: IndirectLight, layers, sky: SkyState) -> IndirectRelighting:
-    def reflect(lit: IndirectLight):
-        frozen = yield from GatherPolynomial(lit).freeze(layers)
-        return [unscaled(frozen.reflected[i][:, 0].T, lit.unit) for i in range(len(layers))]
+    def reflect(outgoing: OutgoingRadiance):
+        return (yield from GatherPolynomial(light).reflect(layers, outgoing))
 
     at_rest = SceneLight(sky, placement.scene.emission)
     return IndirectRelighting(SourceLighting(light, placement.scene, sky), at_rest, layers, reflect)
@@ -113,3 +113,14 @@ def test_diffuse_scenes_and_even_skies_have_no_rows() -> None:
     run_to_end(relighting.prepare())
     parts = run_to_end(relighting.relit(SceneLight(replace(SKY, rotation=30.0), diffuse.scene.emission)))
     assert not any(part.mirrored.any() for part in parts)
+
+
+def test_two_lights_in_one_pass_are_each_of_them(placement: Placement, found: IndirectLight) -> None:
+    lighting = SourceLighting(found, placement.scene, SKY)
+    lit = run_to_end(lighting.by_sky(replace(SKY, rotation=30.0)))
+    one, other = (each.outgoing_radiance(LAYERS) for each in (lit, lighting.with_gloss(lit)))
+    representation = GatherPolynomial(found)
+    both = run_to_end(representation.reflect(LAYERS, one.beside(other)))
+    for i, light in enumerate((one, other)):
+        for layer, expected in zip(both, run_to_end(representation.reflect(LAYERS, light)), strict=True):
+            np.testing.assert_allclose(layer[:, i], expected[:, 0], rtol=1e-5, atol=1e-6 * expected.max())

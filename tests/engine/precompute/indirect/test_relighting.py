@@ -7,7 +7,6 @@ from functools import cache
 import numpy as np
 import pytest
 
-from engine.core.clamping import unscaled
 from engine.core.generators import run_to_end
 from engine.light.environment import Environment
 from engine.light.triangle_lights import cut_lights
@@ -16,6 +15,7 @@ from engine.precompute.direct.relight import sky_likeness
 from engine.precompute.indirect.emission import N_LIGHTS, in_units, patch_lights, sky_lights
 from engine.precompute.indirect.indirect_layers import view_factors
 from engine.precompute.indirect.indirect_light import GatherPolynomial, IndirectLight
+from engine.precompute.indirect.reflection import OutgoingRadiance
 from engine.precompute.indirect.relighting import (
     IndirectRelighting,
     RelitLayer,
@@ -58,11 +58,9 @@ class Lit:
         at_rest = SceneLight(self.sky, self.emission)
         self.relighting = IndirectRelighting(self.lighting, at_rest, LAYERS, self._reflect)
 
-    def _reflect(self, light: IndirectLight):
+    def _reflect(self, light: OutgoingRadiance):
         self.n_reflected += 1
-        self._representation = self._representation.with_light(light)
-        frozen = yield from self._representation.freeze(LAYERS)
-        return [unscaled(frozen.reflected[i][:, 0].T, light.unit) for i in range(len(LAYERS))]
+        return (yield from self._representation.reflect(LAYERS, light))
 
     def under(self, rotation: float = 20.0, **emission: tuple[float, float, float]) -> list[RelitLayer]:
         changed = self.emission.copy()
