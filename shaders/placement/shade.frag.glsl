@@ -1,7 +1,7 @@
 #version 410 core
 // Provides: one layer's share of the outgoing radiance, f_q * f_o(theta_o) * B, at each pixel of an object (the
 // pixels in sample layout; blending sums the layers). FOOTPRINT: the layer was computed at fewer samples, and four of
-// them with weights stand for a pixel. VIEW_CURVE: f_o is not 1 everywhere. MAPS: a texture and a weight map multiply
+// them with weights stand for a pixel. INDIRECT: indirect light is added, at fewer samples of its own. VIEW_CURVE: f_o is not 1 everywhere. MAPS: a texture and a weight map multiply
 // the layer, at every pixel, however coarse the rest is.
 #include "common/sample_layout.glsl"
 
@@ -14,6 +14,11 @@ uniform vec3 gain;
 #if FOOTPRINT
 uniform isampler2D footprint_addresses;
 uniform sampler2D footprint_weights;
+#endif
+#if INDIRECT
+uniform sampler2D indirect;
+uniform isampler2D indirect_addresses;
+uniform sampler2D indirect_weights;
 #endif
 #if VIEW_CURVE
 uniform sampler2D theta_o;     // radians
@@ -28,20 +33,28 @@ uniform int inverts_weight;
 
 layout(location = 0) out vec4 radiance;
 
-#if FOOTPRINT
-vec3 layer_radiance(ivec2 texel) {
-    ivec4 addresses = texelFetch(footprint_addresses, texel, 0);
-    vec4 weights = texelFetch(footprint_weights, texel, 0);
-    return weights.x * texelFetch(accumulator, texel_of_address(addresses.x), 0).rgb
-         + weights.y * texelFetch(accumulator, texel_of_address(addresses.y), 0).rgb
-         + weights.z * texelFetch(accumulator, texel_of_address(addresses.z), 0).rgb
-         + weights.w * texelFetch(accumulator, texel_of_address(addresses.w), 0).rgb;
-}
-#else
-vec3 layer_radiance(ivec2 texel) {
-    return texelFetch(accumulator, texel - ivec2(0, first_row), 0).rgb;
+#if FOOTPRINT || INDIRECT
+vec3 weighted_sum(sampler2D samples, ivec4 addresses, vec4 weights) {
+    return weights.x * texelFetch(samples, texel_of_address(addresses.x), 0).rgb
+         + weights.y * texelFetch(samples, texel_of_address(addresses.y), 0).rgb
+         + weights.z * texelFetch(samples, texel_of_address(addresses.z), 0).rgb
+         + weights.w * texelFetch(samples, texel_of_address(addresses.w), 0).rgb;
 }
 #endif
+
+vec3 layer_radiance(ivec2 texel) {
+#if FOOTPRINT
+    vec3 value = weighted_sum(
+        accumulator, texelFetch(footprint_addresses, texel, 0), texelFetch(footprint_weights, texel, 0));
+#else
+    vec3 value = texelFetch(accumulator, texel - ivec2(0, first_row), 0).rgb;
+#endif
+#if INDIRECT
+    value += weighted_sum(
+        indirect, texelFetch(indirect_addresses, texel, 0), texelFetch(indirect_weights, texel, 0));
+#endif
+    return value;
+}
 
 void main() {
     ivec2 texel = ivec2(gl_FragCoord.xy);

@@ -116,6 +116,28 @@ def test_layers_gains_view_curves_and_emitters_make_the_picture(renderer: Placem
     )
 
 
+@pytest.mark.parametrize("curve", [None, np.ones((256, 3)), np.linspace(0.0, 2.0, 768).reshape(256, 3)])
+def test_indirect_light_is_added_at_samples_of_its_own(renderer: PlacementRenderer, curve: np.ndarray | None) -> None:
+    rng, frame = np.random.default_rng(RNG_SEED), _two_objects()
+    renderer.set_frame(frame)
+    rows = rng.integers(0, 3, (frame.n_points, 4)).astype(np.int32)
+    weights = rng.dirichlet(np.ones(4), frame.n_points).astype(np.float32)
+    renderer.set_indirect_footprint(rows, weights)
+    n, mine = _n_pixels(frame, 0), slice(*frame.object_ranges[0])
+    f_o = np.ones(1) if curve is None else np.stack([naive.view_curve(curve, angle) for angle in frame.theta_o[mine]])
+    expected = np.zeros((n, 3))
+    for key, gain in (("o0.0", (0.5, 1.0, 2.0)), ("o0.1", (1.0, 3.0, 0.0))):
+        direct, indirect = rng.uniform(0, 5, (n, 3)).astype(np.float32), rng.uniform(0, 5, (3, 3)).astype(np.float32)
+        renderer.set_layer(key, 0, n)
+        renderer.set_layer_gain(key, gain)
+        renderer.set_view_curve(key, curve)
+        renderer.set_layer_radiance(key, direct)
+        renderer.set_layer_indirect(key, indirect)
+        expected += np.array(gain) * f_o * (direct + np.einsum("pk,pkc->pc", weights[mine], indirect[rows[mine]]))
+    image = renderer.linear_image().reshape(-1, 3)
+    np.testing.assert_allclose(image[_pixels_of(frame, 0)], expected, rtol=1e-4, atol=1e-5)
+
+
 @pytest.mark.parametrize("rotation", [0.0, 37.0, -400.0])
 def test_the_background_is_the_rotated_environment(renderer: PlacementRenderer, rotation: float) -> None:
     frame = frame_of(np.full((9, 13), -1))

@@ -33,7 +33,11 @@ def draw_everything(renderer: PlacementRenderer) -> np.ndarray:
     renderer.composite(DisplayView(selected=0))
     renderer.set_footprint(None)
     renderer.set_layer_radiance("ball.0", np.ones((n, 3), np.float32))
-    renderer.set_view_curve("ball.0", np.ones((256, 3)))
+    renderer.set_view_curve("ball.0", np.full((256, 3), 0.5))
+    renderer.set_indirect_footprint(np.zeros((n, 4), np.int32), np.full((n, 4), 0.25, np.float32))
+    renderer.set_layer_indirect("ball.0", np.ones((1, 3), np.float32))
+    renderer.composite(DisplayView(selected=0))
+    renderer.set_view_curve("ball.0", None)
     transport = np.random.default_rng(1).uniform(0.1, 1.0, (4, n, 3)).astype(np.float16)
     renderer.begin_transport("ball.0", transport, norms_of(transport))
     while not renderer.upload(1.0):

@@ -48,6 +48,14 @@ class MapTexture:
     samples: NDArray[np.float16]
 
 
+@dataclass(eq=False)
+class Indirect:
+    """The indirect light that a layer reflects, at its own samples."""
+
+    accumulator: Accumulator
+    footprint: FootprintTextures
+
+
 class ShadedLayer(Protocol):
     """A layer as the compositor needs it."""
 
@@ -55,6 +63,8 @@ class ShadedLayer(Protocol):
     def accumulator(self) -> Accumulator: ...
     @property
     def footprint(self) -> FootprintTextures | None: ...
+    @property
+    def indirect(self) -> Indirect | None: ...
     @property
     def gain(self) -> tuple[float, float, float]: ...
     @property
@@ -264,6 +274,10 @@ class Compositor:
         if layer.footprint is not None:
             textures["footprint_addresses"] = layer.footprint.addresses
             textures["footprint_weights"] = layer.footprint.weights
+        if layer.indirect is not None:
+            textures["indirect"] = layer.indirect.accumulator.texture
+            textures["indirect_addresses"] = layer.indirect.footprint.addresses
+            textures["indirect_weights"] = layer.indirect.footprint.weights
         if layer.view_curve is not None:
             textures["theta_o"], textures["view_curve"] = self._theta_o, layer.view_curve
         if layer.maps is not None:
@@ -273,6 +287,7 @@ class Compositor:
         program = self._passes.full_screen(
             "placement/shade.frag.glsl",
             FOOTPRINT=int(layer.footprint is not None),
+            INDIRECT=int(layer.indirect is not None),
             VIEW_CURVE=int(layer.view_curve is not None),
             MAPS=int(layer.maps is not None),
         )

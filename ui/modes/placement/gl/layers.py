@@ -16,16 +16,8 @@ from numpy.typing import NDArray
 
 from ui.gl.context import GraphicsError
 from ui.gl.gpu_memory import TextureMemory
-from ui.modes.placement.gl.composite import VIEW_CURVE_SIZE, Compositor, FootprintTextures, MapTexture
+from ui.modes.placement.gl.composite import VIEW_CURVE_SIZE, Compositor, FootprintTextures, Indirect, MapTexture
 from ui.modes.placement.gl.transport import Accumulator
-
-
-@dataclass(eq=False)
-class Indirect:
-    """The indirect light that a layer reflects, at its own samples."""
-
-    accumulator: Accumulator
-    footprint: FootprintTextures
 
 
 @dataclass(eq=False)
@@ -83,10 +75,8 @@ class LayerStack:
         return tuple(self._layers)
 
     def of_object(self, i_object: int) -> list[DrawnLayer]:
-        """The object's layers as they are shaded one by one; the indirect light of each is another."""
-        found = [layer for layer in self._layers.values() if layer.i_object == i_object]
-        parts = [(layer, layer.indirect) for layer in found if layer.indirect is not None]
-        return found + [replace(layer, accumulator=p.accumulator, footprint=p.footprint) for layer, p in parts]
+        """The object's layers as they are shaded one by one."""
+        return [layer for layer in self._layers.values() if layer.i_object == i_object]
 
     def put(self, key: str, i_object: int, n_samples: int) -> None:
         """Add a layer, black; an old one of that key loses only its picture."""
@@ -177,6 +167,8 @@ class LayerStack:
         layer = self[key]
         if curve is not None and np.shape(curve) != (VIEW_CURVE_SIZE, 3):
             raise GraphicsError(f"layer {key}: view curve of shape {np.shape(curve)}, expected ({VIEW_CURVE_SIZE}, 3)")
+        if curve is not None and (np.asarray(curve) == 1.0).all():
+            curve = None  # shades alike, in less time
         texels = None if curve is None else np.array(curve, dtype=np.float32).reshape(1, VIEW_CURVE_SIZE, 3)
         if texels is not None and layer.view_curve is not None:
             layer.view_curve.write(texels, alignment=1)

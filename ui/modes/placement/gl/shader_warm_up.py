@@ -47,16 +47,21 @@ def _picture(renderer: PlacementRenderer, width: int, height: int) -> Iterator[N
     yield
     rows, weights = np.zeros((_N_SAMPLES, 4), np.int32), np.full((_N_SAMPLES, 4), 0.25, np.float32)
     renderer.set_footprint(rows, weights)
+    renderer.set_indirect_footprint(rows, weights)
     yield from _layers(renderer)
     renderer.set_footprint(None)
     yield from _layers(renderer)
     renderer.set_layer_maps(_BASE, np.ones((_N_SAMPLES, 4), np.float16))
-    renderer.composite(DisplayView())
-    yield
+    for indirect in (None, np.ones((_N_SAMPLES, 3), np.float32)):
+        for view_curve in (None, np.full((256, 3), 0.5)):
+            renderer.set_layer_indirect(_BASE, indirect)
+            renderer.set_view_curve(_BASE, view_curve)
+            renderer.composite(DisplayView())
+            yield
 
 
 def _layers(renderer: PlacementRenderer) -> Iterator[None]:
-    """Draw a layer alone and one above it, both with a curve in use and with a view curve."""
+    """Draw a layer alone and one above it, both with a curve in use, with indirect light and with a view curve."""
     for key in (_BASE, _UPPER):
         renderer.set_layer(key, 0, _N_SAMPLES)
         renderer.set_layer_radiance(key, np.ones((_N_SAMPLES, 3), np.float32))
@@ -64,9 +69,16 @@ def _layers(renderer: PlacementRenderer) -> Iterator[None]:
         yield
     yield from _transport(renderer)
     for key in (_UPPER, _BASE):
-        renderer.set_view_curve(key, np.ones((256, 3)))
+        renderer.set_layer_indirect(key, np.ones((_N_SAMPLES, 3), np.float32))
         renderer.composite(DisplayView())
         yield
+        renderer.set_view_curve(key, np.full((256, 3), 0.5))
+        renderer.composite(DisplayView())
+        yield
+        renderer.set_layer_indirect(key, None)
+        renderer.composite(DisplayView())
+        yield
+        renderer.set_view_curve(key, None)
 
 
 def _transport(renderer: PlacementRenderer) -> Iterator[None]:
