@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from engine.core.clamping import BRIGHTEST, clamp_radiance, unscaled
 from engine.core.generators import map_steps
-from engine.light.triangle_lights import TriangleLights, cut_lights, turned
+from engine.light.triangle_lights import cut_lights, turned
 from engine.precompute.direct.pipeline import SkyState, patches_of
 from engine.precompute.direct.relight import is_same_sky, sky_likeness
 from engine.precompute.indirect._cache_kernels import Lights
@@ -89,18 +89,19 @@ class SourceLighting:
         self.at_rest = found
         self._light, self._scene, self._resting = found.without_glossy_hits(), scene, sky
         self._n_samples = min(max(_RAYS // max(len(found.cache), 1), _FEWEST), _MOST)
-        self._cut: tuple[TriangleLights | None, float] = None, 1.0
-        if sky.environment is not None:
-            self._cut = _cut_in_units(sky)
+        self._sky_lights, self._unit = _lights_of(sky)
+
+    @property
+    def n_bytes(self) -> int:
+        """Memory of the sky's lights."""
+        return sum(array.nbytes for lights in self._sky_lights for array in lights[:-1])
 
     def by_sky(self, sky: SkyState) -> Generator[None, None, IndirectLight]:
         """The light that the sky alone gives."""
-        cut, unit = self._cut
         if sky.environment is not self._resting.environment or sky.scale != self._resting.scale:
-            cut, unit = (None, 1.0) if sky.environment is None else _cut_in_units(sky)
-        elif cut is not None:
-            cut = turned_lights(cut, sky.rotation - self._resting.rotation)
-        return (yield from self._lit_by(() if cut is None else (sky_lights(cut),), unit))
+            return (yield from self._lit_by(*_lights_of(sky)))
+        degrees = sky.rotation - self._resting.rotation
+        return (yield from self._lit_by(tuple(turned_lights(each, degrees) for each in self._sky_lights), self._unit))
 
     def with_gloss(self, lit: IndirectLight) -> IndirectLight:
         """The same light of the records, of which glossy surfaces reflect what comes to them from records."""
@@ -140,7 +141,7 @@ class IndirectRelighting:
         of_skies = [part for sky in self._skies for part in (sky.by_albedo, sky.added)]
         parts = [*of_skies, *self._changing.values(), self._others or []]
         of_rows = 0 if self._rows is None else self._rows.n_bytes
-        return of_rows + sum(layer.nbytes for part in parts for layer in part)
+        return self._lighting.n_bytes + of_rows + sum(layer.nbytes for part in parts for layer in part)
 
     def prepare(self) -> Generator[None, None, None]:
         """Reflects the sources of the light at rest, emitters each on its own where there are few; and makes rows of
@@ -248,13 +249,15 @@ def _ratios(parts: Reflected, wholes: Reflected) -> Reflected:
     ]
 
 
-def turned_lights(cut: TriangleLights, degrees: float) -> TriangleLights:
-    """The lights of a sky that is rotated by so many degrees more. Of the geometry only the vertices turn: they are all
-    that records sample."""
-    return replace(cut, vertices=turned(cut.vertices, degrees)) if degrees else cut
+def turned_lights(lights: Lights, degrees: float) -> Lights:
+    """The lights of a sky that is rotated by so many degrees more."""
+    corners = turned(lights.corners.reshape(-1, 3), degrees).reshape(-1, 3, 3)
+    return lights._replace(corners=np.ascontiguousarray(corners)) if degrees else lights
 
 
-def _cut_in_units(sky: SkyState) -> tuple[TriangleLights | None, float]:
-    assert sky.environment is not None
+def _lights_of(sky: SkyState) -> tuple[tuple[Lights, ...], float]:
+    """The lights of a sky, none where it is dark, and their unit."""
+    if sky.environment is None:
+        return (), 1.0
     cut, _, unit = in_units(cut_lights(sky.environment, N_LIGHTS, sky.rotation), None, sky.scale)
-    return cut, unit
+    return () if cut is None else (sky_lights(cut),), unit

@@ -84,7 +84,7 @@ class Lit:
         assert environment is not None
         cut, _, unit = in_units(cut_lights(environment, N_LIGHTS, self.sky.rotation), None, 1.0)
         assert cut is not None
-        lights = sky_lights(turned_lights(cut, rotation - self.sky.rotation))
+        lights = turned_lights(sky_lights(cut), rotation - self.sky.rotation)
         direct = unit * self.light.cache.irradiance(lights, n_samples).astype(np.float64)
         for i, radiance in ((LEFT, left), (RIGHT, right)):
             emission = np.zeros_like(self.emission)
@@ -164,10 +164,8 @@ def test_skies_are_as_alike_as_their_bright_directions() -> None:
 
 @pytest.mark.parametrize("degrees", [0.0, 35.0, -120.0])
 def test_turned_lights_are_where_a_rotated_sky_has_them(degrees: float) -> None:
-    sky = sunny()
-    turned = turned_lights(cut_lights(sky, N_LIGHTS, 20.0), degrees)
-    expected = cut_lights(sky, N_LIGHTS, 20.0 + degrees)
-    moments = (
-        each.power.astype(float).T @ each.vertices[each.corners].mean(axis=1) for each in (turned, expected)
-    )  # fmt: skip
-    np.testing.assert_allclose(*moments, atol=0.02 * float(expected.power.sum()))
+    lights, cut = sky_lights(cut_lights(sunny(), N_LIGHTS, 20.0)), cut_lights(sunny(), N_LIGHTS, 20.0 + degrees)
+    share = np.diff(lights.cumulative, prepend=0.0)[:, None]
+    found = (share * lights.power).T.astype(float) @ turned_lights(lights, degrees).corners.mean(axis=1)
+    expected = cut.power.T.astype(float) @ cut.vertices[cut.corners].mean(axis=1)
+    np.testing.assert_allclose(found, expected, atol=0.02 * float(cut.power.sum()))
