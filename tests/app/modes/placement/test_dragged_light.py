@@ -54,7 +54,7 @@ class LitWorker:
         self._request: ComputeTransport | None = None
         self._steps: Iterator[list[Response]] = iter(())
         self._found: tuple[int, float, bool] | None = None  # number, light, whether glossy surfaces are known
-        self._frozen: tuple[int, float] | None = None
+        self._frozen: tuple[int, float, bool] | None = None
         self._answered: Request | None = None
         self._number, self._stage = 0, ""
         self._contracted: set[int] = set()
@@ -149,7 +149,7 @@ class LitWorker:
     def _freeze(self, request: FreezeIndirect) -> list[Response]:
         assert self._found is not None
         number, of_light, has_gloss = self._found
-        self._answered, self._frozen = request, (number, of_light)
+        self._answered, self._frozen = request, self._found
         light = np.full((3, 1, 1), of_light + (WHOLE if has_gloss else BY_ALBEDO), np.float32)
         keys = tuple(look.key for look in request.scene.visible)
         reflected = FrozenLight(dict.fromkeys(range(len(keys)), light), {})
@@ -159,14 +159,19 @@ class LitWorker:
         ]
 
     def _relit(self, request: ComputeTransport) -> IndirectRelit:
+        """Of what glossy surfaces add, where that is known, half stays as it was and half is mirrored of the light as
+        it is."""
         assert self._frozen is not None
+        share = 0.5 if self._frozen[2] else 0.0
         keys = [look.key for look in request.scene.visible]
-        now, then, all_of_it = (
+        now, resting, gloss, mirrored = (
             dict.fromkeys(keys, np.full((1, 3), value, np.float32))
-            for value in (number_of(request.scene) + BY_ALBEDO, self._frozen[1] + BY_ALBEDO, 1.0)
-        )
-        nothing = dict.fromkeys(keys, np.zeros((1, 3), np.float32))
-        return IndirectRelit(self._frozen[0], now, then, all_of_it, nothing)
+            for value in (
+                number_of(request.scene) + BY_ALBEDO, self._frozen[1] + BY_ALBEDO, 1.0 - share,
+                share * (WHOLE - BY_ALBEDO),
+            )
+        )  # fmt: skip
+        return IndirectRelit(self._frozen[0], now, resting, gloss, mirrored)
 
 
 class Screen:
