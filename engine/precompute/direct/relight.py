@@ -166,7 +166,7 @@ class RowMaker:
                 effects.append(sizes * self.effects[tile.number] * max(float(layer.scale().max()), 1e-6))
                 n_bytes.append(np.full(len(tile.number), 2 + 2 * tile.value.shape[1]))
             n_pilots += len(chosen)
-        if not n_pilots:
+        if not sum(map(len, effects)):
             return self
         effect, cost = np.concatenate(effects), np.concatenate(n_bytes)
         # Keep the largest effects that fit both limits.

@@ -59,6 +59,12 @@ def test_an_even_sky_has_no_peaks(even: float) -> None:
     assert rest is sky and len(peaks.power) == 0
 
 
+def test_a_sun_alone_is_all_peak() -> None:
+    radiance = sunny().radiance - np.float32(0.2)
+    peaks, rest = split_peaks(Environment(radiance, "sun"))
+    assert not rest.radiance.any() and len(peaks.power) > 3
+
+
 def test_directions_turn_with_the_environment() -> None:
     rng, whole = np.random.default_rng(3), sunny()
     directions = rng.normal(size=(200, 3)) + 3.0 * sun_direction()

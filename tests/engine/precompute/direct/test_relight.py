@@ -116,5 +116,6 @@ def test_rows_stay_within_their_memory(placement: Placement) -> None:
 def test_nothing_seen_is_nothing_reflected(placement: Placement) -> None:
     dark = RowMaker(placement.hits, placement.sphere, np.zeros(geodesic(4).n_triangles, np.float32))
     assert dark.rows_within([], 1e6) is dark and joined_rows([]).lit(light_coefficients(sky(), 0.0)).shape == (0, 3)
-    rows = joined_rows(dark.rows(MATT, placement.rows_of(0)))
+    some = [(MATT, placement.rows_of(0))]
+    rows = joined_rows(dark.rows_within(some, 1e6).rows(*some[0]))  # a sky of nothing but a sun
     assert rows.n_terms == 0 and not rows.lit(light_coefficients(sky(), 0.0)).any()
