@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,25 +63,12 @@ class DesiredFreezing:
 
     def serves(self, other: DesiredFreezing) -> bool:
         """Whether the response to one is a response to the other as well."""
-        if self is other:
-            return True
-        mine, theirs = (
-            (desired.key, desired.factor, desired.second, len(desired.reflectances)) for desired in (self, other)
-        )
-        if mine != theirs:
-            return False
-        return all(
-            self._alike(mine, theirs) for mine, theirs in zip(self.reflectances, other.reflectances, strict=True)
-        )
+        return self is other or _serves(self, other)
 
     def same(self, other: DesiredFreezing) -> bool:
         """Whether it was also made with the other's curves of the edited object: the light that these send on follows
         them as far as a few of their bands tell, and the noise depends on all of them."""
-        if self is other:
-            return True
-        return len(self.reflectances) == len(other.reflectances) and all(
-            _equal(*pair) for pair in zip(self.reflectances, other.reflectances, strict=True)
-        )
+        return self is other or _same(self, other)
 
     def has_layers_of(self, other: DesiredFreezing) -> bool:
         """Whether the response to one can be drawn for the other's layers, though the curves that it holds fixed may be
@@ -88,7 +76,8 @@ class DesiredFreezing:
         one, two = ((each.key, each.factor, [look.shape for look in each.reflectances]) for each in (self, other))
         return one == two
 
-    def _alike(self, mine: LayerReflectance, theirs: LayerReflectance) -> bool:
+    def alike(self, mine: LayerReflectance, theirs: LayerReflectance) -> bool:
+        """Whether what is held fixed of a layer is the same."""
         if mine.key != theirs.key or mine.layer.model != theirs.layer.model:
             return False
         edited = self.factor if mine.key == self.key else self.edited.get(mine.key)
@@ -121,6 +110,19 @@ def desired_freezing(
                 edited |= {other: theirs.index(selected.factor)} if selected.factor in theirs else {}
     scene = curves.scene_state(document)
     return DesiredFreezing(scene, layer_reflectances(scene, document, curves), key, factor, second, edited)
+
+
+# One frame asks several times about the same pairs, which never change.
+@lru_cache(maxsize=16)
+def _serves(one: DesiredFreezing, other: DesiredFreezing) -> bool:
+    mine, theirs = ((each.key, each.factor, each.second, len(each.reflectances)) for each in (one, other))
+    return mine == theirs and all(one.alike(*pair) for pair in zip(one.reflectances, other.reflectances, strict=True))
+
+
+@lru_cache(maxsize=16)
+def _same(one: DesiredFreezing, other: DesiredFreezing) -> bool:
+    pairs = zip(one.reflectances, other.reflectances, strict=False)
+    return len(one.reflectances) == len(other.reflectances) and all(_equal(*pair) for pair in pairs)
 
 
 def _equal(one: LayerReflectance, two: LayerReflectance) -> bool:

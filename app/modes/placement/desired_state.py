@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -166,12 +167,14 @@ def desired_transport(document: Document, settings: RenderSettings, curves: Curv
     return DesiredTransport(scene.light, shapes, scene.emission, settings)
 
 
+@lru_cache(maxsize=16)  # asked for each layer in each frame
 def brightening_factors(wanted: Emission, known: Emission) -> Float64Array | None:
     """The factors (3,) by which every emitter is brighter than it was; None where they are not the same for all."""
     if [name for name, _ in wanted] != [name for name, _ in known] or not known:
         return None
     new, old = (np.array([radiance for _, radiance in each], dtype=np.float64) for each in (wanted, known))
     factors = np.divide(new.sum(axis=0), old.sum(axis=0), out=np.zeros(3), where=old.sum(axis=0) > 0.0)
+    factors.setflags(write=False)
     return factors if np.allclose(old * factors, new, rtol=1e-9, atol=0.0) else None
 
 
