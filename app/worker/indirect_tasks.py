@@ -103,9 +103,10 @@ class IndirectTasks:
         self._noise_found: tuple[_FoundLight, FreezeIndirect, tuple[float, float]] | None = None
         self._representations: GatherPolynomial | None = None
         self._frozen_light: _FoundLight | None = None
+        self._frozen_bands: int | None = None  # of the second bounce
         self._answered: tuple[int, str | None, int | None] | None = None  # light, and what was edited of it
         self._relighting: IndirectRelighting | None = None
-        self._relit_for: tuple[int, tuple[LayerState, ...]] | None = None
+        self._relit_for: tuple[int, int | None, tuple[LayerState, ...]] | None = None
         self._numbers = itertools.count(time.time_ns())  # none that a worker before this one used
 
     @property
@@ -235,12 +236,12 @@ class IndirectTasks:
         found, models = self._frozen_light, tuple((each.key, each.model) for each in layers)
         if found is None or found.models != models:
             return None
-        if self._relit_for != (found.number, tuple(layers)):
-            reflecting = [self._reflecting(each) for each in layers]
+        if self._relit_for != (found.number, self._frozen_bands, tuple(layers)):
+            reflecting = [self._reflecting(each, self._frozen_bands) for each in layers]
             lighting = SourceLighting(found.light, self._placement.scene, found.lit.sky)
             reflect = partial(self._reflected, found.light, reflecting)
             self._relighting = IndirectRelighting(lighting, found.lit, reflecting, reflect)
-            self._relit_for = found.number, tuple(layers)
+            self._relit_for = found.number, self._frozen_bands, tuple(layers)
         return self._relighting
 
     def _reflected(
@@ -306,7 +307,7 @@ class IndirectTasks:
         )
         yield frozen(light, True)
         self._answered = answers
-        self._frozen_light = found
+        self._frozen_light, self._frozen_bands = replace(found, light=seen), desired.second_bands
 
     def _noise(self, found: _FoundLight, desired: FreezeIndirect) -> Steps:
         """The noise of the light with its layers as they are: a curve that is raised may show what was hidden by the

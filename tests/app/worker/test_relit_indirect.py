@@ -20,6 +20,8 @@ from app.modes.placement.placement_messages import (
 )
 from app.worker.cache import ArrayCache
 from app.worker.tasks import RequestDispatcher
+from engine.precompute.indirect import relighting
+from engine.precompute.indirect.gloss_rows import gloss_rows
 from tests.app.worker.ball_and_lamp import SCENE, assert_same_pictures, compute, opened, pictures, twice
 from tests.opened import run_in_process
 from tests.pictures import write_exr
@@ -163,3 +165,27 @@ def test_any_sequence_ends_with_the_picture_of_its_last_light(
         np.testing.assert_allclose(reflected(found)[key], light, rtol=1e-5, atol=1e-7 * light.max())
     assert found.unit == truth.unit and n_relit > 0
     assert_same_pictures(*(pictures(run_in_process(each, request)) for each in (tasks, fresh)))
+
+
+def test_rows_of_mirrored_light_are_made_once_for_light_that_is_frozen_with_gloss(
+    tasks: RequestDispatcher, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = []
+
+    def counted(*inputs):
+        made.append(inputs)
+        return (yield from gloss_rows(*inputs))
+
+    monkeypatch.setattr(relighting, "gloss_rows", counted)
+    monkeypatch.setattr(relighting, "_LEAST_GLOSS", 0.0)
+    request = lit_by()
+    request = replace(request, scene=replace(request.scene, light=LightState(environment=sky_file(tmp_path))))
+    turned = replace(request, scene=replace(request.scene, light=replace(request.scene.light, rotation=40.0)))
+    run_in_process(tasks, request)
+    for second, n_made in ((1, 0), (None, 1), (None, 1)):
+        run_in_process(tasks, request)
+        run_in_process(tasks, FreezeIndirect(request.scene, second_bands=second))
+        run_in_process(tasks, PrepareRelighting(request.scene))
+        assert len(made) == n_made
+        answer, _ = relit(tasks, replace(turned, is_drag=True))
+        assert any(light.any() for light in answer.mirrored.values()) == (n_made > 0)
