@@ -11,6 +11,7 @@ from engine.precompute.indirect._ray_kernels import hash64, uniform
 NO_RECORD = 0xFFFF
 MAX_RECORDS = 0xFFFE
 NO_KEY = np.uint64(0)
+CLOSED = -1
 N_PLACES = 32
 _GRID_BITS, _LEVEL_BITS, _SHEET_BITS, _PROBE_BITS = 16, 3, 3, 3
 _PLACE_BITS = 20
@@ -213,7 +214,7 @@ def insert_hits(table, mesh, hits, keys, sides, first_open, found):
     """Looks up keys (R,), adding records for new ones; writes their indices to found (R,) uint16. Returns False when
     the table is full.
 
-    Records from `first_open` on may take a hit as a sample position.
+    Records from `first_open` on may take a hit as a sample position. CLOSED: none does, and no record is added.
     """
     mask = np.uint64(table.keys.shape[0] - 1)
     most = table.objects.shape[0]
@@ -229,6 +230,8 @@ def insert_hits(table, mesh, hits, keys, sides, first_open, found):
             slot = (slot + np.uint64(1)) & mask
         # A new record; its seed is the hash of its key, whatever the order of insertion.
         if table.keys[slot] == NO_KEY:
+            if first_open == CLOSED:
+                continue
             if table.n_cells[0] == most:
                 return False
             record = np.int32(table.n_cells[0])
@@ -237,7 +240,7 @@ def insert_hits(table, mesh, hits, keys, sides, first_open, found):
             table.objects[record], table.seeds[record] = mesh.objects[hits.triangle[r]], hashed
         record = table.cells[slot]
         found[r] = record
-        if record >= first_open:
+        if first_open != CLOSED and record >= first_open:
             _insert_place(table, record, hits.triangle[r], hits.u[r], hits.v[r], sides[r])
     return True
 

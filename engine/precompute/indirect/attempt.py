@@ -26,7 +26,7 @@ from engine.precompute.indirect.checkpoints import (
 )
 from engine.precompute.indirect.direction_patterns import SampleCounts, sample_counts
 from engine.precompute.indirect.emission import Emission
-from engine.precompute.indirect.gather import GatherSamples, gather, join_samples, no_samples, object_of_rows
+from engine.precompute.indirect.gather import GatherSamples, gather, join_samples, no_samples, sets_alike
 from engine.precompute.indirect.indirect_light import Footprint, GatherPoints, IndirectLight
 from engine.precompute.indirect.irradiance_cache import CacheLight, IrradianceCache, connect, direct_irradiance
 from engine.precompute.indirect.photons import PhotonMap, PhotonSource, no_nearby_photons, no_photons
@@ -148,11 +148,7 @@ class Attempt:
         self, rows: NDArray[np.int32], nth: NDArray[np.uint8], span: Span, first_open: int
     ) -> Generator[Progress, None, None]:
         found, done = [no_samples(self.settings.n_rays)], 0
-        n_lobe = np.array([size.n_lobe for size in self._sample_counts()])
-        n_lobe = n_lobe[object_of_rows(self._scene.placement.hits, rows)]
-        # Points with as many rays about their lobe axes are traced together.
-        for n in np.unique(n_lobe):
-            own, size = np.flatnonzero(n_lobe == n), SampleCounts(self.settings.n_rays - int(n), int(n))
+        for own, size in sets_alike(self._scene.placement.hits, rows, self._sample_counts()):
             for begin in range(0, len(own), PART_POINTS):
                 part = own[begin : begin + PART_POINTS]
                 for samples in self._part(rows[part], nth[part], size, first_open):

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from engine.material import MODELS, kinds
 from engine.precompute.indirect._ray_kernels import EPSILON, HALF, MIRROR, N_PATTERNS, NORMAL
 
-MAX_SAMPLE_SETS = 4  # per gather point
+MAX_SAMPLE_SETS = 4  # per gather point, when light is found
+MAX_EDITED_SETS = 16  # when materials have been edited since
 _SEED = 20260711
 
 
@@ -43,7 +44,7 @@ def sample_counts(n_rays: int, lobe_axis: int) -> SampleCounts:
 
 def direction_tables(size: SampleCounts) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """The direction patterns of sample sets of this size, by the cosine and about lobe axes."""
-    return cosine_tables(size.n_cosine, MAX_SAMPLE_SETS), lobe_tables(size.n_lobe, MAX_SAMPLE_SETS)
+    return cosine_tables(size.n_cosine, MAX_EDITED_SETS), lobe_tables(size.n_lobe, MAX_EDITED_SETS)
 
 
 @lru_cache(maxsize=8)

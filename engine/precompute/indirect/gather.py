@@ -72,6 +72,16 @@ def join_samples(parts: Sequence[GatherSamples]) -> GatherSamples:
     )
 
 
+def sets_alike(
+    hits: PrimaryHits, rows: NDArray[np.int32], sizes: Sequence[SampleCounts]
+) -> Iterator[tuple[NDArray[np.intp], SampleCounts]]:
+    """The sample sets (q,) of points `rows` that have as many rays about their lobe axes, and are traced together;
+    sizes: of the objects' sample sets."""
+    n_lobe = np.array([size.n_lobe for size in sizes])[object_of_rows(hits, rows)]
+    for n in np.unique(n_lobe):
+        yield np.flatnonzero(n_lobe == n), SampleCounts(sizes[0].n_rays - int(n), int(n))
+
+
 def gather(
     hits: PrimaryHits, cache: IrradianceCache, rows: NDArray[np.int32], nth: NDArray[np.uint8],
     lobe_axes: NDArray[np.int64],

@@ -198,10 +198,17 @@ class IndirectLight:
 
     def smoothed(self, layers: Sequence[IndirectLayer]) -> Generator[None, None, IndirectLight]:
         """The same with the filter that the noise under these layers requires. A generator of steps."""
+        return self.filtered((yield from self.unfiltered_halves(layers)))
+
+    def unfiltered_halves(self, layers: Sequence[IndirectLayer]) -> Generator[None, None, NDArray[np.float32]]:
+        """Radiance (2, p, 3) by each half of the rays without the filter. A generator of steps."""
         points, light = self.with_smoothing(None).points, self.outgoing_radiance(layers)
-        first, second = yield from points.halves(layers, light)
+        return (yield from points.halves(layers, light))
+
+    def filtered(self, halves: NDArray[np.float32]) -> IndirectLight:
+        """The same with the filter that the noise in these halves requires."""
         turns = least_alike(self.points.lobe_axes != NORMAL)
-        smoothing = smoothing_for(self.points.hits, self.points.samples.points, turns, first, second)
+        smoothing = smoothing_for(self.points.hits, self.points.samples.points, turns, *halves)
         return self.with_smoothing(smoothing)
 
     def radiosity(self, layers: Sequence[IndirectLayer], edited: int = NO_OBJECT) -> NDArray[np.float32]:

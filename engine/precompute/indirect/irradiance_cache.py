@@ -16,6 +16,7 @@ numbers per record, whatever the number of objects [BenArtzi07, eq. 6.8, sect. 6
 may be 0.
 """
 
+import copy
 from collections.abc import Generator, Iterator
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
@@ -32,6 +33,7 @@ from engine.precompute.indirect._ray_kernels import EVEN
 from engine.precompute.indirect._reflection_kernels import bounce, brighten
 from engine.precompute.indirect.albedo import N_SLANTS
 from engine.precompute.indirect.direction_patterns import cosine_tables
+from engine.precompute.indirect.nearest_records import NearestRecords
 from engine.precompute.indirect.record_maps import RecordMaps, RecordReflectance
 from engine.scene.raycaster import Intersections, RayCaster
 from engine.scene.scene_loader import Scene
@@ -85,6 +87,13 @@ class IrradianceCache:
         )  # fmt: skip
         self._lock = Lock()
         self._maps: tuple[tuple[int, int], RecordMaps] | None = None
+        self._nearest: NearestRecords | None = None
+
+    def closed(self) -> "IrradianceCache":
+        """The same records, to which rays add none: one that ends where there is none hits the nearest."""
+        other = copy.copy(self)
+        other._nearest = NearestRecords(self._scene, self.table(), self.size)
+        return other
 
     def __len__(self) -> int:
         return int(self._table.n_cells[0])
@@ -145,6 +154,10 @@ class IrradianceCache:
             levels,
         )  # fmt: skip
         self._split_by_probe(hits, keys, sides, levels)
+        if self._nearest is not None:
+            kernels.insert_hits(self._table, self.mesh, hits, keys, sides, kernels.CLOSED, seen)
+            self._nearest.fill(seen, keys, found, rays.directions)
+            return seen, found
         with turn, self._lock:
             if not kernels.insert_hits(self._table, self.mesh, hits, keys, sides, first_open, seen):
                 raise CacheFull(f"cells of {self.size:.3g} m")

@@ -204,16 +204,25 @@ def _joined(parts: Sequence[Photons], per_area: NDArray[np.float32]) -> Photons:
     return Photons(*(np.concatenate(arrays) for arrays in fields))._replace(per_area=per_area)
 
 
+def photons_emitted(scene: Scene, photons: Photons) -> float:
+    """The number of photons that were emitted, of which these are those that the picture shows."""
+    area = _areas(scene)
+    return float(
+        sum(n * area[begin:end].sum() for n, (begin, end) in zip(photons.per_area, scene.triangle_ranges, strict=True))
+    )
+
+
 def no_photons(n_objects: int) -> Photons:
     """The photons of a scene without lit glossy surfaces: none."""
     return _joined([], np.zeros(n_objects, np.float32))
 
 
 class PhotonMap:
-    """Photons grouped by the object they land on, with a k-d tree each."""
+    """Photons grouped by the object they land on, with a k-d tree each. times: as many times the usual number of
+    nearest photons are found: where that many times the photons are emitted, they lie within the usual radius."""
 
-    def __init__(self, photons: Photons) -> None:
-        self.photons = photons
+    def __init__(self, photons: Photons, times: int = 1) -> None:
+        self.photons, self._n_nearest = photons, _N_NEAREST * times
         self._order = np.argsort(photons.objects, kind="stable").astype(np.int32)
         self._ends = np.searchsorted(photons.objects[self._order], np.arange(len(photons.per_area) + 1))
         self._trees = {} if not len(self._order) else self._build_trees()
@@ -236,7 +245,7 @@ class PhotonMap:
         if begin == end or not len(positions):
             none = np.zeros((len(positions), 0), np.float32)
             return none.astype(np.int32), none, farthest**2
-        distance, index = self._trees[i_object].query(positions, k=_N_NEAREST, workers=n_threads())
+        distance, index = self._trees[i_object].query(positions, k=self._n_nearest, workers=n_threads())
         found = np.where(index < end - begin, self._order[begin + np.minimum(index, end - begin - 1)], -1)
         radius = np.minimum(distance[:, -1], farthest)
         return found.astype(np.int32), (distance**2).astype(np.float32), (radius**2).astype(np.float32)

@@ -27,7 +27,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.precompute.indirect.direction_patterns import MAX_SAMPLE_SETS
+from engine.precompute.indirect.direction_patterns import MAX_EDITED_SETS, MAX_SAMPLE_SETS
 from engine.precompute.indirect.gather import object_of_rows
 from engine.scene.primary_hits import PrimaryHits
 
@@ -220,6 +220,16 @@ def extra_sample_sets(
     requested = (relative > scale * NOISY).astype(np.int64)
     requested += (MAX_SAMPLE_SETS - 2) * (relative > scale * VERY_NOISY)
     return _within_budget(requested, shown * relative, int(most * len(rows)))
+
+
+def further_sample_sets(
+    noise: NDArray[np.floating], shown: NDArray[np.float64], n_sets: NDArray[np.integer], most: int
+) -> NDArray[np.int64]:
+    """The number of sample sets (p,) to add, `most` in all, to gather points that have n_sets (p,): as many again where
+    the noise that the picture shows, relative to the light (p,), requires extra sets, up to MAX_EDITED_SETS. shown
+    (p,): see `extra_sample_sets`."""
+    requested = np.where(noise > NOISY, np.minimum(n_sets, np.maximum(MAX_EDITED_SETS - n_sets, 0)), 0)
+    return _within_budget(requested, np.sqrt(shown) * noise, most)
 
 
 def relative_noise(
