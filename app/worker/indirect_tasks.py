@@ -21,11 +21,15 @@ from app.document.scene_state import LayerState
 from app.messages.worker_messages import Progress, Response
 from app.modes.placement.placement_messages import (
     BouncesPlanned,
+    EditedSampled,
     FreezeIndirect,
     IndirectFound,
     IndirectFrozen,
+    IndirectImproved,
     IndirectNoise,
     IndirectRelit,
+    SampleEdited,
+    SamplingProgress,
 )
 from app.worker.array_files import Tiles
 from app.worker.cache import ArrayCache, content_key
@@ -36,6 +40,7 @@ from engine.material.layer import Layer, object_of
 from engine.precompute.direct.pipeline import Placement, SkyState
 from engine.precompute.indirect.albedo import albedo_bands
 from engine.precompute.indirect.checkpoints import NAMES, arrays_of
+from engine.precompute.indirect.edited_sampling import EditedSampling
 from engine.precompute.indirect.frozen_light import FrozenLight, SelectedCurve
 from engine.precompute.indirect.indirect_layers import IndirectLayer, indirect_layer
 from engine.precompute.indirect.indirect_light import GatherPolynomial, IndirectLight
@@ -48,6 +53,8 @@ from engine.render.bounce_plan import planned_bounces
 from engine.render.still import direct_mean
 
 Steps = Iterator[Response | None]
+# The visible layers by key.
+Materials = tuple[tuple[str, Layer], ...]
 RemoteSolve = Callable[[Sequence[LayerState], str, int, int], IndirectSteps | None]
 # Raised when anything changes the numbers in what is cached on disk.
 STORED_VERSION = 10
@@ -59,7 +66,8 @@ FOUND_AT = 0.9
 @dataclass(frozen=True, eq=False)
 class _FoundLight:
     """Indirect light, and what its rays and its irradiance were computed for; lit_by: the key of `lit`; n_rays: 0 for
-    as many as it needs."""
+    as many as it needs; sampled_for: the materials that decided last where rays go, None for light
+    that an edit changed, until rays are added; filtered_for: those of the filter since rays were added, None before."""
 
     light: IndirectLight
     lit: SceneLight
@@ -68,7 +76,13 @@ class _FoundLight:
     models: tuple[tuple[str, str], ...]
     lit_by: str
     depth: int  # bounces that the rays were traced for
+    sampled_for: Materials | None
     number: int = 0
+    filtered_for: Materials | None = None
+
+    def lacks_rays(self, materials: Materials) -> bool:
+        """Whether rays may be missing where these materials need them: not where gloss goes by albedo."""
+        return self.sampled_for != materials and self.settings is not ROUGH and self.light.points.glossy
 
 
 class _Checkpoints:
@@ -100,7 +114,7 @@ class IndirectTasks:
         self._scene_id = scene_id
         self._requested: tuple[str, int] | None = None
         self._sent = 0
-        self._noise_found: tuple[_FoundLight, FreezeIndirect, tuple[float, float]] | None = None
+        self._noise_found: tuple[int, FreezeIndirect, tuple[float, float]] | None = None
         self._representations: GatherPolynomial | None = None
         self._frozen_light: _FoundLight | None = None
         self._frozen_bands: int | None = None  # of the second bounce
@@ -171,9 +185,11 @@ class IndirectTasks:
         key = content_key(
             "indirect", STORED_VERSION, NAMES, self._scene_key, models, lit_by, n_bounces, repr(fine), n_rays
         )
+        # Light that takes the place of other fine light was changed by an edit.
+        is_edited = self._found is not None and self._found.settings is not ROUGH
         as_requested = partial(
             _FoundLight, lit=self._scene_light(sky), settings=fine, n_rays=n_rays, models=models, lit_by=lit_by,
-            depth=n_bounces,
+            depth=n_bounces, sampled_for=None if is_edited else _materials(layers),
         )  # fmt: skip
         kept = None if self._store is None else self._store.get(key, lambda arrays: solver(fine).restored(arrays))
         if kept is not None:
@@ -209,8 +225,47 @@ class IndirectTasks:
         if self._found is not None and self._is_requested_light(self._found):
             if self._found.number != self._sent:
                 yield self._found_message(self._found)
-            yield from self._frozen(self._found, request)
-            yield from self._noise(self._found, request)
+            yield from self._answer(self._found, request)
+
+    def sample_edited(self, request: SampleEdited) -> Generator[Response | None, None, EditedSampled]:
+        """Trace rays where the materials of the request need them, round by round. Light with more rays replaces what
+        was found once it is frozen: what is cancelled before leaves no trace. It is not cached on disk, where whoever
+        opens the scene next would find what was tried in between."""
+        materials, found = _materials(request.scene.visible), self._found
+        if found is None or not found.lacks_rays(materials):
+            return EditedSampled()
+        layers = [self._reflecting(each) for each in request.scene.visible]
+        n_before = len(found.light.points.samples.rows)
+        before, _ = yield from self._represented(found.light).noise(layers)
+        noise, n_noisy, is_filtered = before, 0, found.filtered_for in (None, materials)
+        sampling = EditedSampling(self._placement, layers, found.settings)
+        for step in sampling.improved(found.light, is_filtered):
+            n_noisy = step.n_noisy
+            if step.is_last:
+                found = replace(found, sampled_for=materials)
+            if step.light is not None:
+                found = replace(found, light=step.light, filtered_for=materials, number=next(self._numbers))
+                noise = yield from self._exchange(found)
+            yield SamplingProgress(step.fraction, id=self._scene_id)
+        self._found, samples = found, found.light.points.samples
+        n_sets = len(samples.rows)
+        return EditedSampled(len(samples.points), n_sets, n_sets - n_before, n_noisy, before, noise)
+
+    def _exchange(self, found: _FoundLight) -> Generator[Response | None, None, float]:
+        """Use light with more rays from now on, frozen as was requested last; returns its noise."""
+        while True:
+            desired = self._freeze_request
+            assert desired is not None
+            for frozen in self._frozen(found, desired):
+                if frozen is not None and frozen.is_last:
+                    break
+                yield None
+            noise = yield from self._noise(found, desired)
+            if desired is self._freeze_request:  # else another was requested meanwhile
+                break
+        self._found = self._frozen_light = found
+        yield IndirectImproved(self._found_message(found), frozen, noise, id=self._scene_id)
+        return noise.noise
 
     def relight(self, layers: Sequence[LayerState], sky: SkyState, n_bounces: int) -> Steps:
         """The light that was frozen last, of these layers, under another sky and the emitters as they are: the answer
@@ -270,8 +325,7 @@ class IndirectTasks:
         yield self._found_message(found)
         if self._freeze_request is not None:
             yield Progress("indirect light", FOUND_AT, text="gathering towards the camera")
-            yield from self._frozen(found, self._freeze_request)
-            yield from self._noise(found, self._freeze_request)
+            yield from self._answer(found, self._freeze_request)
 
     def _found_message(self, found: _FoundLight) -> IndirectFound:
         rows, weights = found.light.footprint_by_object()
@@ -280,7 +334,12 @@ class IndirectTasks:
         rays_and_reason = (need.n_rays, need.reason) if need.noise is not None else (0, "")
         return IndirectFound(found.number, found.settings.name, rows, weights, *rays_and_reason, id=self._scene_id)
 
-    def _frozen(self, found: _FoundLight, desired: FreezeIndirect) -> Steps:
+    def _answer(self, found: _FoundLight, desired: FreezeIndirect) -> Steps:
+        """A freezing and its noise."""
+        yield from self._frozen(found, desired)
+        yield (yield from self._noise(found, desired))
+
+    def _frozen(self, found: _FoundLight, desired: FreezeIndirect) -> Iterator[IndirectFrozen | None]:
         layers = {each.key: self._reflecting(each, desired.second_bands) for each in desired.scene.visible}
         edited = NO_OBJECT if desired.key is None else self._placement.scene.object_index(object_of(desired.key))
         seen = _layer_visibility(found, desired)
@@ -309,15 +368,16 @@ class IndirectTasks:
         self._answered = answers
         self._frozen_light, self._frozen_bands = replace(found, light=seen), desired.second_bands
 
-    def _noise(self, found: _FoundLight, desired: FreezeIndirect) -> Steps:
+    def _noise(self, found: _FoundLight, desired: FreezeIndirect) -> Generator[None, None, IndirectNoise]:
         """The noise of the light with its layers as they are: a curve that is raised may show what was hidden by the
         rest."""
         known, appearance = self._noise_found, (desired.second_bands, desired.scene.visible)
-        if known is None or known[0] is not found or (known[1].second_bands, known[1].scene.visible) != appearance:
+        if known is None or known[0] != found.number or (known[1].second_bands, known[1].scene.visible) != appearance:
             layers = [self._reflecting(each, desired.second_bands) for each in desired.scene.visible]
             noise = yield from self._represented(_layer_visibility(found, desired)).noise(layers)
-            self._noise_found = known = found, desired, noise
-        yield IndirectNoise(found.number, desired.serial, *known[2], id=self._scene_id)
+            self._noise_found = known = found.number, desired, noise
+        is_sampled = desired.second_bands == 1 or not found.lacks_rays(_materials(desired.scene.visible))
+        return IndirectNoise(found.number, desired.serial, *known[2], is_sampled, id=self._scene_id)
 
     def _reflecting(self, state: LayerState, second: int | None = None) -> IndirectLayer:
         mean = None if state.means is None else state.mean_factor
@@ -325,6 +385,10 @@ class IndirectTasks:
 
     def _object(self, state: LayerState) -> int:
         return self._placement.scene.object_index(state.object)
+
+
+def _materials(layers: Sequence[LayerState]) -> Materials:
+    return tuple((each.key, each.layer) for each in layers)
 
 
 def _layer_visibility(found: _FoundLight, desired: FreezeIndirect) -> IndirectLight:

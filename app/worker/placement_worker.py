@@ -24,6 +24,7 @@ from app.modes.placement.placement_messages import (
     PlanBands,
     PrepareRelighting,
     RelightingPrepared,
+    SampleEdited,
     SampleMaps,
     StageDone,
     StageFootprint,
@@ -82,6 +83,7 @@ class PlacementWorker(ModeWorker):
             ComputeTransport: self._compute,
             ContractTransport: self._contract,
             FreezeIndirect: lambda request: self._indirect_tasks().freeze(request),
+            SampleEdited: self._sample_edited,
             EstimateError: self._estimate_error,
             PrepareRelighting: self._prepare_relighting,
         }
@@ -122,6 +124,10 @@ class PlacementWorker(ModeWorker):
         yield from self._maps.answers(request)
 
     # ---------------------------------------------------------------------------------------- when nothing else is left
+
+    def _sample_edited(self, request: SampleEdited) -> Steps:
+        sampled = yield from self._indirect_tasks().sample_edited(request)
+        yield replace(sampled, transport_bytes=self._n_bytes)
 
     def _estimate_error(self, request: EstimateError) -> Steps:
         yield from self._until_compiled(ESTIMATE)

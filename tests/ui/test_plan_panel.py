@@ -155,3 +155,13 @@ def test_the_plan_tells_what_of_a_gloss_follows_a_drag() -> None:
             assert "gloss" not in lines
         else:
             assert (lines["gloss"].value, lines["gloss"].reason) == (value, reason)
+
+
+def test_the_plan_tells_what_was_traced_for_edited_materials() -> None:
+    from app.document.document import Document
+
+    view = SetView.of(n_bounces=3).apply(ViewState())
+    for reason, n_sets, value in (("noise then fell", 2.46, "2.5 sets a point"), ("", 0.0, None)):
+        lines = plan_table(Document("scene"), view, PlacementStatus(sample_sets=n_sets, sampling_reason=reason))
+        found = {line.line: (line.value, line.reason) for line in lines}
+        assert found.get("sampling") == (None if value is None else (value, reason))

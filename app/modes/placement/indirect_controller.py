@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 from app.document.document import Document, Selection
 from app.messages.picture_events import PictureEvent
@@ -26,6 +27,7 @@ from app.modes.placement.placement_messages import (
     FreezeIndirect,
     IndirectFound,
     IndirectFrozen,
+    IndirectImproved,
     IndirectNoise,
     IndirectRelit,
 )
@@ -146,6 +148,12 @@ class IndirectController:
         frozen = None if self._used is None else self._used.frozen
         return None if frozen is None else self._noises.get((frozen.number, frozen.serial))
 
+    @property
+    def lacks_rays(self) -> bool:
+        """Whether what is shown was made with rays that went where other materials needed them."""
+        known = self._noise_of_used
+        return self._n_bounces > 1 and known is not None and not known.is_sampled
+
     # -------------------------------------------------------------------------------------------------------- responses
 
     def edited(self) -> None:
@@ -239,6 +247,12 @@ class IndirectController:
     def receive_noise(self, response: IndirectNoise) -> None:
         """Take the noise of a freezing."""
         self._noises[response.number, response.serial] = response
+
+    def receive_improved(self, response: IndirectImproved) -> None:
+        """Take light with more rays: samples, freezing and noise in one."""
+        self.receive_samples(replace(response.found, revision=response.revision))
+        self.receive_frozen(response.frozen)
+        self.receive_noise(response.noise)
 
     # ------------------------------------------------------------------------------------------------------- requesting
 

@@ -44,10 +44,12 @@ from app.modes.placement.placement_messages import (
     BandsPlanned,
     BouncesPlanned,
     ComputeTransport,
+    EditedSampled,
     ErrorEstimated,
     EstimateError,
     IndirectFound,
     IndirectFrozen,
+    IndirectImproved,
     IndirectNoise,
     IndirectRelit,
     LayerPicture,
@@ -58,6 +60,7 @@ from app.modes.placement.placement_messages import (
     PlanBands,
     RelightingPrepared,
     SampleMaps,
+    SamplingProgress,
     StageDone,
     StageFootprint,
 )
@@ -73,6 +76,7 @@ from app.modes.placement.placement_status import (
     transport_note,
 )
 from app.modes.placement.relight_controller import RelightController
+from app.modes.placement.sampling_controller import SamplingController
 from app.modes.placement.transport_controller import TransportController
 from engine.core.clamping import TOO_BRIGHT
 from engine.material.layer import Layer
@@ -99,6 +103,7 @@ class PlacementController(ModeController):
             services.send, EstimateError, ERROR_IDLE_SECONDS, MAX_ESTIMATES
         )
         self.relight = RelightController(services.send, self.curves)
+        self.sampling = SamplingController(services.send, self.curves)
         self._changeover = PictureTransition(self.curves)
         self.picture = DrawnPicture(services, self.curves, self._changeover, self.indirect, self.maps)
         self._warned_clamped = False
@@ -118,6 +123,7 @@ class PlacementController(ModeController):
         self._transport.scene_closed()
         self._error.worker_interrupted()
         self.relight.forget()
+        self.sampling.lose_request()
 
     def scene_open_failed(self) -> None:
         self._transport.scene_opened(is_new=False)
@@ -141,6 +147,7 @@ class PlacementController(ModeController):
         self.maps.scene_opened()
         self._error.forget()
         self.relight.forget()
+        self.sampling.forget()
         self._accepted_light.accept(scene.described.light)
         self.curves.scene_opened(scene.description)
         self._changeover.scene_opened(scene.document, scene.description.environment is not None)
@@ -175,6 +182,7 @@ class PlacementController(ModeController):
         self.indirect.cancelled()
         self._error.user_stopped()
         self.relight.interrupted()
+        self.sampling.interrupted()
 
     def resume(self) -> None:
         self._transport.resume()
@@ -183,6 +191,7 @@ class PlacementController(ModeController):
         self._transport.worker_restarted()
         self.indirect.worker_restarted()
         self.relight.forget()
+        self.sampling.forget()
         self._comparison.worker_restarted()
 
     @property
@@ -204,7 +213,11 @@ class PlacementController(ModeController):
             events += self._advance_transition(document, view, True)
         planned = self._request_missing(now, document, view)
         events += self._advance_transition(document, view, planned)
-        rests = self._picture_state in ("finished", "exact") and not self._services.history.dragging
+        state = self._picture_state
+        rests = state in ("finished", "exact") and not self._services.history.dragging
+        lacks_rays = self.indirect.lacks_rays and state != "exact"
+        # Further rays come before the error that they lessen.
+        rests = not self.sampling.update(now, document, self._transport.revision, rests, lacks_rays) and rests
         self._update_error(now, document, view, rests)
         turns = rests and self._transport.requested_rotation is not None
         self.relight.update(now, document, self._transport.revision, turns)
@@ -341,6 +354,7 @@ class PlacementController(ModeController):
             "transport_note": missing,
             "has_sky": controller.has_sky,
             "planned_bands": self.curves.all_planned(self._document),
+            **self.sampling.status(status),
         }
         return PlacementStatus(
             **(
@@ -398,8 +412,15 @@ class PlacementController(ModeController):
                 self._footprints.setdefault(response.stage, Footprint(response.rows, response.weights))
             case IndirectFound() if is_of_view:
                 self.indirect.receive_samples(response)
+                self.sampling.light_found(response.number)
             case IndirectNoise() if is_of_view:
                 self.indirect.receive_noise(response)
+            case IndirectImproved() if is_of_view:
+                self.indirect.receive_improved(response)
+                self.sampling.light_improved(response.found.number)
+                self._error.forget()
+            case SamplingProgress() if is_of_view:
+                self.sampling.receive_progress(response)
             case _ if response.revision == self._transport.revision and is_open:
                 return self._take_picture(response)
         return []
@@ -420,6 +441,9 @@ class PlacementController(ModeController):
                 self._error.receive(response)
             case RelightingPrepared():
                 self.relight.receive(response)
+                self._report.note_memory(response.transport_bytes)
+            case EditedSampled():
+                self.sampling.receive(response)
                 self._report.note_memory(response.transport_bytes)
             case IndirectFrozen():
                 self.indirect.receive_frozen(response)
@@ -461,6 +485,7 @@ class PlacementController(ModeController):
         self._comparison.receive_failure(response.id)
         self._error.receive_failure(response.id)
         self.relight.receive_failure(response.id)
+        self.sampling.receive_failure(response.id)
         self.maps.receive_failure(response.id)
         self.indirect.receive_failure(response.id)
         refused = self._transport.requested_light if self._transport.is_transport(response.id) else None

@@ -141,6 +141,18 @@ class PrepareRelighting(Request):
     scene: SceneState
 
 
+@dataclass(frozen=True, eq=False)
+class SampleEdited(Request):
+    """Add rays to the indirect light of the transport requested last, where it is noisy under the materials of this
+    scene. Each round is answered by `IndirectImproved` where a freezing was requested, the whole by `EditedSampled`."""
+
+    built_on = (ComputeTransport,)
+    answered_once = True
+    is_foreground = False
+
+    scene: SceneState
+
+
 @dataclass(frozen=True)
 class SampleMaps(Request):
     """Sample the images of some layers, by key, where the camera sees them; each is answered on its own."""
@@ -241,12 +253,14 @@ class IndirectFound(Response):
 @dataclass(frozen=True)
 class IndirectNoise(Response):
     """The noise of indirect light as it was frozen: RMS over the picture, relative to its own mean, and that mean
-    radiance. Follows the `IndirectFrozen` of these numbers."""
+    radiance. Follows the `IndirectFrozen` of these numbers. is_sampled: whether its rays were traced where these
+    materials require them, and not those of before an edit."""
 
     number: int
     serial: int
     noise: float
     mean: float
+    is_sampled: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,6 +282,38 @@ class IndirectFrozen(Response):
     unit: float = 1.0
     by_albedo: bool = False
     is_last: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class IndirectImproved(Response):
+    """Light with more rays, what was requested last frozen of it, and its noise, together: no picture is between
+    them."""
+
+    found: IndirectFound
+    frozen: IndirectFrozen
+    noise: IndirectNoise
+
+
+@dataclass(frozen=True)
+class SamplingProgress(Response):
+    """How far a `SampleEdited` is, as a fraction of the sample sets that are needed or may be added."""
+
+    fraction: float
+
+
+@dataclass(frozen=True)
+class EditedSampled(Response):
+    """Indirect light has the rays that the materials of the request need: n_sets sample sets at n_points gather points,
+    n_added by this request; 0 where none of it lacked any. n_noisy points have as many as they may have, and would need
+    more. Its noise before and now, relative to its mean; transport_bytes: the memory held for the scene."""
+
+    n_points: int = 0
+    n_sets: int = 0
+    n_added: int = 0
+    n_noisy: int = 0
+    noise_before: float = 0.0
+    noise: float = 0.0
+    transport_bytes: int = 0
 
 
 @dataclass(frozen=True, eq=False)

@@ -33,7 +33,8 @@ class PlacementStatus(Status):
     ``found_rays`` those of the hemisphere samples of the indirect light that is there (0: none is), ``plan_reasons``
     why, by line. ``spent_seconds`` of processor time the picture has taken since its last change, None while it is
     being computed. ``gloss_knots`` of the selected curve follow it at the second bounce, 0 where its light there is
-    not stored.
+    not stored. ``sample_sets`` of indirect light a gather point has, on average, since rays were added for edited
+    materials, 0 before; ``sampling_reason`` why.
     """
 
     shown_coefficients: int = 0
@@ -51,6 +52,8 @@ class PlacementStatus(Status):
     plan_reasons: Mapping[str, str] = field(default_factory=dict)
     spent_seconds: float | None = None
     gloss_knots: int = 0
+    sample_sets: float = 0.0
+    sampling_reason: str = ""
 
 
 @dataclass(frozen=True)

@@ -97,6 +97,9 @@ def _light_lines(document: Document, view: ViewState, status: PlacementStatus) -
         n_rays = settings.n_hemisphere_rays or status.found_rays or "as needed"
         reason = BY_USER if settings.n_hemisphere_rays else why.get("rays") or RAYS_REASON
         yield _setting_line(document, "rays", n_rays, reason)
+        if status.sampling_reason:
+            sets = f"{status.sample_sets:.1f} sets a point"
+            yield PlanTableRow("sampling", "Rays after edits", sets, status.sampling_reason, (), False)
         if why.get("gloss"):
             knots = f"{status.gloss_knots} knots" if status.gloss_knots else "none"
             yield PlanTableRow("gloss", "Gloss followed", knots, why["gloss"], (), False)

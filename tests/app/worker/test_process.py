@@ -13,7 +13,7 @@ import pytest
 
 from app.messages.worker_messages import Request, Response, SetCamera
 from app.modes.orbit.orbit_messages import EstimateOrbit
-from app.modes.placement.placement_messages import EstimateError, PrepareRelighting
+from app.modes.placement.placement_messages import EstimateError, PrepareRelighting, SampleEdited
 from app.worker.process import LAST, LITTLE, NICENESS, Background
 from app.worker.schedule import Schedule
 from app.worker.worker import Worker
@@ -89,9 +89,10 @@ def test_the_worker_steps_back_for_what_nobody_waits_for() -> None:
     tasks = Noting()
     worker, schedule = Worker(None), Schedule(tasks)
     look = SetCamera(1)
-    for request in (look, EstimateOrbit(None, 1, look, look), EstimateError(None), PrepareRelighting(None)):
+    behind = EstimateOrbit(None, 1, look, look), EstimateError(None), PrepareRelighting(None), SampleEdited(None)
+    for request in (look, *behind):
         schedule.accept(request)
     while (chosen := schedule.choose()) is not None:
         worker._advance(schedule, chosen)
     assert tasks.found.pop(SetCamera) == {priority()}
-    assert tasks.found == dict.fromkeys((EstimateOrbit, EstimateError, PrepareRelighting), {BEHIND})
+    assert tasks.found == dict.fromkeys(map(type, behind), {BEHIND})
