@@ -35,7 +35,7 @@ def noisy(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(module, "NOISY", 0.02)
 
 
-@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(n, marks=pytest.mark.sweep) for n in range(2, 40))])
+@pytest.mark.parametrize("seed", [0, *(pytest.param(n, marks=pytest.mark.sweep) for n in range(1, 40))])
 def test_any_sequence_while_rays_are_traced(context: moderngl.Context, tmp_path: Path, seed: int) -> None:
     random, source = np.random.default_rng(seed), str(write_small_scene(tmp_path))
     here = Walk(context, source, LateClient(random, ArrayCache(tmp_path / "cache")), n_bounces=2)
