@@ -256,6 +256,7 @@ class IndirectTasks:
         while True:
             desired = self._freeze_request
             assert desired is not None
+            frozen = None
             for frozen in self._frozen(found, desired):
                 if frozen is not None and frozen.is_last:
                     break
@@ -263,7 +264,9 @@ class IndirectTasks:
             noise = yield from self._noise(found, desired)
             if desired is self._freeze_request:  # else another was requested meanwhile
                 break
+        assert frozen is not None
         self._found = self._frozen_light = found
+        self._answered = found.number, desired.key, desired.factor
         yield IndirectImproved(self._found_message(found), frozen, noise, id=self._scene_id)
         return noise.noise
 
