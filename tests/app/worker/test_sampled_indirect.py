@@ -51,7 +51,8 @@ def edited(scene: SceneState = REQUEST.scene) -> SceneState:
 
 
 def one(answers: list[Response], kind: type) -> Response:
-    (answer,) = (each for each in answers if isinstance(each, kind))
+    """The answer of a kind; of freezings, the last."""
+    (answer,) = (each for each in answers if isinstance(each, kind) and getattr(each, "is_last", True))
     return answer
 
 
