@@ -115,30 +115,15 @@ class RecordMaps:
 
     def reflectance(self, layers: Sequence[IndirectLayer], n_objects: int) -> RecordReflectance:
         """The reflectance of the records under these layers."""
+        factors = [self._relative_factor(layer) for layer in layers]
+        if any(factor is not None for factor in factors):
+            return _reflectance(layers, factors, self._table.objects, n_objects)
+        # Without maps all records of an object are alike.
+        found = _reflectance(layers, factors, np.arange(n_objects), n_objects)
         objects = self._table.objects
-        albedos = np.zeros((2, len(objects), 3))  # of all layers, of diffuse ones
-        of_object = np.zeros((n_objects, 3))
-        slanted = np.zeros((len(objects), N_SLANTS, 3)) if any(map(is_glossy, layers)) else None
-        texels, image = [], [-1] * len(layers)
-        for i, layer in enumerate(layers):
-            mine = np.flatnonzero(objects == layer.i_object)
-            factor = self._relative_factor(layer)
-            own = layer.albedo if factor is None else layer.albedo * factor
-            albedos[0, mine] += own
-            of_object[layer.i_object] += layer.albedo
-            if slanted is not None:
-                slanted[mine] += np.broadcast_to(own, (len(mine), 3))[:, None] * layer.slant
-            if not is_glossy(layer):
-                albedos[1, mine] += own
-            elif factor is not None:
-                texels.append(np.ones((len(objects), 3), np.float32))
-                texels[-1][mine] = factor
-                image[i] = len(texels) - 1
-        whole, diffuse = albedos
-        relative = _ratio(whole, of_object[objects])
-        of_images = np.array(texels, np.float32).reshape(len(texels), len(objects), 3)
-        slant = None if slanted is None else _ratio(slanted, np.broadcast_to(whole[:, None], slanted.shape))
-        return RecordReflectance(relative, _ratio(diffuse, whole), slant, of_images, tuple(image))
+        slant = None if found.slant is None else found.slant[objects]
+        texels = np.zeros((0, len(objects), 3), np.float32)
+        return RecordReflectance(found.relative[objects], found.diffuse[objects], slant, texels, found.image)
 
     def _relative_factor(self, layer: IndirectLayer) -> NDArray[np.float64] | None:
         """The factor (k, 3) of a layer's maps at the records of its object, relative to their mean; None without maps.
@@ -157,6 +142,35 @@ class RecordMaps:
         while len(self._cached) > _MAX_CACHED:
             del self._cached[next(iter(self._cached))]
         return np.divide(factor, layer.share, out=np.zeros_like(factor), where=layer.share > 0.0)
+
+
+def _reflectance(
+    layers: Sequence[IndirectLayer], factors: Sequence[NDArray[np.float64] | None], objects: NDArray[np.integer],
+    n_objects: int,
+) -> RecordReflectance:  # fmt: skip
+    """The reflectance of records on these objects (C,). factors: of each layer at the records of its object, (k, 3)."""
+    albedos = np.zeros((2, len(objects), 3))  # of all layers, of diffuse ones
+    of_object = np.zeros((n_objects, 3))
+    slanted = np.zeros((len(objects), N_SLANTS, 3)) if any(map(is_glossy, layers)) else None
+    texels, image = [], [-1] * len(layers)
+    for i, (layer, factor) in enumerate(zip(layers, factors, strict=True)):
+        mine = np.flatnonzero(objects == layer.i_object)
+        own = layer.albedo if factor is None else layer.albedo * factor
+        albedos[0, mine] += own
+        of_object[layer.i_object] += layer.albedo
+        if slanted is not None:
+            slanted[mine] += np.broadcast_to(own, (len(mine), 3))[:, None] * layer.slant
+        if not is_glossy(layer):
+            albedos[1, mine] += own
+        elif factor is not None:
+            texels.append(np.ones((len(objects), 3), np.float32))
+            texels[-1][mine] = factor
+            image[i] = len(texels) - 1
+    whole, diffuse = albedos
+    relative = _ratio(whole, of_object[objects])
+    of_images = np.array(texels, np.float32).reshape(len(texels), len(objects), 3)
+    slant = None if slanted is None else _ratio(slanted, np.broadcast_to(whole[:, None], slanted.shape))
+    return RecordReflectance(relative, _ratio(diffuse, whole), slant, of_images, tuple(image))
 
 
 def _ratio(part: NDArray[np.float64], whole: NDArray[np.float64]) -> Float32Array:

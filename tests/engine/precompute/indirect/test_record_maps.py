@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -19,8 +20,10 @@ from engine.material.layer import Layer, make_layer
 from engine.material.layer_maps import LayerMaps
 from engine.material.strokes import Stroke, Strokes, pack_dabs
 from engine.precompute.direct.pipeline import Placement, SkyState
+from engine.precompute.indirect import record_maps
 from engine.precompute.indirect.indirect_layers import IndirectLayer, indirect_layer
 from engine.precompute.indirect.irradiance_cache import NO_OBJECT
+from engine.precompute.indirect.record_maps import RecordMaps
 from engine.precompute.indirect.sampling_settings import STILL, BounceSeries
 from engine.reference.path_tracer import trace_halves
 from engine.render.still import StillLayer, by_object, indirect_radiance, with_maps
@@ -31,6 +34,7 @@ from tests.engine.precompute.indirect.small_scenes import (
     LAMP_SIDE,
     QUICK,
     SPHERE,
+    matt,
     placed,
     placement_of,
     solve,
@@ -211,3 +215,15 @@ def mean_and_chance(ours: NDArray[np.floating], halves: NDArray[np.floating]) ->
     truth = halves.mean(axis=0)
     chance = 0.5 * float(np.linalg.norm((halves[0] - halves[1]).mean(axis=1))) / len(truth)
     return float(ours.mean() / truth.mean()) - 1.0, chance / float(truth.mean())
+
+
+def test_without_maps_records_have_the_reflectance_of_their_object() -> None:
+    metal = indirect_layer(1, make_layer(MODELS["rough_conductor"], {"alpha": 0.3}), (32, 8))
+    layers = [matt(0, 0.5), metal, matt(1, 0.3)]
+    objects = np.array([1, 0, 2, 1, 0])
+    table = SimpleNamespace(objects=objects)
+    found = RecordMaps(None, table).reflectance(layers, 3)  # type: ignore[arg-type]
+    expected = record_maps._reflectance(layers, [None] * 3, objects, 3)
+    for name in ("relative", "diffuse", "slant", "texels"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
+    assert found.image == expected.image and found.slant is not None and not (found.slant == 1.0).all()
