@@ -216,8 +216,7 @@ class PlacementController(ModeController):
         state = self._picture_state
         rests = state in ("finished", "exact") and not self._services.history.dragging
         lacks_rays = self.indirect.lacks_rays and state != "exact"
-        # Further rays come before the error that they lessen.
-        rests = not self.sampling.update(now, document, self._transport.revision, rests, lacks_rays) and rests
+        self.sampling.update(now, document, self._transport.revision, rests, lacks_rays)
         self._update_error(now, document, view, rests)
         turns = rests and self._transport.requested_rotation is not None
         self.relight.update(now, document, self._transport.revision, turns)
@@ -444,6 +443,8 @@ class PlacementController(ModeController):
                 self._report.note_memory(response.transport_bytes)
             case EditedSampled():
                 self.sampling.receive(response)
+                if response.n_added:
+                    self.relight.forget()  # what was prepared is of the light before
                 self._report.note_memory(response.transport_bytes)
             case IndirectFrozen():
                 self.indirect.receive_frozen(response)

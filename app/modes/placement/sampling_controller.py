@@ -18,8 +18,8 @@ from app.modes.placement.placement_messages import EditedSampled, SampleEdited, 
 from app.modes.reconciler import Reconciler
 from engine.render.picture_error import percent
 
-# Before the error of the picture is requested, which becomes less.
-IDLE_SECONDS = 0.25
+# The error of the picture and what a turning sky needs are requested before: they take less.
+IDLE_SECONDS = 1.5
 STAGE = "sampling the edited light"
 
 # A document and the revision of its transport.
@@ -45,10 +45,9 @@ class SamplingController:
         self.sampled: EditedSampled | None = None
         self._fraction, self._number = 0.0, 0
 
-    def update(self, now: float, document: Document, revision: int, rests: bool, lacks_rays: bool) -> bool:
-        """Request rays where it is time to; returns whether that is to come, or under way. revision: of the transport
-        that the picture is made with; rests: whether all of the picture is there, and no drag is under way; lacks_rays:
-        whether its materials may need other rays."""
+    def update(self, now: float, document: Document, revision: int, rests: bool, lacks_rays: bool) -> None:
+        """Request rays where it is time to. revision: of the transport that the picture is made with; rests: whether
+        all of the picture is there, and no drag is under way; lacks_rays: whether its materials may need others."""
         reconciler = self._reconciler
         reconciler.desire(now, (document, revision))
         match reconciler.action(now, rests and lacks_rays):
@@ -58,7 +57,6 @@ class SamplingController:
                 self._fraction = 0.0
             case "cancel":
                 self._send(CancelRequests(of=(SampleEdited,)))
-        return reconciler.is_under_way or lacks_rays and not (reconciler.is_met or reconciler.is_refused)
 
     def light_improved(self, number: int) -> None:
         """Note the number of light with more rays."""

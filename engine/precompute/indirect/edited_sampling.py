@@ -33,7 +33,16 @@ from engine.precompute.indirect.direction_patterns import MAX_EDITED_SETS
 from engine.precompute.indirect.gather import GatherSamples, gather, join_samples, sets_alike
 from engine.precompute.indirect.indirect_layers import IndirectLayer, is_glossy
 from engine.precompute.indirect.indirect_light import IndirectLight
-from engine.precompute.indirect.photons import PhotonMap, Photons, PhotonSource, no_nearby_photons, photons_emitted
+from engine.precompute.indirect.photons import (
+    NearbyPhotons,
+    PhotonMap,
+    Photons,
+    PhotonSource,
+    join_nearby,
+    no_nearby_photons,
+    ordered_nearby,
+    photons_emitted,
+)
 from engine.precompute.indirect.progress import Span
 from engine.precompute.indirect.sampling_settings import SamplingSettings
 from engine.precompute.indirect.second_bounce import SecondBounceTracer
@@ -42,7 +51,7 @@ from engine.precompute.indirect.smoothing import NOISY, further_sample_sets, lea
 # Sample sets that a gather point has on average, at most: twice as many as when light is found. Photons, relative to
 # that.
 MOST_SETS, MOST_PHOTONS = 4.0, 4
-# Sample sets of one round, per gather point; the share of points with noisy photons for which more are emitted.
+# Sample sets of one round, per gather point. Fewer than so many are not worth a round, nor are noisy photons near so few.
 _ROUND, _FEW = 0.5, 0.01
 
 
@@ -135,13 +144,18 @@ class EditedSampling:
                 self._glossy(light), points.lobe_axes, points.axes, light.all_lights, self._settings.n_glossy_hits,
                 light.n_bounces > 2,
             )  # fmt: skip
-        cache, found = light.cache.closed(), [points.samples]
+        cache, found = light.cache.closed(), list[GatherSamples]()
         for own, size in sets_alike(points.hits, rows, points.sizes):
             for part in gather(points.hits, cache, rows[own], needed.nth[own], points.lobe_axes, size, second):
                 found.append(part)
                 done += len(part.rows)
                 yield done / len(rows)
-        return self._landed(light, points.photons, join_samples(found))
+        added = join_samples(found)
+        order = np.argsort(np.concatenate([points.samples.rows, added.rows]), kind="stable")
+        landed = self._near(light, points.photons, added, self._times(light))
+        both = ordered_nearby(join_nearby([points.landed, landed]), order)
+        samples = join_samples([points.samples, added])
+        return replace(light, points=replace(points, samples=samples, landed=both, smoothing=None))
 
     def _with_photons(self, light: IndirectLight) -> Generator[float, None, IndirectLight]:
         """Light with twice as many photons."""
@@ -150,17 +164,18 @@ class EditedSampling:
             scene, light.cache, self._glossy(light), points.lobe_axes, points.axes, light.all_lights
         )  # fmt: skip
         yield 0.0
-        photons = source.send(points.hits, 2 * self._times(light) * self._settings.n_photons)
+        times = 2 * self._times(light)
+        photons = source.send(points.hits, times * self._settings.n_photons)
         yield 0.5
-        return self._landed(light, photons, points.samples)
+        landed = self._near(light, photons, points.samples, times)
+        return replace(light, points=replace(points, photons=photons, landed=landed, smoothing=None))
 
-    def _landed(self, light: IndirectLight, photons: Photons, samples: GatherSamples) -> IndirectLight:
-        """Light by these photons and sample sets, without a filter."""
+    def _near(self, light: IndirectLight, photons: Photons, samples: GatherSamples, times: int) -> NearbyPhotons:
+        """The photons near the points of sample sets; times: see `PhotonMap`."""
         nowhere = no_nearby_photons(len(samples.rows))
         points = replace(light.points, samples=samples, photons=photons, landed=nowhere, smoothing=None)
-        made = replace(light, points=points)
-        nearby = PhotonMap(photons, self._times(made))
-        return replace(made, points=points.with_photons(nearby, self._placement.scene, self._placement.caster))
+        nearby = PhotonMap(photons, times)
+        return points.with_photons(nearby, self._placement.scene, self._placement.caster).landed
 
     def _needs_photons(self, light: IndirectLight, noise: _Noise) -> bool:
         """Whether photons are noisy at more than a few points, and more may be emitted."""
@@ -192,6 +207,8 @@ def sets_needed(light: IndirectLight, noise: NDArray[np.float64], shown: NDArray
     rows, n_sets = light.points.samples.points, sets_of_points(light)
     left = max(int(MOST_SETS * len(rows)) - int(n_sets.sum()), 0)
     n = further_sample_sets(noise, shown, n_sets, min(left, math.ceil(_ROUND * len(rows))))
+    if n.sum() < _FEW * len(rows):  # not worth a round
+        n[:] = 0
     nth = np.arange(n.sum()) - np.repeat(np.cumsum(n) - n, n) + np.repeat(n_sets, n)
     # Variance falls as the number of sets rises: what each noisy point needs in the end.
     final = np.minimum(n_sets * np.maximum(noise / NOISY, 1.0) ** 2, np.maximum(n_sets, MAX_EDITED_SETS))

@@ -319,6 +319,14 @@ def join_nearby(parts: Sequence[NearbyPhotons]) -> NearbyPhotons:
     return NearbyPhotons(start, *(np.concatenate(arrays) for arrays in list(zip(*parts, strict=True))[1:]))
 
 
+def ordered_nearby(landed: NearbyPhotons, order: NDArray[np.integer]) -> NearbyPhotons:
+    """The photons near points in this order."""
+    counts = np.diff(landed.start)[order]
+    start = np.concatenate([[0], np.cumsum(counts)])
+    taken = np.repeat(landed.start[order] - start[:-1], counts) + np.arange(start[-1])
+    return NearbyPhotons(start, landed.photon[taken], landed.weight[taken], landed.area[order])
+
+
 def slice_nearby(landed: NearbyPhotons, begin: int, end: int) -> NearbyPhotons:
     """Those near points [begin, end)."""
     first, last = landed.start[begin], landed.start[end]

@@ -37,10 +37,10 @@ def controller(sent: list[Request]) -> SamplingController:
 
 def rest(
     controller: SamplingController, begin: float = 0.0, document: Document = DOCUMENT, lacks_rays: bool = True
-) -> bool:
-    """Let a picture rest until rays may be asked for; whether they are to come."""
-    controller.update(begin, document, 1, True, lacks_rays)
-    return controller.update(begin + IDLE_SECONDS, document, 1, True, lacks_rays)
+) -> None:
+    """Let a picture rest until rays may be asked for."""
+    for now in (begin, begin + IDLE_SECONDS):
+        controller.update(now, document, 1, True, lacks_rays)
 
 
 def kinds(sent: list[Request]) -> list[type]:
@@ -48,12 +48,15 @@ def kinds(sent: list[Request]) -> list[type]:
 
 
 def test_rays_are_asked_for_once_where_they_are_lacking(controller: SamplingController, sent: list[Request]) -> None:
-    assert not rest(controller, lacks_rays=False) and not sent
-    assert controller.update(9.0, DOCUMENT, 1, False, True) and not sent  # a drag: later
-    assert rest(controller, 10.0) and rest(controller, 20.0)
+    rest(controller, lacks_rays=False)
+    controller.update(9.0, DOCUMENT, 1, False, True)  # a drag: later
+    assert not sent
+    rest(controller, 10.0)
+    rest(controller, 20.0)
     assert kinds(sent) == [SampleEdited] and sent[0].revision == 1
     controller.receive(with_numbers(SAMPLED, 1, 1))
-    assert not rest(controller, 30.0) and len(sent) == 1
+    rest(controller, 30.0)
+    assert len(sent) == 1
 
 
 @pytest.mark.parametrize("changed", [(OTHER, 1), (DOCUMENT, 2)])
@@ -71,10 +74,12 @@ def test_another_picture_gives_up_what_is_under_way(
 def test_what_failed_or_was_stopped_is_not_asked_for_again(controller: SamplingController, sent: list[Request]) -> None:
     rest(controller)
     controller.receive_failure(1)
-    assert not rest(controller, 10.0) and len(sent) == 1
+    rest(controller, 10.0)
+    assert len(sent) == 1
     rest(controller, 20.0, OTHER)
     controller.interrupted()
-    assert not rest(controller, 30.0, OTHER) and kinds(sent) == [SampleEdited] * 2
+    rest(controller, 30.0, OTHER)
+    assert kinds(sent) == [SampleEdited] * 2
 
 
 def test_the_status_says_how_far_it_is_and_then_what_came_of_it(controller: SamplingController) -> None:
@@ -136,9 +141,9 @@ def test_any_sequence_has_at_most_one_under_way_and_never_for_another_picture(se
                 controller.lose_request()
                 under_way.clear()
         n_before = len(sent)
-        due = controller.update(now, *picture, rests, lacks_rays)
+        controller.update(now, *picture, rests, lacks_rays)
         if len(sent) > n_before and isinstance(sent[-1], SampleEdited):
             assert rests and lacks_rays and sent[-1].revision == picture[1]
             asked_for = picture
-        assert not under_way or asked_for == picture and due
+        assert not under_way or asked_for == picture
     assert any(isinstance(request, SampleEdited) for request in sent)

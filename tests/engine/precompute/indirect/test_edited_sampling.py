@@ -23,7 +23,7 @@ from engine.precompute.indirect.edited_sampling import (
 )
 from engine.precompute.indirect.indirect_layers import IndirectLayer, indirect_layer
 from engine.precompute.indirect.indirect_light import IndirectLight
-from engine.precompute.indirect.photons import photons_emitted
+from engine.precompute.indirect.photons import PhotonMap, photons_emitted
 from engine.precompute.indirect.smoothing import NOISY
 from tests.engine.precompute.indirect.small_scenes import QUICK, matt, placement_of, solve
 from tests.engine.precompute.indirect.test_photons import BALL, FLOOR, GOLD, LAMP, VIEW
@@ -160,4 +160,8 @@ def test_noisy_photons_become_more_over_the_same_discs() -> None:
     first_sets = last.points.samples.nth == 0
     one, two = light.points.landed.area[light.points.samples.nth == 0], last.points.landed.area[first_sets]
     assert np.median(two / one) == pytest.approx(1.0, abs=0.1)
+    # Sets that were added have the photons near them that they would be found to have.
+    near = last.points.with_photons(PhotonMap(last.points.photons, MOST_PHOTONS), placement.scene, placement.caster)
+    for mine, theirs in zip(last.points.landed, near.landed, strict=True):
+        np.testing.assert_array_equal(mine, theirs)
     assert last.picture(lifted).mean() == pytest.approx(light.picture(lifted).mean(), rel=0.05)
