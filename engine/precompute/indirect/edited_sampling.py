@@ -51,7 +51,7 @@ from engine.precompute.indirect.smoothing import NOISY, further_sample_sets, lea
 # Sample sets that a gather point has on average, at most: twice as many as when light is found. Photons, relative to
 # that.
 MOST_SETS, MOST_PHOTONS = 4.0, 4
-# Sample sets of one round, per gather point. Fewer than so many are not worth a round, nor are noisy photons near so few.
+# Sample sets of one round, per gather point; what share of the points is not worth a round.
 _ROUND, _FEW = 0.5, 0.01
 
 
