@@ -25,13 +25,16 @@ from engine.precompute.direct.pipeline import Placement, SkyState
 from engine.precompute.indirect.edited_sampling import EditedSampling
 from engine.precompute.indirect.indirect_layers import IndirectLayer
 from engine.precompute.indirect.indirect_light import IndirectLight
+from engine.precompute.indirect.photons import PhotonMap, no_nearby_photons
 from engine.precompute.indirect.sampling_settings import FINE
 from engine.precompute.indirect.solver import Solver
 from engine.render.still import by_object, direct_mean, indirect_layers, models_of, still_layers
 
 N_BOUNCES = 4
-# As the window's, with rays enough: what is left out is what the window leaves out as well.
-JUDGE = replace(FINE, n_rays=2048, n_glossy_hits=2048, gloss_noise=0.3)
+# As the window's, with rays and photons enough: what is left out is what the window leaves out as well. The photons are
+# averaged over the discs of the window's.
+PHOTONS = 8
+JUDGE = replace(FINE, n_rays=2048, n_glossy_hits=2048, gloss_noise=0.3, n_photons=PHOTONS * FINE.n_photons)
 SHOULDER = 0.0, 0.05, 0.35, 0.6
 TURN = 60.0
 
@@ -49,7 +52,13 @@ class LitView:
         other = None if judge else run_to_end(direct_mean(self.placement, by_object(own), sky))
         settings = JUDGE if judge else FINE
         solver = Solver(self.placement, models_of(own), sky, N_BOUNCES, settings, other_light=other)
-        return run_to_end(solver.solve(indirect_layers(own, None)))
+        light = run_to_end(solver.solve(indirect_layers(own, None)))
+        return self._with_even_photons(light) if judge else light
+
+    def _with_even_photons(self, light: IndirectLight) -> IndirectLight:
+        points, scene, caster = light.points, self.placement.scene, self.placement.caster
+        bare = replace(points, landed=no_nearby_photons(len(points.samples.rows)))
+        return replace(light, points=bare.with_photons(PhotonMap(points.photons, PHOTONS), scene, caster))
 
     def reflecting(self, layers: dict[str, Layer]) -> list[IndirectLayer]:
         """These layers as indirect light uses them."""

@@ -15,7 +15,13 @@ from app.modes.placement.curves import Curves
 from app.modes.placement.indirect_controller import FREEZE_PATIENCE, IDLE_SECONDS, IndirectController
 from app.modes.placement.indirect_picture import edited_albedo
 from app.modes.placement.placement_events import IndirectRadiance
-from app.modes.placement.placement_messages import FreezeIndirect, IndirectFound, IndirectFrozen, IndirectNoise
+from app.modes.placement.placement_messages import (
+    FreezeIndirect,
+    IndirectFound,
+    IndirectFrozen,
+    IndirectImproved,
+    IndirectNoise,
+)
 from engine.curve.operators import Operator
 from engine.precompute.indirect.frozen_light import FrozenGloss, FrozenLight, Modes, SelectedCurve
 from engine.scene.description import parse_description
@@ -227,6 +233,45 @@ def test_noise_is_that_of_the_light_on_screen(controller: StartedController) -> 
     controller.frozen(2, noise=None)
     controller.update()
     assert controller.controller.noise is None and not controller.controller.is_complete
+
+
+def improved(controller: StartedController, number: int, serial: int, is_sampled: bool = True) -> IndirectImproved:
+    """Light with more rays, in the worker's words."""
+    found = IndirectFound(number, "fine", ROWS + number, WEIGHTS)
+    frozen = replace(controller.answer, number=number, serial=serial)
+    return IndirectImproved(found, frozen, IndirectNoise(number, serial, 0.01, 0.5, is_sampled), revision=1)
+
+
+def test_light_with_more_rays_takes_the_place_of_what_is_shown_at_once(controller: StartedController) -> None:
+    controller.update()
+    controller.found(1)
+    controller.frozen(1, noise=None)
+    serial, light = controller.asked[-1].serial, controller.controller
+    light.receive_noise(IndirectNoise(1, serial, 0.02, 0.5, is_sampled=False))
+    controller.update()
+    assert light.lacks_rays and light.is_complete
+    for number, is_sampled in ((2, False), (3, True)):
+        light.receive_improved(improved(controller, number, serial, is_sampled))
+        events = controller.update()
+        assert {event.key for event in events if isinstance(event, IndirectRadiance)}
+        assert all((event.footprint.rows == ROWS + number).all() for event in events)
+        assert light.is_complete and light.noise == 0.01 and light.lacks_rays != is_sampled
+    assert len(controller.asked) == 1
+
+
+def test_light_with_more_rays_of_an_older_freezing_is_drawn_with_the_newer(controller: StartedController) -> None:
+    controller.update()
+    controller.found(1)
+    controller.frozen(1)
+    older = controller.asked[-1].serial
+    controller.update(Selection("floor", 0, "theta_i"))
+    assert controller.asked[-1].serial != older
+    controller.controller.receive_improved(improved(controller, 2, older))
+    controller.update(Selection("floor", 0, "theta_i"))
+    assert not controller.controller.is_complete
+    controller.frozen(2)
+    controller.update(Selection("floor", 0, "theta_i"))
+    assert controller.controller.is_complete
 
 
 def test_what_is_frozen_by_hand_costs_no_bands(controller: StartedController) -> None:
