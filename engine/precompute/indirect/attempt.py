@@ -12,6 +12,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.core.generators import run_to_end
 from engine.core.stored_arrays import ArrayReader, Arrays
 from engine.precompute.direct.pipeline import Placement
 from engine.precompute.indirect._cache_kernels import CacheTable
@@ -92,7 +93,7 @@ class Attempt:
         source = PhotonSource(
             scene.placement.scene, self.cache, second.glossy, scene.lobe_axes, scene.axes, scene.emission.all_lights
         )
-        return PhotonMap(source.send(scene.placement.hits, self.settings.n_photons))
+        return PhotonMap(run_to_end(source.send(scene.placement.hits, self.settings.n_photons)))
 
     @property
     def has_glossy_hits(self) -> bool:

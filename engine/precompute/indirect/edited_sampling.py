@@ -129,11 +129,11 @@ class EditedSampling:
         mean, turns = 0.5 * (halves[0] + halves[1]), least_alike(points.lobe_axes != NORMAL)
         # The squared weight with which each gather point contributes to the picture: its share of the variance.
         shown = np.bincount(numbers.ravel(), weights.ravel() ** 2, len(rows)).astype(np.float64)
-        of_rays, of_photons = (
-            np.sqrt(np.minimum(shown, 1.0)) * relative_noise(hits, rows, turns, mean, 0.5 * abs(part[0] - part[1]))
-            for part in (rays, halves - rays)
-        )
-        return _Noise(halves, of_rays, of_photons, shown)
+        seen, by_part = np.sqrt(np.minimum(shown, 1.0)), list[NDArray[np.float64]]()
+        for part in (rays, halves - rays):
+            by_part.append(seen * relative_noise(hits, rows, turns, mean, 0.5 * abs(part[0] - part[1])))
+            yield
+        return _Noise(halves, by_part[0], by_part[1], shown)
 
     def _with_sets(self, light: IndirectLight, needed: SetsNeeded) -> Generator[float, None, IndirectLight]:
         """Light with these sample sets. Yields the fraction done."""
@@ -152,7 +152,8 @@ class EditedSampling:
                 yield done / len(rows)
         added = join_samples(found)
         order = np.argsort(np.concatenate([points.samples.rows, added.rows]), kind="stable")
-        landed = self._near(light, points.photons, added, self._times(light))
+        near = self._near(light, points.photons, added, self._times(light))
+        landed = yield from map_steps(near, lambda step: 1.0)
         both = ordered_nearby(join_nearby([points.landed, landed]), order)
         samples = join_samples([points.samples, added])
         return replace(light, points=replace(points, samples=samples, landed=both, smoothing=None))
@@ -163,19 +164,22 @@ class EditedSampling:
         source = PhotonSource(
             scene, light.cache, self._glossy(light), points.lobe_axes, points.axes, light.all_lights
         )  # fmt: skip
-        yield 0.0
         times = 2 * self._times(light)
-        photons = source.send(points.hits, times * self._settings.n_photons)
-        yield 0.5
-        landed = self._near(light, photons, points.samples, times)
+        emitting = source.send(points.hits, times * self._settings.n_photons)
+        photons = yield from map_steps(emitting, lambda step: 0.0)
+        near = self._near(light, photons, points.samples, times)
+        landed = yield from map_steps(near, lambda step: 0.5)
         return replace(light, points=replace(points, photons=photons, landed=landed, smoothing=None))
 
-    def _near(self, light: IndirectLight, photons: Photons, samples: GatherSamples, times: int) -> NearbyPhotons:
-        """The photons near the points of sample sets; times: see `PhotonMap`."""
+    def _near(
+        self, light: IndirectLight, photons: Photons, samples: GatherSamples, times: int
+    ) -> Generator[None, None, NearbyPhotons]:
+        """The photons near the points of sample sets; times: see `PhotonMap`. A generator of steps."""
         nowhere = no_nearby_photons(len(samples.rows))
         points = replace(light.points, samples=samples, photons=photons, landed=nowhere, smoothing=None)
         nearby = PhotonMap(photons, times)
-        return points.with_photons(nearby, self._placement.scene, self._placement.caster).landed
+        yield
+        return (yield from points.nearby_photons(nearby, self._placement.scene, self._placement.caster))
 
     def _needs_photons(self, light: IndirectLight, noise: _Noise) -> bool:
         """Whether photons are noisy at more than a few points, and more may be emitted."""

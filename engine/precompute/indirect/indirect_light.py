@@ -92,13 +92,18 @@ class GatherPoints:
 
     def with_photons(self, photon_map: PhotonMap, scene: Scene, caster: RayCaster) -> GatherPoints:
         """The same with the photons near its points."""
+        return replace(self, landed=run_to_end(self.nearby_photons(photon_map, scene, caster)))
+
+    def nearby_photons(
+        self, photon_map: PhotonMap, scene: Scene, caster: RayCaster
+    ) -> Generator[None, None, NearbyPhotons]:
+        """The photons near its points. A generator of steps."""
         farthest = farthest_of(scene, self.hits, self.samples.rows)
-        objects = object_of_rows(self.hits, self.samples.rows)
-        parts = [
-            self.hemisphere_samples(i).nearby_photons(photon_map, i, farthest[objects == i], caster)
-            for i in range(len(self.lobe_axes))
-        ]
-        return replace(self, landed=join_nearby(parts))
+        objects, parts = object_of_rows(self.hits, self.samples.rows), list[NearbyPhotons]()
+        for i in range(len(self.lobe_axes)):
+            samples = self.hemisphere_samples(i)
+            parts.append((yield from samples.nearby_photons(photon_map, i, farthest[objects == i], caster)))
+        return join_nearby(parts)
 
     def caustic_flux(self, layers: Sequence[IndirectLayer], edited: int = NO_OBJECT) -> PhotonFlux:
         """The flux of the photons under these layers."""

@@ -9,7 +9,7 @@ freezing.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -89,8 +89,9 @@ class PhotonSource:
     axes: NDArray[np.float32]
     all_lights: SampledLights
 
-    def send(self, hits: PrimaryHits, n_photons: int) -> Photons:
-        """Those of n photons that land where the picture shows them. More start on objects from which more do."""
+    def send(self, hits: PrimaryHits, n_photons: int) -> Generator[None, None, Photons]:
+        """Those of n photons that land where the picture shows them. More start on objects from which more do. A
+        generator of steps."""
         area = _areas(self.scene)
         mine = np.array([area[begin:end].sum() for begin, end in self.scene.triangle_ranges])
         mine[~self.glossy | ~self.scene.reflecting] = 0.0
@@ -99,22 +100,25 @@ class PhotonSource:
             return _joined([], np.zeros(len(mine), np.float32))
         # A pilot pass estimates the share of visible photons per object.
         n_pilot = min(_PILOT, n_photons)
-        useful = np.array(
-            [len(self._photons_from_object(hits, area, int(o), n_pilot, mine).power) / n_pilot for o in able]
-        )
+        useful = np.zeros(len(able))
+        for i, o in enumerate(able):
+            pilot = yield from self._photons_from_object(hits, area, int(o), n_pilot, mine)
+            useful[i] = len(pilot.power) / n_pilot
         if not useful.any():
             return _joined([], np.zeros(len(mine), np.float32))
         share = np.maximum(useful / useful.max(), _LEAST_SHARE)
         counts = np.ceil(n_photons * share / share.sum()).astype(int)
         per_area = np.zeros(len(mine), np.float32)
         per_area[able] = counts / mine[able]
-        parts = [self._photons_from_object(hits, area, int(o), n, mine) for o, n in zip(able, counts, strict=True)]
+        parts = list[Photons]()
+        for o, n in zip(able, counts, strict=True):
+            parts.append((yield from self._photons_from_object(hits, area, int(o), n, mine)))
         return _joined(parts, per_area)
 
     def _photons_from_object(
         self, hits: PrimaryHits, area: NDArray[np.float64], o: int, n_photons: int, mine: NDArray[np.float64]
-    ) -> Photons:
-        """Emits n_photons from one object and returns the visible ones."""
+    ) -> Generator[None, None, Photons]:
+        """Emits n_photons from one object and returns the visible ones. A generator of steps."""
         begin, end = self.scene.triangle_ranges[o]
         cumulative = np.cumsum(area[begin:end])
         per_area = np.zeros(len(mine), np.float32)
@@ -127,7 +131,11 @@ class PhotonSource:
             triangles = (begin + np.minimum(np.searchsorted(cumulative, places), end - begin - 1)).astype(np.int32)
             return self._chunk(hits, triangles, _numbers(nth, o), per_area)
 
-        return _joined(on_threads(chunk, range(0, n_photons, CHUNK)), per_area)
+        parts, step = list[Photons](), n_threads() * CHUNK
+        for first in range(0, n_photons, step):
+            parts += on_threads(chunk, range(first, min(first + step, n_photons), CHUNK))
+            yield
+        return _joined(parts, per_area)
 
     def _chunk(
         self, hits: PrimaryHits, triangles: NDArray[np.int32], numbers: NDArray[np.float64],
@@ -222,7 +230,7 @@ class PhotonMap:
     nearest photons are found: where that many times the photons are emitted, they lie within the usual radius."""
 
     def __init__(self, photons: Photons, times: int = 1) -> None:
-        self.photons, self._n_nearest = photons, _N_NEAREST * times
+        self.photons, self.n_nearest = photons, _N_NEAREST * times
         self._order = np.argsort(photons.objects, kind="stable").astype(np.int32)
         self._ends = np.searchsorted(photons.objects[self._order], np.arange(len(photons.per_area) + 1))
         self._trees = {} if not len(self._order) else self._build_trees()
@@ -245,7 +253,7 @@ class PhotonMap:
         if begin == end or not len(positions):
             none = np.zeros((len(positions), 0), np.float32)
             return none.astype(np.int32), none, farthest**2
-        distance, index = self._trees[i_object].query(positions, k=self._n_nearest, workers=n_threads())
+        distance, index = self._trees[i_object].query(positions, k=self.n_nearest, workers=n_threads())
         found = np.where(index < end - begin, self._order[begin + np.minimum(index, end - begin - 1)], -1)
         radius = np.minimum(distance[:, -1], farthest)
         return found.astype(np.int32), (distance**2).astype(np.float32), (radius**2).astype(np.float32)
@@ -262,12 +270,13 @@ def farthest_of(scene: Scene, hits: PrimaryHits, rows: NDArray[np.integer]) -> N
 def find_nearby_photons(
     photon_map: PhotonMap, i_object: int, hits: PrimaryHits, samples: SampleArrays, times: NDArray[np.float32],
     farthest: NDArray[np.float32], clearance: NDArray[np.float32], caster: RayCaster,
-) -> NearbyPhotons:  # fmt: skip
+) -> Generator[None, None, NearbyPhotons]:  # fmt: skip
     """The photons near the gather points of one object, one batch of points at a time. times (p,): the number of rays
-    that each stored one represents; clearance (p,): harmonic mean distance of the surroundings."""
-    parts = []
-    for begin in range(0, max(len(samples.rows), 1), _BATCH):
-        part = slice(begin, begin + _BATCH)
+    that each stored one represents; clearance (p,): harmonic mean distance of the surroundings. A generator of
+    steps."""
+    parts, step = list[NearbyPhotons](), _BATCH * _N_NEAREST // photon_map.n_nearest
+    for begin in range(0, max(len(samples.rows), 1), step):
+        part = slice(begin, begin + step)
         some = samples._replace(
             rows=samples.rows[part],
             nth=samples.nth[part],
@@ -277,6 +286,7 @@ def find_nearby_photons(
         parts.append(
             _find_nearby(photon_map, i_object, hits, some, times[part], farthest[part], clearance[part], caster)
         )
+        yield
     return join_nearby(parts)
 
 

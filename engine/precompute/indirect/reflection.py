@@ -252,8 +252,8 @@ class HemisphereSamples:
 
     def nearby_photons(
         self, photon_map: PhotonMap, i_object: int, farthest: NDArray[np.float32], caster: RayCaster
-    ) -> NearbyPhotons:
-        """The photons near the points of the sample sets, no farther than (q,)."""
+    ) -> Generator[None, None, NearbyPhotons]:
+        """The photons near the points of the sample sets, no farther than (q,). A generator of steps."""
         return find_nearby_photons(
             photon_map, i_object, self._hits, self._samples, self._times, farthest, self._clearance, caster
         )
