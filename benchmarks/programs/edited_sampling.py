@@ -2,7 +2,8 @@
 
 A curve is lifted in light that was found before, or the sky turns and light is found anew. Then rays are added where
 the present materials are noisy, as the window does at rest. After each round: processor seconds since, and the error of
-the indirect light against that of many more rays; the first line is what there is without adding any.
+the indirect light against that of many more rays, whose own noise is a part of it; the first line is what there is
+without adding any.
 """
 
 from __future__ import annotations
@@ -81,7 +82,7 @@ def errors_of(picture: NDArray[np.floating], truth: NDArray[np.floating]) -> dic
 def rounds(view: LitView, light: IndirectLight, layers: dict[str, Layer], truth: IndirectLight) -> Iterator[Figures]:
     """The figures before and after each round."""
     reflecting, spent = view.reflecting(layers), 0.0
-    judge = truth.picture(reflecting)
+    judge, judge_noise = truth.picture(reflecting), run_to_end(truth.noise(reflecting))[0]
 
     def figures(light: IndirectLight, seconds: float, n_noisy: int) -> Figures:
         samples = light.points.samples
@@ -89,6 +90,7 @@ def rounds(view: LitView, light: IndirectLight, layers: dict[str, Layer], truth:
             "seconds": seconds, **errors_of(light.picture(reflecting), judge),
             "noise": run_to_end(light.noise(reflecting))[0], "n_sets": len(samples.rows) / len(samples.points),
             "noisy": n_noisy / len(samples.points), "mb": light.n_bytes / 1e6,
+            "judge_noise": judge_noise,
         }  # fmt: skip
 
     yield figures(light, 0.0, 0)
