@@ -21,7 +21,7 @@ from __future__ import annotations
 import math
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -123,9 +123,10 @@ class EditedSampling:
         points, (numbers, weights) = light.with_smoothing(None).points, light.footprint
         rows, hits = points.samples.points, points.hits
         outgoing = light.outgoing_radiance(self._layers)
-        halves = rays = yield from points.halves(self._layers, outgoing)
+        samples_of = cache(partial(points.hemisphere_samples, keeps=True))  # both passes reflect the same rays
+        halves = rays = yield from points.halves(self._layers, outgoing, samples_of)
         if outgoing.caustics is not None and len(outgoing.caustics.light):
-            rays = yield from points.halves(self._layers, replace(outgoing, caustics=None))
+            rays = yield from points.halves(self._layers, replace(outgoing, caustics=None), samples_of)
         mean, turns = 0.5 * (halves[0] + halves[1]), least_alike(points.lobe_axes != NORMAL)
         # The squared weight with which each gather point contributes to the picture: its share of the variance.
         shown = np.bincount(numbers.ravel(), weights.ravel() ** 2, len(rows)).astype(np.float64)
@@ -144,9 +145,9 @@ class EditedSampling:
                 self._glossy(light), points.lobe_axes, points.axes, light.all_lights, self._settings.n_glossy_hits,
                 light.n_bounces > 2,
             )  # fmt: skip
-        cache, found = light.cache.closed(), list[GatherSamples]()
+        records, found = light.cache.closed(), list[GatherSamples]()
         for own, size in sets_alike(points.hits, rows, points.sizes):
-            for part in gather(points.hits, cache, rows[own], needed.nth[own], points.lobe_axes, size, second):
+            for part in gather(points.hits, records, rows[own], needed.nth[own], points.lobe_axes, size, second):
                 found.append(part)
                 done += len(part.rows)
                 yield done / len(rows)
