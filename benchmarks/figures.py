@@ -45,9 +45,9 @@ SPECS: dict[str, Spec] = {
     "worst_stall_ms": Spec("ms", 50.0, "worst"),
     "transport_mb": Spec("MB", 250.0),
     # Of indirect light:
-    "freeze_s_cornell": Spec("s", 0.5, "worst"),
-    "freeze_s_room": Spec("s", 1.0, "worst"),
-    "gi_edit_ms": Spec("ms", 50.0),
+    "freeze_s_cornell": Spec("s", 0.25, "worst"),
+    "freeze_s_room": Spec("s", 0.5, "worst"),
+    "gi_edit_ms": Spec("ms", 33.0),
     "gi_memory_mb_cornell": Spec("MB", 300.0),
     "gi_memory_growth": Spec("of linear growth from the fewest objects", 1.0, "worst"),
     "gi_first_s": Spec("s", 5.0),

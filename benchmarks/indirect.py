@@ -111,9 +111,9 @@ def _freeze_figure(name: str, found: dict[str, Any]) -> Figure:
     return Figure(
         name,
         _medians(found["freeze_s"]),
-        f"from selecting another object, the indirect light being fine, until its frozen light is drawn (glFinish): "
-        f"{_where(found)}; medians of each object, the slowest counts",
-        {"objects": found["freeze_s"]},
+        f"from selecting another object, the indirect light being fine, until its frozen light is drawn (glFinish) and "
+        f"follows edits, all but what its gloss sends on: {_where(found)}; medians of each object, the slowest counts",
+        {"objects": found["freeze_s"], "whole": found["freeze_whole_s"]},
     )
 
 

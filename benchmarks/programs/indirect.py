@@ -30,7 +30,7 @@ def measure(source: str, resolution: tuple[int, int] | None, repetitions: int, r
         first = rig.renderer.linear_image()
         rig.wait_until_exact()
         pictures = {"first": first, "fine": rig.renderer.linear_image(), "seen": seen_pixels(rig)}
-        freezing = measure_freezing(rig, rounds)
+        following, whole = measure_freezing(rig, rounds)
         edited = reflecting(rig, editable=True) if repetitions else []
         edits = {name: measure_edits(rig, name, repetitions) for name in edited}
         return {
@@ -38,7 +38,8 @@ def measure(source: str, resolution: tuple[int, int] | None, repetitions: int, r
             "resolution": list(first.shape[1::-1]),
             "n_bounces": rig.editor.view.settings.n_bounces,
             "first_s": first_seconds,
-            "freeze_s": freezing,
+            "freeze_s": following,
+            "freeze_whole_s": whole,
             "edit_ms": {name: framed for name, (framed, _) in edits.items()},
             "exact_ms": {name: exact for name, (_, exact) in edits.items()},
             "memory_mb": rig.editor.status.precomputed_mb,
@@ -59,13 +60,16 @@ def measure_first(rig: EditorRig) -> float:
     return time.perf_counter() - asked
 
 
-def measure_freezing(rig: EditorRig, rounds: int) -> dict[str, list[float]]:
-    """Seconds from selecting each object, another being selected, until its frozen light is in the picture.
+def measure_freezing(rig: EditorRig, rounds: int) -> tuple[dict[str, list[float]], dict[str, list[float]]]:
+    """Seconds from selecting each object, another being selected, until its frozen light is in the picture and follows
+    edits; and until what its gloss sends on does so, too.
 
-    The curve's transport, which is asked for as well, comes in the meantime or afterwards.
+    The curve's transport, which is asked for as well, comes in the meantime or afterwards. Light frozen for the last
+    few objects is kept: there must be more of them for the second round to measure anything.
     """
     names = reflecting(rig)
     seconds: dict[str, list[float]] = {name: [] for name in names}
+    whole: dict[str, list[float]] = {name: [] for name in names}
     rig.switch(names[-1])
     for _ in range(rounds if len(names) > 1 else 0):
         for name in names:
@@ -73,10 +77,12 @@ def measure_freezing(rig: EditorRig, rounds: int) -> dict[str, list[float]]:
             refused = rig.editor.select(name)
             if refused is not None:
                 raise InsituError(refused)
-            rig.wait_until(lambda: rig.controller.indirect.is_complete and not rig.feed.is_behind)
+            rig.wait_until(lambda: rig.controller.indirect.follows_edits and not rig.feed.is_behind)
             seconds[name].append(time.perf_counter() - started)
+            rig.wait_until(lambda: rig.controller.indirect.is_complete and not rig.feed.is_behind)
+            whole[name].append(time.perf_counter() - started)
             rig.wait_until_exact()
-    return seconds
+    return seconds, whole
 
 
 def measure_edits(rig: EditorRig, name: str, repetitions: int) -> tuple[list[float], list[float]]:

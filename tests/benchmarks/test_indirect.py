@@ -27,6 +27,7 @@ FOUND: dict[str, Any] = {
     "n_bounces": 4,
     "first_s": 2.5,
     "freeze_s": {"floor": [0.1, 0.2, 0.9], "wall": [0.3, 0.3, 0.3]},
+    "freeze_whole_s": {"floor": [0.1, 0.2, 0.9], "wall": [1.3, 1.3, 1.3]},
     "edit_ms": {"floor": [10.0, 11.0, 90.0], "wall": [20.0, 21.0, 22.0]},
     "exact_ms": {"floor": [12.0], "wall": [25.0]},
     "memory_mb": 80.0,

@@ -11,11 +11,10 @@ from typing import NamedTuple
 import numba as nb
 import numpy as np
 
-from engine.material._kernels import quotient_cosine
 from engine.precompute.indirect._gloss_kernels import gloss_without_curve
-from engine.precompute.indirect._photon_kernels import _arrival, _on_curves
+from engine.precompute.indirect._photon_kernels import reflected_photon
 from engine.precompute.indirect._ray_kernels import object_tangent, to_local
-from engine.precompute.indirect._reflection_kernels import CODES, CONSTANT, HALF_BAND, ONE, ZERO, _curve_at
+from engine.precompute.indirect._reflection_kernels import CODES, HALF_BAND, ONE, ZERO, angles_read, ray_value
 from engine.precompute.indirect._second_bounce_kernels import NO_LIGHT, find_reflections, light_colour
 
 # In place of a curve of the receiving layer, see `reflect_by_mode`.
@@ -106,41 +105,6 @@ def photon_light(photons, g, o, layer, of_a, positions, light):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _ray_value(stored_weights, at, m, optics, n_angles):
-    """The weight of ray m times the curves of the receiving layer, three channels."""
-    root = np.float32(stored_weights.roots[at, m])
-    a = b = c = root * root * stored_weights.scales[at]
-    if n_angles == 0:
-        return a * optics.curve_a[0, 0], b * optics.curve_a[0, 1], c * optics.curve_a[0, 2]
-    red, green, blue = _curve_at(stored_weights.angles[0, at, m], optics.curve_a)
-    a, b, c = a * red, b * green, c * blue
-    if n_angles > 1:
-        red, green, blue = _curve_at(stored_weights.angles[1, at, m], optics.curve_b)
-        a, b, c = a * red, b * green, c * blue
-    return a, b, c
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _photon_value(samples, i, e, optics, nearby, directions):
-    """The weight of a nearby photon times the curves of the receiving layer, three channels, and its positions on both
-    in bands."""
-    x, y, z, ox, oy, oz = _arrival(samples, i, nearby.photon[e], directions)
-    weight = nearby.weight[e] * np.float32(quotient_cosine(optics.model, optics.q, x, y, z, ox, oy, oz))
-    within, j, t, k, u = _on_curves(optics, x, y, z, ox, oy, oz)
-    if not within:
-        return ZERO, ZERO, ZERO, ZERO, ZERO
-    j1, k1 = min(j + 1, optics.curve_a.shape[0] - 1), min(k + 1, optics.curve_b.shape[0] - 1)
-    a = weight * ((ONE - t) * optics.curve_a[j, 0] + t * optics.curve_a[j1, 0])
-    b = weight * ((ONE - t) * optics.curve_a[j, 1] + t * optics.curve_a[j1, 1])
-    c = weight * ((ONE - t) * optics.curve_a[j, 2] + t * optics.curve_a[j1, 2])
-    if optics.kind_b >= 0:
-        a *= (ONE - u) * optics.curve_b[k, 0] + u * optics.curve_b[k1, 0]
-        b *= (ONE - u) * optics.curve_b[k, 1] + u * optics.curve_b[k1, 1]
-        c *= (ONE - u) * optics.curve_b[k, 2] + u * optics.curve_b[k1, 2]
-    return a, b, c, np.float32(j) + t, np.float32(k) + u
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _is_lit(light):
     return light[0] != ZERO or light[1] != ZERO or light[2] != ZERO
 
@@ -162,7 +126,7 @@ def _add_to_knots(knots, position, a, b, c, total):
 def reflect_by_knot(samples, begin, end, optics, stored_weights, edited, knots, out):
     """Adds the radiance that points [begin, end) reflect of the light of an edited curve, by knot of its change, to out
     (3, K, end - begin)."""
-    n_angles = 0 if optics.kind_a == CONSTANT else stored_weights.angles.shape[0]
+    n_angles = angles_read(optics, stored_weights)
     total = np.empty((out.shape[1] + 1, 3), np.float32)
     for i in range(begin, end):
         total[:] = ZERO
@@ -170,7 +134,7 @@ def reflect_by_knot(samples, begin, end, optics, stored_weights, edited, knots, 
             n, m, at = e - edited.base, edited.ray[e], i - stored_weights.base
             if stored_weights.roots[at, m] == 0:
                 continue
-            a, b, c = _ray_value(stored_weights, at, m, optics, n_angles)
+            a, b, c = ray_value(stored_weights, at, m, optics, n_angles)
             for v in range(3):
                 light = edited.light[n, v]
                 if _is_lit(light):
@@ -179,19 +143,19 @@ def reflect_by_knot(samples, begin, end, optics, stored_weights, edited, knots, 
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def reflect_photons_by_knot(samples, begin, end, optics, nearby, directions, positions, light, knots, out):
-    """Adds the reflection of photons near points [begin, end) to out, see `reflect_by_knot`; directions (n, 3) of
-    flight, positions (n,) and light (n, 3): see `photon_light`."""
+def reflect_photons_by_knot(begin, end, optics, nearby, reflected, positions, light, knots, out):
+    """Adds the reflection of photons near points [begin, end) to out, see `reflect_by_knot`; positions (n,) and light
+    (n, 3): see `photon_light`."""
     total = np.empty((out.shape[1] + 1, 3), np.float32)
     for i in range(begin, end):
         if nearby.start[i] == nearby.start[i + 1]:
             continue
         total[:] = ZERO
         for e in range(nearby.start[i], nearby.start[i + 1]):
-            n = nearby.photon[e]
+            n, at = nearby.photon[e], e - reflected.base
             flux = light[n]
-            if _is_lit(flux):
-                a, b, c, _, _ = _photon_value(samples, i, e, optics, nearby, directions)
+            if _is_lit(flux) and reflected.weights[at] != ZERO:
+                a, b, c = reflected_photon(reflected, at, optics)
                 _add_to_knots(knots, positions[n], a * flux[0], b * flux[1], c * flux[2], total)
         _add_knots(total, out, i - begin)
 
@@ -232,7 +196,7 @@ def reflect_by_mode(samples, begin, end, optics, which, stored_weights, edited, 
     edited curve, at the second and at the third vertex.
     """
     n_bands = np.float32(receiver.shape[0])
-    n_angles = 0 if optics.kind_a == CONSTANT else stored_weights.angles.shape[0]
+    n_angles = angles_read(optics, stored_weights)
     total = np.empty((receiver.shape[1], modes.shape[1], 3), np.float32)
     at_first, own = np.empty(receiver.shape[1], np.float32), np.empty(modes.shape[1], np.float32)
     for i in range(begin, end):
@@ -241,7 +205,7 @@ def reflect_by_mode(samples, begin, end, optics, which, stored_weights, edited, 
             n, m, at = e - edited.base, edited.ray[e], i - stored_weights.base
             if stored_weights.roots[at, m] == 0 or (which < 0 and not _is_lit(edited.pairs[n])):
                 continue
-            a, b, c = _ray_value(stored_weights, at, m, optics, n_angles)
+            a, b, c = ray_value(stored_weights, at, m, optics, n_angles)
             if which < 0:
                 pair = edited.pairs[n]
                 _modes_at(receiver, edited.positions[n, 1], at_first)
@@ -262,7 +226,7 @@ def reflect_by_mode(samples, begin, end, optics, which, stored_weights, edited, 
 def reflect_by_power(samples, begin, end, optics, stored_weights, edited, radiosity, modes, out):
     """Adds the radiance that points [begin, end) reflect of radiosity (C, N, 3) that an edited curve sends on, by power
     of the edited object's albedo and by modes (J, K) of the curve's change, to out (3, N, K, end - begin)."""
-    n_angles = 0 if optics.kind_a == CONSTANT else stored_weights.angles.shape[0]
+    n_angles = angles_read(optics, stored_weights)
     total, own = np.empty((radiosity.shape[1], modes.shape[1], 3), np.float32), np.empty(modes.shape[1], np.float32)
     for i in range(begin, end):
         total[:] = ZERO
@@ -271,7 +235,7 @@ def reflect_by_power(samples, begin, end, optics, stored_weights, edited, radios
             factor = edited.factor[n]
             if stored_weights.roots[at, m] == 0 or not _is_lit(factor):
                 continue
-            a, b, c = _ray_value(stored_weights, at, m, optics, n_angles)
+            a, b, c = ray_value(stored_weights, at, m, optics, n_angles)
             a, b, c = a * factor[0], b * factor[1], c * factor[2]
             _modes_at(modes, edited.positions[n, 1], own)
             for power in range(radiosity.shape[1]):
@@ -284,9 +248,9 @@ def reflect_by_power(samples, begin, end, optics, stored_weights, edited, radios
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def reflect_photons_by_mode(samples, begin, end, optics, which, nearby, directions, positions, light, receiver, modes,
-                            out):  # fmt: skip
+def reflect_photons_by_mode(begin, end, optics, which, nearby, reflected, positions, light, receiver, modes, out):
     """Adds the reflection of photons near points [begin, end) to out, see `reflect_by_mode`."""
+    n_bands = np.float32(receiver.shape[0])
     total = np.empty((receiver.shape[1], modes.shape[1], 3), np.float32)
     at_receiver, own = np.empty(receiver.shape[1], np.float32), np.empty(modes.shape[1], np.float32)
     for i in range(begin, end):
@@ -294,11 +258,12 @@ def reflect_photons_by_mode(samples, begin, end, optics, which, nearby, directio
             continue
         total[:] = ZERO
         for e in range(nearby.start[i], nearby.start[i + 1]):
-            n = nearby.photon[e]
+            n, at = nearby.photon[e], e - reflected.base
             flux = light[n]
-            if _is_lit(flux):
-                a, b, c, on_a, on_b = _photon_value(samples, i, e, optics, nearby, directions)
-                _modes_at(receiver, on_b if which else on_a, at_receiver)
+            if _is_lit(flux) and reflected.weights[at] != ZERO:
+                a, b, c = reflected_photon(reflected, at, optics)
+                position = np.float32(reflected.angles[which, at]) * (n_bands / CODES) - HALF_BAND
+                _modes_at(receiver, min(max(position, ZERO), n_bands - ONE), at_receiver)
                 _modes_at(modes, positions[n], own)
                 _add_to_modes(at_receiver, own, a * flux[0], b * flux[1], c * flux[2], total)
         _add_modes(total, out, i - begin)

@@ -12,7 +12,7 @@ from engine.precompute.direct._relight_kernels import _append_terms, _to_wavelet
 from engine.precompute.indirect._cache_kernels import NO_RECORD
 from engine.precompute.indirect._gloss_kernels import add_gloss
 from engine.precompute.indirect._ray_kernels import HORIZON, direction_pdf, hash64, to_world
-from engine.precompute.indirect._reflection_kernels import ONE, ZERO, ray_value
+from engine.precompute.indirect._reflection_kernels import ONE, ZERO, angles_read, ray_value
 from engine.precompute.indirect._second_bounce_kernels import (
     PI,
     ray_seed,
@@ -100,7 +100,7 @@ def gloss_coefficients(
     """Wavelet coefficients (p, T, 3) of what the points with sample sets [begin, end) reflect of each triangle of the
     sky, averaged over the sets of a point. triangles and factors: from `sample_lobes`, −1 where something is in the
     way; per_power (T,): radiance of a triangle with a power of 1; tint (3,): of the layer."""
-    values = np.zeros((out.shape[1], 3), np.float32)
+    n_angles, values = angles_read(optics, stored_weights), np.zeros((out.shape[1], 3), np.float32)
     first, point, i = records.start[begin], 0, begin
     while i < end:
         last = i + 1
@@ -109,10 +109,10 @@ def gloss_coefficients(
         values[:] = ZERO
         for each in range(i, last):
             at = each - stored_weights.base
-            scale = stored_weights.scales[at] / np.float32(last - i)
+            share = ONE / np.float32(last - i)
             for e in range(records.start[each], records.start[each + 1]):
-                a, b, c = ray_value(optics, stored_weights, at, np.int64(records.ray[e]), scale)
-                a, b, c = a * tint[0], b * tint[1], c * tint[2]
+                a, b, c = ray_value(stored_weights, at, np.int64(records.ray[e]), optics, n_angles)
+                a, b, c = share * a * tint[0], share * b * tint[1], share * c * tint[2]
                 for n in range(2 * (e - first), 2 * (e - first) + 2):
                     for k in range(triangles.shape[1]):
                         t = triangles[n, k]

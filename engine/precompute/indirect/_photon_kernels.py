@@ -12,6 +12,7 @@ must hit a disc of area π r²/2 about the gather point [Georgiev12; Hachisuka12
 """
 
 import math
+from typing import NamedTuple
 
 import numba as nb
 import numpy as np
@@ -29,7 +30,7 @@ from engine.precompute.indirect._ray_kernels import (
     to_local,
     to_world,
 )
-from engine.precompute.indirect._reflection_kernels import CONSTANT, HALF_PI, ONE, ZERO, _node
+from engine.precompute.indirect._reflection_kernels import CONSTANT, HALF_PI, ONE, ZERO, _coded, _coded_node, _curve_at
 from engine.precompute.indirect._second_bounce_kernels import (
     TINY,
     expected_photons,
@@ -164,86 +165,99 @@ def weigh_photons(samples, begin, end, times, geometric, position, photons, foun
             weights[i, k] = share * kernel / max(cosine, _LEAST_COSINE)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _arrival(samples, i, n, directions):
-    """Local direction to the origin of photon n, and to the camera."""
-    r = samples.rows[i]
-    tangent, normal = samples.tangent[r], samples.normal[r]
-    x, y, z = to_local(
-        tangent[0], tangent[1], tangent[2], normal[0], normal[1], normal[2],
-        -directions[n, 0], -directions[n, 1], -directions[n, 2],
-    )  # fmt: skip
-    ox, oy, oz = local_wo(tangent, normal, samples.wo[r])
-    return x, y, z, ox, oy, oz
+class ReflectedPhotons(NamedTuple):
+    """What one layer reflects of the photons near gather points, without its curves, from place `base` on in the list
+    of nearby photons: weights (e',), 0 for those without a contribution; angles (A, e') uint16: as in
+    `WeightArrays`."""
 
-
-@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _on_curves(optics, x, y, z, ox, oy, oz):
-    """Whether light is within the domain of both curves, and node and fraction on the first and on the second, see
-    `_node`."""
-    j, t, k, u = 0, ZERO, 0, ZERO
-    if optics.kind_a != CONSTANT:
-        angle = gamma(optics.kind_a, optics.q, x, y, z, ox, oy, oz)
-        if angle > HALF_PI:
-            return False, j, t, k, u
-        j, t = _node(angle, optics.curve_a.shape[0])
-    if optics.kind_b >= 0:
-        angle = gamma(optics.kind_b, optics.q, x, y, z, ox, oy, oz)
-        if angle > HALF_PI:
-            return False, j, t, k, u
-        k, u = _node(angle, optics.curve_b.shape[0])
-    return True, j, t, k, u
+    weights: np.ndarray
+    angles: np.ndarray
+    base: int
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def reflect_photons(samples, begin, end, optics, nearby, sent, out):
+def weigh_nearby(samples, begin, end, optics, nearby, directions, reflected):
+    """Writes the weights of photons near points [begin, end), which fly in directions (n, 3), to `reflected`."""
+    n_angles = reflected.angles.shape[0]
+    for i in range(begin, end):
+        r = samples.rows[i]
+        tangent, normal = samples.tangent[r], samples.normal[r]
+        ox, oy, oz = local_wo(tangent, normal, samples.wo[r])
+        for e in range(nearby.start[i], nearby.start[i + 1]):
+            n, at = nearby.photon[e], e - reflected.base
+            reflected.weights[at] = ZERO
+            x, y, z = to_local(
+                tangent[0], tangent[1], tangent[2], normal[0], normal[1], normal[2],
+                -directions[n, 0], -directions[n, 1], -directions[n, 2],
+            )  # fmt: skip
+            # Angles of the curves; light outside their domain is not reflected.
+            if n_angles > 0:
+                angle = gamma(optics.kind_a, optics.q, x, y, z, ox, oy, oz)
+                if angle > HALF_PI:
+                    continue
+                reflected.angles[0, at] = _coded(angle)
+            if n_angles > 1:
+                angle = gamma(optics.kind_b, optics.q, x, y, z, ox, oy, oz)
+                if angle > HALF_PI:
+                    continue
+                reflected.angles[1, at] = _coded(angle)
+            # BRDF quotient times kernel weight.
+            reflected.weights[at] = nearby.weight[e] * quotient_cosine(optics.model, optics.q, x, y, z, ox, oy, oz)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def reflected_photon(reflected, at, optics):
+    """The weight in place `at` times the layer's curves, three channels."""
+    a = b = c = reflected.weights[at]
+    if optics.kind_a == CONSTANT:
+        return a * optics.curve_a[0, 0], b * optics.curve_a[0, 1], c * optics.curve_a[0, 2]
+    red, green, blue = _curve_at(reflected.angles[0, at], optics.curve_a)
+    a, b, c = a * red, b * green, c * blue
+    if reflected.angles.shape[0] > 1:
+        red, green, blue = _curve_at(reflected.angles[1, at], optics.curve_b)
+        a, b, c = a * red, b * green, c * blue
+    return a, b, c
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def reflect_photons(begin, end, optics, nearby, reflected, sent, out):
     """Adds the reflection of photons at points [begin, end), without f_q and f_o, to out (p, 1, D, 3), or that of even
     and odd photons to out (p, 2, D, 3)."""
-    n_a, n_b, n_halves, n_powers = optics.curve_a.shape[0], optics.curve_b.shape[0], out.shape[1], out.shape[2]
+    n_halves, n_powers = out.shape[1], out.shape[2]
     scale = np.float32(n_halves)
     for i in range(begin, end):
         for e in range(nearby.start[i], nearby.start[i + 1]):
-            n = nearby.photon[e]
+            n, at = nearby.photon[e], e - reflected.base
             power = sent.powers[n]
-            if power >= n_powers:
+            if power >= n_powers or reflected.weights[at] == ZERO:
                 continue
-            # BRDF quotient times kernel weight, then the curves at the photon's angles.
-            x, y, z, ox, oy, oz = _arrival(samples, i, n, sent.directions)
-            weight = scale * nearby.weight[e] * np.float32(quotient_cosine(optics.model, optics.q, x, y, z, ox, oy, oz))
-            within, j, t, k, u = _on_curves(optics, x, y, z, ox, oy, oz)
-            if not within:
-                continue
-            j1, k1 = min(j + 1, n_a - 1), min(k + 1, n_b - 1)
-            for channel in range(3):
-                value = weight * ((ONE - t) * optics.curve_a[j, channel] + t * optics.curve_a[j1, channel])
-                if optics.kind_b >= 0:
-                    value *= (ONE - u) * optics.curve_b[k, channel] + u * optics.curve_b[k1, channel]
-                out[i, n % n_halves, power, channel] += value * sent.light[n, channel]
+            a, b, c = reflected_photon(reflected, at, optics)
+            total = out[i, n % n_halves, power]
+            total[0] += scale * a * sent.light[n, 0]
+            total[1] += scale * b * sent.light[n, 1]
+            total[2] += scale * c * sent.light[n, 2]
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def reflect_photon_bands(samples, begin, end, optics, of_a, nearby, sent, out):
+def reflect_photon_bands(begin, end, optics, of_a, nearby, reflected, sent, out):
     """As `reflect_photons`, by band of one of the curves, to out (3, J, D, p): of the first if of_a."""
     n_bands, n_powers = out.shape[1], out.shape[2]
+    edited, other = (0, 1) if of_a else (1, 0)
+    curve = optics.curve_b if of_a else optics.curve_a
     for i in range(begin, end):
         for e in range(nearby.start[i], nearby.start[i + 1]):
-            n = nearby.photon[e]
+            n, at = nearby.photon[e], e - reflected.base
             power = sent.powers[n]
-            if power >= n_powers:
-                continue
-            x, y, z, ox, oy, oz = _arrival(samples, i, n, sent.directions)
-            weight = nearby.weight[e] * np.float32(quotient_cosine(optics.model, optics.q, x, y, z, ox, oy, oz))
-            within, j, t, k, u = _on_curves(optics, x, y, z, ox, oy, oz)
-            if not within:
+            if power >= n_powers or reflected.weights[at] == ZERO:
                 continue
             # Apply the other curve; distribute between the two bands next to the angle of this one.
-            band, band_share, at, share, other = j, t, k, u, optics.curve_b
-            if not of_a:
-                band, band_share, at, share, other = k, u, j, t, optics.curve_a
-            after, above = min(band + 1, n_bands - 1), min(at + 1, other.shape[0] - 1)
-            for channel in range(3):
-                value = weight * sent.light[n, channel]
-                if optics.kind_b >= 0:
-                    value *= (ONE - share) * other[at, channel] + share * other[above, channel]
-                out[channel, band, power, i] += (ONE - band_share) * value
-                out[channel, after, power, i] += band_share * value
+            a = b = c = reflected.weights[at]
+            if reflected.angles.shape[0] > 1:
+                red, green, blue = _curve_at(reflected.angles[other, at], curve)
+                a, b, c = a * red, b * green, c * blue
+            a, b, c = a * sent.light[n, 0], b * sent.light[n, 1], c * sent.light[n, 2]
+            j, t = _coded_node(reflected.angles[edited, at], n_bands)
+            j1 = min(j + 1, n_bands - 1)
+            for channel, value in enumerate((a, b, c)):
+                out[channel, j, power, i] += (ONE - t) * value
+                out[channel, j1, power, i] += t * value

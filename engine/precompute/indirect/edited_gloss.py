@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from engine.core.clamping import clamp_radiance
 from engine.core.threads import even_parts, on_threads
 from engine.precompute.indirect import _edited_gloss_kernels as kernels
+from engine.precompute.indirect._photon_kernels import ReflectedPhotons
 from engine.precompute.indirect._reflection_kernels import ReflectingLayer, SampleArrays, WeightArrays
 from engine.precompute.indirect.frozen_light import Modes, SelectedCurve
 from engine.precompute.indirect.indirect_layers import IndirectLayer, LayerCurves, is_glossy
@@ -82,10 +83,10 @@ class Receiver(ABC):
         """Adds what points [begin, end) reflect along their rays to out (3, *shape, end - begin)."""
 
     def reflect_photons(  # noqa: B027 — photons carry none of it unless a subclass adds it
-        self, samples: SampleArrays, begin: int, end: int, nearby: NearbyPhotons, directions: Float32Array,
-        gloss: EditedGloss, out: Float32Array,
+        self, begin: int, end: int, nearby: NearbyPhotons, reflected: ReflectedPhotons, gloss: EditedGloss,
+        out: Float32Array,
     ) -> None:  # fmt: skip
-        """Adds what they reflect of photons, which fly in these directions (n, 3)."""
+        """Adds what they reflect of photons."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,11 +106,11 @@ class KnotReceiver(Receiver):
         kernels.reflect_by_knot(samples, begin, end, self.optics, weights, edited, self.knots, out)
 
     def reflect_photons(
-        self, samples: SampleArrays, begin: int, end: int, nearby: NearbyPhotons, directions: Float32Array,
-        gloss: EditedGloss, out: Float32Array,
+        self, begin: int, end: int, nearby: NearbyPhotons, reflected: ReflectedPhotons, gloss: EditedGloss,
+        out: Float32Array,
     ) -> None:  # fmt: skip
         kernels.reflect_photons_by_knot(
-            samples, begin, end, self.optics, nearby, directions, gloss.positions, gloss.light, self.knots, out
+            begin, end, self.optics, nearby, reflected, gloss.positions, gloss.light, self.knots, out
         )
 
 
@@ -180,12 +181,12 @@ class EditedReceiver(Receiver):
         )
 
     def reflect_photons(
-        self, samples: SampleArrays, begin: int, end: int, nearby: NearbyPhotons, directions: Float32Array,
-        gloss: EditedGloss, out: Float32Array,
+        self, begin: int, end: int, nearby: NearbyPhotons, reflected: ReflectedPhotons, gloss: EditedGloss,
+        out: Float32Array,
     ) -> None:  # fmt: skip
         kernels.reflect_photons_by_mode(
-            samples, begin, end, self.optics, self.which, nearby, directions, gloss.positions, gloss.light,
-            self.own, self.other, out,
+            begin, end, self.optics, self.which, nearby, reflected, gloss.positions, gloss.light, self.own, self.other,
+            out,
         )  # fmt: skip
 
 

@@ -40,6 +40,7 @@ from engine.precompute.indirect.photons import (
     no_nearby_photons,
     slice_nearby,
 )
+from engine.precompute.indirect.ray_weights import PhotonWeights, RayWeights, n_angles_of, weights_key
 from engine.precompute.indirect.second_bounce import N_LOBE_RAYS, SecondBounceLight
 from engine.precompute.indirect.smoothing import Smoothing, mean_of_sample_sets
 from engine.scene.primary_hits import PrimaryHits
@@ -48,42 +49,6 @@ from engine.scene.raycaster import RayCaster
 _PART = 128
 _PARTS = 2  # parts per step and thread: about 50 ms
 _PILOT, _EVERY = 32, 16  # points of a part of the pilot, and which of all parts are in it
-
-
-def n_angles_of(optics: kernels.ReflectingLayer) -> int:
-    """The number of angles that the curves take: none if the only curve is constant."""
-    return 0 if optics.kind_a == kernels.CONSTANT else 1 + (optics.kind_b >= 0)
-
-
-class RayWeights:
-    """The weights of one layer for the rays of one object, computed part by part; several threads may compute parts."""
-
-    def __init__(self, samples: kernels.SampleArrays, optics: kernels.ReflectingLayer, keeps: bool) -> None:
-        """keeps: compute every part only once; call `complete` afterwards."""
-        self._samples, self._optics = samples, optics
-        self.n_angles = n_angles_of(optics)
-        self._cached = self._room(0, len(samples.rows)) if keeps else None
-        self._is_complete = False
-
-    def part(self, begin: int, end: int) -> kernels.WeightArrays:
-        """The weights of points [begin, end)."""
-        stored_weights = self._room(begin, end) if self._cached is None else self._cached
-        if not self._is_complete:
-            kernels.weigh_rays(self._samples, begin, end, self._optics, stored_weights)
-        return stored_weights
-
-    def complete(self) -> None:
-        """Marks all parts as computed."""
-        self._is_complete = self._cached is not None
-
-    @property
-    def n_bytes(self) -> int:
-        return 0 if self._cached is None else sum(array.nbytes for array in self._cached[:3])
-
-    def _room(self, begin: int, end: int) -> kernels.WeightArrays:
-        shape = end - begin, self._samples.records.shape[1]
-        angles = np.empty((self.n_angles, *shape), np.uint16)
-        return kernels.WeightArrays(np.empty(shape, np.uint16), np.empty(shape[0], np.float32), angles, begin)
 
 
 class SecondBounceWeights:
@@ -224,10 +189,11 @@ class HemisphereSamples:
         records = records._replace(start=records.start[begin : end + 1], times=records.times[begin:end])
         self._samples = kernels.SampleArrays(
             rows, nth, np.full(len(rows), lobe_axis, np.int64), gathered.records[begin:end],
-            *direction_tables(size, nth), hits.tangent, hits.normal, hits.wo,
+            *direction_tables(size), hits.tangent, hits.normal, hits.wo,
         )  # fmt: skip
         self._caches = keeps
         self._weights: dict[tuple[int, bytes], RayWeights] = {}
+        self._photon_weights: dict[tuple[int, bytes], PhotonWeights] = {}
         self._photons = no_nearby_photons(len(rows)) if landed is None else slice_nearby(landed, int(begin), int(end))
         self._second = SecondBounceWeights(self._samples, hits.position, records, self._photons.area, keeps)
         self._means = [mean_of_sample_sets(nth)] if nth.any() else []
@@ -242,13 +208,15 @@ class HemisphereSamples:
     @property
     def n_bytes(self) -> int:
         """Memory of the stored weights."""
-        return self._second.n_bytes + sum(weights.n_bytes for weights in self._weights.values())
+        of_photons = sum(weights.n_bytes for weights in self._photon_weights.values())
+        return self._second.n_bytes + of_photons + sum(weights.n_bytes for weights in self._weights.values())
 
     def forget_all_but(self, layers: Sequence[LayerCurves]) -> None:
         """Drops stored weights of other layers than these: otherwise each roughness that a slider passes through would
         take as much memory as all rays."""
-        present = {_weights_key(layer.optics()) for layer in layers}
+        present = {weights_key(layer.optics()) for layer in layers}
         self._weights = {key: weights for key, weights in self._weights.items() if key in present}
+        self._photon_weights = {key: weights for key, weights in self._photon_weights.items() if key in present}
 
     def nearby_photons(
         self, photon_map: PhotonMap, i_object: int, farthest: NDArray[np.float32], caster: RayCaster
@@ -272,14 +240,16 @@ class HemisphereSamples:
         out = [np.empty((len(self), n_halves, light.n_powers, 3), np.float32) for _ in layers]
         optics = [layer.optics(folded=True) for layer in layers]
         weights_of_layers = [self.weights_of(each) for each in optics]
+        of_photons = [self._photon_weights_of(each) for each in optics]
 
         def work(begin: int, end: int, second: kernels.SecondBounce) -> None:
-            for each, weights, result in zip(optics, weights_of_layers, out, strict=True):
+            for each, weights, photons, result in zip(optics, weights_of_layers, of_photons, out, strict=True):
                 kernels.reflect(self._samples, begin, end, each, weights.part(begin, end), light.padded, second, result)
                 if light.caustics is not None:
-                    reflect_photons(self._samples, begin, end, each, self._photons, light.caustics, result)
+                    near = photons.part(begin, end, light.caustics.directions)
+                    reflect_photons(begin, end, each, self._photons, near, light.caustics, result)
 
-        yield from self._in_parts(light, work, weights_of_layers)
+        yield from self._in_parts(light, work, weights_of_layers, of_photons)
         for layer, result in zip(layers, out, strict=True):
             if layer.is_tinted:
                 result *= layer.tint.astype(np.float32)
@@ -292,7 +262,7 @@ class HemisphereSamples:
         over J it equals `reflect`. A generator of steps."""
         out = np.empty((3, len(layer.curves[factor]), light.n_powers, len(self)), np.float32)
         optics = layer.optics()
-        weights = self.weights_of(optics)
+        weights, photons = self.weights_of(optics), self._photon_weights_of(optics)
 
         def work(begin: int, end: int, second: kernels.SecondBounce) -> None:
             stored_weights = weights.part(begin, end)
@@ -300,9 +270,10 @@ class HemisphereSamples:
                 self._samples, begin, end, optics, factor == 0, stored_weights, light.padded, second, out
             )
             if light.caustics is not None:
-                reflect_photon_bands(self._samples, begin, end, optics, factor == 0, self._photons, light.caustics, out)
+                near = photons.part(begin, end, light.caustics.directions)
+                reflect_photon_bands(begin, end, optics, factor == 0, self._photons, near, light.caustics, out)
 
-        yield from self._in_parts(light, work, [weights])
+        yield from self._in_parts(light, work, [weights], [photons])
         if layer.is_tinted:
             out *= layer.tint.astype(np.float32)[:, None, None, None]
         out = clamp_radiance(out)
@@ -376,7 +347,8 @@ class HemisphereSamples:
                 each.reflect(self._samples, begin, end, stored_weights.part(begin, end), edited, part)
         if light.caustics is not None:
             for each, part in zip(receivers, out, strict=True):
-                each.reflect_photons(self._samples, begin, end, self._photons, light.caustics.directions, gloss, part)
+                near = self._photon_weights_of(each.optics).part(begin, end, light.caustics.directions)
+                each.reflect_photons(begin, end, self._photons, near, gloss, part)
 
     def stored_paths(self, light: SecondBounceLight) -> second_kernels.GlossyPaths:
         """The stored rays that end on glossy surfaces."""
@@ -384,7 +356,7 @@ class HemisphereSamples:
 
     def weights_of(self, optics: kernels.ReflectingLayer) -> RayWeights:
         """The stored weights of a layer, or new ones."""
-        key = _weights_key(optics)
+        key = weights_key(optics)
         cached = self._weights.get(key)
         if cached is not None and cached.n_angles >= n_angles_of(optics):
             return cached
@@ -393,12 +365,21 @@ class HemisphereSamples:
             self._weights[key] = made
         return made
 
+    def _photon_weights_of(self, optics: kernels.ReflectingLayer) -> PhotonWeights:
+        """The same of photons."""
+        key = weights_key(optics)
+        cached = self._photon_weights.get(key)
+        if cached is not None and cached.n_angles >= n_angles_of(optics):
+            return cached
+        made = PhotonWeights(self._samples, self._photons, optics, self._caches)
+        if self._caches:
+            self._photon_weights[key] = made
+        return made
+
     def _in_parts(
-        self,
-        light: OutgoingRadiance,
-        work: Callable[[int, int, kernels.SecondBounce], None],
-        weights_of_layers: Sequence[RayWeights],
-    ) -> Generator[None, None, None]:
+        self, light: OutgoingRadiance, work: Callable[[int, int, kernels.SecondBounce], None],
+        weights_of_layers: Sequence[RayWeights], of_photons: Sequence[PhotonWeights],
+    ) -> Generator[None, None, None]:  # fmt: skip
         """Calls `work` on parts of the points with their second-bounce light, some parts per step; then marks the
         weights as complete."""
         glossy, step = light.glossy, _PARTS * _PART * n_threads()
@@ -420,11 +401,8 @@ class HemisphereSamples:
             yield
         for weights in weights_of_layers:
             weights.complete()
-
-
-def _weights_key(optics: kernels.ReflectingLayer) -> tuple[int, bytes]:
-    """What ray weights depend on."""
-    return optics.model, optics.q.tobytes()
+        for photons in of_photons if light.caustics is not None else ():
+            photons.complete()
 
 
 def mean_rows(light: NDArray[np.float32], means: Smoothing) -> NDArray[np.float32]:
