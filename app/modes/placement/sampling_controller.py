@@ -43,7 +43,8 @@ class SamplingController:
         """Forget what is ready: another picture, or another worker."""
         self._reconciler.clear()
         self.sampled: EditedSampled | None = None
-        self._fraction, self._number = 0.0, 0
+        self._fraction: float | None = None  # of what is under way, once the worker has begun
+        self._number = 0
 
     def update(self, now: float, document: Document, revision: int, rests: bool, lacks_rays: bool) -> None:
         """Request rays where it is time to. revision: of the transport that the picture is made with; rests: whether
@@ -54,7 +55,7 @@ class SamplingController:
             case "request":
                 request = SampleEdited(self._curves.scene_state(document), revision=revision)
                 reconciler.sent(now, self._send(request))
-                self._fraction = 0.0
+                self._fraction = None
             case "cancel":
                 self._send(CancelRequests(of=(SampleEdited,)))
 
@@ -94,7 +95,7 @@ class SamplingController:
                 "sample_sets": self.sampled.n_sets / self.sampled.n_points,
                 "sampling_reason": _reason(self.sampled),
             }
-        if self._reconciler.is_under_way and not status.stage:
+        if self._reconciler.is_under_way and self._fraction is not None and not status.stage:
             said |= {"stage": STAGE, "fraction": self._fraction, "text": "tracing rays where the edit made noise"}
         return said
 

@@ -42,9 +42,11 @@ def sample_counts(n_rays: int, lobe_axis: int) -> SampleCounts:
     return SampleCounts(n_rays - n_lobe, n_lobe)
 
 
-def direction_tables(size: SampleCounts) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """The direction patterns of sample sets of this size, by the cosine and about lobe axes."""
-    return cosine_tables(size.n_cosine, MAX_EDITED_SETS), lobe_tables(size.n_lobe, MAX_EDITED_SETS)
+def direction_tables(size: SampleCounts, nth: NDArray[np.uint8]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """The direction patterns of sample sets of this size, by the cosine and about lobe axes; nth (q,): the numbers of
+    the sets. Tables of more sets begin with those of fewer."""
+    n_sets = MAX_SAMPLE_SETS if nth.max(initial=0) < MAX_SAMPLE_SETS else MAX_EDITED_SETS
+    return cosine_tables(size.n_cosine, n_sets), lobe_tables(size.n_lobe, n_sets)
 
 
 @lru_cache(maxsize=8)

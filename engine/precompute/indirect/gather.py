@@ -93,7 +93,7 @@ def gather(
     distance and kind of ray; first_open: the first record that takes sample positions from these rays. Raises
     CacheFull.
     """
-    tables = direction_tables(size)
+    tables = direction_tables(size, nth)
     surface = ViewedPoints(hits.position, hits.tangent, hits.normal, hits.wo)
     step = max(1, CHUNK // size.n_rays)
     point_poles = lobe_axes[object_of_rows(hits, rows)]

@@ -189,7 +189,7 @@ class HemisphereSamples:
         records = records._replace(start=records.start[begin : end + 1], times=records.times[begin:end])
         self._samples = kernels.SampleArrays(
             rows, nth, np.full(len(rows), lobe_axis, np.int64), gathered.records[begin:end],
-            *direction_tables(size), hits.tangent, hits.normal, hits.wo,
+            *direction_tables(size, nth), hits.tangent, hits.normal, hits.wo,
         )  # fmt: skip
         self._caches = keeps
         self._weights: dict[tuple[int, bytes], RayWeights] = {}

@@ -86,6 +86,7 @@ def test_the_status_says_how_far_it_is_and_then_what_came_of_it(controller: Samp
     idle, busy = Status(), Status(stage="transport")
     assert controller.status(idle) == {}
     rest(controller)
+    assert controller.status(idle) == {}  # the worker has other work before
     controller.receive_progress(SamplingProgress(0.4))
     assert {"stage": STAGE, "fraction": 0.4}.items() <= controller.status(idle).items()
     assert "stage" not in controller.status(busy)

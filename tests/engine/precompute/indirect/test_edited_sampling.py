@@ -12,7 +12,8 @@ from engine.core.generators import run_to_end
 from engine.curve.operators import HALF_PI, Operator
 from engine.material import MODELS, make_layer
 from engine.precompute.direct.pipeline import Placement
-from engine.precompute.indirect.direction_patterns import MAX_EDITED_SETS
+from engine.precompute.indirect._ray_kernels import N_PATTERNS
+from engine.precompute.indirect.direction_patterns import MAX_EDITED_SETS, SampleCounts, direction_tables
 from engine.precompute.indirect.edited_sampling import (
     MOST_PHOTONS,
     MOST_SETS,
@@ -95,6 +96,14 @@ def test_sets_are_numbered_and_bounded(steps: list[SamplingStep]) -> None:
         first = np.repeat(np.cumsum(n_sets) - n_sets, n_sets)
         np.testing.assert_array_equal(samples.nth, np.arange(len(samples.nth)) - first)
         assert n_sets.max() <= MAX_EDITED_SETS and n_sets.sum() <= MOST_SETS * len(n_sets)
+
+
+def test_more_sets_begin_with_the_same_directions() -> None:
+    size = SampleCounts(64, 32)
+    few, many = (direction_tables(size, np.array([n], np.uint8)) for n in (0, MAX_EDITED_SETS - 1))
+    for one, two in zip(few, many, strict=True):
+        assert len(two) == MAX_EDITED_SETS * N_PATTERNS
+        np.testing.assert_array_equal(one, two[: len(one)])
 
 
 def test_progress_rises_to_the_end(steps: list[SamplingStep]) -> None:
