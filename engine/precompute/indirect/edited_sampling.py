@@ -78,6 +78,11 @@ class _Noise:
     shown: NDArray[np.float64]
 
     @property
+    def is_of_photons(self) -> bool:
+        """Whether photons are noisy at more points than rays are."""
+        return int((self.of_photons > NOISY).sum()) > int((self.of_rays > NOISY).sum())
+
+    @property
     def n_noisy(self) -> int:
         return int(((self.of_rays > NOISY) | (self.of_photons > NOISY)).sum())
 
@@ -99,15 +104,16 @@ class EditedSampling:
         self._placement, self._layers, self._settings = placement, layers, settings
 
     def improved(self, light: IndirectLight, is_filtered: bool = True) -> Generator[SamplingStep, None, None]:
-        """Adds sample sets, then photons, round by round, until no gather point is noisy or all that are have as many
+        """Adds sample sets or photons, round by round, until no gather point is noisy or all that are have as many
         as they may. The last step has the light, unless nothing changed. is_filtered: whether the light's filter is
         that of these layers, or the one that it was found with, which serves."""
         noise = yield from map_steps(self._noise(light), lambda step: SamplingStep(0.0))
         needed, begin, is_changed = sets_needed(light, noise.of_rays, noise.shown), 0.0, not is_filtered
         while len(needed.rows) or self._needs_photons(light, noise):
-            share = len(needed.rows) / needed.n_more if len(needed.rows) else 0.5
+            by_photons = self._needs_photons(light, noise) and (noise.is_of_photons or not len(needed.rows))
+            share = 0.5 if by_photons else len(needed.rows) / needed.n_more
             span = Span(begin, begin + (1.0 - begin) * share)
-            steps = self._with_sets(light, needed) if len(needed.rows) else self._with_photons(light)
+            steps = self._with_photons(light) if by_photons else self._with_sets(light, needed)
             light = yield from map_steps(steps, partial(_step_in, span))
             noise = yield from map_steps(self._noise(light), partial(_step_at, span.end))
             light, begin, is_changed = light.filtered(noise.halves), span.end, False
