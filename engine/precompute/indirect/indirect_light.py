@@ -369,9 +369,9 @@ class GatherPolynomial:
         return [reflected[i] for i in range(len(layers))]
 
     def with_light(self, light: IndirectLight) -> GatherPolynomial:
-        """The same for another light; reuses the ray weights if the rays are the same."""
-        other = GatherPolynomial(light, self._keeps)
-        if light.points.samples is self._light.points.samples:
+        """The same for another light; reuses the ray weights if rays, photons and filter are the same."""
+        other, (before, now) = GatherPolynomial(light, self._keeps), (self._light.points, light.points)
+        if all(getattr(before, name) is getattr(now, name) for name in ("samples", "landed", "smoothing")):
             other._samples = self._samples
         return other
 

@@ -241,3 +241,21 @@ def test_modes_hold_a_curve_that_is_stretched() -> None:
     for width in (0.1, 0.15, 0.3, 0.5):
         change = of(width) - of(0.2)
         assert np.abs(modes.shapes @ (modes.weights @ change) - change).max() < 0.02
+
+
+def test_weights_of_other_photons_or_of_another_filter_are_not_used_again(corner: IndirectLight) -> None:
+    first = GatherPolynomial(corner)
+    run_to_end(first.freeze(LAYERS))
+    points = corner.points
+    backwards = points.photons._replace(**{
+        name: np.ascontiguousarray(getattr(points.photons, name)[::-1]) for name in points.photons._fields
+        if name != "per_area"
+    })  # fmt: skip
+    landed = points.landed._replace(photon=np.int32(len(points.photons.power) - 1) - points.landed.photon)
+    other = replace(corner, points=replace(points, photons=backwards, landed=landed))
+    unfiltered = replace(corner, points=replace(points, smoothing=None))
+    for light in (other, unfiltered, corner.without_glossy_hits()):
+        expected = run_to_end(GatherPolynomial(light).freeze(LAYERS)).reflected
+        found = run_to_end(first.with_light(light).freeze(LAYERS)).reflected
+        for i, each in expected.items():
+            np.testing.assert_array_equal(found[i], each)
