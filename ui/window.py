@@ -32,7 +32,13 @@ from engine.core.errors import InsituError
 from engine.render.display import pixels_png
 from engine.scene.builtin import builtin_environments, builtin_scenes
 from ui.frame_times import launch_times_from
-from ui.gl.context import REQUIRED_VERSION, GraphicsError, create_window_context, spare_full_disk
+from ui.gl.context import (
+    REQUIRED_VERSION,
+    GraphicsError,
+    create_window_context,
+    spare_full_disk,
+    versions_to_ask,
+)
 from ui.glfw_keys import KEYS, as_printed, held, key_changes
 from ui.layout import LEAST_SIZE
 from ui.panels.actions import Quit
@@ -112,10 +118,12 @@ def open_glfw_window(require: int = REQUIRED_VERSION) -> Any:
     glfw.set_error_callback(lambda code, text: problems.append(_text(text)))
     if not glfw.init():
         raise NoDisplay(problems[-1] if problems else "GLFW could not start")
-    _core_hints(require)
-    width, height = _first_size()
-    handle = glfw.create_window(width, height, TITLE, None, None)
-    if not handle:
+    for version in versions_to_ask(require):
+        _core_hints(version)
+        handle = glfw.create_window(*_first_size(), TITLE, None, None)
+        if handle:
+            break
+    else:
         reason = problems[-1] if problems else "no reason given"
         found = _version_there_is()
         glfw.terminate()

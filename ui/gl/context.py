@@ -1,7 +1,8 @@
-"""Opening OpenGL 4.1 core, with or without a window.
+"""Opening OpenGL 4.1 core or later, with or without a window.
 
-4.1 is the last version of Macs, and Mesa's software rasterizer exceeds it; nothing on the required path needs more. A
-typed error says what was found, what is needed and what to install.
+4.1 is the last version of Macs; nothing on the required path needs more. The shaders of moving pictures need 4.3,
+which is asked for first: Mesa gives the latest version that it has, NVIDIA's driver the very version that is asked for.
+A typed error says what was found, what is needed and what to install.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import platformdirs
 from engine.core.errors import InsituError
 
 REQUIRED_VERSION = 410
+_SHADER_VERSION = 430
 _ROOM_FOR_SHADERS = 64 << 20
 # Parts of the names of renderers that have no graphics card.
 _SOFTWARE = ("llvmpipe", "softpipe", "swrast", "swiftshader", "software", "gdi generic", "microsoft basic render")
@@ -45,11 +47,20 @@ def spare_full_disk() -> None:
 def create_headless_context(require: int = REQUIRED_VERSION) -> moderngl.Context:
     """A context without window or display, through EGL; raises GraphicsError where there is none."""
     spare_full_disk()
-    try:
-        context = moderngl.create_context(standalone=True, require=require, backend="egl")  # type: ignore[arg-type]
-    except Exception as failure:
-        raise GraphicsError(_cannot_open(require, failure)) from failure
-    return _checked(context, require)
+    failures: list[Exception] = []
+    for version in versions_to_ask(require):
+        try:
+            context = moderngl.create_context(standalone=True, require=version, backend="egl")  # type: ignore[arg-type]
+        except Exception as failure:
+            failures.append(failure)
+        else:
+            return _checked(context, require)
+    raise GraphicsError(_cannot_open(require, failures[-1])) from failures[-1]
+
+
+def versions_to_ask(require: int) -> tuple[int, ...]:
+    """The versions that a driver is asked for in turn, until it has one: that of all shaders, and the required one."""
+    return (_SHADER_VERSION, require) if require < _SHADER_VERSION else (require,)
 
 
 def create_window_context(require: int = REQUIRED_VERSION) -> moderngl.Context:
@@ -94,7 +105,6 @@ def _dotted(version: int) -> str:
 
 # "shader" or "worker" overrides the choice by the renderer.
 MOVING_VARIABLE = "INSITU_MOVING"
-_SHADER_VERSION = 430
 # Buffers that the shaders of one stage read.
 _SHADER_LIMITS = {
     "GL_MAX_VERTEX_SHADER_STORAGE_BLOCKS": 5,

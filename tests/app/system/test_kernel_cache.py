@@ -186,8 +186,8 @@ def test_only_what_a_change_reaches_is_compiled_anew(tmp_path: Path, monkeypatch
     with (copy / "engine/precompute/direct/_emitter_kernels.py").open("a") as file:
         file.write("# edited\n")
     moved = {folder.partition("-")[0] for folder in before - folders_now()}
-    reached = ("emitter", "near", "projection", "relight")
-    assert moved == {f"direct_{name}_kernels" for name in reached}
+    reached = ("direct_emitter", "direct_near", "direct_projection", "direct_relight", "indirect_gloss_row")
+    assert moved == {f"{name}_kernels" for name in reached}
     with (copy / "engine/material/kinds.py").open("a") as file:
         file.write("# edited\n")
     assert not any(folder.startswith("material_kernels-") for folder in before & folders_now())

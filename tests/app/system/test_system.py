@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import mmap
 import os
 import socket
 import subprocess
@@ -128,9 +129,10 @@ def test_a_page_that_the_system_has_hold_of_does_not_keep_a_block_from_being_sea
 @pytest.mark.parametrize("has_proc", [pytest.param(True, marks=LINUX), False])
 def test_memory_that_a_process_holds(has_proc: bool) -> None:
     before = resident_bytes(os.getpid(), has_proc)
-    held = bytearray(os.urandom(1 << 20)) * 64
+    held = mmap.mmap(-1, 64 << 20)  # not memory that was freed before, and is resident already
+    held.write(os.urandom(1 << 20) * 64)
     assert 56 << 20 < resident_bytes(os.getpid(), has_proc) - before < 80 << 20
-    del held
+    held.close()
     ended = subprocess.Popen([sys.executable, "-c", ""])
     ended.wait()
     assert resident_bytes(ended.pid, has_proc) == 0

@@ -1,10 +1,12 @@
 """Shader files: includes, switches, line numbers, and what their heads must say."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import moderngl
 import pytest
 
+from ui.gl import context as context_module
 from ui.gl.context import GraphicsError, create_headless_context
 from ui.gl.program import SHADER_FOLDER, ProgramCache, load_shader
 
@@ -43,6 +45,29 @@ def test_every_shader_says_what_it_provides(folder: str) -> None:
         newer = folder == "orbit" and path.name != "blend.frag.glsl"  # what is drawn without them where OpenGL is older
         version = f"#version {430 if newer else 410} core\n"
         assert path.read_text().startswith(version) == path.name.endswith(stages), path.name
+
+
+@pytest.mark.parametrize(("newest", "asked"), [(460, [430]), (430, [430]), (410, [430, 410]), (330, [430, 410])])
+def test_what_all_shaders_need_is_asked_for_first(
+    newest: int, asked: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As NVIDIA's driver has it: a context is of the version that is asked for."""
+    versions = list[int]()
+    limits = dict.fromkeys(context_module._REQUIRED_LIMITS, 1 << 20)
+
+    def create(standalone: bool, require: int, backend: str) -> SimpleNamespace:
+        versions.append(require)
+        if require > newest:
+            raise ValueError("no such version")
+        return SimpleNamespace(version_code=require, info=limits)
+
+    monkeypatch.setattr(context_module.moderngl, "create_context", create)
+    if newest >= 410:
+        assert create_headless_context().version_code == asked[-1]
+    else:
+        with pytest.raises(GraphicsError, match=r"4\.1 core is needed.*no such version"):
+            create_headless_context()
+    assert versions == asked
 
 
 def test_a_newer_opengl_than_there_is_says_what_is_needed() -> None:

@@ -29,6 +29,9 @@ from engine.scene.surface_kinds import DeformSurface
 from tests.ui.modes.deform.test_posed_picture import BALL_AND_LEAF, SIZE, shown
 from ui.modes.deform.gl.posed_picture import PosedPicture
 
+# Median difference from compiled code. Graphics cards interpolate images in steps of 1/256: 1.3e-4 on an NVIDIA card.
+MEDIAN = 3e-4
+
 pytestmark = pytest.mark.gl
 
 MATT = make_layer(MODELS["lambert"], {"albedo": (0.6, 0.5, 0.4)})
@@ -119,7 +122,7 @@ def test_it_is_the_picture_of_compiled_code(
     for eye, each in zip(eyes, expected, strict=True):
         off = np.abs(shown(picture, deform, eye, BENT) - each).max(axis=2)
         assert (off > 0.01).mean() < 0.015  # pixels on edges of triangles and of texels may go to either side
-        assert np.median(off) < 1e-4
+        assert np.median(off) < MEDIAN
     bare = with_surfaces(deform)
     bare.set_layers({0: (MATT, GLOSS), 1: (MATT,), 2: (MATT, GLOSS)})
     for eye, each in zip(eyes, expected, strict=True):
@@ -141,4 +144,4 @@ def test_images_are_sent_once_and_light_and_amounts_without_them(deform: Deform,
     told = deform.export_picture(eye, BENT, picture.part_numbers)
     assert told.cover is not None and list(told.cover.ranges) == [1, 2]
     before = deform.draw(eye, SIZE, BENT)
-    assert np.median(np.abs(shown(picture, deform, eye, BENT) - before)) < 1e-4
+    assert np.median(np.abs(shown(picture, deform, eye, BENT) - before)) < MEDIAN
