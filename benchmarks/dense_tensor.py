@@ -22,8 +22,9 @@ from numpy.typing import NDArray
 from engine.core.errors import InsituError
 from engine.core.generators import run_to_end
 from engine.precompute.indirect.frozen_light import FrozenLight, SelectedCurve
+from engine.precompute.indirect.gather_polynomial import Freezing
 from engine.precompute.indirect.indirect_layers import IndirectLayer, albedos_of
-from engine.precompute.indirect.indirect_light import Freezing, IndirectLight
+from engine.precompute.indirect.indirect_light import IndirectLight
 from engine.precompute.indirect.irradiance_cache import NO_OBJECT, CacheLight, bounce_radiosity
 from engine.precompute.indirect.reflection import OutgoingRadiance
 

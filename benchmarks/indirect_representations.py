@@ -31,8 +31,9 @@ from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.precompute.direct.pipeline import Placement
 from engine.precompute.indirect.frozen_light import FrozenLight, LightEdit, SelectedCurve
+from engine.precompute.indirect.gather_polynomial import GatherPolynomial, Representation
 from engine.precompute.indirect.indirect_layers import IndirectLayer, diffuse_slant, indirect_layer
-from engine.precompute.indirect.indirect_light import GatherPolynomial, IndirectLight, Representation
+from engine.precompute.indirect.indirect_light import IndirectLight
 from engine.precompute.indirect.sampling_settings import ROUGH, SamplingSettings
 from engine.precompute.indirect.solver import Solver
 from engine.scene.scene_loader import Scene

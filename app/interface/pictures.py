@@ -41,7 +41,8 @@ from engine.planner import LayerPlan, Plan, plan_scene
 from engine.precompute.direct.bandstore import join_tiles
 from engine.precompute.direct.pipeline import Placement, Quality, SkyState
 from engine.precompute.direct.projection import LayerShape, VisibleLight, project_layer
-from engine.precompute.indirect.indirect_light import GatherPolynomial, IndirectLight
+from engine.precompute.indirect.gather_polynomial import GatherPolynomial
+from engine.precompute.indirect.indirect_light import IndirectLight
 from engine.precompute.indirect.sampling_settings import STILL, BounceSeries
 from engine.realtime.triple_product.orbit_engine import Orbit
 from engine.realtime.zonal_harmonics.deform_engine import Deform

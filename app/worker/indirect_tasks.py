@@ -42,8 +42,9 @@ from engine.precompute.indirect.albedo import albedo_bands
 from engine.precompute.indirect.checkpoints import NAMES, arrays_of
 from engine.precompute.indirect.edited_sampling import EditedSampling
 from engine.precompute.indirect.frozen_light import FrozenLight, SelectedCurve
+from engine.precompute.indirect.gather_polynomial import GatherPolynomial
 from engine.precompute.indirect.indirect_layers import IndirectLayer, indirect_layer
-from engine.precompute.indirect.indirect_light import GatherPolynomial, IndirectLight
+from engine.precompute.indirect.indirect_light import IndirectLight
 from engine.precompute.indirect.irradiance_cache import NO_OBJECT
 from engine.precompute.indirect.reflection import OutgoingRadiance
 from engine.precompute.indirect.relighting import IndirectRelighting, SceneLight, SourceLighting

@@ -27,9 +27,10 @@ from engine.precompute.direct.bandstore import BandStore, BandTile
 from engine.precompute.direct.pipeline import FINAL, Placement, Quality, SkyState, final_quality
 from engine.precompute.direct.projection import LayerShape, project_layer
 from engine.precompute.indirect.gather import object_of_rows
+from engine.precompute.indirect.gather_polynomial import GatherPolynomial
 from engine.precompute.indirect.indirect_layers import IndirectLayer, indirect_layer
 from engine.precompute.indirect.indirect_layers import view_factors as gather_view_factors
-from engine.precompute.indirect.indirect_light import GatherPolynomial, IndirectLight
+from engine.precompute.indirect.indirect_light import IndirectLight
 from engine.precompute.indirect.sampling_settings import STILL, BounceSeries, SamplingSettings
 from engine.precompute.indirect.solver import Solver
 from engine.reference.integrator import integrate_direct

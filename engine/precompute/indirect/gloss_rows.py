@@ -21,7 +21,7 @@ from engine.core.threads import map_ahead, n_threads, pool
 from engine.light.environment import Environment
 from engine.precompute.direct._relight_kernels import LightRowArrays
 from engine.precompute.direct.pipeline import SkyState
-from engine.precompute.direct.relight import LightRows, joined_rows, light_coefficients, turning_effects
+from engine.precompute.direct.relight import MEAN_TERMS, LightRows, joined_rows, light_coefficients, turning_effects
 from engine.precompute.indirect import _gloss_row_kernels as kernels
 from engine.precompute.indirect.emission import raster_of_triangles
 from engine.precompute.indirect.gather import object_of_rows
@@ -36,8 +36,6 @@ from engine.visibility.point_visibility import VISIBILITY_LEVEL
 
 # Directions of each glossy vertex.
 N_DIRECTIONS = 8
-# Terms of a row on average, as `relight.MEAN_TERMS`.
-MEAN_TERMS = 96
 # Sample sets of a tile.
 TILE = 32
 

@@ -13,6 +13,8 @@ from engine.core.errors import InsituError
 
 MOST_BOUNCES = 16
 MOST_BANDS = 512
+# Photons of an editor. Fewer rays that are asked for leave as many.
+LEAST_PHOTONS = 1 << 19
 
 
 @dataclass(frozen=True)
@@ -39,18 +41,22 @@ class SamplingSettings:
     close: bool = False
     gloss_noise: float = 1.0
 
-    def with_rays(self, n_rays: int) -> SamplingSettings:
+    def with_rays(self, n_rays: int, keeps_photons: bool = False) -> SamplingSettings:
         """The same with n_rays per sample set, a power of two; 0 for no change. With fewer rays, the rays between
-        records and their light samples are halved."""
+        records and their light samples are halved, and photons are as many times fewer, down to LEAST_PHOTONS.
+        keeps_photons: for a number of rays that was found by the noise of rays, which says nothing of photons."""
         n_rays = n_rays or self.n_rays
-        share = 2 if n_rays < self.n_rays else 1
+        if n_rays >= self.n_rays:
+            return replace(self, n_rays=n_rays)
+        fewer = max(self.n_photons * n_rays // self.n_rays, min(self.n_photons, LEAST_PHOTONS))
         return replace(
-            self, n_rays=n_rays, n_record_rays=self.n_record_rays // share, n_samples=self.n_samples // share
-        )
+            self, n_rays=n_rays, n_record_rays=self.n_record_rays // 2, n_samples=self.n_samples // 2,
+            n_photons=self.n_photons if keeps_photons else fewer,
+        )  # fmt: skip
 
 
 ROUGH = SamplingSettings("rough", 128, 0, 32, 1 << 15, 4000, 64, 64, False)
-FINE = SamplingSettings("fine", 512, 1, 96, 1 << 19, 24000, 64, 128, True)
+FINE = SamplingSettings("fine", 512, 1, 96, LEAST_PHOTONS, 24000, 64, 128, True)
 STILL = SamplingSettings("still", 1024, 1, 1024, 1 << 22, 16000, 64, 128, True, True, 0.4)
 
 

@@ -239,9 +239,8 @@ class Solver:
     @property
     def _settings(self) -> SamplingSettings:
         """The settings with the ray budget; with the fewest rays while it is unknown."""
-        return self._most.with_rays(
-            self._most.n_rays // LEVELS[0] if self._needs_ray_budget else self._ray_budget.n_rays
-        )
+        n_rays = self._most.n_rays // LEVELS[0] if self._needs_ray_budget else self._ray_budget.n_rays
+        return self._most.with_rays(n_rays, keeps_photons=True)
 
     def _new_lattice(self) -> Lattice:
         """The lattice that is refined."""
@@ -267,7 +266,7 @@ class Solver:
         """Restores the result of `solve` from the arrays of `checkpoints.arrays_of`. Raises UnsoundArrays for anything
         else."""
         ray_budget = read_ray_budget(ArrayReader(arrays), self._most.n_rays)
-        settings = self._most.with_rays(ray_budget.n_rays)
+        settings = self._most.with_rays(ray_budget.n_rays, keeps_photons=True)
         reader = self._scene.reader(arrays, settings.n_rays)
         search = CellSizeSearch(read_cell_size(reader), lambda: self._n_expected)
         attempt = Attempt(self._scene, search, settings, Checkpoints(), self.stopwatch)

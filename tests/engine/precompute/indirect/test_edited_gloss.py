@@ -11,12 +11,13 @@ from engine.core.generators import run_to_end
 from engine.light.environment import constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
-from engine.precompute.indirect import edited_gloss, indirect_light
+from engine.precompute.indirect import edited_gloss, gather_polynomial
 from engine.precompute.indirect.albedo import albedo_bands, albedo_of
 from engine.precompute.indirect.edited_gloss import choose_knots, choose_modes
 from engine.precompute.indirect.frozen_light import FrozenLight, LightEdit, SelectedCurve
+from engine.precompute.indirect.gather_polynomial import GatherPolynomial
 from engine.precompute.indirect.indirect_layers import IndirectLayer, albedos_of, indirect_layer
-from engine.precompute.indirect.indirect_light import GatherPolynomial, IndirectLight
+from engine.precompute.indirect.indirect_light import IndirectLight
 from tests.engine.precompute.indirect.small_scenes import (
     CORNER,
     CORNER_VIEW,
@@ -72,8 +73,8 @@ def assert_as_plain(
 @pytest.fixture
 def all_bands(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every band is a knot, and there are as many modes."""
-    monkeypatch.setattr(indirect_light, "choose_knots", partial(choose_knots, most=N_BANDS))
-    monkeypatch.setattr(indirect_light, "choose_modes", partial(choose_modes, most=N_BANDS))
+    monkeypatch.setattr(gather_polynomial, "choose_knots", partial(choose_knots, most=N_BANDS))
+    monkeypatch.setattr(gather_polynomial, "choose_modes", partial(choose_modes, most=N_BANDS))
 
 
 @pytest.fixture(scope="module")

@@ -9,8 +9,10 @@ from engine.core.clamping import unscaled
 from engine.core.generators import run_to_end
 from engine.light.environment import Environment
 from engine.precompute.direct.pipeline import Placement, SkyState
-from engine.precompute.indirect.gloss_rows import MEAN_TERMS, GlossRows, gloss_rows
-from engine.precompute.indirect.indirect_light import GatherPolynomial, IndirectLight
+from engine.precompute.direct.relight import MEAN_TERMS
+from engine.precompute.indirect.gather_polynomial import GatherPolynomial
+from engine.precompute.indirect.gloss_rows import GlossRows, gloss_rows
+from engine.precompute.indirect.indirect_light import IndirectLight
 from engine.precompute.indirect.reflection import OutgoingRadiance
 from engine.precompute.indirect.relighting import IndirectRelighting, SceneLight, SourceLighting
 from engine.precompute.indirect.sampling_settings import STILL

@@ -14,8 +14,9 @@ from engine.light.environment import constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.precompute.indirect.frozen_light import SelectedCurve
+from engine.precompute.indirect.gather_polynomial import GatherPolynomial, Representation
 from engine.precompute.indirect.indirect_layers import diffuse_slant, indirect_layer
-from engine.precompute.indirect.indirect_light import GatherPolynomial, IndirectLight, Representation
+from engine.precompute.indirect.indirect_light import IndirectLight
 from engine.precompute.indirect.irradiance_cache import NO_OBJECT
 from tests.engine.precompute.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placement_of, solve
 

@@ -14,8 +14,8 @@ from engine.measured.sample_files import merl_bytes
 from engine.measured.tables import read_measurement
 from engine.precompute.indirect.albedo import equivalent_albedo
 from engine.precompute.indirect.frozen_light import SelectedCurve
+from engine.precompute.indirect.gather_polynomial import GatherPolynomial
 from engine.precompute.indirect.indirect_layers import IndirectLayer, indirect_layer
-from engine.precompute.indirect.indirect_light import GatherPolynomial
 from tests.engine.precompute.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placement_of, solve
 
 BANDS = 64, 16

@@ -13,7 +13,7 @@ from engine.precompute.direct.pipeline import SkyState
 from engine.precompute.indirect.checkpoints import arrays_of
 from engine.precompute.indirect.indirect_light import IndirectLight
 from engine.precompute.indirect.ray_budget import TOLERANCE, RayBudget, noise_of, required_rays
-from engine.precompute.indirect.sampling_settings import FINE
+from engine.precompute.indirect.sampling_settings import FINE, LEAST_PHOTONS, STILL
 from engine.precompute.indirect.solver import Solver
 from engine.settings import SETTINGS, checked_line
 from tests.engine.precompute.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placement_of
@@ -46,6 +46,10 @@ def test_fewer_rays_take_others_with_them() -> None:
     assert (quick.n_rays, quick.n_record_rays, quick.n_samples) == (128, FINE.n_record_rays // 2, FINE.n_samples // 2)
     assert FINE.with_rays(512) == FINE and FINE.with_rays(1024) == replace(FINE, n_rays=1024)
     assert FINE.with_rays(0) == FINE  # as nobody has asked for
+    assert quick.n_photons == FINE.n_photons == LEAST_PHOTONS
+    still = [STILL.with_rays(n).n_photons for n in (128, 256, 1024)]
+    assert still == [LEAST_PHOTONS, STILL.n_photons // 4, STILL.n_photons]
+    assert STILL.with_rays(128, keeps_photons=True).n_photons == STILL.n_photons
 
 
 def test_noise_is_half_of_what_halves_differ_by() -> None:

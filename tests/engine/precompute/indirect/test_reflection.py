@@ -15,8 +15,9 @@ from engine.material.layer import make_layer
 from engine.precompute.indirect import reflection
 from engine.precompute.indirect._reflection_kernels import _add_shared, add_product
 from engine.precompute.indirect.frozen_light import SelectedCurve
+from engine.precompute.indirect.gather_polynomial import GatherPolynomial
 from engine.precompute.indirect.indirect_layers import IndirectLayer, indirect_layer
-from engine.precompute.indirect.indirect_light import GatherPolynomial, IndirectLight
+from engine.precompute.indirect.indirect_light import IndirectLight
 from engine.precompute.indirect.reflection import HemisphereSamples, OutgoingRadiance
 from tests.engine.precompute.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placement_of, solve
 from tests.naive.fans import reflected as reflected_naively

@@ -13,8 +13,9 @@ from engine.light.triangle_lights import cut_lights
 from engine.precompute.direct.pipeline import Placement, SkyState, patches_of
 from engine.precompute.direct.relight import sky_likeness
 from engine.precompute.indirect.emission import N_LIGHTS, in_units, patch_lights, sky_lights
+from engine.precompute.indirect.gather_polynomial import GatherPolynomial
 from engine.precompute.indirect.indirect_layers import view_factors
-from engine.precompute.indirect.indirect_light import GatherPolynomial, IndirectLight
+from engine.precompute.indirect.indirect_light import IndirectLight
 from engine.precompute.indirect.reflection import OutgoingRadiance
 from engine.precompute.indirect.relighting import (
     IndirectRelighting,
