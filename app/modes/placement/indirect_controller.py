@@ -21,7 +21,7 @@ from app.messages.picture_events import PictureEvent
 from app.messages.worker_messages import Request
 from app.modes.placement.curves import Curves
 from app.modes.placement.desired_freezing import DesiredFreezing, desired_freezing
-from app.modes.placement.indirect_picture import Freezing, IndirectPicture
+from app.modes.placement.indirect_picture import Freezing, IndirectPicture, light_edit
 from app.modes.placement.placement_events import Footprint
 from app.modes.placement.placement_messages import (
     FreezeIndirect,
@@ -72,6 +72,7 @@ class IndirectController:
         self._noises: dict[tuple[int, int], IndirectNoise] = {}  # of freezings, by the numbers of light and request
         self._relit: IndirectRelit | None = None  # of the one that is drawn
         self._desired: DesiredFreezing | None = None
+        self._nearest_to: DesiredFreezing | None = None  # what the one that is drawn was chosen for
         self._desired_inputs: tuple[Document | None, Selection | None, int | None] = None, None, None
         self._drawn: DesiredFreezing | None = None
         self._n_bounces = 1
@@ -223,22 +224,30 @@ class IndirectController:
 
     def _use(self, freezing: Freezing) -> None:
         """Use a freezing from now on; earlier ones stay stored as long as they are of the same light, and whole."""
-        others = [each for each in (self._used, *self._cached) if each is not None and each is not freezing]
-        alike = [each for each in others if each.frozen.number == freezing.frozen.number and each.frozen.is_last]
-        self._cached = alike[:MAX_CACHED]
+        number, serial = freezing.frozen.number, freezing.frozen.serial
+        others = [each for each in (self._used, *self._cached) if each is not None and each.frozen.serial != serial]
+        self._cached = [each for each in others if each.frozen.number == number and each.frozen.is_last][:MAX_CACHED]
         kept = {(each.frozen.number, each.frozen.serial) for each in (freezing, *self._cached)}
         self._noises = {numbers: noise for numbers, noise in self._noises.items() if numbers in kept}
-        self._used, self._drawn = freezing, None
+        self._used, self._drawn, self._nearest_to = freezing, None, None
         if self._relit is not None and self._relit.number != freezing.frozen.number:
             self._relit = None
         self.picture.forget_drawn()
 
-    def _stored(self, desired: DesiredFreezing) -> Freezing | None:
-        """A stored freezing for the same edits."""
-        for each in self._cached:
-            if each.made_for.serves(desired) and each.made_for.same(desired):
-                return each
-        return None
+    def _use_nearest(self, document: Document, desired: DesiredFreezing) -> None:
+        """Use the freezing for these edits whose curves are nearest to the document's, as undo goes back to: far from
+        those that were frozen, gloss follows coarsely, with specks where light falls. Once for each edit."""
+        if self._used is None or self._nearest_to is desired:
+            return
+        serving = [each for each in (self._used, *self._cached) if each.made_for.serves(desired)]
+        nearest = min(serving, key=lambda each: self._distance(each.frozen, document), default=self._used)
+        if nearest is not self._used:
+            self._use(nearest)
+        self._nearest_to = desired
+
+    def _distance(self, frozen: IndirectFrozen, document: Document) -> tuple[bool, float]:
+        """How far a document's curves are from those that were frozen; an early answer is farther than any other."""
+        return not frozen.is_last, frozen.light.departure(light_edit(document, frozen, self._curves))
 
     def means_changed(self) -> None:
         """The albedo of layers became known otherwise than by an edit: the mean of a texture."""
@@ -274,9 +283,7 @@ class IndirectController:
         if n_bounces <= 1:
             return
         desired = self._desired_state(document, selected, second)
-        if self._used is not None and not self._used.made_for.serves(desired):
-            if (stored := self._stored(desired)) is not None:
-                self._use(stored)
+        self._use_nearest(document, desired)
         self._reconcile(now, desired, revision, may_request)
         if self._used is None:
             self._complete = self._fits = False

@@ -551,6 +551,31 @@ def test_light_sent_on_follows_the_curve_and_is_frozen_anew_at_once_when_that_ha
         assert len(controller.asked) == n_asked
 
 
+def test_undo_after_a_far_edit_goes_back_to_what_was_frozen_near_it(controller: StartedController) -> None:
+    controller.update()
+    controller.found()
+    controller.frozen()
+    before = controller.answer = with_gloss(controller.answer, controller)
+    controller.controller.receive_frozen(before)
+    controller.update()
+    controller.edit("pot.1", "theta_h", replace(LIFT, magnitude=9.0))
+    controller.update()
+    controller.update()
+    controller.frozen()
+    controller.controller.receive_frozen(with_gloss(controller.answer, controller))
+    controller.update()
+    assert controller.controller.picture.departure == 0.0
+    controller.edit("pot.1", "theta_h", replace(LIFT, magnitude=1.02))  # nearer to the curve of before
+    controller.update()
+    assert 0.0 < controller.controller.picture.departure < 0.1 and len(controller.asked) == 2
+    controller.edit("pot.1", "theta_h")
+    controller.update()
+    assert controller.controller.picture.departure == 0.0 and controller.controller.is_complete
+    for _ in range(5):
+        controller.update()
+    assert len(controller.asked) == 2
+
+
 def test_what_knots_leave_out_of_an_edit_is_a_part_of_the_error(controller: StartedController) -> None:
     controller.update()
     controller.found()
