@@ -161,7 +161,7 @@ def _pictures(rig: EditorRig) -> _Pictures:
 def _wait_until_prepared(rig: EditorRig) -> None:
     """Frames until the scene is ready for other light, or it is clear that it will not be."""
     end = time.monotonic() + PREPARED_SECONDS
-    rig.wait_until(lambda: rig.controller.relight.is_ready or time.monotonic() > end)
+    rig.wait_until(lambda: rig.controller.idle.relight.is_ready or time.monotonic() > end)
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -53,7 +53,7 @@ def test_any_sequence_while_rays_are_traced(context: moderngl.Context, tmp_path:
             for _ in range(int(random.choice([1, 20, 60]))):
                 here.frames()
                 n_under_way += here.editor.status.stage == sampling_controller.STAGE
-                n_sampled += controller.sampling.sampled is not None
+                n_sampled += controller.idle.sampling.sampled is not None
         here.settle()
         here.until(lambda: not controller.indirect.lacks_rays)
         shown = here.settle()

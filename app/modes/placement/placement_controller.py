@@ -22,14 +22,13 @@ from app.document.view_state import SetView, ViewState
 from app.messages.editor_status import PictureState, Status
 from app.messages.picture_events import PictureEvent, SkyChanged
 from app.messages.worker_messages import CancelRequests, RequestFailed, Response
-from app.modes.error_controller import ErrorController
 from app.modes.mode import EditorServices, ModeController, OpenedScene
 from app.modes.placement.accepted_light import AcceptedLight
 from app.modes.placement.band_plans import BandController, BandPlans
 from app.modes.placement.comparison import Comparison
 from app.modes.placement.curves import Curves
-from app.modes.placement.desired_state import RestingPicture
 from app.modes.placement.drawn_picture import DrawnPicture
+from app.modes.placement.idle_work import IdleWork
 from app.modes.placement.indirect_controller import IndirectController
 from app.modes.placement.map_controller import MapController
 from app.modes.placement.picture_transition import PictureTransition, RequestedTransport
@@ -46,7 +45,6 @@ from app.modes.placement.placement_messages import (
     ComputeTransport,
     EditedSampled,
     ErrorEstimated,
-    EstimateError,
     IndirectFound,
     IndirectFrozen,
     IndirectImproved,
@@ -75,16 +73,10 @@ from app.modes.placement.placement_status import (
     material_note,
     transport_note,
 )
-from app.modes.placement.relight_controller import RelightController
-from app.modes.placement.sampling_controller import SamplingController
 from app.modes.placement.transport_controller import TransportController
 from engine.core.clamping import TOO_BRIGHT
 from engine.material.layer import Layer
 from engine.settings import AS_PLANNED
-
-# How long a picture is to be on screen, whole, before its error is estimated.
-ERROR_IDLE_SECONDS = 0.5
-MAX_ESTIMATES = 32
 
 
 class PlacementController(ModeController):
@@ -99,11 +91,7 @@ class PlacementController(ModeController):
         self.indirect = IndirectController(services.send, self.curves)
         self.maps = MapController(services.send, self.curves)
         self._comparison = Comparison(services.send, self.curves, self.maps.samples)
-        self._error = ErrorController[RestingPicture, ErrorEstimated](
-            services.send, EstimateError, ERROR_IDLE_SECONDS, MAX_ESTIMATES
-        )
-        self.relight = RelightController(services.send, self.curves)
-        self.sampling = SamplingController(services.send, self.curves)
+        self.idle = IdleWork(services.send, self.curves)
         self._changeover = PictureTransition(self.curves)
         self.picture = DrawnPicture(services, self.curves, self._changeover, self.indirect, self.maps)
         self._warned_clamped = False
@@ -121,9 +109,7 @@ class PlacementController(ModeController):
 
     def scene_closed(self) -> None:
         self._transport.scene_closed()
-        self._error.worker_interrupted()
-        self.relight.forget()
-        self.sampling.lose_request()
+        self.idle.scene_closed()
 
     def scene_open_failed(self) -> None:
         self._transport.scene_opened(is_new=False)
@@ -145,9 +131,7 @@ class PlacementController(ModeController):
         self._transport.scene_opened(has_sky=scene.description.environment is not None)
         self.indirect.scene_opened()
         self.maps.scene_opened()
-        self._error.forget()
-        self.relight.forget()
-        self.sampling.forget()
+        self.idle.scene_opened()
         self._accepted_light.accept(scene.described.light)
         self.curves.scene_opened(scene.description)
         self._changeover.scene_opened(scene.document, scene.description.environment is not None)
@@ -175,14 +159,12 @@ class PlacementController(ModeController):
     def reload_images(self, key: str) -> None:
         self.maps.reload(key, self._document.layer(key).maps)
         self._report.picture_changed()
-        self._error.forget()
+        self.idle.images_changed()
 
     def cancelled(self) -> None:
         self._transport.cancelled()
         self.indirect.cancelled()
-        self._error.user_stopped()
-        self.relight.interrupted()
-        self.sampling.interrupted()
+        self.idle.cancelled()
 
     def resume(self) -> None:
         self._transport.resume()
@@ -190,8 +172,7 @@ class PlacementController(ModeController):
     def worker_restarted(self) -> None:
         self._transport.worker_restarted()
         self.indirect.worker_restarted()
-        self.relight.forget()
-        self.sampling.forget()
+        self.idle.worker_restarted()
         self._comparison.worker_restarted()
 
     @property
@@ -216,21 +197,9 @@ class PlacementController(ModeController):
         state = self._picture_state
         rests = state in ("finished", "exact") and not self._services.history.dragging
         lacks_rays = self.indirect.lacks_rays and state != "exact"
-        self.sampling.update(now, document, self._transport.revision, rests, lacks_rays)
-        self._update_error(now, document, view, rests)
-        turns = rests and self._transport.requested_rotation is not None
-        self.relight.update(now, document, self._transport.revision, turns)
+        turns = self._transport.requested_rotation is not None
+        self.idle.update(now, document, view, self._transport.revision, rests, lacks_rays, turns)
         return events + self._services.barrier.run("Side A", compare, none, (document, view))
-
-    def _update_error(self, now: float, document: Document, view: ViewState, rests: bool) -> None:
-        """Request an estimate of the error of the picture that is on screen, once nothing of it is left to come."""
-        revision = self._transport.revision
-
-        def request() -> EstimateError:
-            scene = self.curves.scene_state(document)
-            return EstimateError(scene, view.settings.second_bands, view.shows_error, revision=revision)
-
-        self._error.update(now, RestingPicture.of(document, view), rests, request, revision)
 
     def _request_missing(self, now: float, document: Document, view: ViewState) -> bool:
         """Request what is missing; returns whether the bands of all layers are known."""
@@ -331,7 +300,7 @@ class PlacementController(ModeController):
         says_error = known and self._other_parts_complete and picture != "exact"
         error = math.hypot(report.image_error or 0.0, noise) if says_error else None
         is_whole = picture in ("finished", "exact")
-        estimated = self._error.estimated(RestingPicture.of(self._document, view)) if is_whole else None
+        estimated = self.idle.estimated(self._document, view) if is_whole else None
         estimate = None if estimated is None else estimated.estimate
         missing = transport_note(controller, report.precision, view.settings.precision)
         fine = self.indirect.found_under(controller.revision)
@@ -353,7 +322,7 @@ class PlacementController(ModeController):
             "transport_note": missing,
             "has_sky": controller.has_sky,
             "planned_bands": self.curves.all_planned(self._document),
-            **self.sampling.status(status),
+            **self.idle.sampling_status(status),
         }
         return PlacementStatus(
             **(
@@ -402,7 +371,7 @@ class PlacementController(ModeController):
                 self._services.notify_once(response.note)
                 self.indirect.means_changed()
                 self._report.picture_changed()
-                self._error.forget()
+                self.idle.images_changed()
             case MapsRefused() if is_open:
                 if self.maps.refuse(response, self._services.history):
                     self._services.document_changed()
@@ -411,15 +380,14 @@ class PlacementController(ModeController):
                 self._footprints.setdefault(response.stage, Footprint(response.rows, response.weights))
             case IndirectFound() if is_of_view:
                 self.indirect.receive_samples(response)
-                self.sampling.light_found(response.number)
+                self.idle.receive(response)
             case IndirectNoise() if is_of_view:
                 self.indirect.receive_noise(response)
             case IndirectImproved() if is_of_view:
                 self.indirect.receive_improved(response)
-                self.sampling.light_improved(response.found.number)
-                self._error.forget()
+                self.idle.receive(response)
             case SamplingProgress() if is_of_view:
-                self.sampling.receive_progress(response)
+                self.idle.receive(response)
             case _ if response.revision == self._transport.revision and is_open:
                 return self._take_picture(response)
         return []
@@ -437,14 +405,9 @@ class PlacementController(ModeController):
             case BouncesPlanned() if self._view.settings.n_bounces in (AS_PLANNED, response.n_bounces):
                 self._take_bounces(response)  # else the user has chosen meanwhile
             case ErrorEstimated():
-                self._error.receive(response)
-            case RelightingPrepared():
-                self.relight.receive(response)
-                self._report.note_memory(response.transport_bytes)
-            case EditedSampled():
-                self.sampling.receive(response)
-                if response.n_added:
-                    self.relight.forget()  # what was prepared is of the light before
+                self.idle.receive(response)
+            case RelightingPrepared() | EditedSampled():
+                self.idle.receive(response)
                 self._report.note_memory(response.transport_bytes)
             case IndirectFrozen():
                 self.indirect.receive_frozen(response)
@@ -484,9 +447,7 @@ class PlacementController(ModeController):
         self._bands.receive_failure(response)
         self._transport.receive_failure(response)
         self._comparison.receive_failure(response.id)
-        self._error.receive_failure(response.id)
-        self.relight.receive_failure(response.id)
-        self.sampling.receive_failure(response.id)
+        self.idle.receive_failure(response.id)
         self.maps.receive_failure(response.id)
         self.indirect.receive_failure(response.id)
         refused = self._transport.requested_light if self._transport.is_transport(response.id) else None
