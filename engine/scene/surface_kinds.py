@@ -34,7 +34,12 @@ Pair = Annotated[tuple[Positive, Positive], BeforeValidator(_pair)]
 File = Annotated[str, Field(min_length=1, max_length=MAX_NAME, strict=True)]
 ShareOrFile = Annotated[float | str, BeforeValidator(_share_or_file)]
 
+Scattering = Annotated[float, Field(gt=0.0, le=1e9, allow_inf_nan=False)]
+Absorption = Annotated[float, Field(ge=0.0, le=1e9, allow_inf_nan=False)]
+RefractiveIndex = Annotated[float, Field(ge=1.0, le=3.0, allow_inf_nan=False)]
+
 PATTERNS = Literal["bumps", "waffle", "swirl", "weave"]
+MEDIUM = ("scattering", "absorption", "ior")  # parameters of what is inside, which count where there is a thickness
 
 
 class _Surface(BaseModel):
@@ -50,18 +55,26 @@ class Membrane(_Surface):
 class Subsurface(_Surface):
     """Subsurface scattering: reduced scattering and absorption per metre, index of refraction."""
 
-    scattering: Annotated[float, Field(gt=0.0, le=1e9, allow_inf_nan=False)]
-    absorption: Annotated[float, Field(ge=0.0, le=1e9, allow_inf_nan=False)] = 0.0
-    ior: Annotated[float, Field(ge=1.0, le=3.0, allow_inf_nan=False)] = 1.3
+    scattering: Scattering
+    absorption: Absorption = 0.0
+    ior: RefractiveIndex = 1.3
 
 
 class Detail(_Surface):
-    """Heights that repeat over the texture coordinates: of a pattern, or a file's brightness; times `height`."""
+    """Heights that repeat over the texture coordinates: of a pattern, or a file's brightness; times `height`.
+
+    thickness: of a slab that light comes through from behind, below height 0, in sides of the patch; 0: opaque.
+    scattering, absorption: of the slab, per side of the patch.
+    """
 
     kind: PATTERNS | None = None
     file: File | None = None
     repeats: Pair = (1.0, 1.0)
     height: Annotated[float, Field(gt=0.0, le=10.0, allow_inf_nan=False)] = 1.0
+    thickness: Annotated[float, Field(ge=0.0, le=10.0, allow_inf_nan=False)] = 0.0
+    scattering: Scattering = 40.0
+    absorption: Absorption = 0.1
+    ior: RefractiveIndex = 1.3
 
     @model_validator(mode="after")
     def _has_one_source(self) -> Detail:
@@ -117,6 +130,17 @@ class DeformSurface(_Surface):
         """Whether its transfer is a map over texture coordinates."""
         return self.patch is not None or self.wrinkles is not None
 
+    @property
+    def is_opaque(self) -> bool:
+        """Whether no light passes through: it reflects light onto itself."""
+        transmits = self.membrane or self.subsurface or self.patch is not None and self.patch.thickness
+        return not transmits
+
+    @property
+    def idle_parameters(self) -> tuple[str, ...]:
+        """Parameters without an effect at its present values."""
+        return MEDIUM if self.patch is not None and not self.patch.thickness else ()
+
 
 # The purposes of a surface's images: the kind that has it, and the value that names it.
 SURFACE_IMAGES: Mapping[str, tuple[str, str]] = {
@@ -159,6 +183,7 @@ def _choice(name: str, label: str, tooltip: str, choices: tuple[str, ...]) -> Pa
 
 
 _REPEATS = "How often it repeats over the texture coordinates."
+_INDEX = "Index of refraction: a higher one keeps more light inside."
 SURFACES: Mapping[str, SurfaceKind] = {
     "membrane": SurfaceKind(
         "Membrane",
@@ -174,7 +199,7 @@ SURFACES: Mapping[str, SurfaceKind] = {
                 1e5, 1.0, unit="/m", is_wide=True,
             ),
             _slider("absorption", 0.5, "Absorption", "Absorption inside.", 1e4, unit="/m", is_wide=True),
-            _slider("ior", 1.3, "Index", "Index of refraction: a higher one keeps more light inside.", 3.0, 1.0),
+            _slider("ior", 1.3, "Index", _INDEX, 3.0, 1.0),
         ),
     ),
     "patch": SurfaceKind(
@@ -184,6 +209,17 @@ SURFACES: Mapping[str, SurfaceKind] = {
             _choice("kind", "Pattern", "What is repeated.", get_args(PATTERNS)),
             _pair_of("repeats", 8.0, "Repeats", _REPEATS, 100.0, 1.0),
             _slider("height", 1.0, "Height", "Factor of the pattern's heights.", 10.0, 0.01, is_wide=True),
+            _slider(
+                "thickness", 0.0, "Thickness",
+                "Of what is below the lowest heights and lets light through, by the pattern's side. At 0 it is opaque.",
+                1.0,
+            ),
+            _slider(
+                "scattering", 40.0, "Density", "Reduced scattering by the pattern's side: less lets light further in.",
+                1e4, 1.0, is_wide=True,
+            ),
+            _slider("absorption", 0.1, "Absorption", "Absorption inside, by the pattern's side.", 1e3, is_wide=True),
+            _slider("ior", 1.3, "Index", _INDEX, 3.0, 1.0),
         ),
     ),
     "wrinkles": SurfaceKind(

@@ -123,6 +123,7 @@ COMMANDS: dict[str, Callable[[OrbitWalk], object]] = {
     "loop": lambda w: w.editor.do(SetView.of(loops=True)),
     "a surface": lambda w: w.editor.do(SetSurface("dice", "membrane", (("translucency", w.now % 1.0),))),
     "another surface": lambda w: w.editor.do(SetSurface("dice", "subsurface")),
+    "a slab": lambda w: w.editor.do(SetSurface("dice", "patch", (("thickness", w.now % 1.0),))),
     "a plain surface": lambda w: w.editor.do(SetSurface("dice", "")),
     "the error": lambda w: w.editor.do(SetView.of(fit_error=True)),
     "no error": lambda w: w.editor.do(SetView.of(fit_error=False)),

@@ -229,7 +229,9 @@ class Deform:
         for i in self._layers_of:
             surface = self._surface_of(i)
             casters = (i,) if i in self._posed or surface.kind else resting
-            bright = Reflectance() if surface.kind or not self._n_bounces else self._reflectance(i)
+            bright = self._reflectance(i) if surface.is_opaque and self._n_bounces else Reflectance()
+            if surface.is_mapped:  # one map for all of the object
+                bright = bright.average
             n_bounces = self._n_bounces if bright.brightest else 0
             found.append(ObjectTransfer(i, casters, surface, bright, n_bounces, self._rays[1], self._n_lobes))
         return found
@@ -260,7 +262,9 @@ class Deform:
             is_other = known is None or (known.casters, known.surface) != (each.casters, each.surface)
             if is_other:
                 is_there = self._transfers is not None and self._transfers.get(each) is not None
-                return each if is_there else replace(each, reflectance=Reflectance(), n_rays=self._rays[0], n_lobes=1)
+                if is_there or each.surface.wrinkles is not None:  # whose map costs as much by few rays
+                    return each
+                return replace(each, reflectance=Reflectance(), n_rays=self._rays[0], n_lobes=1)
         return missing[0] if missing else None
 
     def _load_or_simulate(self, wanted: ObjectTransfer) -> Generator[float, None, Zonal]:

@@ -21,7 +21,13 @@ from engine.material.layer_maps import Images
 from engine.realtime.core.terms import diffuse_albedo, is_glossy, map_factor
 from engine.realtime.zonal_harmonics.bending_points import BendingPoints
 from engine.realtime.zonal_harmonics.shading import low_gloss
-from engine.realtime.zonal_harmonics.surface_details import heights, n_texels, patch_vectors, wrinkle_lobes
+from engine.realtime.zonal_harmonics.surface_details import (
+    heights,
+    n_texels,
+    patch_vectors,
+    slab_of,
+    wrinkle_lobes,
+)
 from engine.realtime.zonal_harmonics.transfer import Medium, add_bounces, simulate_shadows, simulate_subsurface
 from engine.realtime.zonal_harmonics.zonal import Zonal, fit, fit_linear_lobe, membrane
 from engine.scene.scene_loader import Scene
@@ -57,11 +63,12 @@ class ObjectTransfer:
     def dependencies(self, scene: Scene, points: BendingPoints) -> tuple[object, ...]:
         """Everything that it depends on."""
         surface = self.surface
-        if surface.wrinkles is not None:  # one map for all depths
-            return ("wrinkles 2",)
-        if surface.patch is not None:
-            return "patch", self.n_rays, self.n_lobes, heights(scene, surface.patch)
         bright = (self.reflectance.brightest, self.n_bounces, *filter(None, (self.reflectance.shares,)))
+        if surface.wrinkles is not None:  # one map for all depths
+            return "wrinkles 3", *bright
+        if surface.patch is not None:
+            slab = repr(slab_of(surface.patch)) if surface.patch.thickness else ""
+            return "patch 2", self.n_rays, self.n_lobes, heights(scene, surface.patch), *bright, slab
         own = (surface.model_dump_json(),) if surface.kind else bright
         lobes = () if self.n_lobes == N_LOBES else (self.n_lobes,)
         return *points.geometry(self.i_object, self.casters), *own, self.n_rays, *lobes
@@ -78,7 +85,7 @@ class ObjectTransfer:
         if surface.membrane is not None:
             return membrane(_translucency(scene, points, self.i_object, surface.membrane.translucency), ORDER)
         if surface.wrinkles is not None:
-            return (yield from wrinkle_lobes(ORDER))
+            return (yield from wrinkle_lobes(ORDER, float(self.reflectance.albedo), self.n_bounces))
         vectors = yield from self._vectors(scene, points)
         if self.n_lobes == 1:  # it will soon be replaced
             return fit_linear_lobe(vectors)
@@ -87,7 +94,8 @@ class ObjectTransfer:
     def _vectors(self, scene: Scene, points: BendingPoints) -> Generator[float, None, NDArray[np.float64]]:
         """Vectors of the object's points or of a patch's texels (P, n^2)."""
         if self.surface.patch is not None:
-            return (yield from patch_vectors(scene, self.surface.patch, ORDER, self.n_rays))
+            bounces = float(self.reflectance.albedo), self.n_bounces
+            return (yield from patch_vectors(scene, self.surface.patch, ORDER, *bounces, self.n_rays))
         mesh, caster = points.mesh(self.i_object, self.casters), points.caster(self.casters)
         if self.surface.subsurface is not None:
             medium, own = Medium(**self.surface.values), mesh.corners[mesh.corners[:, 0] >= 0]
@@ -163,6 +171,11 @@ class Reflectance:
         """Albedo of the points (P,), or of all of them ()."""
         shares = np.frombuffer(self.shares, np.uint8) / SHARE_STEPS if self.shares else np.ones(())
         return np.asarray(self.brightest / ALBEDO_STEPS * shares)
+
+    @property
+    def average(self) -> Reflectance:
+        """One albedo for all points: their mean."""
+        return reflectance(np.atleast_1d(self.albedo.mean()))
 
 
 def reflectance(albedo: Float64Array) -> Reflectance:

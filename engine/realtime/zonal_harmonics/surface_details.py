@@ -16,8 +16,17 @@ from numpy.typing import NDArray
 
 from engine.core.frames import orthonormal
 from engine.material.layer_maps import Images
-from engine.realtime.zonal_harmonics.patches import N_TEXELS, PATTERNS, Patch, heights_of_image, patch, simulate_patch
+from engine.realtime.zonal_harmonics.patches import (
+    N_TEXELS,
+    PATTERNS,
+    Patch,
+    Slab,
+    heights_of_image,
+    patch,
+    simulate_patch,
+)
 from engine.realtime.zonal_harmonics.shading import BandLight, Lobes, lobes, shade
+from engine.realtime.zonal_harmonics.transfer import Medium
 from engine.realtime.zonal_harmonics.wrinkle import SIDE, wrinkles
 from engine.realtime.zonal_harmonics.wrinkle import Wrinkles as WrinkleMap
 from engine.realtime.zonal_harmonics.zonal import Zonal
@@ -114,14 +123,23 @@ def heights(scene: Scene, surface: PatchSays) -> Float64Array:
     return heights_of_image(whole) * surface.height
 
 
-def patch_vectors(scene: Scene, surface: PatchSays, n: int, n_rays: int) -> Generator[float, None, Float64Array]:
-    """Vectors of a patch's texels, row by row. Yields the share that is done."""
-    return (yield from simulate_patch(heights(scene, surface), n, n_rays=n_rays))
+def slab_of(surface: PatchSays) -> Slab | None:
+    """The slab below a patch; None if it is opaque."""
+    if not surface.thickness:
+        return None
+    return Slab(Medium(surface.scattering, surface.absorption, surface.ior), surface.thickness)
 
 
-def wrinkle_lobes(n: int) -> Generator[float, None, Zonal]:
-    """Lobes of a map of wrinkles, row by row. Yields the share that is done."""
-    found = yield from wrinkles(n)
+def patch_vectors(
+    scene: Scene, surface: PatchSays, n: int, albedo: float, n_bounces: int, n_rays: int
+) -> Generator[float, None, Float64Array]:
+    """Vectors of a patch's texels, row by row, see `simulate_patch`. Yields the share that is done."""
+    return (yield from simulate_patch(heights(scene, surface), n, albedo, n_bounces, slab_of(surface), n_rays))
+
+
+def wrinkle_lobes(n: int, albedo: float, n_bounces: int) -> Generator[float, None, Zonal]:
+    """Lobes of a map of wrinkles, row by row, see `wrinkles`. Yields the share that is done."""
+    found = yield from wrinkles(n, albedo=albedo, n_bounces=n_bounces)
     maps = (found.low, found.axes, found.coefficients, found.errors)
     return Zonal(*(each.reshape(-1, *each.shape[2:]) for each in maps))
 

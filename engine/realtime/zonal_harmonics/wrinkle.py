@@ -3,8 +3,9 @@
 
 A groove is one period of a cosine, h(x) = d (1 - cos 2 pi x) / 2 over x in [0, 1], with its foot at x = 0 and 1, its
 ridge at 1/2, and d its depth divided by its width; it repeats along x and is constant along y. Two horizons give what a
-point sees of the sky, so no rays are traced. Three lobes a point, with axes and coefficients bilinear over a map of
-position and depth, are fitted to all points at once; so the lobes of neighbours correspond, and can be interpolated.
+point sees of the sky, and the first crossing of each slope with the groove what it sees of the groove itself, so no
+rays are traced. Three lobes a point, with axes and coefficients bilinear over a map of position and depth, are fitted
+to all points at once; so the lobes of neighbours correspond, and can be interpolated.
 Bands 0 and 1 are stored exactly. The axes are those of the wrinkled surface: across the groove, along it, outwards.
 """
 
@@ -35,6 +36,7 @@ _PARTS = 8  # of the samples, for any number of threads
 _SPREADS = np.radians([15.0, 30.0, 45.0, 60.0, 75.0])  # first angles between the outer lobes and the middle one
 _RIDGE = 1e-6
 _HORIZON_STEPS = 512
+_N_SLOPES = 512  # of rays in the plane across a groove
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,13 +76,18 @@ class Wrinkles:
         return Zonal(*((1.0 - share) * each[:, left] + share * each[:, left + 1] for each in maps))
 
 
-def wrinkles(n: int = ORDER, side: int = SIDE) -> Generator[float, None, Wrinkles]:
-    """Make the map with `side` nodes in each direction, fitted by L-BFGS [Nocedal06, 7.2]. Yields the share that is
-    done."""
+def wrinkles(
+    n: int = ORDER, side: int = SIDE, albedo: float = 0.0, n_bounces: int = 0
+) -> Generator[float, None, Wrinkles]:
+    """Make the map with `side` nodes in each direction, fitted by L-BFGS [Nocedal06, 7.2], with reflections of the
+    groove onto itself, see `add_reflections`. Yields the share that is done."""
     n_samples = _PER_CELL * (side - 1) + 1
     node = np.linspace(0.0, side - 1.0, n_samples)
     places = np.stack(np.meshgrid(node, node, indexing="ij"), axis=2).reshape(-1, 2)
     targets = transfer(places[:, 0] / (side - 1), places[:, 1] / (side - 1) * DEEPEST, n)
+    if albedo and n_bounces:
+        by_depth = targets.reshape(n_samples, n_samples, -1)
+        targets = add_reflections(by_depth, node / (side - 1) * DEEPEST, albedo, n_bounces).reshape(targets.shape)
     at_nodes = targets.reshape(n_samples, n_samples, -1)[::_PER_CELL, ::_PER_CELL].reshape(side * side, -1)
     yield 0.1
     axes, coefficients = _initial_lobes(at_nodes, n)
@@ -176,6 +183,48 @@ def transfer(position: ArrayLike, depth: ArrayLike, n: int = ORDER, n_rays: int 
 
     on_threads(part, *even_parts(len(position)))
     return vectors
+
+
+def add_reflections(vectors: Float64Array, depths: Float64Array, albedo: float, n_bounces: int) -> Float64Array:
+    """Add to vectors (X, D, n^2), at X even positions from 0 to 1 and depths (D,), what the groove, of this albedo,
+    reflects onto itself in n_bounces bounces."""
+    total = vectors.copy()
+
+    def part(j: int) -> None:
+        factors, sent = form_factors(len(vectors), float(depths[j])), vectors[:, j]
+        for _ in range(n_bounces):
+            sent = albedo * factors @ sent
+            total[:, j] += sent
+
+    on_threads(part, range(len(depths)))
+    return total
+
+
+def form_factors(n_positions: int, depth: float) -> Float64Array:
+    """Shares (X, X) of the light of a Lambertian surface at X even positions from 0 to 1 that go to each of them.
+
+    What is constant along y is a problem in the plane: there a Lambertian surface sends the same to each step of the
+    sine of the angle from its normal, as crossed strings show.
+    """
+    position = np.linspace(0.0, 1.0, n_positions)
+    sine = (np.arange(_N_SLOPES) + 0.5) / _N_SLOPES * 2.0 - 1.0
+    cosine = np.sqrt(1.0 - sine**2)
+    away = (np.arange(_HORIZON_STEPS) + 1.0) / _HORIZON_STEPS
+    factors = np.zeros((n_positions, n_positions))
+    for i, x in enumerate(position):
+        steep = np.pi * depth * np.sin(2.0 * np.pi * x)  # of the groove
+        across, rise = cosine * -steep + sine, cosine + sine * steep
+        for side in (-1.0, 1.0):
+            # The first place where the groove is as high as the ray: where the highest slope so far reaches the ray's.
+            there = x + side * away
+            slopes = 0.5 * depth * (np.cos(2.0 * np.pi * x) - np.cos(2.0 * np.pi * there)) / away
+            rays = rise[across * side > 0.0] / np.abs(across[across * side > 0.0])
+            first = np.searchsorted(np.maximum.accumulate(slopes), rays)
+            hits = np.mod(there[first[first < len(away)]], 1.0) * (n_positions - 1)
+            left = np.minimum(hits.astype(int), n_positions - 2)
+            np.add.at(factors[i], left, (left + 1.0 - hits) / _N_SLOPES)
+            np.add.at(factors[i], left + 1, (hits - left) / _N_SLOPES)
+    return factors
 
 
 def _horizons(position: Float64Array, depth: Float64Array) -> tuple[Float64Array, Float64Array]:

@@ -125,7 +125,8 @@ def _surface(context: PanelContext, state: ObjectState) -> list[Action]:
     if picked is not None:
         actions.append(SetSurface(state.name, kinds[picked]))
     for parameter in SURFACES[kind].parameters if kind else ():
-        actions += _surface_row(context, state, parameter)
+        if parameter.name not in state.surface.idle_parameters:
+            actions += _surface_row(context, state, parameter)
     imgui.end_disabled()
     return actions
 

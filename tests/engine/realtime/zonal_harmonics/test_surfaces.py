@@ -17,7 +17,7 @@ from engine.precompute.direct.pipeline import SkyState
 from engine.realtime.zonal_harmonics.deform_engine import Deform, finish_deform
 from engine.realtime.zonal_harmonics.patches import PATTERNS
 from engine.realtime.zonal_harmonics.pose import Deformation
-from engine.realtime.zonal_harmonics.surface_details import heights
+from engine.realtime.zonal_harmonics.surface_details import heights, wrinkle_lobes
 from engine.render.display import error_to_radiance
 from engine.scene.description import SceneDescription
 from engine.scene.scene_loader import Scene, load_scene
@@ -129,6 +129,36 @@ def test_an_image_of_heights_has_no_more_texels_than_a_pattern(tmp_path: Path, s
     )
 
 
+@pytest.mark.parametrize(("thickness", "least", "most"), [(0.0, 0.0, 1e-3), (0.02, 0.1, 1.0), (0.5, 1e-3, 0.1)])
+def test_light_comes_through_a_patch_that_is_a_thin_slab(
+    tmp_path: Path, thickness: float, least: float, most: float
+) -> None:
+    """Lit from behind alone; radiance as far below 0 as the bands' error is drawn as 0."""
+    slab = f"patch = {{ kind = 'waffle', height = 0.1, thickness = {thickness} }}"
+    deform = lit(scene_of(tmp_path, slab), even(0.0, 1.0))
+    assert least <= middle(deform) <= most
+
+
+def test_grooves_are_lighter_by_what_they_reflect_and_are_fitted_once(tmp_path: Path, monkeypatch) -> None:
+    """An albedo of 7/8, the most that is told apart, and one bounce as light between surfaces is left out."""
+    asked = []
+
+    def spied(n: int, albedo: float, n_bounces: int):
+        asked.append((albedo, n_bounces))
+        return (yield from wrinkle_lobes(n, albedo, n_bounces))
+
+    monkeypatch.setattr("engine.realtime.zonal_harmonics.wrinkle._ROUNDS", 1)
+    monkeypatch.setattr("engine.realtime.zonal_harmonics.surface_details.SIDE", 5)
+    monkeypatch.setattr("engine.realtime.zonal_harmonics.wrinkle.wrinkles.__defaults__", (6, 5, 0.0, 0))
+    monkeypatch.setattr("engine.realtime.zonal_harmonics.object_transfer.wrinkle_lobes", spied)
+    deform = lit(scene_of(tmp_path, "wrinkles = { repeats = 6, depth = 0.8 }"), np.ones((8, 16, 3)))
+    assert asked == [(0.875, 2)]
+    bright = deform.draw(deform.scene.description.camera, SIZE)[7:11, 8:16].mean()
+    deform.set_bounces(1)
+    dark = finish_deform(deform).draw(deform.scene.description.camera, SIZE)[7:11, 8:16].mean()
+    assert asked[1:] == [(0.0, 0)] and 1.05 * dark < bright < 1.0
+
+
 def test_light_goes_through_what_is_thin(tmp_path: Path) -> None:
     """Lit from behind alone, a slab of 1 cm lets light through that one of matt stone does not."""
     text = camera((0, 0, 2.0), 30, SIZE) + environment() + placed("sheet", "cube", scaled((1, 1, 0.01)))
@@ -152,6 +182,8 @@ def test_light_goes_through_what_is_thin(tmp_path: Path) -> None:
         ("patch = { kind = 'weave', repeats = [0, 1] }", "repeats"),
         ("subsurface = { absorption = 1 }", "scattering"),
         ("subsurface = { scattering = -1 }", "scattering"),
+        ("patch = { kind = 'weave', thickness = -0.1 }", "thickness"),
+        ("patch = { kind = 'weave', thickness = 0.1, scattering = 0 }", "scattering"),
         ("wrinkles = { depth = 2 }", "depth"),
         ("membrane = {}\nsubsurface = { scattering = 1 }", "at most one of membrane"),
         ("fur = {}", "fur"),

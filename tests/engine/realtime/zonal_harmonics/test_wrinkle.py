@@ -12,7 +12,7 @@ from engine.realtime.zonal_harmonics import wrinkle
 from engine.realtime.zonal_harmonics.patches import simulate_patch
 from engine.realtime.zonal_harmonics.surface_details import WrinkleDetail
 from engine.realtime.zonal_harmonics.transfer import cosine_directions
-from engine.realtime.zonal_harmonics.wrinkle import DEEPEST, Wrinkles, transfer, wrinkles
+from engine.realtime.zonal_harmonics.wrinkle import DEEPEST, Wrinkles, add_reflections, form_factors, transfer, wrinkles
 from engine.scene.surface_kinds import Wrinkles as Says
 
 CONSTANT = math.sqrt(4.0 * math.pi)  # light of radiance 1, in the constant band
@@ -35,6 +35,26 @@ def test_grooves_are_those_that_rays_find() -> None:
     heights = np.tile(0.4 * (1.0 - np.cos(2.0 * np.pi * x)) / 2.0, (2, 1))
     by_rays = run_to_end(simulate_patch(heights, 4, n_rays=1500))[:48]
     assert transfer(x, 0.4, 4, 1500) == pytest.approx(by_rays, abs=0.02)
+
+
+def test_reflections_in_grooves_are_those_that_rays_find() -> None:
+    x, positions = (np.arange(48) + 0.5) / 48, np.linspace(0.0, 1.0, 63)
+    heights = np.tile(0.6 * (1.0 - np.cos(2.0 * np.pi * x)) / 2.0, (2, 1))
+    by_rays = run_to_end(simulate_patch(heights, 4, 0.8, 2, n_rays=1500))[:48]
+    direct = transfer(positions, 0.6, 4, 1500)
+    found = add_reflections(direct[:, None], np.array([0.6]), 0.8, 2)[:, 0]
+    between = np.stack([np.interp(x, positions, each) for each in found.T], axis=1)
+    assert between == pytest.approx(by_rays, abs=0.02)
+    assert np.abs(found - direct).max() > 0.1
+
+
+@pytest.mark.parametrize("depth", [0.0, 0.2, 1.0])
+def test_a_groove_that_absorbs_nothing_is_as_bright_as_the_sky_around_it(depth: float) -> None:
+    """A furnace: what does not see the sky sees the groove, and after many bounces all has radiance 1."""
+    direct = transfer(np.linspace(0.0, 1.0, 63), depth, 1)
+    assert CONSTANT * direct[:, 0] + form_factors(63, depth).sum(axis=1) == pytest.approx(1.0, abs=0.01)
+    everything = add_reflections(direct[:, None], np.array([depth]), 1.0, 400)
+    assert CONSTANT * everything == pytest.approx(1.0, abs=0.01)
 
 
 def test_the_two_sides_of_a_groove_mirror_each_other() -> None:
