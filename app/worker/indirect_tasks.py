@@ -23,6 +23,7 @@ from app.modes.placement.placement_messages import (
     BouncesPlanned,
     EditedSampled,
     FreezeIndirect,
+    FreezingProgress,
     IndirectFound,
     IndirectFrozen,
     IndirectImproved,
@@ -62,6 +63,8 @@ STORED_VERSION = 10
 MOST_PARTS = 1024
 # The share of the work until indirect light is found; then surfaces reflect it, and its noise is estimated.
 FOUND_AT = 0.9
+# A freezing that takes longer than this tells how far it is.
+QUIET_SECONDS = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -257,9 +260,10 @@ class IndirectTasks:
         while True:
             desired = self._freeze_request
             assert desired is not None
-            frozen = None
-            for frozen in self._frozen(found, desired):
-                if frozen is not None and frozen.is_last:
+            frozen: IndirectFrozen | None = None
+            for answer in self._frozen(found, desired):
+                if isinstance(answer, IndirectFrozen) and answer.is_last:
+                    frozen = answer
                     break
                 yield None
             noise = yield from self._noise(found, desired)
@@ -343,7 +347,9 @@ class IndirectTasks:
         yield from self._frozen(found, desired)
         yield (yield from self._noise(found, desired))
 
-    def _frozen(self, found: _FoundLight, desired: FreezeIndirect) -> Iterator[IndirectFrozen | None]:
+    def _frozen(
+        self, found: _FoundLight, desired: FreezeIndirect
+    ) -> Iterator[IndirectFrozen | FreezingProgress | None]:
         layers = {each.key: self._reflecting(each, desired.second_bands) for each in desired.scene.visible}
         edited = NO_OBJECT if desired.key is None else self._placement.scene.object_index(object_of(desired.key))
         seen = _layer_visibility(found, desired)
@@ -364,10 +370,18 @@ class IndirectTasks:
 
         # What is drawn by now follows these edits already, or else does so sooner without the gloss that is sent on.
         answers, known = (found.number, desired.key, desired.factor), self._answered
-        light = yield from map_steps(
-            polynomial.freeze(list(layers.values()), edited, selected),
-            lambda early: None if early is None or known == answers else frozen(early, False),
-        )
+        began, n_steps = time.monotonic(), polynomial.n_steps(list(layers.values()), selected)
+        numbers = itertools.count(1)
+
+        def response(early: FrozenLight | None) -> IndirectFrozen | FreezingProgress | None:
+            n_done = next(numbers)
+            if early is not None and known != answers:
+                return frozen(early, False)
+            if time.monotonic() - began < QUIET_SECONDS:
+                return None
+            return FreezingProgress(desired.serial, n_done / max(n_steps, n_done + 1))
+
+        light = yield from map_steps(polynomial.freeze(list(layers.values()), edited, selected), response)
         yield frozen(light, True)
         self._answered = answers
         self._frozen_light, self._frozen_bands = replace(found, light=seen), desired.second_bands

@@ -17,6 +17,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from app.document.document import Document, Selection
+from app.messages.editor_status import Status
 from app.messages.picture_events import PictureEvent
 from app.messages.worker_messages import Request
 from app.modes.placement.curves import Curves
@@ -25,6 +26,7 @@ from app.modes.placement.indirect_picture import Freezing, IndirectPicture, ligh
 from app.modes.placement.placement_events import Footprint
 from app.modes.placement.placement_messages import (
     FreezeIndirect,
+    FreezingProgress,
     IndirectFound,
     IndirectFrozen,
     IndirectImproved,
@@ -39,6 +41,8 @@ IDLE_SECONDS = 0.25
 # A curve that has moved this far is frozen anew during the drag: products of three changes are left out.
 FAR = 0.5
 FINE_STAGE = "fine"
+# What the worker's progress is called while light is found and frozen.
+STAGE = "indirect light"
 # Freezings stored beside the one that is drawn: undo goes back to them.
 MAX_CACHED = 4
 
@@ -77,6 +81,7 @@ class IndirectController:
         self._drawn: DesiredFreezing | None = None
         self._n_bounces = 1
         self._complete = self._fits = False
+        self._fraction: float | None = None  # of the freezing under way, where that takes a while
 
     # ------------------------------------------------------------------------------------------------------ state shown
 
@@ -149,6 +154,12 @@ class IndirectController:
         frozen = None if self._used is None else self._used.frozen
         return None if frozen is None else self._noises.get((frozen.number, frozen.serial))
 
+    def status(self, status: Status) -> dict[str, object]:
+        """The progress of a freezing that takes a while, where nothing else is under way."""
+        if self._fraction is None or not self.awaits_frozen or status.stage:
+            return {}
+        return {"stage": STAGE, "fraction": self._fraction, "text": "gathering towards the camera"}
+
     @property
     def lacks_rays(self) -> bool:
         """Whether what is shown was made with rays that went where other materials needed them."""
@@ -213,6 +224,11 @@ class IndirectController:
         footprint = used.footprint if is_of_them and used else Footprint(found.rows, found.weights)
         self._lit_under = self._confirmed
         self._use(Freezing(reconciler.ready_for[0], response, footprint))
+
+    def receive_progress(self, response: FreezingProgress) -> None:
+        """Note how far the freezing under way is."""
+        if response.serial == self._n_sent:
+            self._fraction = response.fraction
 
     def receive_relit(self, response: IndirectRelit) -> None:
         """Take what the freezing that is drawn looks like under a dragged light."""
@@ -336,6 +352,7 @@ class IndirectController:
             )
             self._sent_id = self._send(request)
             reconciler.sent(now, self._n_sent)
+            self._fraction = None
 
     def follow(self, document: Document, revision: int | None) -> list[PictureEvent]:
         """The radiances that changed, of the document at the last request. revision: of the transport under whose light

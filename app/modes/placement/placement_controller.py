@@ -45,6 +45,7 @@ from app.modes.placement.placement_messages import (
     ComputeTransport,
     EditedSampled,
     ErrorEstimated,
+    FreezingProgress,
     IndirectFound,
     IndirectFrozen,
     IndirectImproved,
@@ -323,6 +324,7 @@ class PlacementController(ModeController):
             "has_sky": controller.has_sky,
             "planned_bands": self.curves.all_planned(self._document),
             **self.idle.sampling_status(status),
+            **self.indirect.status(status),
         }
         return PlacementStatus(
             **(
@@ -411,6 +413,8 @@ class PlacementController(ModeController):
                 self._report.note_memory(response.transport_bytes)
             case IndirectFrozen():
                 self.indirect.receive_frozen(response)
+            case FreezingProgress():
+                self.indirect.receive_progress(response)
             case IndirectRelit():
                 self.indirect.receive_relit(response)
             case LayerPicture() if self._comparison.receive(response):

@@ -284,6 +284,14 @@ class IndirectFrozen(Response):
     is_last: bool = True
 
 
+@dataclass(frozen=True)
+class FreezingProgress(Response):
+    """How far the freezing of that serial is, as a fraction; comes of those alone that take a while."""
+
+    serial: int
+    fraction: float
+
+
 @dataclass(frozen=True, eq=False)
 class IndirectImproved(Response):
     """Light with more rays, what was requested last frozen of it, and its noise, together: no picture is between

@@ -26,7 +26,7 @@ from engine.precompute.indirect.edited_gloss import (
     knot_table,
 )
 from engine.precompute.indirect.frozen_light import FrozenCurve, FrozenGloss, FrozenLight, SelectedCurve
-from engine.precompute.indirect.indirect_layers import IndirectLayer, albedos_of
+from engine.precompute.indirect.indirect_layers import IndirectLayer, albedos_of, is_glossy
 from engine.precompute.indirect.indirect_light import IndirectLight
 from engine.precompute.indirect.irradiance_cache import NO_OBJECT
 from engine.precompute.indirect.reflection import HemisphereSamples, OutgoingRadiance
@@ -137,6 +137,16 @@ class GatherPolynomial:
         for each in of_curves:
             gloss.append((yield from self._frozen_gloss(layers, factors, light, each, frozen, least)))
         return FrozenLight(reflected, bands, frozen, tuple(gloss))
+
+    def n_steps(self, layers: Sequence[IndirectLayer], curves: Sequence[SelectedCurve]) -> int:
+        """About how many steps `freeze` takes: a pass over the rays of each object, one more for each edited curve, and
+        one for what edited curves send on."""
+        edited = {curve.layer for curve in curves}
+        sends_on = any(is_glossy(layers[i]) for i in edited) and self._light.points.glossy
+        return sum(
+            samples.n_steps * (1 + sends_on + len(edited.intersection(own)))
+            for samples, own in self._all_samples(layers)
+        )
 
     def noise(self, layers: Sequence[IndirectLayer]) -> Generator[None, None, tuple[float, float]]:
         """See `IndirectLight.noise`; by the stored weights of the last freezing where they fit."""

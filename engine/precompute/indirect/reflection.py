@@ -206,6 +206,11 @@ class HemisphereSamples:
         return len(self._samples.rows)
 
     @property
+    def n_steps(self) -> int:
+        """The steps of one pass over all rays."""
+        return -(-len(self) // (_PARTS * _PART * n_threads()))
+
+    @property
     def n_bytes(self) -> int:
         """Memory of the stored weights."""
         of_photons = sum(weights.n_bytes for weights in self._photon_weights.values())

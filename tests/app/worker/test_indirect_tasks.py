@@ -1,5 +1,6 @@
 """The worker's indirect light: what it keeps on disk and finds there again."""
 
+import itertools
 import signal
 import subprocess
 import sys
@@ -13,13 +14,14 @@ import pytest
 from app.document.document import document_from_description
 from app.messages.worker_messages import Response
 from app.modes.placement.curves import Curves
-from app.modes.placement.placement_messages import FreezeIndirect, IndirectFound, IndirectFrozen
+from app.modes.placement.placement_messages import FreezeIndirect, FreezingProgress, IndirectFound, IndirectFrozen
 from app.project.project import sky_of
 from app.worker import indirect_tasks as indirect_module
 from app.worker.cache import ArrayCache
 from app.worker.indirect_tasks import IndirectTasks
 from engine.precompute.direct.pipeline import Placement
 from engine.precompute.indirect import attempt as attempt_module
+from engine.precompute.indirect import reflection
 from engine.precompute.indirect.gather import GatherSamples, gather
 from engine.precompute.indirect.sampling_settings import ROUGH
 from engine.precompute.indirect.solver import Solver
@@ -68,6 +70,24 @@ def test_what_gloss_sends_on_comes_with_a_second_answer_where_another_curve_is_e
     [diffuse] = frozen("ground.0")  # it sends nothing on that is not in its albedo
     assert diffuse.is_last and not diffuse.light.gloss
     assert [each.is_last for each in frozen("ball.1")] == [False, True]
+
+
+def test_a_freezing_that_takes_long_tells_how_far_it_is(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    document = document_from_description("scene", scene.description)
+    wanted, tasks = Curves().scene_state(document), IndirectTasks(Placement(scene))
+    list(tasks.find(wanted.visible, sky_of(scene, document.light), "noon", N_BOUNCES, True))
+
+    def progress() -> list[float]:
+        answers = list(tasks.freeze(FreezeIndirect(wanted, "ball.1", 0, serial=7)))
+        assert all(each.serial == 7 for each in answers if isinstance(each, FreezingProgress))
+        return [each.fraction for each in answers if isinstance(each, FreezingProgress)]
+
+    assert progress() == []  # a quick one does not
+    monkeypatch.setattr(indirect_module, "QUIET_SECONDS", 0.0)
+    monkeypatch.setattr(reflection, "_PART", 16)
+    fractions = progress()
+    assert len(fractions) > 8 and all(one < two for one, two in itertools.pairwise(fractions))
+    assert fractions[0] < 0.3 and 0.7 < fractions[-1] < 1.0
 
 
 def test_light_found_before_is_there_with_the_first_picture(

@@ -10,6 +10,7 @@ from app.document.commands.plan import SetFirstBands
 from app.document.document import Selection, document_from_description
 from app.document.view_state import SetView
 from app.editor.editor import Editor
+from app.messages.editor_status import Status
 from app.messages.worker_messages import RequestFailed, SetCamera
 from app.modes.placement.curves import Curves
 from app.modes.placement.indirect_controller import FREEZE_PATIENCE, IDLE_SECONDS, IndirectController
@@ -17,6 +18,7 @@ from app.modes.placement.indirect_picture import edited_albedo
 from app.modes.placement.placement_events import IndirectRadiance
 from app.modes.placement.placement_messages import (
     FreezeIndirect,
+    FreezingProgress,
     IndirectFound,
     IndirectFrozen,
     IndirectImproved,
@@ -189,6 +191,23 @@ def test_a_freezing_is_awaited_once_there_is_light_to_freeze(controller: Started
     assert controller.controller.awaits_frozen
     controller.frozen()
     assert not controller.controller.awaits_frozen
+
+
+def test_a_freezing_that_takes_long_is_in_the_status_until_it_is_there(controller: StartedController) -> None:
+    controller.update()
+    controller.found()
+    assert controller.controller.status(Status()) == {}
+    serial = controller.asked[-1].serial
+    controller.controller.receive_progress(FreezingProgress(serial - 1, 0.9))  # an older one's
+    assert controller.controller.status(Status()) == {}
+    controller.controller.receive_progress(FreezingProgress(serial, 0.25))
+    said = controller.controller.status(Status())
+    assert (said["stage"], said["fraction"]) == ("indirect light", 0.25)
+    assert controller.controller.status(Status(stage="final", fraction=0.5)) == {}  # it is said to be first
+    controller.frozen(is_last=False)
+    assert controller.controller.status(Status()) == said
+    controller.frozen()
+    assert controller.controller.status(Status()) == {}
 
 
 @pytest.mark.parametrize("fails", [False, True])
