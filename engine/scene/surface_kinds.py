@@ -84,11 +84,12 @@ class Detail(_Surface):
 
 
 class Wrinkles(_Surface):
-    """Grooves across one texture coordinate: how many repeat over it, and `depth`, relative to their width."""
+    """Grooves across one texture coordinate: how many repeat over it, and `depth`, relative to their width, or a map of
+    it by texture coordinates."""
 
     across: Literal["u", "v"] = "u"
     repeats: Positive = 1.0
-    depth: Share = 0.3
+    depth: ShareOrFile = 0.3
 
 
 class DeformSurface(_Surface):
@@ -123,6 +124,8 @@ class DeformSurface(_Surface):
             found.append(("translucency", self.membrane.translucency))
         if self.patch is not None and self.patch.file is not None:
             found.append(("patch", self.patch.file))
+        if self.wrinkles is not None and isinstance(self.wrinkles.depth, str):
+            found.append(("depth", self.wrinkles.depth))
         return tuple(found)
 
     @property
@@ -146,6 +149,7 @@ class DeformSurface(_Surface):
 SURFACE_IMAGES: Mapping[str, tuple[str, str]] = {
     "translucency": ("membrane", "translucency"),
     "heights": ("patch", "file"),
+    "depth": ("wrinkles", "depth"),
 }
 
 # By the names of objects.

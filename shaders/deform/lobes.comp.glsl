@@ -5,18 +5,14 @@ layout(local_size_x = 64) in;
 
 #include "deform/light.glsl"
 #include "deform/blockers.glsl"
+#include "deform/gloss.glsl"
 
 layout(std430, binding = 0) readonly buffer Lobes { float lobes[]; };    // a point: low (4), lobes of axis and bands
 layout(std430, binding = 1) readonly buffer Posed { float posed[]; };    // a point: rows of its frame (9), place (3)
 layout(std430, binding = 2) readonly buffer Owners { int owners[]; };    // the object of each point
-layout(std430, binding = 4) readonly buffer Objects { float objects[]; };  // albedo, first gloss, emission, their count
-layout(std430, binding = 5) readonly buffer Gloss { float gloss[]; };    // for polar angles of wo: bands, lean
+layout(std430, binding = 5) readonly buffer Objects { float objects[]; };  // albedo, first gloss, emission, their count
 layout(std430, binding = 7) writeonly buffer Sent { float sent[]; };     // a point: white (3), gloss (3)
 uniform int n_points, n_lobes;
-uniform int n_angles;
-uniform float steepest;   // radians
-uniform float cosine[ORDER];
-uniform float even;       // light that is added to both sides of the visibility ratio, summed over channels
 uniform vec3 camera_position;
 
 vec3 diffuse(int p, mat3 frame) {
@@ -30,28 +26,6 @@ vec3 diffuse(int p, mat3 frame) {
             radiance += lobes[at + 3 + l] * bands[l];
     }
     return max(radiance, 0.0);
-}
-
-vec3 shiny(int layer, vec3 normal, vec3 towards, vec3 white) {
-    float up = max(dot(towards, normal), 0.01);
-    vec3 along = towards - up * normal;
-    float place = min(acos(min(up, 1.0)) / steepest, 1.0) * (n_angles - 1);
-    int low = min(int(place), n_angles - 2), row = 3 * ORDER + 1;
-    float share = place - low;
-    int at = (layer * n_angles + low) * row;
-    float turn = mix(gloss[at + row - 1], gloss[at + 2 * row - 1], share);
-    vec3 bands[ORDER], values = vec3(0.0), unblocked = vec3(0.0);
-    look_up(cos(turn) * normal - sin(turn) / max(length(along), 1e-12) * along, bands);
-    for (int l = 0; l < ORDER; l++, at += 3) {
-        vec3 here = vec3(gloss[at], gloss[at + 1], gloss[at + 2]);
-        vec3 next = vec3(gloss[at + row], gloss[at + row + 1], gloss[at + row + 2]);
-        values += mix(here, next, share) * bands[l];
-    }
-    look_up(normal, bands);
-    for (int l = 0; l < ORDER; l++)
-        unblocked += cosine[l] * bands[l];
-    float open = (dot(white, vec3(1.0)) + even) / max(dot(unblocked, vec3(1.0)) + even, 1e-20);
-    return max(clamp(open, 0.0, 1.0) * values, 0.0);
 }
 
 void main() {

@@ -1,6 +1,6 @@
 #version 430 core
 // Provides: radiance of a triangle's front or back: diffuse light times the object's albedo, gloss, and emission.
-layout(std430, binding = 4) readonly buffer Objects { float objects[]; };
+layout(std430, binding = 5) readonly buffer Objects { float objects[]; };
 
 centroid in vec3 front_white, front_gloss, back_white, back_gloss;
 flat in ivec3 shown;

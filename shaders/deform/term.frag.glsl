@@ -1,9 +1,14 @@
 #version 430 core
-// Provides: one diffuse layer of an object, times texture and weight; with detail, by lobes that lie on its texture
-// coordinates instead of those of its points.
+// Provides: one layer of an object, times texture and weight: diffuse, or with detail, by lobes that lie on its texture
+// coordinates instead of those of its points, also glossy.
+#include "common/images.glsl"
 #if HAS_DETAIL
 #include "deform/detail.glsl"
+#include "deform/gloss.glsl"
+uniform int gloss_layer;  // −1 for a diffuse one
+uniform vec3 camera_position;
 centroid in mat3 axes;
+centroid in vec3 here;
 #endif
 #if HAS_MAPS
 #include "common/maps.glsl"
@@ -24,7 +29,10 @@ void main() {
     if ((is_front ? has_points.x : has_points.y) == 0)
         discard;
 #if HAS_DETAIL
-    vec3 sent = white_of_detail(uv, axes, is_front);
+    mat3 frame = frame_of(axes, is_front);
+    vec3 sent = white_of_detail(uv, frame);
+    if (gloss_layer >= 0)
+        sent = shiny(gloss_layer, detail_normal(uv, frame), normalize(camera_position - here), sent);
 #else
     vec3 sent = is_front ? front_white : back_white;
 #endif

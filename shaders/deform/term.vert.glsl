@@ -16,6 +16,7 @@ flat out vec3 outside;
 flat out ivec2 has_points;
 #if HAS_DETAIL
 centroid out mat3 axes;
+centroid out vec3 here;
 #endif
 
 void main() {
@@ -29,5 +30,6 @@ void main() {
 #if HAS_DETAIL
     for (int i = 0; i < 9; i++)
         axes[i / 3][i % 3] = surface_axes[9 * corner.w + i];
+    here = vec3(posed[12 * corner.x + 9], posed[12 * corner.x + 10], posed[12 * corner.x + 11]);
 #endif
 }

@@ -75,7 +75,8 @@ def test_what_is_frozen_stays_and_an_image_gives_way_to_a_value(window: Headless
 
 
 @pytest.mark.parametrize(
-    ("kind", "parameter", "what"), [("membrane", "translucency", "translucency"), ("patch", "kind", "heights")]
+    ("kind", "parameter", "what"),
+    [("membrane", "translucency", "translucency"), ("patch", "kind", "heights"), ("wrinkles", "depth", "depth")],
 )
 def test_an_image_is_chosen_by_the_browser(
     window: HeadlessWindow, editor: Editor, tmp_path: Path, kind: str, parameter: str, what: str
@@ -94,7 +95,7 @@ def test_an_image_is_chosen_by_the_browser(
         assert f"{name}: there is no such file; nothing was changed" in editor.status.message
         file.touch()
         actor.perform([answer(question, file)], window.shell.state, 0.0)
-        assert surface(editor).files == (("translucency" if kind == "membrane" else "patch", str(file)),)
+        assert surface(editor).files == (("patch" if kind == "patch" else parameter, str(file)),)
         window.shell.state = PanelState()
         window.frames(2)
     editor.undo()

@@ -154,20 +154,24 @@ class ShapePart:
 @dataclass(frozen=True)
 class ExportedDetail:
     """A `LobeMap` in the shared array of lobes: its first entry, rows and columns, and number of lobes of each
-    entry."""
+    entry; depth_image: where it begins among all images, -1 for none."""
 
     first: int
     shape: tuple[int, int]
     n_lobes: int
     repeats: tuple[float, float]
     is_smooth: bool
+    depth: float
+    depth_image: int
 
 
 @dataclass(frozen=True)
 class DeformTerm(ExportedTerm):
-    """The points' light is diffuse; detail: replaces it, pixel by pixel."""
+    """The points' light is diffuse; detail: replaces it, pixel by pixel; gloss: the glossy layer among all, -1 for a
+    diffuse one."""
 
     detail: ExportedDetail | None
+    gloss: int = -1
 
 
 @dataclass(frozen=True, eq=False)

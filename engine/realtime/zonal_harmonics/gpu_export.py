@@ -7,7 +7,7 @@ from itertools import count
 from secrets import randbits
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from engine.realtime.core.gpu_parts import (
     NO_PARTS,
@@ -23,12 +23,20 @@ from engine.realtime.core.gpu_parts import (
     ShapePart,
     as_triple,
 )
-from engine.realtime.core.terms import diffuse_albedo
+from engine.realtime.core.terms import diffuse_albedo, is_glossy
 from engine.realtime.zonal_harmonics._shading_kernels import LEAST_BLOCKED
 from engine.realtime.zonal_harmonics.bending_points import BendingPoints, PosedPoints
 from engine.realtime.zonal_harmonics.picture_renderer import ShadingState
 from engine.realtime.zonal_harmonics.pose import Poses
-from engine.realtime.zonal_harmonics.shading import STEEPEST, Blockers, Lobes, even_light, spread_of
+from engine.realtime.zonal_harmonics.shading import (
+    STEEPEST,
+    Blockers,
+    Lobes,
+    LowGloss,
+    even_light,
+    low_gloss,
+    spread_of,
+)
 from engine.realtime.zonal_harmonics.surface_details import Detail
 from engine.scene.scene_loader import Scene
 from engine.sphere.harmonics import clamped_cosine
@@ -80,21 +88,26 @@ class PictureExporter:
 
     def _export_appearance(self, of: ShadingState) -> AppearancePart:
         """Export the appearance, after the cover that it refers to."""
-        images, firsts = ImageExporter(of.scene.textures, of.scene.origin), dict[int, ExportedDetail]()
+        images, details = ImageExporter(of.scene.textures, of.scene.origin), dict[int, ExportedDetail]()
         n_exported = 0
         for i, each in of.details.items():
-            firsts[i] = _export_detail(n_exported, each)
+            details[i] = _export_detail(n_exported, each, images)
             n_exported += _lobe_rows(each).size
-        terms = tuple(
-            DeformTerm(i, as_triple(diffuse_albedo(layer)), None if layer.maps.is_plain else images.maps(layer.maps),
-            firsts.get(i))
-            for i in of.layers_of for layer in of.pixel_layers(i)
-        )  # fmt: skip
+        gloss, by_points = gloss_rows(of)
+        terms = list[DeformTerm]()
+        for i in of.layers_of:
+            for layer in of.pixel_layers(i):
+                maps = None if layer.maps.is_plain else images.maps(layer.maps)
+                if is_glossy(layer):
+                    terms.append(DeformTerm(i, (1.0, 1.0, 1.0), maps, details[i], len(gloss)))
+                    gloss.append(_gloss_row(low_gloss(layer, of.order)))
+                else:
+                    terms.append(DeformTerm(i, as_triple(diffuse_albedo(layer)), maps, details.get(i)))
         covered = tuple(dict.fromkeys(term.i_object for term in terms))
         made_of = covered, tuple(of.details.items()), images.images, images.strokes
         if self._cover is None or self._cover[0] != made_of:
             self._cover = made_of, self._export_cover(of, covered, images)
-        return appearance_part(of, terms)
+        return appearance_part(of, gloss, by_points, tuple(terms))
 
     def _export_cover(self, of: ShadingState, objects: tuple[int, ...], images: ImageExporter) -> CoverPart:
         first_axes, n_axes = dict[int, int](), 0
@@ -122,15 +135,30 @@ def shape_part(points: BendingPoints, lobes: Lobes) -> ShapePart:
     return ShapePart(next(_numbers), corners.reshape(-1, 4), points.owners, _rows(lobes), n_lobes, order)
 
 
-def appearance_part(of: ShadingState, terms: tuple[DeformTerm, ...] = ()) -> AppearancePart:
-    objects, rows = np.zeros((len(of.scene.smooth), 8), np.float32), list[Float32Array]()
-    objects[:, :3], objects[:, 4:7] = of.albedos, of.scene.emission
+def gloss_rows(of: ShadingState) -> tuple[list[Float32Array], dict[int, tuple[int, int]]]:
+    """Rows of the glossy layers that are shaded at points, and first and last, excluded, of each object's."""
+    rows, ranges = list[Float32Array](), dict[int, tuple[int, int]]()
     for i in of.layers_of:
-        objects[i, 3] = len(rows)
-        for low, factor in of.glosses_of(i):
-            bands = (low.bands * np.asarray(factor, np.float32)).reshape(len(low.lean), -1)
-            rows.append(np.hstack([bands, low.lean[:, None]]))
-        objects[i, 7] = len(rows) - objects[i, 3]
+        first = len(rows)
+        rows += [_gloss_row(low, factor) for low, factor in of.glosses_of(i)]
+        ranges[i] = first, len(rows)
+    return rows, ranges
+
+
+def _gloss_row(low: LowGloss, factor: ArrayLike = 1.0) -> Float32Array:
+    """Bands, times factor (3,), and lean by polar angles of wo (A, 3 n + 1)."""
+    bands = (low.bands * np.asarray(factor, np.float32)).reshape(len(low.lean), -1)
+    return np.hstack([bands, low.lean[:, None]])
+
+
+def appearance_part(
+    of: ShadingState, rows: list[Float32Array], by_points: dict[int, tuple[int, int]], terms: tuple[DeformTerm, ...]
+) -> AppearancePart:
+    """rows: of all glossy layers; by_points: see `gloss_rows`."""
+    objects = np.zeros((len(of.scene.smooth), 8), np.float32)
+    objects[:, :3], objects[:, 4:7] = of.albedos, of.scene.emission
+    for i, (first, last) in by_points.items():
+        objects[i, 3], objects[i, 7] = first, last - first
     light, backdrop = of.bands, of.backdrop
     order = light.table.shape[2]
     gloss = np.array(rows, np.float32) if rows else np.zeros((0, 2, 3 * order + 1), np.float32)
@@ -172,15 +200,19 @@ def _covered_corners(scene: Scene, points: BendingPoints, which: NDArray[np.inte
     return np.concatenate([_corners(points, which), at_rest.view(np.int32)], axis=2)
 
 
-def _export_detail(first: int, detail: Detail) -> ExportedDetail:
+def _export_detail(first: int, detail: Detail, images: ImageExporter) -> ExportedDetail:
     found = detail.map()
     height, width, n_lobes, _ = found.lobes.coefficients.shape
-    return ExportedDetail(first, (height, width), n_lobes, found.repeats, found.is_smooth)
+    depth = found.depth, images.image(found.depth_image)
+    return ExportedDetail(first, (height, width), n_lobes, found.repeats, found.is_smooth, *depth)
 
 
 def _lobe_rows(detail: Detail) -> Float32Array:
-    found = detail.map().lobes
-    return _rows(Lobes(*(each.reshape(-1, *each.shape[2:]) for each in (found.low, found.axes, found.coefficients))))
+    """Pack a map's entries: normal, then as `_rows` (H W, 7 + N (3 + n))."""
+    found = detail.map()
+    maps = found.lobes.low, found.lobes.axes, found.lobes.coefficients
+    flat = Lobes(*(each.reshape(-1, *each.shape[2:]) for each in maps))
+    return np.hstack([found.normals.reshape(-1, 3), _rows(flat)])
 
 
 def _rows(lobes: Lobes) -> Float32Array:

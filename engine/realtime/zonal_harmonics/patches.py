@@ -77,12 +77,13 @@ def simulate_patch(
 @dataclass(frozen=True, eq=False)
 class Patch:
     """A patch's lobes for look-ups: low (H, W, 4), axes (H, W, N, 3), coefficients (H, W, N, n); errors (H, W) of their
-    fit, relative."""
+    fit, relative; normals (H, W, 3) of the heights."""
 
     low: NDArray[np.float32]
     axes: NDArray[np.float32]
     coefficients: NDArray[np.float32]
     errors: Float64Array
+    normals: Float64Array
 
     def at(self, uvs: ArrayLike) -> Lobes:
         """Look up the lobes at texture coordinates (P, 2), which repeat: the exact low bands are interpolated, lobes
@@ -97,6 +98,21 @@ class Patch:
         )
         return found
 
+    def normals_at(self, uvs: ArrayLike) -> Float64Array:
+        """Normals (P, 3) at texture coordinates (P, 2), interpolated."""
+        height, width = self.errors.shape
+        u, v = np.mod(np.asarray(uvs, np.float64), 1.0).T
+        column, row = u * width - 0.5, (1.0 - v) * height - 0.5
+        left, top = np.floor(column).astype(int), np.floor(row).astype(int)
+        beside, below = (column - left)[:, None], (row - top)[:, None]
+        above, under = (
+            (1.0 - beside) * self.normals[i % height, left % width]
+            + beside * self.normals[i % height, (left + 1) % width]
+            for i in (top, top + 1)
+        )
+        mean = (1.0 - below) * above + below * under
+        return np.asarray(mean / np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-12))
+
     def errors_at(self, uvs: ArrayLike) -> Float64Array:
         """Errors of the texels (P,) that contain texture coordinates (P, 2)."""
         height, width = self.errors.shape
@@ -107,12 +123,21 @@ class Patch:
         return self.low, self.axes, self.coefficients
 
 
-def patch(zonal: Zonal, shape: tuple[int, int]) -> Patch:
-    """Make a patch of lobes fitted to the vectors of its texels."""
-    flat = lobes(zonal)
+def patch(zonal: Zonal, heights: Float64Array) -> Patch:
+    """Make a patch of its heights (H, W) and lobes fitted to the vectors of its texels."""
+    flat, shape = lobes(zonal), heights.shape
     maps = flat.low, flat.axes, flat.coefficients
     low, axes, coefficients = (each.reshape(*shape, *each.shape[1:]) for each in maps)
-    return Patch(low, axes, coefficients, zonal.relative_errors.reshape(shape))
+    return Patch(low, axes, coefficients, zonal.relative_errors.reshape(shape), normals_of(heights))
+
+
+def normals_of(heights: Float64Array) -> Float64Array:
+    """Normals (H, W, 3) of the texels of a height field, in axes along u, along v, outwards."""
+    n_rows, n_columns = heights.shape
+    slope_u = (np.roll(heights, -1, axis=1) - np.roll(heights, 1, axis=1)) * (n_columns / 2.0)
+    slope_v = (np.roll(heights, 1, axis=0) - np.roll(heights, -1, axis=0)) * (n_rows / 2.0)
+    normals = np.stack([-slope_u, -slope_v, np.ones_like(slope_u)], axis=2)
+    return np.asarray(normals / np.linalg.norm(normals, axis=2, keepdims=True))
 
 
 def _among_copies(heights: Float64Array) -> tuple[TransferPoints, RayCaster]:
@@ -126,10 +151,7 @@ def _among_copies(heights: Float64Array) -> tuple[TransferPoints, RayCaster]:
     triangles = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
     caster = RayCaster(places.reshape(-1, 3), triangles)
     inside = places[n_rows : 2 * n_rows, n_columns : 2 * n_columns].reshape(-1, 3)
-    slope_u = (np.roll(heights, -1, axis=1) - np.roll(heights, 1, axis=1)) * (n_columns / 2.0)
-    slope_v = (np.roll(heights, 1, axis=0) - np.roll(heights, -1, axis=0)) * (n_rows / 2.0)
-    normals = np.stack([-slope_u, -slope_v, np.ones_like(slope_u)], axis=2).reshape(-1, 3)
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    normals = normals_of(heights).reshape(-1, 3)
     upright = np.tile(np.eye(3), (len(normals), 1, 1))
     frames = orthonormal(np.concatenate([upright[:, :2], normals[:, None]], axis=1), upright)
     numbers = ((row % n_rows) * n_columns + column % n_columns).ravel().astype(np.int32)

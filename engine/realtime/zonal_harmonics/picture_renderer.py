@@ -28,7 +28,7 @@ from engine.realtime.zonal_harmonics.shading import (
     low_gloss,
     shade,
 )
-from engine.realtime.zonal_harmonics.surface_details import Detail, shade_pixels
+from engine.realtime.zonal_harmonics.surface_details import Detail, detail_frames
 from engine.render.display import error_to_radiance
 from engine.scene.description import CameraDescription
 from engine.scene.map_sampler import mean_factor
@@ -87,16 +87,21 @@ class ShadingState:
         return BLACK if environment is None else Backdrop(environment.radiance, turn, self.light.scale)
 
     def pixel_layers(self, i: int) -> Iterator[Layer]:
-        """The diffuse layers of an object that are shaded pixel by pixel: those with images, or all if it has
+        """The layers of an object that are shaded pixel by pixel: diffuse ones with images, or all if it has
         detail."""
         for layer in self.layers_of.get(i, ()):
-            if not is_glossy(layer) and (i in self.details or not layer.maps.is_plain):
+            if i in self.details or not is_glossy(layer) and not layer.maps.is_plain:
                 yield layer
 
     def glosses_of(self, i: int) -> Iterator[tuple[LowGloss, NDArray[np.floating]]]:
-        """An object's glossy layers, with the mean factor of their images (3,)."""
-        for layer in filter(is_glossy, self.layers_of.get(i, ())):
-            yield low_gloss(layer, self.bands.table.shape[2]), mean_factor(self.scene, i, layer.maps)
+        """An object's glossy layers that are shaded at points, with the mean factor of their images (3,)."""
+        for layer in filter(is_glossy, self.layers_of.get(i, ()) if i not in self.details else ()):
+            yield low_gloss(layer, self.order), mean_factor(self.scene, i, layer.maps)
+
+    @property
+    def order(self) -> int:
+        """Number of bands of light."""
+        return self.bands.table.shape[2]
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,6 +122,11 @@ class Pixels:
         """Positions on the scene's meshes."""
         u, v = np.einsum("nk,nki->in", self.weights, self._all.within[self.triangle])
         return Intersections(self._all.source[self.triangle], u, v, np.zeros(len(u), np.float32))
+
+    def places(self) -> Float32Array:
+        """Positions in the current pose (N, 3)."""
+        corners = self._all.places[self._all.surface.corners[self.triangle]]
+        return np.asarray(np.einsum("nk,nki->ni", self.weights, corners), np.float32)
 
     def uvs(self, scene: Scene) -> Float64Array:
         """Texture coordinates (N, 2)."""
@@ -178,7 +188,7 @@ class PictureRenderer:
         drawn = draw(points.surface, places, camera, camera_position, (resolution[0] * fine, resolution[1] * fine))
         picture = paint(drawn, points.surface, white, gloss, of.albedos, of.scene.emission, of.backdrop)
         for i in of.layers_of:
-            self._add_by_pixel(of, i, drawn, white, picture, quality)
+            self._add_by_pixel(of, i, drawn, white, camera_position, picture, quality)
         return _downsample(picture) if fine == 2 else picture
 
     def draw_errors(
@@ -234,6 +244,7 @@ class PictureRenderer:
         i: int,
         drawn: RasterResult,
         white: Float32Array,
+        camera_position: Float64Array,
         picture: Float32Array,
         quality: Quality,
     ) -> None:
@@ -241,18 +252,27 @@ class PictureRenderer:
         pixels = pixels_of(i, drawn, self._points) if layers else None
         if pixels is None:
             return
-        diffuse = self._diffuse(of, i, pixels, white) * (pixels.points[:, :1] >= 0)
+        if i in of.details:
+            diffuse, normals = self._shade_detail(of, i, pixels)
+        else:
+            diffuse, normals = np.einsum("nk,nki->ni", pixels.weights, white[pixels.points]), None
         for layer in layers:
-            factor = pixels.factor(of.scene, layer.maps, quality == "moving")
-            picture[pixels.rows, pixels.columns] += np.maximum(diffuse * factor * diffuse_albedo(layer), 0.0)
+            if normals is not None and is_glossy(layer):
+                sent = np.zeros_like(diffuse)
+                low, every, places = low_gloss(layer, of.order), np.arange(len(diffuse)), pixels.places()
+                add_gloss(low, np.ones(3), every, places, normals, camera_position, of.bands, diffuse, sent)
+            else:
+                sent = diffuse * diffuse_albedo(layer).astype(np.float32)
+            sent = sent * pixels.factor(of.scene, layer.maps, quality == "moving") * (pixels.points[:, :1] >= 0)
+            picture[pixels.rows, pixels.columns] += np.maximum(sent, 0.0)
 
-    def _diffuse(self, of: ShadingState, i: int, pixels: Pixels, white: Float32Array) -> Float32Array:
-        """Radiance of white Lambertian pixels (N, 3)."""
-        if i not in of.details:
-            return np.einsum("nk,nki->ni", pixels.weights, white[pixels.points])
+    def _shade_detail(self, of: ShadingState, i: int, pixels: Pixels) -> tuple[Float32Array, Float32Array]:
+        """Radiance of white Lambertian pixels (N, 3) with detail, and their normals (N, 3)."""
         numbers, axes = self.posed.axes_of(i)
-        own = axes[numbers[pixels.triangle]]
-        return shade_pixels(of.details[i], pixels.uvs(of.scene), own, pixels.weights, pixels.is_front, of.bands)
+        frames = detail_frames(axes[numbers[pixels.triangle]], pixels.weights, pixels.is_front)
+        found, uvs = of.details[i], pixels.uvs(of.scene)
+        normals = np.einsum("nk,nki->ni", found.normals_at(uvs), frames).astype(np.float32)
+        return np.maximum(shade(found.at(uvs), frames, of.bands), np.float32(0.0)), normals
 
 
 def camera_position_of(scene: Scene, camera: CameraDescription) -> NDArray[np.float64]:

@@ -25,15 +25,16 @@ from engine.realtime.zonal_harmonics.patches import (
     patch,
     simulate_patch,
 )
-from engine.realtime.zonal_harmonics.shading import BandLight, Lobes, lobes, shade
+from engine.realtime.zonal_harmonics.shading import Lobes, lobes
 from engine.realtime.zonal_harmonics.transfer import Medium
-from engine.realtime.zonal_harmonics.wrinkle import SIDE, wrinkles
+from engine.realtime.zonal_harmonics.wrinkle import DEEPEST, SIDE, between_nodes, groove_normals, wrinkles
 from engine.realtime.zonal_harmonics.wrinkle import Wrinkles as WrinkleMap
 from engine.realtime.zonal_harmonics.zonal import Zonal
 from engine.scene.scene_loader import Scene
 from engine.scene.surface_kinds import DeformSurface
 from engine.scene.surface_kinds import Detail as PatchSays
 from engine.scene.surface_kinds import Wrinkles as WrinklesSay
+from engine.texture.pyramid import Pyramid
 
 Float64Array = NDArray[np.float64]
 Float32Array = NDArray[np.float32]
@@ -41,16 +42,19 @@ Float32Array = NDArray[np.float32]
 
 @dataclass(frozen=True, eq=False)
 class LobeMap:
-    """Lobes for look-ups by shaders (H, W, ...), v upwards, in axes along u, along v, outwards.
+    """Lobes and normals for look-ups by shaders (H, W, ...), v upwards, in axes along u, along v, outwards.
 
     repeats: along u and v. is_smooth: lobes are interpolated between entries and their axes normalized; otherwise the
-    nearest entry's are taken. A smooth map has one column, and the sum of u and v times repeats runs along its rows,
-    first to last.
+    nearest entry's are taken. In a smooth map the sum of u and v times repeats runs along its rows, first to last, and
+    the depth along its columns: one for all, or an image's, by texture coordinates.
     """
 
     lobes: Lobes
+    normals: Float32Array
     repeats: tuple[float, float]
     is_smooth: bool
+    depth: float = 0.0
+    depth_image: Pyramid | None = None
 
 
 class Detail(Protocol):
@@ -58,6 +62,9 @@ class Detail(Protocol):
 
     def at(self, uvs: Float64Array) -> Lobes:
         """Lobes at (P, 2), in axes along u, along v, outwards."""
+
+    def normals_at(self, uvs: Float64Array) -> Float64Array:
+        """Normals (P, 3) at (P, 2), in the same axes."""
 
     def errors_at(self, uvs: Float64Array) -> Float64Array:
         """Errors (P,) relative to the vectors that they were fitted to."""
@@ -75,40 +82,53 @@ class PatchDetail(Detail):
     def at(self, uvs: Float64Array) -> Lobes:
         return self._patch.at(uvs * self._repeats)
 
+    def normals_at(self, uvs: Float64Array) -> Float64Array:
+        return self._patch.normals_at(uvs * self._repeats)
+
     def errors_at(self, uvs: Float64Array) -> Float64Array:
         return self._patch.errors_at(uvs * self._repeats)
 
     def map(self) -> LobeMap:
         found = self._patch
-        return LobeMap(Lobes(found.low, found.axes, found.coefficients), self._repeats, False)
+        all_lobes = Lobes(found.low, found.axes, found.coefficients)
+        return LobeMap(all_lobes, found.normals.astype(np.float32), self._repeats, False)
 
 
 class WrinkleDetail(Detail):
-    """Grooves across u or v."""
+    """Grooves across u or v, as deep as one number or an image says."""
 
-    def __init__(self, found: WrinkleMap, surface: WrinklesSay) -> None:
-        self._map, self._surface = found, surface
+    def __init__(self, found: WrinkleMap, surface: WrinklesSay, depth_image: Pyramid | None = None) -> None:
+        self._map, self._surface, self._depth_image = found, surface, depth_image
+        node = [np.linspace(0.0, end, n) for end, n in zip((1.0, DEEPEST), found.errors.shape, strict=True)]
+        self._normals = groove_normals(*np.meshgrid(*node, indexing="ij"))
+        if surface.across == "v":  # across and along it are v and -u
+            turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+            self._map, self._normals = found.rotate(turn), self._normals @ turn.T
 
     def at(self, uvs: Float64Array) -> Lobes:
-        return lobes(self._on_surface(self._lobes_at(uvs)))
+        return lobes(self._map.at(*self._places(uvs)))
+
+    def normals_at(self, uvs: Float64Array) -> Float64Array:
+        mean = between_nodes(self._normals, *self._places(uvs))
+        return np.asarray(mean / np.linalg.norm(mean, axis=1, keepdims=True))
 
     def errors_at(self, uvs: Float64Array) -> Float64Array:
-        return self._lobes_at(uvs).relative_errors
+        return self._map.at(*self._places(uvs)).relative_errors
 
     def map(self) -> LobeMap:
-        one, surface = lobes(self._on_surface(self._map.of_depth(self._surface.depth))), self._surface
-        column = Lobes(*(each[:, None] for each in (one.low, one.axes, one.coefficients)))
-        return LobeMap(column, (surface.repeats, 0.0) if surface.across == "u" else (0.0, surface.repeats), True)
+        found, surface = self._map, self._surface
+        all_lobes = Lobes(*(np.asarray(each, np.float32) for each in (found.low, found.axes, found.coefficients)))
+        repeats = (surface.repeats, 0.0) if surface.across == "u" else (0.0, surface.repeats)
+        depth = 0.0 if isinstance(surface.depth, str) else surface.depth / DEEPEST
+        return LobeMap(all_lobes, self._normals.astype(np.float32), repeats, True, depth, self._depth_image)
 
-    def _on_surface(self, found: Zonal) -> Zonal:
-        """Express lobes in axes along u, along v, outwards."""
-        if self._surface.across == "u":
-            return found
-        return found.rotate([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # across and along it are v and -u
-
-    def _lobes_at(self, uvs: Float64Array) -> Zonal:
-        places = uvs[:, 0 if self._surface.across == "u" else 1] * self._surface.repeats
-        return self._map.at(places, np.full(len(uvs), self._surface.depth))
+    def _places(self, uvs: Float64Array) -> tuple[Float64Array, Float64Array]:
+        """Positions (P,) in grooves and their depths (P,)."""
+        position = uvs[:, 0 if self._surface.across == "u" else 1] * self._surface.repeats
+        if isinstance(self._surface.depth, str):
+            assert self._depth_image is not None
+            return position, self._depth_image.at(uvs)[:, 0].astype(np.float64)
+        return position, np.full(len(uvs), self._surface.depth)
 
 
 def heights(scene: Scene, surface: PatchSays) -> Float64Array:
@@ -154,25 +174,19 @@ def detail(scene: Scene, surface: DeformSurface, zonal: Zonal) -> Detail:
     if surface.wrinkles is not None:
         maps = (zonal.low, zonal.axes, zonal.coefficients, zonal.errors)
         of_nodes = (each.reshape(SIDE, SIDE, *each.shape[1:]).astype(np.float64) for each in maps)
-        return WrinkleDetail(WrinkleMap(*of_nodes), surface.wrinkles)
+        depth = surface.wrinkles.depth
+        image = scene.textures.weight(Images(weight=depth)) if isinstance(depth, str) else None
+        return WrinkleDetail(WrinkleMap(*of_nodes), surface.wrinkles, image)
     assert surface.patch is not None
-    height, width = heights(scene, surface.patch).shape
-    return PatchDetail(patch(zonal, (height, width)), surface.patch.repeats)
+    return PatchDetail(patch(zonal, heights(scene, surface.patch)), surface.patch.repeats)
 
 
-def shade_pixels(
-    found: Detail,
-    uvs: Float64Array,
-    axes: Float32Array,
-    weights: Float32Array,
-    is_front: NDArray[np.bool_],
-    light: BandLight,
-) -> Float32Array:
-    """Radiance of white Lambertian pixels (N, 3); axes (N, 3, 3, 3) at the corners of their triangles, and weights
-    (N, 3); on backs the detail is turned inside out."""
+def detail_frames(axes: Float32Array, weights: Float32Array, is_front: NDArray[np.bool_]) -> Float64Array:
+    """Rows (N, 3, 3) along u, along v, outwards of pixels; axes (N, 3, 3, 3) at the corners of their triangles, and
+    weights (N, 3); on backs the detail is turned inside out."""
     mean = np.einsum("nk,nkab->nab", weights, axes)
     handed = np.sign(np.linalg.det(mean))[:, None]
     frames = orthonormal(mean.astype(np.float64), axes[:, 0].astype(np.float64))
     frames[:, 1] *= np.where(handed < 0.0, -1.0, 1.0)
     frames[:, 2] *= np.where(is_front, 1.0, -1.0)[:, None]
-    return np.maximum(shade(found.at(uvs), frames, light), np.float32(0.0))
+    return frames

@@ -52,28 +52,35 @@ class Wrinkles:
 
     def at(self, position: ArrayLike, depth: ArrayLike) -> Zonal:
         """Interpolate the lobes of points (P,) of grooves; positions repeat, depths are clamped to 0 to `DEEPEST`."""
-        position, depth = (np.asarray(each, np.float64).ravel() for each in np.broadcast_arrays(position, depth))
-        n_rows, n_columns = self.low.shape[:2]
-        row = (position - np.floor(position)) * (n_rows - 1)
-        column = np.clip(depth / DEEPEST, 0.0, 1.0) * (n_columns - 1)
-        top, left = np.minimum(row.astype(int), n_rows - 2), np.minimum(column.astype(int), n_columns - 2)
-        found = []
-        for each in (self.low, self.axes, self.coefficients, self.errors):
-            down, right = (part.reshape(-1, *[1] * (each.ndim - 2)) for part in (row - top, column - left))
-            above = (1.0 - right) * each[top, left] + right * each[top, left + 1]
-            below = (1.0 - right) * each[top + 1, left] + right * each[top + 1, left + 1]
-            found.append((1.0 - down) * above + down * below)
-        low, axes, coefficients, errors = found
+        maps = (self.low, self.axes, self.coefficients, self.errors)
+        low, axes, coefficients, errors = (between_nodes(each, position, depth) for each in maps)
         return Zonal(low, _unit(axes), coefficients, errors)
 
-    def of_depth(self, depth: float) -> Zonal:
-        """The nodes (H,) for one depth. Lobes between them are linear combinations, with axes normalized afterwards."""
-        n_columns = self.low.shape[1]
-        column = min(max(depth / DEEPEST, 0.0), 1.0) * (n_columns - 1)
-        left = min(int(column), n_columns - 2)
-        share = column - left
-        maps = (self.low, self.axes, self.coefficients, self.errors)
-        return Zonal(*((1.0 - share) * each[:, left] + share * each[:, left + 1] for each in maps))
+    def rotate(self, rotation: Float64Array) -> Wrinkles:
+        """Rotate all nodes by a rotation (3, 3)."""
+        shape, maps = self.errors.shape, (self.low, self.axes, self.coefficients, self.errors)
+        flat = Zonal(*(each.reshape(-1, *each.shape[2:]) for each in maps)).rotate(rotation)
+        maps = flat.low, flat.axes, flat.coefficients, flat.errors
+        return Wrinkles(*(each.reshape(*shape, *each.shape[1:]) for each in maps))
+
+
+def between_nodes(nodes: NDArray[np.floating], position: ArrayLike, depth: ArrayLike) -> Float64Array:
+    """Interpolate a map (H, W, ...) of nodes as those of `Wrinkles`, at positions and depths (P,)."""
+    position, depth = (np.asarray(each, np.float64).ravel() for each in np.broadcast_arrays(position, depth))
+    n_rows, n_columns = nodes.shape[:2]
+    row = (position - np.floor(position)) * (n_rows - 1)
+    column = np.clip(depth / DEEPEST, 0.0, 1.0) * (n_columns - 1)
+    top, left = np.minimum(row.astype(int), n_rows - 2), np.minimum(column.astype(int), n_columns - 2)
+    down, right = (part.reshape(-1, *[1] * (nodes.ndim - 2)) for part in (row - top, column - left))
+    above = (1.0 - right) * nodes[top, left] + right * nodes[top, left + 1]
+    below = (1.0 - right) * nodes[top + 1, left] + right * nodes[top + 1, left + 1]
+    return np.asarray((1.0 - down) * above + down * below)
+
+
+def groove_normals(position: ArrayLike, depth: ArrayLike) -> Float64Array:
+    """Normals (..., 3) at positions from 0 to 1 and depths divided by the groove's width, in the wrinkles' axes."""
+    slope = np.pi * np.asarray(depth) * np.sin(2.0 * np.pi * np.asarray(position, np.float64))
+    return _unit(np.stack([-slope, 0.0 * slope, np.ones_like(slope)], axis=-1))
 
 
 def wrinkles(
@@ -165,10 +172,8 @@ def transfer(position: ArrayLike, depth: ArrayLike, n: int = ORDER, n_rays: int 
     """Vectors (P, n^2) of order n of points of a groove, with its shadows: positions (P,) from 0 to 1, depths (P,)
     divided by the groove's width."""
     position, depth = (np.asarray(each, np.float64).ravel() for each in np.broadcast_arrays(position, depth))
-    slope = np.pi * depth * np.sin(2.0 * np.pi * position)
-    length = np.sqrt(1.0 + slope**2)
-    normal = np.stack([-slope / length, 0.0 * slope, 1.0 / length], axis=1)
-    tangent = np.stack([1.0 / length, 0.0 * slope, slope / length], axis=1)
+    normal = groove_normals(position, depth)
+    tangent = normal[:, [2, 1, 0]] * (1.0, 1.0, -1.0)
     left, right = _horizons(position, depth)
     local, _ = cosine_directions(n_rays, n)
     vectors = np.empty((len(position), n * n))

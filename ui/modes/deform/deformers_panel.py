@@ -28,6 +28,9 @@ IMAGES = {
     "translucency": (
         "translucency", "A grey image of translucency by texture coordinates: black lets no light through, white all.",
     ),
+    "depth": (
+        "depth", "A grey image of depth by texture coordinates: black is flat, white as deep as a groove is wide.",
+    ),
     "kind": ("heights", "A grey image of heights that repeats in the place of a pattern; white is the highest."),
 }  # fmt: skip
 FROM_AFAR = "A deformed object shadows only itself; shadows between objects come back when idle."

@@ -97,7 +97,7 @@ def test_maps_that_are_none_are_refused(odd: np.ndarray) -> None:
 def some_patch() -> Patch:
     vectors = np.tile(unshadowed(6, 4), (1, 1))
     vectors[:, 0] = np.arange(6)
-    return patch(run_to_end(fit(vectors, 3)), (2, 3))
+    return patch(run_to_end(fit(vectors, 3)), np.zeros((2, 3)))
 
 
 def test_texels_are_found_where_pictures_have_them_and_repeat() -> None:
@@ -156,7 +156,7 @@ def test_a_mirrored_patch_is_lit_from_its_mirrored_side() -> None:
     """Light from +x on a wall that faces +u: where u runs along -x it looks away."""
     vectors = np.zeros((4, 4))
     vectors[:, 3] = -1.0  # x
-    wall = patch(run_to_end(fit(vectors, 3)), (2, 2)).at(np.full((2, 2), 0.5))
+    wall = patch(run_to_end(fit(vectors, 3)), np.zeros((2, 2))).at(np.full((2, 2), 0.5))
     light = np.zeros((4, 3))
     light[3] = -1.0
     axes = np.stack([np.eye(3), np.diag([-1.0, 1.0, 1.0])])

@@ -98,3 +98,18 @@ def test_hills_are_as_bright_as_their_mesh_with_and_without_what_they_reflect(tm
     # Two further bounces add a third, and of that what is missing is within the noise.
     added = [each[1].mean() / each[0].mean() for each in (truth, found)]
     assert added[0] > 1.25 and added[1] == pytest.approx(added[0], rel=0.01)
+
+
+def test_gloss_on_hills_goes_with_their_normals_and_shadows(tmp_path: Path) -> None:
+    """Seen from above: a third too bright, for of a lobe the share that a diffuse surface sees is taken; on a flat
+    patch, as where gloss knows nothing of detail, it is nine tenths, and elsewhere than the truth."""
+    gloss = make_layer(MODELS["rough_conductor"], {"alpha": 0.6})
+    truth = traced(tmp_path, hills(), (gloss,), 1, 0.0)[..., 1]
+    found, flat = (
+        drawn(tmp_path, f"patch = {{ kind = 'swirl', repeats = [5, 5], height = {height} }}", (gloss,), 1, 0.0)[..., 1]
+        for height in (1.0, 1e-6)
+    )
+    plain = drawn(tmp_path, "", (gloss,), 1, 0.0)[..., 1]
+    assert flat == pytest.approx(plain, rel=1e-2)
+    assert abs(found.mean() - truth.mean()) < 0.5 * abs(flat.mean() - truth.mean())
+    assert np.corrcoef(found.ravel(), truth.ravel())[0, 1] > 0.75

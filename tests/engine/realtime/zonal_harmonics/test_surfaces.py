@@ -185,6 +185,7 @@ def test_light_goes_through_what_is_thin(tmp_path: Path) -> None:
         ("patch = { kind = 'weave', thickness = -0.1 }", "thickness"),
         ("patch = { kind = 'weave', thickness = 0.1, scattering = 0 }", "scattering"),
         ("wrinkles = { depth = 2 }", "depth"),
+        ("wrinkles = { depth = 'none.png' }", "none.png"),
         ("membrane = {}\nsubsurface = { scattering = 1 }", "at most one of membrane"),
         ("fur = {}", "fur"),
     ],

@@ -14,6 +14,7 @@ from engine.realtime.zonal_harmonics.surface_details import WrinkleDetail
 from engine.realtime.zonal_harmonics.transfer import cosine_directions
 from engine.realtime.zonal_harmonics.wrinkle import DEEPEST, Wrinkles, add_reflections, form_factors, transfer, wrinkles
 from engine.scene.surface_kinds import Wrinkles as Says
+from engine.texture.pyramid import make_pyramid
 
 CONSTANT = math.sqrt(4.0 * math.pi)  # light of radiance 1, in the constant band
 
@@ -99,6 +100,29 @@ def test_on_a_surface_their_errors_lie_across_one_coordinate(small: Wrinkles, ac
     uvs = np.random.default_rng(1).uniform(0.0, 1.0, (20, 2))
     along = grooves.errors_at(uvs + ((0.0, 0.4) if across == "u" else (0.4, 0.0)))
     assert along == pytest.approx(grooves.errors_at(uvs)) and np.ptp(along) > 0.001
+
+
+@pytest.mark.parametrize("across", ["u", "v"])
+def test_grooves_are_as_deep_as_an_image_says(small: Wrinkles, across: str) -> None:
+    """Flat on the left and 0.8 deep on the right: there as those of one depth."""
+    image = make_pyramid(np.repeat([[0.0, 0.0, 0.8, 0.8]], 4, axis=0)[:, :, None])
+    by_image = WrinkleDetail(small, Says(across=across, repeats=3.0, depth="deep.png"), image)
+    left, right = (np.random.default_rng(1).uniform(low, low + 0.2, (20, 2)) for low in (0.15, 0.65))
+    for uvs, depth in ((left, 0.0), (right, 0.8)):
+        even = WrinkleDetail(small, Says(across=across, repeats=3.0, depth=depth))
+        for name in ("low", "axes", "coefficients"):
+            assert getattr(by_image.at(uvs), name) == pytest.approx(getattr(even.at(uvs), name), abs=1e-5)
+        assert by_image.normals_at(uvs) == pytest.approx(even.normals_at(uvs), abs=1e-5)
+
+
+def test_normals_are_those_of_the_heights(small: Wrinkles) -> None:
+    """Down a slope of 45 degrees and back; across v the grooves fall along v."""
+    uvs = np.array([[0.25, 0.6], [0.75, 0.6]])
+    depth, half = 1.0 / math.pi, math.sqrt(0.5)
+    found = WrinkleDetail(small, Says(across="u", repeats=1.0, depth=depth)).normals_at(uvs)
+    assert found == pytest.approx(np.array([[-half, 0, half], [half, 0, half]]), abs=0.06)
+    found = WrinkleDetail(small, Says(across="v", repeats=1.0, depth=depth)).normals_at(uvs[:, ::-1])
+    assert found == pytest.approx(np.array([[0, -half, half], [0, half, half]]), abs=0.06)
 
 
 def test_lobes_of_neighbours_correspond(small: Wrinkles) -> None:

@@ -42,6 +42,7 @@ TINTED = LayerMaps(
     texture_rotation=25.0, texture_wrap=("mirror", "clamp"),
 )  # fmt: skip
 SHARED = LayerMaps(weight="share.png", weight_invert=True, strokes=PAINTED)
+TINTED_GLOSS = GLOSS.replace(maps=TINTED)
 PATCH = DeformSurface.model_validate({"patch": {"kind": "bumps", "repeats": [3, 2], "height": 2}})
 BENT: Poses = (
     ("ball", (Deformation("bend", 60.0), Deformation("twist", 40.0))),
@@ -53,7 +54,7 @@ def layer(maps: LayerMaps) -> Layer:
     return MATT.replace(maps=maps)
 
 
-def grooves(n: int) -> Generator[float, None, Zonal]:
+def grooves(n: int, albedo: float, n_bounces: int) -> Generator[float, None, Zonal]:
     """Any lobes that are even over the nodes of the map."""
     chance = np.random.default_rng(3)
     low, axes, coefficients = (chance.normal(size=shape) for shape in ((4,), (N_LOBES, 3), (N_LOBES, n)))
@@ -85,7 +86,7 @@ def deform(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Deform]:
         made = Deform(scene, n_points=300, n_rays=32)
         image = np.random.default_rng(2).uniform(0.2, 2.0, (16, 32, 3)).astype(np.float32)
         made.set_light(SkyState(Environment(image, "noise"), 30.0, 1.2))
-        made.set_layers({0: (MATT, GLOSS), 1: (layer(TINTED), MATT), 2: (layer(TINTED), layer(SHARED), GLOSS)})
+        made.set_layers({0: (MATT, GLOSS), 1: (layer(TINTED), MATT), 2: (layer(TINTED), layer(SHARED), TINTED_GLOSS)})
         made.set_bending(["ball", "leaf"])
         made.set_effort(32, 1)
         yield made
@@ -106,12 +107,18 @@ def picture(context: moderngl.Context) -> Iterator[PosedPicture]:
     assert made.memory_bytes == 0
 
 
-def wrinkled(across: str) -> DeformSurface:
-    return DeformSurface.model_validate({"wrinkles": {"across": across, "repeats": 5, "depth": 0.4}})
+def wrinkled(across: str, depth: float | str = 0.4) -> DeformSurface:
+    return DeformSurface.model_validate({"wrinkles": {"across": across, "repeats": 5, "depth": depth}})
 
 
 @pytest.mark.parametrize(
-    "surfaces", [{}, {"ball": PATCH, "leaf": wrinkled("u")}, {"leaf": PATCH, "ball": wrinkled("v")}]
+    "surfaces",
+    [
+        {},
+        {"ball": PATCH, "leaf": wrinkled("u")},
+        {"leaf": PATCH, "ball": wrinkled("v")},
+        {"ball": wrinkled("u", "share.png"), "floor": PATCH},
+    ],
 )
 def test_it_is_the_picture_of_compiled_code(
     deform: Deform, picture: PosedPicture, surfaces: dict[str, DeformSurface]
@@ -127,7 +134,7 @@ def test_it_is_the_picture_of_compiled_code(
     bare.set_layers({0: (MATT, GLOSS), 1: (MATT,), 2: (MATT, GLOSS)})
     for eye, each in zip(eyes, expected, strict=True):
         assert np.abs(bare.draw(eye, SIZE, BENT) - each).max(axis=2).mean() > 0.02  # what lies on them shows
-    bare.set_layers({0: (MATT, GLOSS), 1: (layer(TINTED), MATT), 2: (layer(TINTED), layer(SHARED), GLOSS)})
+    bare.set_layers({0: (MATT, GLOSS), 1: (layer(TINTED), MATT), 2: (layer(TINTED), layer(SHARED), TINTED_GLOSS)})
 
 
 def test_images_are_sent_once_and_light_and_amounts_without_them(deform: Deform, picture: PosedPicture) -> None:

@@ -38,10 +38,10 @@ from ui.gl.view_target import CornerArrays, ViewTarget, view_uniforms
 ORDER = 6  # of `lobes.comp.glsl`
 # Buffers by the numbers of their bindings in shaders: of points, and of maps on objects.
 _OF_POINTS = {
-    "lobes": 0, "posed": 1, "owners": 2, "light": 3, "objects": 4, "gloss": 5, "blockers": 6,
+    "lobes": 0, "posed": 1, "owners": 2, "light": 3, "gloss": 4, "objects": 5, "blockers": 6,
     "sent": 7,
 }  # fmt: skip
-_OF_COVER = {"details": 0, "posed": 1, "axes": 2, "light": 3, "images": 5, "strokes": 6, "sent": 7}
+_OF_COVER = {"details": 0, "posed": 1, "axes": 2, "light": 3, "gloss": 4, "images": 5, "strokes": 6, "sent": 7}
 _COVERED = (("corner", 4, "i"), ("image_place", 2, "f"), ("position", 3, "f"), ("face", 3, "f"))
 _GROUP = 64  # points
 
@@ -151,8 +151,7 @@ class PosedPicture:
         program, n_points = self._programs.compute("deform/lobes.comp.glsl"), len(shape.owners)
         set_uniforms(
             program, n_points=n_points, n_lobes=shape.n_lobes, table=appearance.table.shape[:2],
-            camera_position=posed.camera_position, n_angles=appearance.gloss.shape[1], steepest=appearance.steepest,
-            cosine=appearance.cosine.tolist(), even=appearance.even, n_blockers=len(posed.blockers),
+            camera_position=posed.camera_position, **_gloss(appearance), n_blockers=len(posed.blockers),
             n_casters=appearance.casts.shape[1], spread=appearance.spread.tolist(), least=appearance.least,
         )  # fmt: skip
         program.run(-(-n_points // _GROUP))
@@ -176,7 +175,10 @@ class PosedPicture:
         if term.maps is not None:
             set_uniforms(program, **map_uniforms(term.maps), n_strokes=cover.n_strokes)
         if term.detail is not None:
-            set_uniforms(program, **_detail(term.detail), table=appearance.table.shape[:2])
+            set_uniforms(
+                program, **_detail(term.detail), **_gloss(appearance), table=appearance.table.shape[:2],
+                gloss_layer=term.gloss,
+            )  # fmt: skip
         self._covered.draw(program, self._buffers["covered"], cover.ranges[term.i_object])
 
     def _bind(self, bindings: dict[str, int]) -> None:
@@ -215,7 +217,14 @@ class PosedPicture:
 def _detail(detail: ExportedDetail) -> dict[str, object]:
     return {
         "map_first": detail.first, "map_shape": detail.shape, "n_lobes": detail.n_lobes, "repeats": detail.repeats,
-        "is_smooth": detail.is_smooth,
+        "is_smooth": detail.is_smooth, "map_depth": detail.depth, "depth_image": detail.depth_image,
+    }  # fmt: skip
+
+
+def _gloss(appearance: AppearancePart) -> dict[str, object]:
+    return {
+        "n_angles": appearance.gloss.shape[1], "steepest": appearance.steepest, "cosine": appearance.cosine.tolist(),
+        "even": appearance.even,
     }  # fmt: skip
 
 
