@@ -63,9 +63,10 @@ class Setting:
     @property
     def expected(self) -> str:
         """A description of the values."""
-        if isinstance(self.values, range):
-            return f"a whole number from {self.values[0]} to {self.values[-1]:,}"
         words = {value: word for word, value in self.words}
+        if isinstance(self.values, range):
+            named = "".join(f" ({value}: {word})" for value, word in words.items())
+            return f"a whole number from {self.values[0]} to {self.values[-1]:,}{named}"
         *first, last = (words.get(value, str(value)) for value in self.values)
         return f"{', '.join(first)} or {last}"
 
@@ -148,8 +149,8 @@ class RenderSettings:
         line="transfer_rays", label="Rays per point", choices=(64, 128, 256, 1000, 5000, 20_000), mode="deform",
     )  # fmt: skip
     n_lobes: int = _setting(
-        4, "fitted to what the rays found", _up_to(1, 4), line="lobes",
-        label="Lobes", mode="deform",
+        4, "fitted to what the rays found; 0: light without shadows, for comparison", _up_to(0, 4), line="lobes",
+        label="Lobes", mode="deform", words=(("unshadowed", 0),),
     )  # fmt: skip
     overridden: frozenset[str] = frozenset()
 

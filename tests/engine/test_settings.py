@@ -56,8 +56,9 @@ def test_a_number_is_brought_into_its_range(name: str, value: object, nearest: o
 def test_a_wrong_value_is_refused_by_the_name_that_the_user_gave() -> None:
     with pytest.raises(InsituError, match="--edges 3: expected one of 0, 4, 8, 16"):
         checked_setting("n_edge_rays", 3)
-    with pytest.raises(InsituError, match="plan: lobes = 5, expected a whole number from 1 to 4"):
+    with pytest.raises(InsituError, match="plan: lobes = 5, expected a whole number from 0 to 4 .0: unshadowed."):
         checked_line("lobes", 5)
+    assert checked_line("lobes", "unshadowed") == 0
 
 
 def test_lines_override_settings_and_say_so() -> None:

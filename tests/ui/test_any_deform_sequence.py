@@ -147,7 +147,7 @@ COMMANDS: dict[str, Callable[[OrbitWalk], object]] = {
     "kill": lambda w: w.client.kill(),
     "bounces as planned": lambda w: w.editor.do(SetView.of(n_bounces=0)),
     "light once": lambda w: w.editor.do(SetView.of(n_bounces=1)),
-    **plan_lines(transfer_rays=(64, 2000), lobes=(1, 3)),
+    **plan_lines(transfer_rays=(64, 2000), lobes=(0, 1, 3)),
 }
 
 

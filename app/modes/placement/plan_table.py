@@ -80,7 +80,8 @@ def _setting_line(
     """The line of a render setting; names: of its choices."""
     setting = SETTINGS[FIELD_OF_LINE[line]]
     values = names or (setting.values if setting.choices is None else setting.choices)
-    choices = tuple((f"{value:,}" if names is None else names[value], value) for value in values)
+    words = {value: word for word, value in setting.words} if names is None else names
+    choices = tuple((words.get(value) or f"{value:,}", value) for value in values)
     return _line(document, line, setting.label, planned, reason, choices)
 
 

@@ -22,7 +22,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.core.generators import StillProgress, run_to_end
+from engine.core.generators import StillProgress
 from engine.light.environment import triangle_integrals
 from engine.material.layer import Layer
 from engine.material.layer_maps import Images
@@ -34,6 +34,7 @@ from engine.realtime.zonal_harmonics.gpu_export import PictureExporter
 from engine.realtime.zonal_harmonics.object_transfer import (
     N_LOBES,
     ORDER,
+    UNSHADOWED,
     ObjectTransfer,
     Reflectance,
     TransferCache,
@@ -50,8 +51,8 @@ from engine.realtime.zonal_harmonics.picture_renderer import (
 from engine.realtime.zonal_harmonics.pose import Poses
 from engine.realtime.zonal_harmonics.shading import BandLight, Lobes, band_light, low_gloss
 from engine.realtime.zonal_harmonics.surface_details import Detail, detail
-from engine.realtime.zonal_harmonics.transfer import N_RAYS, unshadowed
-from engine.realtime.zonal_harmonics.zonal import Zonal, fit
+from engine.realtime.zonal_harmonics.transfer import N_RAYS
+from engine.realtime.zonal_harmonics.zonal import Zonal, unshadowed_lobes
 from engine.scene.description import CameraDescription
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene
@@ -137,7 +138,8 @@ class Deform:
         self._surfaces = dict(surfaces)
 
     def set_effort(self, n_rays: int, n_lobes: int) -> None:
-        """Set the number of rays of each point, and of lobes that approximate the result, 1 to `N_LOBES`."""
+        """Set the number of rays of each point, and of lobes that approximate the result, 1 to `N_LOBES`; `UNSHADOWED`
+        for light without shadows and reflections."""
         self._rays, self._n_lobes = (min(FEW_RAYS, n_rays), n_rays), n_lobes
 
     def set_bounces(self, n_bounces: int) -> None:
@@ -233,7 +235,10 @@ class Deform:
             if surface.is_mapped:  # one map for all of the object
                 bright = bright.average
             n_bounces = self._n_bounces if bright.brightest else 0
-            found.append(ObjectTransfer(i, casters, surface, bright, n_bounces, self._rays[1], self._n_lobes))
+            if self._n_lobes == UNSHADOWED:
+                found.append(ObjectTransfer(i, (), surface, Reflectance(), 0, 0, UNSHADOWED))
+            else:
+                found.append(ObjectTransfer(i, casters, surface, bright, n_bounces, self._rays[1], self._n_lobes))
         return found
 
     def _reflectance(self, i: int) -> Reflectance:
@@ -262,8 +267,8 @@ class Deform:
             is_other = known is None or (known.casters, known.surface) != (each.casters, each.surface)
             if is_other:
                 is_there = self._transfers is not None and self._transfers.get(each) is not None
-                if is_there or each.surface.wrinkles is not None:  # whose map costs as much by few rays
-                    return each
+                if is_there or each.surface.wrinkles is not None or each.n_lobes == UNSHADOWED:
+                    return each  # which costs as much by few rays
                 return replace(each, reflectance=Reflectance(), n_rays=self._rays[0], n_lobes=1)
         return missing[0] if missing else None
 
@@ -334,6 +339,8 @@ class Deform:
 
     def _missing_casters(self) -> tuple[frozenset[int], ...]:
         """For each object the other bending objects that its transfer, as it is now, does not contain."""
+        if self._n_lobes == UNSHADOWED:
+            return (frozenset(),) * len(self.scene.smooth)
         seen = {i: each.casters for i, each in self._cache.items()}
         shown = self._posed.intersection(self._layers_of)
         return tuple(shown.difference((i, *seen.get(i, ()))) for i in range(len(self.scene.smooth)))
@@ -341,7 +348,7 @@ class Deform:
 
 def _unshadowed_lobes(n_points: int) -> Lobes:
     """Lobes of points that see everything above their horizon."""
-    one = run_to_end(fit(unshadowed(1, ORDER), 1))
+    one = unshadowed_lobes([0.0, 0.0, 1.0], ORDER)
     low, axes = np.repeat(one.low, n_points, axis=0), np.zeros((n_points, N_LOBES, 3))
     axes[:, :, 2] = 1.0
     axes[:, 0] = one.axes[0, 0]

@@ -22,6 +22,7 @@ from engine.realtime.core.terms import diffuse_albedo, is_glossy, map_factor
 from engine.realtime.zonal_harmonics.bending_points import BendingPoints
 from engine.realtime.zonal_harmonics.shading import low_gloss
 from engine.realtime.zonal_harmonics.surface_details import (
+    detail_normals,
     heights,
     n_texels,
     patch_vectors,
@@ -29,7 +30,7 @@ from engine.realtime.zonal_harmonics.surface_details import (
     wrinkle_lobes,
 )
 from engine.realtime.zonal_harmonics.transfer import Medium, add_bounces, simulate_shadows, simulate_subsurface
-from engine.realtime.zonal_harmonics.zonal import Zonal, fit, fit_linear_lobe, membrane
+from engine.realtime.zonal_harmonics.zonal import Zonal, fit, fit_linear_lobe, membrane, unshadowed_lobes
 from engine.scene.scene_loader import Scene
 from engine.scene.surface_kinds import DeformSurface
 from engine.texture.pyramid import Pyramid
@@ -37,7 +38,7 @@ from engine.texture.pyramid import Pyramid
 Float64Array = NDArray[np.float64]
 Float32Array = NDArray[np.float32]
 
-ORDER, N_LOBES = 6, 4
+ORDER, N_LOBES, UNSHADOWED = 6, 4, 0
 ALBEDO_STEPS = 8  # for the brightest point
 SHARE_STEPS = 15  # for the others, relative to it
 
@@ -45,7 +46,8 @@ SHARE_STEPS = 15  # for the others, relative to it
 @dataclass(frozen=True)
 class ObjectTransfer:
     """Description of one object's transfer: the object; the objects that shade its points; its surface; its points'
-    reflectance and the number of bounces on the object itself; rays and lobes of each point."""
+    reflectance and the number of bounces on the object itself; rays and lobes of each point, `UNSHADOWED` for light
+    without shadows and reflections."""
 
     i_object: int
     casters: tuple[int, ...]
@@ -58,7 +60,7 @@ class ObjectTransfer:
     @property
     def is_worth_storing(self) -> bool:
         """Whether computing it takes longer than reading it; a membrane's map may also change while the cache stays."""
-        return self.surface.membrane is None
+        return self.surface.membrane is None and self.n_lobes != UNSHADOWED
 
     def dependencies(self, scene: Scene, points: BendingPoints) -> tuple[object, ...]:
         """Everything that it depends on."""
@@ -84,6 +86,9 @@ class ObjectTransfer:
         surface = self.surface
         if surface.membrane is not None:
             return membrane(_translucency(scene, points, self.i_object, surface.membrane.translucency), ORDER)
+        if self.n_lobes == UNSHADOWED:
+            upright = np.tile([0.0, 0.0, 1.0], (len(points.points_of(self.i_object)), 1))
+            return unshadowed_lobes(detail_normals(scene, surface) if surface.is_mapped else upright, ORDER)
         if surface.wrinkles is not None:
             return (yield from wrinkle_lobes(ORDER, float(self.reflectance.albedo), self.n_bounces))
         vectors = yield from self._vectors(scene, points)

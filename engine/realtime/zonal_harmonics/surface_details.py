@@ -22,12 +22,13 @@ from engine.realtime.zonal_harmonics.patches import (
     Patch,
     Slab,
     heights_of_image,
+    normals_of,
     patch,
     simulate_patch,
 )
 from engine.realtime.zonal_harmonics.shading import Lobes, lobes
 from engine.realtime.zonal_harmonics.transfer import Medium
-from engine.realtime.zonal_harmonics.wrinkle import DEEPEST, SIDE, between_nodes, groove_normals, wrinkles
+from engine.realtime.zonal_harmonics.wrinkle import DEEPEST, SIDE, between_nodes, node_normals, wrinkles
 from engine.realtime.zonal_harmonics.wrinkle import Wrinkles as WrinkleMap
 from engine.realtime.zonal_harmonics.zonal import Zonal
 from engine.scene.scene_loader import Scene
@@ -99,8 +100,7 @@ class WrinkleDetail(Detail):
 
     def __init__(self, found: WrinkleMap, surface: WrinklesSay, depth_image: Pyramid | None = None) -> None:
         self._map, self._surface, self._depth_image = found, surface, depth_image
-        node = [np.linspace(0.0, end, n) for end, n in zip((1.0, DEEPEST), found.errors.shape, strict=True)]
-        self._normals = groove_normals(*np.meshgrid(*node, indexing="ij"))
+        self._normals = node_normals(*found.errors.shape)
         if surface.across == "v":  # across and along it are v and -u
             turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
             self._map, self._normals = found.rotate(turn), self._normals @ turn.T
@@ -167,6 +167,12 @@ def wrinkle_lobes(n: int, albedo: float, n_bounces: int) -> Generator[float, Non
 def n_texels(scene: Scene, surface: DeformSurface) -> int:
     """Number of a patch's texels, or of nodes of a map of wrinkles, that have lobes."""
     return SIDE * SIDE if surface.patch is None else heights(scene, surface.patch).size
+
+
+def detail_normals(scene: Scene, surface: DeformSurface) -> Float64Array:
+    """Normals (P, 3) of `n_texels`, in the axes of their lobes."""
+    found = node_normals(SIDE, SIDE) if surface.patch is None else normals_of(heights(scene, surface.patch))
+    return found.reshape(-1, 3)
 
 
 def detail(scene: Scene, surface: DeformSurface, zonal: Zonal) -> Detail:

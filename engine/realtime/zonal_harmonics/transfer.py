@@ -53,11 +53,6 @@ class TransferPoints:
     normals: Float64Array | None = None
 
 
-def unshadowed(n_points: int, n: int) -> Float64Array:
-    """Vectors (P, n^2) of points that see everything above their horizon: a cosine about the normal."""
-    return np.repeat(cosine_directions(N_RAYS, n)[1].mean(axis=0)[None], n_points, axis=0)
-
-
 def simulate(
     mesh: TransferPoints, caster: RayCaster, n: int, albedo: ArrayLike = 0.0, n_bounces: int = 0, n_rays: int = N_RAYS
 ) -> Generator[float, None, Float64Array]:

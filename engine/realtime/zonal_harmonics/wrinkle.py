@@ -83,6 +83,12 @@ def groove_normals(position: ArrayLike, depth: ArrayLike) -> Float64Array:
     return _unit(np.stack([-slope, 0.0 * slope, np.ones_like(slope)], axis=-1))
 
 
+def node_normals(n_rows: int, n_columns: int) -> Float64Array:
+    """Normals (H, W, 3) of the nodes of `Wrinkles`."""
+    position, depth = np.linspace(0.0, 1.0, n_rows), np.linspace(0.0, DEEPEST, n_columns)
+    return groove_normals(position[:, None] + 0.0 * depth, 0.0 * position[:, None] + depth)
+
+
 def wrinkles(
     n: int = ORDER, side: int = SIDE, albedo: float = 0.0, n_bounces: int = 0
 ) -> Generator[float, None, Wrinkles]:

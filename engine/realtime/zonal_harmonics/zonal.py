@@ -9,7 +9,7 @@ The transfer of a thin membrane needs no fit: it is a single lobe in closed form
 from __future__ import annotations
 
 from collections.abc import Generator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -122,6 +122,18 @@ def _scan() -> Float64Array:
     """Directions over half the sphere: the other half gives the same lobes."""
     vertices = geodesic(_SCAN_LEVEL).vertices
     return np.ascontiguousarray(vertices[vertices @ (0.01, 0.02, 1.0) > 0.0])
+
+
+def unshadowed_lobes(normals: ArrayLike, n: int) -> Zonal:
+    """Lobes of order n for points that see all that is above normals (P, 3), as an irradiance map shades them
+    [Sloan05, 6]."""
+    normals = np.asarray(normals, np.float64).reshape(-1, 3)
+    upright = membrane(np.zeros(len(normals)), n)
+    # Bands 0 and 1 are stored exactly, because they are interpolated between points.
+    low, coefficients = upright.low.copy(), upright.coefficients.copy()
+    low[:, 1:] = coefficients[:, 0, 1:2] * basis(normals, 2)[:, 1:]
+    coefficients[:, 0, 1] = 0.0
+    return replace(upright, low=low, axes=normals[:, None], coefficients=coefficients)
 
 
 def membrane(translucency: ArrayLike, n: int) -> Zonal:

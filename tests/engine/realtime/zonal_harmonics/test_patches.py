@@ -13,7 +13,7 @@ from engine.realtime.zonal_harmonics import patches
 from engine.realtime.zonal_harmonics.bending_points import numbers_of, uv_axes
 from engine.realtime.zonal_harmonics.patches import Patch, Slab, patch, simulate_patch
 from engine.realtime.zonal_harmonics.shading import band_light, shade
-from engine.realtime.zonal_harmonics.transfer import Medium, unshadowed
+from engine.realtime.zonal_harmonics.transfer import Medium
 from engine.realtime.zonal_harmonics.zonal import fit
 from engine.scene.object_meshes import quad
 from engine.sphere.harmonics import basis
@@ -95,7 +95,7 @@ def test_maps_that_are_none_are_refused(odd: np.ndarray) -> None:
 
 
 def some_patch() -> Patch:
-    vectors = np.tile(unshadowed(6, 4), (1, 1))
+    vectors = np.tile(_cosine(500), (6, 1))
     vectors[:, 0] = np.arange(6)
     return patch(run_to_end(fit(vectors, 3)), np.zeros((2, 3)))
 

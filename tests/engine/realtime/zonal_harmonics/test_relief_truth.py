@@ -14,6 +14,7 @@ from engine.material.layer import Layer, make_layer
 from engine.precompute.direct.pipeline import SkyState
 from engine.realtime.stills import PathReference
 from engine.realtime.zonal_harmonics.deform_engine import Deform, finish_deform
+from engine.realtime.zonal_harmonics.object_transfer import UNSHADOWED
 from engine.realtime.zonal_harmonics.patches import PATTERNS
 from engine.scene.scene_loader import load_scene
 from tests.scene_text import camera, environment, placed
@@ -98,6 +99,25 @@ def test_hills_are_as_bright_as_their_mesh_with_and_without_what_they_reflect(tm
     # Two further bounces add a third, and of that what is missing is within the noise.
     added = [each[1].mean() / each[0].mean() for each in (truth, found)]
     assert added[0] > 1.25 and added[1] == pytest.approx(added[0], rel=0.01)
+
+
+@pytest.mark.parametrize("surface", [HILLS, "wrinkles = { repeats = 5, depth = 0.6, across = 'v' }"])
+def test_unshadowed_light_is_that_of_the_normal_alone(tmp_path: Path, surface: str) -> None:
+    """Of light 1 + 0.6 x a white diffuse surface reflects 1 + 0.4 n_x, the cosine keeping 2/3 of the linear band."""
+    (tmp_path / "sheet.toml").write_text(
+        f"{above(0.0)}{environment()}{placed('sheet', 'quad')}\n[object.deform]\n{surface}\n"
+    )
+    deform = Deform(load_scene(tmp_path / "sheet.toml"), n_points=0, n_rays=16)
+    deform.set_light(sky())
+    deform.set_layers({0: (WHITE,)})
+    deform.set_effort(16, UNSHADOWED)
+    picture = finish_deform(deform).draw(deform.scene.description.camera, SIZE, (), "moving")[..., 0] / 0.75
+    detail = deform._details[0]
+    column, row = np.meshgrid(np.arange(SIZE[0]), np.arange(SIZE[1]))
+    around = [(each.ravel() + 0.5) / SIZE[0] / N_COPIES for each in (column, SIZE[1] - 1 - row)]
+    normals = detail.normals_at(0.4 + np.stack(around, axis=1))
+    assert picture.ravel() == pytest.approx(1.0 + 0.4 * normals[:, 0], abs=0.03)
+    assert np.ptp(normals[:, 0]) > 0.5 or "wrinkles" in surface
 
 
 def test_gloss_on_hills_goes_with_their_normals_and_shadows(tmp_path: Path) -> None:
