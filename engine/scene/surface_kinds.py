@@ -47,9 +47,14 @@ class _Surface(BaseModel):
 
 
 class Membrane(_Surface):
-    """A membrane so thin that light passes through: a share of it, or a map of shares."""
+    """A membrane so thin that light passes through: a share of it, or a map of shares; or by its thickness in metres,
+    0 for none, and the scattering and absorption inside per metre."""
 
     translucency: ShareOrFile = 0.5
+    thickness: Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)] = 0.0
+    scattering: Scattering = 5000.0
+    absorption: Absorption = 10.0
+    ior: RefractiveIndex = 1.3
 
 
 class Subsurface(_Surface):
@@ -142,7 +147,10 @@ class DeformSurface(_Surface):
     @property
     def idle_parameters(self) -> tuple[str, ...]:
         """Parameters without an effect at its present values."""
-        return MEDIUM if self.patch is not None and not self.patch.thickness else ()
+        if self.membrane is not None and self.membrane.thickness:
+            return ("translucency",)
+        may_be_thick = self.membrane or self.patch
+        return () if may_be_thick is None or may_be_thick.thickness else MEDIUM
 
 
 # The purposes of a surface's images: the kind that has it, and the value that names it.
@@ -187,21 +195,29 @@ def _choice(name: str, label: str, tooltip: str, choices: tuple[str, ...]) -> Pa
 
 
 _REPEATS = "How often it repeats over the texture coordinates."
+_DENSITY = "Reduced scattering: less lets light further through."
 _INDEX = "Index of refraction: a higher one keeps more light inside."
 SURFACES: Mapping[str, SurfaceKind] = {
     "membrane": SurfaceKind(
         "Membrane",
         "So thin that light comes through from behind: wings, leaves, paper.",
-        (_slider("translucency", 0.5, "Translucency", "Share of the light from behind that comes through.", 1.0),),
+        (
+            _slider("translucency", 0.5, "Translucency", "Share of the light from behind that comes through.", 1.0),
+            _slider(
+                "thickness", 0.0, "Thickness",
+                "With a thickness, what is inside says how much comes through. At 0 the translucency does.",
+                0.1, unit="m", is_wide=True,
+            ),
+            _slider("scattering", 5000.0, "Density", _DENSITY, 1e6, 1.0, unit="/m", is_wide=True),
+            _slider("absorption", 10.0, "Absorption", "Absorption inside.", 1e5, unit="/m", is_wide=True),
+            _slider("ior", 1.3, "Index", _INDEX, 3.0, 1.0),
+        ),
     ),
     "subsurface": SurfaceKind(
         "Subsurface",
         "Light that enters comes out elsewhere, so that thin parts let it through: marble, wax, skin.",
         (
-            _slider(
-                "scattering", 150.0, "Density", "Reduced scattering: less lets light further through.",
-                1e5, 1.0, unit="/m", is_wide=True,
-            ),
+            _slider("scattering", 150.0, "Density", _DENSITY, 1e5, 1.0, unit="/m", is_wide=True),
             _slider("absorption", 0.5, "Absorption", "Absorption inside.", 1e4, unit="/m", is_wide=True),
             _slider("ior", 1.3, "Index", _INDEX, 3.0, 1.0),
         ),

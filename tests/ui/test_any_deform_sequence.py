@@ -122,6 +122,7 @@ COMMANDS: dict[str, Callable[[OrbitWalk], object]] = {
     "no loop": lambda w: w.editor.do(SetView.of(loops=False)),
     "loop": lambda w: w.editor.do(SetView.of(loops=True)),
     "a surface": lambda w: w.editor.do(SetSurface("dice", "membrane", (("translucency", w.now % 1.0),))),
+    "a thick membrane": lambda w: w.editor.do(SetSurface("dice", "membrane", (("thickness", w.now % 1e-3),))),
     "another surface": lambda w: w.editor.do(SetSurface("dice", "subsurface")),
     "a slab": lambda w: w.editor.do(SetSurface("dice", "patch", (("thickness", w.now % 1.0),))),
     "a plain surface": lambda w: w.editor.do(SetSurface("dice", "")),

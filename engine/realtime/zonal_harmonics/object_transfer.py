@@ -32,7 +32,7 @@ from engine.realtime.zonal_harmonics.surface_details import (
 from engine.realtime.zonal_harmonics.transfer import Medium, add_bounces, simulate_shadows, simulate_subsurface
 from engine.realtime.zonal_harmonics.zonal import Zonal, fit, fit_linear_lobe, membrane, unshadowed_lobes
 from engine.scene.scene_loader import Scene
-from engine.scene.surface_kinds import DeformSurface
+from engine.scene.surface_kinds import DeformSurface, Membrane
 from engine.texture.pyramid import Pyramid
 
 Float64Array = NDArray[np.float64]
@@ -85,7 +85,7 @@ class ObjectTransfer:
         """Compute transfer by rays, where needed, and fit lobes. Yields the share of the rays that is done."""
         surface = self.surface
         if surface.membrane is not None:
-            return membrane(_translucency(scene, points, self.i_object, surface.membrane.translucency), ORDER)
+            return _membrane_lobes(scene, points, self.i_object, surface.membrane)
         if self.n_lobes == UNSHADOWED:
             upright = np.tile([0.0, 0.0, 1.0], (len(points.points_of(self.i_object)), 1))
             return unshadowed_lobes(detail_normals(scene, surface) if surface.is_mapped else upright, ORDER)
@@ -152,6 +152,15 @@ class TransferCache:
         for other in [each for each in self._at_hand if each.i_object == wanted.i_object][:-1]:
             del self._at_hand[other]
         self._at_hand[wanted] = zonal
+
+
+def _membrane_lobes(scene: Scene, points: BendingPoints, i: int, surface: Membrane) -> Zonal:
+    """Lobes of an object's points: by the membrane's thickness and what it is of, or by its translucency alone."""
+    if not surface.thickness:
+        return membrane(_translucency(scene, points, i, surface.translucency), ORDER)
+    medium = Medium(surface.scattering, surface.absorption, surface.ior)
+    reflected, transmitted = medium.slab_shares(surface.thickness)
+    return membrane(np.full(len(points.points_of(i)), transmitted), ORDER, reflected)
 
 
 def _translucency(scene: Scene, points: BendingPoints, i: int, surface: float | str) -> NDArray[np.float64]:

@@ -39,6 +39,7 @@ _GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
 LEFT_OUT = 1e-3  # of the reflectance, beyond the reach
 _N_TABLE = 4096  # distances at which the reflectance is tabulated
 _BLOCK_POINTS = 1024
+_N_SLAB = 48  # depths and directions in a slab
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,6 +228,34 @@ class Medium:
             total += depth * np.exp(-self.decay * away) / away
         return np.asarray(self.albedo / 2.0 * total)
 
+    def slab_shares(self, thickness: float) -> tuple[float, float]:
+        """Shares of diffuse light that a slab, so many metres thick, reflects and transmits: diffusion between two
+        planes where the fluence is 0, outside either side [Donner05, 3], from where light is first scattered; and what
+        is not scattered at all. As above, light enters without loss.
+
+        Raises ValueError unless the thickness is above 0.
+        """
+        if not 0.0 < thickness < math.inf:
+            raise ValueError(f"a slab {thickness:g} thick, expected above 0")
+        nodes, weights = np.polynomial.legendre.leggauss(_N_SLAB)
+        nodes, weights = 0.5 * (nodes + 1.0), 0.5 * weights
+        extinction, (real, virtual) = self.scattering + self.absorption, self.depths
+        outside = 0.5 * (virtual - real)
+        # Light from all directions, by their cosine, refracted: its share by the depth at which it is first scattered.
+        cosine = np.sqrt(1.0 - (1.0 - nodes**2) / self.ior**2)
+        share = 2.0 * nodes * weights
+        unscattered = float(share @ np.exp(-extinction * thickness / cosine))
+        # Depths in even steps of the light that is left along the normal, where a thick slab has most of it.
+        most = -math.expm1(-extinction * thickness)
+        depth = -np.log1p(-most * nodes) / extinction
+        density = np.exp(-np.outer(depth, extinction / cosine - extinction)) @ (share / cosine) * most * weights
+        # Flux through either side from a source at each depth: sinh(k a) cosh(k b) / sinh(k (d + 2 b)).
+        up, down = (
+            _sinh_ratio(self.decay, to_plane + outside, outside, thickness + 2.0 * outside)
+            for to_plane in (thickness - depth, depth)
+        )
+        return self.albedo * float(density @ up), self.albedo * float(density @ down) + unscattered
+
     @property
     def reach(self) -> float:
         """Distance in metres beyond which less than `LEFT_OUT` of the reflectance lies."""
@@ -239,6 +268,14 @@ class Medium:
                 (middle, high) if self.integral_beyond(middle) > LEFT_OUT * self.integral_beyond(0.0) else (low, middle)
             )
         return high
+
+
+def _sinh_ratio(rate: float, a: Float64Array, b: float, total: float) -> Float64Array:
+    """sinh(rate a) cosh(rate b) / sinh(rate total), where a + b <= total; without overflow, and a / total at rate 0."""
+    if rate * total < 1e-6:
+        return np.asarray(a / total)
+    grown = np.exp(rate * (a + b - total)) * (1.0 + math.exp(-2.0 * rate * b)) / 2.0
+    return np.asarray(grown * np.expm1(-2.0 * rate * a) / math.expm1(-2.0 * rate * total))
 
 
 @dataclass(frozen=True, eq=False)

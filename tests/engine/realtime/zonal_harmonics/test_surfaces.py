@@ -18,6 +18,7 @@ from engine.realtime.zonal_harmonics.deform_engine import Deform, finish_deform
 from engine.realtime.zonal_harmonics.patches import PATTERNS
 from engine.realtime.zonal_harmonics.pose import Deformation
 from engine.realtime.zonal_harmonics.surface_details import heights, wrinkle_lobes
+from engine.realtime.zonal_harmonics.transfer import Medium
 from engine.render.display import error_to_radiance
 from engine.scene.description import SceneDescription
 from engine.scene.scene_loader import Scene, load_scene
@@ -64,6 +65,16 @@ def test_a_membrane_shows_the_light_before_it_and_a_share_of_that_behind(tmp_pat
     before, behind = middle(lit(scene, even(1.0, 0.0))), middle(lit(scene, even(0.0, 1.0)))
     assert before + behind == pytest.approx(1.0 + alpha, abs=1e-2)
     assert before - behind == pytest.approx(1.0 - alpha, abs=0.03)
+
+
+def test_a_membrane_of_a_thickness_reflects_and_transmits_as_a_slab(tmp_path: Path) -> None:
+    thin = "membrane = { thickness = 2e-4, scattering = 5000, absorption = 100 }"
+    deform = lit(scene_of(tmp_path, thin), even(1.0, 0.0))
+    front = middle(deform)
+    deform.set_light(SkyState(Environment(even(0.0, 1.0).astype(np.float32), "sky")))
+    reflected, transmitted = Medium(5000.0, 100.0).slab_shares(2e-4)
+    assert front == pytest.approx(reflected, abs=0.03) and middle(deform) == pytest.approx(transmitted, abs=0.03)
+    assert 0.2 < reflected < 0.8 and 0.2 < transmitted < 0.8
 
 
 def test_a_membrane_goes_with_the_sheet_that_bends(tmp_path: Path) -> None:
@@ -177,6 +188,8 @@ def test_light_goes_through_what_is_thin(tmp_path: Path) -> None:
         ("membrane = { translucency = 1.5 }", "translucency"),
         ("membrane = { translucency = 'map.png' }", "map.png"),
         ("membrane = { translucency = '../map.png' }", "map.png"),
+        ("membrane = { thickness = -1 }", "thickness"),
+        ("membrane = { thickness = 1e-3, ior = 0.5 }", "ior"),
         ("patch = { kind = 'knit' }", "kind"),
         ("patch = {}", "exactly one of kind and file"),
         ("patch = { kind = 'weave', repeats = [0, 1] }", "repeats"),

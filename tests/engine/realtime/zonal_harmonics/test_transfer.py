@@ -55,6 +55,59 @@ def corner() -> tuple[TransferPoints, RayCaster, np.ndarray]:
     return TransferPoints(surface_points(caster, vertices, normals), frames, triangles), caster, near
 
 
+def walk_through_slab(medium: Medium, thickness: float, n: int = 40_000) -> tuple[float, float]:
+    """Shares that leave a slab above and below, by random walks that begin at all directions by their cosine."""
+    chance = np.random.default_rng(4)
+    extinction = medium.scattering + medium.absorption
+    depth, weight = np.zeros(n), np.ones(n)
+    cosine = np.sqrt(1.0 - (1.0 - chance.random(n)) / medium.ior**2)  # refracted
+    out, has_scattered = np.zeros(2), False
+    while len(depth):
+        depth = depth - np.log(chance.random(len(depth))) / extinction * cosine
+        while True:  # reflected inside as often as needed
+            side = np.where(depth < 0.0, 0, np.where(depth > thickness, 1, -1))
+            leaves = (side >= 0) & (chance.random(len(depth)) >= fresnel(np.abs(cosine), medium.ior) * has_scattered)
+            for k in range(2):
+                out[k] += weight[leaves & (side == k)].sum()
+            depth, cosine, weight, side = depth[~leaves], cosine[~leaves], weight[~leaves], side[~leaves]
+            if not (side >= 0).any():
+                break
+            depth = np.where(side == 0, -depth, np.where(side == 1, 2.0 * thickness - depth, depth))
+            cosine = np.where(side >= 0, -cosine, cosine)
+        weight = weight * medium.albedo
+        alive = chance.random(len(weight)) < np.where(weight < 0.1, 0.5, 1.0)
+        weight = np.where(weight < 0.1, 2.0 * weight, weight)[alive]
+        depth, cosine, has_scattered = depth[alive], chance.uniform(-1.0, 1.0, int(alive.sum())), True
+    return float(out[0] / n), float(out[1] / n)
+
+
+def fresnel(cosine: np.ndarray, ior: float) -> np.ndarray:
+    """Reflectance from inside."""
+    outside = np.sqrt(np.maximum(1.0 - ior**2 * (1.0 - cosine**2), 0.0))
+    s = ((ior * cosine - outside) / (ior * cosine + outside)) ** 2
+    p = ((cosine - ior * outside) / (cosine + ior * outside)) ** 2
+    return np.where(outside > 0.0, 0.5 * (s + p), 1.0)
+
+
+@pytest.mark.parametrize("ior", [1.0, 1.3])
+@pytest.mark.parametrize(("thickness", "absorption"), [(0.1, 0.0), (0.5, 0.2), (1.0, 0.0), (3.0, 0.05), (10.0, 0.01)])
+def test_a_slab_lets_through_what_random_walks_do(thickness: float, absorption: float, ior: float) -> None:
+    """Lengths in mean free paths of scattering: from almost clear to ten of them."""
+    medium = Medium(1.0, absorption, ior)
+    found, walked = medium.slab_shares(thickness), walk_through_slab(medium, thickness)
+    assert found == pytest.approx(walked, abs=0.05)
+
+
+def test_a_slab_that_absorbs_nothing_sends_all_light_somewhere_and_a_thick_one_back() -> None:
+    for thickness in (1e-6, 0.1, 1.0, 50.0):
+        assert sum(Medium(20.0, 0.0).slab_shares(thickness)) == pytest.approx(1.0, abs=1e-3)
+    assert Medium(20.0, 0.0).slab_shares(1e-6)[1] == pytest.approx(1.0, abs=1e-3)
+    assert Medium(20.0, 0.0).slab_shares(1e3)[0] == pytest.approx(1.0, abs=1e-3)
+    assert Medium(20.0, 5.0).slab_shares(1e5) == pytest.approx(Medium(20.0, 5.0).slab_shares(1e3), abs=1e-9)
+    with pytest.raises(ValueError, match="0 thick, expected above 0"):
+        Medium(20.0, 5.0).slab_shares(0.0)
+
+
 def test_nothing_in_the_way_is_a_cosine() -> None:
     expected = np.zeros(36)
     expected[[l * l + l for l in range(6)]] = 1.0  # noqa: E741
