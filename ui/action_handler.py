@@ -32,6 +32,7 @@ from app.files.session import CHANGED
 from app.operators.registry import run_operator
 from app.system.atomic import require_place
 from engine.core.errors import InsituError
+from engine.curve.table_text import TABLE_ENDINGS
 from engine.material.bumps import BUMP_KINDS
 from engine.measured.measurement import ENDINGS as MEASURED_ENDINGS
 from engine.scene.builtin import builtin_scenes
@@ -45,6 +46,7 @@ from ui.panels.actions import (
     BeginDrag,
     CancelDrag,
     Copy,
+    CopyText,
     DeleteMaterial,
     DragCamera,
     EndCameraDrag,
@@ -96,6 +98,7 @@ class FrameOutcome:
 KIND_OF = {
     "open_scene": "scene", "save_session": "scene", "open_environment": "environment", "open_measured": "measured",
     "save_measured": "measured", "save_picture": "picture", "save_scene": "export",
+    "open_table": "table",
 }  # fmt: skip
 
 
@@ -245,6 +248,9 @@ class ActionHandler:
                 layers, lost = self._portable(action.material.layers)
                 imgui.set_clipboard_text(dump_material(replace(action.material, layers=layers)))
                 editor.notify(f"copied {action.what}{lost}")
+            case CopyText():
+                imgui.set_clipboard_text(action.text)
+                editor.notify(f"copied {action.what}")
             case Paste():
                 self._paste(action.as_layers)
             case _:
@@ -266,17 +272,20 @@ class ActionHandler:
         return []
 
     def open(self, path: str) -> None:
-        """Open a scene or session, light the scene by an environment, make the selected object of a measured file, or
-        give the selected layer a texture; anything else is refused with one line."""
+        """Open a file by its suffix: a scene or session, light, a measurement for the selected object, a table for the
+        selected curve, a texture for the selected layer; anything else is refused with one line."""
         suffix = Path(path).suffix.lower()
-        if suffix in (*SCENE_ENDINGS, SESSION_ENDING, *LIGHT_ENDINGS, *MEASURED_ENDINGS):
+        if suffix in TABLE_ENDINGS:
+            if self._check_file(Path(path), "table"):
+                self._editor.exchange.read_table(path)
+        elif suffix in (*SCENE_ENDINGS, SESSION_ENDING, *LIGHT_ENDINGS, *MEASURED_ENDINGS):
             self._open_file(Path(path), suffix)
         elif suffix in PICTURE_ENDINGS:
             self._drop_picture(Path(path))
         elif Path(path).is_absolute() and not os.path.exists(path):
             self._editor.notify(f"{path}: there is no such file; nothing was changed", True)
         elif suffix or Path(path).is_absolute():
-            known = f"{EXPECTED}, a measured BRDF (.binary, .brdf) or a texture (.png, .jpg)"
+            known = f"{EXPECTED}, a measured BRDF (.binary, .brdf), a table (.csv) or a texture (.png, .jpg)"
             self._editor.notify(f"{path}: expected {known}", True)
         else:  # a built-in scene, from the menu
             self._editor.open(path)
@@ -387,8 +396,11 @@ class ActionHandler:
         return with_full_names(found, self._editor.document.source), lost
 
     def _paste(self, as_layers: bool) -> None:
-        editor = self._editor
-        material = parse_material((imgui.get_clipboard_text() or "")[:MAX_MATERIAL_BYTES], "clipboard")
+        editor, text = self._editor, (imgui.get_clipboard_text() or "")[:MAX_MATERIAL_BYTES]
+        if text.strip() and "=" not in text:  # every material has keys and values; a table of numbers has none
+            editor.exchange.read_table("clipboard", text)
+            return
+        material = parse_material(text, "clipboard")
         editor.do(paste_command(material, editor.document, editor.view.selected, as_layers))
 
     def _recover(self, action: Recover, state: PanelState) -> PanelState:

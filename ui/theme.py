@@ -94,6 +94,8 @@ class Icon:
     CLOCK = "\uf017"
     MEMORY = "\uf538"
     IMAGE = "\uf03e"
+    PENCIL = "\uf303"
+    POINTS = "\uf55b"
 
 
 @dataclass

@@ -17,7 +17,7 @@ from engine.material.parameters import Parameter
 from engine.scene.description import Camera, SceneDescription
 from engine.settings import AS_PLANNED, SETTINGS, RenderSettings
 
-Tool = Literal["translate_x", "translate_y", "translate_xy", "amplify_x", "amplify_y", "amplify_xy"]
+Tool = Literal["translate_x", "translate_y", "translate_xy", "amplify_x", "amplify_y", "amplify_xy", "stroke", "points"]
 Channel = Literal["rgb", "r", "g", "b"]
 BrdfPlot = Literal["lobe", "slice", "albedo"]
 

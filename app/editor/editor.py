@@ -34,6 +34,7 @@ from app.messages.editor_status import Status, StatusMetrics
 from app.messages.picture_events import PictureEvent
 from app.messages.worker_messages import (
     CancelRequests,
+    CurveTableRead,
     FilesWritten,
     MeasurementsRead,
     Progress,
@@ -142,6 +143,7 @@ class Editor:
             self.history.end_drag()
             self.scenes.tracing.hand_released()
             self.controller.drag_ended()
+            self.exchange.drag_ended()
 
     def cancel_drag(self) -> None:
         """Cancel the drag under way, the camera's too; the curve's handles belong again to the operator that they
@@ -153,6 +155,7 @@ class Editor:
             self.view = replace(self.view, operator=before.operator, regions=before.regions)
             self.controller.drag_ended()
             self.document_changed()
+            self.exchange.drag_ended()
 
     def undo(self) -> str | None:
         """Undo one step; returns its label, None where there is none."""
@@ -283,7 +286,7 @@ class Editor:
         """Stop the worker; delivered pictures stay on screen, until `resume_work` or an edit that requires new work."""
         self._cancelled = self._client.send(CancelRequests())
         self.controller.cancelled()
-        self.exchange.reading.cancel()
+        self.exchange.cancel()
         self.scenes.give_up()
         self.metrics.progress = None
         self.metrics.stopped = not self.status.is_finished
@@ -362,6 +365,8 @@ class Editor:
             case MeasurementsRead():
                 self.metrics.progress = None
                 self.exchange.take_measurements(response)
+            case CurveTableRead():
+                self.exchange.take_table(response, self.history.dragging)
             case TableFetched():
                 self.metrics.progress = None
                 self.tables.receive(response)
@@ -409,7 +414,7 @@ class Editor:
         self.metrics.progress = None
         if self.tables.receive_failure(response):
             return
-        self.exchange.reading.cancel(response.id)
+        self.exchange.cancel(response.id)
         self.controller.receive(response)
         self.scenes.take_failure(response)
         self.notify(response.line, True)
@@ -417,7 +422,7 @@ class Editor:
     # ------------------------------------------------------------------------------------------------------------ parts
 
     def _open(self, opening: Opening) -> None:
-        self.exchange.reading.cancel()
+        self.exchange.cancel()
         self.scenes.open(opening)
 
     def _autosave(self, now: float) -> None:

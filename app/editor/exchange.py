@@ -1,4 +1,4 @@
-"""Measured materials read into a document, and files written for other programs."""
+"""Measured materials and tables of curves read into a document, and files written for other programs."""
 
 from __future__ import annotations
 
@@ -7,12 +7,13 @@ from pathlib import Path
 from typing import Protocol
 
 from app.document.commands import EditCommand
+from app.document.commands.curves import AddOperator
 from app.document.document import Document, Selection
 from app.document.selection import layer_shown
 from app.document.view_state import ViewState
 from app.export import written_names
 from app.files.materials import PendingMeasurement, describe_reading, import_measured
-from app.messages.worker_messages import MeasurementsRead, Request, WriteFiles
+from app.messages.worker_messages import CurveTableRead, MeasurementsRead, ReadCurveTable, Request, WriteFiles
 from app.modes.mode import ModeController
 from app.system.atomic import require_folder, require_place
 from engine.core.errors import InsituError
@@ -40,11 +41,24 @@ class ExchangeHost(Protocol):
 
 class FileExchange:
     """Imports and exports of one editor. `send` sends a request to the worker, which reads and writes the files;
-    `reading`: the edit that waits for a file to be read."""
+    `reading`: the edit that waits for measured files to be read."""
 
     def __init__(self, host: ExchangeHost, send: Callable[[Request], int]) -> None:
         self._host, self._send = host, send
         self.reading = PendingMeasurement(send)
+        self._table: tuple[int, str, str] | None = None  # the request, and the curve that its table is for
+        self._late: CurveTableRead | None = None  # one that came during a drag
+
+    @property
+    def is_reading(self) -> bool:
+        """Whether an edit waits for files to be read."""
+        return self.reading.is_under_way or self._table is not None
+
+    def cancel(self, id: int | None = None) -> None:
+        """Give up the edits that wait, or only those that wait for that request."""
+        self.reading.cancel(id)
+        if self._table is not None and id in (None, self._table[0]):
+            self._table = self._late = None
 
     def import_measured(self, path: Path, cloth: bool = False) -> str | None:
         """Make the selected object of a measured file, once the worker has read it: two layers, or one as `cloth`.
@@ -67,6 +81,40 @@ class FileExchange:
         if host.do(command) is None:
             host.select(command.object)
             host.notify(describe_reading(command.layers))
+
+    def read_table(self, name: str, text: str | None = None) -> str | None:
+        """Put a table on the selected curve, as an operator on top, once the worker has read it: from a file, or from
+        `text` called `name`. Returns None, or the reason why not."""
+        selected = layer_shown(self._host.document, self._host.view.selected)
+        if selected is None or selected.factor is None:
+            return self._refuse(f"{name}: select the curve that it is for")
+        if not self._host.document.object(selected.object).editable or self._host.document.is_frozen(selected.key):
+            return self._refuse(f"{name}: {selected.key} is frozen; thaw it in the object list to edit its curves")
+        file = name if text is not None else str(resolved(Path(name)))
+        self._table = self._send(ReadCurveTable(file, text)), selected.key, selected.factor
+        return None
+
+    def take_table(self, response: CurveTableRead, is_dragging: bool) -> None:
+        """Put a table on the curve that it was read for; a drag, which replaces all operators, is waited for."""
+        if self._table is None or self._table[0] != response.id:
+            return
+        if is_dragging:
+            self._late = response
+            return
+        (_, key, factor), self._table = self._table, None
+        try:
+            self._host.document.layer(key).operators(factor)
+        except (InsituError, ValueError):
+            self._refuse(f"the table was not put on {key} {factor}: there is no such curve any more")
+            return
+        if self._host.do(AddOperator(key, factor, response.table)) is None:
+            self._host.notify(f"a table of {len(response.table.gammas)} rows is on {key} {factor}")
+
+    def drag_ended(self) -> None:
+        """Put the table that came during a drag on its curve."""
+        late, self._late = self._late, None
+        if late is not None:
+            self.take_table(late, False)
 
     def export_measured(self, path: Path) -> str | None:
         """Export the selected object's material as a MERL file; returns None, or one line that says why not."""

@@ -36,7 +36,8 @@ from app.files.bookmarks import MAX_BOOKMARKS, MAX_NAME, MAX_THUMBNAIL_BYTES, ch
 from app.system.paths import written_path
 from engine.core.colour import ToneMapping
 from engine.core.errors import InsituError, LoadError
-from engine.curve.operators import Operator, TabulatedCurve
+from engine.curve.operators import Operator
+from engine.curve.tables import ALL_CHANNELS, EVERYWHERE, TabulatedCurve
 from engine.material.bumps import Bumps, bumps_of_parts
 from engine.material.layer import Layer
 from engine.material.layer_maps import LayerMaps, map_values
@@ -84,9 +85,9 @@ class StrictModel(BaseModel):
 
 
 class OperatorRecord(StrictModel):
-    """An operator, or (kind "curve") the table that a collapsed curve became."""
+    """An operator: one with an axis, or a table (kind "curve"), a stroke or points, with gammas and values."""
 
-    kind: Literal["translate", "amplify", "curve"]
+    kind: Literal["translate", "amplify", "curve", "stroke", "points"]
     axis: Literal["x", "y"] | None = None
     regions: tuple[Number, Number, Number, Number] | None = None
     magnitude: Number | None = None
@@ -107,13 +108,17 @@ class OperatorRecord(StrictModel):
 
     def edit(self) -> CurveEdit:
         """The operator."""
-        if self.kind == "curve":
-            return TabulatedCurve(self.gammas, self.values, self.muted)
-        if self.axis is None or self.regions is None or self.magnitude is None:
-            raise ValueError("with axis, regions and magnitude")
-        return Operator(
-            self.kind, self.axis, *self.regions, self.magnitude, self.baseline, self.channels, self.muted, self.joined
-        )
+        if self.kind == "translate" or self.kind == "amplify":
+            if self.axis is None or self.regions is None or self.magnitude is None:
+                raise ValueError("with axis, regions and magnitude")
+            return Operator(
+                self.kind, self.axis, *self.regions, self.magnitude, self.baseline, self.channels, self.muted,
+                self.joined,
+            )  # fmt: skip
+        return TabulatedCurve(
+            self.gammas, self.values, self.muted, self.kind, EVERYWHERE if self.regions is None else self.regions,
+            1.0 if self.magnitude is None else self.magnitude, self.channels,
+        )  # fmt: skip
 
 
 class CurveRecord(StrictModel):
@@ -393,7 +398,15 @@ def _plain(value: Value, folder: Path | None) -> float | str | tuple[float, ...]
 
 def _operator_values(operator: CurveEdit) -> dict[str, Any]:
     if isinstance(operator, TabulatedCurve):
-        return {"kind": "curve", "muted": operator.muted, "gammas": operator.gammas, "values": operator.values}
+        return {
+            "kind": operator.kind,
+            "muted": operator.muted,
+            "regions": None if operator.regions == EVERYWHERE else operator.regions,
+            "magnitude": None if operator.magnitude == 1.0 else operator.magnitude,
+            "channels": None if operator.channels == ALL_CHANNELS else operator.channels,
+            "gammas": operator.gammas,
+            "values": operator.values,
+        }
     return {
         "kind": operator.kind,
         "axis": operator.axis,

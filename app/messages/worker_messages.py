@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from app.document.document import Document
+    from engine.curve.tables import TabulatedCurve
     from engine.material.bumps import BumpsByObject
     from engine.material.layer import Layer
     from engine.measured.measurement import Measurement
@@ -120,6 +121,19 @@ class ReadMeasured(Request):
 
 
 @dataclass(frozen=True)
+class ReadCurveTable(Request):
+    """Read the table of a curve from a file or, where there is `text`, from that; `name`: the file, or what to call the
+    text. Answered by `CurveTableRead`."""
+
+    built_on = (OpenScene,)
+    priority = 4
+    answered_once = True
+
+    name: str
+    text: str | None = None
+
+
+@dataclass(frozen=True)
 class FetchTable(Request):
     """Hand out the samples of a measured BRDF, read first where they are not there. number: what names them where the
     file was read before, 0 for any content. Answered by `TableFetched`."""
@@ -203,6 +217,13 @@ class MeasurementsRead(Response):
 
     found: dict[str, Measurement]
     planned: tuple[dict[str, int], ...] = ()
+
+
+@dataclass(frozen=True)
+class CurveTableRead(Response):
+    """The table of a `ReadCurveTable`."""
+
+    table: TabulatedCurve
 
 
 @dataclass(frozen=True, eq=False)

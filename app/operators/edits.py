@@ -239,8 +239,10 @@ EDITS = (
         "copy_material", keys=("Ctrl C",), help="Copy the object's material", entry="Copy the material", needs=LAYER
     ),
     Operator("copy_curve", keys=("Ctrl Shift C",), help="Copy the curve", entry="Copy the curve", needs=CURVE),
+    Operator("copy_table", help="For a spreadsheet: angles in degrees and values, as text.",
+             entry="Copy the curve as a table", needs=CURVE),
     Operator(
-        "paste", keys=("Ctrl V",), help="Paste: material, layer or curve", entry="Paste", needs=LAYER, waits=True
+        "paste", keys=("Ctrl V",), help="Paste: material, layer, curve or table", entry="Paste", needs=LAYER, waits=True
     ),
     Operator(
         "paste_layers", keys=("Ctrl Shift V",), help="Paste the material's layers on top",

@@ -8,7 +8,7 @@ from typing import Annotated
 from pydantic import Field
 
 from app.editor.editor import Editor
-from app.operators.operator import LAYER, SCENE, Operator, ScriptKey, ValueRecord
+from app.operators.operator import CURVE, LAYER, SCENE, Operator, ScriptKey, ValueRecord
 from engine.scene.description import Text
 
 
@@ -19,6 +19,14 @@ class MeasuredFile(ValueRecord):
 
 def _import_measured(editor: Editor, measured: MeasuredFile) -> str | None:
     return editor.exchange.import_measured(Path(measured.file), measured.cloth)
+
+
+class CurveTable(ValueRecord):
+    file: Annotated[Text, Field(description="A table of angles in degrees and values (CSV).")]
+
+
+def _load_table(editor: Editor, table: CurveTable) -> str | None:
+    return editor.exchange.read_table(table.file)
 
 
 FILES = (
@@ -34,6 +42,11 @@ FILES = (
         "measured", _import_measured, entry="Import measured BRDF…", needs=LAYER,
         help="Make the selected object of a measured material, MERL .binary or Cornell .brdf: nothing is lost.",
         script=ScriptKey(MeasuredFile, "Imports a measured BRDF: see below."),
+    ),
+    Operator(
+        "table", _load_table, entry="Load a curve table…", needs=CURVE,
+        help="Put a table (CSV: angle in degrees, one value or red, green, blue) on the selected curve.",
+        script=ScriptKey(CurveTable, "Puts a table on the selected curve: see below."),
     ),
     Operator(
         "export_measured", entry="Export as measured BRDF…", needs=LAYER,

@@ -8,6 +8,7 @@ from typing import Any
 
 from app.editor.editor import Editor
 from app.operators.camera import CAMERA, CONVENTIONS
+from app.operators.curve_drawing import DRAWING
 from app.operators.edits import CURVES, EDITS, MATERIAL
 from app.operators.files import FILES
 from app.operators.operator import Gesture, Operator
@@ -16,7 +17,7 @@ from engine.core.errors import InsituError
 
 GROUPS: dict[str, tuple[Operator | Gesture, ...]] = {
     "Edit": EDITS, "Picture": PICTURE, "Camera": CAMERA, **CONVENTIONS, "File": FILES, "Material": MATERIAL,
-    "Curve": CURVES, "Help": HELP,
+    "Curve": (*CURVES, *DRAWING), "Help": HELP,
 }  # fmt: skip
 OPERATORS = {each.name: each for group in GROUPS.values() for each in group if isinstance(each, Operator)}
 
@@ -43,8 +44,8 @@ MENUS = (
         "export_scene", None, "save", "save_as", "recover", None, "picture", None, "quit",
     )),
     Menu("Edit", (
-        "undo", "redo", "undo_view", "redo_view", None, "copy_material", "copy_curve", "paste", "paste_layers", None,
-        "mute", "delete", "reset_curve",
+        "undo", "redo", "undo_view", "redo_view", None, "copy_material", "copy_curve", "copy_table", "paste",
+        "paste_layers", None, "table", "mute", "delete", "reset_curve",
     )),
     # The picture's entries come first: in a small window the rest of the menu scrolls.
     Menu("View", (

@@ -11,10 +11,12 @@ from app.document.document import Document
 from app.document.named_files import files_of_document, layers_of_document, measured_files, with_measurements
 from app.files.brdf_files import export_steps
 from app.messages.worker_messages import (
+    CurveTableRead,
     FetchTable,
     FilesWritten,
     MeasurementsRead,
     Progress,
+    ReadCurveTable,
     ReadMeasured,
     Response,
     TableFetched,
@@ -25,6 +27,7 @@ from app.system.atomic import set_inputs
 from engine.core.errors import InsituError
 from engine.core.generators import map_steps
 from engine.core.safe_files import resolve_inside
+from engine.curve.table_text import load_table, parse_table
 from engine.material.layer import Layer
 from engine.measured.measurement import Measurement
 from engine.measured.tables import ArrayStore, is_table_loaded, read_measurement, table_of
@@ -56,6 +59,14 @@ def read_for(request: ReadMeasured, store: ArrayStore | None) -> Generator[Respo
         bands.append(band_counts(layer))
         yield None
     yield MeasurementsRead(found, tuple(bands))
+
+
+def read_curve_table(request: ReadCurveTable) -> Generator[Response | None, None, None]:
+    """The table of a curve. Raises LoadError."""
+    if request.text is None:
+        yield CurveTableRead(load_table(Path(request.name)))
+    else:
+        yield CurveTableRead(parse_table(request.text.encode(errors="replace"), request.name))
 
 
 def described_paths(names: Iterable[str], folder: Path, scene: Path) -> dict[str, Path]:

@@ -23,6 +23,7 @@ from app.messages.worker_messages import (
     FetchTable,
     OpenScene,
     Progress,
+    ReadCurveTable,
     ReadMeasured,
     Request,
     SceneOpened,
@@ -38,7 +39,15 @@ from app.project.project import sky_of
 from app.system.lazy_import import import_named
 from app.worker.cache import ArrayCache, content_key
 from app.worker.executor import Executor, LocalExecutor
-from app.worker.file_tasks import described_paths, fetch_table, read_files, read_for, write_file, write_scene
+from app.worker.file_tasks import (
+    described_paths,
+    fetch_table,
+    read_curve_table,
+    read_files,
+    read_for,
+    write_file,
+    write_scene,
+)
 from app.worker.kernels import Kernels
 from app.worker.schedule import Steps
 from engine.core.errors import InsituError
@@ -197,6 +206,7 @@ class RequestDispatcher:
             OpenScene: self._open,
             SetCamera: self._set_camera,
             ReadMeasured: lambda request: read_for(request, self.context.store),
+            ReadCurveTable: read_curve_table,
             FetchTable: lambda request: fetch_table(request, self.context.store),
             WriteFiles: self._write,
         }

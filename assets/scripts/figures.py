@@ -27,6 +27,7 @@ SCENES = {
     "teapot_anisotropy": "teatray",
     "velvet": "earrings",
     "measured_cloth": "earrings",
+    "curve_drawing": "shapes",
 }
 NOISE, MISSING = 0.15, 0.01
 

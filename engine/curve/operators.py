@@ -32,26 +32,28 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-Float64Array = NDArray[np.float64]
+from engine.curve.tables import (
+    ALL_CHANNELS,
+    HALF_PI,
+    LARGEST_NUMBER,
+    VALUE_LIMIT,
+    Channels,
+    Float64Array,
+    OperatorError,
+    Regions,
+    TabulatedCurve,
+    check_regions,
+    ordered_regions,
+)
 
 Curve = Callable[[Float64Array], Float64Array]
-Channels = tuple[bool, bool, bool]
 
-HALF_PI = math.pi / 2
-ALL_CHANNELS: Channels = (True, True, True)
-# Values of a curve are clamped to this magnitude, so that any stack of operators is finite in single precision.
-VALUE_LIMIT = 1e18
-LARGEST_NUMBER = 1e12
 # The least factor of an amplification in x; its reciprocal is the greatest.
 SMALLEST_STRETCH = 1e-3
 # Narrower falloffs are steps: no distinguishable angle lies inside them.
 STEP_WIDTH = 1e-12
 # The largest slope of `smooth_step`, at its centre: s (1 - s) (1/t^2 + 1/(1-t)^2) at 1/2 is 8/4.
 STEEPEST = 2.0
-
-
-class OperatorError(ValueError):
-    """An invalid operator or table: regions out of order, or numbers that are not finite."""
 
 
 @dataclass(frozen=True)
@@ -79,13 +81,12 @@ class Operator:
             raise OperatorError(f"kind, axis = {self.kind}, {self.axis}, expected translate|amplify and x|y")
         if not all(abs(v) <= LARGEST_NUMBER for v in (*self.regions, self.magnitude, self.baseline)):
             raise OperatorError(f"numbers of {self.kind}-{self.axis} must be finite and within {LARGEST_NUMBER:g}")
-        if not self.a <= self.b <= self.c <= self.d:
-            raise OperatorError(f"regions = {self.regions}, expected a <= b <= c <= d")
+        check_regions(self.regions)
         if self.kind == "amplify" and self.axis == "x" and self.magnitude <= 0.0:
             raise OperatorError(f"magnitude of amplify-x = {self.magnitude}, expected more than 0")
 
     @property
-    def regions(self) -> tuple[float, float, float, float]:
+    def regions(self) -> Regions:
         """(a, b, c, d), radians."""
         return (self.a, self.b, self.c, self.d)
 
@@ -97,18 +98,9 @@ class Operator:
     def with_regions(
         self, a: float | None = None, b: float | None = None, c: float | None = None, d: float | None = None
     ) -> Operator:
-        """The operator with some region ends moved; other ends move along to preserve the order.
-
-        Moving b past c moves c (and d) too, so that any drag of one handle gives a valid operator.
-        """
-        ends = list(self.regions)
-        for i, wanted in enumerate((a, b, c, d)):
-            if wanted is None:
-                continue
-            ends[i] = wanted
-            ends[:i] = [min(end, wanted) for end in ends[:i]]
-            ends[i + 1 :] = [max(end, wanted) for end in ends[i + 1 :]]
-        return dataclasses.replace(self, a=ends[0], b=ends[1], c=ends[2], d=ends[3])
+        """The operator with some region ends moved, as `ordered_regions` does."""
+        a, b, c, d = ordered_regions(self.regions, a=a, b=b, c=c, d=d)
+        return dataclasses.replace(self, a=a, b=b, c=c, d=d)
 
     @property
     def at_limit(self) -> bool:
@@ -124,40 +116,7 @@ class Operator:
         return dataclasses.replace(self, magnitude=bound(self.magnitude, limit))
 
 
-@dataclass(frozen=True)
-class TabulatedCurve:
-    """A curve given by samples, linear between them: "collapse" replaces all operators below by one.
-
-    `gammas` (S,) increasing radians, `values` S triples.
-    """
-
-    gammas: tuple[float, ...]
-    values: tuple[tuple[float, float, float], ...]
-    muted: bool = False
-
-    kind: Literal["curve"] = dataclasses.field(default="curve", init=False)
-
-    def __post_init__(self) -> None:
-        if len(self.gammas) != len(self.values) or not self.gammas:
-            raise OperatorError(f"{len(self.gammas)} angles for {len(self.values)} values, expected as many")
-        if any(len(value) != 3 for value in self.values) or not (abs(_table(self)[1]) <= VALUE_LIMIT).all():
-            raise OperatorError(f"values of a tabulated curve must be triples of numbers within {VALUE_LIMIT:g}")
-        gammas = _table(self)[0]
-        if not np.isfinite(gammas).all() or (np.diff(gammas) < 0).any():
-            raise OperatorError("angles of a tabulated curve must be finite and not decrease")
-
-    def __call__(self, gamma: Float64Array) -> Float64Array:
-        """Values (N, 3) at angles (N,), constant beyond the ends."""
-        gammas, values = _table(self)
-        return np.stack([np.interp(gamma, gammas, values[:, channel]) for channel in range(3)], axis=-1)
-
-
 Edit = Operator | TabulatedCurve
-
-
-@lru_cache(maxsize=64)
-def _table(table: TabulatedCurve) -> tuple[Float64Array, Float64Array]:
-    return np.array(table.gammas, dtype=float), np.array(table.values, dtype=float).reshape(-1, 3)
 
 
 def smooth_step(t: Float64Array) -> Float64Array:
@@ -170,7 +129,7 @@ def smooth_step(t: Float64Array) -> Float64Array:
     return np.asarray(0.5 - 0.5 * np.tanh(0.5 / inside - 0.5 / (1.0 - inside)))
 
 
-def strength(operator: Operator, x: Float64Array) -> Float64Array:
+def strength(operator: Edit, x: Float64Array) -> Float64Array:
     """The weight of the operator at x: 1 on [b, c], exactly 0 outside [a, d], smooth in between [BenArtzi07, eq.
     9.2]."""
     a, b, c, d = operator.regions
@@ -196,10 +155,13 @@ def shift(operator: Operator, x: Float64Array) -> Float64Array:
     return np.where(weight > 0.0, np.minimum(np.maximum(moved, 0.0), HALF_PI), x)
 
 
-def combine(operator: Operator, x: Float64Array, values: Float64Array) -> Float64Array:
-    """Applies a Y-operator to values (N, 3) of the curve below at x (N,) or (N, 3) [BenArtzi07, eq. 9.1, 9.4]."""
+def combine(operator: Edit, x: Float64Array, values: Float64Array) -> Float64Array:
+    """Applies a Y-operator or a table to values (N, 3) of the curve below at x (N,) or (N, 3) [BenArtzi07, eq. 9.1,
+    9.4]; a table: see `engine.curve.tables`."""
     weight = strength(operator, x)
     weight = (weight[:, None] if weight.ndim == 1 else weight) * np.array(operator.channels, dtype=float)
+    if isinstance(operator, TabulatedCurve):
+        return values * (1.0 - weight) + _evaluate(operator, x) * weight
     if operator.kind == "translate":
         changed = values + operator.magnitude * weight
     else:
@@ -280,9 +242,22 @@ def unique_sorted(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return ordered[np.diff(ordered, prepend=-np.inf) > 0.0]
 
 
-def diagonal(
-    regions: tuple[float, float, float, float], dx: float, dy: float, channels: Channels = ALL_CHANNELS
-) -> tuple[Operator, Operator]:
+def helper_function(operator: Edit, x: Float64Array) -> tuple[Float64Array, Float64Array]:
+    """The function that defines an operator, at x (N,), and the one that it is made of [BenArtzi07, 9.1].
+
+    It is the operator applied to a base function: to y = 0 for a translation in y, to which the curve is then added; to
+    y = 1 for an amplification in y, by which the curve's distance from its baseline is then multiplied; to y = x along
+    the angle, of which the curve is then taken. Of a table it is its strength, over y = 0.
+    """
+    if isinstance(operator, TabulatedCurve):
+        return strength(operator, x), np.zeros_like(x)
+    if operator.axis == "x":
+        return shift(operator, x), x
+    base = np.full_like(x, operator.neutral_magnitude)
+    return base + (operator.magnitude - operator.neutral_magnitude) * strength(operator, x), base
+
+
+def diagonal(regions: Regions, dx: float, dy: float, channels: Channels = ALL_CHANNELS) -> tuple[Operator, Operator]:
     """A diagonal drag as two layered translations, Y first: after X the regions would no longer be in place."""
     return (
         Operator("translate", "y", *regions, magnitude=dy, channels=channels, joined=True),
@@ -302,10 +277,10 @@ class EditedCurve:
         first up, Y-operators change the value found there. Channels are evaluated separately only if an operator
         excludes one of them."""
         x: Float64Array = np.asarray(gamma, dtype=float)
-        lifted: list[tuple[Operator, Float64Array]] = []
+        lifted: list[tuple[Edit, Float64Array]] = []
         source = self.below
         for operator in reversed(self.operators):
-            if isinstance(operator, TabulatedCurve):
+            if isinstance(operator, TabulatedCurve) and operator.replaces_all:
                 source = operator
                 break
             if operator.axis == "x":
@@ -323,8 +298,8 @@ class EditedCurve:
         places: Float64Array = np.array(getattr(self.below, "features", ()), dtype=float)
         for operator in self.operators:
             if isinstance(operator, TabulatedCurve):
-                places = np.array(operator.gammas)
-                continue
+                inside = [gamma for gamma in operator.gammas if operator.regions[0] < gamma < operator.regions[3]]
+                places = np.concatenate([[] if operator.replaces_all else places, inside])
             if operator.axis == "x":
                 places = np.concatenate([places, _inverse_shift(operator, places)])
             places = np.concatenate([places, operator.regions])

@@ -7,7 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from app.messages.worker_messages import CancelRequests, FetchTable, OpenScene, ReadMeasured, Request, SetCamera
+from app.messages.worker_messages import (
+    CancelRequests,
+    FetchTable,
+    OpenScene,
+    ReadCurveTable,
+    ReadMeasured,
+    Request,
+    SetCamera,
+)
 from app.modes.placement.placement_messages import (
     ComputeTransport,
     ContractTransport,
@@ -42,6 +50,7 @@ def needed_by(kind: type[Request]) -> set[type[Request]]:
         ContractTransport,
         FreezeIndirect,
         PlanBands,
+        ReadCurveTable,
         ReadMeasured,
         FetchTable,
         SampleMaps,
@@ -54,7 +63,7 @@ def test_a_request_is_void_with_what_it_is_built_on() -> None:
     # window is of none of them.
     assert needed_by(ComputeTransport) == {ComputeTransport, ContractTransport, FreezeIndirect}
     assert needed_by(SetCamera) == {SetCamera, ComputeTransport, ContractTransport, FreezeIndirect, SampleMaps}
-    assert needed_by(OpenScene) == needed_by(SetCamera) | {OpenScene, ReadMeasured}
+    assert needed_by(OpenScene) == needed_by(SetCamera) | {OpenScene, ReadCurveTable, ReadMeasured}
     assert needed_by(ContractTransport) == {ContractTransport}
 
 
@@ -65,6 +74,7 @@ def test_a_stop_by_the_user_includes_views_in_passing() -> None:
         ComputeTransport,
         ContractTransport,
         FreezeIndirect,
+        ReadCurveTable,
         ReadMeasured,
     }
 

@@ -63,6 +63,7 @@ def sessions(folder: Path) -> list[bytes]:
     from app.document.document import document_from_description
     from app.document.view_state import Bookmark, Viewpoint, ViewState
     from app.files.session import save_session
+    from engine.curve.drawing import through_points
     from engine.curve.operators import Operator
     from engine.material.strokes import Stroke, pack_dabs
     from engine.scene.description import Camera, parse_description
@@ -73,6 +74,7 @@ def sessions(folder: Path) -> list[bytes]:
     for command in (
         AddOperator("pot.1", "theta_h", lift),
         AddOperator("pot.1", "theta_h", Operator("amplify", "x", 0.0, 0.0, 0.5, 0.5, 1.25, baseline=0.1, muted=True)),
+        AddOperator("pot.1", "theta_h", through_points((0.1, 1 / 3), ((1.0, 0.5, 0.25), (2.0, 1.0, 0.5)), 0.05)),
         AddOperator("pot.1", "theta_d", lift),
         CollapseOperators("pot.1", "theta_d"),
         SetFresnelTerm("pot.0", (0.9, 0.5, 0.04)),
@@ -124,6 +126,22 @@ def materials(folder: Path) -> list[bytes]:
     )
     own = dump_material(Material("Pot", document.object("pot").layers)).encode()
     return [own, *texts("materials/*.toml")(folder)]
+
+
+def curve_tables(folder: Path) -> list[bytes]:
+    return [
+        b"# a peak\nangle,red,green,blue\n0,12.5,12,11\n2.5,9,9,9\n2.5,1,1,1\n90,0.1,0.1,0.1\n",
+        b"Winkel;Wert\r\n10;1,5\r\n45;0,25\r\n",
+        b"10 1 # first\n20\t2\n",
+    ]
+
+
+def read_curve_table(path: Path) -> None:
+    from engine.curve.operators import apply_operators
+    from engine.curve.table_text import load_table
+
+    curve = apply_operators([load_table(path)], lambda gamma: np.ones((gamma.size, 3)))
+    assert np.isfinite(curve(np.linspace(0.0, np.pi / 2, 50))).all() and len(curve.features) < 4200
 
 
 def preferences(folder: Path) -> list[bytes]:
@@ -405,6 +423,7 @@ FORMATS = {
     "material": Format("material.toml", materials, read_material, is_text=True),
     "preferences": Format("preferences.toml", preferences, read_preferences, is_text=True),
     "recent": Format("recent.txt", lambda _: [b"/tmp/a.toml\n/tmp/b c.insitu\n"], read_recent, is_text=True),
+    "table": Format("a.csv", curve_tables, read_curve_table, is_text=True),
     "ply": Format("a.ply", plys, read_mesh_file),
     "obj": Format("a.obj", objs, read_mesh_file, is_text=True),
     "glb": Format("a.glb", glbs, read_glb_file, repaired=repaired_glb),

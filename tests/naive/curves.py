@@ -1,4 +1,4 @@
-"""Slow, obvious twins of engine.curve: least squares over midpoints, and the wavelet transform written as loops."""
+"""Slow, obvious twins of engine.curve: least squares over midpoints, the wavelet transform and strokes as loops."""
 
 import math
 
@@ -33,3 +33,26 @@ def daubechies4(values):
         result[:length] = smooth + detail
         length //= 2
     return np.array(result)
+
+
+def drawn_height(path, x):
+    """The height at x of the last part of a pointer's path that passed there; a rise in place leaves its end."""
+    height = None
+    for (x0, y0), (x1, y1) in zip(path, path[1:], strict=False):
+        if min(x0, x1) <= x <= max(x0, x1):
+            height = y1 if x0 == x1 else y0 + (y1 - y0) * (x - x0) / (x1 - x0)
+    return height
+
+
+def smoothed(y, deviation):
+    """Gaussian-weighted means, sample by sample, of a stroke continued by point reflection at its ends."""
+    n, found = len(y), []
+    reach = min(math.ceil(4 * deviation), n - 1)
+    for i in range(n):
+        total = weights = 0.0
+        for j in range(i - reach, i + reach + 1):
+            value = 2 * y[0] - y[-j] if j < 0 else 2 * y[-1] - y[2 * (n - 1) - j] if j >= n else y[j]
+            weight = math.exp(-((j - i) ** 2) / (2 * deviation**2))
+            total, weights = total + weight * value, weights + weight
+        found.append(total / weights)
+    return np.array(found)

@@ -17,8 +17,10 @@ from app.messages.worker_messages import (
     MeasurementsRead,
     OpenScene,
     Progress,
+    ReadCurveTable,
     ReadMeasured,
     Request,
+    RequestFailed,
     Response,
     SceneOpened,
     SetCamera,
@@ -35,7 +37,9 @@ from app.modes.placement.placement_messages import (
     StageDone,
     StageFootprint,
 )
+from app.worker.file_tasks import read_curve_table
 from app.worker.planning import plan_bands
+from engine.core.errors import LoadError
 from engine.curve.wavelet import forward
 from engine.planner import band_counts
 from engine.scene.description import SceneDescription
@@ -168,6 +172,11 @@ class StandInClient:
             yield from self._contract(request)
         elif isinstance(request, PlanBands):
             yield from (answer for answer in plan_bands(request) if answer is not None)
+        elif isinstance(request, ReadCurveTable):
+            try:
+                yield from (answer for answer in read_curve_table(request) if answer is not None)
+            except LoadError as error:
+                yield RequestFailed(str(error))
         elif isinstance(request, ReadMeasured):
             yield MeasurementsRead({file: replace(drawn_measurement(), file=file) for file in request.files})
 

@@ -30,6 +30,8 @@ from app.document.view_state import SetView
 from app.editor.editor import Editor
 from app.files.materials import Library
 from app.messages.worker_messages import CancelRequests, Request, RequestFailed, Response, WorkerRestarted, with_numbers
+from app.operators.curve_drawing import CurvePoints, CurveStroke
+from app.operators.registry import run_operator
 from app.worker.cache import ArrayCache
 from app.worker.client import PendingRequests
 from app.worker.schedule import Schedule
@@ -147,6 +149,11 @@ class Walk:
         self.editor.close()
 
 
+def draw(walk: Walk, drawn: CurveStroke | CurvePoints) -> str | None:
+    """Draw the selected curve, where one is selected."""
+    return run_operator(walk.editor, "draw_curve" if isinstance(drawn, CurveStroke) else "set_points", drawn)
+
+
 LIBRARY = Library()
 LIBRARY.read_all()
 NAMES = ("Copper", "Velvet, red", "Porcelain", "Car paint, blue", "Plaster")
@@ -154,6 +161,11 @@ COMMANDS: dict[str, Callable[[Walk], object]] = {
     "lift": lambda w: w.editor.do(AddOperator("ball.1", "theta_h", LIFT)),
     "lift another curve": lambda w: w.editor.do(AddOperator("ball.1", "theta_d", LIFT)),
     "lift the ground": lambda w: w.editor.do(AddOperator("ground.0", "theta_i", LIFT)),
+    "draw": lambda w: draw(w, CurveStroke(points=((20.0, 0.9), (60.0, 0.1), (50.0, 0.6)))),
+    "draw in red": lambda w: draw(w, CurveStroke(points=((0.0, 0.2), (30.0, 1.1)), channel="r")),
+    "set points": lambda w: draw(w, CurvePoints(points=((5.0, 1.0), (40.0, 0.2), (70.0, 0.6)))),
+    "paste a table": lambda w: w.editor.exchange.read_table("clipboard", "0,2\n30,0.5\n60,0.7"),
+    "paste a bad table": lambda w: w.editor.exchange.read_table("clipboard", "0,2\n30,x"),
     "reset": lambda w: w.editor.do(ResetCurve("ball.1", "theta_h")),
     "roughness": lambda w: w.editor.do(SetParameter("ball.1", "alpha", 0.4)),
     "eta": lambda w: w.editor.do(SetParameter("ball.1", "eta", 1.7)),
@@ -197,6 +209,8 @@ MAY_BE_TOLD = (
     "computing stopped (killed) and was started again; your edits are untouched",
     "/nowhere/sky.exr",
     "nowhere.toml",
+    "clipboard: line 2: value = x",
+    "there is no such curve any more",
 )
 
 

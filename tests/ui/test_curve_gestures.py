@@ -30,6 +30,7 @@ from ui.panels.curve_gestures import (
 from ui.panels.window_state import CurveGrip, Travel
 
 REGIONS = (0.2, 0.4, 0.6, 0.9)
+ALONG_AXES = [tool for tool in get_args(Tool) if "_" in tool]
 
 
 def lobe(gamma: np.ndarray) -> np.ndarray:
@@ -66,7 +67,7 @@ def test_a_diagonal_drag_is_the_engines_diagonal() -> None:
 PULLED = st.floats(0.1, 2.0) | st.floats(-2.0, -0.1)
 
 
-@given(st.sampled_from(get_args(Tool)), st.floats(0.35, 0.65), st.floats(0.1, 1.5), PULLED)
+@given(st.sampled_from(ALONG_AXES), st.floats(0.35, 0.65), st.floats(0.1, 1.5), PULLED)
 def test_the_ring_stands_where_it_was_dragged_and_amplifies_evenly(tool: str, x: float, y: float, power: float) -> None:
     hand = OperatorGroup(new_operators(tool, REGIONS, (True, True, True)), None)  # type: ignore[arg-type]
     made = drag_knob(grip(), hand, lobe, Pull((x, y), (2.0**power, 2.0**power)))

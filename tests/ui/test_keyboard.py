@@ -18,12 +18,14 @@ from engine.curve.operators import Operator
 from tests.ui.small_scene import linear_picture, wait_until_exact
 from ui.headless import HeadlessWindow
 from ui.layout import PANELS
-from ui.panels.curve_input import HANDLES, next_handle
+from ui.panels.curve_gestures import END_NAMES
+from ui.panels.curve_keyboard import next_handle
 
 pytestmark = pytest.mark.gl
 
 KEY, FACTOR = "teapot.1", "theta_h"
 LIFT = Operator("translate", "y", 0.2, 0.4, 0.6, 0.8, magnitude=0.5)
+HANDLES = ("magnitude", *END_NAMES, "region")
 DEGREE = math.pi / 180.0
 Key = imgui.Key
 
@@ -66,7 +68,7 @@ def test_tab_goes_round_the_handles_both_ways(lifted: HeadlessWindow) -> None:
         assert lifted.shell.state.handle == expected
     # Choosing is no edit.
     assert operator(lifted) == LIFT
-    assert next_handle(None, back=True) == "region"
+    assert next_handle(HANDLES, None, back=True) == "region"
 
 
 @pytest.mark.parametrize("handle", ["a", "b", "c", "d"])

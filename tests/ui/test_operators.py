@@ -104,6 +104,7 @@ def test_each_operator_of_the_window_does_something(window: HeadlessWindow) -> N
         if name in ("axis_y", "translate"):  # the tool that it is already
             shell.do(*perform(shell._context(0.0), "axis_x"), *perform(shell._context(0.0), "amplify"))
         if name == "paste":  # what is on the clipboard is the material as it was with its edit
+            shell.do(*perform(shell._context(0.0), "copy_material"))
             editor.do(SetOperators("teapot.1", "theta_h", ()))
         before, context = state(), shell._context(0.0)
         actions = perform(context, name)

@@ -210,9 +210,17 @@ class Copy:
 
 
 @dataclass(frozen=True)
+class CopyText:
+    """Put a text on the clipboard; `what` names it to the user."""
+
+    text: str
+    what: str
+
+
+@dataclass(frozen=True)
 class Paste:
     """Take what is on the clipboard: a material replaces the selected object's (`as_layers`: is added on top of it), a
-    layer is added on top, a curve replaces the selected one."""
+    layer is added on top, a curve replaces the selected one, a table of numbers is put on it."""
 
     as_layers: bool = False
 
@@ -256,6 +264,6 @@ WindowAction = (
     BeginDrag | EndDrag | CancelDrag | MergedEdit | BeginCameraDrag | DragCamera | EndCameraDrag | MoveCameraTo
     | RunOperator | SetPreference | HoldGrip | SetPanel | OpenFile | OpenImage | AskFile | ReloadImages | SaveSession
     | SavePicture | ImportMeasured | ExportMeasured | ExportScene | Screenshot | SaveMaterial | DeleteMaterial | Copy
-    | Paste | Recover | AnswerUnsaved | ShowPanel | ResetLayout | Quit | AnswerQuestion
+    | CopyText | Paste | Recover | AnswerUnsaved | ShowPanel | ResetLayout | Quit | AnswerQuestion
 )  # fmt: skip
 Action = EditCommand | SetView | OpenPanel | WindowAction

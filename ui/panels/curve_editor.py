@@ -9,21 +9,31 @@ value, middle drag pans, double click shows all; Tab and the arrow keys work wit
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
 from app.document.commands.curves import operator_title
 from app.document.document import all_factors
 from app.document.view_state import CHANNELS, SetView
-from engine.curve.operators import apply_operators
+from engine.curve.operators import Operator, apply_operators
 from ui import theme as look
-from ui.panels import curve_input, operator_list, widgets
+from ui.panels import curve_helper, curve_keyboard, operator_list, widgets
 from ui.panels import curve_plot as plot
 from ui.panels.actions import Action, RunOperator
 from ui.panels.brdf import energy_warning
 from ui.panels.context import PanelContext
-from ui.panels.curve_gestures import HALF_PI, OperatorGroup, channel_of, limit_text, operators_in_use
-from ui.panels.curve_input import DrawnCurves, grip_of, interact, knob
+from ui.panels.curve_gestures import (
+    HALF_PI,
+    DrawnCurves,
+    OperatorGroup,
+    channel_of,
+    knob,
+    limit_text,
+    operators_in_use,
+)
+from ui.panels.curve_input import grip_of, handle_places, interact
 from ui.panels.plot_axes import value_range
 from ui.theme import Icon
 
@@ -158,7 +168,7 @@ def _plot(context: PanelContext, curves: DrawnCurves) -> list[Action]:
     for line, (name, note) in enumerate(_notes(context, curves, group).items(), start=1):
         place = plot.draw_note(context, frame, line, note, look.ACCENT)
         context.handles.note(f"curve.{name}", *place)
-    return actions + curve_input.move_by_keys(context, curves, frame, group)
+    return actions + curve_keyboard.move_by_keys(context, curves, frame, group)
 
 
 def _notes(context: PanelContext, curves: DrawnCurves, group: OperatorGroup) -> dict[str, str]:
@@ -197,7 +207,7 @@ def _draw_curves(
     edited = apply_operators(curves.operators, curves.generated)
     gamma = plot.sample_angles(frame, (*edited.features, *getattr(curves.generated, "features", ())))
     draw_list = imgui.get_window_draw_list()
-    if curves.editable:
+    if curves.editable and group.handles:
         plot.draw_regions(context, frame, group, held, hot)
     draw_list.push_clip_rect(frame.corner, frame.end, True)
     layer = curves.layer
@@ -210,10 +220,17 @@ def _draw_curves(
     draw_list.pop_clip_rect()
     if not curves.editable:
         return
-    places = plot.flag_places(frame, group.regions, context.px(plot.FLAG) + 1)
-    plot.draw_flags(context, frame, group.regions, places, held, hot)
-    plot.draw_knob(context, frame, group, knob(curves, group), "magnitude" in (held, hot))
-    plot.draw_chosen(context, frame, places, knob(curves, group), context.state.handle)
-    if hot == "pull":
+    if group.handles:
+        places = plot.flag_places(frame, group.regions, context.px(plot.FLAG) + 1)
+        plot.draw_flags(context, frame, group.regions, places, held, hot)
+        if "magnitude" in group.handles and held != "stroke":
+            plot.draw_knob(context, frame, group, knob(curves, group), "magnitude" in (held, hot))
+        grabbed = handle_places(context, curves, frame, group)
+        points = {name: place for name, place in grabbed.items() if name.startswith("point.")}
+        plot.draw_points(context, points, held or hot)
+        plot.draw_chosen(context, frame, places, grabbed, context.state.handle)
+    if grip is not None and group.index is not None and grip.handle != "pan" and isinstance(group.first, Operator):
+        curve_helper.draw(context, frame, grip, cast(tuple[Operator, ...], group.operators))
+    if hot in ("pull", "stroke", "add"):
         mouse = imgui.get_mouse_pos()
         draw_list.add_circle(mouse, context.px(5), look.pack(look.ACCENT), 0, context.px(1.5))

@@ -13,14 +13,19 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
-from typing import Any, Literal, cast
+from typing import TYPE_CHECKING, Any, Literal, TypeVar, cast
 
 import numpy as np
 
 from app.document.commands.curves import CurveEdit
 from app.document.view_state import CHANNELS, Channel, Tool, ViewState, channels_of
 from engine.curve.operators import HALF_PI, Curve, Operator, apply_operators, edit_at
+from engine.curve.tables import TabulatedCurve
+from engine.material.layer import Layer
 from ui.panels.window_state import CurveGrip
+
+if TYPE_CHECKING:
+    from ui.panels.curve_plot import Frame
 
 Regions = tuple[float, float, float, float]
 END_NAMES = ("a", "b", "c", "d")
@@ -31,14 +36,26 @@ EXPONENTIAL_REACH = 0.3
 
 
 @dataclass(frozen=True)
+class DrawnCurves:
+    """The selected curve: what generates it, its operators, and the samples drawn (angles (N,), values (N, 3))."""
+
+    key: str
+    factor: str
+    layer: Layer
+    generated: Curve
+    operators: tuple[CurveEdit, ...]
+    editable: bool
+
+
+@dataclass(frozen=True)
 class OperatorGroup:
     """The operator(s) that the handles belong to: one, or Y and X of a diagonal pair. `index` None: not made yet."""
 
-    operators: tuple[Operator, ...]
+    operators: tuple[CurveEdit, ...]
     index: int | None
 
     @property
-    def first(self) -> Operator:
+    def first(self) -> CurveEdit:
         """The operator whose regions, channels and baseline are shown."""
         return self.operators[0]
 
@@ -46,6 +63,29 @@ class OperatorGroup:
     def regions(self) -> Regions:
         """(a, b, c, d) in radians."""
         return self.first.regions
+
+    @property
+    def points(self) -> TabulatedCurve | None:
+        """The control points that the handles belong to; None where it is something else."""
+        first = self.first
+        if self.index is None or not isinstance(first, TabulatedCurve) or first.kind != "points":
+            return None
+        return first
+
+    @property
+    def is_drawn_next(self) -> bool:
+        """Whether a stroke or points are about to be drawn: there are no handles yet."""
+        return self.index is None and isinstance(self.first, TabulatedCurve)
+
+    @property
+    def handles(self) -> tuple[str, ...]:
+        """The names of its handles, in the order of the Tab key. Control points are dragged one by one, all else has a
+        ring."""
+        if self.is_drawn_next:
+            return ()
+        table = self.points
+        first = ("magnitude",) if table is None else tuple(f"point.{i}" for i in range(len(table.gammas)))
+        return (*first, *END_NAMES, "region")
 
     @property
     def pair(self) -> bool:
@@ -66,14 +106,15 @@ def operators_in_use(operators: tuple[CurveEdit, ...], view: ViewState) -> Opera
     """The operator that is selected, else the one that the active tool would make."""
     if view.operator is not None and 0 <= view.operator < len(operators):
         places = edit_at(operators, view.operator)
-        members = tuple(operators[index] for index in places)
-        if isinstance(members[0], Operator):
-            return OperatorGroup(cast(tuple[Operator, ...], members), places.start)
+        return OperatorGroup(tuple(operators[index] for index in places), places.start)
     return OperatorGroup(new_operators(view.active_tool, view.regions, view.channels), None)
 
 
-def new_operators(tool: Tool, regions: Regions, channels: tuple[bool, bool, bool]) -> tuple[Operator, ...]:
-    """Operators that a tool makes, with the magnitude that changes nothing."""
+def new_operators(tool: Tool, regions: Regions, channels: tuple[bool, bool, bool]) -> tuple[CurveEdit, ...]:
+    """Operators that a tool makes, with the magnitude that changes nothing; of a stroke and of points that are about to
+    be drawn, one that is muted."""
+    if tool == "stroke" or tool == "points":
+        return (TabulatedCurve((regions[1],), ((0.0, 0.0, 0.0),), True, tool, regions, channels=channels),)
     kind, _, axes = tool.partition("_")
     neutral = 1.0 if kind == "amplify" else 0.0
     order: tuple[Literal["x", "y"], ...] = ("y", "x") if axes == "xy" else (cast(Literal["x", "y"], axes),)
@@ -87,7 +128,9 @@ def new_operators(tool: Tool, regions: Regions, channels: tuple[bool, bool, bool
 
 
 def tool_of(group: OperatorGroup) -> Tool:
-    """The tool that makes operators like these."""
+    """The tool that makes operators like these; a table is drawn over by strokes."""
+    if isinstance(group.first, TabulatedCurve):
+        return "points" if group.first.kind == "points" else "stroke"
     axes = "xy" if group.pair else group.first.axis
     return cast(Tool, f"{group.first.kind}_{axes}")
 
@@ -119,7 +162,7 @@ def core(regions: Regions) -> float:
 def knob_of(group: OperatorGroup, below: Curve) -> Knob:
     """The place of the knob on the curve `below` (without these operators)."""
     x = core(group.regions)
-    y = reference_value(group.first, below, x)
+    y = reference_value(group.first, _scaled_by(group.first, below), x)
     moved_x, moved_y = x, y
     for operator in group.operators:
         if operator.axis == "y":
@@ -129,14 +172,19 @@ def knob_of(group: OperatorGroup, below: Curve) -> Knob:
     return Knob(moved_x, moved_y, (x, y))
 
 
-def reference_value(operator: Operator, below: Curve, x: float) -> float:
+def _scaled_by(operator: CurveEdit, below: Curve) -> Curve:
+    """What the magnitude of an operator changes: the curve below, or of a table its own values."""
+    return dataclasses.replace(operator, magnitude=1.0) if isinstance(operator, TabulatedCurve) else below
+
+
+def reference_value(operator: CurveEdit, below: Curve, x: float) -> float:
     """The curve's value at `x` in that channel, of those the operator changes, where it is largest."""
     values = below(np.array([x]))[0]
     chosen = [float(value) for value, on in zip(values, operator.channels, strict=True) if on]
     return max(chosen, default=float(values.max()))
 
 
-def raise_value(operator: Operator, y: float) -> float:
+def raise_value(operator: CurveEdit, y: float) -> float:
     """Value y after a Y-operator at full strength."""
     if operator.kind == "translate":
         return y + operator.magnitude
@@ -154,7 +202,8 @@ def move_angle(operator: Operator, x: float) -> float:
 
 def limit_text(group: OperatorGroup) -> str:
     """The limit of an X-operator, and how to lift it, in words; empty where there is none."""
-    held = next((o for o in group.operators if o.axis == "x" and o.at_limit and o.regions[0] < o.regions[3]), None)
+    along = [each for each in group.operators if isinstance(each, Operator) and each.axis == "x"]
+    held = next((o for o in along if o.at_limit and o.regions[0] < o.regions[3]), None)
     if held is None or abs(held.magnitude) >= HALF_PI:
         return ""
     if held.kind == "amplify":
@@ -172,7 +221,7 @@ class Pull:
     factors: tuple[float, float]
 
 
-def magnitude_for(operator: Operator, anchor: tuple[float, float], pull: Pull) -> Operator:
+def magnitude_for(operator: CurveEdit, anchor: tuple[float, float], pull: Pull) -> CurveEdit:
     """The operator, whose feature would be at `anchor` without it, dragged as far as it allows."""
     axis = 0 if operator.axis == "x" else 1
     if pull.factors[axis] == 1.0:
@@ -195,10 +244,10 @@ def drag_knob(grip: CurveGrip, group: OperatorGroup, generated: Curve, pull: Pul
     """The curve's operators when the ring has been dragged; `group`: the new ones, where none was selected."""
     at = len(grip.operators) if grip.index is None else grip.index
     count = len(group.operators)
-    members = group.operators if grip.index is None else cast(tuple[Operator, ...], grip.operators[at : at + count])
+    members = group.operators if grip.index is None else grip.operators[at : at + count]
     below = apply_operators(grip.operators[:at], generated)
     x = core(grip.regions)
-    anchor = (x, reference_value(group.first, below, x))
+    anchor = (x, reference_value(members[0], _scaled_by(members[0], below), x))
     changed = tuple(magnitude_for(operator, anchor, pull) for operator in members)
     return (*grip.operators[:at], *changed, *grip.operators[at + count :])
 
@@ -216,12 +265,44 @@ def drag_region(grip: CurveGrip, to: float) -> Regions:
 
 def with_regions(grip: CurveGrip, regions: Regions) -> tuple[CurveEdit, ...]:
     """The curve's operators when those in use have new regions; X-magnitudes are clamped to where they stay
-    monotone."""
+    monotone. The samples of a table move along with its whole region."""
     if grip.index is None:
         return grip.operators
     count = 2 if grip.pair else 1
     changed = list(grip.operators)
     for index in range(grip.index, grip.index + count):
-        operator = cast(Operator, changed[index])
+        operator = changed[index]
+        if isinstance(operator, TabulatedCurve) and grip.handle == "region":
+            operator = operator.moved(regions[1] - grip.regions[1])
         changed[index] = operator.with_regions(*regions).clamp_magnitude()
     return tuple(changed)
+
+
+def knob(curves: DrawnCurves, group: OperatorGroup) -> Knob:
+    """The place of the magnitude handle on the curve as it is."""
+    below = curves.operators if group.index is None else curves.operators[: group.index]
+    return knob_of(group, apply_operators(below, curves.generated))
+
+
+AnyGrip = TypeVar("AnyGrip", bound=CurveGrip)
+
+
+def grip_at(
+    kind: type[AnyGrip],
+    curves: DrawnCurves,
+    frame: Frame,
+    group: OperatorGroup,
+    handle: str,
+    offset: tuple[float, float],
+) -> AnyGrip:
+    """A gesture that begins now, on a handle of the operators in use."""
+    return kind(
+        handle=handle,
+        offset=offset,
+        operators=curves.operators,
+        index=group.index,
+        pair=group.pair,
+        regions=group.regions,
+        x_range=(frame.x.low, frame.x.high),
+        y_range=(frame.y.low, frame.y.high),
+    )

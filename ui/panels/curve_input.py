@@ -1,38 +1,35 @@
-"""Mouse and keyboard on the curve: which handle is under the mouse, what pressing, dragging and the wheel do; Tab
-chooses a handle, the arrow keys move it.
+"""The mouse on the curve: which handle is under it, what pressing, dragging and the wheel do.
 
-Everything is measured from the `CurveGrip` that the press made; mouse and keys share the effect of moving a handle
-(`move_handle`).
+Everything is measured from the `CurveGrip` that the press made; mouse and keys (`curve_keyboard`) share the effect of
+moving a handle (`move_handle`).
 """
 
 from __future__ import annotations
 
 import dataclasses
-import math
-from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
-from app.document.commands.curves import CurveEdit, SetOperators
+from app.document.commands.curves import SetOperators
 from app.document.view_state import SetView
-from engine.curve.operators import Curve, apply_operators
-from engine.material.layer import Layer
+from engine.curve.operators import apply_operators
+from engine.curve.tables import TabulatedCurve
+from ui.panels import curve_drawing, widgets
 from ui.panels import curve_plot as plot
-from ui.panels import widgets
 from ui.panels.actions import Action, BeginDrag, EndDrag, HoldGrip, SetPanel
 from ui.panels.context import PanelContext
 from ui.panels.curve_gestures import (
     END_NAMES,
     HALF_PI,
-    Knob,
+    DrawnCurves,
     OperatorGroup,
     Pull,
     defaults_from,
     drag_knob,
     drag_region,
-    knob_of,
+    grip_at,
+    knob,
     new_operators,
     regions_around,
     tool_of,
@@ -40,35 +37,17 @@ from ui.panels.curve_gestures import (
 )
 from ui.panels.number_fields import PIXELS_TO_DOUBLE
 from ui.panels.plot_axes import zoomed
-from ui.panels.window_state import FINE, CurveGrip, KeyGrip, Travel
+from ui.panels.window_state import CurveGrip, StrokeGrip, Travel
 
 GRAB_DISTANCE = 9.0
 PULL_DISTANCE = 10.0
 SMALLEST_X_SPAN = 0.002
 
 
-@dataclass(frozen=True)
-class DrawnCurves:
-    """The selected curve: what generates it, its operators, and the samples drawn (angles (N,), values (N, 3))."""
-
-    key: str
-    factor: str
-    layer: Layer
-    generated: Curve
-    operators: tuple[CurveEdit, ...]
-    editable: bool
-
-
 def grip_of(context: PanelContext) -> CurveGrip | None:
     """The gesture on the curve, when one is under way."""
     grip = context.state.grip
     return grip if isinstance(grip, CurveGrip) else None
-
-
-def knob(curves: DrawnCurves, group: OperatorGroup) -> Knob:
-    """The place of the magnitude handle on the curve as it is."""
-    below = curves.operators if group.index is None else curves.operators[: group.index]
-    return knob_of(group, apply_operators(below, curves.generated))
 
 
 def interact(
@@ -79,8 +58,9 @@ def interact(
     size = ImVec2(frame.x.end + context.px(10) - corner.x, frame.y.start - corner.y)
     imgui.set_cursor_screen_pos(corner)
     buttons = imgui.ButtonFlags_.mouse_button_left | imgui.ButtonFlags_.mouse_button_middle
+    buttons |= imgui.ButtonFlags_.mouse_button_right
     imgui.invisible_button("ground", size, buttons)
-    handles = _handle_places(context, curves, frame, group) if curves.editable else {}
+    handles = handle_places(context, curves, frame, group) if curves.editable else {}
     for name, place in handles.items():
         context.handles.note(f"curve.{name}", *place)
     context.handles.note("curve.line", *_on_the_line(curves, frame))
@@ -110,13 +90,20 @@ def _on_the_line(curves: DrawnCurves, frame: plot.Frame) -> tuple[float, float]:
     return frame.x.to_pixel(gamma), frame.y.to_pixel(value)
 
 
-def _handle_places(
+def handle_places(
     context: PanelContext, curves: DrawnCurves, frame: plot.Frame, group: OperatorGroup
 ) -> dict[str, tuple[float, float]]:
     """Where each handle can be grabbed, by name, those drawn on top first."""
+    if group.is_drawn_next:
+        return {}
     flags = plot.flag_places(frame, group.regions, context.px(plot.FLAG) + 1)
     top = frame.y.end - context.px(plot.FLAG_STRIP - 2) + 0.5 * context.px(plot.FLAG)
-    places = {"magnitude": plot.knob_place(context, frame, knob(curves, group))}
+    places: dict[str, tuple[float, float]] = {}
+    if (points := group.points) is not None:
+        inside = (curve_drawing.point_place(frame, points, i) for i in range(len(points.gammas)))
+        places = {f"point.{i}": place for i, place in enumerate(inside) if frame.contains(*place)}
+    else:
+        places["magnitude"] = plot.knob_place(context, frame, knob(curves, group))
     places |= {name: (x, top) for name, x in zip(END_NAMES, flags, strict=True)}
     return places | {"region": (0.5 * (flags[1] + flags[2]), top)}
 
@@ -129,21 +116,25 @@ def _under_mouse(
     handles: dict[str, tuple[float, float]],
     mouse: ImVec2,
 ) -> str | None:
-    reach = context.px(GRAB_DISTANCE)
-    for name in ("magnitude", *END_NAMES):
-        if name in handles and np.hypot(mouse.x - handles[name][0], mouse.y - handles[name][1]) <= reach:
-            return name
-    if not handles:
+    if not curves.editable:
         return None
-    if mouse.y < frame.y.end:
+    reach = context.px(GRAB_DISTANCE)
+    for name, (x, y) in handles.items():
+        if name != "region" and np.hypot(mouse.x - x, mouse.y - y) <= reach:
+            return name
+    if handles and mouse.y < frame.y.end:
         inside = handles["a"][0] <= mouse.x <= handles["d"][0]
         return "region" if inside else None
     if not frame.contains(mouse.x, mouse.y):
         return None
+    if tool_of(group) == "stroke":
+        return "stroke"
     gamma = frame.x.to_value(mouse.x)
     values = apply_operators(curves.operators, curves.generated)(np.array([gamma]))[0]
     if np.abs(frame.y.to_pixels(values) - mouse.y).min() <= context.px(PULL_DISTANCE):
-        return "pull"
+        return "add" if tool_of(group) == "points" else "pull"
+    if not handles:
+        return None
     bars = {name: abs(frame.x.to_pixel(end) - mouse.x) for name, end in zip(END_NAMES, group.regions, strict=True)}
     nearest = min(bars, key=lambda name: bars[name])
     return nearest if bars[nearest] <= context.px(5) else None
@@ -153,6 +144,8 @@ def _show_cursor(hot: str | None, group: OperatorGroup) -> None:
     cursor = imgui.MouseCursor_
     if hot in (*END_NAMES, "region"):
         imgui.set_mouse_cursor(cursor.resize_ew)
+    elif hot is not None and hot.startswith("point."):
+        imgui.set_mouse_cursor(cursor.resize_all)
     elif hot in ("magnitude", "pull"):
         axes = {operator.axis for operator in group.operators}
         both = cursor.resize_all if len(axes) == 2 else cursor.resize_ew if "x" in axes else cursor.resize_ns
@@ -160,13 +153,23 @@ def _show_cursor(hot: str | None, group: OperatorGroup) -> None:
 
 
 def _explain(hot: str | None, group: OperatorGroup) -> None:
+    if hot is not None and hot.startswith("point."):
+        widgets.tooltip("A control point: drag it; the curve goes through it. Right click removes it.")
+        return
+    is_table = isinstance(group.first, TabulatedCurve)
     texts = {
         "a": "a: the edit begins here; nothing left of it changes.",
         "b": "b: from here the edit acts at full strength.",
         "c": "c: up to here the edit acts at full strength.",
         "d": "d: the edit ends here; nothing right of it changes.",
         "region": "Move the whole region along the angle.",
-        "magnitude": f"How strong: drag to {group.first.kind} the curve. The picture follows.",
+        "magnitude": (
+            "Scale what was drawn: drag up or down. The picture follows."
+            if is_table
+            else f"How strong: drag to {group.first.kind} the curve. The picture follows."
+        ),
+        "stroke": "Draw the curve: it takes this shape, and goes over smoothly into what is beside it.",
+        "add": "Set a control point here.",
         "pull": f"Pull the curve here: add a new {group.first.kind} of this part.",
     }
     if hot in texts:
@@ -181,6 +184,14 @@ def _take_hold(
     hot: str | None,
     mouse: ImVec2,
 ) -> list[Action]:
+    place = (mouse.x, mouse.y)
+    if imgui.is_mouse_clicked(1):
+        is_point = hot is not None and hot.startswith("point.")
+        return curve_drawing.remove_point(curves, group, hot) if hot is not None and is_point else []
+    if imgui.is_mouse_clicked(0) and hot == "stroke":
+        return curve_drawing.begin_stroke(curves, frame, group, place)
+    if imgui.is_mouse_clicked(0) and hot == "add":
+        return curve_drawing.add_point(context, curves, frame, group, place)
     if imgui.is_mouse_double_clicked(0) and hot is None:
         return [SetView.of(curve_zoom=None)]
     hot = "pan" if imgui.is_mouse_clicked(2) else hot
@@ -190,7 +201,7 @@ def _take_hold(
         regions = regions_around(frame.x.to_value(mouse.x), frame.x.high - frame.x.low)
         group = OperatorGroup(new_operators(tool_of(group), regions, group.first.channels), None)
     handle = "magnitude" if hot == "pull" else hot
-    place = (mouse.x, mouse.y) if handle == "pan" else handle_position(curves, frame, group, handle)
+    place = place if handle == "pan" else handle_position(curves, frame, group, handle)
     grip = dataclasses.replace(
         grip_at(CurveGrip, curves, frame, group, handle, place),
         travel=Travel((mouse.x, mouse.y), fine=imgui.get_io().key_shift),
@@ -201,35 +212,13 @@ def _take_hold(
     return actions if hot == "pan" else [*actions, SetPanel({"handle": grip.handle})]
 
 
-AnyGrip = TypeVar("AnyGrip", bound=CurveGrip)
-
-
-def grip_at(
-    kind: type[AnyGrip],
-    curves: DrawnCurves,
-    frame: plot.Frame,
-    group: OperatorGroup,
-    handle: str,
-    offset: tuple[float, float],
-) -> AnyGrip:
-    """A gesture that begins now, on a handle of the operators in use."""
-    return kind(
-        handle=handle,
-        offset=offset,
-        operators=curves.operators,
-        index=group.index,
-        pair=group.pair,
-        regions=group.regions,
-        x_range=(frame.x.low, frame.x.high),
-        y_range=(frame.y.low, frame.y.high),
-    )
-
-
 def handle_position(curves: DrawnCurves, frame: plot.Frame, group: OperatorGroup, handle: str) -> tuple[float, float]:
     """The true position of a handle, pixels, also off the plot, so that nothing jumps; of the region its left end."""
     if handle == "magnitude":
         feature = knob(curves, group)
         return frame.x.to_pixel(feature.x), frame.y.to_pixel(feature.y)
+    if (points := group.points) is not None and handle.startswith("point."):
+        return curve_drawing.point_place(frame, points, int(handle.removeprefix("point.")))
     end = 0 if handle == "region" else END_NAMES.index(handle)
     return frame.x.to_pixel(group.regions[end]), frame.y.start
 
@@ -239,6 +228,8 @@ def _drag(
 ) -> list[Action]:
     if grip.handle == "pan":
         return _pan(frame, grip, mouse)
+    if isinstance(grip, StrokeGrip):
+        return curve_drawing.continue_stroke(context, curves, frame, grip, (mouse.x, mouse.y))
     if grip.index is None and not imgui.is_mouse_dragging(0, 1.0) and group.index is None:
         return []
     travel = grip.travel.with_fine((mouse.x, mouse.y), imgui.get_io().key_shift)
@@ -256,6 +247,8 @@ def move_handle(
     moved: tuple[float, float],
 ) -> list[Action]:
     """The actions of moving the grabbed handle by so many pixels right and down."""
+    if grip.handle.startswith("point."):
+        return curve_drawing.move_point(curves, frame, grip, moved)
     if grip.handle == "magnitude":
         return move_knob(context, curves, frame, group, grip, moved)
     # The shift is exactly 0 where the pointer is back at its start, or has moved only up and down.
@@ -315,101 +308,3 @@ def _zoom(context: PanelContext, frame: plot.Frame, mouse: ImVec2) -> list[Actio
         x_range = zoomed(*x_range, frame.x.to_value(mouse.x), max(factor, SMALLEST_X_SPAN / (x_range[1] - x_range[0])),
                          (0.0, HALF_PI))  # fmt: skip
     return [SetView.of(curve_zoom=(*x_range, *y_range))]
-
-
-# --------------------------------------------------------------------------------------------------------- the keyboard
-#
-# A key that is held is one gesture, however often it repeats: it begins at the press and ends when all arrow keys are
-# up, so it is one step of the history. The keys belong to the curve unless another panel's controls have the keyboard.
-
-
-HANDLES = ("magnitude", *END_NAMES, "region")
-# Shares of the plot's width and height, so that zooming in makes the keys finer: one degree where all 90 are shown.
-WIDTH_A_STEP, HEIGHT_A_STEP = 1.0 / 90.0, 1.0 / 50.0
-AMPLIFIED_A_STEP = 0.05
-
-Key = imgui.Key
-ARROWS = {Key.left_arrow: (-1, 0), Key.right_arrow: (1, 0), Key.up_arrow: (0, -1), Key.down_arrow: (0, 1)}
-
-
-def move_by_keys(context: PanelContext, curves: DrawnCurves, frame: plot.Frame, group: OperatorGroup) -> list[Action]:
-    """The actions of the keys pressed or held in this pass on the handles."""
-    grip = context.state.grip
-    if isinstance(grip, KeyGrip):
-        _claim()
-        if not any(imgui.is_key_down(key) for key in ARROWS):
-            return [EndDrag(), HoldGrip(None)]
-        return _moved_by_keys(context, curves, frame, group, grip, _key_steps(context.repeated))
-    if grip is not None or not curves.editable or not _has_keyboard(context):
-        return []
-    _claim()
-    if context.repeated == Key.tab or imgui.internal.is_key_pressed(Key.tab, 0, _OWNER):
-        return [SetPanel({"handle": next_handle(context.state.handle, back=imgui.get_io().key_shift)})]
-    steps = _key_steps()
-    if steps == (0, 0):
-        return []
-    handle = context.state.handle or HANDLES[0]
-    begun = grip_at(KeyGrip, curves, frame, group, handle, offset=handle_position(curves, frame, group, handle))
-    return [BeginDrag(None), SetPanel({"handle": handle}), *_moved_by_keys(context, curves, frame, group, begun, steps)]
-
-
-def next_handle(handle: str | None, back: bool = False) -> str:
-    """The handle after (or before) this one; the first, or last, where none is chosen."""
-    if handle is None:
-        return HANDLES[-1 if back else 0]
-    return HANDLES[(HANDLES.index(handle) + (-1 if back else 1)) % len(HANDLES)]
-
-
-_OWNER = 0x1A5170
-
-
-def _has_keyboard(context: PanelContext) -> bool:
-    """Whether the curve has the keyboard.
-
-    It does not while the user types, a list or a dialog is open, another panel has the keyboard, or a modifier makes
-    shortcuts of the keys.
-    """
-    io = imgui.get_io()
-    if context.keys_taken or io.key_ctrl or io.key_alt or io.key_super or imgui.is_any_item_active():
-        return False
-    if context.state.question is not None or context.view.show_shortcuts:
-        return False
-    return not io.nav_visible or imgui.is_window_focused(int(imgui.FocusedFlags_.root_and_child_windows))
-
-
-def _claim() -> None:
-    """Keep imgui from moving between controls by the same keys."""
-    for key in (*ARROWS, Key.tab):
-        imgui.internal.set_key_owner(key, _OWNER)
-
-
-def _key_steps(repeated: imgui.Key | None = None) -> tuple[int, int]:
-    """Steps right and down of the arrow keys pressed in this pass, or repeated."""
-    pressed = [ARROWS[key] for key in ARROWS if key == repeated or imgui.internal.is_key_pressed(key, 0, _OWNER)]
-    return sum(right for right, _ in pressed), sum(down for _, down in pressed)
-
-
-def _moved_by_keys(
-    context: PanelContext,
-    curves: DrawnCurves,
-    frame: plot.Frame,
-    group: OperatorGroup,
-    grip: KeyGrip,
-    steps: tuple[int, int],
-) -> list[Action]:
-    """The gesture continued by so many steps, and its actions now."""
-    if steps == (0, 0):
-        return []
-    size = FINE if imgui.get_io().key_shift else 1.0
-    across, down = (size * step for step in _key_step(context, frame, group, grip))
-    moved = grip.moved[0] + steps[0] * across, grip.moved[1] + steps[1] * down
-    grip = dataclasses.replace(grip, moved=moved)
-    return [HoldGrip(grip), *move_handle(context, curves, frame, group, grip, moved)]
-
-
-def _key_step(context: PanelContext, frame: plot.Frame, group: OperatorGroup, grip: KeyGrip) -> tuple[float, float]:
-    """Pixels right and down per press."""
-    if grip.handle == "magnitude" and group.first.kind == "amplify":
-        step = math.log2(1.0 + AMPLIFIED_A_STEP) * context.px(PIXELS_TO_DOUBLE)
-        return step, step
-    return WIDTH_A_STEP * (frame.x.end - frame.x.start), HEIGHT_A_STEP * (frame.y.start - frame.y.end)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
-from engine.curve.operators import Operator, strength, unique_sorted
+from engine.curve.operators import Edit, Operator, strength, unique_sorted
 from ui import theme as look
 from ui.panels.context import PanelContext
 from ui.panels.curve_gestures import END_NAMES, Knob, OperatorGroup, Regions
@@ -158,6 +158,11 @@ def draw_curve(frame: Frame, gamma: np.ndarray, values: np.ndarray, channels: tu
         draw.add_polyline(_points(frame, gamma, values[:, channel]), colour, 2.0 * scale, 0)
 
 
+def draw_line(frame: Frame, gamma: np.ndarray, values: np.ndarray, ink: look.Colour, thickness: float) -> None:
+    """One function (N,) over the angle."""
+    imgui.get_window_draw_list().add_polyline(_points(frame, gamma, values), look.pack(ink), thickness, 0)
+
+
 def distinct_channels(values: np.ndarray) -> list[int]:
     """[0] where the three columns agree to within a thousandth of the largest value, else [0, 1, 2]."""
     largest = float(np.abs(values).max(initial=0.0))
@@ -180,7 +185,7 @@ def draw_regions(
     draw.pop_clip_rect()
 
 
-def _shade(draw: imgui.ImDrawList, frame: Frame, operator: Operator) -> None:
+def _shade(draw: imgui.ImDrawList, frame: Frame, operator: Edit) -> None:
     a, b, c, d = operator.regions
     edges = unique_sorted(np.concatenate([np.linspace(a, b, STRIPS), np.linspace(c, d, STRIPS)]))
     weights = strength(operator, edges)
@@ -275,7 +280,9 @@ def draw_knob(context: PanelContext, frame: Frame, group: OperatorGroup, knob: K
     ink = look.pack(look.ACCENT)
     radius = context.px(7.5 if active else 6.5)
     held = {
-        math.copysign(1.0, o.magnitude - o.neutral_magnitude) for o in group.operators if o.axis == "x" and o.at_limit
+        math.copysign(1.0, o.magnitude - o.neutral_magnitude)
+        for o in group.operators
+        if isinstance(o, Operator) and o.axis == "x" and o.at_limit
     }
     directions = [(-1.0, 0.0), (1.0, 0.0)] if "x" in axes else []
     directions += [(0.0, -1.0), (0.0, 1.0)] if "y" in axes else []
@@ -291,11 +298,29 @@ def draw_knob(context: PanelContext, frame: Frame, group: OperatorGroup, knob: K
         draw.add_circle_filled(ImVec2(x, y), context.px(2), ink)
 
 
-def draw_chosen(context: PanelContext, frame: Frame, places: tuple[float, ...], knob: Knob, chosen: str | None) -> None:
-    """A light outline around the handle that the keyboard moves; none where none was chosen yet."""
+def draw_points(context: PanelContext, places: dict[str, tuple[float, float]], active: str | None) -> None:
+    """Control points, by the names of their handles: squares, as in Blender's curves; filled while they are held."""
+    draw, half = imgui.get_window_draw_list(), context.px(4)
+    for name, (x, y) in places.items():
+        corner, end = ImVec2(x - half, y - half), ImVec2(x + half, y + half)
+        draw.add_rect_filled(corner, end, look.pack(look.ACCENT if name == active else look.grey(24)), context.px(1.5))
+        draw.add_rect(corner, end, look.pack(look.ACCENT), context.px(1.5), context.px(1.75))
+
+
+def draw_chosen(
+    context: PanelContext,
+    frame: Frame,
+    places: tuple[float, ...],
+    grabbed: dict[str, tuple[float, float]],
+    chosen: str | None,
+) -> None:
+    """A light outline around the handle that the keyboard moves; none where none was chosen yet. `places`: the flags',
+    `grabbed`: where each handle can be grabbed."""
     draw, ink = imgui.get_window_draw_list(), look.pack(look.grey(240))
-    if chosen == "magnitude":
-        draw.add_circle(ImVec2(*knob_place(context, frame, knob)), context.px(9.5), ink, 0, context.px(1.5))
+    if chosen is None or chosen not in grabbed:
+        return
+    if chosen == "magnitude" or chosen.startswith("point."):
+        draw.add_circle(ImVec2(*grabbed[chosen]), context.px(9.5), ink, 0, context.px(1.5))
         return
     top, size = frame.y.end - context.px(FLAG_STRIP - 2), context.px(FLAG)
     half = 0.5 * size
@@ -304,7 +329,7 @@ def draw_chosen(context: PanelContext, frame: Frame, places: tuple[float, ...], 
         if high > low:
             corner, end = ImVec2(low, top + half - reach), ImVec2(high, top + half + reach)
             draw.add_rect(corner, end, ink, context.px(3), context.px(1.5))
-    elif chosen is not None:
+    else:
         x = places[END_NAMES.index(chosen)]
         corner, end = ImVec2(x - half, top), ImVec2(x + half, top + size)
         draw.add_rect(corner, end, ink, context.px(4), context.px(1.5))

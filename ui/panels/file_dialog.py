@@ -14,6 +14,7 @@ from imgui_bundle import ImVec2, imgui
 
 from app.document.named_files import IMAGE_SUFFIXES
 from app.document.sources import LIGHT_ENDINGS, SCENE_ENDINGS, SESSION_ENDING
+from engine.curve.table_text import TABLE_ENDINGS
 from engine.measured.measurement import ENDINGS as MEASURED_ENDINGS
 from ui import theme as look
 from ui.panels import widgets
@@ -36,6 +37,7 @@ TITLES = {
     "open_scene": "Open a scene, a session or a mesh",
     "open_environment": "Open an environment",
     "open_measured": "Import a measured BRDF onto the selected object",
+    "open_table": "Load a table onto the selected curve (CSV: angle in degrees, values)",
     "open_texture": "Open a texture",
     "open_normal_map": "Open a normal map",
     "open_bump_map": "Open a bump map",
@@ -52,6 +54,7 @@ ENDINGS = {
     "open_scene": (*SCENE_ENDINGS, SESSION_ENDING),
     "open_environment": LIGHT_ENDINGS,
     "open_measured": MEASURED_ENDINGS,
+    "open_table": TABLE_ENDINGS,
     "open_texture": IMAGE_SUFFIXES,
     "open_normal_map": IMAGE_SUFFIXES,
     "open_bump_map": IMAGE_SUFFIXES,

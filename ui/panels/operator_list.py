@@ -18,15 +18,16 @@ from app.document.commands.curves import (
     operator_title,
 )
 from app.document.view_state import SetView, Tool
-from engine.curve.operators import HALF_PI, SMALLEST_STRETCH, Operator, OperatorError, edits_of
+from engine.curve.operators import HALF_PI, SMALLEST_STRETCH, OperatorError, edits_of
+from engine.curve.tables import TabulatedCurve
 from ui import theme as look
-from ui.panels import number_fields, rows, widgets
+from ui.panels import number_fields, rows, widgets, window_operators
 from ui.panels.actions import Action
 from ui.panels.context import PanelContext
 from ui.panels.curve_gestures import END_NAMES, OperatorGroup, defaults_from, operators_in_use, tool_of
 from ui.theme import Icon
 
-KINDS = ("translate", "amplify")
+KINDS = ("translate", "amplify", "stroke", "points")
 AXES = ("x", "y", "xy")
 LEAST_ROWS = 1
 DEGREES_A_PIXEL = 0.25
@@ -42,7 +43,8 @@ def draw(
     if not editable:
         widgets.caption(f"{Icon.FROZEN}  Frozen: thaw it in the object list to edit this curve.")
     imgui.begin_disabled(not editable)
-    actions += _tools(context, group)
+    actions += _kinds(context, group)
+    actions += _table_buttons(context) if isinstance(group.first, TabulatedCurve) else _axes(context, group)
     imgui.same_line(0.0, context.px(4))
     actions += _whole(context, key, factor, operators, group)
     imgui.spacing()
@@ -52,16 +54,31 @@ def draw(
     return actions
 
 
-def _tools(context: PanelContext, group: OperatorGroup) -> list[Action]:
+def _kinds(context: PanelContext, group: OperatorGroup) -> list[Action]:
     """The active tool: that of the selected operator, else the one that makes the next."""
     kind, _, axes = tool_of(group).partition("_")
-    actions: list[Action] = []
-    hints = ("Translate: pulling the curve moves that part of it.", "Amplify: pulling the curve stretches that part.")
-    choices = [(k.capitalize(), hint) for k, hint in zip(KINDS, hints, strict=True)]
-    half = 0.5 * (imgui.get_content_region_avail().x - 1.0)
-    pressed = widgets.segments(context, "curve.kind", choices, KINDS.index(kind), least=half / context.theme.scale)
+    choices = (
+        ("Translate", "Translate: pulling the curve moves that part of it. (T)"),
+        ("Amplify", "Amplify: pulling the curve stretches that part. (A)"),
+        (Icon.PENCIL, "Draw: the curve takes the shape that you draw. (W)"),
+        (Icon.POINTS, "Control points: click the curve to set them, and drag them. (P)"),
+    )
+    icons = widgets.segments_width(context, [text for text, _ in choices[2:]])
+    half = 0.5 * (imgui.get_content_region_avail().x - icons - 2.0) / context.theme.scale
+    pressed = widgets.segments(context, "curve.kind", choices[:2], KINDS.index(kind) if axes else -1, least=half)
+    imgui.same_line(0.0, 1.0)
+    drawn = -1 if axes else KINDS.index(kind) - 2
+    pressed_icon = widgets.segments(context, "curve.drawn", choices[2:], drawn)
     if pressed is not None:
-        actions.append(SetView.of(active_tool=cast(Tool, f"{KINDS[pressed]}_{axes}"), operator=None))
+        return [SetView.of(active_tool=cast(Tool, f"{KINDS[pressed]}_{axes or 'y'}"), operator=None)]
+    if pressed_icon is not None:
+        return [SetView.of(active_tool=cast(Tool, KINDS[2 + pressed_icon]), operator=None)]
+    return []
+
+
+def _axes(context: PanelContext, group: OperatorGroup) -> list[Action]:
+    """The axes along which the tool acts."""
+    kind, _, axes = tool_of(group).partition("_")
     across = (
         (f"{Icon.HORIZONTAL} X", "Along the angle: a highlight gets wider, narrower or moves outwards."),
         (f"{Icon.VERTICAL} Y", "In height: that part of the highlight gets brighter or darker."),
@@ -69,8 +86,25 @@ def _tools(context: PanelContext, group: OperatorGroup) -> list[Action]:
     )
     third = (imgui.get_content_region_avail().x - 2.0 - 2 * imgui.get_frame_height() - context.px(4)) / 3.0
     pressed = widgets.segments(context, "curve.axis", across, AXES.index(axes), least=third / context.theme.scale)
-    if pressed is not None:
-        actions.append(SetView.of(active_tool=cast(Tool, f"{kind}_{AXES[pressed]}"), operator=None))
+    return [] if pressed is None else [SetView.of(active_tool=cast(Tool, f"{kind}_{AXES[pressed]}"), operator=None)]
+
+
+def _table_buttons(context: PanelContext) -> list[Action]:
+    """Tables of values from files and by the clipboard."""
+    actions: list[Action] = []
+    gap = context.px(4)
+    room = imgui.get_content_region_avail().x - 2 * imgui.get_frame_height() - 3 * gap
+    columns = "angle in degrees, one value or red, green, blue"
+    buttons = (
+        ("Load…", "table", f"Load a table (CSV: {columns}) onto the curve, as an operator."),
+        ("Paste", "paste", f"Paste a table from a spreadsheet ({columns}) onto the curve. (Ctrl V)"),
+        ("Copy", "copy_table", "Copy the curve as a table, for a spreadsheet."),
+    )
+    for text, name, hint in buttons:
+        if widgets.text_button(context, f"curve.{name}", text, hint, width=room / 3.0):
+            actions += window_operators.perform(context, name)
+        if name != "copy_table":
+            imgui.same_line(0.0, gap)
     return actions
 
 
@@ -95,7 +129,7 @@ def _list(
     """The operators, the last to apply on top, in the height that the numbers below leave."""
     actions: list[Action] = []
     row = imgui.get_frame_height()
-    below = len(group.operators) + 1
+    below = 0 if group.is_drawn_next else len(group.operators) + 1
     footer = below * imgui.get_frame_height_with_spacing() + 2 * imgui.get_style().item_spacing.y
     height = max(imgui.get_content_region_avail().y - footer, LEAST_ROWS * row)
     corner, width = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
@@ -104,7 +138,7 @@ def _list(
     imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(0, 0))
     if imgui.begin_child("list", ImVec2(0, height)):
         if not operators:
-            _hint(context, width, height)
+            _hint(context, group, width, height)
         for places in reversed(edits_of(operators)):
             actions += _row(context, key, factor, operators, places)
     imgui.end_child()
@@ -113,8 +147,12 @@ def _list(
     return actions
 
 
-def _hint(context: PanelContext, width: float, height: float) -> None:
-    text = "Drag the ring or the curve\nto make the first operator."
+def _hint(context: PanelContext, group: OperatorGroup, width: float, height: float) -> None:
+    hints = {
+        "stroke": "Draw in the plot, or load\na table of values.",
+        "points": "Click the curve to set\npoints; drag them.",
+    }
+    text = hints.get(tool_of(group), "Drag the ring or the curve\nto make the first operator.")
     imgui.push_font(None, look.SMALL_SIZE)
     extent = imgui.calc_text_size(text)
     if extent.y > height:
@@ -165,7 +203,7 @@ def _title(context: PanelContext, place: ImVec2, edit: tuple[CurveEdit, ...], in
     """The name of the edit, and the channels that it changes where it does not change all."""
     draw, text, first = imgui.get_window_draw_list(), operator_title(*edit), edit[0]
     draw.add_text(place, look.pack(ink), text)
-    if not isinstance(first, Operator) or all(first.channels):
+    if all(first.channels):
         return
     x = place.x + imgui.calc_text_size(text).x + context.px(6)
     for name, colour in (pair for pair, on in zip(CHANNEL_MARKS, first.channels, strict=True) if on):
@@ -207,17 +245,16 @@ def _row_buttons(
 
 def _select(operators: tuple[CurveEdit, ...], places: range) -> Action:
     """Select an operator; the next new one is made like it."""
-    first = operators[places.start]
-    if not isinstance(first, Operator):
-        return SetView.of(operator=places.start)
-    group = OperatorGroup(cast(tuple[Operator, ...], operators[places.start : places.stop]), places.start)
+    group = OperatorGroup(operators[places.start : places.stop], places.start)
     return SetView.of(operator=places.start, **defaults_from(group))
 
 
 def magnitude_text(operator: CurveEdit) -> str:
     """The magnitude as it is shown: degrees along the angle, a signed value or a factor in height."""
-    if not isinstance(operator, Operator):
-        return f"{len(operator.gammas)} samples"
+    if isinstance(operator, TabulatedCurve):
+        n = len(operator.gammas)
+        samples = f"{n} point{'s' * (n != 1)}" if operator.kind == "points" else f"{n} samples"
+        return samples if operator.magnitude == 1.0 else f"× {operator.magnitude:.3g}"
     if operator.kind == "amplify":
         return f"× {operator.magnitude:.3g}"
     if operator.axis == "x":
@@ -229,6 +266,8 @@ def _numbers(
     context: PanelContext, key: str, factor: str, operators: tuple[CurveEdit, ...], group: OperatorGroup
 ) -> list[Action]:
     """a, b, c, d in degrees; magnitude and baseline of the operator in use."""
+    if group.is_drawn_next:
+        return []
     actions = _region_fields(context, key, factor, operators, group)
     for offset, operator in enumerate(group.operators):
         actions += _magnitude_fields(context, key, factor, operators, group, offset, operator)
@@ -262,9 +301,8 @@ _REGION_WORDS = {"a": "begins", "b": "reaches full strength", "c": "leaves full 
 def _with_region(
     key: str, factor: str, operators: tuple[CurveEdit, ...], group: OperatorGroup, name: str, to: float
 ) -> list[Action]:
-    regions = group.first.with_regions(**{name: min(to, HALF_PI)}).regions
-    changed = [dataclasses.replace(o, a=regions[0], b=regions[1], c=regions[2], d=regions[3]) for o in group.operators]
-    return [*_replaced(key, factor, operators, group, tuple(changed)), SetView.of(regions=regions)]
+    changed = tuple(each.with_regions(**{name: min(to, HALF_PI)}) for each in group.operators)
+    return [*_replaced(key, factor, operators, group, changed), SetView.of(regions=changed[0].regions)]
 
 
 def _magnitude_fields(
@@ -274,7 +312,7 @@ def _magnitude_fields(
     operators: tuple[CurveEdit, ...],
     group: OperatorGroup,
     offset: int,
-    operator: Operator,
+    operator: CurveEdit,
 ) -> list[Action]:
     actions: list[Action] = []
     amplify, degrees = operator.kind == "amplify", math.radians(1.0)
@@ -282,7 +320,8 @@ def _magnitude_fields(
     gap = context.px(5)
     room = imgui.get_content_region_avail().x
     imgui.set_next_item_width(0.5 * (room - gap) if amplify else room)
-    text = f"{operator.axis.upper()} {'× %.4g' if amplify else '%+.4g'}{'°' if unit == degrees else ''}"
+    multiplies = amplify or isinstance(operator, TabulatedCurve)
+    text = f"{operator.axis.upper()} {'× %.4g' if multiplies else '%+.4g'}{'°' if unit == degrees else ''}"
     low, high = (end / unit for end in magnitude_range(operator))
     touch, moved = number_fields.number(
         context, f"magnitude{offset}", operator.magnitude / unit, text, f"curve.magnitude.{operator.axis}.number",
@@ -308,9 +347,9 @@ def _magnitude_fields(
     return actions + rows.one_step(touch, changed)
 
 
-def magnitude_range(operator: Operator) -> tuple[float, float]:
+def magnitude_range(operator: CurveEdit) -> tuple[float, float]:
     """The least and largest magnitude of the operator: along X until the curve would fold over."""
-    if operator.axis == "y":
+    if isinstance(operator, TabulatedCurve) or operator.axis == "y":
         return -number_fields.LARGEST, number_fields.LARGEST
     least = SMALLEST_STRETCH if operator.kind == "amplify" else -HALF_PI
     low, high = (
@@ -326,14 +365,14 @@ def _with_member(
     operators: tuple[CurveEdit, ...],
     group: OperatorGroup,
     offset: int,
-    member: Operator,
+    member: CurveEdit,
 ) -> list[Action]:
     """One of the operators in use, replaced."""
     members = (*group.operators[:offset], member, *group.operators[offset + 1 :])
     return _replaced(key, factor, operators, group, members) if members != group.operators else []
 
 
-def _checked(operator: Operator, **changes: Any) -> Operator:
+def _checked(operator: CurveEdit, **changes: Any) -> CurveEdit:
     """The operator with the typed numbers, or as it was where they make no valid operator."""
     try:
         return dataclasses.replace(operator, **changes).clamp_magnitude()
@@ -342,7 +381,7 @@ def _checked(operator: Operator, **changes: Any) -> Operator:
 
 
 def _replaced(
-    key: str, factor: str, operators: tuple[CurveEdit, ...], group: OperatorGroup, members: tuple[Operator, ...]
+    key: str, factor: str, operators: tuple[CurveEdit, ...], group: OperatorGroup, members: tuple[CurveEdit, ...]
 ) -> list[Action]:
     """Put the changed operators in place; new ones with an effect go on top and are selected."""
     if group.index is not None:

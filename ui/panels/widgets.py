@@ -225,10 +225,12 @@ def _segment(
         )
 
 
-def text_button(context: PanelContext, name: str, text: str, hint: str, enabled: bool = True) -> bool:
-    """A plain button with words. Returns whether it was pressed."""
+def text_button(
+    context: PanelContext, name: str, text: str, hint: str, enabled: bool = True, width: float = 0.0
+) -> bool:
+    """A plain button with words, so many pixels wide; 0: as its words. Returns whether it was pressed."""
     imgui.begin_disabled(not enabled)
-    pressed = imgui.button(f"{text}##{name}")
+    pressed = imgui.button(f"{text}##{name}", ImVec2(width, 0.0))
     imgui.end_disabled()
     context.handles.note_item(f"button.{name}")
     tooltip(hint)

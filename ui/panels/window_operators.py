@@ -15,12 +15,15 @@ from app.document.view_state import SetView, Tool
 from app.files.materials import copy_curve, copy_material
 from app.operators.edits import selected_curve
 from app.operators.registry import OPERATORS
+from engine.curve.operators import collapse
+from engine.curve.table_text import MAX_ROWS, table_text
 from engine.scene.builtin import DEFAULT_SCENE
 from ui.panels import paint, timeline
 from ui.panels.actions import (
     Action,
     AskFile,
     Copy,
+    CopyText,
     OpenFile,
     Paste,
     Quit,
@@ -102,6 +105,8 @@ def _set_tool(context: PanelContext, kind: str = "", axes: str = "") -> list[Act
     curve = selected_curve(context)
     tool = tool_of(operators_in_use(() if curve is None else curve[2], context.view))
     now_kind, _, now_axes = tool.partition("_")
+    if not now_axes:  # a tool that draws
+        now_kind, now_axes = "translate", "y"
     chosen: Tool = f"{kind or now_kind}_{axes or now_axes}"  # type: ignore[assignment]
     return [SetView.of(active_tool=chosen, operator=None)]
 
@@ -120,6 +125,16 @@ def _copy_curve(context: PanelContext) -> list[Action]:
     factors = all_factors(context.document.layer(selected.key).model)
     label = next(factor.word for factor in factors if factor.name == selected.factor)
     return [Copy(copy_curve(context.document, selected.key, selected.factor), f"the curve {label}")]
+
+
+def _copy_table(context: PanelContext) -> list[Action]:
+    """The selected curve as text: sampled where it bends, with a row of words above."""
+    curve = selected_curve(context)
+    if curve is None:
+        return []
+    key, factor, operators = curve
+    table = collapse(operators, context.document.layer(key).generated_curve(factor), most=MAX_ROWS // 2)
+    return [CopyText(table_text(table), f"{len(table.gammas)} rows of {key} {factor}")]
 
 
 def _set_resolution(context: PanelContext) -> list[Action]:
@@ -146,6 +161,8 @@ WINDOW_OPERATORS: dict[str, Callable[[PanelContext], list[Action]]] = {
     "quit": _always(Quit()),
     "copy_material": _copy_material,
     "copy_curve": _copy_curve,
+    "copy_table": _copy_table,
+    "table": _always(AskFile("open_table")),
     "paste": _always(Paste()),
     "paste_layers": _always(Paste(as_layers=True)),
     "brdf": _always(ShowPanel("brdf")),
@@ -160,4 +177,6 @@ WINDOW_OPERATORS: dict[str, Callable[[PanelContext], list[Action]]] = {
     "axis_x": partial(_set_tool, axes="x"),
     "axis_y": partial(_set_tool, axes="y"),
     "axis_xy": partial(_set_tool, axes="xy"),
+    "draw_tool": _always(SetView.of(active_tool="stroke", operator=None)),
+    "points_tool": _always(SetView.of(active_tool="points", operator=None)),
 }

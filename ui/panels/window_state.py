@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from engine.curve.operators import Operator, TabulatedCurve
+from engine.curve.operators import Operator
+from engine.curve.tables import TabulatedCurve
 from engine.material.parameters import Parameter
 
 FINE = 0.1
@@ -58,10 +59,11 @@ class Grip:
 class CurveGrip(Grip):
     """A gesture on the curve.
 
-    `handle` is "a", "b", "c", "d", "region", "magnitude" or "pan"; `offset` is where it was, pixels (for "pan": where
-    the mouse is), `travel` how far the pointer has moved since; arrow keys count for themselves. `operators` is the
-    curve's list at the start, `index` the one in use (None: made by this gesture), `pair` whether the next one in the
-    list moves with it. The axes do not move meanwhile: `x_range` radians, `y_range` curve values.
+    `handle` is "a", "b", "c", "d", "region", "magnitude", "point.0" and so on, or "pan"; `offset` is where it was,
+    pixels (for "pan": where the mouse is), `travel` how far the pointer has moved since; arrow keys count for
+    themselves. `operators` is the curve's list at the start, `index` the one in use (None: made by this gesture),
+    `pair` whether the next one in the list moves with it. The axes do not move meanwhile: `x_range` radians, `y_range`
+    curve values.
     """
 
     operators: tuple[Operator | TabulatedCurve, ...]
@@ -71,6 +73,13 @@ class CurveGrip(Grip):
     x_range: tuple[float, float]
     y_range: tuple[float, float]
     travel: Travel = Travel((0.0, 0.0))
+
+
+@dataclass(frozen=True)
+class StrokeGrip(CurveGrip):
+    """A stroke that is being drawn on the curve: the pixels that the pointer has passed."""
+
+    path: tuple[Place, ...] = ()
 
 
 @dataclass(frozen=True)

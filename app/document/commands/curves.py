@@ -12,7 +12,8 @@ from typing import Any
 from app.document.commands.layers import editable_layer
 from app.document.document import Document
 from engine.core.errors import InsituError
-from engine.curve.operators import Edit, TabulatedCurve, collapse, edit_at, move_edit
+from engine.curve.operators import Edit, collapse, edit_at, move_edit
+from engine.curve.tables import TabulatedCurve
 
 CurveEdit = Edit
 MAX_OPERATORS = 256
@@ -171,10 +172,11 @@ class ResetCurve:
 
 
 def operator_title(*edit: CurveEdit) -> str:
-    """The name of an edit in lists and in the undo menu: ``Translate Y``, ``Amplify XY``, ``Table``."""
+    """The name of an edit in lists and in the undo menu: ``Translate Y``, ``Amplify XY``, ``Table``, ``Stroke``,
+    ``Points``."""
     first = edit[0]
     if isinstance(first, TabulatedCurve):
-        return "Table"
+        return "Table" if first.kind == "curve" else first.kind.capitalize()
     return f"{first.kind.capitalize()} {'XY' if len(edit) > 1 else first.axis.upper()}"
 
 

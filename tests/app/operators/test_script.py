@@ -4,8 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from app.operators.curve_drawing import CurvePoints, CurveStroke
 from app.operators.edits import Drag
-from app.operators.files import MeasuredFile
+from app.operators.files import CurveTable, MeasuredFile
 from app.operators.script import Step, load_script
 from engine.core.errors import LoadError
 
@@ -28,6 +29,12 @@ view = "ACES 2.0"
 rotate = 45.0
 [[step]]
 measured = {file = "cloth.binary", cloth = true}
+[[step]]
+table = {file = "peak.csv"}
+[[step]]
+draw_curve = {points = [[30, 0.5], [0, 2]], channel = "r"}
+[[step]]
+set_points = {points = [[0, 2], [12.5, 0.5]]}
 [[step]]
 undo = 1
 [[step]]
@@ -53,6 +60,9 @@ def test_all_kinds_of_steps(tmp_path: Path) -> None:
         Step("view", "ACES 2.0"),
         Step("rotate", 45.0),
         Step("measured", MeasuredFile(file="cloth.binary", cloth=True)),
+        Step("table", CurveTable(file="peak.csv")),
+        Step("draw_curve", CurveStroke(points=((30.0, 0.5), (0.0, 2.0)), channel="r")),
+        Step("set_points", CurvePoints(points=((0.0, 2.0), (12.5, 0.5)))),
         Step("undo", 1),
         Step("redo", 2),
         Step("wait", "exact"),

@@ -26,6 +26,7 @@ from engine.curve.operators import (
     edit_at,
     edits_of,
     falloff_extremes,
+    helper_function,
     is_pair,
     largest_monotone_magnitude,
     move_edit,
@@ -384,3 +385,28 @@ def test_an_x_operator_knows_its_limit() -> None:
     assert not slack.at_limit
     assert dataclasses.replace(slack, magnitude=0.3).clamp_magnitude().at_limit
     assert not Operator("translate", "y", *PAIR_REGIONS, magnitude=1e6).at_limit
+
+
+@pytest.mark.parametrize("kind", ["translate", "amplify"])
+@pytest.mark.parametrize("axis", ["x", "y"])
+@pytest.mark.parametrize("magnitude", [0.3, 1.4])
+def test_the_helper_function_is_the_operator(kind, axis, magnitude):
+    # [BenArtzi07, 9.1]: adding, multiplying by or composing with the helper function is the edit.
+    operator = Operator(kind, axis, *REGIONS, magnitude=magnitude, baseline=0.4)
+    helper, base = helper_function(operator, GAMMA)
+    edited = apply_operators([operator], ramp)(GAMMA)
+    if axis == "x":
+        expected = ramp(helper)
+    elif kind == "translate":
+        expected = ramp(GAMMA) + helper[:, None]
+    else:
+        expected = 0.4 + (ramp(GAMMA) - 0.4) * helper[:, None]
+    assert edited == pytest.approx(expected)
+    assert (helper[OUTSIDE] == base[OUTSIDE]).all()
+    assert base == pytest.approx(GAMMA if axis == "x" else np.full_like(GAMMA, kind == "amplify"))
+    # And it is what the operator makes of its base function, its baseline aside.
+    made = apply_operators(
+        [dataclasses.replace(operator, baseline=0.4 if axis == "x" else 0.0)],
+        lambda x: np.repeat((x if axis == "x" else np.full_like(x, kind == "amplify"))[:, None], 3, 1),
+    )
+    assert made(GAMMA)[:, 0] == pytest.approx(helper)
