@@ -36,15 +36,19 @@ class PlanRow:
     memory_mib: float
     planned_disk_mib: float
     disk_mib: float
+    planned_editing_mib: float
+    editing_mib: float
     planning_seconds: float
 
     @property
-    def errors(self) -> tuple[float, float, float]:
-        """By how much time, memory and disk were planned too high (or, below 0, too low), of what they were."""
+    def errors(self) -> tuple[float, float, float, float]:
+        """By how much time, memory, disk and what an editor holds were planned too high (or, below 0, too low), of what
+        they were."""
         pairs = (
             (self.planned_seconds, self.seconds),
             (self.planned_memory_mib, self.memory_mib),
             (self.planned_disk_mib, self.disk_mib),
+            (self.planned_editing_mib, self.editing_mib),
         )
         return tuple(planned / max(was, 1e-9) - 1.0 for planned, was in pairs)  # type: ignore[return-value]
 
@@ -71,8 +75,8 @@ def measure_plans(effort: PlanEffort, output: Path, report: Callable[[str], None
         for source in (*sources, *made):
             rows.append(check(source))
             write_rows(output / "planning.csv", rows)
-            time_off, memory_off, disk_off = (f"{100 * error:+.0f} %" for error in rows[-1].errors)
-            report(f"plan of {rows[-1].scene}: time {time_off}, memory {memory_off}, disk {disk_off}")
+            time_off, memory_off, disk_off, held = (f"{100 * error:+.0f} %" for error in rows[-1].errors)
+            report(f"plan of {rows[-1].scene}: time {time_off}, memory {memory_off}, disk {disk_off}, held {held}")
     return tuple(rows)
 
 
@@ -82,15 +86,16 @@ def _references() -> Iterator[str]:
         yield from (str(folder / f"{name}.toml") for name in sorted({name.split("_")[0] for name in REFERENCES}))
 
 
-def check(source: str) -> PlanRow:
-    """Plan a scene and carry it out. Raises InsituError."""
+def check(source: str, resolution: tuple[int, int] | None = None) -> PlanRow:
+    """Plan a scene and carry it out; resolution: None for its own. Raises InsituError."""
     started = time.process_time()
-    project = open_project(source)
+    project = open_project(source, resolution)
     opened = time.process_time() - started
     plan = plan_project(project, lambda step: None, opening_seconds=opened)
     planning = time.process_time() - started - opened
     scene = project.scene
-    return compared(source, plan, carry_out(ProjectSpec(source)), scene.resolution, len(scene.triangles), planning)
+    was = carry_out(ProjectSpec(source, resolution))
+    return compared(source, plan, was, scene.resolution, len(scene.triangles), planning)
 
 
 def compared(
@@ -103,7 +108,8 @@ def compared(
     return PlanRow(
         Path(source).stem, "{} x {}".format(*resolution), n_triangles, plan.settings.n_bounces or 1,
         cost.seconds, was.seconds,
-        cost.memory_mib, was.memory_mib, cost.disk_mib, was.disk_mib, planning_seconds,
+        cost.memory_mib, was.memory_mib, cost.disk_mib, was.disk_mib, cost.editing_mib, was.editing_mib,
+        planning_seconds,
     )  # fmt: skip
 
 

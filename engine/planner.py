@@ -105,9 +105,10 @@ class LayerPlan:
 class Cost:
     """The cost of the plan if nothing is stored yet, extrapolated from `n_sampled` points: within 30 %.
 
-    seconds: processor time in all, of which for visibility and for indirect light; memory, disk and gpu in MiB (2^20
-    bytes): main memory of the precomputing process, and the GPU's for the largest layer when it is selected. n_cores:
-    the cores that share the seconds.
+    seconds: processor time in all, of which for visibility and for indirect light; memory, disk, editing and gpu in MiB
+    (2^20 bytes): main memory of the precomputing process; main memory that an editor then holds of transport, of
+    indirect light, of what is frozen of it for the curve for which that is most, and of rows of a sky that may turn;
+    and the GPU's for the largest layer when it is selected. n_cores: the cores that share the seconds.
     """
 
     seconds: float
@@ -115,6 +116,7 @@ class Cost:
     indirect_seconds: float
     memory_mib: float
     disk_mib: float
+    editing_mib: float
     gpu_mib: float
     n_points: int
     n_sampled: int

@@ -63,6 +63,7 @@ def describe_plan(plan: Plan) -> Iterator[str]:
             f"({cost.seconds:.0f} s of processor time, "
             f"{cost.visibility_seconds:.0f} s of them shadows, {cost.indirect_seconds:.0f} s indirect light), "
             f"{cost.memory_mib:.0f} MiB of main memory, {cost.disk_mib:.0f} MiB on disk, "
+            f"{cost.editing_mib:.0f} MiB held while it is edited, "
             f"{cost.gpu_mib:.0f} MiB on the GPU (largest layer selected)"
         )
         yield f"measured on {cost.n_sampled:,} of {cost.n_points:,} points and a few windows: within about 30 %"
@@ -71,11 +72,11 @@ def describe_plan(plan: Plan) -> Iterator[str]:
 def memory_note(plan: Plan, free: int) -> str:
     """A warning where a plan needs more main memory than so many bytes, else "".
 
-    An editor also holds what precomputation leaves on the disk.
+    An editor also holds transport and indirect light.
     """
     if plan.cost is None:
         return ""
-    precomputing, editing = plan.cost.memory_mib * 2**20, (plan.cost.memory_mib + plan.cost.disk_mib) * 2**20
+    precomputing, editing = plan.cost.memory_mib * 2**20, (plan.cost.memory_mib + plan.cost.editing_mib) * 2**20
     if editing <= free:
         return ""
     who = "to precompute it" if precomputing > free else "to edit it"
@@ -92,6 +93,7 @@ def describe_check(plan: Plan, was: ActualCost) -> str:
         (was.seconds, cost.seconds, "s of processor time"),
         (was.memory_mib, cost.memory_mib, "MiB of main memory"),
         (was.disk_mib, cost.disk_mib, "MiB on disk"),
+        (was.editing_mib, cost.editing_mib, "MiB held by an editor"),
     )
     said = (f"{is_:.0f} {unit} (planned {100 * (planned / max(is_, 1e-9) - 1):+.0f} %)" for is_, planned, unit in pairs)
     return "carried out: " + ", ".join(said)

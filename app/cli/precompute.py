@@ -6,7 +6,7 @@ looks up. Stopped half-way, it resumes after the last complete tile.
 
 The cost is that of a process of its own, with an empty cache, until all is there that the editor would look for; what
 the error's estimate takes afterwards is no part of the plan. Time is that of the processors, by which a machine that
-others use as well can be measured.
+others use as well can be measured. What an editor then holds is counted in a second process, which reads that cache.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
@@ -34,7 +34,15 @@ from app.messages.worker_messages import (
     ViewTraced,
 )
 from app.modes.placement.curves import Curves
-from app.modes.placement.placement_messages import ErrorEstimated, EstimateError, StageDone
+from app.modes.placement.placement_messages import (
+    ErrorEstimated,
+    EstimateError,
+    FreezeIndirect,
+    IndirectFrozen,
+    PrepareRelighting,
+    RelightingPrepared,
+    StageDone,
+)
 from app.modes.placement.transport_controller import TransportController
 from app.project.project import Project, ProjectSpec
 from app.system.lazy_import import qualified
@@ -86,8 +94,11 @@ def precompute(
     return CacheContents(filled.n_bytes, _poll_until(filled.client, ErrorEstimated, report).estimate)
 
 
-def fill(project: Project, report: Report, store: ArrayCache, cluster: ClusterProject | None = None) -> FilledCache:
-    """The same without an estimate of the error, as far as something can be stored."""
+def fill(
+    project: Project, report: Report, store: ArrayCache, cluster: ClusterProject | None = None, holds: bool = False
+) -> FilledCache:
+    """The same without an estimate of the error, as far as something can be stored. holds: keep in memory what an
+    editor would."""
     settings = project.editor_settings
     store.require()
     document, seen = project.document, project.scene
@@ -95,7 +106,7 @@ def fill(project: Project, report: Report, store: ArrayCache, cluster: ClusterPr
     camera, bumps, n_edge_rays = seen.description.camera, document.new_bumps, settings.n_edge_rays
     view = SetCamera(0, camera, seen.resolution, document.poses, bumps, n_edge_rays)
     executor = None if cluster is None else cluster.executor(scene, view, document)
-    client = InProcessClient(RequestDispatcher(store, fills=True, executor=executor))
+    client = InProcessClient(RequestDispatcher(store, fills=not holds, executor=executor))
     curves = Curves()
     controller = TransportController(client.send, curves)
     number = client.send(scene)
@@ -112,15 +123,35 @@ def fill(project: Project, report: Report, store: ArrayCache, cluster: ClusterPr
 
 def _poll_until(client: InProcessClient, kind: type[Answer], report: Report) -> Answer:
     """Work until there is such a response, and no further: other responses are dropped."""
+    for response in _responses(client, report):
+        if isinstance(response, kind):
+            return response
+    raise InsituError("the computation ended without a result")
+
+
+def _responses(client: InProcessClient, report: Report) -> Iterator[Response]:
+    """The responses to what was requested, until nothing is left to do."""
     while client.wait(0.0):
         for response in client.poll(budget_s=0.0):
             if isinstance(response, RequestFailed):
                 raise InsituError(response.line)
             if isinstance(response, Progress):
                 report(response)
-            if isinstance(response, kind):
-                return response
-    raise InsituError("the computation ended without a result")
+            yield response
+
+
+def held_bytes(project: Project, report: Report, store: ArrayCache) -> int:
+    """Main memory that an editor holds of a project's transport and indirect light, with the curve selected for which
+    most is frozen, and with all that a turning sky needs."""
+    filled, most = fill(project, report, store, holds=True), 0
+    editable = set(project.editable)
+    for layer in filled.scene.visible:
+        if layer.key in editable:
+            filled.client.send(FreezeIndirect(filled.scene, layer.key, layer.bands.index(max(layer.bands))))
+            frozen = [each for each in _responses(filled.client, report) if isinstance(each, IndirectFrozen)]
+            most = max(most, *(each.light.n_bytes for each in frozen), 0)
+    filled.client.send(PrepareRelighting(filled.scene))
+    return most + _poll_until(filled.client, RelightingPrepared, report).transport_bytes
 
 
 MIB = 2.0**20
@@ -128,49 +159,59 @@ MIB = 2.0**20
 
 @dataclass(frozen=True)
 class ActualCost:
-    """Seconds of the processors, the peak of main memory and what is stored on disk, MiB."""
+    """Seconds of the processors, the peak of main memory, what is stored on disk, and what an editor holds, MiB."""
 
     seconds: float
     memory_mib: float
     disk_mib: float
+    editing_mib: float
 
 
 def carry_out(words: ProjectSpec) -> ActualCost:
-    """Fill an empty cache with what `words` open, in a process of its own. Raises InsituError."""
+    """Fill an empty cache with what `words` open, and open that in an editor, in processes of their own. Raises
+    InsituError."""
+    with tempfile.TemporaryDirectory(prefix="insitu-measure-") as folder:
+        seconds, peak = _in_process("fill", words, folder)
+        kept = sum(file.stat().st_size for file in Path(folder).rglob("*") if file.is_file())
+        held, _ = _in_process("hold", words, folder)
+    return ActualCost(seconds, peak / MIB, kept / MIB, held / MIB)
+
+
+def _in_process(what: str, words: ProjectSpec, folder: str) -> tuple[float, int]:
+    """What a process with its cache in a folder found, and the peak of its memory in bytes."""
     import psutil
 
-    with tempfile.TemporaryDirectory(prefix="insitu-measure-") as folder:
-        environment = os.environ | {CACHE_VARIABLE: folder}
-        command = [sys.executable, "-m", qualified("app.cli.precompute"), json.dumps(asdict(words))]
-        with psutil.Popen(
-            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
-        ) as process:
-            peak = 0
-            while process.poll() is None:
-                with contextlib.suppress(psutil.Error):
-                    peak = max(peak, process.memory_info().rss)
-                time.sleep(0.02)
-            said, complaint = process.communicate()
-        if process.returncode:
-            raise InsituError(complaint.strip().splitlines()[-1] if complaint.strip() else f"{words.name}: no result")
-        seconds = json.loads(said.splitlines()[-1])["seconds"]
-        kept = sum(file.stat().st_size for file in Path(folder).rglob("*") if file.is_file())
-    return ActualCost(seconds, peak / MIB, kept / MIB)
+    environment = os.environ | {CACHE_VARIABLE: folder}
+    command = [sys.executable, "-m", qualified("app.cli.precompute"), what, json.dumps(asdict(words))]
+    with psutil.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment) as process:
+        peak = 0
+        while process.poll() is None:
+            with contextlib.suppress(psutil.Error):
+                peak = max(peak, process.memory_info().rss)
+            time.sleep(0.02)
+        said, complaint = process.communicate()
+    if process.returncode:
+        raise InsituError(complaint.strip().splitlines()[-1] if complaint.strip() else f"{words.name}: no result")
+    return float(json.loads(said.splitlines()[-1])), peak
 
 
-def main(said: str) -> None:
-    """Carry out and say, as one line of JSON, how long it took the processors; in a process of its own."""
+def main(what: str, said: str) -> None:
+    """Print one number: how long it took the processors to "fill" the cache, or the bytes that an editor will "hold" of
+    it; in a process of its own."""
     words = json.loads(said)
     words |= {name: tuple(map(tuple, words[name])) for name in ("values", "settings", "overrides")}
     words["resolution"] = words["resolution"] and tuple(words["resolution"])
     project = ProjectSpec(**words).open()
+    if what == "hold":
+        print(held_bytes(project, lambda progress: None, ArrayCache()))
+        return
     started = time.process_time()
     fill(project, lambda progress: None, ArrayCache())
-    print(json.dumps({"seconds": time.process_time() - started}))
+    print(time.process_time() - started)
 
 
 if __name__ == "__main__":
     try:
-        main(sys.argv[1])
+        main(*sys.argv[1:])
     except InsituError as error:
         sys.exit(str(error))

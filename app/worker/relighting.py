@@ -25,6 +25,7 @@ from engine.precompute.direct._relight_kernels import Reflection
 from engine.precompute.direct.peaks import PeakLight, split_peaks, trace_peaks
 from engine.precompute.direct.pipeline import FINAL, Placement, SkyState
 from engine.precompute.direct.relight import (
+    MOST_ROW_BYTES,
     LightRows,
     RowMaker,
     joined_rows,
@@ -35,7 +36,6 @@ from engine.precompute.direct.relight import (
 )
 
 Steps = Iterator[Response | None]
-MOST_BYTES = 256e6
 # Of the free memory.
 SHARE_OF_MEMORY = 0.25
 
@@ -131,7 +131,7 @@ class Relighting:
         if self._maker is None or self._made_under != (environment, scale):
             effects = yield from turning_effects(split_peaks(environment)[1], scale)
             all_of_it = RowMaker(placement.hits, placement.sphere, effects)
-            room = min(MOST_BYTES, SHARE_OF_MEMORY * available_memory())
+            room = min(MOST_ROW_BYTES, SHARE_OF_MEMORY * available_memory())
             self._maker = all_of_it.rows_within([(work.layer, rows_of[work.key]) for work in works], room)
             self._made_under = environment, scale
         return self._maker

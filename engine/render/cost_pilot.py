@@ -39,12 +39,14 @@ from engine.precompute.direct.projection import LayerShape, VisibleLight, projec
 from engine.precompute.indirect.attempt import PART_POINTS
 from engine.precompute.indirect.cell_size import FULL, RECORDS_BY_SETS, CellSizeTry, growth
 from engine.precompute.indirect.checkpoints import arrays_of
+from engine.precompute.indirect.frozen_light import SelectedCurve
 from engine.precompute.indirect.indirect_layers import IndirectLayer
 from engine.precompute.indirect.irradiance_cache import MAX_RECORDS
 from engine.precompute.indirect.progress import Progress
 from engine.precompute.indirect.ray_budget import LEVELS, RayBudget
 from engine.precompute.indirect.sampling_settings import FINE, SamplingSettings
 from engine.precompute.indirect.solver import Solver, Trial
+from engine.render.editing_pilot import TrialScale, indirect_bytes, sky_row_bytes
 from engine.render.still import StillLayer, by_object, direct_mean, indirect_layers, models_of, still_quality
 from engine.visibility.coherent_grid import COARSEST_STEP
 from engine.visibility.point_visibility import empty_visibility, evaluate_rows
@@ -98,6 +100,9 @@ def estimate_cost(
         projection_seconds += seconds * len(rows_of[each.i_object])
         n_bytes += size * len(rows_of[each.i_object])
     indirect = yield from _measure_indirect(placement, layers, sky, plan)
+    held = n_bytes + indirect.editing_bytes
+    if plan.settings.keeps_sphere:
+        held += sky_row_bytes(placement, sky, [(each.i_object, each.layer) for each in present])
     n_bytes += indirect.n_bytes + (placement.sphere.bits.nbytes if plan.settings.keeps_sphere else 0)
     cost = Cost(
         seconds=spent_seconds + reading_seconds + visibility_seconds + projection_seconds + indirect.seconds,
@@ -105,6 +110,7 @@ def estimate_cost(
         indirect_seconds=indirect.seconds,
         memory_mib=_memory_bytes(placement, sky, plan, JOINING * indirect.n_bytes) / MIB,
         disk_mib=n_bytes / MIB,
+        editing_mib=held / MIB,
         gpu_mib=_gpu_bytes(present, {index: len(rows) for index, rows in rows_of.items()}, plan) / MIB,
         n_points=len(placement.hits.pixel),
         n_sampled=sum(len(sample) for sample in samples.values()),
@@ -199,9 +205,14 @@ def _measure_indirect(
         other_light = yield from map_steps(direct_mean(placement, by_object(layers), sky), lambda step: sampling)
     trying = indirect_cost(
         placement, models_of(layers), sky, settings.n_bounces, indirect_layers(layers),
-        FINE.with_rays(overridden), other_light,
+        FINE.with_rays(overridden), other_light, edited_curves(layers),
     )  # fmt: skip
     return (yield from map_steps(trying, lambda step: StillProgress(0.5 + 0.5 * step[0], f"sampling: {step[1]}")))
+
+
+def edited_curves(layers: Sequence[StillLayer]) -> list[SelectedCurve]:
+    """The curve of each editable layer that has the most bands."""
+    return [SelectedCurve(i, int(np.argmax(each.bands))) for i, each in enumerate(layers) if each.editable]
 
 
 def _memory_bytes(placement: Placement, sky: SkyState, plan: Plan, indirect: float) -> float:
@@ -236,23 +247,27 @@ NO_WASTE = WastedTries(0, 0.0)
 
 @dataclass(frozen=True)
 class IndirectCost:
-    """Processor seconds, bytes on disk, numbers of gather points and records, and rays of a sample set."""
+    """Processor seconds, bytes on disk and in the memory of an editor, numbers of gather points and records, and rays
+    of a sample set."""
 
     seconds: float
     n_bytes: float
+    editing_bytes: float
     n_points: int
     n_records: int
     ray_budget: RayBudget | None = None
 
 
-NO_INDIRECT = IndirectCost(0.0, 0.0, 0, 0)
+NO_INDIRECT = IndirectCost(0.0, 0.0, 0.0, 0, 0)
 
 
 def indirect_cost(
     placement: Placement, models: Mapping[int, Sequence[str]], sky: SkyState, n_bounces: int,
     layers: Sequence[IndirectLayer], settings: SamplingSettings = FINE, other_light: float | None = None,
+    curves: Sequence[SelectedCurve] = (),
 ) -> Generator[Progress, None, IndirectCost]:  # fmt: skip
-    """Estimate the cost of the solver with these arguments for these layers; yields its progress."""
+    """Estimate the cost of the solver with these arguments for these layers; yields its progress. curves: those that
+    may be edited."""
 
     def solver(n_blocks: int, larger: float = 1.0) -> Solver:
         trial = Trial(n_blocks, FEWER, larger)
@@ -294,7 +309,10 @@ def indirect_cost(
     n_bytes = sum(
         array.nbytes * _times(name, len(array), n_tried_records, by_point, by_record) for name, array in arrays
     )
-    return IndirectCost(total, n_bytes, round(n_points), round(n_records), found.ray_budget)
+    scale = TrialScale(by_point, by_record, FEWER, FEWER)
+    editing = indirect_bytes(placement, sky, found, layers, curves, scale)
+    held = yield from map_steps(editing, lambda step: (1.0, "what an edit holds"))
+    return IndirectCost(total, n_bytes, held, round(n_points), round(n_records), found.ray_budget)
 
 
 def expected_waste(wanted: float, n_sample_sets: float, n_first: int, power: float) -> WastedTries:

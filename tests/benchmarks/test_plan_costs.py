@@ -14,7 +14,7 @@ from tests.scene_text import ground
 def test_the_table_of_plans_says_what_was_planned_and_what_it_was(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(plan_costs, "carry_out", lambda words: ActualCost(4.0, 400.0, 0.5))
+    monkeypatch.setattr(plan_costs, "carry_out", lambda words: ActualCost(4.0, 400.0, 0.5, 40.0))
     (tmp_path / "scene.toml").write_text(ground((40, 30)))
     told: list[str] = []
     effort = plan_costs.PlanEffort((str(tmp_path / "scene.toml"),), ((200, (24, 16), 1),))

@@ -41,6 +41,8 @@ from engine.visibility.point_visibility import VISIBILITY_LEVEL, Visibility
 TILE = 512
 N_TURNS = 16
 MEAN_TERMS = 96
+# Of all rows of a picture.
+MOST_ROW_BYTES = 256e6
 CURVE_STEPS = 2048
 SKY_HEIGHT = 128
 PART_LEVELS = 1

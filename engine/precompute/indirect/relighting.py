@@ -145,19 +145,25 @@ class IndirectRelighting:
         return self._lighting.n_bytes + of_rows + sum(layer.nbytes for part in parts for layer in part)
 
     def prepare(self) -> Generator[None, None, None]:
-        """Reflects the sources of the light at rest, emitters each on its own where there are few; and makes rows of
-        what glossy surfaces mirror of the sky, where that shows."""
+        """Reflects the sources of the light at rest, and makes rows of what glossy surfaces mirror of the sky, where
+        that shows."""
         if self._is_prepared:
             return
-        emitters = np.flatnonzero(self._resting.emission.any(axis=1)).tolist()
-        yield from self._by_sky(self._resting.sky)
-        yield from self._separate(emitters if len(emitters) <= _MOST_SEPARATE else [])
-        sky, found = self._resting.sky, self._lighting.at_rest
-        if sky.environment is not None and found.points.glossy and (yield from self._shows_gloss()):
+        if (yield from self.reflect_sources()):
+            sky, found = self._resting.sky, self._lighting.at_rest
+            assert sky.environment is not None
             self._rows = yield from gloss_rows(found, self._layers, sky.environment, sky.scale)
             self._skies = []
             yield from self._by_sky(sky)
         self._is_prepared = True
+
+    def reflect_sources(self) -> Generator[None, None, bool]:
+        """Reflects the sources of the light at rest, emitters each on its own where there are few; returns whether what
+        glossy surfaces mirror of the sky shows."""
+        emitters = np.flatnonzero(self._resting.emission.any(axis=1)).tolist()
+        yield from self._by_sky(self._resting.sky)
+        yield from self._separate(emitters if len(emitters) <= _MOST_SEPARATE else [])
+        return self._lighting.at_rest.points.glossy and (yield from self._shows_gloss())
 
     def _shows_gloss(self) -> Generator[None, None, bool]:
         """Whether what glossy surfaces add at rest is much of the indirect light, and the sky uneven."""

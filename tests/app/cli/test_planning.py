@@ -111,7 +111,9 @@ def test_memory_and_disk_are_reported_within_a_third(tmp_path: Path) -> None:
     was = carry_out(ProjectSpec(str(file), (150, 100)))
     assert plan.cost is not None and was.seconds > 0.0
     assert plan.cost.memory_mib == pytest.approx(was.memory_mib, rel=0.3)
-    assert 0.7 < 150 * 100 / (160 * 120) * plan.cost.disk_mib / was.disk_mib < 1.3
+    smaller = 150 * 100 / (160 * 120)
+    assert 0.7 < smaller * plan.cost.disk_mib / was.disk_mib < 1.3
+    assert 0.7 < smaller * plan.cost.editing_mib / was.editing_mib < 1.3
 
 
 def test_what_cannot_be_carried_out_is_said_in_one_line(tmp_path: Path) -> None:
@@ -153,7 +155,9 @@ def test_what_the_pilots_take_is_in_the_cost(tmp_path: Path, monkeypatch: pytest
 
 
 def test_a_plan_that_does_not_fit_into_memory_says_so() -> None:
-    cost = Cost(1.0, 0.0, 0.0, memory_mib=1024.0, disk_mib=2048.0, gpu_mib=0.0, n_points=1, n_sampled=1)
+    cost = Cost(
+        1.0, 0.0, 0.0, memory_mib=1024.0, disk_mib=1.0, editing_mib=2048.0, gpu_mib=0.0, n_points=1, n_sampled=1
+    )
     plan = Plan((), DEFAULT_SETTINGS, {}, cost=cost)
     assert memory_note(plan, 4 << 30) == memory_note(replace(plan, cost=None), 1) == ""
     assert memory_note(plan, 2 << 30).startswith("to edit it takes 3.0 GiB of main memory, 2.0 GiB are free")
