@@ -32,12 +32,12 @@ class BrdfQueries(NamedTuple):
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def query_peaks(
     which: NDArray[np.int64], corners: NDArray[np.int32], weights: Float32Array, wo: Float32Array, frame: Float32Array,
-    peaks: PeakLights,
+    offsets: Float32Array, peaks: PeakLights,
     sharp: NDArray[np.uint64], least_cosine: float, requested: BrdfQueries,
 ) -> int:  # fmt: skip
     """Fill `requested` with the peaks that are sharp at the corners (3 N, 2) of samples (N,), as `shade_corners` finds
     them; return their number. A peak's power is scaled by the interpolation weights of the corners that see it;
-    directions refer to the interpolated frame."""
+    directions refer to the interpolated frame, whose normal bumps offset by offsets (N, 3), none for (0, 3)."""
     n_requested = 0
     own, towards = np.empty((3, 3)), np.empty(3)
     for n in range(len(which)):
@@ -54,7 +54,7 @@ def query_peaks(
                     continue
                 # Frame and wo are needed only by samples with sharp peaks.
                 if not has_frame:
-                    _interpolate_frame(corners[j], weights[j], frame, own)
+                    _interpolate_frame(corners[j], weights[j], frame, offsets[n : n + 1], own)
                     _view_direction(own, wo[j], least_cosine, towards)
                     has_frame = True
                 # The peak's direction in the sample's frame.
@@ -83,9 +83,11 @@ def query_peaks(
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def _interpolate_frame(
-    corners: NDArray[np.int32], weights: Float32Array, frame: Float32Array, out: NDArray[np.float64]
-) -> None:
-    """Interpolate the frame between three points into out (3, 3) and orthonormalize it."""
+    corners: NDArray[np.int32], weights: Float32Array, frame: Float32Array, offset: Float32Array,
+    out: NDArray[np.float64],
+) -> None:  # fmt: skip
+    """Interpolate the frame between three points into out (3, 3) and orthonormalize it; offset (1 or 0, 3): of the unit
+    normal, perpendicular to it."""
     for i in range(2):
         for k in range(3):
             out[i, k] = 0.0
@@ -95,6 +97,10 @@ def _interpolate_frame(
     scale = 1.0 / max(math.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]), 1e-30)
     for k in range(3):
         n[k] *= scale
+    for m in range(len(offset)):
+        scale = 1.0 / math.sqrt(1.0 + offset[m, 0] ** 2 + offset[m, 1] ** 2 + offset[m, 2] ** 2)
+        for k in range(3):
+            n[k] = scale * (n[k] + offset[m, k])
     along = t[0] * n[0] + t[1] * n[1] + t[2] * n[2]
     for k in range(3):
         t[k] -= along * n[k]

@@ -78,33 +78,28 @@ def shade_points(
     on_threads(part, *even_parts(len(points)))
 
 
-def reflect_at_rest(
+def reflect_at_pixels(
     seen: ViewSamples, which: Rows, incident: Incident, sky: SkyMap, layers: Sequence[Layer],
-    tables: slice_kernels.Tables, little: float,
+    tables: slice_kernels.Tables, little: float, n: int = MOST_COEFFICIENTS, offsets: Float32Array | None = None,
 ) -> Float32Array:  # fmt: skip
-    """Radiance (N, 3) that samples (N,) of one object reflect to the camera at rest.
+    """Radiance (N, 3) that samples (N,) of one object reflect to the camera, by n coefficients and by peaks.
 
     tables: the layers' slices. They reflect peaks about which neighbouring slices disagree by less than `little` of all
     reflected light. The layers' formulas reflect the other peaks, each in its own direction: highlights are thus as
     sharp as the layers, where slices resolve a triangle's 2.8 degrees. A pixel sees of a peak what its points see.
+    offsets (N, 3): of the unit normals by bumps, perpendicular to them; None for none.
     """
     peaks = peak_lights_of(sky, incident, little)
     sharp = np.zeros((3 * len(which) if len(peaks.power) else 0, 2), np.uint64)
-    directions = mirror_directions(seen.samples.wo[which], seen.normals(which))
-    radiance = reflect_at_corners(seen, which, directions, incident, peaks, tables, sharp)
+    normals = seen.normals(which)
+    if offsets is not None:
+        normals += offsets
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    directions = mirror_directions(seen.samples.wo[which], normals)
+    radiance = reflect_at_corners(seen, which, directions, incident, peaks, tables, sharp, n)
     if len(sharp):
-        _add_sharp(seen, which, peaks, sharp, layers, radiance)
+        _add_sharp(seen, which, peaks, sharp, layers, offsets, radiance)
     return radiance
-
-
-def reflect_moving(
-    seen: ViewSamples, which: Rows, incident: Incident, sky: SkyMap, tables: slice_kernels.Tables, n: int
-) -> Float32Array:
-    """The same for moving pictures: by n coefficients, and all peaks by slices."""
-    directions, no_bits = mirror_directions(seen.samples.wo[which], seen.normals(which)), np.zeros((0, 2), np.uint64)
-    return reflect_at_corners(
-        seen, which, directions, incident, peak_lights_of(sky, incident, np.inf), tables, no_bits, n
-    )
 
 
 def peak_lights_of(sky: SkyMap, incident: Incident, little: float) -> slice_kernels.PeakLights:
@@ -150,18 +145,19 @@ def reflect_at_corners(
 
 def _add_sharp(
     seen: ViewSamples, which: Rows, peaks: slice_kernels.PeakLights, sharp: NDArray[np.uint64],
-    layers: Sequence[Layer],
-    radiance: Float32Array,
+    layers: Sequence[Layer], offsets: Float32Array | None, radiance: Float32Array,
 ) -> None:  # fmt: skip
     """Add the layers' reflection of sharp peaks to radiance (N, 3)."""
     samples, frames = seen.samples, seen.points.frames
+    offsets = np.zeros((0, 3), np.float32) if offsets is None else offsets
 
     def part(start: int) -> None:
         some, bits = which[start : start + _PIXELS], sharp[3 * start : 3 * (start + _PIXELS)]
         requested = _empty_queries(len(some) * len(peaks.power))
         n = pixel_kernels.query_peaks(
-            some, samples.corners, samples.weights, samples.wo, frames, peaks, bits, LEAST_COSINE, requested
-        )
+            some, samples.corners, samples.weights, samples.wo, frames, offsets[start : start + _PIXELS], peaks, bits,
+            LEAST_COSINE, requested,
+        )  # fmt: skip
         if n:
             found = evaluate_layers(layers, requested.wi[:n], requested.wo[:n])
             pixel_kernels.add_answers(n, requested, found, radiance[start : start + _PIXELS])
@@ -206,7 +202,7 @@ def perturb_samples(seen: ViewSamples, which: Rows, scene: Scene, i_object: int)
 def quick_irradiance(seen: ViewSamples, which: Rows, incident: Incident, scene: Scene, i_object: int) -> Float32Array:
     """Irradiance (N, 3) of samples (N,) of an object under its bumps, for moving pictures: by the three moments of
     light that points store."""
-    out, normal_offsets = np.empty((len(which), 3), np.float32), _quick_normal_offsets(seen, which, scene, i_object)
+    out, normal_offsets = np.empty((len(which), 3), np.float32), quick_normal_offsets(seen, which, scene, i_object)
 
     def part(start: int, stop: int) -> None:
         pixel_kernels.quick_irradiance(
@@ -218,7 +214,7 @@ def quick_irradiance(seen: ViewSamples, which: Rows, incident: Incident, scene: 
     return out
 
 
-def _quick_normal_offsets(seen: ViewSamples, which: Rows, scene: Scene, i_object: int) -> Float32Array:
+def quick_normal_offsets(seen: ViewSamples, which: Rows, scene: Scene, i_object: int) -> Float32Array:
     """Offsets of the normals (N, 3) by bumps, with a rough estimate of a pixel's footprint; cached."""
     key = i_object, scene.description.objects[i_object].bumps
     if key not in seen.normal_offsets:

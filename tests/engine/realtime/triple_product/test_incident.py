@@ -31,8 +31,7 @@ from engine.realtime.triple_product.pixel_reflection import (
     mirror_directions,
     peak_lights_of,
     reflect_at_corners,
-    reflect_at_rest,
-    reflect_moving,
+    reflect_at_pixels,
     shade_points,
 )
 from engine.realtime.triple_product.reflections import SHARP
@@ -320,7 +319,7 @@ def test_what_moves_shows_the_colours_of_rest_interpolated(ball_scene, ball, une
     incident = lit(ball, sky, 320)
     seen = PointMesh(ball_scene, points).sample_view(ball_scene.description.camera, (48, 36))
     tables, which = tables_of(GOLD), seen.of(1)
-    resting = reflect_at_rest(seen, which, incident, sky, [GOLD], tables, 0.005)
+    resting = reflect_at_pixels(seen, which, incident, sky, [GOLD], tables, 0.005)
     colours, moving = np.zeros((len(points), 3), np.float32), np.zeros((48 * 36, 3), np.float32)
     shade_points(seen, np.flatnonzero(seen.visible_points()), incident, tables, 320, empty_shades(incident), colours)
     interpolate(seen, which, colours, np.ones((1, 3), np.float32), moving)
@@ -337,7 +336,7 @@ def test_a_sun_is_reflected_in_its_own_direction(ball_scene, ball) -> None:
     seen = PointMesh(ball_scene, points).sample_view(ball_scene.description.camera, (240, 180))
     on_ball = seen.of(1)
     tables = run_to_end(slice_steps(sharp, 0)).make_tables()
-    found = reflect_at_rest(seen, on_ball, lit(ball, sky, 20), sky, [sharp], tables, 0.01)
+    found = reflect_at_pixels(seen, on_ball, lit(ball, sky, 20), sky, [sharp], tables, 0.01)
     normal = np.einsum("pk,pki->pi", seen.samples.weights[on_ball], points.normal[seen.samples.corners[on_ball]])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     half = sky.peak_direction.mean(axis=0) / np.linalg.norm(sky.peak_direction.mean(axis=0)) + seen.samples.wo[on_ball]
@@ -362,8 +361,8 @@ def test_a_highlight_stands_where_the_surface_shows_it_also_where_points_are_far
     which = seen.of(1)[::5]
     incident = lit((points, caster, bits), sky)
     tables = run_to_end(slice_steps(layer)).make_tables()
-    found = reflect_at_rest(seen, which, incident, sky, [layer], tables, 0.01)
-    quickly = reflect_moving(seen, which, incident, sky, tables, 96)
+    found = reflect_at_pixels(seen, which, incident, sky, [layer], tables, 0.01)
+    quickly = reflect_at_pixels(seen, which, incident, sky, [layer], tables, np.inf, 96)
     above, exact = upper_triangles(), np.zeros((len(which), 3))
     for n, (j, normal) in enumerate(zip(which, seen.normals(which), strict=True)):
         tangent = np.cross([0.0, 1.0, 0.0], normal)
@@ -455,7 +454,7 @@ def test_all_suns_that_are_asked_are_the_sum_over_them(ball_scene, ball, uneven)
     seen = PointMesh(ball_scene, points).sample_view(ball_scene.description.camera, (48, 36))
     which, tables = seen.of(1)[::7], tables_of(GOLD)
     incident.stored.value[:] = 0  # suns alone
-    found = reflect_at_rest(seen, which, incident, sky, [GOLD], tables, -1.0)
+    found = reflect_at_pixels(seen, which, incident, sky, [GOLD], tables, -1.0)
     for j, row in zip(which, found, strict=True):
         corners, weights = seen.samples.corners[j], seen.samples.weights[j].astype(np.float64)
         frame = np.einsum("k,kij->ij", weights, points.frames[corners])
@@ -483,5 +482,5 @@ def test_suns_that_differ_little_are_looked_up_as_they_stand(ball_scene, ball, u
     ways = mirror_directions(seen.samples.wo[which], seen.normals(which))
     found = reflect_at_corners(seen, which, ways, incident, peak_lights_of(sky, incident, 1e9), tables, sharp)
     assert not sharp.any()
-    exact = reflect_at_rest(seen, which, incident, sky, [GOLD], tables, -1.0)
+    exact = reflect_at_pixels(seen, which, incident, sky, [GOLD], tables, -1.0)
     assert np.sqrt(((found - exact) ** 2).mean()) < 0.1 * exact.mean()

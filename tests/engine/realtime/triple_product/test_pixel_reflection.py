@@ -119,3 +119,18 @@ def test_it_is_placements_picture(
         wanted = expected.reshape(-1, 3)[inside]
         error = np.sqrt(np.mean((picture - wanted) ** 2)) / wanted.mean()
         assert error < most, (quality, error, picture.mean() / wanted.mean())
+
+
+def test_sharp_gloss_shows_bumps_while_something_moves(folder: Path) -> None:
+    bumpy = scene_of(folder, 'bump_map = { file = "bumps.png", height = 0.06, repeats = [6, 6] }', slanted=True)
+    flat, layer = scene_of(folder, "", slanted=True), make_layer(MODELS["rough_conductor"], {"alpha": 0.1})
+    row = np.mgrid[0:64, 0:128]
+    image = 0.3 + 6.0 * np.exp(-((row[0] - 18.0) ** 2 + (row[1] - 84.0) ** 2) / 60.0)
+    image[14:16, 82:86] = 40.0
+    sky = SkyState(Environment(np.repeat(image[..., None], 3, axis=2).astype(np.float32), "test"))
+    still, moving, without = drawn(bumpy, layer, sky, "still"), *(drawn(s, layer, sky, "moving") for s in (bumpy, flat))
+
+    def off(picture: np.ndarray) -> float:
+        return float(np.sqrt(np.mean((picture - still) ** 2)) / still.mean())
+
+    assert off(moving) < 0.5 * off(without)
