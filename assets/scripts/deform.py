@@ -1,7 +1,7 @@
 """The guides' pictures of Deform: `python -m assets.scripts.deform [FOLDER] [NAME ...]`. Some minutes.
 
-`deform_truth.png` after [Sloan05, fig. 6], `deform_surfaces.png` after figures 1, 3 to 5 and 7, `deform_bat.png`, an
-animated PNG.
+`deform_truth.png` after [Sloan05, fig. 6], `deform_surfaces.png` after figures 1, 3 to 5 and 7, `deform_transfer.png`
+after 5 to 7, `deform_bat.png`, an animated PNG.
 """
 
 from __future__ import annotations
@@ -20,8 +20,11 @@ from app.stills.stills import layers_by_object
 from assets.scripts.bounces import save
 from engine.core.clamping import BRIGHTEST, clamp_radiance
 from engine.core.generators import run_to_end
+from engine.material import MODELS
+from engine.material.layer import make_layer
 from engine.precompute.direct.pipeline import Placement
 from engine.realtime.zonal_harmonics.deform_engine import Deform, finish_deform
+from engine.realtime.zonal_harmonics.object_transfer import UNSHADOWED
 from engine.realtime.zonal_harmonics.pose import Deformation, Poses
 from engine.realtime.zonal_harmonics.posed_scene import pose_scene
 from engine.render.display import display_picture
@@ -32,6 +35,7 @@ N_RAYS, N_POINTS = 800, 5000
 SIZE, SMALL = (256, 256), (320, 240)
 N_FRAMES, FRAME_MS = 24, 50
 BENT: Poses = (("head", (Deformation("bend", 55.0), Deformation("twist", 50.0))),)
+SLAB = {"thickness": 0.03, "scattering": 30.0, "absorption": 0.2}
 BEHIND, NEARER = 330.0, {"target": (0.0, 0.4, 0.0), "fov_y": 32.0}  # light comes through the wings
 PATCHES = (
     {"patch": {"kind": "weave", "height": 1.5}},
@@ -68,6 +72,30 @@ def surfaces(file: Path) -> None:
     save(file, np.hstack(row))
 
 
+def transfer(file: Path) -> None:
+    """A waffle on the bent jar: unshadowed; with its shadows; with what it reflects onto itself; as a slab that light
+    comes through; glossy alone."""
+    project = open_project("amphora", SIZE)
+    bent: Poses = (("jar", (Deformation("bend", 25.0),)),)
+    opaque, slab = ({"patch": {"kind": "waffle", "repeats": [1.0, 1.0], **more}} for more in ({}, SLAB))
+    clay = make_layer(MODELS["lambert"], {"albedo": (0.85, 0.82, 0.78)})
+    metal = make_layer(MODELS["rough_conductor"], {"alpha": 0.35})
+    row = []
+    for says, layer, n_bounces, n_lobes in (
+        (opaque, clay, 1, UNSHADOWED), (opaque, clay, 1, 4), (opaque, clay, 3, 4), (slab, clay, 1, 4),
+        (opaque, metal, 1, 4),
+    ):  # fmt: skip
+        deform = Deform(project.resting, N_POINTS, N_RAYS)
+        deform.set_light(project.sky)
+        deform.set_layers({**layers_by_object(project), 0: (layer,)})
+        deform.set_surfaces((("jar", DeformSurface.model_validate(says)),))
+        deform.set_bending(("jar",))
+        deform.set_bounces(n_bounces)
+        deform.set_effort(N_RAYS, n_lobes)
+        row.append(_shown(finish_deform(deform).draw(project.resting.description.camera, SIZE, bent, "rest")))
+    save(file, np.hstack([each[:, 40:216] for each in row]))
+
+
 def flap(file: Path) -> None:
     """The bat's flight, looping."""
     project = open_project("bat", SMALL, [("light.rotation", BEHIND)])
@@ -99,7 +127,7 @@ def _shown(radiance: NDArray[np.float32]) -> Picture:
     return display_picture(radiance, tone_mapping="filmic")
 
 
-MAKERS: dict[str, Callable[[Path], None]] = {"bat": flap, "surfaces": surfaces, "truth": truth}
+MAKERS: dict[str, Callable[[Path], None]] = {"bat": flap, "surfaces": surfaces, "transfer": transfer, "truth": truth}
 
 if __name__ == "__main__":
     main(Path(sys.argv[1] if len(sys.argv) > 1 else "docs/images"), sys.argv[2:])
