@@ -21,6 +21,8 @@ from engine.scene.description import MAX_BOUNCES
 
 LineValue = int | str
 Precision = Literal["half", "float"]
+# Light in place, or that of a simple preview (`engine.precompute.direct.simple_lighting`).
+Lighting = Literal["scene", "no_shadows", "point_light"]
 
 N_LIGHTS = 4000
 N_PATCHES = 768
@@ -103,7 +105,8 @@ class RenderSettings:
     n_hemisphere_rays: rays per sample set of indirect light (`engine.precompute.indirect.sampling_settings`).
     n_edge_rays: rays through a pixel at an edge (`engine.scene.edges`); 0: only through its centre. Orbit has n_points
     beside the meshes' own, and stores n_coefficients of light at each; Deform traces n_rays from each of its points and
-    fits n_lobes. overridden: the lines of the plan that the user has set.
+    fits n_lobes. lighting: of Placement, which the view chooses; under simple light there is one bounce. overridden:
+    the lines of the plan that the user has set.
     """
 
     n_lights: int = _setting(
@@ -152,6 +155,7 @@ class RenderSettings:
         4, "fitted to what the rays found; 0: light without shadows, for comparison", _up_to(0, 4), line="lobes",
         label="Lobes", mode="deform", words=(("unshadowed", 0),),
     )  # fmt: skip
+    lighting: Lighting = "scene"
     overridden: frozenset[str] = frozenset()
 
     @property
@@ -159,7 +163,8 @@ class RenderSettings:
         """Those that the precomputed light of Placement depends on; the others have their defaults."""
         return RenderSettings(
             self.n_lights, self.n_patches, self.n_bounces, keeps_sphere=self.keeps_sphere,
-            n_hemisphere_rays=self.n_hemisphere_rays, overridden=self.overridden & NEEDED_LINES,
+            n_hemisphere_rays=self.n_hemisphere_rays, lighting=self.lighting,
+            overridden=self.overridden & NEEDED_LINES,
         )  # fmt: skip
 
     @property

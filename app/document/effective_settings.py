@@ -14,10 +14,13 @@ from engine.settings import FIELD_OF_LINE, SETTINGS
 
 
 def effective_view(view: ViewState, document: Document) -> ViewState:
-    """The view with the document's overrides in place of its own settings; the same one without any."""
-    if not document.overrides:
-        return view
-    return replace(view, settings=view.settings.with_lines(dict(document.overrides)))
+    """The view with the document's overrides in place of its own settings, and simple lighting where Placement shows
+    that; the same one without either."""
+    if document.overrides:
+        view = replace(view, settings=view.settings.with_lines(dict(document.overrides)))
+    if view.lighting != "scene" and view.mode == "placement":
+        view = replace(view, settings=replace(view.settings, lighting=view.lighting, n_bounces=1))
+    return view
 
 
 def override_lines_of(command: SetView, document: Document) -> tuple[OverrideLine | SetView, ...]:

@@ -15,7 +15,7 @@ from engine.core.colour import ToneMapping
 from engine.core.errors import InsituError
 from engine.material.parameters import Parameter
 from engine.scene.description import Camera, SceneDescription
-from engine.settings import AS_PLANNED, SETTINGS, RenderSettings
+from engine.settings import AS_PLANNED, SETTINGS, Lighting, RenderSettings
 
 Tool = Literal["translate_x", "translate_y", "translate_xy", "amplify_x", "amplify_y", "amplify_xy", "stroke", "points"]
 Channel = Literal["rgb", "r", "g", "b"]
@@ -23,6 +23,9 @@ BrdfPlot = Literal["lobe", "slice", "albedo"]
 
 CHANNELS: tuple[Channel, ...] = ("rgb", "r", "g", "b")
 BRDF_PLOTS: tuple[BrdfPlot, ...] = ("lobe", "slice", "albedo")
+LIGHTING_WORDS: Mapping[Lighting, str] = MappingProxyType(
+    {"scene": "", "no_shadows": "no shadows", "point_light": "one light, no shadows"}
+)
 HALF_PI = 1.5707963267948966
 DEFAULT_REGIONS = (0.1, 0.25, 0.45, 0.6)
 DEFAULT_PANELS = MappingProxyType(
@@ -80,6 +83,7 @@ class ViewState:
     seconds; at its end it starts again if it ``loops``. ``split``: the borders in Deform's picture, from left to right,
     between what paths show, transfer that does not rotate, and its own (0 the left edge, 1 the right); ``fit_error``:
     whether the error of its lobes is shown instead. ``shows_error``: whether the error map is shown over the picture.
+    ``lighting``: the light in place, or a simple one for comparison, in Placement.
     ``regions`` are a ≤ b ≤ c ≤ d of the operator being shown or about to be made; ``operator`` is its index in the
     selected curve's list, None for one about to be made. ``curve_zoom`` is (γ low, γ high, y low, y high); None fits.
     The BRDF panel shows ``brdf_plot`` of the selected layer, or with ``brdf_whole`` of all layers of its object, in the
@@ -123,6 +127,7 @@ class ViewState:
     split: tuple[float, float] | None = None
     fit_error: bool = False
     shows_error: bool = False
+    lighting: Lighting = "scene"
 
     @property
     def viewpoint(self) -> Viewpoint:
@@ -138,7 +143,7 @@ class ViewState:
         """The view of a scene that was just opened, with the same display settings: nothing in it is selected yet."""
         return replace(
             self, selected=None, hovered=None, compare=None, operator=None, curve_zoom=None, solo=None,
-            lobe_pixel=None, camera=None, resolution=None, bookmarks=(), playing=None,
+            lobe_pixel=None, camera=None, resolution=None, bookmarks=(), playing=None, lighting="scene",
             settings=replace(self.settings, n_bounces=description.bounces or AS_PLANNED),
         )  # fmt: skip
 

@@ -54,8 +54,8 @@ MENUS = (
             "camera_panel", "go_to_view", None, "frame", "frame_all", None, "view_front", "view_right", "view_top",
             "view_back", "view_left", "view_bottom", None, "level", "own_view", "conventions",
         )),
-        Menu("Colours", ("view",)), "resolution", "compare", "error", "log", None, "show", "reset_layout", None,
-        "screenshot",
+        Menu("Colours", ("view",)), "resolution", "compare", "lighting", "error", "log", None, "show", "reset_layout",
+        None, "screenshot",
     )),
     Menu("Help", ("help",)),
 )  # fmt: skip

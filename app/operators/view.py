@@ -7,16 +7,21 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from app.document.selection import layer_shown, toggle_solo
-from app.document.view_state import SetView, Viewpoint
+from app.document.view_state import LIGHTING_WORDS, SetView, Viewpoint
 from app.editor.editor import Editor
 from app.files.bookmarks import add_bookmark, find_bookmark, rename_bookmark
 from app.operators.edits import MAX_PIXELS
-from app.operators.operator import LAYER, SCENE, Gesture, Operator, OperatorContext, ScriptKey
+from app.operators.operator import LAYER, SCENE, Gesture, Need, Operator, OperatorContext, ScriptKey
 from engine.core.colour import find_view
 from engine.core.errors import InsituError, LoadError
 from engine.scene.description import Number, Text
+from engine.settings import Lighting
 
 AwaitedPicture = Literal["first", "orbit", "exact", "error"]
+PLACEMENT = Need(
+    "open a scene in Placement, which alone shows simple lighting",
+    lambda context: bool(context.document.objects) and context.view.mode == "placement",
+)
 PictureIndex = Annotated[int, Field(ge=0, le=int(MAX_PIXELS), strict=True)]
 STOPS_A_PRESS = 1.0 / 3.0
 
@@ -36,6 +41,13 @@ def _toggle_mode(editor: Editor, name: str) -> str | None:
 
 def _toggle_comparison(editor: Editor, value: None) -> str | None:
     return editor.do(SetView.of(compare=None if editor.view.compare is not None else editor.document))
+
+
+def _choose_lighting(editor: Editor, lighting: Lighting | None) -> str | None:
+    """Show this light, or the next one: in place, without shadows, of one light, and in place again."""
+    names = list(LIGHTING_WORDS)
+    after = names[(names.index(editor.view.lighting) + 1) % len(names)]
+    return editor.do(SetView.of(lighting=lighting or after))
 
 
 def _expose(editor: Editor, stops: float) -> str | None:
@@ -116,6 +128,11 @@ PICTURE = (
     Operator(
         "compare", _toggle_comparison, ("C",), "Compare: remember this picture as A, show A | B",
         entry="Compare with now", is_on=lambda context: context.view.compare is not None,
+    ),
+    Operator(
+        "lighting", _choose_lighting, ("K",), "Simple lighting: no shadows, one light, in place again",
+        entry="Simple lighting", needs=PLACEMENT, is_on=lambda context: context.view.lighting != "scene",
+        script=ScriptKey(Lighting, "Lights Placement's picture as simple previews do, or `\"scene\"`, in place."),
     ),
     Operator(
         "error", lambda editor, value: editor.do(SetView.of(shows_error=not editor.view.shows_error)), ("E",),

@@ -47,6 +47,7 @@ from engine.material.layer import Layer
 from engine.planner import band_counts
 from engine.precompute.direct.bandstore import FixedPicture
 from engine.precompute.direct.pipeline import COARSE, DRAG, FINAL, Placement, Quality, SkyState, final_quality
+from engine.precompute.direct.simple_lighting import simple_lighting
 from engine.render.light_pilot import LightBudget
 from engine.settings import Precision, RenderSettings
 
@@ -159,13 +160,18 @@ class PlacementWorker(ModeWorker):
         lit_by = LightingState(scene.light, request.lit, scene.emission)
         yield from self._send_held(placement, request, lit_by)
         yield from self._kernels_ready()
-        need = self._light_plans.cached_budget(request, sky)
-        if need is not None:
+        is_simple = settings.lighting != "scene"
+        placement, sky = simple_lighting(placement, sky, settings.lighting)
+        need = None if is_simple else self._light_plans.cached_budget(request, sky)
+        if is_simple:
+            yield from self._send_cached(placement, request, sky, replace(lit_by, planned_settings=settings))
+        elif need is not None:
             yield from _light_plan_message(need, settings)
             yield from self._send_cached(
                 placement, request, sky, replace(lit_by, planned_settings=need.limit_settings(settings))
             )
-        yield from self._send_relit(placement, request, sky, lit_by)
+        if not is_simple:
+            yield from self._send_relit(placement, request, sky, lit_by)
         n_bounces, bounces_reported, bounces_found = settings.n_bounces, settings.n_bounces == 1, False
         begun = time.process_time()
         for quality, exact in stages_of(request)[-1 if self._context.fills else 0 :]:
@@ -173,10 +179,10 @@ class PlacementWorker(ModeWorker):
             works = self._selected_first(request)
             due = [work for work in works if not self._is_needless(work, lit_by, quality.name, exact)]
             if due and quality.name == FINAL.name:
-                if need is None:
+                if need is None and not is_simple:
                     need = yield from self._light_plans.find_budget(request, sky)
                     yield from _light_plan_message(need, settings)
-                needed = need.limit_settings(settings)
+                needed = settings if need is None else need.limit_settings(settings)
                 lit_by, quality = replace(lit_by, planned_settings=needed), final_quality(needed)
             if due:
                 yield from self._stage(placement, due, sky, lit_by, quality)
@@ -248,7 +254,7 @@ class PlacementWorker(ModeWorker):
             quality = final_quality(lit_by.planned_settings)
         if quality.name != FINAL.name or self._context.fills:
             return
-        light_key = self._stages.light_key(sky, placement.scene, quality)
+        light_key = self._stages.light_key(sky, placement, quality)
         unit = self._stages.cached_unit(light_key)
         if unit is None:
             return
@@ -304,7 +310,7 @@ class PlacementWorker(ModeWorker):
         clock = StageClock(quality.name)
         if quality is DRAG and sky.environment is not None:
             sky = replace(sky, environment=downsample(sky.environment, DRAG_ENVIRONMENT_HEIGHT))
-        key = self._stages.light_key(sky, placement.scene, quality) if quality.name == FINAL.name else ""
+        key = self._stages.light_key(sky, placement, quality) if quality.name == FINAL.name else ""
         light = yield from self._stages.final_light(placement, sky, quality, key, clock)
         total = (
             sum(len(placement.rows_of(placement.scene.object_index(work.object), quality.stride)) for work in works)

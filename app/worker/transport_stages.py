@@ -83,10 +83,11 @@ class TransportStages:
             mine[:] = kept
             placement.sphere.done[:] = True
 
-    def light_key(self, sky: SkyState, scene: Scene, quality: Quality) -> str:
+    def light_key(self, sky: SkyState, placement: Placement, quality: Quality) -> str:
         """The key of a stage's light."""
+        shadows = () if placement.has_shadows else ("no shadows",)
         return content_key(
-            CACHE_VERSION, self._context.view_key, lit_key(sky, scene),
+            CACHE_VERSION, self._context.view_key, lit_key(sky, placement.scene), *shadows,
             quality.n_lights, quality.n_patches, quality.max_level, quality.own_rays,
         )  # fmt: skip
 
@@ -114,7 +115,7 @@ class TransportStages:
     def _trace_visibility(
         self, placement: Placement, sky: SkyState, quality: Quality, clock: StageClock
     ) -> Generator[Response | None, None, VisibleLight]:
-        was_done = bool(placement.sphere.done.all())
+        was_done = bool(placement.sphere.done.all()) or not placement.has_shadows
         light = yield from map_steps(
             self._context.executor.compute_light(placement, sky, quality),
             lambda fraction: clock.progress(0.3 * fraction, "shadows"),

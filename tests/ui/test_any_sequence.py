@@ -195,6 +195,9 @@ COMMANDS: dict[str, Callable[[Walk], object]] = {
     "half": lambda w: w.editor.do(SetView.of(precision="half")),
     "float": lambda w: w.editor.do(SetView.of(precision="float")),
     "compare": lambda w: w.editor.do(SetView.of(compare=w.editor.document)),
+    "no shadows": lambda w: w.editor.do(SetView.of(lighting="no_shadows")),
+    "one light": lambda w: w.editor.do(SetView.of(lighting="point_light")),
+    "light in place": lambda w: w.editor.do(SetView.of(lighting="scene")),
     "compare no more": lambda w: w.editor.do(SetView.of(compare=None)),
     "a scene that is not there": lambda w: w.editor.open("nowhere.toml"),
     "kill": lambda w: w.client.kill(),
@@ -259,6 +262,7 @@ def walk(context: moderngl.Context, source: str, tmp_path: Path, seed: int, n_co
             done.append(name)
             COMMANDS[name](here)
             here.frames(int(random.choice([0, 1, 3, 10, 40])))
+        here.editor.do(SetView.of(lighting="scene"))
         shown = here.settle()
         assert all(any(known in line for known in MAY_BE_TOLD) for line in here.told), here.told
         here.editor.do(SetView.of(compare=None, solo=None))

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from imgui_bundle import ImVec2, imgui
 
+from app.document.view_state import LIGHTING_WORDS
 from app.messages.editor_status import Status
 from engine.render.picture_error import percent
 from ui import theme as look
@@ -84,7 +85,8 @@ def _contents(context: PanelContext) -> tuple[list[ColouredText], list[Action]]:
     """The line; what it had no room for, and the actions of a click."""
     status = context.status
     ink, text, hint = picture_state(status, placeholder_text(context), picture_overlays.has_moved(context))
-    text = " · ".join(filter(None, (status.shown_by, text)))
+    lighting = LIGHTING_WORDS[context.view.lighting] if context.view.mode == "placement" else ""
+    text = " · ".join(filter(None, (status.shown_by, lighting, text)))
     _dot(context, ink)
     imgui.text_unformatted(text)
     context.handles.note_item("status.picture")

@@ -7,8 +7,9 @@ from imgui_bundle import ImVec2, imgui
 
 from app.document.commands.light import SetRotation
 from app.document.selection import solo_layer
-from app.document.view_state import SetView
+from app.document.view_state import LIGHTING_WORDS, SetView
 from app.messages.editor_status import Status
+from app.operators.registry import keys_of
 from app.system.lazy_import import import_named
 from engine.material.layer import object_of
 from ui import theme as look
@@ -68,7 +69,7 @@ def _draw_picture(context: PanelContext, corner: ImVec2, room: ImVec2) -> list[A
     if context.view.compare is not None:
         _draw_divider(context, placed, corner.y, end.y)
     picture_overlays.draw_lobe(context, placed.x, placed.y, placed.scale)
-    _draw_solo(context, ImVec2(max(placed.x, corner.x), max(placed.y, corner.y)))
+    _draw_labels(context, ImVec2(max(placed.x, corner.x), max(placed.y, corner.y)))
     _draw_zoom(context, end)
     if context.view.shows_error:
         _draw_error_legend(context, ImVec2(max(placed.x, corner.x), min(placed.y + placed.height, end.y)))
@@ -290,14 +291,18 @@ def _draw_error_legend(context: PanelContext, corner: ImVec2) -> None:
     picture_overlays.draw_legend(context, draw_list, ImVec2(place.x, place.y + line + 0.3 * pad), width)
 
 
-def _draw_solo(context: PanelContext, corner: ImVec2) -> None:
-    """A label that layers are hidden, so that the picture is not taken for the whole material's."""
-    solo = solo_layer(context.document, context.view)
-    if solo is None:
-        return
-    text = f"{Icon.SOLO}  {object_of(solo)}: {context.document.layer(solo).name} alone"
-    place = ImVec2(corner.x + context.px(12), corner.y + context.px(10))
-    _plate(context, imgui.get_window_draw_list(), place, text, look.ACCENT)
+def _draw_labels(context: PanelContext, corner: ImVec2) -> None:
+    """Labels that the light is not that in place, and that layers are hidden, so that the picture is not taken for the
+    whole material's in its place."""
+    view, texts = context.view, []
+    if view.lighting != "scene" and view.mode == "placement":
+        texts.append(f"{Icon.EMITTER}  {LIGHTING_WORDS[view.lighting]} ({keys_of('lighting')})")
+    solo = solo_layer(context.document, view)
+    if solo is not None:
+        texts.append(f"{Icon.SOLO}  {object_of(solo)}: {context.document.layer(solo).name} alone")
+    for row, text in enumerate(texts):
+        place = ImVec2(corner.x + context.px(12), corner.y + context.px(10 + 28 * row))
+        _plate(context, imgui.get_window_draw_list(), place, text, look.ACCENT)
 
 
 def _plate(context: PanelContext, draw_list: imgui.ImDrawList, place: ImVec2, text: str, ink: look.Colour) -> None:

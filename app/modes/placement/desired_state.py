@@ -109,7 +109,9 @@ class RestingPicture:
     @classmethod
     def of(cls, document: Document, view: ViewState) -> RestingPicture:
         settings = view.settings
-        chosen = settings.n_lights, settings.n_patches, settings.n_bounces, settings.second_bands
+        chosen = (
+            settings.n_lights, settings.n_patches, settings.n_bounces, settings.second_bands, settings.lighting
+        )  # fmt: skip
         return cls(document, (*chosen, view.shows_error))
 
     def __eq__(self, other: object) -> bool:

@@ -196,7 +196,9 @@ class PlacementController(ModeController):
         planned = self._request_missing(now, document, view)
         events += self._advance_transition(document, view, planned)
         state = self._picture_state
+        # Errors, rays and other skies are those of light in place.
         rests = state in ("finished", "exact") and not self._services.history.dragging
+        rests &= view.settings.lighting == "scene"
         lacks_rays = self.indirect.lacks_rays and state != "exact"
         turns = self._transport.requested_rotation is not None
         self.idle.update(now, document, view, self._transport.revision, rests, lacks_rays, turns)

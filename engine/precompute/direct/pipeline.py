@@ -15,7 +15,7 @@ from engine.light.environment import Environment
 from engine.light.triangle_lights import cut_lights
 from engine.precompute.direct import _footprint_kernels as kernels
 from engine.precompute.direct.lighting import emitters_for, prepare_lighting
-from engine.precompute.direct.near_leaves import NearLight
+from engine.precompute.direct.near_leaves import NearLight, no_near_leaves
 from engine.precompute.direct.projection import VisibleLight
 from engine.scene.primary_hits import PrimaryHits, trace_primary
 from engine.scene.raycaster import RayCaster
@@ -27,6 +27,7 @@ from engine.visibility.point_visibility import (
     Visibility,
     empty_visibility,
     evaluate_rows,
+    see_all,
     sphere_targets,
     visible_shares,
 )
@@ -107,6 +108,13 @@ class Placement:
         self._rows: dict[int, np.ndarray] = {}
         self._footprints: dict[int, tuple[np.ndarray, np.ndarray]] = {}
         self._emitters: dict[int, EmitterTree | None] = {}
+        self.has_shadows = True
+
+    def without_shadows(self) -> "Placement":
+        """The same, where nothing hides any light. Its sphere's visibility is not used."""
+        part = copy(self)
+        part.has_shadows, part._emitters = False, {}
+        return part
 
     def at_rows(self, rows: np.ndarray) -> "Placement":
         """The same for some of its points, by ascending rows, with no visibility known."""
@@ -139,7 +147,7 @@ class Placement:
     def light(self, sky: SkyState, quality: Quality) -> Generator[float, None, VisibleLight]:
         """Cuts the light of a stage and traces its visibility; yields the fraction done."""
         rows = self.rows(quality.stride)
-        own_rays = quality.own_rays and (quality.stays or not self.sphere.done[rows].all())
+        own_rays = quality.own_rays and (quality.stays or not self.sphere.done[rows].all()) or not self.has_shadows
         cut = None
         if sky.environment is not None:
             seen = None
@@ -161,6 +169,8 @@ class Placement:
         )
         emitters = empty_visibility(self.hits, lighting.emitter_targets)
         yield from _rescale_progress(self._trace_visibility(emitters, quality.stride), FINE_DONE, LEAVES_DONE)
+        if not self.has_shadows:
+            return VisibleLight(lighting, self.sphere, fine, emitters, no_near_leaves(len(self.hits.pixel)))
         near = NearLight(self.hits, self.caster, lighting.emitters, emitters, rows)
         yield from _rescale_progress(near.find_steps(), LEAVES_DONE, 1.0)
         return VisibleLight(lighting, self.sphere, fine, emitters, near.leaves())
@@ -183,6 +193,9 @@ class Placement:
     def _trace_visibility(
         self, visibility: Visibility, stride: int, sphere: Visibility | None = None
     ) -> Iterator[float]:
+        if not self.has_shadows:
+            see_all(visibility)
+            return
         yield from coherent_visibility(self.hits, self.caster, visibility, stride, sphere)
         evaluate_rows(self.hits, self.caster, visibility, self.rows(stride))
 
