@@ -2,12 +2,11 @@
 // Provides: the triple product: the glossy reflection of visible points towards the camera, the sum over their nonzero
 // coefficients of light times visibility, times the slice towards the camera, and over their peaks. A group a point.
 #include "orbit/points.glsl"
-#include "orbit/rows.glsl"
 #include "orbit/slices.glsl"
 
 layout(local_size_x = 32) in;
-layout(std430, binding = 8) readonly buffer Seen { uint seen[]; };
-layout(std430, binding = 9) writeonly buffer Gloss { vec4 gloss[]; };
+layout(std430, binding = 12) readonly buffer Seen { uint seen[]; };
+layout(std430, binding = 13) writeonly buffer Gloss { vec4 gloss[]; };
 uniform ivec2 range;  // of points, the last excluded
 uniform uint picture; // its number, which marks the points that it shows
 uniform vec3 camera_position;
@@ -24,18 +23,13 @@ void main() {
     wo = dot(wo, wo) > 1e-30 ? normalize(wo) : normal_of(p); // a camera at the point looks from straight above
     Cell cell = cell_at(vec3(dot(tangent_of(p), wo), dot(normal_of(p), wo), dot(across_of(p), wo)));
     int mine = int(gl_LocalInvocationID.x), first = row_of(p) * row_words;
-    int n = min(int(rows[first]), n_most), start = first + FIRST_COEFFICIENT;
+    int n = min(int(rows[first]), n_most);
     vec3 total = vec3(0.0);
     for (int k = mine; k < n; k += 32) {
-        uint low = rows[start + 2 * k], high = rows[start + 2 * k + 1];
-        vec3 light = uintBitsToFloat(uvec3(low & 0xFFFF0000u, high << 16, high & 0xFFFF0000u));
-        total += light * coefficient_between(cell, int(low & 0xFFFFu));
+        total += reflected_coefficient(cell, first, k);
     }
     for (int s = mine; s < N_PEAKS; s += 32) {
-        int triangle = int(rows[first + FIRST_PEAK + s]);
-        if (triangle >= 0) {
-            total += three_at(first + FIRST_POWER + 3 * s) * value_between(cell, triangle);
-        }
+        total += reflected_peak(cell, first, s);
     }
     sums[mine] = total;
     for (int half_way = 16; half_way > 0; half_way /= 2) {

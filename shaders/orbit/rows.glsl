@@ -3,7 +3,7 @@
 layout(std430, binding = 3) readonly buffer Rows { uint rows[]; };
 uniform int row_words;
 
-const int FIRST_PEAK = 7, FIRST_POWER = 47, FIRST_COEFFICIENT = 168, N_PEAKS = 40;
+const int FIRST_PEAK = 7, FIRST_POWER = 47, FIRST_BITS = 167, FIRST_COEFFICIENT = 172, N_PEAKS = 40;
 
 float number_at(int i) { return uintBitsToFloat(rows[i]); }
 vec3 three_at(int i) { return vec3(number_at(i), number_at(i + 1), number_at(i + 2)); }

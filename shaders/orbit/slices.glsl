@@ -1,10 +1,11 @@
-// Provides: the slices of a term's layers, and interpolation between four of them, as
-// `engine.realtime.triple_product._slice_kernels`.
+// Provides: the slices of a term's layers, interpolation between four of them, and what they reflect of a point's row,
+// as `engine.realtime.triple_product._slice_kernels`.
+#include "orbit/rows.glsl"
 
-layout(std430, binding = 4) readonly buffer Coefficients { uvec2 coefficients[]; };
-layout(std430, binding = 5) readonly buffer Values { uvec2 values[]; };
-layout(std430, binding = 6) readonly buffer Images { int images[]; };  // of coefficients, by symmetry
-layout(std430, binding = 7) readonly buffer Places { int places[]; };  // of triangles
+layout(std430, binding = 8) readonly buffer Coefficients { uvec2 coefficients[]; };
+layout(std430, binding = 9) readonly buffer Values { uvec2 values[]; };
+layout(std430, binding = 10) readonly buffer Images { int images[]; };  // of coefficients, by symmetry
+layout(std430, binding = 11) readonly buffer Places { int places[]; };  // of triangles
 uniform ivec2 grid;      // polar angles and columns
 uniform ivec2 n_entries; // of a slice: coefficients and triangles
 uniform ivec2 n_images;  // of a symmetry
@@ -64,4 +65,18 @@ vec3 coefficient_between(Cell cell, int number) {
 vec3 value_between(Cell cell, int triangle) {
     int at = places[cell.symmetry * n_images.y + triangle];
     return BETWEEN(values, n_entries.y, cell, at);
+}
+
+// What slices reflect of coefficient k of a row, one product of the triple product's sum.
+vec3 reflected_coefficient(Cell cell, int first, int k) {
+    int at = first + FIRST_COEFFICIENT + 2 * k;
+    uint low = rows[at], high = rows[at + 1];
+    vec3 light = uintBitsToFloat(uvec3(low & 0xFFFF0000u, high << 16, high & 0xFFFF0000u));
+    return light * coefficient_between(cell, int(low & 0xFFFFu));
+}
+
+// What slices reflect of the peak number s of a row.
+vec3 reflected_peak(Cell cell, int first, int s) {
+    int triangle = int(rows[first + FIRST_PEAK + s]);
+    return triangle < 0 ? vec3(0.0) : three_at(first + FIRST_POWER + 3 * s) * value_between(cell, triangle);
 }

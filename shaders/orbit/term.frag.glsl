@@ -38,15 +38,23 @@ vec3 normal_offset(vec3 n, vec2 right, vec2 below) {
 #include "common/maps.glsl"
 #endif
 
+#if IS_SHARP
+#include "orbit/sharp.glsl"
+#endif
+
 layout(location = 0) out vec4 radiance;
 
 void main() {
     vec3 sent = colour;
     vec2 right = dFdx(uv), below = dFdy(uv);
+    vec3 offset = vec3(0.0);
 #if IS_BUMPY
-    vec3 offset = normal_offset(normalize(normal), right, below);
+    offset = normal_offset(normalize(normal), right, below);
     float cosine = inversesqrt(1.0 + dot(offset, offset));
     sent += reflectance * max((0.5 + 0.5 * cosine) * light + cosine * (offset * from_side), 0.0);
+#endif
+#if IS_SHARP
+    sent += sharp_gloss(at, offset);
 #endif
 #if HAS_MAPS
     sent *= factor(uv, right, below, at, outside);

@@ -18,6 +18,10 @@ flat out float side;
 centroid out vec3 light, normal, along, across;
 centroid out mat3 from_side;  // of red, green and blue: power times direction
 #endif
+#if IS_SHARP
+flat out int shows_back, triangle;
+centroid out vec3 shares;
+#endif
 
 void main() {
     gl_Position = projected(position);
@@ -25,7 +29,14 @@ void main() {
     // Until points on a back are uploaded, it shows the light of its front, diffusely reflected.
     bool has_point = p >= 0, reflects = has_point || sides.x >= 0;
     p = max(has_point ? p : sides.x, 0);
+#if IS_SHARP
+    shows_back = int(is_back());
+    triangle = gl_VertexID / 3;
+    shares = vec3(equal(ivec3(gl_VertexID % 3), ivec3(0, 1, 2)));
+    vec3 glossy = has_point ? vec3(0.0) : sends_on * irradiance[p].rgb;
+#else
     vec3 glossy = has_point ? gloss[p].rgb : sends_on * irradiance[p].rgb;
+#endif
     vec3 sent = sends_on * indirect[p].rgb + has_gloss * glossy;
 #if IS_BUMPY
     side = is_back() ? -1.0 : 1.0;

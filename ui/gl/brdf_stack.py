@@ -187,15 +187,29 @@ class BrdfStack:
         **uniforms: Any,
     ) -> None:
         """Run `brdf/fragment` over a box of the target; see `Passes.draw`. Raises GraphicsError, Untranslatable."""
-        assert self._curves is not None
-        slots, tables = self._slots()
-        made = {"generated/brdf.glsl": brdf_source(tuple(layer.model for layer in self.layers), slots)}
-        program = self._passes.full_screen(f"brdf/{fragment}", made)
-        numbers = uniforms | self._numbers()
+        program = self._passes.full_screen(f"brdf/{fragment}", self.source)
+        numbers = uniforms | self.numbers()
         there = {name: value for name, value in numbers.items() if name in program}
-        used: dict[str, moderngl.Texture | moderngl.TextureArray]
-        used = {"curves": self._curves, **tables, **(textures or {})}
+        used = {**self.textures(), **(textures or {})}
         self._passes.draw(program, target, box, {n: t for n, t in used.items() if n in program}, add=add, **there)
+
+    @property
+    def source(self) -> dict[str, str]:
+        """The text that a program includes. Raises Untranslatable."""
+        return {"generated/brdf.glsl": brdf_source(tuple(layer.model for layer in self.layers), self._slots()[0])}
+
+    def textures(self) -> dict[str, moderngl.Texture | moderngl.TextureArray]:
+        """The textures of that program, by their uniforms' names."""
+        assert self._curves is not None
+        return {"curves": self._curves, **self._slots()[1]}
+
+    def numbers(self) -> dict[str, tuple[float, ...]]:
+        """Its other uniforms."""
+        numbers: dict[str, tuple[float, ...]] = {}
+        for place, layer in enumerate(self.layers):
+            numbers[f"strength_{place}"] = tuple(layer.scale().tolist())
+            numbers[f"quotient_parameters_{place}"] = tuple(layer.quotient_parameters().tolist())
+        return numbers
 
     def evaluate(self, wi: NDArray[np.floating], wo: NDArray[np.floating]) -> NDArray[np.float64]:
         """The BRDF of unit directions (N, 3) in the local frame, (N, 3) in 1/sr; waits for the GPU."""
@@ -228,14 +242,6 @@ class BrdfStack:
         there = list(dict.fromkeys(each for each in numbers if each is not None))
         slots = tuple(None if each is None else there.index(each) for each in numbers)
         return slots, {f"table_{slot}": self._tables.texture(each) for slot, each in enumerate(there)}
-
-    def _numbers(self) -> dict[str, tuple[float, ...]]:
-        """Uniforms of all layers."""
-        numbers: dict[str, tuple[float, ...]] = {}
-        for place, layer in enumerate(self.layers):
-            numbers[f"strength_{place}"] = tuple(layer.scale().tolist())
-            numbers[f"quotient_parameters_{place}"] = tuple(layer.quotient_parameters().tolist())
-        return numbers
 
 
 def _uploaded_rows(layer: Layer) -> list[NDArray[np.float64]]:

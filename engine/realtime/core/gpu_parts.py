@@ -11,18 +11,31 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engine.texture.gpu_export import ExportedMaps, Words
 
+if TYPE_CHECKING:
+    from engine.material.layer import Layer
+
 Float32Array = NDArray[np.float32]
 Int32Array = NDArray[np.int32]
 Range = tuple[int, int]
 
-# Words of a row of `LightPart.rows` before the coefficients: their number, two moments, and the peaks.
-N_HEAD = 168
+# Words of a row of `LightPart.rows` before the coefficients: their number, two moments, the peaks' triangles and power,
+# and which peaks the point sees.
+N_HEAD = 172
+# Sharp gloss takes so many times the coefficients of blunt in moving pictures, and at least so many: fewer would blur
+# it. On the built-in tea tray's teapot 96, 224 and 336 give an error of 17, 9.1 and 7.0 %.
+_SHARP_TIMES, _N_SHARP = 3.5, 96
+
+
+def n_sharp(n_moving: int) -> int:
+    """The coefficients of sharp gloss in moving pictures whose points take n_moving."""
+    return max(round(_SHARP_TIMES * n_moving), _N_SHARP)
 
 
 def as_triple(vector: NDArray[np.floating]) -> tuple[float, float, float]:
@@ -62,9 +75,10 @@ class MeshPart:
 
 @dataclass(frozen=True, eq=False)
 class LightPart:
-    """Light of the points in which (N,): irradiance (N, 4); rows (K, 168 + 2 n) of the glossy ones at place (K,): the
+    """Light of the points in which (N,): irradiance (N, 4); rows (K, 172 + 2 n) of the glossy ones at place (K,): the
     number of coefficients, Σ power × x (3) and Σ power × z (3), the peaks' triangles (40), −1 for none, their power (40
-    × 3), 0, and the coefficients, two words each: number, red, green and blue, 16 bits each, the lower half first."""
+    × 3), the bits of the sky's peaks that the point sees (4), 0, and the coefficients, two words each: number, red,
+    green and blue, 16 bits each, the lower half first."""
 
     which: NDArray[np.int32]
     irradiance: Float32Array
@@ -81,11 +95,13 @@ class BouncedPart:
 
 @dataclass(frozen=True, eq=False)
 class SkyPart:
-    """The background: image (H, W, 3), None if unchanged, times scale, rotated by turn radians."""
+    """The background: image (H, W, 3), None if unchanged, times scale, rotated by turn radians; and its peaks (M, 8):
+    direction, 0, power, 0, rotated and scaled already."""
 
     image: Float32Array | None
     turn: float
     scale: float
+    peaks: Float32Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,11 +131,13 @@ class ExportedBumps:
 @dataclass(frozen=True)
 class OrbitTerm(ExportedTerm):
     """reflectance is the factor of irradiance, albedo (3,) that of indirect irradiance; tables: the serial of its
-    slices' tables, 0 for none; the bumps that perturb its irradiance."""
+    slices' tables, 0 for none; the bumps that perturb its irradiance and its sharp gloss; sharp: its layers where their
+    gloss is reflected pixel by pixel, none where it is interpolated between points."""
 
     albedo: tuple[float, float, float]
     tables: int
     bumps: ExportedBumps | None
+    sharp: tuple[Layer, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

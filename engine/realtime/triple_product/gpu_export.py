@@ -92,14 +92,15 @@ class PointExporter:
         return max(min(n, room // 2), 1)
 
     def _sky_parts(self, orbit: Orbit) -> Iterator[OrbitPart]:
-        sky = orbit.light
+        sky, peaks = orbit.light, orbit.sky_map
         sky_state = sky.environment, sky.rotation, sky.scale
         if sky_state != self._sky:
             is_new, self._sky = self._image is not sky.environment, sky_state
             self._image = sky.environment
             black = np.zeros((1, 1, 3), np.float32)
             image = black if sky.environment is None else np.asarray(sky.environment.radiance, np.float32)
-            yield SkyPart(image if is_new else None, float(np.radians(sky.rotation % 360.0)), sky.scale)
+            both = np.concatenate([_with_fourth(peaks.peak_direction), _with_fourth(peaks.peak_power)], axis=1)
+            yield SkyPart(image if is_new else None, float(np.radians(sky.rotation % 360.0)), sky.scale, both)
 
     def _terms_parts(self, orbit: Orbit) -> Iterator[OrbitPart]:
         made = _Terms(orbit)
@@ -131,13 +132,15 @@ class _Terms:
         maps = None
         if term.factor is not None:
             maps = self.exported.maps(term.layers[0].maps)
+        is_sharp = tables is not None and orbit.reflections.is_sharp(term.layers)
         bumps = None
-        if term.reflectance is not None and term.i_object in orbit.scene.bump_normals.objects:
+        if (term.reflectance is not None or is_sharp) and term.i_object in orbit.scene.bump_normals.objects:
             own = orbit.scene.description.objects[term.i_object].bumps
             slopes = self.exported.image(orbit.scene.textures.slopes(own))
             bumps = ExportedBumps(slopes, own.bump_repeats, own.slope_scale, bool(own.normal_map))
         reflectance, serial = term.reflectance or (0.0, 0.0, 0.0), tables.serial if tables else 0
-        return OrbitTerm(term.i_object, reflectance, maps, as_triple(albedo), serial, bumps)
+        sharp = term.layers if is_sharp else ()
+        return OrbitTerm(term.i_object, reflectance, maps, as_triple(albedo), serial, bumps, sharp)
 
 
 def _mesh(scene: Scene, lit: LitPoints, n: int) -> MeshPart:
@@ -184,7 +187,8 @@ def _runs(numbers: NDArray[np.integer]) -> tuple[Range, ...]:
 def _light(incident: Incident, which: NDArray[np.integer], n: int) -> LightPart:
     stored = incident.stored
     place = incident.slot[which]
-    place = place[place >= 0]
+    glossy = place >= 0
+    place = place[glossy]
     value, number = stored.value[place, :n], stored.number[place, :n]
     n_exported = np.where((value != 0).any(axis=2), np.arange(1, value.shape[1] + 1), 0).max(axis=1, initial=0)
     most = int(n_exported.max(initial=0))
@@ -193,6 +197,9 @@ def _light(incident: Incident, which: NDArray[np.integer], n: int) -> LightPart:
     rows[:, 1:7] = stored.irradiance_gradient[place].reshape(-1, 6).view(np.uint32)
     rows[:, 7:47] = stored.peak_place[place].astype(np.int32).view(np.uint32)
     rows[:, 47:167] = stored.peak_power[place].reshape(-1, 120).view(np.uint32)
+    bits = np.zeros((len(place), 16), np.uint8)
+    bits[:, : stored.peak_bits.shape[1]] = stored.peak_bits[which[glossy]]
+    rows[:, 167:171] = bits.view(np.uint32)
     four = np.concatenate([number[:, :most, None].view(np.uint16), value[:, :most]], axis=2)
     rows[:, N_HEAD:] = np.ascontiguousarray(four).reshape(len(place), 4 * most).view(np.uint32)
     return LightPart(which.astype(np.int32), _with_fourth(stored.irradiance[which]), place, rows)

@@ -32,7 +32,7 @@ from engine.precompute.direct.pipeline import SkyState
 from engine.realtime.core.shading_points import ShadingPoints, place_points
 from engine.realtime.core.terms import LayersOf
 from engine.realtime.core.view_samples import ViewSamples, assemble_picture
-from engine.realtime.triple_product.incident import SceneEmitters, make_sky
+from engine.realtime.triple_product.incident import SceneEmitters, SkyMap, make_sky
 from engine.realtime.triple_product.lit_points import EXACTLY, UNLIT, LitPoints
 from engine.realtime.triple_product.reflections import Reflections
 from engine.realtime.triple_product.view_radiance import N_MOVING, Quality, view_radiance
@@ -176,6 +176,11 @@ class Orbit:
     def light(self) -> SkyState:
         """The distant light."""
         return self._light
+
+    @property
+    def sky_map(self) -> SkyMap:
+        """The same, as points look it up."""
+        return self._sky
 
     @property
     def reflections(self) -> Reflections:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from engine.core.threads import on_threads
 from engine.material.layer import Layer
+from engine.realtime.core.gpu_parts import n_sharp
 from engine.realtime.core.view_samples import Rows, ViewSamples, add_values, factors, interpolate
 from engine.realtime.triple_product.incident import SceneEmitters, SkyMap
 from engine.realtime.triple_product.lit_points import LitPoints
@@ -41,9 +42,6 @@ Float32Array = NDArray[np.float32]
 Quality = Literal["moving", "rest", "still"]
 
 N_MOVING = 64  # coefficients of a point in moving pictures
-# Sharp gloss takes so many times as many, and at least so many: fewer would blur it. On the built-in tea tray's teapot
-# in motion 96, 192 and 256 give an error of 17, 9.8 and 7.8 %.
-_SHARP_TIMES, _N_SHARP = 3.5, 96
 # Share of a pixel's radiance by which slices may disagree about a peak before the BRDF is evaluated for it.
 _LITTLE = {"moving": 0.005, "rest": 0.005, "still": 0.001}
 N_RAYS = {"rest": 4, "still": 32}  # of a glossy sample, to other surfaces
@@ -122,11 +120,6 @@ def view_radiance(
             )
             add_values(which, found, factor, radiance)
     return radiance
-
-
-def n_sharp(n_moving: int) -> int:
-    """The coefficients of sharp gloss in moving pictures in which points take n_moving."""
-    return max(round(_SHARP_TIMES * n_moving), _N_SHARP)
 
 
 def _pixel_light(

@@ -14,10 +14,12 @@ from PIL import Image
 
 from app.project.project import open_project
 from engine.light.environment import Environment
+from engine.material import MODELS, make_layer
 from engine.material.layer import Layer
 from engine.material.strokes import Stroke, Strokes
 from engine.precompute.direct.pipeline import SkyState
-from engine.realtime.core.gpu_parts import LightPart
+from engine.realtime.core.gpu_parts import N_HEAD, LightPart
+from engine.realtime.triple_product import view_radiance
 from engine.realtime.triple_product.gpu_export import PointExporter
 from engine.realtime.triple_product.orbit_engine import MOST_SLICE_BYTES, Orbit
 from engine.scene.camera_moves import orbit_camera
@@ -106,7 +108,7 @@ def shaded(context: moderngl.Context) -> Iterator[ShadedPicture]:
 
 @pytest.fixture(autouse=True)
 def _all_gloss_at_points(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As shaders have it, where the worker asks sharp gloss pixel by pixel."""
+    """Most tests are of these; sharp gloss has tests of its own."""
     monkeypatch.setattr("engine.realtime.triple_product.reflections.SHARP", 0.0)
 
 
@@ -168,6 +170,41 @@ def test_it_is_the_workers_picture_after_every_change(studio: Studio, shaded: Sh
     studio.work(sky(20.0), studio.layers)
 
 
+@pytest.mark.parametrize("slices_alone", [False, True])
+def test_sharp_gloss_is_the_workers_pixel_by_pixel(
+    studio: Studio, shaded: ShadedPicture, monkeypatch: pytest.MonkeyPatch, slices_alone: bool
+) -> None:
+    monkeypatch.setattr("engine.realtime.triple_product.reflections.SHARP", 0.4)
+    # The shaders ask formulas of all peaks, or of none: the worker's picture is then made with the same.
+    monkeypatch.setitem(view_radiance._LITTLE, "moving", np.inf if slices_alone else -1.0)
+    if slices_alone:  # as measured layers
+        monkeypatch.setattr("ui.modes.orbit.gl.sharp_gloss._has_formula", lambda layers: False)
+    floor, block = studio.layers[0], studio.layers[1]
+    metal = make_layer(MODELS["rough_conductor"], {"alpha": 0.09})
+    brushed = block[0].with_parameter("alpha_u", 0.06).with_parameter("alpha_v", 0.12)
+    sharp = {0: (floor[0], floor[1].with_parameter("alpha", 0.1)), 1: (brushed, block[1], metal)}
+    studio.work(sky(20.0), sharp)
+    exporter = PointExporter(1 << 26)
+    for part in exporter.parts(studio.orbit):
+        shaded.buffers.take(part)
+    assert [bool(term.sharp) for term in shaded.buffers.terms] == [False, True, False, True]
+    assert_same(studio, shaded, studio.camera)
+    with monkeypatch.context() as usual:  # where the worker asks formulas of those peaks that slices do not know well
+        usual.setitem(view_radiance._LITTLE, "moving", view_radiance._LITTLE["rest"])
+        expected = studio.orbit.draw(studio.camera, SIZE, "moving", 64)
+    assert slices_alone or np.abs(image(shaded, studio.camera) - expected).mean() < 0.002
+    highlight = image(shaded, studio.camera)
+    edited = {0: sharp[0], 1: (brushed.with_parameter("alpha_u", 0.1), block[1], metal.with_parameter("alpha", 0.07))}
+    studio.work(sky(20.0), edited)
+    for part in exporter.parts(studio.orbit):
+        shaded.buffers.take(part)
+    moved = orbit_camera(studio.camera, 0.4, 0.1)
+    moved = studio.camera.model_copy(update={"position": moved.position})
+    assert_same(studio, shaded, moved, 24)
+    assert np.abs(image(shaded, studio.camera) - highlight).max() > 0.05
+    studio.work(sky(20.0), studio.layers)
+
+
 def test_edges_are_smooth(studio: Studio, context: moderngl.Context) -> None:
     smooth, hard = ShadedPicture(context), ShadedPicture(context, n_samples=0)
     for part in PointExporter(1 << 26).parts(studio.orbit):
@@ -192,7 +229,7 @@ def test_what_does_not_fit_is_reported_in_a_line(
 
 def test_as_much_light_is_sent_as_goes_into_a_buffer(studio: Studio, shaded: ShadedPicture) -> None:
     n_rows = len(studio.orbit.lit.incident.stored.number)  # type: ignore[union-attr]
-    for part in PointExporter(4 * n_rows * (168 + 2 * 24)).parts(studio.orbit):
+    for part in PointExporter(4 * n_rows * (N_HEAD + 2 * 24)).parts(studio.orbit):
         shaded.buffers.take(part)
     assert shaded.buffers.mesh is not None and shaded.buffers.mesh.n_coefficients == 24
     assert_same(studio, shaded, studio.camera, 24)

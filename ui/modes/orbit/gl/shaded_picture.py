@@ -3,6 +3,9 @@
     backdrop ─► emission, and depth ─► marks on the visible points
     for each term: gloss of the marked points towards the camera (gloss.comp) ─► its object's triangles, times its maps
 
+Sharp gloss is not interpolated between points: each pixel asks the three points around it, and its layers' formulas
+(sharp.glsl).
+
 As `engine.realtime.triple_product.view_radiance` draws moving pictures, but with several samples per pixel: edges are
 smooth. All is in buffers, filled part by part (`engine.realtime.core.gpu_parts`); in a frame only the camera is
 sent.
@@ -10,7 +13,7 @@ sent.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import product
 
@@ -28,11 +31,13 @@ from engine.realtime.core.gpu_parts import (
     SkyPart,
     TablePart,
     TermsPart,
+    n_sharp,
 )
 from engine.scene.description import Camera
 from ui.gl.gpu_memory import BufferMemory, TextureMemory
 from ui.gl.program import ProgramCache, map_uniforms, set_uniforms
 from ui.gl.view_target import CornerArrays, ViewTarget, view_uniforms
+from ui.modes.orbit.gl.sharp_gloss import SharpGloss
 
 # ----------------------------------------------------------------------------------------------------------- the points
 
@@ -56,7 +61,7 @@ class PointBuffers:
         self.emission = np.zeros((0, 3), np.float32)
         self.tables: dict[int, Tables] = {}
         self.sky: moderngl.Texture | None = None
-        self.turn, self.scale = 0.0, 1.0
+        self.turn, self.scale, self.n_peaks = 0.0, 1.0, 0
         self.n_strokes = 0
         self._named: dict[str, moderngl.Buffer] = {}
 
@@ -100,7 +105,8 @@ class PointBuffers:
         self.mesh = part
 
     def _take_sky(self, part: SkyPart) -> None:
-        self.turn, self.scale = part.turn, part.scale
+        self.turn, self.scale, self.n_peaks = part.turn, part.scale, len(part.peaks)
+        self._replace("peaks", self._memory.filled(np.concatenate([part.peaks, np.zeros((1, 8), np.float32)])))
         if part.image is not None:
             made = self._textures.latlong(part.image)
             self._textures.release(self.sky)
@@ -163,6 +169,18 @@ class PointBuffers:
 _CORNER = (("position", 3, "f"), ("face", 3, "f"), ("image_place", 2, "f"), ("sides", 2, "i"), ("first_way", 3, "f"),
            ("second_way", 3, "f"))  # fmt: skip
 _GROUPS = 32768  # of a compute shader, in one row
+FIRST_SLICES = 8  # binding of the slices' four buffers
+_NO_FORMULA = {"generated/brdf.glsl": ""}
+
+
+def _slice_uniforms(shape: TablePart) -> dict[str, object]:
+    """The layout of slices: uniforms of `slices.glsl`."""
+    n_slices = shape.n_polar * shape.n_columns
+    return {
+        "grid": (shape.n_polar, shape.n_columns), "steepest": shape.steepest, "n_symmetries": len(shape.images),
+        "n_entries": (len(shape.coefficients) // n_slices, len(shape.values) // n_slices),
+        "n_images": (shape.images.shape[1], shape.places.shape[1]),
+    }  # fmt: skip
 
 
 class ShadedPicture:
@@ -174,6 +192,7 @@ class ShadedPicture:
         self._target = ViewTarget(context, n_samples)
         self.buffers = PointBuffers(context, self._programs)
         self._arrays = CornerArrays(context, _CORNER)
+        self._sharp = SharpGloss(context)
         self._number = 0
         self._query: moderngl.Query | None = None
 
@@ -185,9 +204,9 @@ class ShadedPicture:
         for fragment in ("emitted", "seen"):
             yield
             self._program("emitted", fragment)
-        for is_bumpy, has_maps in product((0, 1), repeat=2):
+        for is_bumpy, has_maps in product((False, True), repeat=2):
             yield
-            self._program("term", "term", IS_BUMPY=is_bumpy, HAS_MAPS=has_maps)
+            self._term_program(is_bumpy, has_maps)
         yield
         self._target.warm_up()
 
@@ -218,17 +237,18 @@ class ShadedPicture:
             self._draw_object(emitted, mesh, i)
         self._target.begin_terms()
         self._mark(mesh, view)
-        for term in buffers.terms:
-            if term.tables in buffers.tables:
+        self._sharp.follow(buffers.terms)
+        for i, term in enumerate(buffers.terms):
+            if term.tables in buffers.tables and not term.sharp:
                 self._shade(mesh, term.i_object, buffers.tables[term.tables], view, n_coefficients)
-            self._draw_term(mesh, term, view)
+            self._draw_term(mesh, i, view, n_coefficients)
 
     def _mark(self, mesh: MeshPart, view: dict[str, object]) -> None:
-        """Mark the visible points of objects with gloss."""
+        """Mark the visible points of objects with blunt gloss."""
         program, buffers = self._program("emitted", "seen"), self.buffers
         buffers["corners"].bind_to_storage_buffer(7)
         buffers["seen"].bind_to_storage_buffer(8)
-        for i in sorted({term.i_object for term in buffers.terms if term.tables}):
+        for i in sorted({term.i_object for term in buffers.terms if term.tables and not term.sharp}):
             set_uniforms(program, **view, picture=self._number)
             self._draw_object(program, mesh, i)
 
@@ -238,16 +258,12 @@ class ShadedPicture:
         """The triple product at an object's visible points."""
         buffers, shape = self.buffers, tables.shape
         program = self._programs.compute("orbit/gloss.comp.glsl")
-        named = [(0, buffers["points"]), (3, buffers["rows"]), (8, buffers["seen"]), (9, buffers["gloss"])]
-        for binding, buffer in (*named, *enumerate(tables.buffers, 4)):
+        named = [(0, buffers["points"]), (3, buffers["rows"]), (12, buffers["seen"]), (13, buffers["gloss"])]
+        for binding, buffer in (*named, *enumerate(tables.buffers, FIRST_SLICES)):
             buffer.bind_to_storage_buffer(binding)
-        n_slices = shape.n_polar * shape.n_columns
         set_uniforms(
             program, picture=self._number, camera_position=view["camera_position"], n_most=n_coefficients,
-            row_words=buffers.row_words, grid=(shape.n_polar, shape.n_columns), steepest=shape.steepest,
-            n_symmetries=len(shape.images),
-            n_entries=(len(shape.coefficients) // n_slices, len(shape.values) // n_slices),
-            n_images=(shape.images.shape[1], shape.places.shape[1]),
+            row_words=buffers.row_words, **_slice_uniforms(shape),
         )  # fmt: skip
         self._context.memory_barrier()
         for first, last in mesh.point_ranges[i_object]:
@@ -256,15 +272,22 @@ class ShadedPicture:
             program.run(min(last - first, _GROUPS), n_rows)
         self._context.memory_barrier()
 
-    def _draw_term(self, mesh: MeshPart, term: OrbitTerm, view: dict[str, object]) -> None:
-        buffers, maps, bumps = self.buffers, term.maps, term.bumps
-        program = self._program("term", "term", IS_BUMPY=int(bumps is not None), HAS_MAPS=int(maps is not None))
+    def _draw_term(self, mesh: MeshPart, i_term: int, view: dict[str, object], n_coefficients: int) -> None:
+        buffers, term = self.buffers, self.buffers.terms[i_term]
+        maps, bumps = term.maps, term.bumps
+        # The program of sharp gloss is compiled in the first picture with layers of its models, while the window waits:
+        # which they will be is not known before, and no edit of theirs compiles another.
+        is_sharp, stack = bool(term.sharp) and term.tables in buffers.tables, self._sharp.stack(i_term)
+        source = stack.source if is_sharp and stack is not None else None
+        program = self._term_program(bumps is not None, maps is not None, is_sharp, source)
         for binding, name in enumerate(("points", "irradiance", "indirect", "rows", "gloss", "images", "strokes")):
             buffers[name].bind_to_storage_buffer(binding)
         set_uniforms(
             program, **view, row_words=buffers.row_words, reflectance=term.reflectance, sends_on=term.albedo,
             has_gloss=float(term.tables in buffers.tables),
         )  # fmt: skip
+        if is_sharp:
+            self._set_sharp(program, i_term, n_coefficients)
         if maps is not None:
             set_uniforms(program, **map_uniforms(maps), n_strokes=buffers.n_strokes)
         if bumps is not None:
@@ -273,6 +296,29 @@ class ShadedPicture:
                 is_normal_map=bumps.is_normal_map,
             )  # fmt: skip
         self._draw_object(program, mesh, term.i_object)
+
+    def _term_program(
+        self, is_bumpy: bool, has_maps: bool, is_sharp: bool = False, formula: Mapping[str, str] | None = None
+    ) -> moderngl.Program:
+        """The program of terms; formula: the text of its layers' BRDF, see `BrdfStack.source`."""
+        return self._programs.get(
+            "orbit/term.vert.glsl", "orbit/term.frag.glsl", formula or _NO_FORMULA, IS_BUMPY=int(is_bumpy),
+            HAS_MAPS=int(has_maps), IS_SHARP=int(is_sharp), HAS_FORMULA=int(formula is not None),
+        )  # fmt: skip
+
+    def _set_sharp(self, program: moderngl.Program, i_term: int, n_coefficients: int) -> None:
+        """What a program of sharp gloss reads beside the rest."""
+        buffers, stack = self.buffers, self._sharp.stack(i_term)
+        tables = buffers.tables[buffers.terms[i_term].tables]
+        named = [(7, buffers["corners"]), (12, buffers["peaks"])]
+        for binding, buffer in (*named, *enumerate(tables.buffers, FIRST_SLICES)):
+            buffer.bind_to_storage_buffer(binding)
+        set_uniforms(program, n_most=n_sharp(n_coefficients), n_peaks=buffers.n_peaks, **_slice_uniforms(tables.shape))
+        if stack is not None:
+            set_uniforms(program, **stack.numbers())
+            for unit, (name, texture) in enumerate(stack.textures().items()):
+                texture.use(unit)
+                set_uniforms(program, **{name: unit})
 
     def _program(self, vertex: str, fragment: str, **switches: int) -> moderngl.Program:
         return self._programs.get(f"orbit/{vertex}.vert.glsl", f"orbit/{fragment}.frag.glsl", **switches)
@@ -287,6 +333,7 @@ class ShadedPicture:
     def release(self) -> None:
         """Free all."""
         self._target.release()
+        self._sharp.release()
         self._arrays.release()
         self.buffers.release()
         self._programs.release()
@@ -295,7 +342,7 @@ class ShadedPicture:
     @property
     def memory_bytes(self) -> int:
         """Bytes of buffers and textures, without the targets' several samples per pixel."""
-        return self.buffers.memory_bytes + self._target.memory_bytes
+        return self.buffers.memory_bytes + self._target.memory_bytes + self._sharp.memory_bytes
 
 
 def _view(camera: Camera, size: tuple[int, int], mesh: MeshPart) -> dict[str, object]:
