@@ -26,6 +26,7 @@ from benchmarks.variants import QUICK as QUICK_VARIANTS
 from benchmarks.variants import VariantEffort
 from benchmarks.visibility_methods import QUICK as QUICK_VISIBILITY
 from benchmarks.visibility_methods import VisibilityEffort
+from benchmarks.visibility_textures import TextureEffort
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,7 @@ class Effort:
     api_edits: ApiEditEffort | None = field(default_factory=ApiEditEffort)
     planning: PlanEffort | None = field(default_factory=PlanEffort)
     visibility: VisibilityEffort = field(default_factory=VisibilityEffort)
+    textures: TextureEffort | None = field(default_factory=TextureEffort)
     settings: StudyEffort = field(default_factory=StudyEffort)
     variants: VariantEffort = field(default_factory=VariantEffort)
 
@@ -66,7 +68,7 @@ FULL = Effort("full")
 QUICK = Effort(
     "quick", 1, 1, 0, 10, 64, 200_000, 300, False, 300.0, QUICK_GRID, QUICK_INDIRECT, edges=None, rooms=None,
     gloss=None, orbit=None, deform=None, relight=None, drags=None, turning=None, api_edits=None,
-    visibility=QUICK_VISIBILITY,
+    visibility=QUICK_VISIBILITY, textures=None,
     settings=QUICK_STUDY, variants=QUICK_VARIANTS, planning=None,
 )  # fmt: skip
 

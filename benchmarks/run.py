@@ -29,6 +29,7 @@ from benchmarks.sweep import Grid, SweepResult, run_sweep, write_csv, write_plot
 from benchmarks.turning_sky import turning_errors, write_turning
 from benchmarks.variants import variant_settings
 from benchmarks.visibility_methods import visibility_rows, write_visibility
+from benchmarks.visibility_textures import write_textures
 from benchmarks.window import edit_figures, window_figures
 from engine.core.errors import InsituError
 from engine.precompute.direct.pipeline import FINAL, PREVIEW
@@ -65,6 +66,8 @@ def run(
         )  # fmt: skip
     if "visibility" in only:
         write_visibility(output, visibility_rows(effort.visibility, report))
+        if effort.textures is not None:
+            write_textures(output, effort.textures, report)
     if "planning" in only and effort.planning is None:
         report("plans: not carried out where it is to be quick")
     elif "planning" in only and effort.planning is not None:
