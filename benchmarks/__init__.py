@@ -7,7 +7,7 @@
           gloss, orbit, deform, relighting, turning_sky ─────────────────────┘
     scene ─► settings (`app.measure`) and variants ─► settings.csv, front.json, report.md, plots
     shapes, bunny, plant, dominoes ─► visibility_methods ─► visibility.csv, its tables and plot
-    teatray, rings, storeroom ─► visibility_textures ─► visibility_textures.csv
+    teatray, rings, plant ─► visibility_textures ─► visibility_textures.csv
     every scene ─► plan_costs, plan_savings ─► planning.csv, savings.csv
 
 `figures` names what was promised and its limits. Figures are measured in this process, but for `launches`, which starts

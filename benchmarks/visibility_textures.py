@@ -11,14 +11,16 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import xatlas
+from matplotlib import pyplot as plt
 from numpy.typing import NDArray
 
+from app.measure.report import save_figure
 from app.measure.settings_orbit import inner_rows
 from app.measure.subject import errors
 from app.project.project import open_project
@@ -34,17 +36,20 @@ from engine.sphere.geodesic import geodesic
 Float64Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
-FILE = "visibility_textures.csv"
+FILE, PLOT = "visibility_textures.csv", "visibility_textures.png"
 PADDING = 2  # empty texels between charts, so that no texel borders on two
 ROUNDS = 4  # in which an atlas of the right number of texels is found
 WITHIN = 0.02
+ATLAS_TEXELS = 60_000  # of the one that is drawn
+PERCENT = (1, 2, 5, 10)
+STYLES = {"placed points": "o-", "visibility textures": "s--"}
 
 
 @dataclass(frozen=True)
 class TextureEffort:
     """Scenes, points beside the meshes' own vertices, and how many pixels of which resolution are judged."""
 
-    scenes: tuple[str, ...] = ("teatray", "rings", "storeroom")
+    scenes: tuple[str, ...] = ("teatray", "rings", "plant")
     n_points: tuple[int, ...] = (0, 10_000, 40_000)
     n_pixels: int = 300
     resolution: tuple[int, int] = (320, 240)
@@ -244,3 +249,25 @@ def write_textures(folder: Path, effort: TextureEffort, report: Callable[[str], 
         writer = csv.writer(file)
         writer.writerow(("scene", "way", "places", "error of visibility", "relRMSE", "share of the rectangle"))
         writer.writerows((e.scene, e.way, e.n_kept, e.visibility, e.radiance, e.share_used) for e in found)
+    scene = open_project(effort.scenes[0], effort.resolution).scene
+    _draw(folder / PLOT, scene, Charts(scene).atlas(ATLAS_TEXELS)[0], found)
+
+
+def _draw(path: Path, scene: Scene, atlas: Atlas, found: Sequence[Measured]) -> None:
+    """The atlas of a scene, a colour an object, beside the errors of all scenes against the number of places."""
+    figure, (left, right) = plt.subplots(1, 2, figsize=(12.0, 4.5), layout="constrained")
+    triangle, _ = atlas.triangle_at(atlas.texels)
+    objects = np.where(triangle >= 0, scene.object_of_triangle[triangle], -1).reshape(atlas.size[::-1])
+    left.imshow(np.ma.masked_less(objects, 0), origin="lower", cmap="tab10", vmin=0, vmax=9, interpolation="nearest")
+    left.set(title=f"atlas of {Path(scene.file).parent.name}", xticks=[], yticks=[])
+    for k, name in enumerate(dict.fromkeys(each.scene for each in found)):
+        for way, style in STYLES.items():
+            own = [each for each in found if (each.scene, each.way) == (name, way)]
+            places, errors_of = [each.n_kept for each in own], [100.0 * each.radiance for each in own]
+            right.plot(places, errors_of, style, color=f"C{k}", label=f"{name}, {way}")
+    right.set(xlabel="places", ylabel="relRMSE, %", yscale="log")
+    right.set_yticks(PERCENT, [str(each) for each in PERCENT])
+    right.minorticks_off()
+    right.legend(frameon=False, fontsize=8, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    right.spines[["top", "right"]].set_visible(False)
+    save_figure(path, figure)

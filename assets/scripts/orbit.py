@@ -1,4 +1,4 @@
-"""The guides' pictures of Orbit, after figures 8 to 14 of [Ma06]: `python -m assets.scripts.orbit [FOLDER] [NAME ...]`.
+"""The guides' pictures of Orbit, after [Ma06], figures 5, 8 to 14: `python -m assets.scripts.orbit [FOLDER] [ROW ...]`.
 
 Each is a row of pictures that Orbit draws at rest, of variants of built-in scenes. (Figure 7 is a plot, which `insitu
 measure` writes.)
@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,7 @@ from PIL import Image
 from app.project.project import Project, open_project
 from assets.scripts.bounces import GAP
 from engine.material.layer import Layer
+from engine.realtime.triple_product import reflections
 from engine.realtime.triple_product.orbit_engine import N_COEFFICIENTS, Orbit
 from engine.realtime.triple_product.view_radiance import Quality
 from engine.render.display import display_picture
@@ -29,6 +31,7 @@ from engine.scene.builtin import builtin_environments, builtin_scenes, scene_pat
 HEIGHT = 240
 N_POINTS = 20_000
 MOVED = {"position": (-1.05, 0.42, 0.78), "target": (0.03, 0.22, 0.0)}
+CLOSE = {"fov_y": 20.0}
 LOW = {"position": (0.10, 0.34, 0.86), "target": (0.16, 0.0, 0.22), "fov_y": 38.0}
 LAMPS = ((-0.75, 1.05, 0.55), (0.85, 0.80, 0.35), (0.10, 1.25, -0.80))
 BALL = """
@@ -58,7 +61,8 @@ Row = list[NDArray[np.uint8]]
 
 @dataclass(frozen=True)
 class View:
-    """One picture of a row: what is changed in the scene's file, which values are set, the camera, the coefficients."""
+    """One picture of a row: what is changed in the scene's file, which values are set, the camera, the coefficients;
+    at_points: whether sharp gloss is shaded at points, as blunt gloss is."""
 
     scene: str = "rings"
     edit: Callable[[str], str] = str
@@ -67,6 +71,7 @@ class View:
     n_coefficients: int = N_COEFFICIENTS
     quality: Quality = "still"
     width: int = 320
+    at_points: bool = False
 
 
 def environment(name: str, rotation: float, scale: float) -> Callable[[str], str]:
@@ -95,6 +100,12 @@ def under_lamps(text: str) -> str:
 
 
 ROWS: dict[str, Sequence[View]] = {
+    # Figure 5: shaded per point, per pixel while the camera moves, and per pixel at rest.
+    "per_pixel": [
+        View("teatray", camera=CLOSE, quality="moving", at_points=True),
+        View("teatray", camera=CLOSE, quality="moving"),
+        View("teatray", camera=CLOSE, quality="rest"),
+    ],
     # Figure 8: the same picture by more and more coefficients.
     "coefficients": [View(n_coefficients=n, quality="rest", width=240) for n in (20, 80, 320, 1280)],
     # Figure 9: a material edited.
@@ -148,6 +159,9 @@ def picture(view: View, height: int = HEIGHT) -> NDArray[np.uint8]:
             for _step in orbit.work():
                 pass
             drawn = orbit.draw(camera, project.scene.resolution, view.quality)
+        if view.at_points:
+            with mock.patch.object(reflections, "SHARP", 0.0):
+                drawn = orbit.draw(camera, project.scene.resolution, view.quality)
     return display_picture(drawn)
 
 

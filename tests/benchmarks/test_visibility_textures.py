@@ -8,6 +8,7 @@ import pytest
 from app.project.project import open_project
 from benchmarks.visibility_textures import (
     FILE,
+    PLOT,
     Charts,
     TextureEffort,
     at_points,
@@ -66,3 +67,4 @@ def test_more_places_see_better_and_the_table_is_written(tmp_path: Path, placeme
     lines: list[str] = []
     write_textures(tmp_path, effort, lines.append)
     assert len(lines) == 4 and (tmp_path / FILE).read_text().count("\n") == 5
+    assert (tmp_path / PLOT).read_bytes()[:4] == b"\x89PNG"
