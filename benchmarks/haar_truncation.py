@@ -91,7 +91,7 @@ def direct_factors(
     truth, means = np.zeros((len(rows), 3)), []
     for i, row in enumerate(rows):
         own = layers.get(int(objects[row]), ())
-        visible, reflected = _factors(hits, int(row), caster, own, geodesic(fine).centres)
+        visible, reflected = factors_at(hits, int(row), caster, own, geodesic(fine).centres)
         truth[i] = (power * visible[:, None] * reflected).sum(axis=0)
         means.append((
             power.reshape(-1, children, 3).sum(axis=1),
@@ -101,7 +101,7 @@ def direct_factors(
     return truth, means
 
 
-def _factors(
+def factors_at(
     hits: PrimaryHits, row: int, caster: RayCaster, layers: Sequence[Layer], towards: Float64Array
 ) -> tuple[Float64Array, Float64Array]:
     """Visibility (M,) and BRDF times cosine (M, 3) at one point in directions (M, 3)."""
