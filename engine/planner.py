@@ -65,6 +65,7 @@ EDITABLE_BANDS = {
     kinds.SLOPE_U: 32,
     kinds.SLOPE_V: 32,
     kinds.PHI_H: 16,
+    kinds.GAMMA_WIDTH: 64,
     kinds.THETA_D: 16,
     kinds.THETA_I: 16,
 }

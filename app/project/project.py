@@ -49,6 +49,7 @@ from app.system.paths import full_path, is_file_name
 from engine.core.colour import ToneMapping
 from engine.core.errors import InsituError, LoadError
 from engine.material.layer import object_of
+from engine.material.parameters import INDICES, reflectance_of_index
 from engine.measured.measurement import ENDINGS as MEASURED_ENDINGS
 from engine.scene.builtin import DEFAULT_SCENE, builtin_environments, scene_path
 from engine.scene.toml_text import parse_toml
@@ -292,6 +293,9 @@ def set_path(document: Document, path: str, value: Any) -> EditCommand:
         return set_first_bands(value)
     if path == TIME and all(state.name != TIME for state in document.objects):
         return with_time(value)
+    by_index = _set_by_index(document, path, value)
+    if by_index is not None:
+        return by_index
     target = resolve(document, path)
     if target.kind == "parameter" and target.key is not None and target.name is not None:
         return SetParameter(target.key, target.name, value)
@@ -310,6 +314,19 @@ def set_path(document: Document, path: str, value: Any) -> EditCommand:
     if target.kind == "switch":
         return _set_switch(path, target, value)
     raise InsituError(f"{path!r} is a {target.kind} and has no value; name a parameter of it")
+
+
+def _set_by_index(document: Document, path: str, value: Any) -> SetParameter | None:
+    """The command that sets a facing reflectance by its index of refraction, ``"coat.1.fresnel_index"``; None where the
+    path is of anything else."""
+    head, _, last = path.rpartition(".")
+    name = next((name for name, index in INDICES.items() if index.name == last), None)
+    if name is None:
+        return None
+    target = resolve(document, f"{head}.{name}")
+    if target.kind != "parameter" or target.key is None:
+        return None
+    return SetParameter(target.key, name, reflectance_of_index(INDICES[name].accept(value)))
 
 
 def _set_light(path: str, target: Target, value: Any) -> EditCommand:

@@ -23,6 +23,7 @@ from engine.material import kinds
 
 THETA_I, THETA_R, THETA_H, THETA_D, THETA_O = kinds.THETA_I, kinds.THETA_R, kinds.THETA_H, kinds.THETA_D, kinds.THETA_O
 GAMMA_ALPHA, GAMMA_BETA, GAMMA_RATIO = kinds.GAMMA_ALPHA, kinds.GAMMA_BETA, kinds.GAMMA_RATIO
+GAMMA_WIDTH = kinds.GAMMA_WIDTH
 LAMBERT, PHONG, BLINN_PHONG, COOK_TORRANCE = kinds.LAMBERT, kinds.PHONG, kinds.BLINN_PHONG, kinds.COOK_TORRANCE
 SLOPE_U, SLOPE_V, PHI_H = kinds.SLOPE_U, kinds.SLOPE_V, kinds.PHI_H
 ROUGH_CONDUCTOR, ASHIKHMIN_SHIRLEY = kinds.ROUGH_CONDUCTOR, kinds.ASHIKHMIN_SHIRLEY
@@ -137,8 +138,8 @@ def gamma(kind: int, q: Float64Array, ix: float, iy: float, iz: float, ox: float
     """The angle over which a curve of this kind runs (engine.material.kinds), radians in [0, pi], error 2e-11.
 
     Beyond pi/2 a curve has no bands: f is 0 there. The half vector of opposite directions is the normal. q (8,) are the
-    layer's quotient parameters; GAMMA_RATIO takes its exponent from them. Twice as fast in loops where the compiler
-    knows `kind`, because they vectorize.
+    layer's quotient parameters; GAMMA_RATIO and GAMMA_WIDTH take a number from them. Twice as fast in loops where the
+    compiler knows `kind`, because they vectorize.
     """
     if kind == THETA_I:
         return _angle(iz, ix * ix + iy * iy)
@@ -159,11 +160,13 @@ def gamma(kind: int, q: Float64Array, ix: float, iy: float, iz: float, ox: float
     if kind == PHI_H:
         return _angle(math.sqrt(share), 1.0 - share)
     # gamma_alpha [BenArtzi07, eq. 3.7], gamma_beta [BenArtzi07, eq. 3.8] and gamma_r [BenArtzi07, eq. 3.15]:
-    # arccos(cos(theta_h)^exponent) with the exponents cos^2 phi_h, sin^2 phi_h and n_u sin^2 phi_h.
+    # arccos(cos(theta_h)^exponent) with the exponents cos^2 phi_h, sin^2 phi_h and n sin^2 phi_h; of the width
+    # cos^2 phi_h + r sin^2 phi_h. Where n or r is negative the highlight is turned by 90 degrees.
     if kind == GAMMA_BETA:
         share = 1.0 - share
-    elif kind == GAMMA_RATIO:
-        share = q[RATIO_EXPONENT] * (1.0 - share)
+    elif kind == GAMMA_RATIO or kind == GAMMA_WIDTH:
+        turned = share if q[RATIO_EXPONENT] < 0.0 else 1.0 - share
+        share = abs(q[RATIO_EXPONENT]) * turned + (1.0 - turned if kind == GAMMA_WIDTH else 0.0)
     return _arc_of_power(share, _log_cosine_half(sx, sy, sz))
 
 
@@ -356,9 +359,10 @@ def model_quotient_cosine(
     quotient = INVERSE_8PI * fresnel * iz / (max(cos_d, GRAZING) * max(iz, oz))
     if model_kind == ASHIKHMIN_SHIRLEY:
         return quotient
-    # Ratio of exponents: also cos(theta_h)^(n_u cos^2 phi_h), which the edited curve does not contain.
+    # Ratio of exponents: also cos(theta_h)^(n cos^2 phi_h), which the edited curve does not contain.
     sx, sy, sz = ix + ox, iy + oy, iz + oz
-    exponent = q[RATIO_EXPONENT] * _share_of_u(sx, sy)
+    wide = _share_of_u(sx, sy)
+    exponent = abs(q[RATIO_EXPONENT]) * (1.0 - wide if q[RATIO_EXPONENT] < 0.0 else wide)
     return quotient * math.exp(max(exponent * _log_cosine_half(sx, sy, sz), -80.0))
 
 

@@ -1,10 +1,11 @@
 """Ashikhmin's anisotropic highlights: Ashikhmin and Shirley's with one exponent along the tangent and one across
-[BenArtzi07, 3.2]; with their ratio as its one curve [BenArtzi07, 3.3.2]; and one that the user draws over the half
-vector's angle and azimuth, as on satin or velvet [Ashikhmin00].
+[BenArtzi07, 3.2]; with their ratio, or its width, as its one curve [BenArtzi07, 3.3.2]; and one that the user draws
+over the half vector's angle and azimuth, as on satin or velvet [Ashikhmin00].
 """
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -15,6 +16,7 @@ from engine.material.model import (
     GAMMA_ALPHA,
     GAMMA_BETA,
     GAMMA_RATIO,
+    GAMMA_WIDTH,
     PHI_H,
     THETA_H,
     Float64Array,
@@ -95,54 +97,114 @@ def anisotropic_lobe(d: Directions, n_u: float, n_v: float, reflectance: float) 
     return np.asarray(np.where(d.above, lobe, 0.0))
 
 
+def exponents_of(wide: float, ratio: float) -> tuple[float, float]:
+    """(n_u, n_v) of a highlight with the exponent `wide` on its wide side and max(r, 1/r) times that on the other: the
+    streak is along the tangent for a ratio r > 1, and turns across it for r < 1, as the vase of [BenArtzi07, 6.2.1]."""
+    return (wide, wide * ratio) if ratio >= 1.0 else (wide / ratio, wide)
+
+
+def signed(number: float, ratio: float) -> float:
+    """The number with the sign that tells kernels whether a highlight of this ratio is turned (`kinds`)."""
+    return number if ratio >= 1.0 else -number
+
+
+WIDE = Parameter(
+    "n_u",
+    "scalar",
+    20.0,
+    "Exponent n",
+    "Sharpness of the highlight on its wide side.",
+    ("scale", "quotient"),
+    minimum=1.0,
+    maximum=1e3,
+    logarithmic=True,
+    power=-0.5,
+)
+RATIO = Parameter(
+    "ratio",
+    "scalar",
+    10.0,
+    "Anisotropy ratio r",
+    "How many times sharper the highlight is across the brushing than along it: 1 is round, 100 a streak along it, "
+    "0.01 one across. Where it turns, at 1, the picture follows when idle.",
+    ("A", "scale"),
+    minimum=1e-3,
+    maximum=1e3,
+    logarithmic=True,
+    power=-0.5,
+)
+
+
 class AshikhminShirleyRatio(Model):
-    """`ashikhmin_shirley` with n_v = r n_u: the width along the tangent is fixed, its ratio to the width across is
-    edited.
+    """`ashikhmin_shirley` with one exponent n and a ratio r: the width on the wide side is fixed, its ratio to the
+    width on the other side is edited.
 
     [BenArtzi07, eq. 3.13-3.15], which omit the squares of cos(phi_h) and sin(phi_h) that eq. 3.5 and 3.6 have, and take
-    the base of the power itself for gamma_r; we use squares, and an angle as in eq. 3.7:
+    the base of the power itself for gamma_r; we use squares, and an angle as in eq. 3.7. For r >= 1:
 
-        gamma_r = arccos(cos(theta_h)^(n_u sin^2 phi_h)),  f_A = cos(gamma_r)^r,
-        rho_q = cos(theta_h)^(n_u cos^2 phi_h) F / (8 pi (h.k) max(cos_i, cos_o)),  f_q = scale sqrt((n_u+1)(r n_u+1)).
+        gamma_r = arccos(cos(theta_h)^(n sin^2 phi_h)),  f_A = cos(gamma_r)^r,
+        rho_q = cos(theta_h)^(n cos^2 phi_h) F / (8 pi (h.k) max(cos_i, cos_o)),  f_q = scale sqrt((n + 1)(r n + 1)).
 
-    r is at least 1: below, the highlight's tail would be compressed into the last band, where cos(gamma_r)^r falls from
-    almost 1 to 0 within less than any band. The wider side is along the tangent.
+    For r < 1 sine and cosine of phi_h change places, and 1/r is in the place of r: the streak turns across the tangent
+    [BenArtzi07, 6.2.1]. Eq. 3.14 itself with r < 1 was rejected: it has the highlight's tail compressed into the last
+    band, where cos(gamma_r)^r falls from almost 1 to 0 within less than any band.
     """
 
     name = "ashikhmin_shirley_ratio"
     label = "Ashikhmin-Shirley, one ratio"
     tooltip = (
-        "Brushed metal: Ashikhmin and Shirley's anisotropic highlight, a streak, with one curve. Its width along the "
-        "brushing is fixed; the curve says how much narrower than that it is across, the anisotropy ratio."
+        "Brushed metal: Ashikhmin and Shirley's anisotropic highlight, a streak, with one curve. Its width on the wide "
+        "side is fixed; the curve says how much narrower it is on the other, the anisotropy ratio."
     )
     kind = kinds.ASHIKHMIN_SHIRLEY_RATIO
     highlight_in_quotient = True
     factors = (GAMMA_RATIO,)
-    quotient_names = ("reflectance", "n_u")
+    parameters = (WIDE, RATIO, FACING, TINT)
+
+    def generate(self, factor_name: str, params: Parameters, gamma: Float64Array) -> Float64Array:
+        self.factor(factor_name)
+        ratio = number(params, "ratio")
+        return grey(cosine_power(np.cos(gamma), np.sin(gamma) ** 2, max(ratio, 1.0 / ratio)))
+
+    def scale(self, params: Parameters) -> Float64Array:
+        return channels(params, "scale") * strength_of(params)
+
+    def quotient_parameters(self, params: Parameters) -> Float64Array:
+        q = super().quotient_parameters(params)
+        q[:2] = number(params, "reflectance"), signed(number(params, "n_u"), number(params, "ratio"))
+        return q
+
+    def brdf(self, params: Parameters, wi: Float64Array, wo: Float64Array) -> Float64Array:
+        return streak(params, wi, wo)
+
+
+class AshikhminShirleyWidth(Model):
+    """`ashikhmin_shirley` with amount and direction of the anisotropy known: the width of the streak is edited.
+
+    The single-factor form that [BenArtzi07, 3.3.2] mentions: with r fixed,
+
+        gamma_w = arccos(cos(theta_h)^(cos^2 phi_h + r sin^2 phi_h)),  f_A = cos(gamma_w)^n,
+        rho_q = F / (8 pi (h.k) max(cos_i, cos_o)),  f_q = scale sqrt((n + 1)(r n + 1)),
+
+    for r >= 1; below, sine and cosine of phi_h change places and 1/r is in the place of r, as in
+    `ashikhmin_shirley_ratio`.
+    """
+
+    name = "ashikhmin_shirley_width"
+    label = "Ashikhmin-Shirley, one width"
+    tooltip = (
+        "Brushed metal: Ashikhmin and Shirley's anisotropic highlight, a streak, with one curve. How much longer than "
+        "wide it is, and which way it lies, are fixed; the curve is its profile."
+    )
+    kind = kinds.ASHIKHMIN_SHIRLEY
+    factors = (GAMMA_WIDTH,)
     parameters = (
-        Parameter(
-            "n_u",
-            "scalar",
-            20.0,
-            "Exponent nᵤ",
-            "Sharpness of the highlight along the brushing.",
-            ("scale", "quotient"),
-            minimum=1.0,
-            maximum=1e3,
-            logarithmic=True,
-            power=-0.5,
-        ),
-        Parameter(
-            "ratio",
-            "scalar",
-            10.0,
-            "Anisotropy ratio r",
-            "How many times sharper the highlight is across the brushing than along it: 1 is round, 100 is a streak.",
-            ("A", "scale"),
-            minimum=1.0,
-            maximum=1e3,
-            logarithmic=True,
-            power=-0.5,
+        dataclasses.replace(WIDE, maximum=1e6, drives=("A", "scale")),
+        dataclasses.replace(
+            RATIO,
+            drives=("scale", "quotient"),
+            tooltip="How many times sharper the highlight is across the brushing than along it: 1 is round, 100 a "
+            "streak along it, 0.01 one across. The picture follows when idle.",
         ),
         FACING,
         TINT,
@@ -150,16 +212,33 @@ class AshikhminShirleyRatio(Model):
 
     def generate(self, factor_name: str, params: Parameters, gamma: Float64Array) -> Float64Array:
         self.factor(factor_name)
-        return grey(cosine_power(np.cos(gamma), np.sin(gamma) ** 2, number(params, "ratio")))
+        return grey(cosine_power(np.cos(gamma), np.sin(gamma) ** 2, number(params, "n_u")))
 
     def scale(self, params: Parameters) -> Float64Array:
-        n_u, ratio = number(params, "n_u"), number(params, "ratio")
-        return channels(params, "scale") * math.sqrt((n_u + 1.0) * (ratio * n_u + 1.0))
+        return channels(params, "scale") * strength_of(params)
+
+    def quotient_parameters(self, params: Parameters) -> Float64Array:
+        q, ratio = super().quotient_parameters(params), number(params, "ratio")
+        q[:2] = number(params, "reflectance"), signed(max(ratio, 1.0 / ratio), ratio)
+        return q
 
     def brdf(self, params: Parameters, wi: Float64Array, wo: Float64Array) -> Float64Array:
-        n_u = number(params, "n_u")
-        lobe = anisotropic_lobe(directions(wi, wo), n_u, n_u * number(params, "ratio"), number(params, "reflectance"))
-        return channels(params, "scale") * lobe[:, None]
+        return streak(params, wi, wo)
+
+
+def strength_of(params: Parameters) -> float:
+    """N of a highlight given by n and ratio."""
+    n_u, n_v = exponents_of(number(params, "n_u"), number(params, "ratio"))
+    return math.sqrt((n_u + 1.0) * (n_v + 1.0))
+
+
+def streak(params: Parameters, wi: Float64Array, wo: Float64Array) -> Float64Array:
+    """The highlight given by n and ratio, (N, 3), 1/sr."""
+    n_u, n_v = exponents_of(number(params, "n_u"), number(params, "ratio"))
+    return (
+        channels(params, "scale")
+        * anisotropic_lobe(directions(wi, wo), n_u, n_v, number(params, "reflectance"))[:, None]
+    )
 
 
 class AshikhminHybrid(Model):
@@ -222,4 +301,4 @@ class AshikhminHybrid(Model):
         return channels(params, "scale") * np.where(d.above, lobe, 0.0)[:, None]
 
 
-MODELS = (AshikhminShirley(), AshikhminShirleyRatio(), AshikhminHybrid())
+MODELS = (AshikhminShirley(), AshikhminShirleyRatio(), AshikhminShirleyWidth(), AshikhminHybrid())

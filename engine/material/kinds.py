@@ -11,14 +11,15 @@ THETA_H = 2  # half vector and normal
 THETA_D = 3  # wi and half vector
 GAMMA_ALPHA = 4  # eq. 3.7: arccos of cos(theta_h) ** cos(phi_h)^2
 GAMMA_BETA = 5  # eq. 3.8: arccos of cos(theta_h) ** sin(phi_h)^2
-GAMMA_RATIO = 6  # eq. 3.15: arccos of cos(theta_h) ** (n_u sin(phi_h)^2)
+GAMMA_RATIO = 6  # eq. 3.15: arccos of cos(theta_h) ** (n sin(phi_h)^2)
 THETA_O = 7  # wo and normal
 SLOPE_U = 8  # arctan |h_x| / h_z: the half vector's slope along the tangent
 SLOPE_V = 9  # arctan |h_y| / h_z: across
 PHI_H = 10  # azimuth of the half vector from the tangent, folded into [0, pi/2]; pi/4 where it is the normal
+GAMMA_WIDTH = 11  # 3.3.2: arccos of cos(theta_h) ** (cos(phi_h)^2 + r sin(phi_h)^2)
 
 # Angles of the half vector: a curve over one of them is a highlight. Those of HALF_AZIMUTHS make it anisotropic.
-HALF_AZIMUTHS = (GAMMA_ALPHA, GAMMA_BETA, GAMMA_RATIO, SLOPE_U, SLOPE_V, PHI_H)
+HALF_AZIMUTHS = (GAMMA_ALPHA, GAMMA_BETA, GAMMA_RATIO, SLOPE_U, SLOPE_V, PHI_H, GAMMA_WIDTH)
 HALF_ANGLES = (THETA_H, *HALF_AZIMUTHS)
 
 # Models whose quotient is in `_kernels`, because most pictures need it to be fast.
@@ -38,7 +39,9 @@ FRESNEL_TERM = 7
 ROUGH_DISTRIBUTION = 0  # rough_conductor: GGX or BECKMANN
 ROUGH_ALPHA = 1
 FACING_REFLECTANCE = 0  # blinn_phong and both Ashikhmin-Shirley models
-RATIO_EXPONENT = 1  # ashikhmin_shirley_ratio: n_u
+# Ashikhmin-Shirley models with one curve: exponent n of the ratio, ratio r of the width. Below 0 its size is
+# meant, and tangent and bitangent change places.
+RATIO_EXPONENT = 1
 # Measured models: the table and the smoothing of its curves, or, in the process that computes, their addresses; then
 # the colour that is looked up, or MEAN of all; and the part.
 TABLE, SMOOTHING, CHANNEL, PART = 0, 1, 2, 3

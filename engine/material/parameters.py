@@ -173,3 +173,47 @@ FACING = Parameter(
     "Share of light reflected head-on, rising to all of it at grazing angles: 0.04 is varnish, 1 has no rise.",
     ("quotient",),
 )
+
+LARGEST_INDEX = 1000.0
+# The index of refraction that a facing reflectance stands for, by the name of that parameter.
+INDICES = {
+    FRESNEL.name: Parameter(
+        "fresnel_index",
+        "rgb",
+        (1.5, 1.5, 1.5),
+        "Index n",
+        "Fresnel R by the index of refraction, R = (n − 1)²/(n + 1)²: 1.33 is water, 1.5 glass, 2.4 diamond.",
+        minimum=1.0,
+        maximum=LARGEST_INDEX,
+        step=0.005,
+        form="%.3f",
+    ),
+    FACING.name: Parameter(
+        "reflectance_index",
+        "scalar",
+        1.5,
+        "Index n",
+        "Facing reflectance by the index of refraction, R = (n − 1)²/(n + 1)²: 1.33 is water, 1.5 glass or varnish.",
+        minimum=1.0,
+        maximum=LARGEST_INDEX,
+        logarithmic=True,
+        form="%.3f",
+    ),
+}
+
+
+def reflectance_of_index(n: Value) -> Value:
+    """R = (n - 1)^2 / (n + 1)^2 of a dielectric in air [BenArtzi07, eq. 3.10], of a number or of each channel."""
+    if isinstance(n, tuple):
+        return cast(Value, tuple(((each - 1.0) / (each + 1.0)) ** 2 for each in n))
+    assert isinstance(n, int | float)
+    return ((n - 1.0) / (n + 1.0)) ** 2
+
+
+def index_of_reflectance(reflectance: Value) -> Value:
+    """The index n whose R it is, at most 1000: that of R = 1 is infinite."""
+    if isinstance(reflectance, tuple):
+        return cast(Value, tuple(index_of_reflectance(each) for each in reflectance))
+    assert isinstance(reflectance, int | float)
+    root = reflectance**0.5
+    return min((1.0 + root) / (1.0 - root), LARGEST_INDEX) if root < 1.0 else LARGEST_INDEX

@@ -6,7 +6,8 @@ from engine.material import kinds
 
 
 def angle(kind, exponent, wi, wo):
-    """The angle of `kind` between unit directions (N, 3) in the local frame; `exponent` is n_u of the ratio."""
+    """The angle of `kind` between unit directions (N, 3) in the local frame; `exponent` is n of the ratio, r of the
+    width, below 0 where the highlight is turned."""
     wi, wo = wi.astype(np.longdouble), wo.astype(np.longdouble)
     half = wi + wo
     half /= np.linalg.norm(half, axis=1, keepdims=True)
@@ -20,7 +21,11 @@ def angle(kind, exponent, wi, wo):
         kinds.THETA_D: (wi * half).sum(axis=1),
         kinds.GAMMA_ALPHA: half[:, 2] ** cos2_phi,
         kinds.GAMMA_BETA: half[:, 2] ** (1 - cos2_phi),
-        kinds.GAMMA_RATIO: half[:, 2] ** (exponent * (1 - cos2_phi)),
+        kinds.GAMMA_RATIO: half[:, 2] ** (abs(exponent) * (cos2_phi if exponent < 0 else 1 - cos2_phi)),
+        kinds.GAMMA_WIDTH: half[:, 2]
+        ** (
+            (1 - cos2_phi if exponent < 0 else cos2_phi) + abs(exponent) * (cos2_phi if exponent < 0 else 1 - cos2_phi)
+        ),
         kinds.SLOPE_U: half[:, 2] / np.hypot(half[:, 0], half[:, 2]),
         kinds.SLOPE_V: half[:, 2] / np.hypot(half[:, 1], half[:, 2]),
         kinds.PHI_H: np.abs(half[:, 0]) / np.hypot(half[:, 0], half[:, 1]),

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from app.project.project import set_path
+from engine.core.errors import InsituError
 from tests.ui.stand_in import StandInClient
 from ui.headless import HeadlessWindow
 
@@ -66,3 +68,23 @@ def test_both_terms_follow_every_frame(window: HeadlessWindow) -> None:
         assert (second > 1.01 * before).any() and len(client.requests) == n_requests
         before = second
     window.release()
+
+
+def test_the_index_sets_the_reflectance_of_each_colour(window: HeadlessWindow) -> None:
+    editor = window.shell.editor
+    editor.select("teapot.0")
+    window.click_handle("material.fresnel_term.0")
+    before = editor.document.layer("teapot.2").values["fresnel"]
+    window.frames(2)
+    window.drag_handle("material.fresnel_index.r", (-40, 0))
+    red, *others = editor.document.layer("teapot.2").values["fresnel"]  # type: ignore[misc]
+    assert red < 0.35 and others == [0.12, 0.08], before
+    # One drag is one step; R by n = 1.5 is 0.04.
+    editor.undo()
+    assert editor.document.layer("teapot.2").values["fresnel"] == before
+    assert editor.do(set_path(editor.document, "teapot.2.fresnel_index", [1.5, 3.0, 9.0])) is None
+    assert editor.document.layer("teapot.2").values["fresnel"] == pytest.approx((0.04, 0.25, 0.64))
+    with pytest.raises(InsituError, match="fresnel_index"):
+        set_path(editor.document, "teapot.2.fresnel_index", 0.5)
+    with pytest.raises(InsituError, match="reflectance"):
+        set_path(editor.document, "teapot.2.reflectance_index", 1.5)

@@ -17,7 +17,7 @@ from app.files.materials import describe_measurement
 from app.system.lazy_import import import_named
 from engine.material import MODELS, Layer, Parameter
 from engine.material.bumps import BUMP_STRENGTH
-from engine.material.parameters import Value
+from engine.material.parameters import INDICES, Value, index_of_reflectance, reflectance_of_index
 from engine.measured.measurement import Measurement
 from ui.panels import maps, rows, widgets
 from ui.panels.actions import Action, SetPanel
@@ -151,7 +151,17 @@ def _parameter(context: PanelContext, key: str, layer: Layer, parameter: Paramet
     row = rows.Row(
         parameter, value, partial(SetParameter, key, parameter.name), f"material.{parameter.name}", own, note=later
     )
-    return rows.draw(context, row, width)
+    actions = rows.draw(context, row, width)
+    index = INDICES.get(parameter.name)
+    if index is None:
+        return actions
+    # The same reflectance, as an index of refraction.
+    row = rows.Row(
+        index, index_of_reflectance(value),
+        lambda n: SetParameter(key, parameter.name, reflectance_of_index(n)),
+        f"material.{index.name}", index_of_reflectance(own), note=later,
+    )  # fmt: skip
+    return actions + rows.draw(context, row, width)
 
 
 def _measured(value: Measurement) -> list[Action]:

@@ -18,7 +18,8 @@ from engine.material import MODELS, kinds, make_layer, ward
 from engine.material._kernels import gamma, quotient_cosine
 from tests.naive import angles
 
-ANGLES = {"i": 0, "r": 1, "h": 2, "d": 3, "alpha": 4, "beta": 5, "ratio": 6, "o": 7, "u": 8, "v": 9, "phi": 10}
+ANGLES = {"i": 0, "r": 1, "h": 2, "d": 3, "alpha": 4, "beta": 5, "ratio": 6, "o": 7, "u": 8, "v": 9, "phi": 10,
+          "width": 11}  # fmt: skip
 LAYERS = [
     *((name, {}) for name in MODELS),
     *((model.name, {p.name: end}) for model in MODELS.values() for p in model.parameters
@@ -40,6 +41,10 @@ LAYERS = [
     ("ashikhmin_shirley", {"n_u": 1e4, "n_v": 1, "reflectance": 0.04}),
     ("ashikhmin_shirley_ratio", {}),
     ("ashikhmin_shirley_ratio", {"n_u": 1e3, "ratio": 1e3}),
+    ("ashikhmin_shirley_ratio", {"n_u": 1e3, "ratio": 1e-3}),
+    ("ashikhmin_shirley_ratio", {"n_u": 7.0, "ratio": 0.3}),
+    ("ashikhmin_shirley_width", {"n_u": 300.0, "ratio": 0.05}),
+    ("ashikhmin_shirley_width", {"n_u": 3.0, "ratio": 40.0}),
     ("ward_anisotropic", {"alpha_u": 1e-4, "alpha_v": 1e-4}),
     ("schlick", {"roughness": 1e-8, "isotropy": 0.01}),
 ]  # fmt: skip

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from engine.curve.operators import Operator
 from engine.material import MODELS, make_layer
+from engine.material.layer import evaluate_by_curves
 
 GAMMA = np.linspace(0.0, math.pi / 2, 301)
 WHITE_METAL = {"eta": 0.01, "k": 20.0}
@@ -178,6 +179,26 @@ def test_ratio_is_the_model_with_two_exponents():
     two = make_layer(MODELS["ashikhmin_shirley"], {"n_u": 7.0, "n_v": 84.0, **common})
     one = make_layer(MODELS["ashikhmin_shirley_ratio"], {"n_u": 7.0, "ratio": 12.0, **common})
     assert one.model.brdf(one.values, wi, wo) == pytest.approx(two.model.brdf(two.values, wi, wo), rel=1e-12)
+
+
+@pytest.mark.parametrize("name", ["ashikhmin_shirley_ratio", "ashikhmin_shirley_width"])
+@pytest.mark.parametrize(("ratio", "exponents"), [(12.0, (7.0, 84.0)), (1.0, (7.0, 7.0)), (1.0 / 12.0, (84.0, 7.0))])
+def test_a_ratio_below_one_turns_the_streak(name, ratio, exponents):
+    # n on the wide side, 12 n on the other: along the tangent for r = 12, across it for 1/12 [BenArtzi07, 6.2.1].
+    wi, wo = hemisphere(1000, 7), hemisphere(1000, 8)
+    common = {"reflectance": 0.3, "scale": [0.2, 0.4, 0.6]}
+    two = make_layer(MODELS["ashikhmin_shirley"], {"n_u": exponents[0], "n_v": exponents[1], **common})
+    one = make_layer(MODELS[name], {"n_u": 7.0, "ratio": ratio, **common})
+    expected = two.model.brdf(two.values, wi, wo)
+    assert one.model.brdf(one.values, wi, wo) == pytest.approx(expected, rel=1e-12)
+    # So is what the compiled angle and quotient make of its one curve.
+    assert one.scale() * evaluate_by_curves(one, wi, wo) == pytest.approx(
+        expected * wi[:, 2:], rel=1e-6, abs=1e-9 * expected.max()
+    )
+    # Turned by 90 degrees, it is that of 1/r.
+    turned = make_layer(MODELS[name], {"n_u": 7.0, "ratio": 1.0 / ratio, **common})
+    about = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    assert turned.model.brdf(turned.values, wi @ about, wo @ about) == pytest.approx(expected, rel=1e-9)
 
 
 def test_coloured_fresnel_is_two_layers():

@@ -8,6 +8,7 @@ import pytest
 
 from engine.core.errors import LoadError
 from engine.material import MODELS, ParameterError, make_layer, validate_parameters
+from engine.material.parameters import index_of_reflectance, reflectance_of_index
 from tests.naive.measured import drawn_measurement
 
 ROUGH = MODELS["rough_conductor"]
@@ -107,3 +108,17 @@ def test_errors_and_models_survive_pickling():
     error = ParameterError("alpha", 0.0, "more")
     assert str(pickle.loads(pickle.dumps(error))) == str(error)
     assert all(pickle.loads(pickle.dumps(model)) is model for model in MODELS.values())
+
+
+@pytest.mark.parametrize(
+    ("n", "reflectance"), [(1.0, 0.0), (1.5, 0.04), (3.0, 0.25), ((1.5, 3.0, 9.0), (0.04, 0.25, 0.64))]
+)
+def test_an_index_of_refraction_is_a_facing_reflectance(n, reflectance):
+    # R = ((n - 1) / (n + 1))^2 [BenArtzi07, eq. 3.10].
+    assert reflectance_of_index(n) == pytest.approx(reflectance, abs=1e-15)
+    assert index_of_reflectance(reflectance) == pytest.approx(n)
+
+
+def test_the_index_of_a_mirror_is_the_largest():
+    assert index_of_reflectance(1.0) == index_of_reflectance(1.0 - 1e-12) == 1000.0
+    assert index_of_reflectance((0.0, 1.0, 0.04)) == pytest.approx((1.0, 1000.0, 1.5))

@@ -19,6 +19,7 @@ from engine.material.kinds import (
     GAMMA_ALPHA,
     GAMMA_BETA,
     GAMMA_RATIO,
+    GAMMA_WIDTH,
     PHI_H,
     SLOPE_U,
     SLOPE_V,
@@ -41,7 +42,10 @@ from tests.naive.transport import dense_transport, visible_shares
 UP = np.array([[0.0, 1.0, 0.0]])
 ORIGIN = np.zeros((1, 3))
 LEANING_EYE = np.array([[0.6, 0.8, 0.1]])
-ANGLES = (THETA_I, THETA_R, THETA_H, THETA_D, GAMMA_ALPHA, GAMMA_BETA, GAMMA_RATIO, THETA_O, SLOPE_U, SLOPE_V, PHI_H)
+ANGLES = (
+    THETA_I, THETA_R, THETA_H, THETA_D, GAMMA_ALPHA, GAMMA_BETA, GAMMA_RATIO, THETA_O, SLOPE_U, SLOPE_V, PHI_H,
+    GAMMA_WIDTH,
+)  # fmt: skip
 # A model, parameters away from the defaults, and bands of one curve or two.
 LAYERS = [
     ("lambert", {}, (16, 1)),
@@ -52,6 +56,7 @@ LAYERS = [
     ("cook_torrance", {}, (32, 8)),
     ("ashikhmin_shirley", {}, (32, 32)),
     ("ashikhmin_shirley_ratio", {}, (32, 1)),
+    ("ashikhmin_shirley_ratio", {"ratio": 0.1}, (32, 1)),
 ]
 LAYERS += [
     (name, {}, (32, 8) if len(model.factors) > 1 else (32, 1))
