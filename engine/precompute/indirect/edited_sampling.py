@@ -6,14 +6,17 @@ make a path expensive that was cheap: a lifted curve shows the noise of what was
 gather point's rays then differ by more than is accepted when light is found, the point gets as many sample sets again,
 the noisiest and most visible points first, round by round; noise is measured anew in between, and the filter is made
 anew. Where the photons near points are what is noisy, twice as many are emitted and twice as many are averaged, over
-the same discs.
+the same discs. So they are where rays are still noisy once all their sets are traced: light that a ray finds by chance
+beyond a glossy surface counts the less there, the more photons bring the same light.
 
 What was traced before stays, and so do the records and the light between them (`nearest_records`): earlier sets remain
 right for all materials. What a ray finds depends on its point and the number of its set alone, so that where rays go
 depends on noise and what they find does not.
 
 Rejected: finding light anew with the present materials. On the ring it takes ten times as long as a round, loses what
-was added for earlier edits, and gives a point four sets at most.
+was added for earlier edits, and gives a point four sets at most. Splitting the lattice's blocks where the edited light
+differs between their corners: of the squared error of the lifted ring 99.5 % is at gather points, and with 29 % more of
+them it stays at 44 % in 48 x 48, and at 48 % in 96 x 96.
 """
 
 from __future__ import annotations
@@ -109,8 +112,9 @@ class EditedSampling:
         that of these layers, or the one that it was found with, which serves."""
         noise = yield from map_steps(self._noise(light), lambda step: SamplingStep(0.0))
         needed, begin, is_changed = sets_needed(light, noise.of_rays, noise.shown), 0.0, not is_filtered
-        while len(needed.rows) or self._needs_photons(light, noise):
-            by_photons = self._needs_photons(light, noise) and (noise.is_of_photons or not len(needed.rows))
+        while len(needed.rows) or self._needs_photons(light, noise, needed):
+            by_photons = noise.is_of_photons or not len(needed.rows)
+            by_photons = by_photons and self._needs_photons(light, noise, needed)
             share = 0.5 if by_photons else len(needed.rows) / needed.n_more
             span = Span(begin, begin + (1.0 - begin) * share)
             steps = self._with_photons(light) if by_photons else self._with_sets(light, needed)
@@ -118,7 +122,7 @@ class EditedSampling:
             noise = yield from map_steps(self._noise(light), partial(_step_at, span.end))
             light, begin, is_changed = light.filtered(noise.halves), span.end, False
             needed = sets_needed(light, noise.of_rays, noise.shown)
-            if is_last := not (len(needed.rows) or self._needs_photons(light, noise)):
+            if is_last := not (len(needed.rows) or self._needs_photons(light, noise, needed)):
                 begin = 1.0
             yield SamplingStep(begin, light, is_last, noise.n_noisy)
         if begin == 0.0:
@@ -188,9 +192,12 @@ class EditedSampling:
         yield
         return (yield from points.nearby_photons(nearby, self._placement.scene, self._placement.caster))
 
-    def _needs_photons(self, light: IndirectLight, noise: _Noise) -> bool:
-        """Whether photons are noisy at more than a few points, and more may be emitted."""
+    def _needs_photons(self, light: IndirectLight, noise: _Noise, needed: SetsNeeded) -> bool:
+        """Whether photons are noisy at more than a few points, or rays are and no more sets are to be traced, and more
+        photons may be emitted."""
         is_noisy = noise.of_photons > NOISY
+        if not len(needed.rows) and len(light.points.photons.power):
+            is_noisy |= noise.of_rays > NOISY
         return bool(is_noisy.mean() > _FEW) and self._times(light) < MOST_PHOTONS if len(is_noisy) else False
 
     def _times(self, light: IndirectLight) -> int:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +12,7 @@ from engine.core.generators import run_to_end
 from engine.curve.operators import HALF_PI, Operator
 from engine.material import MODELS, make_layer
 from engine.precompute.direct.pipeline import Placement
+from engine.precompute.indirect import edited_sampling
 from engine.precompute.indirect._ray_kernels import N_PATTERNS
 from engine.precompute.indirect.direction_patterns import MAX_EDITED_SETS, SampleCounts, direction_tables
 from engine.precompute.indirect.edited_sampling import (
@@ -147,6 +148,33 @@ def test_the_noisiest_that_are_seen_come_first(found: IndirectLight) -> None:
     needed = sets_needed(found, np.sqrt(hidden) * noise, hidden)
     assert len(needed.rows) and not np.isin(needed.rows, loudest).any()
     assert not len(sets_needed(found, np.full(n_points, 0.99 * NOISY), shown).rows)
+
+
+@pytest.mark.parametrize("is_glossy", [True, False])
+def test_photons_take_over_from_rays_that_stay_noisy(is_glossy: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Few rays, of which no more may be traced, beside photons that count as not noisy; where nothing is glossy, none
+    are emitted."""
+    monkeypatch.setattr(edited_sampling, "MOST_SETS", 0.0)
+    measured = EditedSampling._noise
+
+    def of_rays_alone(sampling: EditedSampling, light: IndirectLight) -> Generator[None, None, object]:
+        noise = yield from measured(sampling, light)
+        return replace(noise, of_photons=np.zeros_like(noise.of_photons))
+
+    monkeypatch.setattr(EditedSampling, "_noise", of_rays_alone)
+    placement = placement_of([FLOOR, BALL, LAMP], **VIEW, n=32)
+    ball = indirect_layer(1, make_layer(MODELS["rough_conductor"], GOLD), (128, 16)) if is_glossy else matt(1, 0.7)
+    fineness = replace(FINENESS, n_rays=8, n_photons=1 << 14, max_extra_sets=0)
+    light = solve(placement, [matt(0, 0.7), ball], 2, fineness)
+    steps = list(EditedSampling(placement, [matt(0, 0.7), ball], fineness).improved(light))
+    assert steps[-1].n_noisy > 0.02 * len(light.points.samples.points)
+    if not is_glossy:
+        assert not lights_of(steps)
+        return
+    last = lights_of(steps)[-1]
+    before, after = (photons_emitted(placement.scene, each.points.photons) for each in (light, last))
+    assert after == pytest.approx(MOST_PHOTONS * before, rel=0.01)
+    np.testing.assert_array_equal(last.points.samples.records, light.points.samples.records)
 
 
 def test_noisy_photons_become_more_over_the_same_discs() -> None:
