@@ -267,6 +267,7 @@ def walk(context: moderngl.Context, source: str, tmp_path: Path, seed: int, n_co
             COMMANDS[name](here)
             here.frames(int(random.choice([0, 1, 3, 10, 40])))
         here.editor.do(SetView.of(lighting="scene"))
+        here.frames()  # until then the status is of the picture under the light before
         shown = here.settle()
         assert all(any(known in line for known in MAY_BE_TOLD) for line in here.told), here.told
         here.editor.do(SetView.of(compare=None, solo=None))
