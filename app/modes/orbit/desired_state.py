@@ -188,7 +188,9 @@ class QualityPacer:
         self._waited += 1
         if seconds > _TOO_LONG * self._seconds:
             self._patience = min(2 * self._patience, _MOST_PATIENCE) if self._tries else 1
-            self._i_step, self._waited, self._tries = min(self._i_step + 1, len(self._steps) - 1), 0, False
+            # A step saves up to half: what takes many times too long skips some.
+            n_steps = max(int(math.log2(min(seconds / self._seconds, 1e6))), 1)
+            self._i_step, self._waited, self._tries = min(self._i_step + n_steps, len(self._steps) - 1), 0, False
         elif seconds < _SHORT_ENOUGH * self._seconds and self._i_step > 0 and self._waited >= self._patience:
             self._i_step, self._waited, self._tries = self._i_step - 1, 0, True
         elif self._tries:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +16,14 @@ from app.document.view_state import ViewState
 from app.messages.editor_status import Status, StatusMetrics
 from app.messages.worker_messages import CancelRequests, Request, RequestFailed
 from app.modes.mode import OpenedScene
-from app.modes.orbit.desired_state import IDLE_SECONDS, MOVING_SECONDS, STEPS, WINDOW_SECONDS, QualityPacer
+from app.modes.orbit.desired_state import (
+    IDLE_SECONDS,
+    MOVING_SECONDS,
+    STEPS,
+    WINDOW_SECONDS,
+    WINDOW_STEPS,
+    QualityPacer,
+)
 from app.modes.orbit.orbit_controller import OrbitController
 from app.modes.orbit.orbit_events import OrbitPicture
 from app.modes.orbit.orbit_messages import (
@@ -271,6 +279,16 @@ def test_where_it_cannot_the_worker_draws_again(drawing: Table) -> None:
     prepare, moving = drawing.update()
     assert isinstance(prepare, PrepareOrbit) and not prepare.listener
     assert isinstance(moving, DrawOrbit) and moving.quality == "moving"
+
+
+def test_a_picture_that_takes_very_long_skips_steps() -> None:
+    pace = QualityPacer(WINDOW_SECONDS, WINDOW_STEPS, 0)
+    pace.record_seconds(1.5 * WINDOW_SECONDS)
+    assert pace.n_coefficients == WINDOW_STEPS[1][1]
+    pace.record_seconds(9.0 * WINDOW_SECONDS)
+    assert pace.n_coefficients == WINDOW_STEPS[4][1]
+    pace.record_seconds(math.inf)
+    assert pace.resolution((400, 300)) == (100, 75)
 
 
 def test_as_many_pixels_as_are_drawn_in_time() -> None:
