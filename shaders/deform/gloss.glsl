@@ -5,9 +5,9 @@ layout(std430, binding = 4) readonly buffer Gloss { float gloss[]; };  // for po
 uniform int n_angles;
 uniform float steepest;  // radians
 uniform float cosine[ORDER];
-uniform float even;      // light that is added to both sides of the visibility ratio, summed over channels
 
-vec3 shiny(int layer, vec3 normal, vec3 towards, vec3 white) {
+// even: light that is added to both sides of the visibility ratio, summed over channels.
+vec3 shiny(int layer, vec3 normal, vec3 towards, vec3 white, float even) {
     float up = max(dot(towards, normal), 0.01);
     vec3 along = towards - up * normal;
     float place = min(acos(min(up, 1.0)) / steepest, 1.0) * (n_angles - 1);

@@ -2,13 +2,20 @@
 
 const int ORDER = 6;  // `engine.realtime.zonal_harmonics.object_transfer.ORDER`
 
-layout(std430, binding = 3) readonly buffer Light { float light[]; };  // harmonics, then the table
+// Of the sky and of each object that has other light: harmonics, then the table; then what neighbours add to points.
+layout(std430, binding = 3) readonly buffer Light { float light[]; };
 uniform ivec2 table;  // rows, columns
+int light_first = 0;  // of the light that is meant
 
 const float PI = 3.14159265358979;
 
+void choose_light(int k) {
+    light_first = k * ORDER * (ORDER + table.x * table.y);
+}
+
 vec3 light_at(int i) {
-    return vec3(light[3 * i], light[3 * i + 1], light[3 * i + 2]);
+    int at = 3 * (light_first + i);
+    return vec3(light[at], light[at + 1], light[at + 2]);
 }
 
 // The light of each band along a direction, interpolated between four entries; rows beyond a pole continue opposite.

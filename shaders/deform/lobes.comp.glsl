@@ -13,6 +13,7 @@ layout(std430, binding = 2) readonly buffer Owners { int owners[]; };    // the 
 layout(std430, binding = 5) readonly buffer Objects { float objects[]; };  // albedo, first gloss, emission, their count
 layout(std430, binding = 7) writeonly buffer Sent { float sent[]; };     // a point: white (3), gloss (3)
 uniform int n_points, n_lobes;
+uniform int added_light;  // after how many lights what neighbours add begins, −1 for none
 uniform vec3 camera_position;
 
 vec3 diffuse(int p, mat3 frame) {
@@ -38,11 +39,19 @@ void main() {
         frame[i] = vec3(posed[12 * p + 3 * i], posed[12 * p + 3 * i + 1], posed[12 * p + 3 * i + 2]);
         place[i] = posed[12 * p + 9 + i];
     }
-    vec3 white = with_shadows(diffuse(p, frame), owners[p], place, frame[2]), to_camera = vec3(0.0);
-    vec3 wo = camera_position - place;
-    int object = 8 * owners[p], first = int(objects[object + 3]), count = int(objects[object + 7]);
+    int object = 10 * owners[p], own_light = int(objects[object + 8]);
+    choose_light(own_light);
+    vec3 white = diffuse(p, frame), to_camera = vec3(0.0), wo = camera_position - place;
+    choose_light(0);
+    white = with_shadows(white, owners[p], place, frame[2]);
+    if (added_light >= 0) {
+        choose_light(added_light);
+        white += light_at(p);
+    }
+    choose_light(own_light);
+    int first = int(objects[object + 3]), count = int(objects[object + 7]);
     for (int layer = first; layer < first + count; layer++)
-        to_camera += shiny(layer, frame[2], wo / max(length(wo), 1e-30), white);
+        to_camera += shiny(layer, frame[2], wo / max(length(wo), 1e-30), white, objects[object + 9]);
     for (int i = 0; i < 3; i++) {
         sent[6 * p + i] = white[i];
         sent[6 * p + 3 + i] = to_camera[i];

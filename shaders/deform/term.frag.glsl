@@ -6,6 +6,8 @@
 #include "deform/detail.glsl"
 #include "deform/gloss.glsl"
 uniform int gloss_layer;  // −1 for a diffuse one
+uniform int own_light;
+uniform float even;
 uniform vec3 camera_position;
 centroid in mat3 axes;
 centroid in vec3 here;
@@ -30,9 +32,10 @@ void main() {
         discard;
 #if HAS_DETAIL
     mat3 frame = frame_of(axes, is_front);
+    choose_light(own_light);
     vec3 sent = white_of_detail(uv, frame);
     if (gloss_layer >= 0)
-        sent = shiny(gloss_layer, detail_normal(uv, frame), normalize(camera_position - here), sent);
+        sent = shiny(gloss_layer, detail_normal(uv, frame), normalize(camera_position - here), sent, even);
 #else
     vec3 sent = is_front ? front_white : back_white;
 #endif

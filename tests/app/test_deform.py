@@ -121,7 +121,7 @@ def test_a_window_that_draws_is_sent_what_moves_and_the_rest_once(file: Path, mo
     answers(client)
     client.send(DrawDeform(eye, SIZE, "moving", POSES, sent_parts=known))
     (drawn,) = [each for each in answers(client) if isinstance(each, OrbitPictureDrawn)]
-    assert isinstance(drawn, PoseExported) and drawn.export.cover.lobes.size and len(drawn.export.appearance.terms) == 1
+    assert isinstance(drawn, PoseExported) and drawn.export.cover.lobes.size and len(drawn.export.appearance.terms) == 2
 
 
 def test_a_moving_picture_is_the_windows_where_it_draws_and_one_at_rest_the_workers() -> None:

@@ -208,10 +208,15 @@ class CoverPart:
     n_strokes: int
 
 
+OBJECT_ROW = 10
+
+
 @dataclass(frozen=True, eq=False)
 class AppearancePart:
-    """harmonics (n^2, 3) and table (rows, columns, n, 3) of the light, see `BandLight`; objects (M, 8): albedo, first
-    glossy layer, emission, number of glossy layers; gloss (G, A, 3 n + 1): for each glossy layer and polar angles of wo
+    """harmonics (n^2, 3) and table (rows, columns, n, 3) of the sky's light, see `BandLight`; lights (K, n^2 + rows
+    columns n, 3): both of the objects that have other light; added (S, 3): radiance of points by their neighbours, (0,
+    3) for none; objects (M, `OBJECT_ROW`): albedo, first glossy layer, emission, number of glossy layers, light (0 for
+    the sky's) and the `even` of that; gloss (G, A, 3 n + 1): for each glossy layer and polar angles of wo
     up to `steepest`, its bands and its lean, see `LowGloss`; cosine (n,): the bands of a white Lambertian surface;
     even: see `engine.realtime.zonal_harmonics.shading.even_light`; casts (M, C), spread (n,), least: see
     `engine.realtime.zonal_harmonics.shading`; turn, scale: of the sky, see `Backdrop`; terms: refer to the cover that
@@ -220,11 +225,12 @@ class AppearancePart:
     number: int
     harmonics: Float32Array
     table: Float32Array
+    lights: Float32Array
+    added: Float32Array
     objects: Float32Array
     gloss: Float32Array
     steepest: float
     cosine: Float32Array
-    even: float
     casts: Float32Array
     spread: Float32Array
     least: float

@@ -235,7 +235,7 @@ def _cut_where_coarse(
     while bound > 0.0:
         cut = errors > bound
         if not cut.any():
-            bound = _STEP * bound if bound > 1e-9 * errors.max() else 0.0
+            bound = _STEP * bound if bound > 1e-9 * errors.max() > 0.0 else 0.0
             continue
         if len(cut) + 3 * cut.sum() > most:
             break

@@ -40,8 +40,8 @@ class BendingPoints:
     """S points and the T triangles between them.
 
     places (V, 3): current positions of everything that is drawn, first the points, then the corners of emitters; frames
-    (S, 3, 3): current rows tangent, bitangent, normal. surface: the triangles; source (T,) and within (T, 3, 2): see
-    `ShadingPoints`.
+    (S, 3, 3): current rows tangent, bitangent, normal; rest_places, rest_frames_of_drawn: at rest. surface: the
+    triangles; source (T,) and within (T, 3, 2): see `ShadingPoints`.
     """
 
     def __init__(self, scene: Scene, points: ShadingPoints) -> None:
@@ -61,7 +61,7 @@ class BendingPoints:
         self._at = _anchors(self.surface, points, len(self._rest))
         self.places = self._rest.astype(np.float32)
         self.frames = self._rest_frames.astype(np.float32)
-        self.rest_frames_of_drawn = self.frames.copy()
+        self.rest_frames_of_drawn, self.rest_places = self.frames.copy(), self.places.copy()
         self._caster: tuple[tuple[int, ...], RayCaster] | None = None
 
     def __len__(self) -> int:

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.core.generators import StillProgress
-from engine.light.environment import triangle_integrals
+from engine.light.environment import LUMINANCE
 from engine.material.layer import Layer
 from engine.material.layer_maps import Images
 from engine.precompute.direct.pipeline import SkyState
@@ -31,6 +31,13 @@ from engine.realtime.core.gpu_parts import NO_PARTS, Numbers, PictureExport
 from engine.realtime.core.terms import LayersOf, is_glossy
 from engine.realtime.zonal_harmonics.bending_points import BendingPoints, bending_points
 from engine.realtime.zonal_harmonics.gpu_export import PictureExporter
+from engine.realtime.zonal_harmonics.neighbours import (
+    LightPaths,
+    added_light,
+    local_light,
+    sky_powers,
+    trace_light_paths,
+)
 from engine.realtime.zonal_harmonics.object_transfer import (
     N_LOBES,
     ORDER,
@@ -47,12 +54,13 @@ from engine.realtime.zonal_harmonics.picture_renderer import (
     Quality,
     ShadingState,
     camera_position_of,
+    shade_own_light,
 )
 from engine.realtime.zonal_harmonics.pose import Poses
-from engine.realtime.zonal_harmonics.shading import BandLight, Lobes, band_light, low_gloss
+from engine.realtime.zonal_harmonics.shading import BandLight, Lobes, band_light, low_gloss, unshadowed_points
 from engine.realtime.zonal_harmonics.surface_details import Detail, detail
 from engine.realtime.zonal_harmonics.transfer import N_RAYS
-from engine.realtime.zonal_harmonics.zonal import Zonal, unshadowed_lobes
+from engine.realtime.zonal_harmonics.zonal import Zonal
 from engine.scene.description import CameraDescription
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene
@@ -60,11 +68,11 @@ from engine.scene.surface_kinds import DeformSurface, SurfacesByObject
 from engine.sphere.harmonics import project
 
 Float32Array = NDArray[np.float32]
+Float64Array = NDArray[np.float64]
 
 N_POINTS = 12_000  # in addition to the meshes' vertices
 N_BOUNCES = 2  # of an object's light onto itself
 FEW_RAYS = 128  # for the first approximation
-_LIGHT_LEVEL = 5
 
 
 class Deform:
@@ -85,7 +93,12 @@ class Deform:
         self._light = SkyState(None)
         self._bands: BandLight | None = None
         self._layers_of: dict[int, tuple[Layer, ...]] = {}
-        self._reflectances: dict[int, Reflectance] = {}  # computed on request
+        self._albedos: dict[int, Float64Array] = {}  # of points (P, 3), computed on request
+        self._powers: Float64Array | None = None  # of the sky, by triangle
+        self._paths: tuple[tuple[int, ...], LightPaths] | None = None
+        self._lights: Mapping[int, BandLight] = {}
+        self._added: Float32Array | None = None
+        self._state: ShadingState | None = None
         self._surfaces: dict[str, DeformSurface] = {}
         self._posed: frozenset[int] = frozenset()
         self._n_bounces = N_BOUNCES
@@ -104,11 +117,12 @@ class Deform:
     def set_light(self, sky: SkyState) -> None:
         """Set the distant light."""
         if sky != self._light or self._bands is None:
-            self._light, self._bands = sky, band_light_of(sky)
+            self._light, self._powers = sky, sky_powers(sky)
+            self._bands = band_light(project(self._powers, ORDER))
             self.version += 1
 
     def set_emission(self, emission: Mapping[str, tuple[float, float, float]]) -> None:
-        """Set the radiance of emitters, by name: it is visible, but lights nothing here."""
+        """Set the radiance of emitters, by name."""
         scene = self.scene.with_emission(emission)
         if not np.array_equal(scene.emission, self.scene.emission):
             self.scene = scene
@@ -120,7 +134,7 @@ class Deform:
         layers = {i: own for i, own in layers.items() if self.scene.reflecting[i]}
         if layers != self._layers_of:
             before, self._layers_of = self._layers_of, layers
-            self._reflectances = {i: each for i, each in self._reflectances.items() if before.get(i) == layers.get(i)}
+            self._albedos = {i: each for i, each in self._albedos.items() if before.get(i) == layers.get(i)}
             self.version += 1
 
     def set_bending(self, names: Sequence[str]) -> None:
@@ -156,9 +170,8 @@ class Deform:
     @property
     def is_done(self) -> bool:
         """Whether no work is left."""
-        return self._lobes is not None and all(
-            self._cache.get(each.i_object) == each for each in self._final_transfers()
-        )
+        has_lobes = all(self._cache.get(each.i_object) == each for each in self._final_transfers())
+        return self._lobes is not None and has_lobes and self._has_paths
 
     @property
     def fraction(self) -> float:
@@ -193,7 +206,13 @@ class Deform:
         for layer in [each for own in self._layers_of.values() for each in own if is_glossy(each)]:
             low_gloss(layer, ORDER)  # cached: no picture waits for it
             yield StillProgress(self.fraction, "finding reflections")
-        while (wanted := self._most_urgent()) is not None:
+        while True:
+            has_outdated = any(map(self._is_outdated, self._final_transfers()))
+            if not has_outdated and not self._has_paths:
+                yield from self._trace_paths()
+                continue
+            if (wanted := self._most_urgent()) is None:
+                return
             if self._job is None or self._job[0] != wanted:
                 self._job = wanted, self._load_or_simulate(wanted)
             try:
@@ -201,6 +220,37 @@ class Deform:
             except StopIteration as end:
                 self._job = None
                 self._set_transfer(wanted, end.value)
+
+    @property
+    def _alone(self) -> tuple[int, ...]:
+        """Objects whose transfer contains only themselves."""
+        return tuple(i for i in range(len(self.scene.smooth)) if i in self._posed or self._surface_of(i).kind)
+
+    @property
+    def _has_paths(self) -> bool:
+        """Whether it has been traced where light goes between objects."""
+        return self._paths is not None and self._paths[0] == self._alone
+
+    def _is_outdated(self, wanted: ObjectTransfer) -> bool:
+        """Whether an object's transfer, as it is now, has other shadows, or is of another surface."""
+        known = self._cache.get(wanted.i_object)
+        return known is None or (known.casters, known.surface) != (wanted.casters, wanted.surface)
+
+    def _trace_paths(self) -> Iterator[StillProgress]:
+        """Trace where light goes between objects, see `engine.realtime.zonal_harmonics.neighbours`."""
+        assert self._points is not None
+        alone = self._alone
+        tracing = trace_light_paths(self.scene, self._points, alone, ORDER)
+        while True:
+            try:
+                next(tracing)
+            except StopIteration as end:
+                self._paths = alone, end.value
+                self.version += 1
+                return
+            yield StillProgress(self.fraction, "tracing light between objects")
+            if alone != self._alone:
+                return  # the caller begins anew
 
     def _translucent(self) -> frozenset[int]:
         """Objects that transmit light. They need evenly spaced points: their sums over points would show where
@@ -213,13 +263,14 @@ class Deform:
         self._even = self._translucent()
         even = np.isin(np.arange(len(self.scene.smooth)), list(self._even))
         points = bending_points(self.scene, self._caster, self._n_points, even)
-        self._reflectances = {}
+        self._albedos, self._paths = {}, None
         self._points, self._transfers = points, TransferCache(self.scene, points, self._store)
-        self._lobes, self._errors = _unshadowed_lobes(len(points)), np.zeros(len(points), np.float32)
+        self._lobes, self._errors = unshadowed_points(len(points), N_LOBES, ORDER), np.zeros(len(points), np.float32)
         if before is not None and had is not None and errors is not None:
             near = points.nearest_of(before)
             self._lobes, self._errors = Lobes(had.low[near], had.axes[near], had.coefficients[near]), errors[near]
             self._cache = {i: each for i, each in self._cache.items() if points.has_same_points(before, i)}
+            self._added = None if self._added is None else self._added[near]
         self._pictures = PictureRenderer(self.scene, points)
         self._exporter, self._job = PictureExporter(points, self._pictures.posed, self._pictures.blockers), None
         self.version += 1
@@ -243,10 +294,14 @@ class Deform:
 
     def _reflectance(self, i: int) -> Reflectance:
         """The albedos with which an object reflects light onto itself."""
-        if i not in self._reflectances:
+        return reflectance(self._albedos_of(i) @ LUMINANCE)
+
+    def _albedos_of(self, i: int) -> Float64Array:
+        """Albedos of an object's points (P, 3)."""
+        if i not in self._albedos:
             assert self._points is not None
-            self._reflectances[i] = reflectance(albedos(self.scene, self._points, i, self._layers_of[i], ORDER))
-        return self._reflectances[i]
+            self._albedos[i] = albedos(self.scene, self._points, i, self._layers_of[i], ORDER)
+        return self._albedos[i]
 
     def _share_of_wanted(self, wanted: ObjectTransfer) -> float:
         known = self._cache.get(wanted.i_object)
@@ -263,9 +318,7 @@ class Deform:
         missing = [each for each in self._final_transfers() if self._cache.get(each.i_object) != each]
         missing.sort(key=lambda each: each.i_object in self._posed)
         for each in missing:
-            known = self._cache.get(each.i_object)
-            is_other = known is None or (known.casters, known.surface) != (each.casters, each.surface)
-            if is_other:
+            if self._is_outdated(each):
                 is_there = self._transfers is not None and self._transfers.get(each) is not None
                 if is_there or each.surface.wrinkles is not None or each.n_lobes == UNSHADOWED:
                     return each  # which costs as much by few rays
@@ -334,8 +387,43 @@ class Deform:
         """A snapshot of everything that pictures use."""
         if self._pictures is None or self._lobes is None or self._errors is None or self._bands is None:
             raise ValueError("nothing is ready to be drawn: expected some steps of work before")
-        known = self._layers_of, self._lobes, self._errors, self._details, self._missing_casters()
-        return ShadingState(self.version, self.scene, self._light, self._bands, *known), self._pictures
+        if self._state is None or self._state.version != self.version:
+            known = self._layers_of, self._lobes, self._errors, self._details, self._missing_casters()
+            state = ShadingState(self.version, self.scene, self._light, self._bands, *known)
+            self._state = self._with_neighbours(state, self._pictures)
+        return self._state, self._pictures
+
+    def _with_neighbours(self, of: ShadingState, pictures: PictureRenderer) -> ShadingState:
+        """Add the light between objects, as it is at rest, where it has been traced."""
+        if self._n_lobes == UNSHADOWED:
+            return of
+        if not self._has_paths:  # what there was
+            lights = {i: each for i, each in self._lights.items() if i in self._alone}
+            return replace(of, lights=lights, added=self._added)
+        assert self._paths is not None and self._points is not None and self._powers is not None
+        paths, emission = self._paths[1], self.scene.emission.astype(np.float64)
+        # The points that are lit as the sky's transfer says, and by lamps, are first seen by the others.
+        white = pictures.shade_at_rest(of).astype(np.float64)
+        white[paths.lit] += paths.lamps @ emission[list(paths.emitters)]
+        around = local_light(paths, self._powers, self._sent(white, paths.lit), emission, ORDER)
+        lit = replace(of, lights={i: band_light(each) for i, each in around.items()})
+        shade_own_light(lit, self._points, self._points.rest_frames_of_drawn, white)
+        self._lights = lit.lights
+        self._added = added_light(paths, self._sent(white), emission).astype(np.float32)
+        return replace(lit, added=self._added)
+
+    def _sent(self, white: Float64Array, of: NDArray[np.int64] | slice = slice(None)) -> Float64Array:
+        """Radiance (S, 3) that points reflect, of white ones' (S, 3): of these, or of all; 0 where light is reflected
+        once only."""
+        sent, chosen = np.zeros_like(white), np.zeros_like(white)
+        chosen[of] = white[of]
+        if not self._n_bounces:
+            return sent
+        assert self._points is not None
+        for i in self._layers_of:
+            mine = self._points.points_of(i)
+            sent[mine] = chosen[mine] * self._albedos_of(i)
+        return sent
 
     def _missing_casters(self) -> tuple[frozenset[int], ...]:
         """For each object the other bending objects that its transfer, as it is now, does not contain."""
@@ -346,23 +434,9 @@ class Deform:
         return tuple(shown.difference((i, *seen.get(i, ()))) for i in range(len(self.scene.smooth)))
 
 
-def _unshadowed_lobes(n_points: int) -> Lobes:
-    """Lobes of points that see everything above their horizon."""
-    one = unshadowed_lobes([0.0, 0.0, 1.0], ORDER)
-    low, axes = np.repeat(one.low, n_points, axis=0), np.zeros((n_points, N_LOBES, 3))
-    axes[:, :, 2] = 1.0
-    axes[:, 0] = one.axes[0, 0]
-    coefficients = np.zeros((n_points, N_LOBES, ORDER))
-    coefficients[:, 0] = one.coefficients[0, 0]
-    return Lobes(low.astype(np.float32), axes.astype(np.float32), coefficients.astype(np.float32))
-
-
 def band_light_of(sky: SkyState) -> BandLight:
     """Project a sky onto the bands of transfer."""
-    if sky.environment is None:
-        return band_light(np.zeros((ORDER * ORDER, 3)))
-    powers = triangle_integrals(sky.environment, sky.rotation, _LIGHT_LEVEL) * sky.scale
-    return band_light(project(powers, ORDER))
+    return band_light(project(sky_powers(sky), ORDER))
 
 
 def finish_deform(deform: Deform) -> Deform:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from engine.realtime.core.gpu_parts import (
     NO_PARTS,
+    OBJECT_ROW,
     AppearancePart,
     BackdropPart,
     CoverPart,
@@ -155,16 +156,21 @@ def appearance_part(
     of: ShadingState, rows: list[Float32Array], by_points: dict[int, tuple[int, int]], terms: tuple[DeformTerm, ...]
 ) -> AppearancePart:
     """rows: of all glossy layers; by_points: see `gloss_rows`."""
-    objects = np.zeros((len(of.scene.smooth), 8), np.float32)
-    objects[:, :3], objects[:, 4:7] = of.albedos, of.scene.emission
+    objects = np.zeros((len(of.scene.smooth), OBJECT_ROW), np.float32)
+    objects[:, :3], objects[:, 4:7], objects[:, 9] = of.albedos, of.scene.emission, even_light(of.bands)
+    for k, (i, other) in enumerate(of.lights.items()):
+        objects[i, 8:] = 1 + k, even_light(other)
     for i, (first, last) in by_points.items():
         objects[i, 3], objects[i, 7] = first, last - first
     light, backdrop = of.bands, of.backdrop
     order = light.table.shape[2]
+    whole = [np.concatenate([each.harmonics, each.table.reshape(-1, 3)]) for each in of.lights.values()]
+    lights = np.array(whole, np.float32).reshape(len(whole), -1, 3)
+    added = np.zeros((0, 3), np.float32) if of.added is None else of.added
     gloss = np.array(rows, np.float32) if rows else np.zeros((0, 2, 3 * order + 1), np.float32)
     cosine = (clamped_cosine(order) / np.pi).astype(np.float32)
     return AppearancePart(
-        next(_numbers), light.harmonics, light.table, objects, gloss, float(STEEPEST), cosine, even_light(light),
+        next(_numbers), light.harmonics, light.table, lights, added, objects, gloss, float(STEEPEST), cosine,
         of.casts.astype(np.float32), spread_of(order), LEAST_BLOCKED, backdrop.turn, backdrop.scale, terms,
     )  # fmt: skip
 

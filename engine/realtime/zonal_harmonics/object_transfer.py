@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.core.generators import map_steps
-from engine.light.environment import LUMINANCE
 from engine.material.layer import Layer
 from engine.material.layer_maps import Images
 from engine.realtime.core.terms import diffuse_albedo, is_glossy, map_factor
@@ -203,10 +202,10 @@ def reflectance(albedo: Float64Array) -> Reflectance:
 
 
 def albedos(scene: Scene, points: BendingPoints, i_object: int, layers: Sequence[Layer], order: int) -> Float64Array:
-    """Albedos of an object's points (P,), gloss taken as diffuse: the mean over the triangles around each, because an
+    """Albedos of an object's points (P, 3), gloss taken as diffuse: the mean over the triangles around each, because an
     image may be finer than the points. order: of the approximation of gloss. Raises LoadError."""
     middles, uvs, sides = points.middles(i_object)
-    none, total = np.zeros_like(sides), np.zeros(len(sides))
+    none, total = np.zeros_like(sides), np.zeros((len(sides), 3))
     across, down = np.stack([sides, none], axis=1), np.stack([none, sides], axis=1)
 
     def sample(image: Pyramid, repeats: tuple[float, float]) -> Float32Array:
@@ -215,5 +214,5 @@ def albedos(scene: Scene, points: BendingPoints, i_object: int, layers: Sequence
     for layer in layers:
         factor = map_factor(scene, layer.maps, len(sides), sample, lambda: middles)
         own = low_gloss(layer, order).albedo if is_glossy(layer) else diffuse_albedo(layer)
-        total += factor @ (own * LUMINANCE)
-    return points.means_around(i_object, total)
+        total += factor * own
+    return np.stack([points.means_around(i_object, each) for each in total.T], axis=1)

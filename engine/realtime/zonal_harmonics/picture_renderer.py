@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -47,7 +47,9 @@ Float64Array = NDArray[np.float64]
 class ShadingState:
     """A scene in some light: the visible layers of its objects by index, lobes of all points and errors (S,) of their
     fit, details of the objects that have any; casters: for each object the other bending objects whose shadows its
-    transfer does not contain. version: differs for different pictures."""
+    transfer does not contain. lights: of the objects, by index, that have other light than the sky's `bands`; added
+    (S, 3): radiance of white points by neighbours and lamps (`engine.realtime.zonal_harmonics.neighbours`), None for
+    none. version: differs for different pictures."""
 
     version: int
     scene: Scene
@@ -58,6 +60,8 @@ class ShadingState:
     errors: Float32Array
     details: Mapping[int, Detail]
     casters: tuple[frozenset[int], ...] = ()
+    lights: Mapping[int, BandLight] = field(default_factory=dict)
+    added: Float32Array | None = None
 
     @property
     def casting_objects(self) -> list[int]:
@@ -97,6 +101,10 @@ class ShadingState:
         """An object's glossy layers that are shaded at points, with the mean factor of their images (3,)."""
         for layer in filter(is_glossy, self.layers_of.get(i, ()) if i not in self.details else ()):
             yield low_gloss(layer, self.order), mean_factor(self.scene, i, layer.maps)
+
+    def light_of(self, i: int) -> BandLight:
+        """The light that comes to an object as if from afar."""
+        return self.lights.get(i, self.bands)
 
     @property
     def order(self) -> int:
@@ -211,14 +219,24 @@ class PictureRenderer:
         self, of: ShadingState, poses: Poses, places: Float32Array, frames: Float32Array, turned: bool
     ) -> Float32Array:
         """Radiance of white Lambertian points (S, 3), with the shadows that transfer does not contain."""
-        made_of = (poses, turned, of.lobes, of.bands, of.casters)
+        made_of = (poses, turned, of.lobes, of.bands, of.casters, of.lights, of.added)
         if self._white[0] != made_of:
             turns = frames if turned else self._points.rest_frames_of_drawn
-            white = np.maximum(shade(of.lobes, turns, of.bands), np.float32(0.0))
+            white = shade_objects(of, self._points, turns)
             rows, normals = self.blockers.rows(of.casting_objects), np.ascontiguousarray(frames[:, 2])
             add_shadows(rows, of.casts, self._points, places, normals, of.bands, white)
+            if of.added is not None:
+                white += of.added
             self._white = made_of, white
         return self._white[1]
+
+    def shade_at_rest(self, of: ShadingState) -> Float32Array:
+        """Radiance of white Lambertian points (S, 3) with all objects at rest, without what neighbours add."""
+        points, frames = self._points, self._points.rest_frames_of_drawn
+        white = shade_objects(of, points, frames)
+        rows, normals = self.blockers.rows(of.casting_objects, points.rest_places), np.ascontiguousarray(frames[:, 2])
+        add_shadows(rows, of.casts, points, points.rest_places, normals, of.bands, white)
+        return white
 
     def _gloss(
         self,
@@ -234,7 +252,15 @@ class PictureRenderer:
         for i in of.layers_of:
             for low, factor in of.glosses_of(i):
                 add_gloss(
-                    low, factor, self._points.points_of(i), places, normals, camera_position, of.bands, white, sent
+                    low,
+                    factor,
+                    self._points.points_of(i),
+                    places,
+                    normals,
+                    camera_position,
+                    of.light_of(i),
+                    white,
+                    sent,
                 )
         return sent
 
@@ -260,7 +286,7 @@ class PictureRenderer:
             if normals is not None and is_glossy(layer):
                 sent = np.zeros_like(diffuse)
                 low, every, places = low_gloss(layer, of.order), np.arange(len(diffuse)), pixels.places()
-                add_gloss(low, np.ones(3), every, places, normals, camera_position, of.bands, diffuse, sent)
+                add_gloss(low, np.ones(3), every, places, normals, camera_position, of.light_of(i), diffuse, sent)
             else:
                 sent = diffuse * diffuse_albedo(layer).astype(np.float32)
             sent = sent * pixels.factor(of.scene, layer.maps, quality == "moving") * (pixels.points[:, :1] >= 0)
@@ -272,7 +298,22 @@ class PictureRenderer:
         frames = detail_frames(axes[numbers[pixels.triangle]], pixels.weights, pixels.is_front)
         found, uvs = of.details[i], pixels.uvs(of.scene)
         normals = np.einsum("nk,nki->ni", found.normals_at(uvs), frames).astype(np.float32)
-        return np.maximum(shade(found.at(uvs), frames, of.bands), np.float32(0.0)), normals
+        return np.maximum(shade(found.at(uvs), frames, of.light_of(i)), np.float32(0.0)), normals
+
+
+def shade_objects(of: ShadingState, points: BendingPoints, frames: Float32Array) -> Float32Array:
+    """Radiance (S, 3) of white Lambertian points in axes (S, 3, 3), each object in its own light."""
+    white = np.maximum(shade(of.lobes, frames, of.bands), np.float32(0.0))
+    shade_own_light(of, points, frames, white)
+    return white
+
+
+def shade_own_light(of: ShadingState, points: BendingPoints, frames: Float32Array, white: NDArray[np.floating]) -> None:
+    """Fill white (S, 3) at the points of objects that have light of their own."""
+    for i, light in of.lights.items():
+        mine = points.points_of(i)
+        own = Lobes(of.lobes.low[mine], of.lobes.axes[mine], of.lobes.coefficients[mine])
+        white[mine] = np.maximum(shade(own, frames[mine], light), np.float32(0.0))
 
 
 def camera_position_of(scene: Scene, camera: CameraDescription) -> NDArray[np.float64]:

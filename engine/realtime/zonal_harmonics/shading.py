@@ -33,7 +33,7 @@ from engine.light.environment import LUMINANCE
 from engine.material.layer import Layer, evaluate_layer
 from engine.realtime.zonal_harmonics import _shading_kernels as kernels
 from engine.realtime.zonal_harmonics.bending_points import BendingPoints
-from engine.realtime.zonal_harmonics.zonal import Zonal
+from engine.realtime.zonal_harmonics.zonal import Zonal, unshadowed_lobes
 from engine.sphere.geodesic import geodesic
 from engine.sphere.harmonics import basis, clamped_cosine, order_of, without_rings
 
@@ -82,6 +82,14 @@ class Lobes:
 
 def lobes(zonal: Zonal) -> Lobes:
     return Lobes(*(np.ascontiguousarray(each, np.float32) for each in (zonal.low, zonal.axes, zonal.coefficients)))
+
+
+def unshadowed_points(n_points: int, n_lobes: int, n: int) -> Lobes:
+    """Lobes of points that see everything above their horizon: one, and the others 0."""
+    one = unshadowed_lobes([0.0, 0.0, 1.0], n)
+    axes, coefficients = np.zeros((n_points, n_lobes, 3)), np.zeros((n_points, n_lobes, n))
+    axes[:, :, 2], coefficients[:, 0] = 1.0, one.coefficients[0, 0]
+    return Lobes(*(each.astype(np.float32) for each in (np.repeat(one.low, n_points, axis=0), axes, coefficients)))
 
 
 def shade(lobes: Lobes, frames: ArrayLike, light: BandLight) -> Float32Array:
@@ -188,15 +196,15 @@ class Blockers:
         self._points = points
         self._clusters: dict[tuple[int, int], _Clusters] = {}
 
-    def rows(self, objects: list[int]) -> Float32Array:
-        """The clusters (K, `CLUSTER_ROW`) of some objects at their current positions; the last number is the object's
-        index in `objects`."""
+    def rows(self, objects: list[int], places: Float32Array | None = None) -> Float32Array:
+        """The clusters (K, `CLUSTER_ROW`) of some objects at places (V, 3), None for the current ones; the last number
+        is the object's index in `objects`."""
         count = max(1, min(N_CLUSTERS, MOST_CLUSTERS // max(len(objects), 1)))
         found = []
         for place, i in enumerate(objects[:MOST_CLUSTERS]):
             if (i, count) not in self._clusters:
                 self._clusters[i, count] = _Clusters(self._points, i, count)
-            found.append(self._clusters[i, count].rows(self._points.places))
+            found.append(self._clusters[i, count].rows(self._points.places if places is None else places))
             found[-1][:, 13] = place
         return np.concatenate(found) if found else np.zeros((0, CLUSTER_ROW), np.float32)
 

@@ -33,7 +33,7 @@ IMAGES = {
     ),
     "kind": ("heights", "A grey image of heights that repeats in the place of a pattern; white is the highest."),
 }  # fmt: skip
-FROM_AFAR = "A deformed object shadows only itself; shadows between objects come back when idle."
+FROM_AFAR = "Shadows between a deformed object and others are coarse; sharp ones come back when idle."
 
 
 def draw(context: PanelContext) -> list[Action]:

@@ -118,6 +118,7 @@ def test_the_shadow_of_what_begins_to_bend_goes_before_anything_else_is_made(sce
     made = Deform(scene, n_points=400, n_rays=500)
     made.set_light(sky())
     made.set_layers({0: (MATT,), 1: (MATT,)})
+    made.set_bounces(1)  # what the box reflects onto the floor stays
     eye = scene.description.camera
     stale = finish_deform(made).draw(eye, SIZE)
     made.set_bending(["box"])

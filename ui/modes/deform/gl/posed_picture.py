@@ -124,7 +124,8 @@ class PosedPicture:
 
     def _take_appearance(self, part: AppearancePart) -> None:
         self._appearance = None
-        self._fill("light", np.concatenate([part.harmonics.ravel(), part.table.ravel()]))
+        parts = part.harmonics, part.table, part.lights, part.added
+        self._fill("light", np.concatenate([each.ravel() for each in parts]))
         self._fill("objects", part.objects)
         self._fill("gloss", part.gloss)
         self._appearance = part
@@ -152,6 +153,7 @@ class PosedPicture:
         set_uniforms(
             program, n_points=n_points, n_lobes=shape.n_lobes, table=appearance.table.shape[:2],
             camera_position=posed.camera_position, **_gloss(appearance), n_blockers=len(posed.blockers),
+            added_light=1 + len(appearance.lights) if len(appearance.added) else -1,
             n_casters=appearance.casts.shape[1], spread=appearance.spread.tolist(), least=appearance.least,
         )  # fmt: skip
         program.run(-(-n_points // _GROUP))
@@ -177,7 +179,8 @@ class PosedPicture:
         if term.detail is not None:
             set_uniforms(
                 program, **_detail(term.detail), **_gloss(appearance), table=appearance.table.shape[:2],
-                gloss_layer=term.gloss,
+                gloss_layer=term.gloss, own_light=int(appearance.objects[term.i_object, 8]),
+                even=float(appearance.objects[term.i_object, 9]),
             )  # fmt: skip
         self._covered.draw(program, self._buffers["covered"], cover.ranges[term.i_object])
 
@@ -224,7 +227,6 @@ def _detail(detail: ExportedDetail) -> dict[str, object]:
 def _gloss(appearance: AppearancePart) -> dict[str, object]:
     return {
         "n_angles": appearance.gloss.shape[1], "steepest": appearance.steepest, "cosine": appearance.cosine.tolist(),
-        "even": appearance.even,
     }  # fmt: skip
 
 

@@ -1,0 +1,246 @@
+"""Light between objects that bend and objects that rest: one bounce, shadows, and the light of lamps in the scene.
+
+An object whose transfer contains only itself is lit as if by distant light of its own: what comes from all around to
+the middle of its place at rest, the sky where it is open, what neighbours reflect, and lamps. So neighbours shade it,
+and send light back, at no further cost in a frame [Sloan05, 5: local lighting], however it bends. Points of the other
+objects, whose transfer has their neighbours' shadows, get one bounce of what all others reflect, and the light of lamps
+by rays. Rays are traced once, with all objects at rest; when the light or a material changes, what they meet is summed
+anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.core.threads import even_parts, on_threads
+from engine.light.environment import triangle_integrals
+from engine.precompute.direct.pipeline import SkyState
+from engine.realtime.zonal_harmonics import _transfer_kernels as kernels
+from engine.realtime.zonal_harmonics.bending_points import BendingPoints
+from engine.realtime.zonal_harmonics.transfer import cosine_directions, ray_blocks
+from engine.scene.raycaster import RayCaster
+from engine.scene.scene_loader import Scene
+from engine.sphere.geodesic import geodesic
+from engine.sphere.harmonics import basis, project
+
+Float32Array = NDArray[np.float32]
+Float64Array = NDArray[np.float64]
+Int32Array = NDArray[np.int32]
+
+N_BOUNCE_RAYS = 256  # from each point at rest
+N_LAMP_SAMPLES = 32  # on each lamp, as many strata of its area
+PROBE_LEVEL = 5  # of the sphere's triangles, around each object that has light of its own
+_SHORTENED = 1.0 - 1e-3  # of rays to lamps, which must not meet these themselves
+
+
+@dataclass(frozen=True, eq=False)
+class Hits:
+    """Hits of rays on points' triangles: those of ray bundle b are firsts[b] to firsts[b + 1]; corners (H', 3): the
+    points at the corners of the side that was hit, by `triangle` (H,); u, v (H,)."""
+
+    firsts: NDArray[np.int64]
+    triangle: Int32Array
+    u: Float32Array
+    v: Float32Array
+    corners: Int32Array
+
+    def gather(self, sent: Float64Array, share: float) -> Float64Array:
+        """Sum what the hits of each bundle send (B, 3), of points that send (S, 3), times share."""
+        result = np.zeros((len(self.firsts) - 1, sent.shape[1]))
+        on_threads(
+            lambda start, stop: kernels.gather_bounces(
+                self.firsts, self.triangle, self.u, self.v, self.corners, share, sent, start, stop, result
+            ),
+            *even_parts(len(result)),
+        )
+        return result
+
+
+@dataclass(frozen=True, eq=False)
+class Probe:
+    """What is around an object: hits (T bundles), one ray through each triangle of the sphere; is_open (T,): whether
+    the sky is seen there; lamps (L, n^2): harmonics of each lamp of radiance 1."""
+
+    hits: Hits
+    is_open: NDArray[np.bool_]
+    lamps: Float64Array
+
+
+@dataclass(frozen=True, eq=False)
+class LightPaths:
+    """Where light goes between objects at rest. lit (R,): the points whose transfer has their neighbours' shadows;
+    bounces (R bundles): what these see of other objects; lamps (R, L): radiance of white diffuse ones by each lamp of
+    radiance 1; probes: of the other objects, by index; emitters (L,): indices of lamps."""
+
+    lit: NDArray[np.int64]
+    bounces: Hits
+    lamps: Float64Array
+    probes: Mapping[int, Probe]
+    emitters: tuple[int, ...]
+
+
+def trace_light_paths(
+    scene: Scene, points: BendingPoints, alone: Sequence[int], order: int
+) -> Generator[float, None, LightPaths]:
+    """Trace them; alone: the objects whose transfer contains only themselves. Yields the share that is done."""
+    n_objects = len(scene.smooth)
+    emitters = tuple(i for i in range(n_objects) if not scene.reflecting[i])
+    lit_objects = [i for i in range(n_objects) if scene.reflecting[i] and i not in alone]
+    everything = tuple(range(n_objects))
+    lamps = [lamp_samples(scene, i) for i in emitters]
+    parts, of_lamps, lit = list[tuple[NDArray, ...]](), [np.zeros((0, len(lamps)))], [np.zeros(0, np.int64)]
+    for done, i in enumerate(lit_objects):
+        mine = points.points_of(i)
+        lit.append(mine)
+        for stop, hits in _bounces(points, i, everything):
+            parts.append(hits)
+            yield (done + stop / max(len(mine), 1)) / (len(lit_objects) + 1)
+        of_lamps.append(_lamp_light(points, i, lamps, everything))
+    probes = {i: _probe(scene, points, i, alone, lamps, order) for i in alone if scene.reflecting[i]}
+    yield 1.0
+    return LightPaths(np.concatenate(lit), _joined(points, parts), np.concatenate(of_lamps), probes, emitters)
+
+
+def local_light(
+    paths: LightPaths, powers: Float64Array, sent: Float64Array, emission: Float64Array, order: int
+) -> dict[int, Float64Array]:
+    """Harmonics (n^2, 3) of the light around each object that has light of its own; powers (T, 3): of the sky, by
+    triangle; sent (S, 3): radiance of all points; emission (M, 3)."""
+    angles = geodesic(PROBE_LEVEL).solid_angles[:, None]
+    found = {}
+    for i, probe in paths.probes.items():
+        around = np.where(probe.is_open[:, None], powers, angles * probe.hits.gather(sent, 1.0))
+        found[i] = project(around, order) + probe.lamps.T @ emission[list(paths.emitters)]
+    return found
+
+
+def sky_powers(sky: SkyState) -> Float64Array:
+    """Integrals (T, 3) of a sky's radiance over the sphere's triangles."""
+    if sky.environment is None:
+        return np.zeros((len(geodesic(PROBE_LEVEL).centres), 3))
+    return triangle_integrals(sky.environment, sky.rotation, PROBE_LEVEL) * sky.scale
+
+
+def added_light(paths: LightPaths, sent: Float64Array, emission: Float64Array) -> Float64Array:
+    """Radiance (S, 3) of white diffuse points by one bounce of what points of other objects send (S, 3), and by lamps
+    of emission (M, 3); 0 at points of objects that have light of their own."""
+    added = np.zeros_like(sent)
+    added[paths.lit] = paths.bounces.gather(sent, 1.0 / N_BOUNCE_RAYS) + paths.lamps @ emission[list(paths.emitters)]
+    return added
+
+
+def lamp_samples(scene: Scene, i: int) -> tuple[Float64Array, Float64Array, Float64Array]:
+    """Places (K, 3) on an emitter, evenly over its area, its normals there (K, 3), and the area of each (K,)."""
+    start, stop = scene.triangle_ranges[i]
+    a, b, c = np.moveaxis(scene.vertices[scene.triangles[start:stop]].astype(np.float64), 1, 0)
+    cross = np.cross(b - a, c - a)
+    areas = 0.5 * np.linalg.norm(cross, axis=1)
+    steps = (np.arange(N_LAMP_SAMPLES) + 0.5) / N_LAMP_SAMPLES
+    which = np.minimum(np.searchsorted(np.cumsum(areas), steps * areas.sum()), len(areas) - 1)
+    u, v = np.mod(np.outer(np.arange(N_LAMP_SAMPLES) + 0.5, (0.7548776662466927, 0.5698402909980532)), 1.0).T
+    u, v = np.where(u + v > 1.0, 1.0 - u, u)[:, None], np.where(u + v > 1.0, 1.0 - v, v)[:, None]
+    normals = scene.geometric_normals[start:stop][which].astype(np.float64)
+    return (
+        (1.0 - u - v) * a[which] + u * b[which] + v * c[which],
+        normals,
+        np.full(len(which), areas.sum() / len(which)),
+    )
+
+
+def _bounces(
+    points: BendingPoints, i: int, everything: tuple[int, ...]
+) -> Generator[tuple[int, tuple[NDArray, ...]], None, None]:
+    """Yield the ends of blocks of an object's points, with the counts of their hits on other objects, and the hits."""
+    mesh = points.mesh(i, ())
+    for start, stop, rays in ray_blocks(mesh, cosine_directions(N_BOUNCE_RAYS, 1)[0]):
+        _, of_others, hits = _point_hits(points, everything, *rays, skipped=i)
+        yield stop, (of_others.reshape(stop - start, N_BOUNCE_RAYS).sum(axis=1), *hits)
+
+
+def _point_hits(
+    points: BendingPoints, objects: tuple[int, ...], origins: Float32Array, directions: Float32Array, skipped: int = -1
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_], tuple[NDArray, ...]]:
+    """Which rays (R,) meet any of these objects, and which a side that has points, of another than `skipped`; and these
+    sides (H,), numbered with the backs after all fronts, with u and v."""
+    surface = points.surface
+    numbers = np.flatnonzero(np.isin(surface.i_object, objects))
+    found = points.caster(objects).intersect(origins, directions)
+    hit = numbers[np.maximum(found.triangle, 0)]
+    a, b, c = np.moveaxis(points.corners_at_rest(hit), 1, 0)
+    is_back = np.einsum("rc,rc->r", directions, np.cross(b - a, c - a)) > 0.0
+    has_points = surface.sides[hit, is_back.astype(int), 0] >= 0
+    is_met = (found.triangle >= 0) & has_points & (surface.i_object[hit] != skipped)
+    side = hit + is_back * len(surface.corners)
+    return found.triangle >= 0, is_met, (side[is_met].astype(np.int32), found.u[is_met], found.v[is_met])
+
+
+def _joined(points: BendingPoints, parts: Sequence[tuple[NDArray, ...]]) -> Hits:
+    sides = points.surface.sides
+    corners = np.concatenate([sides[:, 0], sides[:, 1]]).astype(np.int32)
+    empty = np.zeros(0, np.int64), np.zeros(0, np.int32), np.zeros(0, np.float32), np.zeros(0, np.float32)
+    counts, triangle, u, v = (np.concatenate(each) for each in zip(empty, *parts, strict=True))
+    return Hits(np.concatenate([[0], np.cumsum(counts)]), triangle, u, v, corners)
+
+
+def _lamp_light(
+    points: BendingPoints, i: int, lamps: Sequence[tuple[Float64Array, ...]], everything: tuple[int, ...]
+) -> Float64Array:
+    """Radiance (P, L) of an object's white diffuse points by each lamp of radiance 1."""
+    mesh = points.mesh(i, ())
+    places, normals = mesh.points.offset_position.astype(np.float64), mesh.frames[:, 2]
+    found = np.zeros((len(places), len(lamps)))
+    for k, lamp in enumerate(lamps):
+        for place, normal, area in zip(*lamp, strict=True):
+            directions, factor = _towards(places, place, normal, area)
+            cosine = np.einsum("pc,pc->p", directions, normals)
+            factor *= np.maximum(cosine, 0.0) / np.pi
+            lit = np.flatnonzero(factor > 0.0)
+            found[lit, k] += factor[lit] * ~_blocked(points.caster(everything), places[lit], place)
+    return found
+
+
+def _towards(
+    places: Float64Array, place: Float64Array, normal: Float64Array, area: float
+) -> tuple[Float64Array, Float64Array]:
+    """Directions (P, 3) to a sample of a lamp, and the solid angle of its front there (P,)."""
+    to = place - places
+    distance = np.maximum(np.linalg.norm(to, axis=1), 1e-12)
+    directions = to / distance[:, None]
+    facing = np.maximum(-(directions @ normal), 0.0) * area
+    # As of a disc, at most half of all directions.
+    return directions, 2.0 * np.pi * facing / (2.0 * np.pi * distance**2 + facing)
+
+
+def _blocked(caster: RayCaster, places: Float64Array, place: Float64Array) -> NDArray[np.bool_]:
+    """Whether something lies between places (P, 3) and one of a lamp."""
+    to = (place - places).astype(np.float32)
+    return caster.occluded(places.astype(np.float32), to, np.full(len(to), _SHORTENED, np.float32))
+
+
+def _probe(
+    scene: Scene, points: BendingPoints, i: int, alone: Sequence[int], lamps: Sequence[tuple[Float64Array, ...]],
+    order: int,
+) -> Probe:  # fmt: skip
+    """What is around the middle of an object, without those whose shadows move."""
+    first, last = scene.vertex_ranges[i]
+    vertices = scene.vertices[first:last].astype(np.float64)
+    middle = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
+    shown = set(np.unique(points.surface.i_object).tolist())
+    others = tuple(sorted(shown.difference((i, *alone))))
+    directions = geodesic(PROBE_LEVEL).centres.astype(np.float32)
+    if not others:
+        none = np.zeros(0, np.float32)
+        nothing: tuple[NDArray, ...] = (np.zeros(len(directions), np.int64), np.zeros(0, np.int32), none, none)
+        return Probe(_joined(points, [nothing]), np.ones(len(directions), bool), np.zeros((len(lamps), order * order)))
+    is_hit, is_met, hits = _point_hits(points, others, np.tile(np.float32(middle), (len(directions), 1)), directions)
+    of_lamps = np.zeros((len(lamps), order * order))
+    for k, lamp in enumerate(lamps):
+        for place, normal, area in zip(*lamp, strict=True):
+            towards, angle = _towards(middle[None], place, normal, area)
+            if angle[0] > 0.0 and not _blocked(points.caster(others), middle[None], place)[0]:
+                of_lamps[k] += angle[0] * basis(towards[0], order)
+    return Probe(_joined(points, [(is_met.astype(np.int64), *hits)]), ~is_hit, of_lamps)

@@ -1,0 +1,93 @@
+"""Light between objects: closed forms of a bounce, of what is around an object that bends, and of lamps; and paths."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from engine.light.environment import constant_environment
+from engine.material import MODELS
+from engine.material.layer import make_layer
+from engine.precompute.direct.pipeline import SkyState
+from engine.realtime.stills import PathReference
+from engine.realtime.zonal_harmonics.deform_engine import Deform, finish_deform
+from engine.scene.scene_loader import load_scene
+from tests.engine.realtime.zonal_harmonics.test_deform_engine import SIZE, seen
+from tests.scene_text import camera, environment, facing_down, facing_up, placed, scaled
+
+ALBEDO = 0.6
+GREY = make_layer(MODELS["lambert"], {"albedo": (ALBEDO,) * 3})
+WHITE_SKY = SkyState(constant_environment((1.0, 1.0, 1.0)))
+ABOVE = camera((0.0, 1.0, 3.0), 40, SIZE)
+FLOOR = placed("floor", "quad", facing_up(40))
+LEAF = placed("leaf", "quad", facing_down(0.2, (0, 1.0, 0)))
+LAMP = "emission = [5, 4, 3]\n"
+
+
+def made(folder: Path, text: str, sky: SkyState = WHITE_SKY, bends: tuple[str, ...] = (), n_bounces: int = 2) -> Deform:
+    (folder / "scene.toml").write_text(ABOVE + environment() + text)
+    deform = Deform(load_scene(folder / "scene.toml"), n_points=300, n_rays=500)
+    deform.set_light(sky)
+    deform.set_layers(dict.fromkeys(np.flatnonzero(deform.scene.reflecting).tolist(), (GREY,)))
+    deform.set_bending(bends)
+    deform.set_bounces(n_bounces)
+    return finish_deform(deform)
+
+
+def white(deform: Deform, name: str) -> np.ndarray:
+    """Radiance of an object's white points at rest (P, 3), all on its front."""
+    deform.draw(deform.scene.description.camera, SIZE)
+    points, i = deform._points, deform.scene.object_index(name)
+    assert points is not None and deform._pictures is not None
+    front = np.unique(points.surface.sides[points.surface.i_object == i, 0])
+    return deform._pictures._white[1][front]
+
+
+@pytest.mark.parametrize("bends", [(), ("leaf",)])
+def test_the_underside_of_a_leaf_is_lit_by_the_floor_alone(tmp_path: Path, bends: tuple[str, ...]) -> None:
+    """A floor that is wide sends its albedo under a white sky, whether the leaf rests or bends; else nothing."""
+    assert white(made(tmp_path, FLOOR + LEAF, bends=bends), "leaf") == pytest.approx(ALBEDO, abs=0.03)
+    assert white(made(tmp_path, FLOOR + LEAF, bends=bends, n_bounces=1), "leaf") == pytest.approx(0.0, abs=0.03)
+
+
+@pytest.mark.parametrize("bends", [(), ("leaf",)])
+def test_a_lamp_lights_what_rests_and_what_bends(tmp_path: Path, bends: tuple[str, ...]) -> None:
+    """Facing a lamp of side s at distance d, far away: L s² / (π d²); on its other side and behind a board nothing."""
+    lamp = placed("lamp", "quad", facing_up(0.2, (0, -1.0, 0)), LAMP)
+    expected = np.array([5.0, 4.0, 3.0]) * 0.04 / (math.pi * 4.0)
+    dark = SkyState(None)
+    found = white(made(tmp_path, LEAF + lamp, dark, bends), "leaf")
+    assert found == pytest.approx(np.broadcast_to(expected, found.shape), rel=0.05)
+    board = placed("board", "quad", facing_up(1.0, (0, 0, 0)))
+    assert white(made(tmp_path, LEAF + lamp + board, dark, bends, 1), "leaf") == pytest.approx(0.0, abs=1e-6)
+    turned = placed("lamp", "quad", facing_down(0.2, (0, -1.0, 0)), LAMP)
+    assert white(made(tmp_path, LEAF + turned, dark, bends), "leaf") == pytest.approx(0.0, abs=1e-6)
+
+
+def test_lamps_change_with_their_emission_alone(tmp_path: Path) -> None:
+    lamp = placed("lamp", "quad", facing_up(0.2, (0, -1.0, 0)), LAMP)
+    deform = made(tmp_path, LEAF + lamp, SkyState(None), ("leaf",))
+    before, paths = white(deform, "leaf"), deform._paths
+    deform.set_emission({"lamp": (10.0, 4.0, 0.0)})
+    assert deform.is_done and deform._paths is paths
+    assert white(deform, "leaf") == pytest.approx(before * (2.0, 1.0, 0.0), rel=1e-4)
+
+
+@pytest.mark.parametrize("bends", [(), ("box",)])
+def test_a_box_on_a_floor_comes_near_paths(tmp_path: Path, bends: tuple[str, ...]) -> None:
+    """After two bounces; without light between objects a third of the box's is missing."""
+    text = FLOOR + placed("box", "cube", scaled(0.7, (0, 0.6, 0)))
+    found, once = (made(tmp_path, text, bends=bends, n_bounces=n) for n in (2, 1))
+    reference = PathReference(found.scene, ())
+    for _ in range(6):
+        for _ in reference.trace({0: (GREY,), 1: (GREY,)}, WHITE_SKY, 2):
+            pass
+    assert reference.picture is not None
+    eye, truth = found.scene.description.camera, reference.picture
+    near, far = (each.draw(eye, SIZE) for each in (found, once))
+    is_box = seen(found, 1)
+    assert abs((near - truth)[is_box].mean()) < 0.1 * abs((far - truth)[is_box].mean())
+    assert abs((near - truth)[~is_box].mean()) < 0.03
