@@ -22,7 +22,7 @@ from engine.curve.tables import HALF_PI, VALUE_LIMIT, TabulatedCurve, Triple
 
 MAX_ROWS = 2048
 MAX_BYTES = 2**20
-TABLE_ENDINGS = (".csv", ".tsv", ".txt")
+TABLE_ENDINGS = (".csv", ".tsv")
 HEADER = "angle,red,green,blue"
 
 

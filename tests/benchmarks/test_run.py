@@ -116,7 +116,7 @@ def test_plots_are_pictures_of_a_readable_size(measured: Path) -> None:
 
 
 def test_a_part_alone_and_one_that_is_none(tiny_scene: str, tmp_path: Path) -> None:
-    effort = replace(EFFORT, visibility=VisibilityEffort((Size(17, 50),), {"tiny": "shapes"}))
+    effort = replace(EFFORT, visibility=VisibilityEffort((Size(17, 50),), {"tiny": "shapes"}), textures=None)
     assert run(tiny_scene, tmp_path, report=lambda line: None, effort=effort, only=["visibility"]) == []
     assert {file.name for file in tmp_path.iterdir()} == {"visibility.csv", "visibility.md", "visibility.png"}
     with pytest.raises(InsituError, match="no part 'speed', expected one of settings, figures, visibility"):
