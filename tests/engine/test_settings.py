@@ -20,8 +20,8 @@ from engine.settings import (
 )
 
 
-def test_every_field_but_the_set_of_overridden_lines_is_declared() -> None:
-    assert {each.name for each in fields(RenderSettings)} == {*SETTINGS, "overridden"}
+def test_every_field_but_overridden_lines_and_what_the_view_chooses_is_declared() -> None:
+    assert {each.name for each in fields(RenderSettings)} == {*SETTINGS, "overridden", "lighting"}
     assert len(FIELD_OF_LINE) == sum(bool(setting.line) for setting in SETTINGS.values())  # no two share a line
 
 
