@@ -397,7 +397,8 @@ class ActionHandler:
 
     def _paste(self, as_layers: bool) -> None:
         editor, text = self._editor, (imgui.get_clipboard_text() or "")[:MAX_MATERIAL_BYTES]
-        if text.strip() and "=" not in text:  # every material has keys and values; a table of numbers has none
+        # Every material has keys and values; a table of numbers has none.
+        if "=" not in text and any(character.isdigit() for character in text):
             editor.exchange.read_table("clipboard", text)
             return
         material = parse_material(text, "clipboard")

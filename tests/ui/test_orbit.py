@@ -176,7 +176,8 @@ def test_shaders_draw_the_picture_that_the_worker_does_at_rest(drawing_window: H
     assert window.run_until(lambda: editor.controller.drawn_in_window is None and is_drawn(window), 120.0)  # type: ignore[attr-defined]
     at_rest = feed_of(window).canvas.linear_image()
     assert n_moving(window) == before
-    assert np.abs(moving - at_rest).mean() < 0.1 * at_rest.mean()  # fewer coefficients, pixels enlarged
+    # On software few coefficients, and a quarter of the pixels' rows and columns, enlarged.
+    assert np.abs(moving - at_rest).mean() < 0.2 * at_rest.mean()
     wait_until_exact(window)
     editor.do(SetView.of(mode="placement"))
     shaded = feed_of(window).shaded

@@ -107,5 +107,6 @@ def test_suns_that_points_do_not_agree_on(case: Case, n_suns: int, everywhere: b
             high = case.frame[case.corners[j], 1] @ case.sky.peak_direction[s]
             if len(set(seen)) == 2 or (everywhere and case.weights[j] @ high > 0.0):
                 expected.append((j, s, case.weights[j] @ seen, case.weights[j] @ (seen * high)))
-    np.testing.assert_allclose(np.stack([row, sun, share, cosine], axis=1)[:n], expected, rtol=1e-5, atol=1e-6)
+    found = np.stack([each[:n] for each in (row, sun, share, cosine)], axis=1)  # the rest is not written
+    np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-6)
     assert 0 < n < len(row)
