@@ -285,7 +285,7 @@ class ActionHandler:
         elif Path(path).is_absolute() and not os.path.exists(path):
             self._editor.notify(f"{path}: there is no such file; nothing was changed", True)
         elif suffix or Path(path).is_absolute():
-            known = f"{EXPECTED}, a measured BRDF (.binary, .brdf), a table (.csv) or a texture (.png, .jpg)"
+            known = f"{EXPECTED}, a measured BRDF (.binary, .brdf, .bsdf), a table (.csv) or a texture (.png, .jpg)"
             self._editor.notify(f"{path}: expected {known}", True)
         else:  # a built-in scene, from the menu
             self._editor.open(path)

@@ -15,7 +15,7 @@ from app.system.atomic import require_folder, require_place
 
 
 def import_brdf(
-    file: Annotated[Path, typer.Argument(help="A measured BRDF: MERL FILE.binary, Cornell FILE.brdf.")],
+    file: Annotated[Path, typer.Argument(help="A measured BRDF: MERL FILE.binary, Cornell FILE.brdf, RGL FILE.bsdf.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="OUT.toml, a material; scenes take its layers.")],
     smooth: Annotated[float, typer.Option("--smooth", min=0.0, max=1.0, help="Takes noise out of the curves.")] = 0.0,
     cloth: Annotated[bool, typer.Option("--cloth", help="One layer P(θi) Q(θh) P(θo) in place of two.")] = False,

@@ -40,7 +40,7 @@ FILES = (
     Operator("recover", entry="Recover edits…"),
     Operator(
         "measured", _import_measured, entry="Import measured BRDF…", needs=LAYER,
-        help="Make the selected object of a measured material, MERL .binary or Cornell .brdf: nothing is lost.",
+        help="Make the selected object of a measured material: MERL .binary, Cornell .brdf or RGL .bsdf.",
         script=ScriptKey(MeasuredFile, "Imports a measured BRDF: see below."),
     ),
     Operator(

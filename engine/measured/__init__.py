@@ -1,8 +1,8 @@
 """Measured reflection: files, filling of gaps, fitted factors, and the table for look-ups in kernels.
 
-    MERL .binary, Cornell .brdf ─► samples ─► filled table ─┬─► factors (`fit`) ─► Measurement: part of the layer
-                                                            └─► `tables`: stays in the process that computes; a copy
-                                                                goes to the GPU for layers that are shown alone
+    MERL .binary, Cornell .brdf ─┬─► samples ─► filled table ─┬─► factors (`fit`) ─► Measurement: part of the layer
+    RGL .bsdf ─► `adaptive` ─────┘                            └─► `tables`: stays in the process that computes; a copy
+                                                                  goes to the GPU for layers that are shown alone
 
 The table holds the measurement itself and not its quotient with the factors. The quotient is computed from both at each
 look-up: diffuse min(data / D, 1), with D the product of the diffuse factors, specular (data − D) / (G H) where that is

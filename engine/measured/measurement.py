@@ -93,8 +93,8 @@ RGB = tuple[float, float, float]
 # The factors of both parts: of wi and wo, then of difference and half angle; and of the whole, P and Q.
 CURVES = ("theta_i", "theta_o", "theta_d", "theta_h", "p", "q")
 HALF_ANGLE_CURVES = ("theta_h", "q")
-# Readable files: MERL's grids and Cornell's scattered samples.
-ENDINGS = (".binary", ".brdf")
+# Readable files: MERL's grids, Cornell's scattered samples and RGL's tensors.
+ENDINGS = (".binary", ".brdf", ".bsdf")
 # Standard width, in nodes to either side, for a smoothing of 1.
 _WIDEST = 8.0
 UNIT_RGB: RGB = (1.0 / np.pi, 1.0 / np.pi, 1.0 / np.pi)

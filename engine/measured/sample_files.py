@@ -112,9 +112,7 @@ def scattered_samples(data: bytes, path: Path) -> ScatteredSamples:
         raise LoadError(path, "number of wavelengths", f"{numbers[0]:g}" if len(numbers) else "nothing",
                         f"3 to {MAX_WAVELENGTHS}, and as many wavelengths")  # fmt: skip
     wavelengths, rest = numbers[1 : 1 + n], numbers[1 + n :]
-    if not (np.diff(wavelengths) > 0.0).all() or wavelengths[0] > 500.0 or wavelengths[-1] < 600.0:
-        found = f"{wavelengths[0]:g} to {wavelengths[-1]:g} nm"
-        raise LoadError(path, "wavelengths", found, "ascending ones that reach from blue to red, in nm")
+    require_visible_range(wavelengths, path)
     if len(rest) % (4 + n) or len(rest) < FEWEST_SAMPLES * (4 + n):
         raise LoadError(path, "samples", f"{len(rest) / (4 + n):.2f}", f"{FEWEST_SAMPLES} whole ones at least")
     rows = rest.reshape(-1, 4 + n)
@@ -124,6 +122,13 @@ def scattered_samples(data: bytes, path: Path) -> ScatteredSamples:
         raise LoadError(path, "samples above the horizon", int(good.sum()), f"{FEWEST_SAMPLES} at least")
     values = np.maximum(rows[good, 4:] @ rgb_weights(wavelengths), 0.0)
     return ScatteredSamples(wi[good], wo[good], values, int((~good).sum()))
+
+
+def require_visible_range(wavelengths: Float64Array, path: Path) -> None:
+    """Raise LoadError for wavelengths (n,) that do not ascend, or of which no colour follows."""
+    if not (np.diff(wavelengths) > 0.0).all() or wavelengths[0] > 500.0 or wavelengths[-1] < 600.0:
+        found = f"{wavelengths[0]:g} to {wavelengths[-1]:g} nm"
+        raise LoadError(path, "wavelengths", found, "ascending ones that reach from blue to red, in nm")
 
 
 def _numbers(data: bytes, path: Path) -> Float64Array:

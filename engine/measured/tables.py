@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from engine.core.errors import InsituError, LoadError
 from engine.core.stored_arrays import ArrayReader, Arrays
+from engine.measured.adaptive import grid_samples
 from engine.measured.fit import METHOD, Factors, fit_factors
 from engine.measured.measurement import CURVES, ENDINGS, N_NODES, SHAPE, FitReport, Measurement
 from engine.measured.sample_files import (
@@ -32,6 +33,7 @@ from engine.measured.sample_files import (
 )
 from engine.measured.scattered_fit import METHOD as SCATTERED_METHOD
 from engine.measured.scattered_fit import fit_scattered
+from engine.measured.tensor_files import TENSOR_SUFFIX, adaptive_reflection, read_tensor_file
 
 Made = TypeVar("Made")
 # Increased when the results for a file change.
@@ -116,13 +118,14 @@ def read_measurement(path: Path, store: ArrayStore | None = None) -> Steps:
 def _fit_file(data: bytes, path: Path) -> Generator[tuple[float, str], None, tuple[FilledTable, Factors, str]]:
     """A table, its factors, and how they were found."""
     text = f"fitting factors to {path.name}"
-    if path.suffix.lower() == CORNELL_SUFFIX:
+    suffix = path.suffix.lower()
+    if suffix == CORNELL_SUFFIX:
         for step in fit_scattered(scattered_samples(data, path)):
             if not isinstance(step, float):
                 return (*step, SCATTERED_METHOD)
             yield step, text
-    samples = merl_samples(data, path)
-    yield 0.1, f"filling what {path.name} leaves out"
+    samples = (yield from _tensor_samples(data, path)) if suffix == TENSOR_SUFFIX else merl_samples(data, path)
+    yield 0.3, f"filling what {path.name} leaves out"
     filled = fill_samples(samples)
     if filled is None:
         raise LoadError(path, "samples", "all negative", "some that are not")
@@ -134,11 +137,23 @@ def _fit_file(data: bytes, path: Path) -> Generator[tuple[float, str], None, tup
     raise AssertionError("a fit ends with its factors")
 
 
+def _tensor_samples(data: bytes, path: Path) -> Generator[tuple[float, str], None, NDArray[np.float32]]:
+    """Samples of an isotropic tensor file."""
+    reflection = adaptive_reflection(data, path)
+    if not reflection.is_isotropic:
+        raise LoadError(path, "azimuths of wi", len(reflection.phi), "one or two, of an isotropic surface")
+    for step in grid_samples(reflection):
+        if not isinstance(step, float):
+            return step
+        yield 0.3 * step, f"evaluating {path.name}"
+    raise AssertionError("a grid ends with its samples")
+
+
 def _read(path: Path) -> bytes:
     suffix = path.suffix.lower()
     if suffix not in ENDINGS:
         raise LoadError(path, "name", path.suffix or path.name, f"a measured BRDF, {' or '.join(ENDINGS)}")
-    return read_cornell(path) if suffix == CORNELL_SUFFIX else read_merl(path)
+    return {CORNELL_SUFFIX: read_cornell, TENSOR_SUFFIX: read_tensor_file}.get(suffix, read_merl)(path)
 
 
 def _arrays(table: NDArray[np.float32], factors: Factors, report: FitReport) -> dict[str, NDArray[np.generic]]:

@@ -352,6 +352,27 @@ def read_cornell_file(path: Path) -> None:
     assert np.isfinite(found.values).all() and np.isfinite(found.wi).all() and np.isfinite(found.wo).all()
 
 
+def tensors(_: Path) -> list[bytes]:
+    from tests.naive.tensor_files import Gloss, acquired, tensor_bytes
+
+    bands = np.array([420.0, 500.0, 580.0, 660.0])
+    colours = Gloss(ground=(0.1, 0.2, 0.3, 0.4), shine=(0.5, 0.5, 0.4, 0.4))
+    few = {"n_theta": 2, "n": 3, "n_facets": 4}
+    return [
+        tensor_bytes(acquired(Gloss(), **few)),
+        tensor_bytes(acquired(Gloss(0.5, 0.2), n_phi=3, turn=np.pi, **few)),
+        tensor_bytes(acquired(colours, wavelengths=bands, **few)),
+    ]
+
+
+def read_tensors(path: Path) -> None:
+    from engine.measured.tensor_files import adaptive_reflection, read_tensor_file
+
+    v = np.random.default_rng(4).normal(size=(2, 50, 3))
+    wi, wo = np.abs(v / np.linalg.norm(v, axis=2, keepdims=True))
+    assert np.isfinite(adaptive_reflection(read_tensor_file(path), path).evaluate(wi, wo)).all()
+
+
 # ----------------------------------------------------------------------------------------------- what the program keeps
 
 
@@ -433,6 +454,7 @@ FORMATS = {
     "png": Format("a.png", pngs, read_texture_file, repaired=repaired_png),
     "jpeg": Format("a.jpg", jpegs, read_texture_file),
     "cornell": Format("a.brdf", cornells, read_cornell_file, is_text=True),
+    "tensors": Format("a.bsdf", tensors, read_tensors),
     "entry": Format("k.arrays", entries, read_entry, repaired=repaired_records),
     "tiles": Format("k.tiles", tiles, read_tiles, repaired=repaired_records),
     "merl": Format("a.binary", merls, read_merl_file, share=0.02),

@@ -119,7 +119,7 @@ def test_dropped_files_do_the_right_thing_or_say_why_not(tmp_path: Path) -> None
     said = [json.loads(line) for line in done.stdout.splitlines()]
     assert len(said) == len(drops), done.stdout + done.stderr
     lit = [str(probe.resolve()), "angular", "stand-in"]
-    expected = f"expected {EXPECTED}, a measured BRDF (.binary, .brdf), a table (.csv) or a texture (.png, .jpg)"
+    expected = f"expected {EXPECTED}, a measured BRDF (.binary, .brdf, .bsdf), a table (.csv) or a texture (.png, .jpg)"
     assert said[0] == ["", False, *lit]
     for words_said, line in zip(
         said[1:7],

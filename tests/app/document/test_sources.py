@@ -35,6 +35,7 @@ def test_light_opens_the_default_scene(tmp_path: Path, name: str) -> None:
     [
         ("gold.binary", "a measured BRDF, a material of its own; open a scene and import it"),
         ("gold.brdf", "a measured BRDF"),
+        ("gold.bsdf", "a measured BRDF"),
         ("face.png", "a picture; open a scene and give it to a layer as its texture"),
         ("toy.gltf", "glTF in several files, expected one: export it as .glb"),
         ("toy.fbx", "no file that is known, expected a scene (.toml), a session (.insitu), a mesh (.ply, .obj, .glb)"),
