@@ -5,9 +5,9 @@ A variant combines three choices. Order: scanline (S: informed by the pixels to 
 (G: four surrounding pixels, coarse to fine). Estimate: each informer's blockers are copied to the directions in which
 the informer saw them (N) or warped to their directions as seen from the new point (W). Correction: rays are traced
 along the boundary of the estimated blockers (B) or where the informers disagree (U), and from each ray that contradicts
-the estimate on to all its neighbours. OPT is GNU that continues only to neighbours which then disagree with the ray,
-and not at all in the last step of the grid. TRUE traces everything. Pixels without all their informers on the same
-object are traced completely. docs/visibility.md compares cost and accuracy.
+the estimate on to all its neighbours. FLO is GNU that does not continue in the last step of the grid. OPT is FLO that
+continues only to neighbours which then disagree with the ray. TRUE traces everything. Pixels without all their
+informers on the same object are traced completely. docs/visibility.md compares cost and accuracy.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from engine.visibility import _kernels as kernels
 from engine.visibility.coherent_grid import grid_steps
 from engine.visibility.point_visibility import BLOCK, Targets, Visibility, empty_visibility, horizons
 
-Variant = Literal["SNB", "SNU", "SWB", "SWU", "GNB", "GNU", "GWB", "GWU", "OPT", "TRUE"]
+Variant = Literal["SNB", "SNU", "SWB", "SWU", "GNB", "GNU", "GWB", "GWU", "FLO", "OPT", "TRUE"]
 VARIANTS: tuple[Variant, ...] = get_args(Variant)
 _OF_ANY_NORMAL = -2.0  # a cosine that all pairs exceed: the thesis only requires the same object
 
@@ -73,6 +73,7 @@ class _VariantState:
         self._hits, self._caster = hits, caster
         self._scanline, self._only_disagreeing = variant[0] == "S", variant == "OPT"
         self._warp, self._boundary = variant[1] == "W", variant[2] == "B"
+        self._floods_last = variant not in ("FLO", "OPT")
         self.visibility = empty_visibility(hits, targets)
         n_points, n_targets = len(hits.pixel), len(targets.positions)
         self._distance = np.full((n_points, n_targets), np.inf, np.float32) if self._warp else np.empty((0, 0))
@@ -113,7 +114,7 @@ class _VariantState:
                 n_rays = variant_kernels.flood_around(
                     rows, block, target, blocked, bits, horizon, neighbours, requested, *further
                 )
-            if self._only_disagreeing and last:
+            if last and not self._floods_last:
                 break
             block, target = (each[:n_rays] for each in further)
         visibility.rays.possible += kernels.count_bits(horizon)

@@ -75,7 +75,7 @@ def variant_settings(
         yield dragged.setting(f"wavelets a frame, {name}", strategy, by_effect)
     yield representation_setting(*effort.frozen)
     if direct.has_sky:
-        yield from _orbit_variants(project, effort)
+        yield from orbit_variants(project, effort)
 
 
 def _with_shadows(direct: DirectPictures, method: str) -> Callable[[], Outcome]:
@@ -100,7 +100,7 @@ def _with_shadows(direct: DirectPictures, method: str) -> Callable[[], Outcome]:
     return compute
 
 
-def _orbit_variants(project: Project, effort: VariantEffort) -> Iterator[Setting]:
+def orbit_variants(project: Project, effort: VariantEffort) -> Iterator[Setting]:
     """The three factors of each judged pixel, changed and multiplied again."""
     placement = Placement(project.scene)
     rows = inner_rows(placement.hits, effort.n_pixels)

@@ -49,17 +49,23 @@ TRUE, OPT, OURS = "TRUE", "OPT", "ours"
 METHODS = (TRUE, *(name for name in VARIANTS if name != TRUE), OURS)
 LEVELS = {20 * 4**level: level for level in (3, 4)}
 MOST_LIGHTS = 400
-# Of its own shapes, bunny, plant and dominoes: percent of rays at 400 lights and times as fast at 200.
-THESIS_RAYS = {
-    "SWB": (22.4, 25.9, 39.7, 28.8), "GWB": (12.4, 11.6, 30.5, 21.8), "GNB": (10.6, 9.3, 30.6, 18.0),
-    "GWU": (11.3, 11.5, 31.1, 22.6), "GNU": (7.5, 6.7, 31.9, 15.3), "OPT": (4.3, 3.9, 20.2, 8.8),
+# Of its own shapes, bunny, plant and dominoes: percent of rays at 50, 100, 200, 400 lights, and times as fast at 200.
+THESIS_TABLE = {
+    "SWB": ((40.5, 34.3, 26.3, 22.4), (52.4, 42.6, 33.6, 25.9), (63.2, 51.6, 44.3, 39.7), (54.5, 43.6, 36.0, 28.8)),
+    "GWB": ((22.0, 17.9, 15.1, 12.4), (21.5, 16.6, 13.5, 11.6), (37.8, 34.5, 32.6, 30.5), (31.6, 28.2, 24.9, 21.8)),
+    "GNB": ((21.7, 17.1, 13.8, 10.6), (21.2, 15.8, 12.0, 9.3), (37.7, 34.6, 32.7, 30.6), (30.3, 25.7, 21.9, 18.0)),
+    "GWU": ((10.4, 10.7, 11.0, 11.3), (9.1, 9.4, 10.2, 11.5), (33.3, 32.4, 32.3, 31.1), (20.4, 22.3, 22.2, 22.6)),
+    "GNU": ((9.4, 8.8, 8.3, 7.5), (8.1, 7.7, 7.2, 6.7), (35.3, 33.8, 33.4, 31.9), (17.3, 16.9, 16.3, 15.3)),
+    "OPT": ((4.8, 4.6, 4.5, 4.3), (4.6, 4.4, 4.1, 3.9), (21.4, 20.9, 20.8, 20.2), (9.4, 9.2, 9.1, 8.8)),
 }  # fmt: skip
+THESIS_RAYS = {method: tuple(of_scene[-1] for of_scene in scenes) for method, scenes in THESIS_TABLE.items()}
 THESIS_SPEED = {
     "SWB": (2.2, 1.5, 1.3, 1.9), "GWB": (3.0, 2.2, 1.3, 2.2), "GNB": (4.5, 3.5, 1.6, 3.5), "GWU": (3.8, 2.6, 1.3, 2.6),
     "GNU": (6.7, 4.8, 1.6, 5.2), "OPT": (10.5, 7.6, 2.6, 8.5),
 }  # fmt: skip
 COLOURS = {"SNB": "#d9b08c", "SNU": "#d98c5f", "SWB": "#a8763e", "SWU": "#7a4a1d", "GNB": "#a8c8a0", "GNU": "#3f8f4f",
-           "GWB": "#b9a3cf", "GWU": "#7a5aa0", "OPT": "#2f6690", "ours": "#c0392b"}  # fmt: skip
+           "GWB": "#b9a3cf", "GWU": "#7a5aa0", "FLO": "#7fa8c9", "OPT": "#2f6690",
+           "ours": "#c0392b"}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -179,6 +185,11 @@ def _targets(project: Project, n_directions: int) -> Targets:
 def _seen(hits: PrimaryHits, caster: Any, targets: Targets, method: str) -> Visibility:
     if method != OURS:
         return variant_visibility(hits, caster, targets, method)  # type: ignore[arg-type]
+    return ours_visibility(hits, caster, targets)
+
+
+def ours_visibility(hits: PrimaryHits, caster: Any, targets: Targets) -> Visibility:
+    """What the engine does: the sphere's triangles where there are as many directions, else any directions."""
     level = LEVELS.get(len(targets.positions))
     own = replace(targets, weak_step=WEAK_STEP, weakest_step=WEAKEST_STEP, doubt_step=DOUBT_STEP)
     visibility = empty_visibility(hits, own if level is None else sphere_targets(level))
@@ -207,11 +218,11 @@ def write_visibility(folder: Path, rows: Sequence[VisibilityRow]) -> None:
 
 def visibility_tables(rows: Sequence[VisibilityRow]) -> str:
     """Tables 8.1 to 8.3 of the thesis with our figures, in Markdown."""
-    scenes, sizes = _scenes(rows), list(dict.fromkeys((row.side, row.directions) for row in rows))
+    scenes, sizes = scenes_of(rows), list(dict.fromkeys((row.side, row.directions) for row in rows))
     parts = []
     for scene in scenes:
         heads = [f"{directions} at {side}²" for side, directions in sizes]
-        found = {method: [_one(rows, scene, *size, method) for size in sizes] for method in METHODS}
+        found = {method: [row_of(rows, scene, *size, method) for size in sizes] for method in METHODS}
         lines = [
             [method, *(f"{100 * of.rays:.1f} / {_percent(of.wrong)}" for of in own)] for method, own in found.items()
         ]
@@ -239,9 +250,9 @@ def _beside(
     rows: Sequence[VisibilityRow], size: tuple[int, int], thesis: Mapping[str, tuple[float, ...]],
     cell_text: Callable[[VisibilityRow, VisibilityRow], str],
 ) -> str:  # fmt: skip
-    scenes, lines = _scenes(rows), []
+    scenes, lines = scenes_of(rows), []
     for method in METHODS:
-        cells = [cell_text(_one(rows, scene, *size, method), _one(rows, scene, *size, TRUE)) for scene in scenes]
+        cells = [cell_text(row_of(rows, scene, *size, method), row_of(rows, scene, *size, TRUE)) for scene in scenes]
         known = thesis.get(method, ())
         known = known if len(known) == len(scenes) else ()
         cells = [f"{cell} ({known[i]:g})" if known else cell for i, cell in enumerate(cells)]
@@ -250,12 +261,12 @@ def _beside(
 
 
 def _ray_costs(rows: Sequence[VisibilityRow], size: tuple[int, int]) -> str:
-    scenes = _scenes(rows)
+    scenes = scenes_of(rows)
     lines = []
     for method in (TRUE, OPT, OURS):
-        found = [_one(rows, scene, *size, method) for scene in scenes]
+        found = [row_of(rows, scene, *size, method) for scene in scenes]
         lines.append([f"µs a ray in {method}", *(f"{1e6 * each.ray_seconds / each.n_rays:.3f}" for each in found)])
-        truths = [_one(rows, scene, *size, TRUE) for scene in scenes]
+        truths = [row_of(rows, scene, *size, TRUE) for scene in scenes]
         if method != TRUE:
             faster = [(true.seconds / each.seconds, 1.0 / each.rays) for each, true in zip(found, truths, strict=True)]
             lines.append(
@@ -267,11 +278,11 @@ def _ray_costs(rows: Sequence[VisibilityRow], size: tuple[int, int]) -> str:
     return table(["", *scenes], lines)
 
 
-def _scenes(rows: Sequence[VisibilityRow]) -> list[str]:
+def scenes_of(rows: Sequence[VisibilityRow]) -> list[str]:
     return list(dict.fromkeys(row.scene for row in rows))
 
 
-def _one(rows: Sequence[VisibilityRow], scene: str, side: int, directions: int, method: str) -> VisibilityRow:
+def row_of(rows: Sequence[VisibilityRow], scene: str, side: int, directions: int, method: str) -> VisibilityRow:
     """Cut lights may be one or two more or fewer from sky to sky."""
     own = [row for row in rows if (row.scene, row.side, row.method) == (scene, side, method)]
     return min(own, key=lambda row: abs(row.directions - directions))
@@ -279,13 +290,13 @@ def _one(rows: Sequence[VisibilityRow], scene: str, side: int, directions: int, 
 
 def _plot(file: Path, rows: Sequence[VisibilityRow]) -> None:
     """Wrong answers against rays at 400 lights, or the most there are; hollow: the thesis' share of rays."""
-    scenes = _scenes(rows)
+    scenes = scenes_of(rows)
     side, directions = max((row.side, row.directions) for row in rows if row.directions <= MOST_LIGHTS + 1)
     figure, all_axes = plt.subplots(
         1, len(scenes), figsize=(3.6 * len(scenes), 4.0), layout="constrained", sharey=True, squeeze=False
     )
     for i, (axes, scene) in enumerate(zip(all_axes[0], scenes, strict=True)):
-        _draw(axes, [_one(rows, scene, side, directions, method) for method in METHODS[1:]], i)
+        _draw(axes, [row_of(rows, scene, side, directions, method) for method in METHODS[1:]], i)
     all_axes[0][0].set_ylabel("wrong answers, %")
     save_figure(file, figure)
 

@@ -238,17 +238,28 @@ def nearest_within(corners: Float64Array, at: Float64Array) -> Float64Array:
     return best
 
 
-def write_textures(folder: Path, effort: TextureEffort, report: Callable[[str], None]) -> None:
-    """Measure the scenes and write the table into a folder."""
+def measure_all(effort: TextureEffort, report: Callable[[str], None]) -> list[Measured]:
+    """The rows of all scenes."""
     found = []
     for name in effort.scenes:
         for row in measure(name, effort):
             report(f"{name}, {row.way}, {row.n_kept:,} places: {row.radiance:.2%}")
             found.append(row)
+    return found
+
+
+def write_textures(folder: Path, effort: TextureEffort, report: Callable[[str], None]) -> None:
+    """Measure the scenes and write the table and the plot into a folder."""
+    found = measure_all(effort, report)
     with open(folder / FILE, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(("scene", "way", "places", "error of visibility", "relRMSE", "share of the rectangle"))
         writer.writerows((e.scene, e.way, e.n_kept, e.visibility, e.radiance, e.share_used) for e in found)
+    write_plot(folder, effort, found)
+
+
+def write_plot(folder: Path, effort: TextureEffort, found: Sequence[Measured]) -> None:
+    """The atlas of the first scene, and errors by the number of places."""
     scene = open_project(effort.scenes[0], effort.resolution).scene
     _draw(folder / PLOT, scene, Charts(scene).atlas(ATLAS_TEXELS)[0], found)
 

@@ -27,8 +27,9 @@ def measure(source: str, resolution: tuple[int, int] | None, repetitions: int, r
     """All figures, and the pictures (H,W,3) `first`, `fine` and which pixels see a reflecting object, `seen`."""
     with contextlib.closing(EditorRig(source, resolution, wait=False)) as rig:
         first_seconds = measure_first(rig)
-        first = rig.renderer.linear_image()
+        first, shown = rig.renderer.linear_image(), time.perf_counter()
         rig.wait_until_exact()
+        exact_seconds = first_seconds + time.perf_counter() - shown
         pictures = {"first": first, "fine": rig.renderer.linear_image(), "seen": seen_pixels(rig)}
         following, whole = measure_freezing(rig, rounds)
         edited = reflecting(rig, editable=True) if repetitions else []
@@ -38,6 +39,7 @@ def measure(source: str, resolution: tuple[int, int] | None, repetitions: int, r
             "resolution": list(first.shape[1::-1]),
             "n_bounces": rig.editor.view.settings.n_bounces,
             "first_s": first_seconds,
+            "finest_s": exact_seconds,
             "freeze_s": following,
             "freeze_whole_s": whole,
             "edit_ms": {name: framed for name, (framed, _) in edits.items()},

@@ -22,8 +22,8 @@ def trace_variant(hits: PrimaryHits, caster: RayCaster, targets: Targets, varian
     Slow: one pixel after the other.
     """
     picture = _Picture(hits, caster, targets)
-    opt = variant == "OPT"
-    order, warp, boundary = ("G", False, False) if opt else (variant[0], variant[1] == "W", variant[2] == "B")
+    opt, few_floods = variant == "OPT", variant in ("FLO", "OPT")
+    order, warp, boundary = ("G", False, False) if few_floods else (variant[0], variant[1] == "W", variant[2] == "B")
     n_informers = 4 if order == "G" else 3
     steps = _everything(hits) if variant == "TRUE" else _grid(hits) if order == "G" else _scanline(hits)
     for row, informers, last in steps:
@@ -35,7 +35,7 @@ def trace_variant(hits: PrimaryHits, caster: RayCaster, targets: Targets, varian
         doubt = _boundary(blocked, targets.neighbours) if boundary else (counts > 0) & ~blocked
         if boundary and order == "S":
             doubt |= picture.near_horizon(row)
-        picture.correct(row, blocked, doubt, only_disagreeing=opt, flood=not (opt and last))
+        picture.correct(row, blocked, doubt, only_disagreeing=opt, flood=not (few_floods and last))
     return picture.bits, picture.n_rays
 
 
