@@ -29,7 +29,7 @@ from engine.realtime.core.shading_points import ShadingPoints
 from engine.realtime.core.terms import MOVING_PROBES, map_factor
 from engine.scene.bump_normals import Footprints, gradients
 from engine.scene.description import CameraDescription
-from engine.scene.edges import Surface, edge_pixels, ray_offsets, turn_of
+from engine.scene.edges import Surface, edge_pixels, group_samples, ray_offsets, turn_of
 from engine.scene.primary_hits import object_tangents
 from engine.scene.raycaster import Intersections, RayCaster
 from engine.scene.scene_loader import Scene
@@ -67,36 +67,43 @@ class PointMesh:
         return other
 
     def sample_view(
-        self, camera: CameraDescription, resolution: tuple[int, int], n_edge_rays: int = 0, in_sight: bool = False
-    ) -> ViewSamples:
+        self, camera: CameraDescription, resolution: tuple[int, int], n_edge_rays: int = 0, in_sight: bool = False,
+        is_grouped: bool = False,
+    ) -> ViewSamples:  # fmt: skip
         """Sample a picture of resolution (width, height) with one ray through each pixel's centre and, to antialias
-        edges, with 4, 8 or 16 rays through pixels there. More than 4 rays also cover creases and borders of an object.
-        in_sight: interpolate only points that are visible from the sample. The last result is cached, because the
-        camera rests while a material or the light changes."""
-        requested = camera, resolution, n_edge_rays, in_sight
+        edges, with 4, 8 or 16 rays through pixels there. is_grouped: rays that meet one surface share a sample, as in
+        Placement; edges are then silhouettes, as they are with 4 rays, while more rays also cover creases and borders
+        of an object. in_sight: interpolate only points that are visible from the sample. The last result is cached,
+        because the camera rests while a material or the light changes."""
+        requested = camera, resolution, n_edge_rays, in_sight, is_grouped
         if self._last is None or self._last[0] != requested:
             self._last = requested, self._sample_view(*requested)
         return self._last[1]
 
     def _sample_view(
-        self, camera: CameraDescription, resolution: tuple[int, int], n_edge_rays: int, in_sight: bool
+        self, camera: CameraDescription, resolution: tuple[int, int], n_edge_rays: int, in_sight: bool, is_grouped: bool
     ) -> ViewSamples:
         width, height = resolution
         pixel, share = np.arange(width * height), np.ones(width * height, np.float32)
         samples, found = self._trace(camera, resolution, np.empty((0, 2)), len(pixel))
         if n_edge_rays:
             edges = np.zeros((height, width), bool)
-            if n_edge_rays > _FEW_EDGE_RAYS:
-                edges[:] = self._edges(samples, found, resolution).reshape(height, width)
+            if n_edge_rays > _FEW_EDGE_RAYS and not is_grouped:
+                seen = self._surface_of(samples, found)
+                edges[:] = edge_pixels(samples.i_object, seen, turn_of(_FEW_EDGE_RAYS), resolution).reshape(edges.shape)
             else:
                 kernels.silhouettes(samples.i_object.reshape(height, width), edges)
             inner, outer = np.flatnonzero(~edges), np.flatnonzero(edges)
             places = np.stack([outer % width, outer // width], axis=1)[:, None] + (0.5 + ray_offsets(n_edge_rays))
             more, found_more = self._trace(camera, resolution, places.reshape(-1, 2), n_edge_rays * len(outer))
-            samples = Samples(*(np.concatenate([a[inner], b]) for a, b in zip(samples, more, strict=True)))
-            found = tuple(np.concatenate([a[inner], b]) for a, b in zip(found, found_more, strict=True))
-            pixel = np.concatenate([inner, np.repeat(outer, n_edge_rays)])
-            share = np.concatenate([share[inner], np.full(n_edge_rays * len(outer), 1.0 / n_edge_rays, np.float32)])
+            used = np.arange(n_edge_rays * len(outer))
+            shares = np.full(len(used), 1.0 / n_edge_rays, np.float32)
+            if is_grouped:
+                used, shares = self._group(more, found_more, n_edge_rays, len(pixel))
+            samples = Samples(*(np.concatenate([a[inner], b[used]]) for a, b in zip(samples, more, strict=True)))
+            found = tuple(np.concatenate([a[inner], b[used]]) for a, b in zip(found, found_more, strict=True))
+            pixel = np.concatenate([inner, np.repeat(outer, n_edge_rays)[used]])
+            share = np.concatenate([share[inner], shares])
         if in_sight:
             self.visibility.fix_corners(samples, found[0])
         i_object = samples.i_object
@@ -107,10 +114,24 @@ class PointMesh:
         what = samples, pixel, share, order, bounds, found, self._points, self._charts
         return ViewSamples((width, height), camera_position, axes, *what)
 
-    def _edges(
-        self, samples: Samples, found: tuple[NDArray, ...], resolution: tuple[int, int]
-    ) -> NDArray[np.bool_]:  # fmt: skip
-        """Find pixels (R,) at edges as Placement defines them: also where one object breaks off or bends."""
+    def _group(
+        self, samples: Samples, found: tuple[NDArray, ...], n_rays: int, n_pixels: int
+    ) -> tuple[Rows, Float32Array]:
+        """Choose, of the n_rays through each of some pixels, those that represent a surface, and those that meet
+        nothing that reflects; also return their shares of the pixel."""
+        met = self._surface_of(samples, found)
+        shape = len(met.ids) // n_rays, 1 + n_rays
+        ids, position, normal = np.full(shape, -1, np.int32), *np.zeros((2, *shape, 3), np.float32)
+        for whole, rays in zip((ids, position, normal), met, strict=True):
+            whole[:, 1:] = rays.reshape(-1, n_rays, *rays.shape[1:])  # the first, for the centre, meets nothing
+        groups = group_samples(Surface(ids, position, normal), ray_offsets(n_rays), turn_of(n_rays), n_pixels)
+        leads = groups.leader[:, 1:] == np.arange(1, n_rays + 1)
+        alone = groups.leader[:, 1:] < 0
+        used, share = np.flatnonzero(leads | alone), np.where(alone, np.float32(1.0 / n_rays), groups.share[:, 1:])
+        return used, np.asarray(share.ravel()[used], np.float32)
+
+    def _surface_of(self, samples: Samples, found: tuple[NDArray, ...]) -> Surface:
+        """What samples (R,) meet that reflects, in world space."""
         reflects = np.flatnonzero(samples.corners[:, 0] >= 0)
         ids = np.where(samples.corners[:, 0] >= 0, samples.i_object, -1)
         position, normal = np.zeros((2, len(ids), 3), np.float32)
@@ -118,8 +139,7 @@ class PointMesh:
         between = np.einsum("rk,rki->ri", weights, self._points.normal[corners])
         normal[reflects] = between / np.maximum(np.linalg.norm(between, axis=1, keepdims=True), 1e-30)
         position[reflects] = np.einsum("rk,rki->ri", weights, self._points.corners[found[0][reflects]])
-        surface = Surface(ids.astype(np.int32), position, normal)
-        return edge_pixels(samples.i_object, surface, turn_of(_FEW_EDGE_RAYS), resolution)
+        return Surface(ids.astype(np.int32), position, normal)
 
     def set_emission(self, scene: Scene) -> None:
         """Update the objects' emission."""
@@ -265,7 +285,7 @@ def assemble_picture(
 
         on_threads(part, *even_parts(len(radiance)))
     width, height = seen.resolution
-    if len(radiance) == width * height:
+    if (seen.share == 1.0).all():
         return radiance.reshape(height, width, 3)
     whole = np.stack([np.bincount(seen.pixel, radiance[:, i] * seen.share, width * height) for i in range(3)], axis=1)
     return whole.astype(np.float32).reshape(height, width, 3)

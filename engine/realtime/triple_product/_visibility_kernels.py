@@ -238,11 +238,12 @@ def patches_in_question(
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def uncertain_peaks(
     samples: NDArray[np.int64], corners: NDArray[np.int32], weights: Float32Array, frame: Float32Array,
-    peaks: PeakLights, n_peaks: int,
+    peaks: PeakLights, n_peaks: int, strong: int,
     everywhere: bool, row: NDArray[np.int32], peak: NDArray[np.int32], share: Float32Array, cosine: Float32Array,
 ) -> int:  # fmt: skip
     """List the peaks, of the first n_peaks (at most 8), whose visibility at samples (N,) may differ from that at their
-    points: peaks that one of the three points sees and another does not, or, if everywhere, all above the horizon.
+    points: peaks that one of the three points sees and another does not, and those in the bits of strong; or, if
+    everywhere, all above the horizon.
     Fills row (ascending) and peak (N · n_peaks,), and by the points' weights (R, 3) share, how much of the peak they
     see, and cosine, the same times their cosines. Returns the number."""
     n_found, first_peaks = 0, (1 << n_peaks) - 1
@@ -251,11 +252,12 @@ def uncertain_peaks(
         # Bits that are set at some corner but not at all of them.
         a, b, c = peaks.bits[corners[j, 0], 0], peaks.bits[corners[j, 1], 0], peaks.bits[corners[j, 2], 0]
         in_question = ((a | b | c) ^ (a & b & c)) & first_peaks
-        if in_question == 0 and not everywhere:
+        tested = first_peaks if everywhere else in_question | strong
+        if tested == 0:
             continue
         for s in range(n_peaks):
             d, seen, known, above = peaks.direction[s], np.float32(0.0), np.float32(0.0), np.float32(0.0)
-            if not (everywhere or in_question >> s & 1):
+            if not tested >> s & 1:
                 continue
             # Interpolate share and cosine from the points.
             for k in range(3):

@@ -8,7 +8,8 @@ materials afterwards
 
 where E_1 is the points' direct irradiance and d the equivalent albedo at the hit [BenArtzi07, 5.2.4]. Irradiance
 is interpolated between gathering points as in an irradiance cache [Ward88]: weights fall with the distance over the
-mean distance of the surfaces that rays meet, and with the angle between normals. A point never takes irradiance from
+mean distance of the surfaces that rays meet, and with the angle between normals; they are then changed so that
+irradiance may fall evenly across a surface [Lancaster81]. A point never takes irradiance from
 one behind a wall, which may be a hundred times as bright. Points far from all gathering points gather as well. An
 update takes some milliseconds, so it follows every change.
 
@@ -29,6 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from engine.core.threads import even_parts, on_threads
 from engine.precompute.indirect.direction_patterns import cosine_tables
 from engine.realtime.core.shading_points import Int32Array, ShadingPoints
 from engine.realtime.core.view_samples import PointMesh
@@ -36,12 +38,14 @@ from engine.realtime.triple_product import _incident_kernels as kernels
 
 Float32Array = NDArray[np.float32]
 Rows = NDArray[np.int64]
-N_GATHERING = 3072
-N_MORE, _ROUNDS = 1024, 2  # where no gathering point is close
+N_GATHERING = 6144
+N_MORE, _ROUNDS = 2048, 2  # where no gathering point is close
 N_OF_BACKS = 512  # for backs that a camera requested
 N_RAYS = 512
 _AT_ONCE = 64  # gathering points: 32,768 rays
-_BESIDE, _CANDIDATES = 8, 12
+_BESIDE, _CANDIDATES = 12, 16
+# Ridge against slopes that few or distant gathering points would exaggerate, as a share of their mean square distance.
+_STIFF = 0.1
 _INTERPOLATED = 8192  # points at a time
 # Distance that counts for opposite normals, as a share of the scene's size.
 _TURNED = 0.25
@@ -78,14 +82,19 @@ class Gathering:
     def gathered(self, sent: Float32Array) -> Float32Array:
         """Gather (G, 3) from the radiosity of all points (S, 3)."""
         found = np.empty((len(self.ends), 3), np.float32)
-        kernels.gather_bounces(self.ends, np.ascontiguousarray(sent), found)
+        sent = np.ascontiguousarray(sent)
+        on_threads(
+            lambda start, stop: kernels.gather_bounces(self.ends[start:stop], sent, found[start:stop]),
+            *even_parts(len(found)),
+        )
         return found
 
 
 @dataclass(frozen=True, eq=False)
 class Around:
-    """Neighbours of points (N,): the gathering points beside (N, K) with weights share (N, K), and error (N,), the
-    relative error of irradiance from the best of them; infinite if none is in sight."""
+    """Neighbours of points (N,): the gathering points beside (N, K) with weights share (N, K), some of them below 0
+    where irradiance is extrapolated, and error (N,), the relative error of irradiance from the best of them; infinite
+    if none is in sight."""
 
     beside: NDArray[np.int32]
     share: Float32Array
@@ -95,7 +104,7 @@ class Around:
         """Interpolate gathered values (G, 3) at the points, (N, 3)."""
         found = np.empty((len(self.beside), 3), np.float32)
         kernels.spread_bounces(self.beside, self.share, gathered, found)
-        return found
+        return np.maximum(found, np.float32(0.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,6 +226,8 @@ def _unlike(exchange: Exchange, shone: Float32Array) -> Float32Array:
     once = gathering.gathered(0.5 * shone)
     sent[exchange.rows] = 0.5 * around.between(once)
     found = once + gathering.gathered(sent)
+    share = np.abs(around.share)
+    around = replace(around, share=share / share.sum(axis=1, keepdims=True))
     mean, square = around.between(found), around.between(found**2)
     spread = np.sqrt(np.maximum(square - mean**2, 0.0))
     least = np.maximum(_FAINT * mean.mean(axis=0, keepdims=True), 1e-12)
@@ -282,10 +293,26 @@ def _interpolate(
         weights = np.where(seen, (inverse - 0.999 * inverse[:, -1:]) ** 2, 0.0)
         alone = ~weights.any(axis=1)
         weights[alone] = inverse[alone] ** 2
-        beside[at, :most], share[at, :most] = number, weights / weights.sum(axis=1, keepdims=True)
+        weights /= weights.sum(axis=1, keepdims=True)
+        offsets = points.position[there] - points.position[here, None]
+        within = np.einsum("nki,nji->nkj", offsets, points.frames[here][:, ::2])  # along tangent and bitangent
+        beside[at, :most], share[at, :most] = number, _following_slopes(weights, within)
         error[at] = np.where(seen, off, np.inf).min(axis=1)
         yield
     return Around(beside, share, error)
+
+
+def _following_slopes(weights: NDArray[np.floating], offsets: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Change weights (N, K), whose sums are 1, so that they reproduce linear functions of the neighbours' offsets
+    (N, K, 2) at 0, by moving least squares [Lancaster81]; the sums stay 1. A ridge keeps them bounded where neighbours
+    lie on one side."""
+    # The basis p = (1, x, y), with x and y scaled to a mean square distance of 1; w' = w p·(Σ w p pᵀ)⁻¹ (1, 0, 0).
+    square = np.einsum("nk,nki,nki->n", weights, offsets, offsets)
+    basis = np.ones((*weights.shape, 3))
+    basis[..., 1:] = offsets / np.sqrt(np.maximum(square, 1e-30))[:, None, None]
+    moments = np.einsum("nk,nki,nkj->nij", weights, basis, basis) + np.diag([0.0, _STIFF, _STIFF])
+    first = np.linalg.solve(moments, np.broadcast_to([[1.0], [0.0], [0.0]], (len(weights), 3, 1)))[..., 0]
+    return np.asarray(weights * np.einsum("nki,ni->nk", basis, first))
 
 
 def _choose_evenly(points: ShadingPoints, space: _Space, wanted: NDArray[np.bool_], n_most: int) -> Rows:

@@ -58,7 +58,8 @@ _COARSE, _FINE, _TRACED = 1536, 256, 96
 # Share of a picture. Back faces below it wait until the user is idle: perturbed normals show them at silhouettes one
 # pixel wide.
 _LEAST_BACK = 0.005
-_EDGE_RAYS = {"moving": 0, "rest": 4, "still": 16}
+_EDGE_RAYS = {"moving": 0, "rest": 16, "still": 16}
+_SOFT_EDGE_RAYS = 4  # of a moving picture with soft edges
 _FIRST_VIEW_SIDE = 256  # pixels across, to find the points that come first
 
 
@@ -312,8 +313,9 @@ class Orbit:
         if lit is None:
             raise ValueError("nothing is ready to be drawn: expected some steps of work before")
         least = 0.0 if quality == "still" else _LEAST_BACK
-        n_edge_rays = _EDGE_RAYS[quality] or (_EDGE_RAYS["rest"] if has_soft_edges else 0)
-        seen = self._prioritize(lit, camera, resolution, n_edge_rays, quality != "moving", least)
+        n_edge_rays = _EDGE_RAYS[quality] or (_SOFT_EDGE_RAYS if has_soft_edges else 0)
+        how = n_edge_rays, quality != "moving", quality == "rest"
+        seen = self._prioritize(lit, camera, resolution, how, least)
         # Points without any light, because the camera jumped or back faces came into view, would be black: light them
         # now.
         while len(which := np.flatnonzero(lit.seen & ~lit.known)[: _COARSE * n_threads()]):
@@ -375,26 +377,26 @@ class Orbit:
         lit = self._lit
         if lit is not None:
             width, height = self.scene.resolution
-            self._prioritize(lit, camera, (_FIRST_VIEW_SIDE, max(1, round(_FIRST_VIEW_SIDE * height / width))), 0)
+            self._prioritize(lit, camera, (_FIRST_VIEW_SIDE, max(1, round(_FIRST_VIEW_SIDE * height / width))))
 
     def _prioritize(
-        self, lit: LitPoints, camera: CameraDescription, resolution: tuple[int, int], n_edge_rays: int,
-        in_sight: bool = False, least: float = 0.0,
+        self, lit: LitPoints, camera: CameraDescription, resolution: tuple[int, int],
+        how: tuple[int, bool, bool] = (0, False, False), least: float = 0.0,
     ) -> ViewSamples:  # fmt: skip
-        """Give priority to the points of this picture, and sample it. Add points to back faces that no picture has seen
-        yet: at once, without shadows, if they cover more than `least` of the picture, else when nothing more urgent is
-        left."""
-        seen = lit.mesh.sample_view(camera, resolution, n_edge_rays, in_sight)
+        """Give priority to the points of this picture, and sample it; how: see `PointMesh.sample_view`. Add points to
+        back faces that no picture has seen yet: at once, without shadows, if they cover more than `least` of the
+        picture, else when nothing more urgent is left."""
+        seen = lit.mesh.sample_view(camera, resolution, *how)
         if behind := seen.from_behind(least):
             lit.add_backs(behind, self._are_glossy)
             self.version += 1
-            seen = lit.mesh.sample_view(camera, resolution, n_edge_rays, in_sight)
+            seen = lit.mesh.sample_view(camera, resolution, *how)
         lit.seen, lit.behind = seen.visible_points(), lit.behind | set(seen.from_behind())
         return seen
 
     def _within_memory(self, n_points: int) -> int:
         """How many coefficients a point fit into memory, at most the desired number."""
-        rest = self._most_bytes - n_points * (N_UPPER // 2 + self._n_patches // 8 + 128)
+        rest = self._most_bytes - n_points * (N_UPPER // 2 + self._n_patches // 8 + 160)
         return min(self._n_coefficients, rest // (n_points or 1) // _BYTES_A_COEFFICIENT)
 
     def _n_least(self) -> int:

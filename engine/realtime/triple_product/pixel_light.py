@@ -2,8 +2,9 @@
 distance between points.
 
 **Peaks.** Occluders in front of a window cast shadows finer than any set of points; interpolated between points, the
-shadows look torn. So pixels of pictures at rest trace rays to each of the few peaks that their points disagree about,
-and pixels of stills to all of these, each to several places of the peak, because the width of a peak blurs its shadow.
+shadows look torn. So pixels of pictures at rest trace rays to suns and to each of the few peaks that their points
+disagree about, and pixels of stills to all of these, each to several places of the peak, because the width of a peak
+blurs its shadow.
 
 **Emitters in the scene.** Light through a slit is narrower than the distance between points. Pixels of pictures at rest
 trace rays to the patches that their points disagree about. Pixels of stills first trace some rays to all patches; where
@@ -34,7 +35,9 @@ from engine.scene.scene_loader import Scene
 Float32Array = NDArray[np.float32]
 _ROWS_AT_ONCE = 65536
 _SAMPLES_AT_ONCE = 16384
-_N_AT_REST, _N_FEW = 2, 4  # rays to a peak; the latter in stills at first
+_N_FEW = 4  # rays to a peak at first
+# Share of all peaks' power above which a peak is tested even where points agree: a sun.
+_STRONG = 0.1
 # Rays of a sample at most: to check the points' visibility, and to replace it, at rest and in stills.
 _N_CHECKS, _MOST_RAYS = 16, {"rest": 4, "still": 256}
 _NARROW = 0.25  # share of a still's rays that arrive, below which all patches are tested
@@ -117,15 +120,17 @@ def peak_shadows(
     seen: ViewSamples, which: Rows, incident: Incident, sky: SkyMap, caster: RayCaster, everywhere: bool
 ) -> Iterator[Correction]:
     """Find the corrections for peaks whose visibility samples (N,) do not know from their points, some at a time;
-    caster: intersects the scene's triangles; everywhere: also test pixels whose points agree, and add all rays where a
-    few reveal an edge."""
+    caster: intersects the scene's triangles; everywhere: also test pixels whose points agree, and add all rays where
+    points disagree as well as where a few rays reveal an edge."""
     peaks, n_peaks = peak_lights_of(sky, incident, 0.0), len(sky.peak_places)
+    power = sky.peak_power.sum(axis=1)
+    strong = sum(1 << int(s) for s in np.flatnonzero(power[:n_peaks] > _STRONG * power.sum()))
     for start in range(0, len(which) if n_peaks else 0, _SAMPLES_AT_ONCE):
         some = which[start : start + _SAMPLES_AT_ONCE]
         row, peak = np.empty((2, len(some) * n_peaks), np.int32)
         share, cosine = np.empty((2, len(row)), np.float32)
         n = kernels.uncertain_peaks(
-            some, seen.samples.corners, seen.samples.weights, seen.points.frames, peaks, n_peaks, everywhere,
+            some, seen.samples.corners, seen.samples.weights, seen.points.frames, peaks, n_peaks, strong, everywhere,
             row, peak, share, cosine,
         )  # fmt: skip
         row, peak, share, cosine = row[:n], peak[:n], share[:n], cosine[:n]
@@ -134,17 +139,19 @@ def peak_shadows(
         normals = seen.normals(requested)
         above = np.einsum("ni,ni->n", normals[place], sky.peak_direction[peak])
         lifted = caster.offset_origins(seen.places(requested), normals)[place]
-        first, free, lit = phases(seen, requested)[place], np.zeros(n, np.float32), np.flatnonzero(above > 0.0)
-        few = _N_FEW if everywhere else _N_AT_REST
-        free[lit] = _free_share(caster, lifted[lit], sky.peak_places[peak[lit]], first[lit], few)
-        if everywhere:
-            is_edge = (free > 0.0) & (free < 1.0) | (share > 1e-3) & (share < 1.0 - 1e-3)
-            edge = np.flatnonzero(is_edge & (above > 0.0))
-            free[edge] = _free_share(caster, lifted[edge], sky.peak_places[peak[edge]], first[edge], N_PLACES)
+        first, free = phases(seen, requested)[place], np.zeros(n, np.float32)
+        # One ray tells whether points that agree are right; where they are not, as at an edge, all rays are sent.
+        disagree = (share > 1e-3) & (share < 1.0 - 1e-3)
+        for mine, n_rays in ((~(disagree | everywhere), 1), (disagree | everywhere, _N_FEW)):
+            own = np.flatnonzero(mine & (above > 0.0))
+            free[own] = _free_share(caster, lifted[own], sky.peak_places[peak[own]], first[own], n_rays)
+        is_edge = (free > 0.0) & (free < 1.0) | ~disagree & (np.abs(free - share) > 0.5) | disagree & everywhere
+        edge = np.flatnonzero(is_edge & (above > 0.0))
+        free[edge] = _free_share(caster, lifted[edge], sky.peak_places[peak[edge]], first[edge], N_PLACES)
         share, cosine = free - share, free * above - cosine
         wrong = np.flatnonzero(np.abs(share) > 1e-3)
-        own = peak[wrong]
-        yield Correction(some[row[wrong]], sky.peak_direction[own], sky.peak_power[own], share[wrong], cosine[wrong])
+        of = peak[wrong]
+        yield Correction(some[row[wrong]], sky.peak_direction[of], sky.peak_power[of], share[wrong], cosine[wrong])
 
 
 def _free_share(

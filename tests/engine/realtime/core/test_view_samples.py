@@ -56,3 +56,17 @@ def test_footprints_are_those_of_the_neighbouring_pixels_rays() -> None:
         np.testing.assert_allclose(uv, pixel_footprints(scene, hits, middles, SIZE)[0], atol=1e-5)
         np.testing.assert_allclose(left, pixel_footprints(scene, hits, middles - (2.0, 0.0), SIZE)[1], 2e-3, 2e-4)
         np.testing.assert_allclose(up, pixel_footprints(scene, hits, middles - (0.0, 2.0), SIZE)[2], 2e-3, 2e-4)
+
+
+def test_rays_at_a_silhouette_that_meet_one_surface_share_a_sample() -> None:
+    scene = build_scene(parse_description(tomllib.loads(SCENE), "ball"), Path("ball.toml"), SIZE)
+    mesh, camera = PointMesh(scene, shading_points(scene, Placement(scene).caster, 300)), scene.description.camera
+    every, grouped = mesh.sample_view(camera, SIZE, 4), mesh.sample_view(camera, SIZE, 4, is_grouped=True)
+    # In each pixel each object, and the background, covers as much as by single rays; half of these are left or less.
+    n_objects, covered = len(scene.smooth) + 1, []
+    for seen in (every, grouped):
+        place = seen.pixel * n_objects + seen.samples.i_object + 1
+        covered.append(np.bincount(place, seen.share, SIZE[0] * SIZE[1] * n_objects))
+    np.testing.assert_allclose(covered[1], covered[0], atol=1e-6)
+    reflecting = [int(((seen.share < 1.0) & (seen.samples.corners[:, 0] >= 0)).sum()) for seen in (every, grouped)]
+    assert 0 < 2 * reflecting[1] < reflecting[0]

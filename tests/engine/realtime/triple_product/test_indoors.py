@@ -12,7 +12,7 @@ from engine.material.layer import evaluate_layers, make_layer
 from engine.precompute.direct.pipeline import SkyState
 from engine.realtime.core.terms import to_shading_frame
 from engine.realtime.triple_product.orbit_engine import Orbit
-from engine.realtime.triple_product.view_radiance import mirrored_light
+from engine.realtime.triple_product.view_radiance import Quality, mirrored_light
 from engine.scene.description import parse_description
 from engine.scene.scene_loader import build_scene
 from engine.sphere.geodesic import geodesic
@@ -72,7 +72,8 @@ def test_a_place_asks_the_corners_on_its_own_side_of_a_wall() -> None:
     assert not met.weights[beyond].any() and beyond.any()
 
 
-def test_shadows_of_the_sun_are_found_between_points() -> None:
+@pytest.mark.parametrize("quality", ["rest", "still"])
+def test_shadows_of_the_sun_are_found_between_points(quality: Quality) -> None:
     # A floor of two triangles under a slat: whatever its four points know, pixels know the shadow's edges.
     image = np.zeros((512, 1024, 3), np.float32)
     image[128, 512] = 1e5
@@ -80,7 +81,7 @@ def test_shadows_of_the_sun_are_found_between_points() -> None:
     slat = placed("slat", "cube", scaled((3, 0.02, 0.3), (0, 1, 0)))
     orbit = made(camera((0.0, 6.0, 0.6), 45, (32, 24)) + FLOOR + slat, 0, light)
     eye = orbit.scene.description.camera
-    picture = orbit.draw(eye, (96, 72), "still").max(axis=2)
+    picture = orbit.draw(eye, (96, 72), quality).max(axis=2)
     seen = orbit.lit.mesh.sample_view(eye, (96, 72), 16)
     whole = seen.order[(seen.share[seen.order] == 1.0) & (seen.samples.i_object[seen.order] == 0)]
     places, toward = seen.places(whole), orbit._sky.peak_direction[0]
@@ -89,6 +90,22 @@ def test_shadows_of_the_sun_are_found_between_points() -> None:
     value = picture.ravel()[seen.pixel[whole]]
     assert (inside < 0.6).sum() > 30
     assert value[inside < 0.6].max() < 0.02 * value[inside > 1.5].min()
+
+
+def test_sunlight_through_a_gap_is_found_between_points() -> None:
+    # Two plates shade the floor's four points; through 30 cm between them the sun shines on its middle.
+    image = np.zeros((512, 1024, 3), np.float32)
+    image[128, 512] = 1e5
+    plates = "".join(placed(f"plate {z:g}", "cube", scaled((20, 0.02, 9.7), (0, 1, z))) for z in (-5.0, 5.0))
+    orbit = made(camera((0.0, 0.9, 3.0), 60, (32, 24), (0, 0, 1)) + FLOOR + plates, 0, SkyState(Environment(image, "")))
+    eye = orbit.scene.description.camera
+    picture, seen = orbit.draw(eye, (96, 72)).max(axis=2), orbit.lit.mesh.sample_view(eye, (96, 72))
+    floor, toward = seen.of(0), orbit.sky_map.peak_direction[0]
+    places = seen.places(floor)
+    across = np.abs(places[:, 2] + (1.0 - places[:, 1]) / toward[1] * toward[2])  # of the gap's middle, at 1 m height
+    value = picture.ravel()[floor]
+    assert (across < 0.1).sum() > 100 and (across > 0.2).sum() > 100
+    assert value[across > 0.2].max() < 0.02 * value[across < 0.1].min()
 
 
 def whole_floor(orbit: Orbit, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:

@@ -11,7 +11,13 @@ from engine.core.generators import run_to_end
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.precompute.indirect.direction_patterns import cosine_tables
-from engine.realtime.triple_product.irradiance_bounces import Bounces, trace_bounce_rays
+from engine.realtime.triple_product import irradiance_bounces
+from engine.realtime.triple_product.irradiance_bounces import (
+    _STIFF,
+    Bounces,
+    _following_slopes,
+    trace_bounce_rays,
+)
 from engine.realtime.triple_product.orbit_engine import Orbit
 from engine.scene.description import parse_description
 from engine.scene.scene_loader import build_scene
@@ -63,8 +69,10 @@ def test_one_bounce_is_no_work_and_black_walls_send_nothing_on(inside) -> None:
     assert inside.is_done and not [*inside.work()]
 
 
-def test_more_points_gather_where_bounced_light_has_an_edge(tmp_path: Path) -> None:
-    # On the floor of a dark room, before a slit: against rays of these points' own.
+def test_more_points_gather_where_bounced_light_has_an_edge(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # On the floor of a dark room, before a slit: against rays of these points' own. As few gather as of more points.
+    monkeypatch.setattr(irradiance_bounces, "N_GATHERING", 1536)
+    monkeypatch.setattr(irradiance_bounces, "N_MORE", 512)
     project = open_project(str(slit(tmp_path, 0.3)), (32, 24))
     orbit = Orbit(project.scene, n_points=8000, n_coefficients=20, n_patches=64)
     orbit.set_layers(layers_by_object(project))
@@ -86,3 +94,19 @@ def test_more_points_gather_where_bounced_light_has_an_edge(tmp_path: Path) -> N
         return float(np.sqrt(((found - truth) ** 2).mean()) / truth.mean())
 
     assert error(lit.bounces) < 0.85 * error(Bounces(run_to_end(trace_bounce_rays(points, lit.mesh), lambda _: None)))
+
+
+def test_weights_between_gathering_points_are_those_of_a_fitted_plane() -> None:
+    # The twin fits a + b x + c y to values by weighted least squares, with a ridge on the slopes; a is the value at 0.
+    chance = np.random.default_rng(3)
+    weights, offsets = chance.dirichlet(np.ones(9), 20), chance.normal(0.2, 0.5, (20, 9, 2))
+    values = chance.normal(size=(20, 9))
+    found = _following_slopes(weights, offsets)
+    np.testing.assert_allclose(found.sum(axis=1), 1.0)
+    for own, at, value, mine in zip(weights, offsets, values, found, strict=True):
+        scaled = at / np.sqrt(own @ (at**2).sum(axis=1))
+        rows = np.sqrt(own)[:, None] * np.column_stack([np.ones(9), scaled])
+        ridge = np.sqrt(_STIFF) * np.eye(3)[1:]
+        right = np.concatenate([np.sqrt(own) * value, np.zeros(2)])
+        plane = np.linalg.lstsq(np.concatenate([rows, ridge]), right)[0]
+        assert mine @ value == pytest.approx(plane[0])

@@ -89,23 +89,24 @@ def test_slices_of_suns_on_turned_surfaces_one_by_one(case: Case) -> None:
         np.testing.assert_allclose(out[j], expected, rtol=1e-4)
 
 
-@pytest.mark.parametrize("everywhere", [False, True])
-@pytest.mark.parametrize("n_suns", [1, 5, 8])
-def test_suns_that_points_do_not_agree_on(case: Case, n_suns: int, everywhere: bool) -> None:
+@pytest.mark.parametrize(("strong", "everywhere"), [(0, False), (0b1001, False), (0, True)])
+@pytest.mark.parametrize("n_suns", [5, 8])
+def test_suns_that_points_do_not_agree_on(case: Case, n_suns: int, strong: int, everywhere: bool) -> None:
     bits = case.bits.copy()
     bits[: N_POINTS // 2] = 255  # some samples' points agree
     suns = PeakLights(case.sky.peak_direction, case.sky.peak_power, bits, hemisphere().children, 0.0)
     row, sun = np.empty((2, N_SAMPLES * n_suns), np.int32)
     share, cosine = np.empty((2, len(row)), np.float32)
     n = _visibility_kernels.uncertain_peaks(
-        np.arange(N_SAMPLES), case.corners, case.weights, case.frame, suns, n_suns, everywhere, row, sun, share, cosine
-    )
+        np.arange(N_SAMPLES), case.corners, case.weights, case.frame, suns, n_suns, strong, everywhere, row, sun, share,
+        cosine,
+    )  # fmt: skip
     expected = []
     for j in range(N_SAMPLES):
         for s in range(n_suns):
             seen = bits[case.corners[j], 0] >> s & 1
             high = case.frame[case.corners[j], 1] @ case.sky.peak_direction[s]
-            if len(set(seen)) == 2 or (everywhere and case.weights[j] @ high > 0.0):
+            if len(set(seen)) == 2 or ((everywhere or strong >> s & 1) and case.weights[j] @ high > 0.0):
                 expected.append((j, s, case.weights[j] @ seen, case.weights[j] @ (seen * high)))
     found = np.stack([each[:n] for each in (row, sun, share, cosine)], axis=1)  # the rest is not written
     np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-6)
