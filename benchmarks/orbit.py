@@ -22,18 +22,23 @@ from benchmarks.figures import Figure, NotMeasured, not_measured
 from benchmarks.haar_truncation import Truncated, truncation_errors, write_truncation
 from benchmarks.launches import measure_orbit
 from benchmarks.references import reference_folder
+from engine.core.generators import run_to_end
 from engine.light.environment import Environment
 from engine.material.layer import Layer
 from engine.precompute.direct.pipeline import Placement, SkyState
+from engine.realtime.core.shading_points import place_points
 from engine.realtime.triple_product.orbit_engine import N_POINTS, Orbit
 from engine.reference.integrator import integrate_direct
 from engine.scene.camera_moves import orbit_camera
+from engine.scene.raycaster import RayCaster
 
 JUDGED, SCENE = ("teatray", "bunny"), "rings"
 N_NAMED = 320
 DEGREES_A_FRAME = 3.0  # as a hand goes round in some ten seconds
 TABLE = "orbit.csv"
-SPEEDS = ("orbit_fps_moving", "orbit_rest_s", "orbit_edit_s", "orbit_turn_stall_ms", "orbit_precompute_s")
+SPEEDS = (
+    "orbit_fps_moving", "orbit_rest_s", "orbit_edit_s", "orbit_turn_stall_ms", "orbit_placing_s", "orbit_precompute_s",
+)  # fmt: skip
 NAMES = (
     *(f"orbit_error_{name}_{N_NAMED}" for name in JUDGED),
     *(f"orbit_rest_error_{name}" for name in JUDGED),
@@ -144,6 +149,9 @@ def speed_figures(project: Project, effort: OrbitEffort) -> list[Figure]:
     finish_orbit(orbit, sky, layers, n_bounces=2)
     for quality in ("moving", "rest"):  # compiled before anything is timed
         orbit.draw(camera, (32, 24), quality)  # type: ignore[arg-type]
+    cpu = time.process_time()
+    run_to_end(place_points(project.scene, RayCaster(project.scene.vertices, project.scene.triangles), effort.n_points))
+    placed = time.process_time() - cpu
     begun = time.perf_counter()
     orbit = Orbit(project.scene, n_points=effort.n_points)
     finish_orbit(orbit, sky, layers, n_bounces=project.scene.description.bounces or 1)
@@ -169,6 +177,7 @@ def speed_figures(project: Project, effort: OrbitEffort) -> list[Figure]:
         Figure("orbit_rest_s", (rest,), f"{how}, {size}"),
         Figure("orbit_edit_s", (whole,), f"{how}: a roughness, until all is whole", {"first_s": first}),
         Figure("orbit_turn_stall_ms", stall, f"{how}: for which a frame waits while the sky turns"),
+        Figure("orbit_placing_s", (placed,), f"{how}: processor seconds until the points stand"),
         Figure("orbit_precompute_s", (made,), how, parts),
     ]
 

@@ -8,16 +8,18 @@ triangles thus gets its texels, most of them where shadows are sharp. This repla
 
 from __future__ import annotations
 
+import math
 from collections.abc import Generator
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from engine.core.frames import sphere_frames
 from engine.core.generators import run_to_end
+from engine.core.threads import even_parts, on_threads
+from engine.realtime.core import _placement_kernels as kernels
 from engine.realtime.core.lit_sides import lit_sides
 from engine.scene.primary_hits import object_tangents
 from engine.scene.raycaster import RayCaster
@@ -39,6 +41,7 @@ _TRIANGLES_AT_ONCE = 8192
 _INWARDS = 0.1
 # Random samples of occluders, chosen by area; as many again are divided evenly over the objects.
 _SAMPLES = 20_000
+_LEAF = 8  # samples of a leaf of their tree, at most
 # Corners of one object become one point if positions agree to this share of the scene's size, and normals to this.
 _SAME_PLACE, _SAME_NORMAL = 1e-6, 1e-4
 
@@ -222,7 +225,7 @@ def _cut_where_coarse(
     estimated as its area times its longest edge over that distance, and the largest is split, until there are n_points
     more points.
     """
-    casters = cKDTree(_samples(scene))
+    casters = _SampleTree(_samples(scene))
     n = len(scene.triangles)
     within = np.tile([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)], (n, 1, 1))
     parts = scene.vertices[scene.triangles].astype(np.float64), _corner_normals(scene), within, np.arange(n)
@@ -304,7 +307,7 @@ def _places(places: Float64Array, among: Float64Array) -> NDArray[np.int64]:
 
 
 def _errors(
-    casters: cKDTree, corners: Float64Array, normals: Float64Array, lit: NDArray[np.bool_]
+    casters: _SampleTree, corners: Float64Array, normals: Float64Array, lit: NDArray[np.bool_]
 ) -> Generator[None, None, NDArray[np.float64]]:
     """Estimate the errors of parts (T, 3, 3) that are not split: area × longest edge / distance to occluders, at most
     the area; the area where normals bend; 0 where the part is fine enough. Of the occluders on the lit sides, lit
@@ -324,7 +327,7 @@ def _errors(
 
 
 def _nearness(
-    casters: cKDTree, places: Float64Array, normals: Float64Array, lengths: NDArray[np.float64]
+    casters: _SampleTree, places: Float64Array, normals: Float64Array, lengths: NDArray[np.float64]
 ) -> Generator[None, None, NDArray[np.float64]]:
     """Lengths (N,) over the distance of possible occluders from places (N, 3), rounded to 1, ½, ¼, ... or 0.
 
@@ -332,15 +335,30 @@ def _nearness(
     Samples of the surface itself, flat or convex, are never inside.
     """
     found = np.zeros(len(places))
-    for k in range(_HALVINGS + 1):
-        open_ = np.flatnonzero(found == 0.0)
-        for start in range(0, len(open_), _TRIANGLES_AT_ONCE):
-            some = open_[start : start + _TRIANGLES_AT_ONCE]
-            radius = lengths[some] * 2.0**k
-            distance, _ = casters.query(places[some] + radius[:, None] * normals[some], workers=-1)
-            found[some[distance < radius - 1e-3 * lengths[some]]] = 2.0**-k
-            yield
+    what = places, normals, lengths, casters.boxes, casters.leaves, _HALVINGS, found
+    for first in range(0, len(places), _TRIANGLES_AT_ONCE):
+        starts, stops = even_parts(min(_TRIANGLES_AT_ONCE, len(places) - first))
+        on_threads(
+            lambda start, stop, first=first: kernels.nearness_range(first + start, first + stop, *what), starts, stops
+        )
+        yield
     return found
+
+
+class _SampleTree:
+    """A binary tree over samples (N, 3) along a Z-order curve, see `nearness_range`."""
+
+    def __init__(self, samples: Float64Array) -> None:
+        n_leaves = 1 << max(math.ceil(math.log2(len(samples) / _LEAF)), 0)
+        order = _close_together(samples, np.zeros(len(samples), np.int64))
+        # Leaves of even size; the last sample fills up.
+        spread = np.minimum(np.arange(n_leaves * -(-len(samples) // n_leaves)), len(samples) - 1)
+        self.leaves = samples[order[spread]].reshape(n_leaves, -1, 3)
+        levels = [np.stack([self.leaves.min(axis=1), self.leaves.max(axis=1)], axis=1)]
+        while len(levels[-1]) > 1:
+            low, high = levels[-1][:, 0].reshape(-1, 2, 3), levels[-1][:, 1].reshape(-1, 2, 3)
+            levels.append(np.stack([low.min(axis=1), high.max(axis=1)], axis=1))
+        self.boxes = np.concatenate(levels[::-1])
 
 
 def _samples(scene: Scene) -> Float64Array:

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from engine.realtime.core.shading_points import _joined_at_edges, shading_points, with_backs
+from engine.core.generators import run_to_end
+from engine.realtime.core.shading_points import _joined_at_edges, _nearness, _SampleTree, shading_points, with_backs
 from engine.realtime.triple_product.visibility import N_UPPER, trace_patches, upper_triangles
 from engine.scene.raycaster import RayCaster
 from engine.sphere.geodesic import geodesic
@@ -52,6 +53,25 @@ def test_no_more_points_than_asked_for_and_none_where_nothing_is_near(ball_scene
     assert (plain.i_object == BALL).sum() <= len(ball_scene.vertices) - 4
     with pytest.raises(ValueError, match="n_points = -1"):
         shading_points(ball_scene, caster, -1)
+
+
+@pytest.mark.parametrize("count", [1, 7, 3000])
+def test_the_nearest_occluder_is_that_of_balls_tried_one_by_one(count: int) -> None:
+    """Balls of 1, 2, 4, ... 32 lengths that touch the surface from above, against every sample."""
+    chance = np.random.default_rng(3)
+    samples, places = chance.random((count, 3)), chance.random((400, 3))
+    normals, lengths = chance.normal(size=(400, 3)), chance.uniform(1e-3, 0.1, 400)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    places[:count] = samples[:400]  # some stand where a sample is
+    expected = np.zeros(400)
+    for k in reversed(range(6)):
+        radius = lengths * 2.0**k
+        middles = places + radius[:, None] * normals
+        distance = np.linalg.norm(middles[:, None] - samples, axis=2).min(axis=1)
+        expected[distance < radius - 1e-3 * lengths] = 2.0**-k
+    found = run_to_end(_nearness(_SampleTree(samples), places, normals, lengths))
+    np.testing.assert_array_equal(found, expected)
+    assert count < 3000 or len(set(expected)) == 7
 
 
 def test_objects_that_stay_even_are_cut_as_a_whole_or_not(ball_scene) -> None:
