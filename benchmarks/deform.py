@@ -76,6 +76,7 @@ def deform_figures(effort: DeformEffort | None, report: Callable[[str], None]) -
     of_random = run_to_end(fit_errors(random_vectors(effort.n_random), [6]))[6]
     of_mesh = run_to_end(fit_errors(run_to_end(shadowed_mesh(effort.n_mesh, effort.n_rays)), [3]))[3]
     bent = f"{how}, bent by {BEND.amount:g} degrees: radiance at its vertices against rays in that pose"
+    rates, frame_seconds = _frames(scene, effort)
     return [
         Figure("zh_error_random_6", (of_random,), f"6 lobes to random vectors of order {ORDER}; {NORM}"),
         Figure(
@@ -83,7 +84,10 @@ def deform_figures(effort: DeformEffort | None, report: Callable[[str], None]) -
         ),
         Figure("zh_fit_s", (seconds,), f"rays and {N_LOBES} lobes, {how}", {"processor_s": cpu}),
         Figure(
-            "deform_fps", tuple(_frames(scene, effort)), f"{how}, {N_LOBES} lobes, diffuse, another pose each frame"
+            "deform_fps",
+            tuple(rates),
+            f"{how}, {N_LOBES} lobes, diffuse, another pose each frame",
+            {"processor_s": statistics.median(frame_seconds)},
         ),
         _on_graphics_card(effort),
         Figure("deform_error_bent", (ours,), bent),
@@ -128,15 +132,16 @@ def _on_graphics_card(effort: DeformEffort) -> Figure:
     return Figure(name, tuple(found["diffuse"]), how, {"glossy": statistics.median(found["glossy"])})
 
 
-def _frames(scene: Scene, effort: DeformEffort) -> list[float]:
-    """Frames a second, each in another pose."""
+def _frames(scene: Scene, effort: DeformEffort) -> tuple[list[float], list[float]]:
+    """Frames a second, each in another pose, and the processor seconds of each."""
     deform = _drawn(scene)
-    camera, rates = scene.description.camera, []
+    camera, rates, seconds = scene.description.camera, [], []
     for i in range(effort.n_frames + 1):
-        begun = time.perf_counter()
+        begun, cpu = time.perf_counter(), time.process_time()
         deform.draw(camera, effort.resolution, (("relief", (Deformation("bend", 1.0 + i),)),))
         rates.append(1.0 / (time.perf_counter() - begun))
-    return rates[1:]  # the first compiles
+        seconds.append(time.process_time() - cpu)
+    return rates[1:], seconds[1:]  # the first compiles
 
 
 def mesh_for_frames(effort: DeformEffort) -> Deform:

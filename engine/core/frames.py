@@ -9,9 +9,10 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-Float64Array = npt.NDArray[np.float64]
+from engine.core._frame_kernels import orthonormal_range
+from engine.core.threads import even_parts, on_threads
 
-_SHORT = 1e-12
+Float64Array = npt.NDArray[np.float64]
 
 
 def local_frames(tangent: npt.NDArray[np.floating], normal: npt.NDArray[np.floating]) -> Float64Array:
@@ -29,20 +30,7 @@ def sphere_frames(tangent: npt.NDArray[np.floating], normal: npt.NDArray[np.floa
 def orthonormal(frames: Float64Array, instead: Float64Array) -> Float64Array:
     """Orthonormalize axes (V, 3, 3), rows tangent, bitangent, normal: keep the normals' directions, and tangents as
     close as possible; where a vector has no length, take it from `instead`."""
-    normal = _unit(frames[:, 2], instead[:, 2])
-    tangent = _unit(_across(frames[:, 0], normal), _across(instead[:, 0], normal))
-    tangent = _unit(tangent, np.cross(instead[:, 1], normal))
-    return np.stack([tangent, np.cross(normal, tangent), normal], axis=1)
-
-
-def _across(vectors: Float64Array, normal: Float64Array) -> Float64Array:
-    """The part of vectors (V, 3) perpendicular to normals (V, 3)."""
-    return vectors - np.einsum("vc,vc->v", vectors, normal)[:, None] * normal
-
-
-def _unit(vectors: Float64Array, instead: Float64Array) -> Float64Array:
-    """Normalize vectors (V, 3); where they have no length, take those of `instead` (V, 3)."""
-    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
-    others = np.linalg.norm(instead, axis=1, keepdims=True)
-    has_length = lengths > _SHORT
-    return np.where(has_length, vectors / np.where(has_length, lengths, 1.0), instead / np.maximum(others, _SHORT))
+    frames, instead = (np.require(each, np.float64, ["C", "W"]) for each in (frames, instead))
+    out = np.empty(frames.shape)
+    on_threads(lambda start, stop: orthonormal_range(start, stop, frames, instead, out), *even_parts(len(out)))
+    return out

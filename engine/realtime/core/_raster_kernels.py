@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from engine.core._latlong_kernels import between_texels, texels_around
+from engine.core._latlong_kernels import between_texels, texel_place, texels_at
 from engine.core.fast_math import FAST
 
 Float64Array = NDArray[np.float64]
@@ -122,15 +122,21 @@ def paint_rows(
 
     sides (T, 2, 3): a triangle's points on either side, -1 for none; front (T,): positive if seen from the front.
     """
+    height, width, n_columns = sky.shape[0], sky.shape[1], found.shape[1]
+    sky_row, sky_column = np.empty(n_columns), np.empty(n_columns)
     for row in range(start, stop):
-        for column in range(found.shape[1]):
+        # Each pixel's place in the sky: this loop vectorizes.
+        dx, dy, dz = plane[0] + (row + 0.5) * plane[2]
+        for column in range(n_columns):
+            x = column + 0.5
+            sky_row[column], sky_column[column] = texel_place(
+                height, width, dx + x * plane[1, 0], dy + x * plane[1, 1], dz + x * plane[1, 2], turn
+            )
+        for column in range(n_columns):
             t, x, y = found[row, column], column + 0.5, row + 0.5
             if t < 0:
                 # Background.
-                dx = plane[0, 0] + x * plane[1, 0] + y * plane[2, 0]
-                dy = plane[0, 1] + x * plane[1, 1] + y * plane[2, 1]
-                dz = plane[0, 2] + x * plane[1, 2] + y * plane[2, 2]
-                around = texels_around(sky, dx, dy, dz, turn)
+                around = texels_at(sky, sky_row[column], sky_column[column])
                 for i in range(3):
                     picture[row, column, i] = np.float32(scale) * between_texels(sky, around, i)
                 continue

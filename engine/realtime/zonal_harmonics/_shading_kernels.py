@@ -7,11 +7,14 @@ Kernels never validate: `engine.realtime.zonal_harmonics.shading` and `engine.re
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from engine.core import lanes
+from engine.core._angle_kernels import arc_tangent
 from engine.core._frame_kernels import to_world
 from engine.core.fast_math import FAST
 
@@ -21,59 +24,121 @@ Float32Array = NDArray[np.float32]
 # Share of uniform light that is subtracted from what each cluster blocks, so that clusters below it have no effect.
 LEAST_BLOCKED = 2e-3
 
+_POINTS = 32  # whose lobes are looked up together
+_ONE = np.float32(1.0)
 
-@njit(cache=True, nogil=True, error_model="numpy")
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def shade_range(
-    low: Float32Array, axes: Float32Array, coefficients: Float32Array, frames: Float32Array, light: Float32Array,
-    table: Float32Array,
-    start: int, stop: int, radiance: Float32Array,
+    start: int, stop: int, which: NDArray[np.int64], low: Float32Array, axes: Float32Array, coefficients: Float32Array,
+    frames: Float32Array, light: Float32Array, table: Float32Array, radiance: Float32Array,
 ) -> None:  # fmt: skip
-    """Fill radiance[start:stop] (P, 3) [Sloan05, eq. 25].
+    """Fill rows which[start:stop] of radiance (P, 3) [Sloan05, eq. 25].
 
     low (P, 4), axes (P, N, 3), coefficients (P, N, n): lobes in the points' own axes, the rows of frames (P, 3, 3).
-    light (n^2, 3); table (rows, columns, n, 3): the light of each band along each direction [Sloan05, eq. 24].
+    light (n^2, 3); table (rows, columns, n, 3): the light of each band along each direction [Sloan05, eq. 24], with one
+    number behind it, see `engine.core.lanes`.
     """
-    n = coefficients.shape[2]
-    bands = np.empty((n, 3), np.float32)
-    for p in range(start, stop):
-        frame = frames[p]
-        # The constant band, and the linear band, which rotates like the vector (-low_3, -low_1, low_2).
-        x, y, z = to_world(frame, -low[p, 3], -low[p, 1], low[p, 2])
-        for c in range(3):
-            radiance[p, c] = low[p, 0] * light[0, c]
+    n_lobes, n, size = axes.shape[1], coefficients.shape[2], 3 * coefficients.shape[2]
+    n_rows, n_columns = table.shape[0], table.shape[1]
+    axis = np.empty((3, _POINTS * n_lobes), np.float32)
+    row, column = np.empty((2, _POINTS * n_lobes))
+    colour = np.empty(4, np.float32)
+    for first in range(start, stop, _POINTS):
+        some = which[first : min(first + _POINTS, stop)]
+        # Rotate the lobes' axes [Sloan05, eq. 10].
+        for j in range(len(some)):
+            p = some[j]
+            for i in range(n_lobes):
+                at = j * n_lobes + i
+                axis[0, at], axis[1, at], axis[2, at] = to_world(frames[p], axes[p, i, 0], axes[p, i, 1], axes[p, i, 2])
+        # Their places in the table: this loop vectorizes.
+        for at in range(len(some) * n_lobes):
+            row[at], column[at] = _place(n_rows, n_columns, axis[0, at], axis[1, at], axis[2, at])
+        for j in range(len(some)):
+            p = some[j]
+            # The constant band, and the linear band, which rotates like the vector (-low_3, -low_1, low_2).
+            x, y, z = to_world(frames[p], -low[p, 3], -low[p, 1], low[p, 2])
+            total = _times(low[p, 0], lanes.of(light[0, 0], light[0, 1], light[0, 2]))
             if n > 1:
-                radiance[p, c] += -y * light[1, c] + z * light[2, c] - x * light[3, c]
-        for i in range(axes.shape[1]):
-            # Rotate the lobe's axis [Sloan05, eq. 10], look up the light along it, and take the dot product with the
-            # lobe's coefficients [Sloan05, eq. 25].
-            x, y, z = to_world(frame, axes[p, i, 0], axes[p, i, 1], axes[p, i, 2])
-            _look_up(table, x, y, z, bands)
-            for l in range(n):  # noqa: E741
-                for c in range(3):
-                    radiance[p, c] += coefficients[p, i, l] * bands[l, c]
+                total = lanes.plus_product(total, lanes.even(-y), lanes.of(light[1, 0], light[1, 1], light[1, 2]))
+                total = lanes.plus_product(total, lanes.even(z), lanes.of(light[2, 0], light[2, 1], light[2, 2]))
+                total = lanes.plus_product(total, lanes.even(-x), lanes.of(light[3, 0], light[3, 1], light[3, 2]))
+            for i in range(n_lobes):
+                # Interpolate the light along the lobe between four entries, and take the dot product with the lobe's
+                # coefficients [Sloan05, eq. 25].
+                four = _entries(row[j * n_lobes + i], column[j * n_lobes + i], n_rows, n_columns)
+                a, b, c, d = size * four.first, size * four.beside, size * four.below, size * four.last
+                right, down = four.right, four.down
+                share_a, share_b = lanes.even((_ONE - down) * (_ONE - right)), lanes.even((_ONE - down) * right)
+                share_c, share_d = lanes.even(down * (_ONE - right)), lanes.even(down * right)
+                for l in range(n):  # noqa: E741
+                    band = lanes.plus_product(lanes.zeros(), share_a, lanes.floats(table, a + 3 * l))
+                    band = lanes.plus_product(band, share_b, lanes.floats(table, b + 3 * l))
+                    band = lanes.plus_product(band, share_c, lanes.floats(table, c + 3 * l))
+                    band = lanes.plus_product(band, share_d, lanes.floats(table, d + 3 * l))
+                    total = lanes.plus_product(total, lanes.even(coefficients[p, i, l]), band)
+            lanes.store(colour, 0, total)
+            for k in range(3):
+                radiance[p, k] = colour[k]
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST, inline="always")
+def _times(factor: float, vector):  # type: ignore[no-untyped-def]
+    return lanes.plus_product(lanes.zeros(), lanes.even(factor), vector)
+
+
+class _Entries(NamedTuple):
+    """Indices of the four entries around a direction in a table, row by row, and the position between them, 0 to 1."""
+
+    first: int
+    beside: int
+    below: int
+    last: int
+    down: np.float32
+    right: np.float32
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST, inline="always")
+def _place(n_rows: int, n_columns: int, x: float, y: float, z: float) -> tuple[float, float]:
+    """Row and column of a unit direction in a table, by latitude from +z and longitude from -x."""
+    height = float(z)
+    row = arc_tangent(math.sqrt(max(1.0 - height * height, 0.0)), height) * (n_rows / math.pi) - 0.5
+    return row, (arc_tangent(y, x) + math.pi) * (n_columns / (2.0 * math.pi)) - 0.5
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST, inline="always")
+def _entries(row: float, column: float, n_rows: int, n_columns: int) -> _Entries:
+    """The entries around a place; rows beyond a pole continue on the opposite side."""
+    top, left = math.floor(row), math.floor(column)
+    down, right = np.float32(row - top), np.float32(column - left)
+    upper, lower = int(top), int(top) + 1
+    first = int(left) if left >= 0 else n_columns - 1
+    beside = first + 1 if first + 1 < n_columns else 0
+    opposite = n_columns // 2
+    across = beside + opposite if beside < opposite else beside - opposite
+    over = first + opposite if first < opposite else first - opposite
+    if upper < 0:
+        return _Entries(over, across, first, beside, down, right)
+    a, b = upper * n_columns + first, upper * n_columns + beside
+    if lower == n_rows:
+        return _Entries(a, b, upper * n_columns + over, upper * n_columns + across, down, right)
+    return _Entries(a, b, a + n_columns, b + n_columns, down, right)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _look_up(table: Float32Array, x: float, y: float, z: float, bands: Float32Array) -> None:
-    """Interpolate the light of each band (n, 3) along a direction between four entries; rows beyond a pole continue on
-    the opposite side."""
+    """Interpolate the light of each band (n, 3) along a direction between four entries."""
     n_rows, n_columns = table.shape[0], table.shape[1]
-    # Latitude and longitude in units of table entries.
-    row = math.acos(min(max(z, -1.0), 1.0)) * (n_rows / math.pi) - 0.5
-    column = (math.atan2(y, x) + math.pi) * (n_columns / (2.0 * math.pi)) - 0.5
-    top, left = math.floor(row), math.floor(column)
-    below, beside = np.float32(row - top), np.float32(column - left)
-    bands[:] = 0.0
-    for down in range(2):
-        for right in range(2):
-            r, c = int(top) + down, int(left) + right
-            if r < 0 or r >= n_rows:
-                r, c = min(max(r, 0), n_rows - 1), c + n_columns // 2
-            c %= n_columns
-            share = (below if down else np.float32(1.0) - below) * (beside if right else np.float32(1.0) - beside)
-            for l in range(bands.shape[0]):  # noqa: E741
-                for k in range(3):
-                    bands[l, k] += share * table[r, c, l, k]
+    row, column = _place(n_rows, n_columns, x, y, z)
+    four = _entries(row, column, n_rows, n_columns)
+    right, down = four.right, four.down
+    rows = table.reshape((n_rows * n_columns, bands.shape[0], 3))
+    for l in range(bands.shape[0]):  # noqa: E741
+        for k in range(3):
+            upper = rows[four.first, l, k] + right * (rows[four.beside, l, k] - rows[four.first, l, k])
+            lower = rows[four.below, l, k] + right * (rows[four.last, l, k] - rows[four.below, l, k])
+            bands[l, k] = upper + down * (lower - upper)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -63,6 +63,7 @@ class BendingPoints:
         self.frames = self._rest_frames.astype(np.float32)
         self.rest_frames_of_drawn, self.rest_places = self.frames.copy(), self.places.copy()
         self._caster: tuple[tuple[int, ...], RayCaster] | None = None
+        self._geometry: dict[int, Pose] = {}
 
     def __len__(self) -> int:
         return len(self._points)
@@ -78,11 +79,13 @@ class BendingPoints:
 
     def rest_geometry(self, i_object: int) -> Pose:
         """The geometry that is drawn of an object, as in the scene's file; corners of emitters have no axes."""
-        mine = np.flatnonzero(self._i_object == i_object)
-        frames = np.tile(np.eye(3), (len(mine), 1, 1))
-        is_point = mine < len(self)
-        frames[is_point] = self._rest_frames[mine[is_point]]
-        return Pose(self._rest[mine], frames)
+        if i_object not in self._geometry:
+            mine = np.flatnonzero(self._i_object == i_object)
+            frames = np.tile(np.eye(3), (len(mine), 1, 1))
+            is_point = mine < len(self)
+            frames[is_point] = self._rest_frames[mine[is_point]]
+            self._geometry[i_object] = Pose(self._rest[mine], frames)
+        return self._geometry[i_object]
 
     def move_with_mesh(self, i_object: int, resting: Pose, rest: Pose, moved: Pose) -> Pose:
         """Move what `rest_geometry` returned along with the object's mesh, from rest to a pose: each vertex follows the

@@ -403,19 +403,20 @@ class Deform:
         assert self._paths is not None and self._points is not None and self._powers is not None
         paths, emission = self._paths[1], self.scene.emission.astype(np.float64)
         # The points that are lit as the sky's transfer says, and by lamps, are first seen by the others.
-        white = pictures.shade_at_rest(of).astype(np.float64)
+        white = pictures.shade_at_rest(of)
         white[paths.lit] += paths.lamps @ emission[list(paths.emitters)]
         around = local_light(paths, self._powers, self._sent(white, paths.lit), emission, ORDER)
         lit = replace(of, lights={i: band_light(each) for i, each in around.items()})
         shade_own_light(lit, self._points, self._points.rest_frames_of_drawn, white)
+        white = np.maximum(white, np.float32(0.0))
         self._lights = lit.lights
         self._added = added_light(paths, self._sent(white), emission).astype(np.float32)
         return replace(lit, added=self._added)
 
-    def _sent(self, white: Float64Array, of: NDArray[np.int64] | slice = slice(None)) -> Float64Array:
+    def _sent(self, white: Float32Array, of: NDArray[np.int64] | slice = slice(None)) -> Float64Array:
         """Radiance (S, 3) that points reflect, of white ones' (S, 3): of these, or of all; 0 where light is reflected
         once only."""
-        sent, chosen = np.zeros_like(white), np.zeros_like(white)
+        sent, chosen = np.zeros(white.shape), np.zeros(white.shape)
         chosen[of] = white[of]
         if not self._n_bounces:
             return sent

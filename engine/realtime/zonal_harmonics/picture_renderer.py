@@ -27,6 +27,7 @@ from engine.realtime.zonal_harmonics.shading import (
     add_shadows,
     low_gloss,
     shade,
+    shade_some,
 )
 from engine.realtime.zonal_harmonics.surface_details import Detail, detail_frames
 from engine.render.display import error_to_radiance
@@ -303,17 +304,17 @@ class PictureRenderer:
 
 def shade_objects(of: ShadingState, points: BendingPoints, frames: Float32Array) -> Float32Array:
     """Radiance (S, 3) of white Lambertian points in axes (S, 3, 3), each object in its own light."""
-    white = np.maximum(shade(of.lobes, frames, of.bands), np.float32(0.0))
+    white = np.empty((len(points), 3), np.float32)
+    of_sky = np.flatnonzero(~np.isin(points.owners, list(of.lights)))
+    shade_some(of_sky, of.lobes, frames, of.bands, white)
     shade_own_light(of, points, frames, white)
-    return white
+    return np.maximum(white, np.float32(0.0), out=white)
 
 
-def shade_own_light(of: ShadingState, points: BendingPoints, frames: Float32Array, white: NDArray[np.floating]) -> None:
-    """Fill white (S, 3) at the points of objects that have light of their own."""
+def shade_own_light(of: ShadingState, points: BendingPoints, frames: Float32Array, white: Float32Array) -> None:
+    """Fill white (S, 3) at the points of objects that have light of their own; it may be negative."""
     for i, light in of.lights.items():
-        mine = points.points_of(i)
-        own = Lobes(of.lobes.low[mine], of.lobes.axes[mine], of.lobes.coefficients[mine])
-        white[mine] = np.maximum(shade(own, frames[mine], light), np.float32(0.0))
+        shade_some(points.points_of(i), of.lobes, frames, light, white)
 
 
 def camera_position_of(scene: Scene, camera: CameraDescription) -> NDArray[np.float64]:

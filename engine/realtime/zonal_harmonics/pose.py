@@ -8,14 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from math import isfinite
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from engine.core.errors import InsituError
-from engine.core.frames import orthonormal
+from engine.core.threads import even_parts, on_threads
 from engine.realtime.deformers import KINDS
+from engine.realtime.zonal_harmonics import _pose_kernels as kernels
 
 Float64Array = NDArray[np.float64]
 
@@ -72,7 +74,7 @@ class Pose:
     positions: Float64Array
     frames: Float64Array
 
-    @property
+    @cached_property
     def box(self) -> Float64Array:
         """Bounding box: minimum and maximum (2, 3)."""
         return np.stack([self.positions.min(axis=0), self.positions.max(axis=0)])
@@ -83,18 +85,21 @@ def deform(pose: Pose, deformations: Sequence[Deformation], box: Float64Array | 
     own."""
     if not deformations:
         return pose
-    positions, jacobians = pose.positions, np.broadcast_to(np.eye(3), pose.frames.shape)
     low, high = pose.box if box is None else box
-    for deformation in deformations:
-        places = list(AXES[deformation.axis])
-        foot, height = (low + high) / 2.0, high[places[1]] - low[places[1]]
-        if not height > 0.0:
-            continue  # flat along that axis: nothing can bend
-        foot[places[1]] = low[places[1]]
-        moved, jacobian = KINDS[deformation.kind].move((positions - foot)[:, places] / height, deformation.amount)
-        back = np.argsort(places)
-        positions = moved[:, back] * height + foot
-        jacobians = jacobian[:, back][:, :, back] @ jacobians
+    positions, jacobians = np.array(pose.positions, np.float64), np.tile(np.eye(3), (len(pose.positions), 1, 1))
+
+    def part(start: int, stop: int) -> None:
+        own = positions[start:stop], jacobians[start:stop]
+        for deformation in deformations:
+            axes = np.array(AXES[deformation.axis])
+            foot, height = (low + high) / 2.0, float(high[axes[1]] - low[axes[1]])
+            if not height > 0.0:
+                continue  # flat along that axis: nothing can bend
+            foot[axes[1]] = low[axes[1]]
+            moved, jacobian = KINDS[deformation.kind].move((own[0] - foot)[:, axes] / height, deformation.amount)
+            kernels.chain_range(0, stop - start, moved, jacobian, axes, foot, height, *own)
+
+    on_threads(part, *even_parts(len(positions)))
     return Pose(positions, deformed_frames(pose.frames, jacobians))
 
 
@@ -118,14 +123,9 @@ def deformed_frames(frames: ArrayLike, jacobians: ArrayLike) -> Float64Array:
     The normal stays perpendicular to the surface, on its outer side; the tangent stays as close to its image as
     possible.
     """
-    frames, jacobians = np.asarray(frames, np.float64), np.asarray(jacobians, np.float64)
-    normal = np.einsum("vab,vb->va", _cofactors(jacobians), frames[:, 2])
-    normal = normal * np.where(np.linalg.det(jacobians) < 0.0, -1.0, 1.0)[:, None]
-    tangent = np.einsum("vab,vb->va", jacobians, frames[:, 0])
-    return orthonormal(np.stack([tangent, frames[:, 1], normal], axis=1), frames)
-
-
-def _cofactors(matrices: Float64Array) -> Float64Array:
-    """det(J) J^-T (V, 3, 3), also where there is no inverse: rows are cross products of rows."""
-    a, b, c = matrices[:, 0], matrices[:, 1], matrices[:, 2]
-    return np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
+    frames, jacobians = (np.require(each, np.float64, ["C", "W"]) for each in (frames, jacobians))
+    out = np.empty(frames.shape)
+    on_threads(
+        lambda start, stop: kernels.deformed_frames_range(start, stop, frames, jacobians, out), *even_parts(len(out))
+    )
+    return out

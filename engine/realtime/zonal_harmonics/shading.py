@@ -56,7 +56,7 @@ _CLUSTER_SEED = 4
 @dataclass(frozen=True, eq=False)
 class BandLight:
     """Distant light: its harmonics (n^2, 3), and table (rows, columns, n, 3) with each band along each direction, by
-    latitude from +z and longitude from -x [Sloan05, eq. 24]."""
+    latitude from +z and longitude from -x [Sloan05, eq. 24], with one number behind it (`engine.core.lanes`)."""
 
     harmonics: Float32Array
     table: Float32Array
@@ -67,8 +67,9 @@ def band_light(light: ArrayLike) -> BandLight:
     harmonics = np.asarray(light, np.float64)
     n = order_of(harmonics.T)
     products = _basis_of_table(n)[:, :, None] * harmonics
-    table = np.add.reduceat(products, np.arange(n) ** 2, axis=1).reshape(ROWS, COLUMNS, n, 3)
-    return BandLight(harmonics.astype(np.float32), table.astype(np.float32))
+    table = np.zeros(ROWS * COLUMNS * n * 3 + 1, np.float32)
+    table[:-1] = np.add.reduceat(products, np.arange(n) ** 2, axis=1).ravel()
+    return BandLight(harmonics.astype(np.float32), table[:-1].reshape(ROWS, COLUMNS, n, 3))
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,13 +97,16 @@ def shade(lobes: Lobes, frames: ArrayLike, light: BandLight) -> Float32Array:
     """Radiance (P, 3) of white points whose current axes are the rows of frames (P, 3, 3)."""
     frames = np.ascontiguousarray(frames, np.float32)
     radiance = np.empty((len(frames), 3), np.float32)
-    on_threads(
-        lambda start, stop: kernels.shade_range(
-            lobes.low, lobes.axes, lobes.coefficients, frames, light.harmonics, light.table, start, stop, radiance
-        ),
-        *even_parts(len(frames)),
-    )
+    shade_some(np.arange(len(frames)), lobes, frames, light, radiance)
     return radiance
+
+
+def shade_some(
+    which: NDArray[np.int64], lobes: Lobes, frames: Float32Array, light: BandLight, radiance: Float32Array
+) -> None:
+    """Fill the rows of radiance (P, 3) of some points (N,), see `shade`."""
+    what = lobes.low, lobes.axes, lobes.coefficients, frames, light.harmonics, light.table
+    on_threads(lambda start, stop: kernels.shade_range(start, stop, which, *what, radiance), *even_parts(len(which)))
 
 
 @cache
