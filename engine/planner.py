@@ -66,10 +66,11 @@ EDITABLE_BANDS = {
     kinds.SLOPE_V: 32,
     kinds.PHI_H: 16,
     kinds.GAMMA_WIDTH: 64,
+    kinds.PHI_D: 16,
     kinds.THETA_D: 16,
     kinds.THETA_I: 16,
 }
-SLOW_ANGLES = (kinds.THETA_I, kinds.THETA_O, kinds.THETA_D)
+SLOW_ANGLES = (kinds.THETA_I, kinds.THETA_O, kinds.THETA_D, kinds.PHI_D)
 BANDWIDTH_TOLERANCE = 0.02
 # For measured highlights, which should be within 1 % of the data while unedited. Nickel, whose lobe is half as high at
 # 1.1°, has an error of 4 % with 64 bands (d = 0.008) and 0.9 % with 128; broader lobes get 64.

@@ -47,6 +47,7 @@ from ui.surface_lobe import SurfacePoint, surface_lobe
 EDITING_SHARE = 0.25
 # The sphere and the albedo's sums are drawn in as many rows at a time as take about this long.
 ROWS_SECONDS, LEAST_ROWS, LEAST_ALBEDO_ROWS = 0.010, 4, 4
+ANISOTROPIC = "the measurement is anisotropic"
 
 SurfaceAt = Callable[[int, int], SurfacePoint | None]
 
@@ -120,8 +121,9 @@ class BrdfFeed:
             found = (measurement_in(layer) for layer in layers)
             measured = [each for each in found if each is not None and each.is_read]
         self._tables.want(editor, measured)
-        self._board.curves_alone = bool(self._tables.missing(measured))
-        self._board.why_alone = self._tables.problem_of(editor, measured)
+        is_anisotropic = any(each.is_anisotropic for each in measured)
+        self._board.curves_alone = is_anisotropic or bool(self._tables.missing(measured))
+        self._board.why_alone = self._tables.problem_of(editor, measured) or (ANISOTROPIC if is_anisotropic else "")
 
     def _next_part(self, layers: Layers, editor: Editor) -> Part | None:
         """The part on screen that is out of date, or not smooth yet."""

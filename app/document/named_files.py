@@ -17,6 +17,7 @@ from app.system.paths import full_path
 from engine.core.safe_files import resolved
 from engine.material.layer import Layer
 from engine.material.layer_maps import split_image_name
+from engine.material.measured import HIGHLIGHT_MODELS
 from engine.measured.measurement import Measurement
 from engine.scene.builtin import builtin_environments, scene_path
 
@@ -48,7 +49,8 @@ def measured_files(layers: Iterable[Layer]) -> tuple[tuple[str, int], ...]:
 
 
 def with_measurements(layers: Layers, found: Mapping[str, Measurement]) -> Layers:
-    """The layers with the measurements read from their files."""
+    """The layers with the measurements read from their files; the highlight of an import has the curves that fit
+    best."""
     return tuple(_with_measurement(layer, found) for layer in layers)
 
 
@@ -71,7 +73,10 @@ def _with_measurement(layer: Layer, found: Mapping[str, Measurement]) -> Layer:
     there = measurement_in(layer)
     if there is None or there.is_read or there.file not in found:
         return layer
-    return layer.with_parameter(FILE, found[there.file])
+    read = found[there.file]
+    if there.is_import and read.is_read and layer.model.name == "measured":
+        layer = layer.replace(model=HIGHLIGHT_MODELS[read.highlight])
+    return layer.with_parameter(FILE, read)
 
 
 # ------------------------------------------------------------------------------------------------------------ images

@@ -12,7 +12,7 @@ from engine.core.errors import InsituError
 from engine.core.generators import run_to_end
 from engine.core.safe_files import resolved
 from engine.material.layer import Layer
-from engine.measured.measurement import Measurement
+from engine.measured.measurement import Measurement, Part
 from engine.measured.sample_files import MERL_SUFFIX, merl_bytes
 from engine.measured.tables import ArrayStore, read_measurement
 from engine.render.tabulate import tabulate_layers
@@ -41,10 +41,10 @@ def import_lines(measurement: Measurement, cloth: bool) -> list[str]:
     """The report on an import."""
     report = measurement.report
     assert report is not None
-    parts = {"diffuse": measurement.diffuse, "highlight": measurement.specular}
-    if cloth:
-        parts = {"whole": measurement.whole}
-    strengths = ", ".join(f"{name} {' '.join(f'{value:.4g}' for value in rgb)}" for name, rgb in parts.items())
+    parts: dict[str, Part] = {"whole": "whole"} if cloth else {"diffuse": "diffuse", "highlight": measurement.highlight}
+    strengths = ", ".join(
+        f"{name} {' '.join(f'{value:.4g}' for value in measurement.strength(part))}" for name, part in parts.items()
+    )
     error = report.error_whole if cloth else report.error
     return [
         f"method        {report.method}",

@@ -320,9 +320,11 @@ def paste_command(
 
 
 def measured_layers(file: Path, cloth: bool = False) -> Layers:
-    """The diffuse part and the highlight of a file that is still to be read; or one layer of P·Q·P."""
+    """The diffuse part and the highlight of a file that is still to be read, when its best curves are chosen; or one
+    layer of P·Q·P."""
     parts = (("measured_cloth", "cloth"),) if cloth else (("measured_diffuse", "diffuse"), ("measured", "highlight"))
-    return tuple(make_layer(MODELS[model], {FILE: str(resolved(file))}, name) for model, name in parts)
+    unread = Measurement(str(resolved(file)), is_import=True)
+    return tuple(make_layer(MODELS[model], {FILE: unread}, name) for model, name in parts)
 
 
 def import_measured(object_name: str, file: Path, cloth: bool = False) -> SetMaterial:

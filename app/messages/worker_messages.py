@@ -228,7 +228,8 @@ class CurveTableRead(Response):
 
 @dataclass(frozen=True, eq=False)
 class TableFetched(Response):
-    """The samples (90, 90, 180, 3) of a `FetchTable`, 1/sr over theta_h, theta_d and phi_d, and the fitted factors."""
+    """The samples (90, 90, 180, 3) of a `FetchTable`, 1/sr over theta_h, theta_d and phi_d, and the fitted factors;
+    of an anisotropic surface a single value, which is no table."""
 
     measurement: Measurement
     samples: NDArray[np.float32]

@@ -7,6 +7,8 @@ from collections.abc import Generator, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from app.document.document import Document
 from app.document.named_files import files_of_document, layers_of_document, measured_files, with_measurements
 from app.files.brdf_files import export_steps
@@ -36,6 +38,7 @@ from engine.render.tabulate import untabulated_features
 from engine.scene.scene_loader import Scene
 
 STAGE = "measured BRDF"
+NO_TABLE = np.zeros((1, 1, 1, 3), np.float32)
 
 ReadSteps = Generator[Response | None, None, dict[str, Measurement]]
 
@@ -84,13 +87,15 @@ def ensure_tables(layers: Iterable[Layer], store: ArrayStore | None) -> Generato
 
 
 def fetch_table(request: FetchTable, store: ArrayStore | None) -> Generator[Response | None, None, None]:
-    """The table of a file. Raises InsituError, also where the file has changed since."""
+    """The table of a file; a single value of one that is anisotropic, whose form only kernels read. Raises InsituError,
+    also where the file has changed since."""
     if is_table_loaded(request.number):
         measurement = replace(table_of(request.number).measurement, file=request.file)
     else:
         measurement = (yield from read_files({request.file: Path(request.file)}, store))[request.file]
         _check_unchanged(request.file, request.number or measurement.number, measurement)
-    yield TableFetched(measurement, table_of(measurement.number).samples)
+    samples = NO_TABLE if measurement.is_anisotropic else table_of(measurement.number).samples
+    yield TableFetched(measurement, samples)
 
 
 def _check_unchanged(file: str, number: int, found: Measurement) -> None:

@@ -25,7 +25,7 @@ THETA_I, THETA_R, THETA_H, THETA_D, THETA_O = kinds.THETA_I, kinds.THETA_R, kind
 GAMMA_ALPHA, GAMMA_BETA, GAMMA_RATIO = kinds.GAMMA_ALPHA, kinds.GAMMA_BETA, kinds.GAMMA_RATIO
 GAMMA_WIDTH = kinds.GAMMA_WIDTH
 LAMBERT, PHONG, BLINN_PHONG, COOK_TORRANCE = kinds.LAMBERT, kinds.PHONG, kinds.BLINN_PHONG, kinds.COOK_TORRANCE
-SLOPE_U, SLOPE_V, PHI_H = kinds.SLOPE_U, kinds.SLOPE_V, kinds.PHI_H
+SLOPE_U, SLOPE_V, PHI_H, PHI_D = kinds.SLOPE_U, kinds.SLOPE_V, kinds.PHI_H, kinds.PHI_D
 ROUGH_CONDUCTOR, ASHIKHMIN_SHIRLEY = kinds.ROUGH_CONDUCTOR, kinds.ASHIKHMIN_SHIRLEY
 ASHIKHMIN_SHIRLEY_RATIO = kinds.ASHIKHMIN_SHIRLEY_RATIO
 ROUGH_DISTRIBUTION, ROUGH_ALPHA, BECKMANN = kinds.ROUGH_DISTRIBUTION, kinds.ROUGH_ALPHA, kinds.BECKMANN
@@ -134,6 +134,28 @@ def theta_d(ix: float, iy: float, iz: float, ox: float, oy: float, oz: float) ->
 
 
 @njit(**_compile)
+def phi_d(ix: float, iy: float, iz: float, ox: float, oy: float, oz: float) -> float:
+    """Azimuth of wi about the half vector, from the plane through half vector and normal, in [0, pi]; its period is pi.
+    From the tangent where the half vector is the normal. By an arc cosine, which takes a quarter of the time of an arc
+    tangent."""
+    sx, sy, sz = ix + ox, iy + oy, iz + oz
+    dx, dy, dz = ix - ox, iy - oy, iz - oz
+    flat = math.sqrt(sx * sx + sy * sy)
+    length = math.sqrt(flat * flat + sz * sz)
+    # Rotate the difference i - o into the frame of the half vector; x is in the plane of half vector and normal.
+    x, y = dx, dy
+    if flat > 1e-9 * length and length > 1e-12:
+        cosine, sine = sx / flat, sy / flat
+        x = (sz * (cosine * dx + sine * dy) - flat * dz) / length
+        y = cosine * dy - sine * dx
+    square = x * x + y * y
+    if square <= 0.0:
+        return 0.0
+    angle = _angle(x / math.sqrt(square), y * y / square)
+    return math.pi - angle if y < 0.0 else angle
+
+
+@njit(**_compile)
 def gamma(kind: int, q: Float64Array, ix: float, iy: float, iz: float, ox: float, oy: float, oz: float) -> float:
     """The angle over which a curve of this kind runs (engine.material.kinds), radians in [0, pi], error 2e-11.
 
@@ -151,6 +173,9 @@ def gamma(kind: int, q: Float64Array, ix: float, iy: float, iz: float, ox: float
         return theta_h(ix, iy, iz, ox, oy, oz)
     if kind == THETA_D:
         return theta_d(ix, iy, iz, ox, oy, oz)
+    if kind == PHI_D:
+        azimuth = phi_d(ix, iy, iz, ox, oy, oz)
+        return min(azimuth, math.pi - azimuth)
     sx, sy, sz = ix + ox, iy + oy, iz + oz
     # Slopes of the half vector along tangent and bitangent: tan gamma = |h_x| / h_z or |h_y| / h_z.
     if kind == SLOPE_U or kind == SLOPE_V:

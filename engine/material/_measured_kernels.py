@@ -6,50 +6,36 @@ The functions are called by address. The quotient parameters give the addresses 
 
 from __future__ import annotations
 
-import ctypes
 import math
 
 import numpy as np
-from llvmlite import ir
-from numba import njit, types
-from numba.extending import intrinsic
+from numba import njit
 from numpy.typing import NDArray
 
 from engine.material import kinds
-from engine.material._kernels import _angle, _compile, _is_interpreted, theta_d, theta_h
+from engine.material._adaptive_kernels import adaptive_reflection
+from engine.material._addressed_kernels import float_at
+from engine.material._kernels import _angle, _compile, gamma, phi_d, theta_d, theta_h
+from engine.measured.measurement import CURVES as NAMES
 from engine.measured.measurement import N_NODES, SHAPE
+from engine.measured.measurement import PARTS as PART_NAMES
 
 Float64Array = NDArray[np.float64]
 Float32Array = NDArray[np.float32]
 
-TABLE, CURVES, CHANNEL, PART = kinds.TABLE, kinds.SMOOTHING, kinds.CHANNEL, kinds.PART
+TABLE, CURVES, CHANNEL, PART, ADAPTIVE = kinds.TABLE, kinds.SMOOTHING, kinds.CHANNEL, kinds.PART, kinds.ADAPTIVE
 MEAN, GRAZING = kinds.MEAN, kinds.GRAZING
-DIFFUSE, WHOLE = kinds.DIFFUSE, kinds.WHOLE
+DIFFUSE, SPECULAR, WHOLE = kinds.DIFFUSE, kinds.SPECULAR, kinds.WHOLE
+AROUND, TWIST, BRUSHED = kinds.AROUND, kinds.TWIST, kinds.BRUSHED
+PHI_H, PHI_D, SLOPE_U, SLOPE_V = kinds.PHI_H, kinds.PHI_D, kinds.SLOPE_U, kinds.SLOPE_V
 N_H, N_D, N_PHI = SHAPE
 LAST = N_NODES - 1
 PER_RADIAN = LAST / (math.pi / 2)
-# Offsets of each factor in their array, and the length of one.
-ROW = 3 * N_NODES
-THETA_I, THETA_O, THETA_D, THETA_H, P, Q = 9, 9 + ROW, 9 + 2 * ROW, 9 + 3 * ROW, 9 + 4 * ROW, 9 + 5 * ROW
-
-
-@intrinsic
-def _float_compiled(typingctx, address, index):  # type: ignore[no-untyped-def]
-    """The index-th float32 from an address on."""
-
-    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
-        pointer = builder.inttoptr(arguments[0], ir.FloatType().as_pointer())
-        return builder.load(builder.gep(pointer, [arguments[1]]))
-
-    return types.float32(types.int64, types.int64), generate
-
-
-def _float_plain(address: int, index: int) -> float:
-    """For interpreted kernels."""
-    return float(ctypes.c_float.from_address(address + 4 * index).value)
-
-
-_float = _float_plain if _is_interpreted else _float_compiled
+# Offsets of each factor in their array, behind the strengths.
+_OFFSETS = {name: 3 * (len(PART_NAMES) + N_NODES * place) for place, name in enumerate(NAMES)}
+ON_I, ON_O, ON_D, ON_H, ON_S = (_OFFSETS[name] for name in ("theta_i", "theta_o", "theta_d", "theta_h", "s"))
+ON_PHI_H, ON_PHI_D, ON_U, ON_V = (_OFFSETS[name] for name in ("phi_h", "phi_d", "theta_u", "theta_v"))
+P, Q = _OFFSETS["p"], _OFFSETS["q"]
 
 
 @njit(inline="always", **_compile)
@@ -63,13 +49,13 @@ def _node(position: float) -> tuple[int, float]:
 @njit(inline="always", **_compile)
 def _between(address: int, at: int, t: float) -> float:
     """A curve of one colour, interpolated at t between two nodes."""
-    return (1.0 - t) * _float(address, at) + t * _float(address, at + 3)  # type: ignore[call-arg,no-any-return]
+    return (1.0 - t) * float_at(address, at) + t * float_at(address, at + 3)  # type: ignore[call-arg,no-any-return]
 
 
 @njit(inline="always", **_compile)
 def _strength(address: int, part: int, colour: int) -> float:
     """Strength of a part, by its row in the array of the factors."""
-    return _float(address, 3 * part + colour)  # type: ignore[call-arg,no-any-return]
+    return float_at(address, 3 * part + colour)  # type: ignore[call-arg,no-any-return]
 
 
 @njit(inline="always", **_compile)
@@ -79,32 +65,11 @@ def _slant(cosine: float) -> float:
 
 
 @njit(inline="always", **_compile)
-def _phi_d(ix: float, iy: float, iz: float, ox: float, oy: float, oz: float) -> float:
-    """Azimuth of wi about the half vector, from the plane through half vector and normal, in [0, pi]; its period is pi.
-    By an arc cosine, which takes a quarter of the time of an arc tangent."""
-    sx, sy, sz = ix + ox, iy + oy, iz + oz
-    dx, dy, dz = ix - ox, iy - oy, iz - oz
-    flat = math.sqrt(sx * sx + sy * sy)
-    length = math.sqrt(flat * flat + sz * sz)
-    # Rotate the difference i - o into the frame of the half vector; x is in the plane of half vector and normal.
-    x, y = dx, dy
-    if flat > 1e-9 * length and length > 1e-12:
-        cosine, sine = sx / flat, sy / flat
-        x = (sz * (cosine * dx + sine * dy) - flat * dz) / length
-        y = cosine * dy - sine * dx
-    square = x * x + y * y
-    if square <= 0.0:
-        return 0.0
-    angle = _angle(x / math.sqrt(square), y * y / square)
-    return math.pi - angle if y < 0.0 else angle
-
-
-@njit(inline="always", **_compile)
 def _cell(address: int, at: int, next_d: int, next_phi: int, v: float, w: float) -> float:
     """Interpolate between four samples of one theta_h."""
-    near = (1.0 - w) * _float(address, at) + w * _float(address, at + next_phi)  # type: ignore[call-arg]
+    near = (1.0 - w) * float_at(address, at) + w * float_at(address, at + next_phi)  # type: ignore[call-arg]
     at += next_d
-    far = (1.0 - w) * _float(address, at) + w * _float(address, at + next_phi)  # type: ignore[call-arg]
+    far = (1.0 - w) * float_at(address, at) + w * float_at(address, at + next_phi)  # type: ignore[call-arg]
     return (1.0 - v) * near + v * far
 
 
@@ -118,7 +83,7 @@ def _place(
     # The grid is uniform in theta_d and phi_d, and in the square root of theta_h [Matusik03].
     at_d = min(theta_d(ix, iy, iz, ox, oy, oz) * PER_RADIAN, LAST)
     at_h = min(math.sqrt(theta_h(ix, iy, iz, ox, oy, oz) * (PER_RADIAN * LAST)), LAST)
-    a, b, c = min(at_h, N_H - 1.0), min(at_d, N_D - 1.0), _phi_d(ix, iy, iz, ox, oy, oz) * (N_PHI / math.pi)
+    a, b, c = min(at_h, N_H - 1.0), min(at_d, N_D - 1.0), phi_d(ix, iy, iz, ox, oy, oz) * (N_PHI / math.pi)
     i, j, k = min(int(a), N_H - 2), min(int(b), N_D - 2), int(c)
     # phi_d wraps around.
     w = c - k
@@ -128,29 +93,61 @@ def _place(
 
 
 @njit(inline="always", **_compile)
-def _part_of(
-    table: int, curves: int, part: int, colour: int, at: int, next_phi: int, u: float, v: float, w: float,
-    slant_i: float, slant_o: float, at_d: float, at_h: float,
-) -> tuple[float, float]:  # fmt: skip
-    """The part's share of the interpolated sample, and the product of the part's factors; one colour."""
+def _sample(table: int, at: int, next_phi: int, u: float, v: float, w: float) -> float:
+    """Trilinear interpolation of one colour of the measurement."""
     next_h, next_d = 3 * N_D * N_PHI, 3 * N_PHI
+    value = _cell(table, at, next_d, next_phi, v, w)
+    return value + u * (_cell(table, at + next_h, next_d, next_phi, v, w) - value)
+
+
+@njit(inline="always", **_compile)
+def _curve_positions(
+    part: int,
+    at_h: float,
+    at_d: float,
+    q: Float64Array,
+    ix: float,
+    iy: float,
+    iz: float,
+    ox: float,
+    oy: float,
+    oz: float,
+) -> tuple[int, int, float, float]:
+    """The two curves of a highlight, as offsets in the array of the factors, and positions on them, in nodes."""
+    if part == AROUND:
+        return ON_H, ON_PHI_H, at_h, gamma(PHI_H, q, ix, iy, iz, ox, oy, oz) * PER_RADIAN
+    if part == TWIST:
+        return ON_H, ON_PHI_D, at_h, gamma(PHI_D, q, ix, iy, iz, ox, oy, oz) * PER_RADIAN
+    if part == BRUSHED:
+        along = gamma(SLOPE_U, q, ix, iy, iz, ox, oy, oz)
+        across = gamma(SLOPE_V, q, ix, iy, iz, ox, oy, oz)
+        return ON_U, ON_V, math.sqrt(along * (PER_RADIAN * LAST)), math.sqrt(across * (PER_RADIAN * LAST))
+    return ON_H, ON_D, at_h, at_d
+
+
+@njit(inline="always", **_compile)
+def _part_of(
+    value: float, curves: int, part: int, colour: int, slant_i: float, slant_o: float,
+    on_a: int, on_b: int, at_a: float, at_b: float,
+) -> tuple[float, float]:  # fmt: skip
+    """The part's share of a sample, and the product of the part's factors; one colour."""
     (node_i, t_i), (node_o, t_o) = _node(slant_i), _node(slant_o)
-    (node_d, t_d), (node_h, t_h) = _node(at_d), _node(at_h)
-    # Trilinear interpolation of the measurement.
-    value = _cell(table, at + colour, next_d, next_phi, v, w)
-    value += u * (_cell(table, at + colour + next_h, next_d, next_phi, v, w) - value)
+    (node_a, t_a), (node_b, t_b) = _node(at_a), _node(at_b)
     # Factors over the angles of both directions: P, or G and H of the diffuse part.
-    on_i, on_o = (P + node_i, P + node_o) if part == WHOLE else (THETA_I + node_i, THETA_O + node_o)
-    slant = _between(curves, on_i + colour, t_i) * _between(curves, on_o + colour, t_o)
+    of_i, of_o = (P + node_i, P + node_o) if part == WHOLE else (ON_I + node_i, ON_O + node_o)
+    slant = _between(curves, of_i + colour, t_i) * _between(curves, of_o + colour, t_o)
     if part == WHOLE:
-        return value, _strength(curves, 2, colour) * _between(curves, Q + node_h + colour, t_h) * slant
+        return value, _strength(curves, WHOLE, colour) * _between(curves, Q + node_a + colour, t_a) * slant
     # The diffuse part is the measurement, but at most the product D of its factors.
-    diffuse = _strength(curves, 0, colour) * slant
+    diffuse = _strength(curves, DIFFUSE, colour) * slant
     if part == DIFFUSE:
         return min(value, diffuse), diffuse
-    # The specular part is the remainder; its factors are over theta_d and theta_h.
-    highlight = _strength(curves, 1, colour) * _between(curves, THETA_H + node_h + colour, t_h)
-    return max(value - diffuse, 0.0), highlight * _between(curves, THETA_D + node_d + colour, t_d)
+    # The specular part is the remainder; its factors are over theta_h and theta_d, or two others.
+    highlight = _strength(curves, part, colour) * _between(curves, on_a + node_a + colour, t_a)
+    highlight *= _between(curves, on_b + node_b + colour, t_b)
+    if part == SPECULAR:
+        highlight *= _between(curves, ON_S + node_o + colour, t_o)
+    return max(value - diffuse, 0.0), highlight
 
 
 def quotient(q: Float64Array, ix: float, iy: float, iz: float, ox: float, oy: float, oz: float) -> float:
@@ -162,12 +159,16 @@ def quotient(q: Float64Array, ix: float, iy: float, iz: float, ox: float, oy: fl
     if table == 0:
         return iz
     at, next_phi, u, v, w, at_d, at_h = _place(ix, iy, iz, ox, oy, oz)
+    on_a, on_b, at_a, at_b = _curve_positions(part, at_h, at_d, q, ix, iy, iz, ox, oy, oz)
     slant_i, slant_o = _slant(iz), _slant(oz)
+    is_adaptive = q[ADAPTIVE] != 0.0
+    values = adaptive_reflection(table, ix, iy, iz, ox, oy, oz) if is_adaptive else (0.0, 0.0, 0.0)
     first, end = (0, 3) if channel == MEAN else (channel, channel + 1)
     parts, products = 0.0, 0.0
     for colour in range(first, end):
-        value, product = _part_of(table, curves, part, colour, at, next_phi, u, v, w, slant_i, slant_o, at_d, at_h)
-        parts += value
+        value = values[colour] if is_adaptive else _sample(table, at + colour, next_phi, u, v, w)
+        share, product = _part_of(value, curves, part, colour, slant_i, slant_o, on_a, on_b, at_a, at_b)
+        parts += share
         products += product
     return iz * parts / products
 
@@ -189,21 +190,27 @@ def quotients(
     Positions are computed first for all directions, then the look-ups: a look-up in such a large table takes as long as
     the angles do, and interleaved they would wait for each other.
     """
-    table, curves, part = int(q[TABLE]), int(q[CURVES]), int(q[PART])
-    ats, nexts, places = np.empty(n, np.int64), np.empty(n, np.int64), np.empty((6, n))
-    slant_o = _slant(oz)
+    table, curves, part, is_adaptive = int(q[TABLE]), int(q[CURVES]), int(q[PART]), q[ADAPTIVE] != 0.0
+    ats, nexts, places, curves_at = np.empty(n, np.int64), np.empty(n, np.int64), np.empty((4, n)), np.empty((2, n))
+    slant_o, on_a, on_b = _slant(oz), 0, 0
     for m in range(n):
         ix, iy, iz = float(x[m]), float(y[m]), max(float(z[m]), 0.0)
         at, next_phi, u, v, w, at_d, at_h = _place(ix, iy, iz, ox, oy, oz)
         ats[m], nexts[m], places[0, m], places[1, m], places[2, m] = at, next_phi, u, v, w
-        places[3, m], places[4, m], places[5, m] = _slant(iz), at_d, at_h
+        places[3, m] = _slant(iz)
+        on_a, on_b, curves_at[0, m], curves_at[1, m] = _curve_positions(part, at_h, at_d, q, ix, iy, iz, ox, oy, oz)
     for m in range(n):
         iz = float(z[m]) if z[m] > GRAZING and oz > GRAZING else 0.0
+        values = (0.0, 0.0, 0.0)
+        if is_adaptive and table != 0 and iz > 0.0:
+            values = adaptive_reflection(table, float(x[m]), float(y[m]), iz, ox, oy, oz)
         for colour in range(3):
-            value, product = 1.0, 1.0
+            share, product = 1.0, 1.0
             if table != 0:
-                value, product = _part_of(
-                    table, curves, part, colour, ats[m], nexts[m], places[0, m], places[1, m], places[2, m],
-                    places[3, m], slant_o, places[4, m], places[5, m],
-                )  # fmt: skip
-            out[3 * m + colour] = iz * value / product
+                value = values[colour]
+                if not is_adaptive:
+                    value = _sample(table, ats[m] + colour, nexts[m], places[0, m], places[1, m], places[2, m])
+                share, product = _part_of(
+                    value, curves, part, colour, places[3, m], slant_o, on_a, on_b, curves_at[0, m], curves_at[1, m]
+                )
+            out[3 * m + colour] = iz * share / product

@@ -17,6 +17,7 @@ SLOPE_U = 8  # arctan |h_x| / h_z: the half vector's slope along the tangent
 SLOPE_V = 9  # arctan |h_y| / h_z: across
 PHI_H = 10  # azimuth of the half vector from the tangent, folded into [0, pi/2]; pi/4 where it is the normal
 GAMMA_WIDTH = 11  # 3.3.2: arccos of cos(theta_h) ** (cos(phi_h)^2 + r sin(phi_h)^2)
+PHI_D = 12  # azimuth of wi about the half vector from the plane of both and the normal, folded into [0, pi/2]
 
 # Angles of the half vector: a curve over one of them is a highlight. Those of HALF_AZIMUTHS make it anisotropic.
 HALF_AZIMUTHS = (GAMMA_ALPHA, GAMMA_BETA, GAMMA_RATIO, SLOPE_U, SLOPE_V, PHI_H, GAMMA_WIDTH)
@@ -43,15 +44,19 @@ FACING_REFLECTANCE = 0  # blinn_phong and both Ashikhmin-Shirley models
 # meant, and tangent and bitangent change places.
 RATIO_EXPONENT = 1
 # Measured models: the table and the smoothing of its curves, or, in the process that computes, their addresses; then
-# the colour that is looked up, or MEAN of all; and the part.
-TABLE, SMOOTHING, CHANNEL, PART = 0, 1, 2, 3
+# the colour that is looked up, or MEAN of all; the part; and whether the table is of an anisotropic surface.
+TABLE, SMOOTHING, CHANNEL, PART, ADAPTIVE = 0, 1, 2, 3, 4
 
 GGX = 0
 BECKMANN = 1
 MEAN = 3
+# Parts of a measurement: diffuse, the highlight by the curves that it has, and the whole.
 DIFFUSE = 0
 SPECULAR = 1
 WHOLE = 2
+AROUND = 3
+TWIST = 4
+BRUSHED = 5
 
 # Cosines to the normal at or below this reflect nothing: the least for which 1/cosine is a sane number.
 GRAZING = 1e-12

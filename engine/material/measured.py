@@ -1,6 +1,9 @@
-"""Parts of a measured surface as models [BenArtzi07, 3.5]: its highlight, with curves over half and difference angle;
-its diffuse part, with curves over the angles of wi and wo; and all of it as cloth, P(theta_i) Q(theta_h) P(theta_o)
-times the quotient [McCool01].
+"""Parts of a measured surface as models [BenArtzi07, 3.5]: its highlight, with curves over half and difference angle,
+or over other angles of the half vector and of wi about it; its diffuse part, with curves over the angles of wi and wo;
+and all of it as cloth, P(theta_i) Q(theta_h) P(theta_o) times the quotient [McCool01].
+
+The fit finds more factors of a highlight than a layer has curves, and each of its models edits some of them: the others
+stay in the quotient [BenArtzi07, 3.5].
 """
 
 from __future__ import annotations
@@ -12,11 +15,32 @@ import numpy as np
 
 from engine.material import kinds
 from engine.material.homomorphic import P, Q
-from engine.material.model import THETA_D, THETA_H, THETA_I, THETA_O, Float64Array, Model, Parameters, channels, number
+from engine.material.model import (
+    PHI_D,
+    PHI_H,
+    SLOPE_U,
+    SLOPE_V,
+    THETA_D,
+    THETA_H,
+    THETA_I,
+    THETA_O,
+    Float64Array,
+    Model,
+    Parameters,
+    channels,
+    number,
+)
 from engine.material.parameters import Parameter
 from engine.measured.measurement import HALF_ANGLE_CURVES, NO_MEASUREMENT, Measurement, Part, node_angles
 
-PARTS: dict[Part, int] = {"diffuse": kinds.DIFFUSE, "specular": kinds.SPECULAR, "whole": kinds.WHOLE}
+PARTS: dict[Part, int] = {
+    "diffuse": kinds.DIFFUSE,
+    "specular": kinds.SPECULAR,
+    "whole": kinds.WHOLE,
+    "around": kinds.AROUND,
+    "twist": kinds.TWIST,
+    "brushed": kinds.BRUSHED,
+}
 
 
 class MeasuredModel(Model):
@@ -59,12 +83,13 @@ class MeasuredModel(Model):
         return node_angles(name in HALF_ANGLE_CURVES), measurement.nodes(name)
 
     def scale(self, params: Parameters) -> Float64Array:
-        return channels(params, "scale") * getattr(measurement_of(params), self.part)
+        return channels(params, "scale") * measurement_of(params).strength(self.part)
 
     def quotient_parameters(self, params: Parameters) -> Float64Array:
         q = super().quotient_parameters(params)
         q[kinds.TABLE], q[kinds.SMOOTHING] = measurement_of(params).number, number(params, "smoothing")
         q[kinds.CHANNEL], q[kinds.PART] = kinds.MEAN, PARTS[self.part]
+        q[kinds.ADAPTIVE] = measurement_of(params).is_anisotropic
         return q
 
     def bind_parameters(self, q: Float64Array) -> Float64Array:
@@ -85,9 +110,10 @@ class MeasuredModel(Model):
         from engine.measured.measurement import evaluate_part
         from engine.measured.tables import table_of
 
-        table = table_of(measurement.number)
-        smoothing = number(params, "smoothing")
-        return channels(params, "scale") * evaluate_part(table.samples, measurement, self.part, smoothing, wi, wo)
+        smoothing, whole = number(params, "smoothing"), np.zeros((len(wi), 3))
+        above = (wi[:, 2] > 0.0) & (wo[:, 2] > 0.0)
+        whole[above] = table_of(measurement.number).evaluate(wi[above], wo[above])
+        return channels(params, "scale") * evaluate_part(whole, measurement, self.part, smoothing, wi, wo)
 
 
 def measurement_of(params: Parameters) -> Measurement:
@@ -129,13 +155,50 @@ def parameters(*curves: str) -> tuple[Parameter, ...]:
 
 
 class Measured(MeasuredModel):
-    """rho_s = s q_s G(theta_d) H(theta_h): the part of the measurement above its diffuse part."""
+    """rho_s = s q_s G(theta_d) H(theta_h) S(theta_o): the part of the measurement above its diffuse part. S is constant
+    where it does not make the fit better."""
 
     name = "measured"
     label = "Measured, highlight"
     tooltip = "The highlight of a measured surface, as it was measured and as you bend it."
     part = "specular"
     factors = (THETA_H, THETA_D)
+    view_factor = THETA_O
+    curve_of = {"theta_o": "s"}
+    parameters = parameters("A", "B", "o")
+
+
+class MeasuredAround(MeasuredModel):
+    """rho_s = s q_s H(theta_h) P(phi_h): the same part, with a curve over the azimuth of the half vector."""
+
+    name = "measured_around"
+    label = "Measured, highlight around"
+    tooltip = "The highlight of a measured surface, by its profile and by where around its middle it is bright."
+    part = "around"
+    factors = (THETA_H, PHI_H)
+    parameters = parameters("A", "B")
+
+
+class MeasuredTwist(MeasuredModel):
+    """rho_s = s q_s H(theta_h) Q(phi_d): the same part, with a curve over the azimuth of wi about the half vector."""
+
+    name = "measured_twist"
+    label = "Measured, highlight by twist"
+    tooltip = "The highlight of a measured surface, by its profile and by how light and view turn about its middle."
+    part = "twist"
+    factors = (THETA_H, PHI_D)
+    parameters = parameters("A", "B")
+
+
+class MeasuredBrushed(MeasuredModel):
+    """rho_s = s q_s U(theta_u) V(theta_v): the same part of a brushed surface, by the slopes of the half vector along
+    and across, as `ward_anisotropic` has them."""
+
+    name = "measured_brushed"
+    label = "Measured, brushed highlight"
+    tooltip = "The highlight of a measured brushed surface, by its profiles along and across the brushing."
+    part = "brushed"
+    factors = (SLOPE_U, SLOPE_V)
     parameters = parameters("A", "B")
 
 
@@ -169,4 +232,7 @@ class MeasuredCloth(MeasuredModel):
     parameters = parameters("A", "B", "o")
 
 
-MODELS = (Measured(), MeasuredDiffuse(), MeasuredCloth())
+HIGHLIGHT_MODELS: dict[Part, Model] = {
+    model.part: model for model in (Measured(), MeasuredAround(), MeasuredTwist(), MeasuredBrushed())
+}
+MODELS = (*HIGHLIGHT_MODELS.values(), MeasuredDiffuse(), MeasuredCloth())

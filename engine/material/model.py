@@ -54,6 +54,7 @@ GAMMA_WIDTH = Factor("gamma_width", kinds.GAMMA_WIDTH, "width γ_w", "The streak
 SLOPE_U = Factor("theta_u", kinds.SLOPE_U, "along θ_u", "The highlight's profile along the brushing.")
 SLOPE_V = Factor("theta_v", kinds.SLOPE_V, "across θ_v", "The highlight's profile across the brushing.")
 PHI_H = Factor("phi_h", kinds.PHI_H, "azimuth φₕ", "The highlight's strength from along the threads, 0°, to across.")
+PHI_D = Factor("phi_d", kinds.PHI_D, "twist φ_d", "The highlight's strength as wi turns about the half vector.")
 
 
 class Model(ABC):

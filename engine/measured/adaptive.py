@@ -16,6 +16,7 @@ weighted by cosines, so that the least certain, at grazing directions, is divide
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -23,7 +24,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.measured.measurement import HALF_PI, SHAPE, grid_directions
+from engine.measured.measurement import HALF_PI, SHAPE, directions_at, grid_directions
 from engine.measured.sample_files import MISSING
 
 Float32Array = NDArray[np.float32]
@@ -31,6 +32,12 @@ Float64Array = NDArray[np.float64]
 
 # Sums of cosines below which a pair of directions counts as not measured.
 LEAST_COSINES = 0.02
+# Pairs of directions that factors are fitted to, before those that are steeper are left out.
+N_SCATTERED = 8000
+STEEPEST = np.radians(85.0)
+# Numbers at the start of the packed form: those of azimuths and angles, rows and columns of four tables, symmetry,
+# and whether colours are divided.
+N_SIZES = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +69,25 @@ class AdaptiveReflection:
     def visible(self) -> VisibleDensity:
         """The visible density of each wi, normalised, with its integrals."""
         return VisibleDensity.of(self.vndf)
+
+    def packed(self) -> Float32Array:
+        """All of it in one array, for kernels (`engine.material._adaptive_kernels`)."""
+        visible, tables = self.visible, (self.ndf, self.sigma, self.vndf[0, 0], self.colours[0, 0, ..., 0])
+        sizes = [len(self.phi), len(self.theta), *(n for table in tables for n in table.shape)]
+        head = np.array([*sizes, self.n_symmetric, self.is_divided], np.float32)
+        arrays = (
+            self.phi, self.theta, self.ndf, self.sigma, visible.density, visible.along, visible.up, self.colours
+        )  # fmt: skip
+        return np.concatenate([head, *(array.ravel() for array in arrays)]).astype(np.float32)
+
+    @staticmethod
+    def unpacked(values: Float32Array) -> AdaptiveReflection:
+        """The inverse of `packed`."""
+        shapes = _shapes(values)
+        ends = N_SIZES + np.cumsum([math.prod(shape) for shape in shapes])
+        parts = np.split(values[N_SIZES:], ends[:-1] - N_SIZES)
+        phi, theta, ndf, sigma, vndf, _, _, colours = (p.reshape(s) for p, s in zip(parts, shapes, strict=True))
+        return AdaptiveReflection(phi, theta, ndf, sigma, vndf, colours, bool(values[N_SIZES - 1]))
 
     def evaluate(self, wi: Float64Array, wo: Float64Array) -> Float64Array:
         """rho (N, 3), 1/sr, at least 0, for unit directions (N, 3); -1 below the horizon and where both graze."""
@@ -100,19 +126,24 @@ class VisibleDensity:
     """Densities (P, T, rows, columns) of integral 1 over their patches; along (P, T, rows, columns): their integrals
     over u from the left of each row; up (P, T, rows): of whole rows, from the lowest one."""
 
-    density: Float64Array
-    along: Float64Array
-    up: Float64Array
+    density: Float32Array
+    along: Float32Array
+    up: Float32Array
 
     @staticmethod
     def of(values: Float32Array) -> VisibleDensity:
         """Normalise densities (P, T, rows, columns), by the trapezoidal rule, which is exact for bilinear ones."""
-        density = values.astype(float)
-        along, up = np.zeros_like(density), np.zeros(density.shape[:3])
-        np.cumsum(0.5 * (density[..., 1:] + density[..., :-1]), axis=3, out=along[..., 1:])
-        np.cumsum(0.5 * (along[:, :, 1:, -1] + along[:, :, :-1, -1]), axis=2, out=up[..., 1:])
-        total = up[:, :, -1].copy()
-        return VisibleDensity(density / total[..., None, None], along / total[..., None, None], up / total[..., None])
+        found = VisibleDensity(
+            *(np.zeros(shape, np.float32) for shape in (values.shape, values.shape, values.shape[:3]))
+        )
+        for place in np.ndindex(*values.shape[:2]):
+            density = values[place].astype(float)
+            along, up = np.zeros_like(density), np.zeros(len(density))
+            np.cumsum(0.5 * (density[:, 1:] + density[:, :-1]), axis=1, out=along[:, 1:])
+            np.cumsum(0.5 * (along[1:, -1] + along[:-1, -1]), out=up[1:])
+            for table, part in ((found.density, density), (found.along, along), (found.up, up)):
+                table[place] = part / up[-1]
+        return found
 
     def to_square(self, slices: Slices, u: Float64Array, v: Float64Array) -> tuple[Float64Array, Float64Array]:
         """Where the densities' integrals map (u, v), each (N,) in [0, 1]: x, y in [0, 1]."""
@@ -138,6 +169,39 @@ class VisibleDensity:
 
 # Numbers of slices (N,) among (P, T), with their weights (N,).
 Slices = list[tuple[NDArray[np.integer], Float64Array]]
+
+
+def _shapes(packed: Float32Array) -> list[tuple[int, ...]]:
+    """The shapes of the arrays of a packed measurement, by the sizes it starts with."""
+    sizes = [int(size) for size in packed[:N_SIZES]]
+    slices, grid = (sizes[0], sizes[1]), (sizes[6], sizes[7])
+    return [
+        (sizes[0],), (sizes[1],), (sizes[2], sizes[3]), (sizes[4], sizes[5]), (*slices, *grid), (*slices, *grid),
+        (*slices, sizes[6]), (*slices, sizes[8], sizes[9], 3),
+    ]  # fmt: skip
+
+
+def is_packed(values: Float32Array) -> bool:
+    """Whether an array (N,) has the sizes that it starts with, so that kernels read nothing beyond it."""
+    if len(values) < N_SIZES or not ((values[: N_SIZES - 2] >= 2) & (values[: N_SIZES - 2] < 2**24)).all():
+        return False
+    return N_SIZES + sum(math.prod(shape) for shape in _shapes(values)) == len(values)
+
+
+def scattered_directions() -> tuple[Float64Array, Float64Array]:
+    """wi, wo (N, 3) for fits to anisotropic reflection, not steeper than `STEEPEST`: half vectors dense about the
+    normal, as the nodes of curves are, all azimuths, and even angles between wi and the half vector."""
+    random = np.random.default_rng(1)
+    u = (np.arange(N_SCATTERED) + random.random(N_SCATTERED)) / N_SCATTERED
+    theta_h, theta_d = HALF_PI * u * u, HALF_PI * random.random(N_SCATTERED)
+    phi_h, phi_d = 2.0 * np.pi * random.random((2, N_SCATTERED))
+    x, y = np.cos(phi_h), np.sin(phi_h)
+    pair = [
+        np.stack([x * v[:, 0] - y * v[:, 1], y * v[:, 0] + x * v[:, 1], v[:, 2]], axis=1)
+        for v in directions_at(theta_h, theta_d, phi_d)
+    ]
+    good = np.minimum(pair[0][:, 2], pair[1][:, 2]) > np.cos(STEEPEST)
+    return pair[0][good], pair[1][good]
 
 
 def grid_samples(reflection: AdaptiveReflection) -> Iterator[float | Float32Array]:

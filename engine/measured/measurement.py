@@ -87,17 +87,27 @@ def above_horizon() -> NDArray[np.bool_]:
     return np.asarray((wi[..., 2] > 0.0) & (wo[..., 2] > 0.0))
 
 
-Part = Literal["diffuse", "specular", "whole"]
+Part = Literal["diffuse", "specular", "whole", "around", "twist", "brushed"]
 RGB = tuple[float, float, float]
 
-# The factors of both parts: of wi and wo, then of difference and half angle; and of the whole, P and Q.
-CURVES = ("theta_i", "theta_o", "theta_d", "theta_h", "p", "q")
-HALF_ANGLE_CURVES = ("theta_h", "q")
+# The factors of all parts: of wi and wo in the diffuse part; of difference and half angle, of wi or wo, and of the
+# half vector's and the difference's azimuth in the highlight; of the half vector's two slopes in one that is brushed;
+# and of the whole, P and Q. S, P: one curve for wi and wo.
+CURVES = ("theta_i", "theta_o", "theta_d", "theta_h", "s", "phi_h", "phi_d", "theta_u", "theta_v", "p", "q")
+# Those whose nodes are dense about 0.
+HALF_ANGLE_CURVES = ("theta_h", "theta_u", "theta_v", "q")
+PARTS: tuple[Part, ...] = ("diffuse", "specular", "whole", "around", "twist", "brushed")
+# The factors of the highlight by the layer that it is edited in; all that are not there remain in its quotient.
+HIGHLIGHTS: dict[Part, tuple[str, ...]] = {
+    "specular": ("theta_h", "theta_d", "s_o"),
+    "around": ("theta_h", "phi_h"),
+    "twist": ("theta_h", "phi_d"),
+    "brushed": ("theta_u", "theta_v"),
+}
 # Readable files: MERL's grids, Cornell's scattered samples and RGL's tensors.
 ENDINGS = (".binary", ".brdf", ".bsdf")
 # Standard width, in nodes to either side, for a smoothing of 1.
 _WIDEST = 8.0
-UNIT_RGB: RGB = (1.0 / np.pi, 1.0 / np.pi, 1.0 / np.pi)
 
 
 @dataclass(frozen=True)
@@ -114,22 +124,31 @@ class FitReport:
 
 @dataclass(frozen=True)
 class Measurement:
-    """file: its name; number: identifies the table, 0 if nothing was read; strengths (1/sr per channel) and curves of
-    the factors [BenArtzi07, 3.5]: rho_d = diffuse G(theta_i) H(theta_o), rho_s = specular G(theta_d) H(theta_h), or of
-    everything whole P(theta_i) Q(theta_h) P(theta_o). Each curve is float32 (91, 3) as bytes, in the order of `CURVES`,
-    positive, with a maximum of 1."""
+    """file: its name; number: identifies the table, 0 if nothing was read; strengths (1/sr per channel), in the order
+    of `PARTS`, and curves of the factors [BenArtzi07, 3.5]: rho_d = d G(theta_i) H(theta_o), rho_s = s G(theta_d)
+    H(theta_h) S(theta_o) or another product of `HIGHLIGHTS`, or of everything w P(theta_i) Q(theta_h) P(theta_o). Each
+    curve is float32 (91, 3) as bytes, in the order of `CURVES`, positive, with a maximum of 1.
+
+    is_anisotropic: the table is no grid (`engine.measured.adaptive`). highlight: the part whose factors fit best.
+    is_import: an unread file whose layers take that part, whichever it is.
+    """
 
     file: str
     number: int = 0
-    diffuse: RGB = UNIT_RGB
-    specular: RGB = UNIT_RGB
-    whole: RGB = UNIT_RGB
+    strengths: tuple[RGB, ...] = ((1.0 / np.pi,) * 3,) * len(PARTS)
     curves: tuple[bytes, ...] = ()
     report: FitReport | None = None
+    is_anisotropic: bool = False
+    highlight: Part = "specular"
+    is_import: bool = False
 
     @property
     def is_read(self) -> bool:
         return self.number != 0
+
+    def strength(self, part: Part) -> Float64Array:
+        """The strength of a part (3,)."""
+        return np.array(self.strengths[PARTS.index(part)])
 
     def nodes(self, name: str, smoothing: float = 0.0) -> Float64Array:
         """A factor at its nodes (91, 3), smoothed if smoothing is above 0; at most 1."""
@@ -180,26 +199,18 @@ def evaluate_table(table: NDArray[np.float32], wi: Float64Array, wo: Float64Arra
 
 
 def evaluate_part(
-    table: NDArray[np.float32],
-    measurement: Measurement,
-    part: Part,
-    smoothing: float,
-    wi: Float64Array,
-    wo: Float64Array,
+    whole: Float64Array, measurement: Measurement, part: Part, smoothing: float, wi: Float64Array, wo: Float64Array
 ) -> Float64Array:
-    """The diffuse or the specular part of a measurement (N, 3), whose sum is exactly the measurement; or the whole. 0
-    below the horizon."""
+    """Of reflection `whole` (N, 3) the diffuse part or that of the highlight, whose sum is exactly the measurement; or
+    the whole. 0 below the horizon."""
     above = (wi[:, 2] > 0.0) & (wo[:, 2] > 0.0)
-    whole = evaluate_table(table, wi, wo)
     theta_i, theta_o = (np.arccos(np.clip(v[:, 2], 0.0, 1.0)) for v in (wi, wo))
     factors = (measurement.curve(name, at, smoothing) for name, at in (("theta_i", theta_i), ("theta_o", theta_o)))
-    diffuse_part = np.asarray(measurement.diffuse)
+    diffuse_part = measurement.strength("diffuse")
     for factor in factors:
         diffuse_part = diffuse_part * factor
-    parts = {
-        "diffuse": np.minimum(whole, diffuse_part),
-        "specular": np.maximum(whole - diffuse_part, 0.0),
-        "whole": whole,
-    }
-    value = parts[part]
+    if part == "diffuse":
+        value = np.minimum(whole, diffuse_part)
+    else:
+        value = whole if part == "whole" else np.maximum(whole - diffuse_part, 0.0)
     return np.where(above[:, None], value, 0.0)

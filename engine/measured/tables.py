@@ -8,7 +8,7 @@ its file and of the version of the fit. A store caches what was read, under that
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -18,13 +18,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.core.errors import InsituError, LoadError
-from engine.core.stored_arrays import ArrayReader, Arrays
-from engine.measured.adaptive import grid_samples
-from engine.measured.fit import METHOD, Factors, fit_factors
-from engine.measured.measurement import CURVES, ENDINGS, N_NODES, SHAPE, FitReport, Measurement
+from engine.core.stored_arrays import ArrayReader, Arrays, UnsoundArrays
+from engine.measured.adaptive import AdaptiveReflection, grid_samples, is_packed, scattered_directions
+from engine.measured.factors import Factors
+from engine.measured.fit import METHOD, fit_factors
+from engine.measured.measurement import (
+    CURVES,
+    ENDINGS,
+    N_NODES,
+    PARTS,
+    SHAPE,
+    FitReport,
+    Measurement,
+    evaluate_table,
+)
 from engine.measured.sample_files import (
     CORNELL_SUFFIX,
-    FilledTable,
+    ScatteredSamples,
     fill_samples,
     merl_samples,
     read_cornell,
@@ -32,12 +42,12 @@ from engine.measured.sample_files import (
     scattered_samples,
 )
 from engine.measured.scattered_fit import METHOD as SCATTERED_METHOD
-from engine.measured.scattered_fit import fit_scattered
+from engine.measured.scattered_fit import fit_anisotropic, fit_scattered
 from engine.measured.tensor_files import TENSOR_SUFFIX, adaptive_reflection, read_tensor_file
 
 Made = TypeVar("Made")
 # Increased when the results for a file change.
-FIT_VERSION = 3
+FIT_VERSION = 4
 
 Steps = Generator[tuple[float, str], None, Measurement]
 
@@ -52,8 +62,9 @@ class ArrayStore(Protocol):
 
 @dataclass(eq=False)
 class Table:
-    """samples (90, 90, 180, 3) float32 without gaps, and the measurement fitted to them; `bound` by smoothing:
-    strengths (3, 3) and curves (6, 91, 3), float32 in one array."""
+    """samples: (90, 90, 180, 3) without gaps, or of an anisotropic surface (N,), `AdaptiveReflection.packed`, float32;
+    the measurement fitted to them; `bound` by smoothing: strengths (6, 3) and curves (11, 91, 3), float32 in one
+    array."""
 
     samples: NDArray[np.float32]
     measurement: Measurement
@@ -63,11 +74,16 @@ class Table:
         """The factors in the kernels' form."""
         if smoothing not in self.bound:
             there = self.measurement
-            strengths = np.array([there.diffuse, there.specular, there.whole], np.float32)
             curves = [there.nodes(name, smoothing) for name in CURVES]
-            joined = np.concatenate([strengths.ravel(), *(np.asarray(curve, np.float32).ravel() for curve in curves)])
-            self.bound[smoothing] = joined
+            joined = np.concatenate([np.ravel(there.strengths), *(curve.ravel() for curve in curves)])
+            self.bound[smoothing] = joined.astype(np.float32)
         return self.bound[smoothing]
+
+    def evaluate(self, wi: NDArray[np.float64], wo: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The measurement (N, 3), 1/sr, for unit directions (N, 3) above the horizon."""
+        if not self.measurement.is_anisotropic:
+            return evaluate_table(self.samples, wi, wo)
+        return np.maximum(AdaptiveReflection.unpacked(self.samples).evaluate(wi, wo), 0.0)
 
 
 _tables: dict[int, Table] = {}
@@ -105,48 +121,62 @@ def read_measurement(path: Path, store: ArrayStore | None = None) -> Steps:
     if stored is not None:
         add_table(*stored)
         return stored[1]
-    filled, factors, method = yield from _fit_file(data, path)
-    report = FitReport(filled.n_missing, filled.n_below, factors.error, factors.error_whole, method)
-    arrays = _arrays(filled.table, factors, report)
+    fitted = yield from _fit_file(data, path)
     if store is not None:
-        store.put(f"measured-{key}", arrays)
-    samples, measurement = _from_arrays(str(path), number, arrays)
+        store.put(f"measured-{key}", fitted)
+    samples, measurement = _from_arrays(str(path), number, fitted)
     add_table(samples, measurement)
     return measurement
 
 
-def _fit_file(data: bytes, path: Path) -> Generator[tuple[float, str], None, tuple[FilledTable, Factors, str]]:
-    """A table, its factors, and how they were found."""
-    text = f"fitting factors to {path.name}"
-    suffix = path.suffix.lower()
+def _fit_file(data: bytes, path: Path) -> Generator[tuple[float, str], None, dict[str, NDArray[np.generic]]]:
+    """The samples of a file and their factors, as they are stored."""
+    text, suffix = f"fitting factors to {path.name}", path.suffix.lower()
     if suffix == CORNELL_SUFFIX:
         for step in fit_scattered(scattered_samples(data, path)):
             if not isinstance(step, float):
-                return (*step, SCATTERED_METHOD)
+                filled, factors = step
+                return _arrays(filled.table, factors, (filled.n_missing, filled.n_below), SCATTERED_METHOD)
             yield step, text
-    samples = (yield from _tensor_samples(data, path)) if suffix == TENSOR_SUFFIX else merl_samples(data, path)
+    if suffix == TENSOR_SUFFIX:
+        reflection = adaptive_reflection(data, path)
+        if not reflection.is_isotropic:
+            return (yield from _fit_adaptive(reflection, text))
+        samples = yield from last_of(grid_samples(reflection), 0.0, 0.3, f"evaluating {path.name}")
+    else:
+        samples = merl_samples(data, path)
     yield 0.3, f"filling what {path.name} leaves out"
-    filled = fill_samples(samples)
-    if filled is None:
+    table = fill_samples(samples)
+    if table is None:
         raise LoadError(path, "samples", "all negative", "some that are not")
-    yield 0.4, text
-    for share in fit_factors(filled.table, filled.measured):
-        if isinstance(share, Factors):
-            return filled, share, METHOD
-        yield 0.4 + 0.6 * share, text
-    raise AssertionError("a fit ends with its factors")
+    factors = yield from last_of(fit_factors(table.table, table.measured), 0.4, 1.0, text)
+    return _arrays(table.table, factors, (table.n_missing, table.n_below), METHOD)
 
 
-def _tensor_samples(data: bytes, path: Path) -> Generator[tuple[float, str], None, NDArray[np.float32]]:
-    """Samples of an isotropic tensor file."""
-    reflection = adaptive_reflection(data, path)
-    if not reflection.is_isotropic:
-        raise LoadError(path, "azimuths of wi", len(reflection.phi), "one or two, of an isotropic surface")
-    for step in grid_samples(reflection):
+def _fit_adaptive(
+    reflection: AdaptiveReflection, text: str
+) -> Generator[tuple[float, str], None, dict[str, NDArray[np.generic]]]:
+    """An anisotropic measurement and its factors."""
+    wi, wo = scattered_directions()
+    values = reflection.evaluate(wi, wo)
+    there = (values >= 0.0).all(axis=1)
+    samples = ScatteredSamples(wi[there], wo[there], values[there], int((~there).sum()))
+    factors = yield from last_of(fit_anisotropic(samples), 0.1, 1.0, text)
+    return _arrays(reflection.packed(), factors, (0, 0), SCATTERED_METHOD)
+
+
+Last = TypeVar("Last")
+
+
+def last_of(
+    steps: Iterator[float | Last], first: float, end: float, text: str
+) -> Generator[tuple[float, str], None, Last]:
+    """What steps end with; their shares done are reported between `first` and `end`."""
+    for step in steps:
         if not isinstance(step, float):
             return step
-        yield 0.3 * step, f"evaluating {path.name}"
-    raise AssertionError("a grid ends with its samples")
+        yield first + (end - first) * step, text
+    raise AssertionError("steps end with a result")
 
 
 def _read(path: Path) -> bytes:
@@ -156,29 +186,37 @@ def _read(path: Path) -> bytes:
     return {CORNELL_SUFFIX: read_cornell, TENSOR_SUFFIX: read_tensor_file}.get(suffix, read_merl)(path)
 
 
-def _arrays(table: NDArray[np.float32], factors: Factors, report: FitReport) -> dict[str, NDArray[np.generic]]:
-    curves = [factors.slant, factors.slant, factors.theta_d, factors.theta_h, factors.slant_p, factors.half_q]
+def _arrays(
+    samples: NDArray[np.float32], factors: Factors, filled: tuple[int, int], method: str
+) -> dict[str, NDArray[np.generic]]:
+    """As it is stored. filled: the numbers of samples above the horizon and below it that were not measured."""
+    method = f"{method}; {factors.note}"
     return {
-        "samples": table,
-        "strengths": np.stack([factors.diffuse, factors.specular, factors.whole]).astype(np.float64),
-        "curves": np.stack(curves).astype(np.float32),
-        "filled": np.array([report.n_missing, report.n_below], np.int64),
-        "error": np.array([report.error, report.error_whole], np.float64),
-        "method": np.frombuffer(report.method.encode(), np.uint8),
+        "samples": samples,
+        "strengths": np.stack([factors.strengths[part] for part in PARTS]).astype(np.float64),
+        "curves": np.stack([factors.curves[name] for name in CURVES]).astype(np.float32),
+        "filled": np.array(filled, np.int64),
+        "error": np.array([factors.error, factors.error_whole], np.float64),
+        "highlight": np.array([PARTS.index(factors.highlight)], np.int64),
+        "method": np.frombuffer(method.encode(), np.uint8),
     }
 
 
 def _from_arrays(file: str, number: int, arrays: Arrays) -> tuple[NDArray[np.float32], Measurement]:
     """The samples and their fit from cached arrays. Raises UnsoundArrays."""
     reader = ArrayReader(arrays)
-    samples = reader.take("samples", np.float32, *SHAPE, 3)
-    diffuse, specular, whole = (_rgb(row) for row in reader.take("strengths", np.float64, 3, 3))
+    is_anisotropic = "samples" in arrays and arrays["samples"].ndim == 1
+    samples = reader.take("samples", np.float32, *(("packed",) if is_anisotropic else (*SHAPE, 3)))
+    if is_anisotropic and not is_packed(samples):
+        raise UnsoundArrays("the samples do not have their sizes")
+    strengths = tuple(_rgb(row) for row in reader.take("strengths", np.float64, len(PARTS), 3))
     missing, below = (int(n) for n in reader.take("filled", np.int64, 2))
     error, error_whole = (float(error) for error in reader.take("error", np.float64, 2))
+    highlight = PARTS[int(reader.take("highlight", np.int64, 1, below=len(PARTS))[0])]
     method = reader.take("method", np.uint8, "text").tobytes().decode(errors="replace")
     curves = tuple(curve.tobytes() for curve in reader.take("curves", np.float32, len(CURVES), N_NODES, 3))
     report = FitReport(missing, below, error, error_whole, method)
-    return samples, Measurement(file, number, diffuse, specular, whole, curves, report)
+    return samples, Measurement(file, number, strengths, curves, report, is_anisotropic, highlight)
 
 
 def _rgb(row: NDArray[np.float64]) -> tuple[float, float, float]:

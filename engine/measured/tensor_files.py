@@ -97,6 +97,8 @@ def adaptive_reflection(data: bytes, path: Path) -> AdaptiveReflection:
     """Reflection of the bytes from `read_tensor_file`. Raises LoadError."""
     fields = _Fields(tensor_fields(data, path), path)
     theta, phi = fields.ascending("theta_i"), fields.ascending("phi_i")
+    if len(theta) < 2:
+        raise LoadError(path, "number of theta_i", len(theta), "2 at least")
     slices = len(phi), len(theta)
     ndf, sigma = fields.density("ndf"), fields.density("sigma")
     vndf = fields.density("vndf", *slices)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from engine.material import kinds
 from engine.material.layer import Layer, evaluate_layers
-from engine.measured.measurement import SHAPE, grid_directions
+from engine.measured.measurement import SHAPE, Measurement, grid_directions
 from engine.measured.sample_files import LARGEST, MISSING, SCALE
 
 Float64Array = NDArray[np.float64]
@@ -52,6 +52,9 @@ def untabulated_features(layers: Sequence[Layer]) -> tuple[str, ...]:
 
 def is_anisotropic(layer: Layer) -> bool:
     """Whether the layer changes when the surface rotates about its normal."""
+    measurement = layer.values.get("file")
+    if isinstance(measurement, Measurement) and measurement.is_anisotropic:
+        return True
     return any(factor.gamma in kinds.HALF_AZIMUTHS for factor in layer.model.factors)
 
 

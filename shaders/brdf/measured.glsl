@@ -8,7 +8,7 @@ const float LEAST_PRODUCT = 1e-30;
 // A measurement at a pair of directions: its value per channel, negative where there is none, and the angles.
 struct Measured {
     vec3 value;
-    float theta_i, theta_o, theta_h, theta_d;
+    float theta_i, theta_o, theta_h, theta_d, phi_h, phi_d, theta_u, theta_v;
 };
 
 vec3 measured_row(sampler2DArray table, ivec2 phi, float w, int j, int i) {

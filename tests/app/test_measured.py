@@ -38,13 +38,18 @@ from app.worker.cache import ArrayCache
 from app.worker.schedule import InProcessClient
 from app.worker.tasks import RequestDispatcher
 from engine.core.errors import InsituError, LoadError
+from engine.material import MODELS, make_layer
+from engine.material.measured import HIGHLIGHT_MODELS
 from engine.measured import tables
+from engine.measured.measurement import Part
 from engine.measured.sample_files import merl_samples, read_merl
 from engine.planner import band_counts
+from engine.render.tabulate import untabulated_features
 from engine.scene.description import SceneDescription
 from engine.settings import RenderSettings
 from tests.app.fake_worker import FakeClient
 from tests.naive.measured import drawn_measurement
+from tests.naive.tensor_files import Gloss, acquired, tensor_bytes
 from tests.opened import open_in_process, run_in_process
 from tests.scene_text import camera, environment, material, placed
 
@@ -132,6 +137,34 @@ def test_an_import_is_one_step(client: FakeClient, tmp_path: Path) -> None:
     assert "is what was imported" in str(editor.do(SetParameter("pot.0", "file", "x.binary")))
     editor.undo()
     assert editor.document.objects == before.objects
+
+
+@pytest.mark.parametrize("highlight", ["specular", "around", "brushed"])
+def test_an_import_gets_the_curves_that_fit_best(tmp_path: Path, highlight: Part) -> None:
+    # What a scene names stays what it is.
+    file = tmp_path / "x.bsdf"
+    read = replace(drawn_measurement(), file=str(file), highlight=highlight)
+    found = with_measurements(measured_layers(file), {str(file): read})
+    assert [layer.model for layer in found] == [MODELS["measured_diffuse"], HIGHLIGHT_MODELS[highlight]]
+    assert {measurement_in(layer) for layer in found} == {read}
+    named = (make_layer(MODELS["measured"], {"file": str(file)}),)
+    assert with_measurements(named, {str(file): read})[0].model is MODELS["measured"]
+    (cloth,) = with_measurements(measured_layers(file, cloth=True), {str(file): read})
+    assert cloth.model is MODELS["measured_cloth"]
+
+
+def test_an_anisotropic_import_is_rendered_and_has_no_table(tmp_path: Path) -> None:
+    file = tmp_path / "brushed.bsdf"
+    file.write_bytes(tensor_bytes(acquired(Gloss(0.5, 0.15), n_theta=5, n_phi=9, n=10, n_facets=16, turn=np.pi)))
+    tasks = RequestDispatcher(ArrayCache(tmp_path / "cache"))
+    layers = measured_layers(file)
+    *_, answer = run_in_process(tasks, ReadMeasured((str(file),), layers))
+    assert isinstance(answer, MeasurementsRead) and answer.found[str(file)].is_anisotropic
+    assert [set(bands) for bands in answer.planned] == [{"theta_i"}, {"theta_u", "theta_v"}]
+    *_, given = run_in_process(tasks, FetchTable(str(file)))
+    assert isinstance(given, TableFetched) and given.measurement.is_anisotropic and given.samples.size == 3
+    (note,) = untabulated_features(with_measurements(layers, answer.found)[:1])
+    assert "averaged around the normal" in note
 
 
 def test_the_worker_plans_a_session_with_an_import(scene: Path, merl_file: Path, tmp_path: Path) -> None:

@@ -12,6 +12,10 @@ def angle(kind, exponent, wi, wo):
     half = wi + wo
     half /= np.linalg.norm(half, axis=1, keepdims=True)
     cos2_phi = half[:, 0] ** 2 / (half[:, 0] ** 2 + half[:, 1] ** 2)
+    # wi about the half vector, from the plane of half vector and normal: the sign does not matter.
+    across = np.cross(np.array([0, 0, 1]), half)
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    along, beside = (wi * np.cross(across, half)).sum(axis=1), (wi * across).sum(axis=1)
     mirrored = wi * np.array([-1, -1, 1])
     cosine = {
         kinds.THETA_I: wi[:, 2],
@@ -28,6 +32,7 @@ def angle(kind, exponent, wi, wo):
         ),
         kinds.SLOPE_U: half[:, 2] / np.hypot(half[:, 0], half[:, 2]),
         kinds.SLOPE_V: half[:, 2] / np.hypot(half[:, 1], half[:, 2]),
+        kinds.PHI_D: np.abs(along) / np.hypot(along, beside),
         kinds.PHI_H: np.abs(half[:, 0]) / np.hypot(half[:, 0], half[:, 1]),
     }[kind]
     return np.arccos(np.clip(cosine, -1, 1)).astype(float)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from engine.measured.measurement import N_NODES, Measurement, above_horizon, grid_directions, node_angles
+from engine.measured.measurement import CURVES, N_NODES, PARTS, Measurement, above_horizon, grid_directions, node_angles
 
 
 def analytic_samples(noise: float = 0.0, gaps: float = 0.0) -> np.ndarray:
@@ -24,5 +24,6 @@ def analytic_samples(noise: float = 0.0, gaps: float = 0.0) -> np.ndarray:
 def drawn_measurement() -> Measurement:
     """A measurement whose table was never read: curves that fall and wave."""
     wave = 0.6 + 0.3 * np.sin(np.arange(N_NODES) * 1.7)
-    curves = [(wave[:, None] * [1.0, 0.9, 0.8] / (1 + k)).astype(np.float32).tobytes() for k in range(6)]
-    return Measurement("drawn.binary", 5, (0.1, 0.2, 0.3), (1.0, 2.0, 3.0), (0.4, 0.5, 0.6), tuple(curves))
+    curves = [(wave[:, None] * [1.0, 0.9, 0.8] / (1 + k)).astype(np.float32).tobytes() for k in range(len(CURVES))]
+    strengths = tuple((0.1 + k, 0.2 + k, 0.3 + k) for k in range(len(PARTS)))
+    return Measurement("drawn.binary", 5, strengths, tuple(curves))

@@ -46,7 +46,6 @@ from ui.gl.python_functions import PythonSource
 from ui.gl.python_to_glsl import ForeignFunction, Translation
 
 KERNELS = Path(inspect.getfile(kinds)).with_name("_kernels.py")
-MEASURED_KERNELS = Path(inspect.getfile(MeasuredModel)).with_name("_measured_kernels.py")
 INCLUDES = '#include "brdf/arithmetic.glsl"\n#include "brdf/curves.glsl"\n'
 MEASURED_INCLUDE = '#include "brdf/measured.glsl"\n'
 PAIR = "wi.x, wi.y, wi.z, wo.x, wo.y, wo.z"
@@ -109,8 +108,7 @@ def _layer(translation: Translation, place: int, model: Model, row: int, slot: i
 
 def _value(translation: Translation, slot: int) -> str:
     """The look-up of a table."""
-    foreign = {"_angle": ForeignFunction(_kernels(), "_angle")}
-    phi_d = translation.function(_measured_kernels(), "_phi_d", {}, foreign)
+    phi_d = translation.function(_kernels(), "phi_d", {}, {})
     angles = {kind: _angle(translation, kind, "mat2x4(0.0)") for kind in ANGLES}
     return value_text(slot, angles, f"{phi_d}({PAIR})")
 
@@ -132,11 +130,6 @@ def _quotient(translation: Translation, model: Model) -> str:
 @lru_cache(maxsize=1)
 def _kernels() -> PythonSource:
     return PythonSource.read(KERNELS)
-
-
-@lru_cache(maxsize=1)
-def _measured_kernels() -> PythonSource:
-    return PythonSource.read(MEASURED_KERNELS)
 
 
 # ------------------------------------------------------------------------------------------------- the stack on the GPU

@@ -3,7 +3,7 @@
     table of samples ─► shaders/brdf/measured.glsl ─┐
     factors as fitted ─► rows of the curves' texture ┴─► quotient per channel, as material._measured_kernels has it
 
-Both parts of a measurement share one look-up. The factors are sampled like the layer's own curves, so that an unedited
+All parts of a measurement share one look-up. The factors are sampled like the layer's own curves, so that an unedited
 layer equals the measurement to the last digits of single precision, at the factors' bends as well.
 
 Tables of measurements are array textures of 180 x 90 x 90 samples, RGB, for brdf/measured.glsl. Single precision, 17.5
@@ -41,18 +41,24 @@ class Product:
 
 
 DIFFUSE_PRODUCT = Product("diffuse", (("theta_i", kinds.THETA_I), ("theta_o", kinds.THETA_O)))
-SPECULAR_PRODUCT = Product("specular", (("theta_d", kinds.THETA_D), ("theta_h", kinds.THETA_H)))
 CLOTH_PRODUCT = Product("whole", (("p", kinds.THETA_I), ("q", kinds.THETA_H), ("p", kinds.THETA_O)))
+HIGHLIGHT_PRODUCTS = (
+    Product("specular", (("theta_d", kinds.THETA_D), ("theta_h", kinds.THETA_H), ("s", kinds.THETA_O))),
+    Product("around", (("theta_h", kinds.THETA_H), ("phi_h", kinds.PHI_H))),
+    Product("twist", (("theta_h", kinds.THETA_H), ("phi_d", kinds.PHI_D))),
+    Product("brushed", (("theta_u", kinds.SLOPE_U), ("theta_v", kinds.SLOPE_V))),
+)
 PRODUCTS: dict[Part, tuple[Product, ...]] = {
     "diffuse": (DIFFUSE_PRODUCT,),
-    "specular": (DIFFUSE_PRODUCT, SPECULAR_PRODUCT),
     "whole": (CLOTH_PRODUCT,),
+    **{product.strength: (DIFFUSE_PRODUCT, product) for product in HIGHLIGHT_PRODUCTS},
 }
 
 
 # The angles in a `Measured`, by kind, in the order of its fields.
 ANGLES = {
     kinds.THETA_I: "m.theta_i", kinds.THETA_O: "m.theta_o", kinds.THETA_H: "m.theta_h", kinds.THETA_D: "m.theta_d",
+    kinds.PHI_H: "m.phi_h", kinds.PHI_D: "m.phi_d", kinds.SLOPE_U: "m.theta_u", kinds.SLOPE_V: "m.theta_v",
 }  # fmt: skip
 
 
@@ -96,7 +102,8 @@ def quotient_text(model: MeasuredModel, place: int, row: int) -> str:
         terms = [f"curve_at({row + i}, {ANGLES[kind]})" for i, (_, kind) in enumerate(product.factors)]
         products.append(" * ".join(terms))
         row += len(terms)
-    quotient = f"{model.part}_quotient({', '.join(['m.value', *products])})"
+    kind = model.part if model.part in ("diffuse", "whole") else "specular"
+    quotient = f"{kind}_quotient({', '.join(['m.value', *products])})"
     return "\n".join([
         f"vec3 measured_{place}(Measured m) {{", f"    return m.value.x < 0.0 ? vec3(1.0) : {quotient};", "}", "",
     ])  # fmt: skip
@@ -104,7 +111,7 @@ def quotient_text(model: MeasuredModel, place: int, row: int) -> str:
 
 def _rows(product: Product, measurement: Measurement, smoothing: float, gamma: Float64Array) -> list[Float64Array]:
     rows = [measurement.curve(name, gamma, smoothing) for name, _ in product.factors]
-    return [rows[0] * getattr(measurement, product.strength), *rows[1:]]
+    return [rows[0] * measurement.strength(product.strength), *rows[1:]]
 
 
 # ---------------------------------------------------------------------------------------------------- tables on the GPU

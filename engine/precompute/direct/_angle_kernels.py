@@ -21,6 +21,7 @@ from engine.material.kinds import (
     GGX,
     GRAZING,
     LAMBERT,
+    PHI_D,
     ROUGH_ALPHA,
     ROUGH_CONDUCTOR,
     ROUGH_DISTRIBUTION,
@@ -214,7 +215,7 @@ def slope(kind):
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def is_highlight(kind):
     """Whether a curve over γ reflects the surroundings like a mirror: its lobe may be as narrow as its bands."""
-    return kind != THETA_I and kind != THETA_D and kind != THETA_O
+    return kind != THETA_I and kind != THETA_D and kind != THETA_O and kind != PHI_D
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")

@@ -176,7 +176,7 @@ def test_few_samples_tell_of_all(tmp_path: Path) -> None:
     report = measurement.report
     assert report is not None and report.error < 0.1 and report.n_below == 0
     assert 0 < report.n_missing < 0.8 * above_horizon().sum()
-    assert measurement.diffuse == pytest.approx([0.05] * 3, rel=0.1)
+    assert measurement.strength("diffuse") == pytest.approx([0.05] * 3, rel=0.1)
     random = np.random.default_rng(2)
     theta_h, theta_d, phi_d = random.random((3, 2000)) * [[0.5], [1.2], [np.pi]]
     wi, wo = directions_at(theta_h, theta_d, phi_d)
@@ -190,7 +190,7 @@ def test_a_measured_paint(shared_data: Path) -> None:
     # A blue enamel: factors within a factor of 1.5, the table within 10 % of the samples.
     path = shared_data / "brdf" / "cornell" / "krylon_blue.brdf"
     measurement: Measurement = run_to_end(read_measurement(path))
-    assert int(np.argmax(measurement.diffuse)) == 2 and measurement.report is not None
+    assert int(np.argmax(measurement.strength("diffuse"))) == 2 and measurement.report is not None
     assert measurement.report.error < 0.4
     samples = scattered_samples(read_cornell(path), path)
     found = evaluate_table(table_of(measurement.number).samples, samples.wi, samples.wo)

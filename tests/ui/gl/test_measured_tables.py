@@ -71,7 +71,7 @@ def layers_of(measurement: Measurement, **parameters: object) -> tuple[Layer, ..
     return tuple(make_layer(MODELS[name], {"file": measurement, **parameters}) for name in PARTS)
 
 
-@pytest.mark.parametrize("name", [*PARTS, "measured_cloth"])
+@pytest.mark.parametrize("name", [*PARTS, "measured_cloth", "measured_around", "measured_twist", "measured_brushed"])
 @pytest.mark.parametrize("smoothing", [0.0, 0.3])
 def test_parity_of_each_part(
     stack: BrdfStack, measurement: Measurement, pairs: tuple[np.ndarray, np.ndarray], name: str, smoothing: float

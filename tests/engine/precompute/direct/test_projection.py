@@ -20,6 +20,7 @@ from engine.material.kinds import (
     GAMMA_BETA,
     GAMMA_RATIO,
     GAMMA_WIDTH,
+    PHI_D,
     PHI_H,
     SLOPE_U,
     SLOPE_V,
@@ -44,7 +45,7 @@ ORIGIN = np.zeros((1, 3))
 LEANING_EYE = np.array([[0.6, 0.8, 0.1]])
 ANGLES = (
     THETA_I, THETA_R, THETA_H, THETA_D, GAMMA_ALPHA, GAMMA_BETA, GAMMA_RATIO, THETA_O, SLOPE_U, SLOPE_V, PHI_H,
-    GAMMA_WIDTH,
+    GAMMA_WIDTH, PHI_D,
 )  # fmt: skip
 # A model, parameters away from the defaults, and bands of one curve or two.
 LAYERS = [
@@ -345,8 +346,8 @@ def test_single_precision_angles_agree_with_the_models_own(kind) -> None:
         fill_gammas(kind, q, x, y, z, *o.astype(np.float32), found)
         expected = np.minimum([gamma(kind, q, *i, *o) for i in near], np.pi / 2)
         # The narrowest of 512 bands is 3e-3 wide. γ_r loses digits where the half vector has no part across, φ_h where
-        # it is all but the normal.
-        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-3 if kind in (GAMMA_RATIO, PHI_H) else 3e-4)
+        # it is all but the normal, φ_d where that is wi.
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-3 if kind in (GAMMA_RATIO, PHI_H, PHI_D) else 3e-4)
 
 
 @pytest.mark.parametrize("rises", [False, True])
