@@ -14,7 +14,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from app.system.atomic import write_atomically
 from engine.material.layer import Layer, evaluate_layers
+from engine.material.measured import HIGHLIGHT_MODELS, MeasuredModel, measurement_of
 from engine.material.model import channels
+from engine.measured.tables import is_content
+from engine.measured.tensor_files import TENSOR_SUFFIX, read_tensor_file, tensor_fields
 from engine.render.tabulate import is_anisotropic
 
 
@@ -51,10 +54,15 @@ def write_material(
     """Add the material of these visible layers to a shape. axes (2, 3): the object's own Y and X in the world; factors
     (K, 3): the means of each layer's texture and weight map, which replace them there."""
     lambert, metal = _exact(layers)
+    measured = _measured_file(layers)
     if not layers:
         add_numbers(add(shape, "bsdf", type="diffuse"), "rgb", "reflectance", (0.0, 0.0, 0.0))
     elif lambert is not None or metal is not None:
         _add_exact(add(shape, "bsdf", type="twosided"), lambert, metal)
+    elif measured is not None:
+        write_atomically(folder / "materials" / f"{stem}.bsdf", measured)
+        bsdf = add(add(shape, "bsdf", type="twosided"), "bsdf", type="measured")
+        add(bsdf, "string", name="filename", value=f"materials/{stem}.bsdf")
     else:
         table, alpha = tabulated(layers, factors)
         packed = io.BytesIO()
@@ -63,6 +71,26 @@ def write_material(
         add(add(shape, "bsdf", type="insitu"), "string", name="filename", value=f"materials/{stem}.npz")
     images = [layer.name for layer in layers if not layer.maps.is_plain]
     return WrittenMaterial((f"{', '.join(images)} by the mean of texture and weight map",) if images else ())
+
+
+def _measured_file(layers: Sequence[Layer]) -> bytes | None:
+    """The tensor file that these layers are, unedited, as Mitsuba's `measured` reads it where it renders in RGB; None
+    for all else, and for anisotropic files, whose tangents are Mitsuba's own."""
+    names = {layer.model.name for layer in layers}
+    highlights = {model.name for model in HIGHLIGHT_MODELS.values()}
+    is_whole = names == {"measured_cloth"} or ("measured_diffuse" in names and len(names & highlights) == 1)
+    if not is_whole or len(layers) != len(names):
+        return None
+    found = {measurement_of(layer.values) for layer in layers if isinstance(layer.model, MeasuredModel)}
+    plain = not any(layer.edits or layer.fresnel is not None or not layer.maps.is_plain for layer in layers)
+    plain = plain and all((channels(layer.values, "scale") == 1.0).all() for layer in layers)
+    measurement = next(iter(found))
+    path = Path(measurement.file)
+    if len(found) > 1 or not plain or measurement.is_anisotropic or path.suffix.lower() != TENSOR_SUFFIX:
+        return None
+    data = read_tensor_file(path)
+    is_rgb = {"rgb", "luminance", "description"} <= tensor_fields(data, path).keys()
+    return data if is_rgb and is_content(measurement, data) else None
 
 
 def _exact(layers: Sequence[Layer]) -> tuple[Layer | None, Layer | None]:

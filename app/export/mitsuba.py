@@ -3,12 +3,13 @@
     OUT/scene.xml       camera, lights, objects; materials that Mitsuba has no counterpart for are of the type "insitu"
     OUT/render.py       `python render.py` renders scene.xml to render.exr; it defines that type
     OUT/meshes/*.ply    in world coordinates, those of a far scene and its camera less the scene's centre
-    OUT/materials/*.npz tables of the materials of that type
+    OUT/materials/*.npz tables of the materials of that type; *.bsdf measurements that Mitsuba has a type for
     OUT/sky.exr         lat-long
 
-The standard models are used where they are exact: `diffuse`, `roughconductor`, and the two of them together. Everything
-else, above all edited curves, becomes a table over half and difference angles. Mitsuba's own `measured` was rejected
-for it: it exists for spectral rendering only, while Insitu's pictures are in linear Rec. 709.
+The standard models are used where they are exact: `diffuse`, `roughconductor`, and the two of them together; and
+`measured` for an isotropic RGB tensor file that is not edited. Everything else, above all edited curves, becomes a
+table over half and difference angles. `measured` was rejected for it: its samples follow one distribution of visible
+normals, which a curve that is bent no longer has, and its tangents are not those of Insitu's objects.
 """
 
 from __future__ import annotations

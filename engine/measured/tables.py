@@ -113,8 +113,7 @@ def read_measurement(path: Path, store: ArrayStore | None = None) -> Steps:
     """
     yield 0.0, f"reading {path.name}"
     data = _read(path)
-    key = hashlib.blake2b(data, digest_size=20, key=f"measured {FIT_VERSION}".encode()).hexdigest()
-    number = int(key[:12], 16) or 1
+    key, number = _names(data)
     if number in _tables:
         return replace(_tables[number].measurement, file=str(path))
     stored = None if store is None else store.get(f"measured-{key}", partial(_from_arrays, str(path), number))
@@ -127,6 +126,17 @@ def read_measurement(path: Path, store: ArrayStore | None = None) -> Steps:
     samples, measurement = _from_arrays(str(path), number, fitted)
     add_table(samples, measurement)
     return measurement
+
+
+def is_content(measurement: Measurement, data: bytes) -> bool:
+    """Whether a measurement was read from these bytes."""
+    return measurement.number == _names(data)[1]
+
+
+def _names(data: bytes) -> tuple[str, int]:
+    """The key and the number of a file's content."""
+    key = hashlib.blake2b(data, digest_size=20, key=f"measured {FIT_VERSION}".encode()).hexdigest()
+    return key, int(key[:12], 16) or 1
 
 
 def _fit_file(data: bytes, path: Path) -> Generator[tuple[float, str], None, dict[str, NDArray[np.generic]]]:

@@ -32,8 +32,9 @@ from engine.material.layer import evaluate_layers
 from engine.precompute.direct.pipeline import Placement
 from engine.scene.loaders.ply import parse_ply
 from tests.app.files.test_brdf_files import insitu
+from tests.naive.tensor_files import Gloss, acquired, tensor_bytes
 from tests.pictures import write_exr
-from tests.scene_text import camera, environment, placed, scaled
+from tests.scene_text import camera, environment, material, placed, scaled
 from tests.ui.small_scene import coloured_sky, write_small_scene
 
 BUMP = Operator("amplify", "y", 0.1, 0.2, 0.4, 0.6, 0.8)
@@ -77,6 +78,40 @@ def test_what_mitsuba_has_not_becomes_a_table(tmp_path: Path) -> None:
     assert bsdf is not None and bsdf.get("type") == "insitu"
     with np.load(tmp_path / "out" / bsdf.find("string").get("value")) as data:  # type: ignore[union-attr,arg-type]
         assert data["table"].shape[-1] == 3 and np.isfinite(data["table"]).all() and data["table"].min() >= 0.0
+
+
+def write_measured_scene(folder: Path, **acquisition: object) -> Path:
+    """A ball of a measured gloss under the small scene's sky."""
+    (folder / "gloss.bsdf").write_bytes(tensor_bytes(acquired(Gloss(0.3, 0.3), **acquisition)))  # type: ignore[arg-type]
+    write_exr(folder / "sky.exr", coloured_sky(128))
+    layers = material(*(f'model = "{name}", file = "gloss.bsdf"' for name in ("measured_diffuse", "measured")))
+    scene = (
+        camera((0, 0.4, 2), resolution=(32, 32)) + environment(file="sky.exr") + placed("ball", "sphere", more=layers)
+    )
+    (folder / "ball.toml").write_text(scene)
+    return folder / "ball.toml"
+
+
+@pytest.mark.parametrize(
+    ("edit", "acquisition", "is_handed_back"),
+    [
+        ((), {}, True),
+        ((("ball.1.scale", 0.5),), {}, False),
+        ((), {"wavelengths": np.array([450.0, 550.0, 650.0])}, False),
+        ((), {"n_phi": 5, "turn": np.pi}, False),
+    ],
+)
+def test_a_measurement_is_handed_back(tmp_path: Path, edit: tuple, acquisition: dict, is_handed_back: bool) -> None:
+    file = write_measured_scene(tmp_path, n_theta=4, n=8, n_facets=12, **acquisition)
+    export_scene(open_project(str(file), (8, 8), edit), tmp_path / "out", 1, lambda share, text: None)
+    bsdf = ElementTree.parse(tmp_path / "out" / "scene.xml").getroot().find("shape/bsdf")
+    assert bsdf is not None
+    if is_handed_back:
+        inner = bsdf.find("bsdf[@type='measured']/string")
+        assert inner is not None and inner.get("value") == "materials/00_ball.bsdf"
+        assert (tmp_path / "out/materials/00_ball.bsdf").read_bytes() == (tmp_path / "gloss.bsdf").read_bytes()
+    else:
+        assert bsdf.get("type") == "insitu"
 
 
 def test_images_count_by_their_means(tmp_path: Path) -> None:
@@ -202,6 +237,24 @@ def test_mitsuba_renders_what_we_render(tmp_path: Path) -> None:
         assert whole.sum() > 10
         assert found.mean() == pytest.approx(wanted.mean(), rel=0.01)
         assert np.sqrt(np.mean((found - wanted) ** 2)) < 0.03 * wanted.mean()
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(VARIABLE not in os.environ, reason=f"{VARIABLE} names no interpreter that has Mitsuba 3")
+@pytest.mark.parametrize("acquisition", [{"n_theta": 12}, {"n_theta": 12, "n_phi": 13, "turn": np.pi}])
+def test_mitsuba_renders_a_measurement_as_we_do(tmp_path: Path, acquisition: dict) -> None:
+    # The file itself where it is isotropic; else a table.
+    file = write_measured_scene(tmp_path, **acquisition)
+    project = open_project(str(file), (32, 32))
+    export_scene(project, tmp_path / "out", 1, lambda share, text: None)
+    program = [os.environ[VARIABLE], str(tmp_path / "out" / "render.py"), "--samples", "1024"]
+    subprocess.run(program, check=True, capture_output=True)
+    theirs = read_radiance_image(tmp_path / "out" / "render.exr").astype(np.float64)
+    ours = render_picture(project, lambda step: None).astype(np.float64)
+    inside = np.hypot(*(np.mgrid[:32, :32] - 15.5)) < 8.0
+    found, wanted = ours[inside], theirs[inside]
+    assert found.mean() == pytest.approx(wanted.mean(), rel=0.01)
+    assert np.sqrt(np.mean((found - wanted) ** 2)) < 0.03 * wanted.mean()
 
 
 def test_a_far_scene_is_written_about_its_own_centre(tmp_path):
