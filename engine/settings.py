@@ -4,9 +4,9 @@ View, plan, requests and stills hold `RenderSettings`. `SETTINGS` has what is kn
 validation of sessions and of the view, options of the command line, the lines of the plan, and the reference.
 
 A *line* of a plan is what the user may override of it, by name. "lights", "patches", "bounces", "sphere", "precision",
-"rays" and "edges" apply to the whole picture; "points" and "coefficients" belong to Orbit, "transfer_rays" and "lobes"
-to Deform. "teapot.1.theta_h" is the number of bands of one curve, by its layer's key and its name. `engine.planner`
-determines which of them a scene has. This module imports little, because the window's process uses it.
+"rays" and "edges" apply to the whole picture; "points" and "coefficients" belong to Orbit, "transfer_rays", "lobes" and
+"gloss_rows" to Deform. "teapot.1.theta_h" is the number of bands of one curve, by its layer's key and its name.
+`engine.planner` determines which of them a scene has. This module imports little, because the window's process uses it.
 """
 
 from __future__ import annotations
@@ -105,8 +105,9 @@ class RenderSettings:
     n_hemisphere_rays: rays per sample set of indirect light (`engine.precompute.indirect.sampling_settings`).
     n_edge_rays: rays through a pixel at an edge (`engine.scene.edges`); 0: only through its centre. Orbit has n_points
     beside the meshes' own, and stores n_coefficients of light at each; Deform traces n_rays from each of its points and
-    fits n_lobes. lighting: of Placement, which the view chooses; under simple light there is one bounce. overridden:
-    the lines of the plan that the user has set.
+    fits n_lobes, and n_gloss_rows for each glossy layer, None for as many as a pilot finds. lighting: of Placement,
+    which the view chooses; under simple light there is one bounce. overridden: the lines of the plan that the user has
+    set.
     """
 
     n_lights: int = _setting(
@@ -154,6 +155,11 @@ class RenderSettings:
     n_lobes: int = _setting(
         4, "fitted to what the rays found; 0: light without shadows, for comparison", _up_to(0, 4), line="lobes",
         label="Lobes", mode="deform", words=(("unshadowed", 0),),
+    )  # fmt: skip
+    n_gloss_rows: int | None = _setting(
+        None, "of transfer for each glossy layer; 0: one lobe with the shadows of a diffuse surface", _up_to(0, 16),
+        as_required=(None,), line="gloss_rows", label="Gloss rows", choices=(0, 3, 6, 9, 12, 16), mode="deform",
+        words=(("lobe", 0),),
     )  # fmt: skip
     lighting: Lighting = "scene"
     overridden: frozenset[str] = frozenset()

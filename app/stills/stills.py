@@ -213,7 +213,7 @@ def prepared_deform(
     posed: names of the objects that are to deform further. settings: None for those of a still."""
     settings = settings or still_settings(project, "deform")
     deform = Deform(scene, store=StoredLobes(ArrayCache()))
-    deform.set_effort(settings.n_rays, settings.n_lobes)
+    deform.set_effort(settings.n_rays, settings.n_lobes, settings.n_gloss_rows)
     deform.set_light(project.sky)
     deform.set_layers(layers_by_object(project))
     deform.set_surfaces(project.document.new_surfaces)

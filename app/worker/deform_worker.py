@@ -6,7 +6,7 @@ Precomputation continues where it was left off, whatever ended it; fitted transf
 from __future__ import annotations
 
 import time
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +17,8 @@ from app.modes.deform.deform_messages import (
     DeformLoss,
     DrawDeform,
     EstimateDeform,
+    GlossDecided,
+    GlossPlan,
     PathPreview,
     PathsTraced,
     PoseExported,
@@ -85,7 +87,7 @@ class DeformWorker(ModeWorker):
         deform.set_layers(layers_by_object(deform.scene, scene.layers))
         deform.set_surfaces(request.surfaces)
         deform.set_bending(request.posed)
-        deform.set_effort(self.n_rays or request.n_rays, request.n_lobes)
+        deform.set_effort(self.n_rays or request.n_rays, request.n_lobes, request.n_gloss_rows)
         deform.set_bounces(request.n_bounces)
         self._prepared = request.id
         for step in deform.work():
@@ -99,6 +101,7 @@ class DeformWorker(ModeWorker):
             note_compiled(DEFORM)
         names = deform.scene.object_names
         yield DeformLoss(tuple((names[i], share) for i, share in deform.lost_shares.items()))
+        yield GlossDecided(tuple(_gloss_plans(deform, scene)))
         yield OrbitProgress(deform.version, deform.is_done, deform.n_bytes)
         if request.traced is not None:
             yield from self._trace(deform, request, sky, request.traced)
@@ -180,6 +183,14 @@ class DeformWorker(ModeWorker):
             scene, lobe_store = self._context.rest_scene, StoredLobes(self._context.store)
             self._deform = Deform(scene, self.n_points or N_POINTS, store=lobe_store)
         return self._deform
+
+
+def _gloss_plans(deform: Deform, scene: SceneState) -> Iterator[GlossPlan]:
+    decided = deform.gloss
+    for state in scene.layers:
+        gloss = decided.get((deform.scene.object_index(state.object), state.layer))
+        if gloss is not None:
+            yield GlossPlan(state.key, gloss.choice.value, gloss.choice.reason, gloss.n_bytes)
 
 
 class StoredLobes:

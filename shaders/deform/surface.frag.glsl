@@ -11,7 +11,7 @@ void main() {
     bool is_front = !gl_FrontFacing;  // rows count downwards
     if (!is_front && shown.x == 1 && shown.y == 0)
         discard;
-    int at = 10 * shown.z;
+    int at = 12 * shown.z;
     vec3 albedo = vec3(objects[at], objects[at + 1], objects[at + 2]);
     vec3 emission = vec3(objects[at + 4], objects[at + 5], objects[at + 6]);
     vec3 reflected = is_front ? front_white * albedo + front_gloss : back_white * albedo + back_gloss;

@@ -42,7 +42,7 @@ class Wish:
     lamp: float = 4.0
     alabaster: bool = False
     posed: bool = True
-    effort: tuple[int, int] = (64, 2)
+    effort: tuple[int, int, int | None] = (64, 2, None)
 
 
 @pytest.fixture(scope="module")
@@ -95,7 +95,7 @@ def led_about(mode: Orbit | Deform, wish: Wish, random: np.random.Generator, n: 
     values = {
         "rotation": (30.0, 77.0, 200.0), "box": range(5), "floor": range(5), "n_bounces": (0, 1, 2, 4),
         "lamp": (0.0, 4.0, 9.0), "alabaster": (False, True), "posed": (False, True),
-        "effort": ((64, 2), (128, 1)),
+        "effort": ((64, 2, None), (128, 1, 0), (64, 2, 6)),
     }  # fmt: skip
     for _ in range(n):
         if isinstance(mode, Orbit) and mode.is_ready and random.random() < 0.4:

@@ -21,7 +21,9 @@ from app.editor.editor import Editor
 from app.modes.deform.deform_controller import DeformController
 from app.modes.orbit.desired_state import DesiredOrbit
 from app.worker.cache import ArrayCache
+from engine.material.layer import Layer
 from engine.realtime.zonal_harmonics.deform_engine import Deform
+from engine.realtime.zonal_harmonics.gloss_transfer import LayerGloss
 from engine.realtime.zonal_harmonics.pose import Poses
 from engine.scene.description import Camera, CameraDescription
 from engine.scene.scene_loader import Scene
@@ -43,6 +45,7 @@ class NamedDeform(NamedOrbit):
     """As `engine.realtime.zonal_harmonics.deform_engine.Deform`, drawn as `NamedOrbit` is."""
 
     lost_shares: Mapping[int, float] = {}  # noqa: RUF012 - it has none
+    gloss: Mapping[tuple[int, Layer], LayerGloss] = {}  # noqa: RUF012
 
     def __init__(
         self, scene: Scene, n_points: int = 1, n_rays: int = 1, store: object = None, caster: object = None
@@ -56,9 +59,9 @@ class NamedDeform(NamedOrbit):
             self._surfaces = surfaces
             self._begin()
 
-    def set_effort(self, n_rays: int, n_lobes: int) -> None:
-        if (n_rays, n_lobes) != self._effort:
-            self._effort = n_rays, n_lobes
+    def set_effort(self, n_rays: int, n_lobes: int, n_gloss_rows: int | None = None) -> None:
+        if (n_rays, n_lobes, n_gloss_rows) != self._effort:
+            self._effort = n_rays, n_lobes, n_gloss_rows
             self._begin()
 
     def set_bending(self, names: Sequence[str]) -> None:
@@ -90,7 +93,8 @@ def test_the_stand_in_is_called_as_the_engine_is() -> None:
 def expected_colour(editor: Editor) -> np.ndarray:
     document = editor.document
     view = effective_view(editor.view, document)
-    layers, effort = DesiredOrbit.of(document, view).scene.layers, (view.settings.n_rays, view.settings.n_lobes)
+    layers, of = DesiredOrbit.of(document, view).scene.layers, view.settings
+    effort = of.n_rays, of.n_lobes, of.n_gloss_rows
     names = [state.name for state in document.objects]
     own = [said_of_layers([each.layer for each in layers if each.object == name]) for name in names]
     posed = tuple(state.name for state in document.objects if state.deformations or state.moment is not None)
@@ -148,7 +152,7 @@ COMMANDS: dict[str, Callable[[OrbitWalk], object]] = {
     "kill": lambda w: w.client.kill(),
     "bounces as planned": lambda w: w.editor.do(SetView.of(n_bounces=0)),
     "light once": lambda w: w.editor.do(SetView.of(n_bounces=1)),
-    **plan_lines(transfer_rays=(64, 2000), lobes=(0, 1, 3)),
+    **plan_lines(transfer_rays=(64, 2000), lobes=(0, 1, 3), gloss_rows=(0, 9)),
 }
 
 

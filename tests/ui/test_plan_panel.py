@@ -122,10 +122,13 @@ def test_a_setting_of_the_accuracy_panel_follows_the_line_that_stands_over_it(wi
 
 @pytest.mark.parametrize(
     ("mode", "own", "value", "name"),
-    [("orbit", ("points", "coefficients"), 80, "n_coefficients"), ("deform", ("transfer_rays", "lobes"), 2, "n_lobes")],
+    [
+        ("orbit", ("points", "coefficients"), 80, "n_coefficients"),
+        ("deform", ("transfer_rays", "lobes", "gloss_rows"), 2, "n_lobes"),
+    ],
 )
 def test_other_modes_have_the_lines_that_they_carry_out(
-    window: HeadlessWindow, mode: str, own: tuple[str, str], value: int, name: str
+    window: HeadlessWindow, mode: str, own: tuple[str, ...], value: int, name: str
 ) -> None:
     editor = window.shell.editor
     editor.do(SetView.of(mode=mode))

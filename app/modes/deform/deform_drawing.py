@@ -16,6 +16,8 @@ from app.modes.deform.deform_messages import (
     DeformLoss,
     DrawDeform,
     EstimateDeform,
+    GlossDecided,
+    GlossPlan,
     PathPreview,
     PathsTraced,
     PoseExported,
@@ -41,6 +43,7 @@ class DesiredDeform(DesiredOrbit):
     traced: PathPreview | None = None
     n_rays: int = 1000
     n_lobes: int = 4
+    n_gloss_rows: int | None = None
 
 
 class DeformDrawing(OrbitDrawing):
@@ -53,6 +56,7 @@ class DeformDrawing(OrbitDrawing):
     def __init__(self) -> None:
         super().__init__()
         self._lost: tuple[tuple[str, float], ...] = ()
+        self._gloss: tuple[GlossPlan, ...] = ()
         self._carried: AnimationOffsets = ()
         self._paths_traced = PathsTraced(0, 1)
         self._sent_parts: Numbers | None = None  # those that the window has, see `DrawDeform.sent_parts`
@@ -86,7 +90,7 @@ class DeformDrawing(OrbitDrawing):
         )  # fmt: skip
         return DesiredDeform(
             desired.scene, desired.n_bounces, posed=posed, surfaces=document.new_surfaces, n_rays=view.settings.n_rays,
-            n_lobes=view.settings.n_lobes,
+            n_lobes=view.settings.n_lobes, n_gloss_rows=view.settings.n_gloss_rows,
         )  # fmt: skip
 
     def content(self, document: Document, view: ViewState) -> PictureContent:
@@ -139,7 +143,7 @@ class DeformDrawing(OrbitDrawing):
 
     def preparation(self, desired: DesiredOrbit) -> Request:
         assert isinstance(desired, DesiredDeform)
-        effort = desired.n_rays, desired.n_lobes
+        effort = desired.n_rays, desired.n_lobes, desired.n_gloss_rows
         return PrepareDeform(desired.scene, desired.n_bounces, desired.posed, desired.surfaces, desired.traced, *effort)
 
     def headlight_request(self, camera: Camera, wanted: PictureRequest, desired: DesiredOrbit) -> Request:
@@ -168,6 +172,8 @@ class DeformDrawing(OrbitDrawing):
         match response:
             case DeformLoss():
                 self._lost = response.lost
+            case GlossDecided():
+                self._gloss = response.plans
             case PathsTraced():
                 self._paths_traced = response
             case _:
@@ -183,6 +189,7 @@ class DeformDrawing(OrbitDrawing):
 
     def complete_status(self, status: OrbitStatus, prepared: int) -> OrbitStatus:
         own: dict[str, object] = {"lost": self._lost, "deform_only": self._deform_only, "carried": self._carried}
+        own["gloss"] = self._gloss
         own["no_estimate_reason"] = self._no_estimate_reason
         if status.picture == "refining" and self._content.split is not None:
             share = self._share_traced(prepared)

@@ -31,7 +31,8 @@ class PrepareDeform(Request):
 
     posed: names of the objects that deform, which have only shadows of their own. surfaces: what replaces the scene
     file's settings of objects' surfaces. traced: what is path-traced after that, until another request comes; each pass
-    raises the pictures' version. n_rays: from each point; n_lobes: zonal lobes fitted to what these rays find.
+    raises the pictures' version. n_rays: from each point; n_lobes: zonal lobes fitted to what these rays find;
+    n_gloss_rows: of glossy layers, None for as many as a pilot finds, which `GlossDecided` tells.
     """
 
     built_on = (SetCamera,)
@@ -43,6 +44,7 @@ class PrepareDeform(Request):
     traced: PathPreview | None = None
     n_rays: int = 1000
     n_lobes: int = 4
+    n_gloss_rows: int | None = None
 
 
 @dataclass(frozen=True)
@@ -84,6 +86,22 @@ class DeformLoss(Response):
     low frequencies; for objects that are not diffuse only."""
 
     lost: tuple[tuple[str, float], ...]
+
+
+class GlossPlan(NamedTuple):
+    """How a glossy layer, by its key, is drawn, and why; n_bytes: of its transfer."""
+
+    key: str
+    value: str
+    reason: str
+    n_bytes: int
+
+
+@dataclass(frozen=True)
+class GlossDecided(Response):
+    """How the glossy layers are drawn that may be drawn by rows."""
+
+    plans: tuple[GlossPlan, ...]
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from app.document.document import Document, reflecting_layers
 from app.document.view_state import ViewState
 from app.messages.editor_status import Status, duration
+from app.modes.deform.deform_status import DeformStatus
 from app.modes.placement.placement_status import PlacementStatus
 from engine.material.layer import Layer, object_of
 from engine.planner import PRECISION_REASON, RAYS_REASON, edge_reason, sphere_reason, usual_bands
@@ -22,6 +23,7 @@ Choices = tuple[tuple[str, LineValue], ...]
 BAND_CHOICES = tuple(2**n for n in range(10))
 SPHERE: Mapping[LineValue, str] = {1: "every direction", 0: "the lights' alone"}
 EDGES: Mapping[LineValue, str] = {0: "off", 4: "4 rays", 8: "8 rays", 16: "16 rays"}
+BY_PILOT = "layer by layer, by a pilot"
 BY_USER = "set in the scene or the Accuracy panel"
 PRECISIONS: Mapping[LineValue, str] = {"half": "half floats", "float": "full floats"}
 
@@ -46,6 +48,8 @@ class PlanTableRow:
 def plan_table(document: Document, view: ViewState, status: Status) -> tuple[PlanTableRow, ...]:
     """The lines of the current mode: of the picture, then of each layer that reflects."""
     lines = [*_common_lines(document, view, status), *_mode_lines(document, view)]
+    if isinstance(status, DeformStatus):
+        lines += _gloss_lines(document, status)
     if isinstance(status, PlacementStatus):
         lines = [_cost_line(status), *_light_lines(document, view, status), *lines, *_curve_lines(document, status)]
     return tuple(lines)
@@ -119,7 +123,17 @@ def _mode_lines(document: Document, view: ViewState) -> Iterator[PlanTableRow]:
     """The lines of Orbit's or Deform's own light."""
     for line in MODE_LINES.get(view.mode, ()):
         name = FIELD_OF_LINE[line]
-        yield _setting_line(document, line, getattr(view.settings, name), SETTINGS[name].meaning)
+        planned = getattr(view.settings, name)
+        yield _setting_line(document, line, BY_PILOT if planned is None else planned, SETTINGS[name].meaning)
+
+
+def _gloss_lines(document: Document, status: DeformStatus) -> Iterator[PlanTableRow]:
+    """How Deform draws each glossy layer, as it has been decided."""
+    shown = {key for key, _ in reflecting_layers(document)}
+    for plan in status.gloss:
+        if plan.key in shown:
+            value = f"{plan.value}, {plan.n_bytes / 1e6:.0f} MB" if plan.n_bytes else plan.value
+            yield PlanTableRow("gloss", "Gloss", value, plan.reason, (), False, plan.key)
 
 
 def _curve_lines(document: Document, status: PlacementStatus) -> Iterator[PlanTableRow]:

@@ -158,8 +158,10 @@ OrbitPart = MeshPart | LightPart | BouncedPart | SkyPart | TermsPart
 @dataclass(frozen=True, eq=False)
 class ShapePart:
     """corners (3 T, 4) of triangles: place, the point on the side that the winding faces and on the other, -1 for none,
-    object; owners (S,): the object of each point; lobes (S, 4 + N (3 + n)): low, then each lobe's axis and bands.
-    number: differs for different arrays."""
+    object; owners (S, 2): the object of each point, and its number among the points of this object; lobes (S, 4 + N (3
+    + n)): low, then each lobe's axis and bands; gloss_rows (R, 4 + G (3 + n)): the same of all rows of glossy layers
+    that are drawn by rows, layer after layer and point after point, with G = n_row_lobes. number: differs for different
+    arrays."""
 
     number: int
     corners: Int32Array
@@ -167,6 +169,8 @@ class ShapePart:
     lobes: Float32Array
     n_lobes: int
     order: int
+    gloss_rows: Float32Array
+    n_row_lobes: int
 
 
 @dataclass(frozen=True)
@@ -208,7 +212,7 @@ class CoverPart:
     n_strokes: int
 
 
-OBJECT_ROW = 10
+OBJECT_ROW = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,9 +220,11 @@ class AppearancePart:
     """harmonics (n^2, 3) and table (rows, columns, n, 3) of the sky's light, see `BandLight`; lights (K, n^2 + rows
     columns n, 3): both of the objects that have other light; added (S, 3): radiance of points by their neighbours, (0,
     3) for none; objects (M, `OBJECT_ROW`): albedo, first glossy layer, emission, number of glossy layers, light (0 for
-    the sky's) and the `even` of that; gloss (G, A, 3 n + 1): for each glossy layer and polar angles of wo
-    up to `steepest`, its bands and its lean, see `LowGloss`; cosine (n,): the bands of a white Lambertian surface;
-    even: see `engine.realtime.zonal_harmonics.shading.even_light`; casts (M, C), spread (n,), least: see
+    the sky's) and the `even` of that, first layer that is drawn by rows, their number; gloss (G, A, 3 n + 1): for each
+    glossy layer that is one lobe and polar angles of wo up to `steepest`, its bands and its lean, see `LowGloss`;
+    row_layers (K, 3): of each layer that is drawn by rows, its first among the shape's rows, their number at each
+    point, and where its views begin in views (V,), see `GlossBasis`; cosine (n,): the bands of a white Lambertian
+    surface; even: see `engine.realtime.zonal_harmonics.shading.even_light`; casts (M, C), spread (n,), least: see
     `engine.realtime.zonal_harmonics.shading`; turn, scale: of the sky, see `Backdrop`; terms: refer to the cover that
     is exported with it or was before."""
 
@@ -229,6 +235,8 @@ class AppearancePart:
     added: Float32Array
     objects: Float32Array
     gloss: Float32Array
+    row_layers: Float32Array
+    views: Float32Array
     steepest: float
     cosine: Float32Array
     casts: Float32Array

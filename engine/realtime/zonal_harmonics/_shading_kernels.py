@@ -127,7 +127,7 @@ def _entries(row: float, column: float, n_rows: int, n_columns: int) -> _Entries
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _look_up(table: Float32Array, x: float, y: float, z: float, bands: Float32Array) -> None:
+def look_up(table: Float32Array, x: float, y: float, z: float, bands: Float32Array) -> None:
     """Interpolate the light of each band (n, 3) along a direction between four entries."""
     n_rows, n_columns = table.shape[0], table.shape[1]
     row, column = _place(n_rows, n_columns, x, y, z)
@@ -175,14 +175,14 @@ def gloss_range(
         turn = lean[low] + share * (lean[low + 1] - lean[low])
         # The lobe's axis: the normal, rotated by lean away from wo, towards its mirror direction.
         c, s = math.cos(turn), -math.sin(turn) / across
-        _look_up(table, c * nx + s * ax, c * ny + s * ay, c * nz + s * az, light)
+        look_up(table, c * nx + s * ax, c * ny + s * ay, c * nz + s * az, light)
         values = np.zeros(3, np.float32)
         # Radiance: Σ_l bands_l × light_l along the axis.
         for l in range(n):  # noqa: E741
             for i in range(3):
                 values[i] += (bands[low, l, i] + share * (bands[low + 1, l, i] - bands[low, l, i])) * light[l, i]
         # Visibility: the ratio of the Lambertian radiance with and without shadows.
-        _look_up(table, nx, ny, nz, light)
+        look_up(table, nx, ny, nz, light)
         unblocked = np.float32(0.0)
         for l in range(n):  # noqa: E741
             unblocked += cosine[l] * (light[l, 0] + light[l, 1] + light[l, 2])
@@ -236,7 +236,7 @@ def shadow_range(
             weight = sine2 * up - LEAST_BLOCKED
             if weight <= 0.0:
                 continue
-            _look_up(table, x, y, z, light)
+            look_up(table, x, y, z, light)
             # Mean of each band's light over the cone: (P_(l-1) - P_(l+1)) / ((2l+1)(1-c)) at its rim, where c is the
             # cosine.
             c = math.sqrt(1.0 - sine2)

@@ -7,6 +7,9 @@
         ...                           between two pieces the caller may set or draw anything
     picture = deform.draw(camera, (512, 384), poses)
 
+Glossy layers come last: where a pilot finds rows of transfer better than one lobe, they are drawn by these from then on
+(`engine.realtime.zonal_harmonics.gloss_transfer`).
+
 What an object's points see of the object itself rotates with them when it bends. What they see of other objects does
 not. So the transfer of an object that bends contains only its own shadows, and that of objects at rest contains one
 another's; bending objects shade all others by a few clusters of their surface
@@ -30,6 +33,7 @@ from engine.precompute.direct.pipeline import SkyState
 from engine.realtime.core.gpu_parts import NO_PARTS, Numbers, PictureExport
 from engine.realtime.core.terms import LayersOf, is_glossy
 from engine.realtime.zonal_harmonics.bending_points import BendingPoints, bending_points
+from engine.realtime.zonal_harmonics.gloss_transfer import GlossTransfer, GlossTransfers, LayerGloss
 from engine.realtime.zonal_harmonics.gpu_export import PictureExporter
 from engine.realtime.zonal_harmonics.neighbours import (
     LightPaths,
@@ -104,6 +108,8 @@ class Deform:
         self._n_bounces = N_BOUNCES
         self._cache: dict[int, ObjectTransfer] = {}
         self._transfers: TransferCache | None = None
+        self._n_gloss_rows: int | None = None
+        self._glosses: GlossTransfers | None = None
         self._even: frozenset[int] = frozenset()
         self._job: tuple[ObjectTransfer, Generator[float, None, Zonal]] | None = None
         self._lobes: Lobes | None = None
@@ -151,10 +157,14 @@ class Deform:
         self.scene.textures.load(Images(weight=file) for _, surface in surfaces for _, file in surface.files)
         self._surfaces = dict(surfaces)
 
-    def set_effort(self, n_rays: int, n_lobes: int) -> None:
+    def set_effort(self, n_rays: int, n_lobes: int, n_gloss_rows: int | None = None) -> None:
         """Set the number of rays of each point, and of lobes that approximate the result, 1 to `N_LOBES`; `UNSHADOWED`
-        for light without shadows and reflections."""
+        for light without shadows and reflections. n_gloss_rows: of each glossy layer, 0 for one lobe, None for what a
+        pilot finds."""
         self._rays, self._n_lobes = (min(FEW_RAYS, n_rays), n_rays), n_lobes
+        if n_gloss_rows != self._n_gloss_rows:
+            self._n_gloss_rows = n_gloss_rows
+            self.version += 1
 
     def set_bounces(self, n_bounces: int) -> None:
         """Set the number of reflections between light and camera; 0 restores the largest possible number."""
@@ -171,7 +181,13 @@ class Deform:
     def is_done(self) -> bool:
         """Whether no work is left."""
         has_lobes = all(self._cache.get(each.i_object) == each for each in self._final_transfers())
-        return self._lobes is not None and has_lobes and self._has_paths
+        return (
+            self._lobes is not None
+            and has_lobes
+            and self._has_paths
+            and self._glosses is not None
+            and (self._glosses.first_missing(self._wanted_gloss()) is None)
+        )
 
     @property
     def fraction(self) -> float:
@@ -186,17 +202,27 @@ class Deform:
     def n_bytes(self) -> int:
         """Bytes that the points' data take."""
         lobes = self._lobes
-        return 0 if lobes is None else lobes.low.nbytes + lobes.axes.nbytes + lobes.coefficients.nbytes
+        if lobes is None:
+            return 0
+        of_gloss = sum(each.n_bytes for each in self.gloss.values())
+        return lobes.low.nbytes + lobes.axes.nbytes + lobes.coefficients.nbytes + of_gloss
 
     @property
     def lost_shares(self) -> dict[int, float]:
         """For each object, the share of its sharpest layer's reflection that is too sharp for the bands; see
-        `LowGloss.lost_share`."""
-        found = {
-            i: [low_gloss(each, ORDER).lost_share for each in own if is_glossy(each)]
-            for i, own in self._layers_of.items()
-        }
-        return {i: max(each) for i, each in found.items() if each}
+        `LowGloss.lost_share` and `GlossBasis.lost_share`."""
+        known, found = self.gloss, dict[int, list[float]]()
+        for i, own in self._layers_of.items():
+            for layer in filter(is_glossy, own):
+                rows = known.get((i, layer))
+                lost = rows.rows[1].lost_share if rows and rows.rows else low_gloss(layer, ORDER).lost_share
+                found.setdefault(i, []).append(lost)
+        return {i: max(each) for i, each in found.items()}
+
+    @property
+    def gloss(self) -> dict[tuple[int, Layer], LayerGloss]:
+        """How the glossy layers, by object, are drawn now, as far as it has been decided."""
+        return {} if self._glosses is None else self._glosses.known(self._wanted_gloss())
 
     def work(self) -> Iterator[StillProgress]:
         """Compute what is missing, piece by piece, until nothing is. Changes made meanwhile take effect at once."""
@@ -212,7 +238,11 @@ class Deform:
                 yield from self._trace_paths()
                 continue
             if (wanted := self._most_urgent()) is None:
-                return
+                assert self._glosses is not None
+                if (gloss := self._glosses.first_missing(self._wanted_gloss())) is None:
+                    return
+                yield from self._compute_gloss(self._glosses, gloss)
+                continue
             if self._job is None or self._job[0] != wanted:
                 self._job = wanted, self._load_or_simulate(wanted)
             try:
@@ -220,6 +250,27 @@ class Deform:
             except StopIteration as end:
                 self._job = None
                 self._set_transfer(wanted, end.value)
+
+    def _wanted_gloss(self) -> Iterator[GlossTransfer]:
+        """The transfer of the glossy layers that may be drawn by rows."""
+        environment = self._light.environment if self._n_gloss_rows is None else None
+        for each in self._final_transfers():
+            if each.can_have_gloss_rows:
+                for layer in filter(is_glossy, self._layers_of[each.i_object]):
+                    yield GlossTransfer(each, layer, self._n_gloss_rows, environment)
+
+    def _compute_gloss(self, glosses: GlossTransfers, wanted: GlossTransfer) -> Iterator[StillProgress]:
+        """Choose how a layer is drawn, and compute its rows where it is drawn by these."""
+        assert self._transfers is not None
+        diffuse = self._transfers.get(wanted.of) if wanted.of.surface.is_opaque else None
+        computing = glosses.compute(wanted, diffuse)
+        while wanted in self._wanted_gloss():
+            try:
+                yield StillProgress(next(computing), "fitting gloss")
+            except StopIteration as end:
+                glosses.put(wanted, end.value, self._wanted_gloss())
+                self.version += 1
+                return
 
     @property
     def _alone(self) -> tuple[int, ...]:
@@ -265,6 +316,7 @@ class Deform:
         points = bending_points(self.scene, self._caster, self._n_points, even)
         self._albedos, self._paths = {}, None
         self._points, self._transfers = points, TransferCache(self.scene, points, self._store)
+        self._glosses = GlossTransfers(self.scene, points, self._store)
         self._lobes, self._errors = unshadowed_points(len(points), N_LOBES, ORDER), np.zeros(len(points), np.float32)
         if before is not None and had is not None and errors is not None:
             near = points.nearest_of(before)
@@ -389,7 +441,7 @@ class Deform:
             raise ValueError("nothing is ready to be drawn: expected some steps of work before")
         if self._state is None or self._state.version != self.version:
             known = self._layers_of, self._lobes, self._errors, self._details, self._missing_casters()
-            state = ShadingState(self.version, self.scene, self._light, self._bands, *known)
+            state = ShadingState(self.version, self.scene, self._light, self._bands, *known, gloss=self.gloss)
             self._state = self._with_neighbours(state, self._pictures)
         return self._state, self._pictures
 

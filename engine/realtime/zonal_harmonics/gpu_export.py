@@ -27,6 +27,7 @@ from engine.realtime.core.gpu_parts import (
 from engine.realtime.core.terms import diffuse_albedo, is_glossy
 from engine.realtime.zonal_harmonics._shading_kernels import LEAST_BLOCKED
 from engine.realtime.zonal_harmonics.bending_points import BendingPoints, PosedPoints
+from engine.realtime.zonal_harmonics.gloss_rows import N_ROW_LOBES
 from engine.realtime.zonal_harmonics.picture_renderer import ShadingState
 from engine.realtime.zonal_harmonics.pose import Poses
 from engine.realtime.zonal_harmonics.shading import (
@@ -51,7 +52,7 @@ class PictureExporter:
 
     def __init__(self, points: BendingPoints, posed: PosedPoints, blockers: Blockers) -> None:
         self._points, self._posed, self._blockers = points, posed, blockers
-        self._shape: tuple[Lobes, ShapePart] | None = None
+        self._shape: tuple[tuple[Lobes, ...], ShapePart] | None = None
         self._appearance: tuple[int, AppearancePart] | None = None
         self._cover: tuple[tuple[object, ...], CoverPart] | None = None
         self._sky: BackdropPart | None = None
@@ -61,8 +62,9 @@ class PictureExporter:
     ) -> PictureExport:
         """Export a picture without the parts whose numbers are known; camera_position (3,)."""
         places, frames = self._posed.at(poses)
-        if self._shape is None or self._shape[0] is not of.lobes:
-            self._shape = of.lobes, shape_part(self._points, of.lobes)
+        made_of = of.lobes, *(lobes for i in of.layers_of for lobes, _ in of.rows_of(i))
+        if self._shape is None or self._shape[0] != made_of:  # compared by identity
+            self._shape = made_of, shape_part(self._points, *made_of)
         if self._appearance is None or self._appearance[0] != of.version:
             self._appearance = of.version, self._export_appearance(of)
         backdrop = of.backdrop.radiance
@@ -129,11 +131,20 @@ class PictureExporter:
         )  # fmt: skip
 
 
-def shape_part(points: BendingPoints, lobes: Lobes) -> ShapePart:
+def shape_part(points: BendingPoints, lobes: Lobes, *gloss: Lobes) -> ShapePart:
+    """gloss: of the rows of each layer that is drawn by rows, object after object."""
     surface, (_, n_lobes, order) = points.surface, lobes.coefficients.shape
     corners = _corners(points, np.arange(len(surface.corners)))
     corners[..., 3] = surface.i_object[:, None]
-    return ShapePart(next(_numbers), corners.reshape(-1, 4), points.owners, _rows(lobes), n_lobes, order)
+    owners = np.zeros((len(points), 2), np.int32)
+    owners[:, 0] = points.owners
+    for i in np.unique(points.owners):
+        mine = points.points_of(i)
+        owners[mine, 1] = np.arange(len(mine))
+    rows = [np.zeros((0, 4 + N_ROW_LOBES * (3 + order)), np.float32), *map(_rows, gloss)]
+    return ShapePart(
+        next(_numbers), corners.reshape(-1, 4), owners, _rows(lobes), n_lobes, order, np.concatenate(rows), N_ROW_LOBES
+    )
 
 
 def gloss_rows(of: ShadingState) -> tuple[list[Float32Array], dict[int, tuple[int, int]]]:
@@ -159,7 +170,16 @@ def appearance_part(
     objects = np.zeros((len(of.scene.smooth), OBJECT_ROW), np.float32)
     objects[:, :3], objects[:, 4:7], objects[:, 9] = of.albedos, of.scene.emission, even_light(of.bands)
     for k, (i, other) in enumerate(of.lights.items()):
-        objects[i, 8:] = 1 + k, even_light(other)
+        objects[i, 8:10] = 1 + k, even_light(other)
+    row_layers, views = list[tuple[int, int, int]](), [np.zeros(0, np.float32)]
+    first_row = first_view = 0
+    for i in of.layers_of:
+        first_layer = len(row_layers)
+        for lobes, of_layer in of.rows_of(i):
+            row_layers.append((first_row, of_layer.shape[2], first_view))
+            views.append(of_layer.ravel())
+            first_row, first_view = first_row + len(lobes.low), first_view + of_layer.size
+        objects[i, 10:] = first_layer, len(row_layers) - first_layer
     for i, (first, last) in by_points.items():
         objects[i, 3], objects[i, 7] = first, last - first
     light, backdrop = of.bands, of.backdrop
@@ -170,7 +190,8 @@ def appearance_part(
     gloss = np.array(rows, np.float32) if rows else np.zeros((0, 2, 3 * order + 1), np.float32)
     cosine = (clamped_cosine(order) / np.pi).astype(np.float32)
     return AppearancePart(
-        next(_numbers), light.harmonics, light.table, lights, added, objects, gloss, float(STEEPEST), cosine,
+        next(_numbers), light.harmonics, light.table, lights, added, objects, gloss,
+        np.array(row_layers, np.float32).reshape(-1, 3), np.concatenate(views), float(STEEPEST), cosine,
         of.casts.astype(np.float32), spread_of(order), LEAST_BLOCKED, backdrop.turn, backdrop.scale, terms,
     )  # fmt: skip
 

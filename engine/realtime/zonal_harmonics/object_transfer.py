@@ -61,6 +61,12 @@ class ObjectTransfer:
         """Whether computing it takes longer than reading it; a membrane's map may also change while the cache stays."""
         return self.surface.membrane is None and self.n_lobes != UNSHADOWED
 
+    @property
+    def can_have_gloss_rows(self) -> bool:
+        """Whether gloss on it may have shadows of its own: not on detail, which shades itself pixel by pixel, nor on
+        membranes, which shade nothing."""
+        return self.n_lobes != UNSHADOWED and not self.surface.is_mapped and self.surface.membrane is None
+
     def dependencies(self, scene: Scene, points: BendingPoints) -> tuple[object, ...]:
         """Everything that it depends on."""
         surface = self.surface

@@ -17,6 +17,8 @@ from engine.precompute.direct.pipeline import SkyState
 from engine.realtime.core.raster import BLACK, Backdrop, RasterResult, draw, paint
 from engine.realtime.core.terms import MOVING_PROBES, LayersOf, diffuse_albedo, is_glossy, map_factor
 from engine.realtime.zonal_harmonics.bending_points import BendingPoints, PosedPoints
+from engine.realtime.zonal_harmonics.gloss_rows import GlossBasis, add_gloss_rows
+from engine.realtime.zonal_harmonics.gloss_transfer import LayerGloss
 from engine.realtime.zonal_harmonics.pose import Poses
 from engine.realtime.zonal_harmonics.shading import (
     BandLight,
@@ -25,6 +27,7 @@ from engine.realtime.zonal_harmonics.shading import (
     LowGloss,
     add_gloss,
     add_shadows,
+    even_light,
     low_gloss,
     shade,
     shade_some,
@@ -50,7 +53,8 @@ class ShadingState:
     fit, details of the objects that have any; casters: for each object the other bending objects whose shadows its
     transfer does not contain. lights: of the objects, by index, that have other light than the sky's `bands`; added
     (S, 3): radiance of white points by neighbours and lamps (`engine.realtime.zonal_harmonics.neighbours`), None for
-    none. version: differs for different pictures."""
+    none. gloss: how glossy layers, by object, are drawn; the others are one lobe each. version: differs for different
+    pictures."""
 
     version: int
     scene: Scene
@@ -63,6 +67,7 @@ class ShadingState:
     casters: tuple[frozenset[int], ...] = ()
     lights: Mapping[int, BandLight] = field(default_factory=dict)
     added: Float32Array | None = None
+    gloss: Mapping[tuple[int, Layer], LayerGloss] = field(default_factory=dict)
 
     @property
     def casting_objects(self) -> list[int]:
@@ -99,9 +104,22 @@ class ShadingState:
                 yield layer
 
     def glosses_of(self, i: int) -> Iterator[tuple[LowGloss, NDArray[np.floating]]]:
-        """An object's glossy layers that are shaded at points, with the mean factor of their images (3,)."""
+        """An object's glossy layers that are one lobe at each point, with the mean factor of their images (3,)."""
         for layer in filter(is_glossy, self.layers_of.get(i, ()) if i not in self.details else ()):
-            yield low_gloss(layer, self.order), mean_factor(self.scene, i, layer.maps)
+            if self._rows_of(i, layer) is None:
+                yield low_gloss(layer, self.order), mean_factor(self.scene, i, layer.maps)
+
+    def rows_of(self, i: int) -> Iterator[tuple[Lobes, Float32Array]]:
+        """Rows of an object's layers that are drawn by rows, with their weights by the view (D, D, K, 3), times the
+        mean factor of the layer's images."""
+        for layer in filter(is_glossy, self.layers_of.get(i, ())):
+            if (found := self._rows_of(i, layer)) is not None:
+                lobes, basis = found
+                yield lobes, basis.views * np.asarray(mean_factor(self.scene, i, layer.maps), np.float32)
+
+    def _rows_of(self, i: int, layer: Layer) -> tuple[Lobes, GlossBasis] | None:
+        found = self.gloss.get((i, layer))
+        return found.rows if found is not None and i not in self.details else None
 
     def light_of(self, i: int) -> BandLight:
         """The light that comes to an object as if from afar."""
@@ -178,7 +196,8 @@ class PictureRenderer:
 
     def __init__(self, scene: Scene, points: BendingPoints) -> None:
         self._points = points
-        self._white: tuple[tuple[object, ...], Float32Array] = (), np.zeros((0, 3), np.float32)
+        none = np.zeros((0, 3), np.float32)
+        self._white: tuple[tuple[object, ...], Float32Array, Float32Array] = (), none, none
         self.posed, self.blockers = PosedPoints(scene, points), Blockers(points)
 
     def draw(
@@ -192,8 +211,8 @@ class PictureRenderer:
             2 if quality == "rest" else 1,
         )
         places, frames = self.posed.at(poses)
-        white = self._shade_points(of, poses, places, frames, turned)
-        gloss = self._gloss(of, places, frames, camera_position, white)
+        white, own = self._shade_points(of, poses, places, frames, turned)
+        gloss = self._gloss(of, places, frames, camera_position, white, own)
         drawn = draw(points.surface, places, camera, camera_position, (resolution[0] * fine, resolution[1] * fine))
         picture = paint(drawn, points.surface, white, gloss, of.albedos, of.scene.emission, of.backdrop)
         for i in of.layers_of:
@@ -218,18 +237,20 @@ class PictureRenderer:
 
     def _shade_points(
         self, of: ShadingState, poses: Poses, places: Float32Array, frames: Float32Array, turned: bool
-    ) -> Float32Array:
-        """Radiance of white Lambertian points (S, 3), with the shadows that transfer does not contain."""
+    ) -> tuple[Float32Array, Float32Array]:
+        """Radiance of white Lambertian points (S, 3): with the shadows and the light that transfer does not contain,
+        and without."""
         made_of = (poses, turned, of.lobes, of.bands, of.casters, of.lights, of.added)
         if self._white[0] != made_of:
             turns = frames if turned else self._points.rest_frames_of_drawn
-            white = shade_objects(of, self._points, turns)
+            own = shade_objects(of, self._points, turns)
+            white = own.copy()
             rows, normals = self.blockers.rows(of.casting_objects), np.ascontiguousarray(frames[:, 2])
             add_shadows(rows, of.casts, self._points, places, normals, of.bands, white)
             if of.added is not None:
                 white += of.added
-            self._white = made_of, white
-        return self._white[1]
+            self._white = made_of, white, own
+        return self._white[1:]
 
     def shade_at_rest(self, of: ShadingState) -> Float32Array:
         """Radiance of white Lambertian points (S, 3) with all objects at rest, without what neighbours add."""
@@ -246,8 +267,10 @@ class PictureRenderer:
         frames: Float32Array,
         camera_position: NDArray[np.float64],
         white: Float32Array,
+        own: Float32Array,
     ) -> Float32Array:
-        """Radiance that points with glossy layers send to the camera (S, 3)."""
+        """Radiance that points with glossy layers send to the camera (S, 3). white, own: see `_shade_points`; rows,
+        which have an object's own shadows, take from them the share that others leave."""
         sent = np.zeros_like(white)
         normals = np.ascontiguousarray(frames[:, 2])
         for i in of.layers_of:
@@ -263,6 +286,12 @@ class PictureRenderer:
                     white,
                     sent,
                 )
+            which, light = self._points.points_of(i), of.light_of(i)
+            even = even_light(light)
+            for rows, views in of.rows_of(i):
+                reached = (white[which].sum(axis=1) + even) / np.maximum(own[which].sum(axis=1) + even, 1e-20)
+                reached = np.minimum(reached, np.float32(1.0)).astype(np.float32)
+                add_gloss_rows(rows, views, which, frames, places, camera_position, light, reached, sent)
         return sent
 
     def _add_by_pixel(

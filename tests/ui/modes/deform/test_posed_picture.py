@@ -40,6 +40,7 @@ BALL_AND_LEAF = (
 )
 MATT = make_layer(MODELS["lambert"], {"albedo": (0.6, 0.5, 0.4)})
 GLOSS = make_layer(MODELS["rough_conductor"], {"alpha": 0.4})
+BRUSHED = make_layer(MODELS["ward"], {})
 BENT: Poses = (
     ("ball", (Deformation("bend", 60.0), Deformation("twist", 40.0))),
     ("leaf", (Deformation("bend", 90.0),)),
@@ -66,7 +67,7 @@ def deform(scene: Scene) -> Deform:
     made.set_light(SkyState(Environment(image, "noise"), 30.0, 1.2))
     made.set_layers({0: (MATT, GLOSS), 1: (MATT,), 2: (MATT, GLOSS, GLOSS)})
     made.set_bending(["ball", "leaf"])
-    made.set_effort(64, 2)
+    made.set_effort(64, 2, 0)
     return finish_deform(made)
 
 
@@ -89,6 +90,26 @@ def test_it_is_the_picture_of_compiled_code(deform: Deform, picture: PosedPictur
     off = np.abs(found - expected).max(axis=2)
     assert (off > 0.01).mean() < 0.01  # pixels on edges may go to either side
     assert np.median(off) < 1e-4 and expected.std() > 0.1
+
+
+@pytest.mark.parametrize(("poses", "turn"), [((), 0.0), (BENT, 140.0), (BENT, -75.0)])
+def test_gloss_by_rows_is_that_of_compiled_code(
+    deform: Deform, picture: PosedPicture, poses: Poses, turn: float
+) -> None:
+    """Of one layer and of two on an object; it is another picture than that of lobes."""
+    eye = orbit_camera(deform.scene.description.camera, np.radians(turn), 0.2)
+    by_lobe = shown(picture, deform, eye, poses)
+    layers = {0: (MATT, GLOSS), 1: (MATT,), 2: (MATT, GLOSS, GLOSS)}
+    deform.set_layers({**layers, 2: (MATT, GLOSS, BRUSHED)})
+    deform.set_effort(64, 2, 6)
+    expected = finish_deform(deform).draw(eye, SIZE, poses)
+    found = shown(picture, deform, eye, poses)
+    deform.set_effort(64, 2, 0)
+    deform.set_layers(layers)
+    finish_deform(deform)
+    off = np.abs(found - expected).max(axis=2)
+    assert (off > 0.01).mean() < 0.01 and np.median(off) < 1e-4
+    assert np.abs(found - by_lobe).max() > 0.05
 
 
 def test_gloss_under_a_small_sun_is_the_same_and_has_no_rings(deform: Deform, picture: PosedPicture) -> None:

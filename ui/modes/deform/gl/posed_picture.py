@@ -108,7 +108,7 @@ class PosedPicture:
         if part.order != ORDER:
             raise GraphicsError(f"transfer of order {part.order}, expected {ORDER}")
         self._shape = None
-        self._fill("lobes", part.lobes)
+        self._fill("lobes", np.concatenate([part.lobes.ravel(), part.gloss_rows.ravel()]))
         self._fill("owners", part.owners)
         self._fill("sent", np.zeros((len(part.owners), 6), np.float32))
         self._fill("corners", part.corners)
@@ -127,7 +127,7 @@ class PosedPicture:
         parts = part.harmonics, part.table, part.lights, part.added
         self._fill("light", np.concatenate([each.ravel() for each in parts]))
         self._fill("objects", part.objects)
-        self._fill("gloss", part.gloss)
+        self._fill("gloss", np.concatenate([part.gloss.ravel(), part.row_layers.ravel(), part.views]))
         self._appearance = part
 
     def _take_backdrop(self, part: BackdropPart) -> None:
@@ -151,7 +151,9 @@ class PosedPicture:
         self._bind(_OF_POINTS)
         program, n_points = self._programs.compute("deform/lobes.comp.glsl"), len(shape.owners)
         set_uniforms(
-            program, n_points=n_points, n_lobes=shape.n_lobes, table=appearance.table.shape[:2],
+            program, n_points=n_points, n_lobes=shape.n_lobes, n_row_lobes=shape.n_row_lobes,
+            first_row_layer=appearance.gloss.size, first_views=appearance.gloss.size + appearance.row_layers.size,
+            table=appearance.table.shape[:2],
             camera_position=posed.camera_position, **_gloss(appearance), n_blockers=len(posed.blockers),
             added_light=1 + len(appearance.lights) if len(appearance.added) else -1,
             n_casters=appearance.casts.shape[1], spread=appearance.spread.tolist(), least=appearance.least,
