@@ -1,7 +1,7 @@
 """The guides' pictures of Deform: `python -m assets.scripts.deform [FOLDER] [NAME ...]`. Some minutes.
 
 `deform_truth.png` after [Sloan05, fig. 6], `deform_surfaces.png` after figures 1, 3 to 5 and 7, `deform_transfer.png`
-after 5 to 7, `deform_bat.png`, an animated PNG.
+after 5 to 7, `deform_gloss.png` of the shadows in gloss, `deform_bat.png`, an animated PNG.
 """
 
 from __future__ import annotations
@@ -24,7 +24,9 @@ from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.precompute.direct.pipeline import Placement
 from engine.realtime.zonal_harmonics.deform_engine import Deform, finish_deform
-from engine.realtime.zonal_harmonics.object_transfer import UNSHADOWED
+from engine.realtime.zonal_harmonics.gloss_pilot import LOBE
+from engine.realtime.zonal_harmonics.gloss_rows import MOST_ROWS
+from engine.realtime.zonal_harmonics.object_transfer import N_LOBES, UNSHADOWED
 from engine.realtime.zonal_harmonics.pose import Deformation, Poses
 from engine.realtime.zonal_harmonics.posed_scene import pose_scene
 from engine.render.display import display_picture
@@ -37,6 +39,9 @@ N_FRAMES, FRAME_MS = 24, 50
 BENT: Poses = (("head", (Deformation("bend", 55.0), Deformation("twist", 50.0))),)
 SLAB = {"thickness": 0.03, "scattering": 30.0, "absorption": 0.2}
 BEHIND, NEARER = 330.0, {"target": (0.0, 0.4, 0.0), "fov_y": 32.0}  # light comes through the wings
+DULL_COPPER = make_layer(
+    MODELS["rough_conductor"], {"alpha": 0.3, "eta": (0.201, 0.9237, 1.1022), "k": (3.9133, 2.453, 2.1421)}
+)
 PATCHES = (
     {"patch": {"kind": "weave", "height": 1.5}},
     {"patch": {"kind": "bumps"}},
@@ -96,6 +101,24 @@ def transfer(file: Path) -> None:
     save(file, np.hstack([each[:, 40:216] for each in row]))
 
 
+def gloss(file: Path) -> None:
+    """The bent head of dull copper alone: one lobe, rows of transfer, and by paths that reflect once."""
+    project = open_project("idol", SIZE)
+    scene, layers = project.resting, {**layers_by_object(project), 0: (DULL_COPPER,)}
+    deform = Deform(scene, N_POINTS, N_RAYS)
+    deform.set_light(project.sky)
+    deform.set_layers(layers)
+    deform.set_surfaces((("head", NO_SURFACE),))
+    deform.set_bending(("head",))
+    deform.set_bounces(1)
+    row = []
+    for n_rows in (LOBE, MOST_ROWS):
+        deform.set_effort(N_RAYS, N_LOBES, n_rows)
+        row.append(finish_deform(deform).draw(scene.description.camera, SIZE, BENT, "rest"))
+    row.append(run_to_end(render_paths(Placement(pose_scene(scene, BENT)), layers, project.sky, 1, 256)))
+    save(file, np.hstack([_shown(clamp_radiance(each, BRIGHTEST))[:, 40:216] for each in row]))
+
+
 def flap(file: Path) -> None:
     """The bat's flight, looping."""
     project = open_project("bat", SMALL, [("light.rotation", BEHIND)])
@@ -127,7 +150,9 @@ def _shown(radiance: NDArray[np.float32]) -> Picture:
     return display_picture(radiance, tone_mapping="filmic")
 
 
-MAKERS: dict[str, Callable[[Path], None]] = {"bat": flap, "surfaces": surfaces, "transfer": transfer, "truth": truth}
+MAKERS: dict[str, Callable[[Path], None]] = {
+    "bat": flap, "gloss": gloss, "surfaces": surfaces, "transfer": transfer, "truth": truth
+}  # fmt: skip
 
 if __name__ == "__main__":
     main(Path(sys.argv[1] if len(sys.argv) > 1 else "docs/images"), sys.argv[2:])

@@ -1,25 +1,29 @@
 """Chooses, layer by layer, how Deform draws gloss: as one lobe (`engine.realtime.zonal_harmonics.shading`), or by how
 many rows (`engine.realtime.zonal_harmonics.gloss_rows`).
 
-A pilot draws both at some points of the object at rest, each seen from a direction of its own, and compares them with a
-sum of the reflection itself over all triangles of the sky that the point sees. Few rows lose to the lobe, as a
-reflection needs the more functions the sharper it is; from about twelve on rows have half of its error or less. But
-where the reflection or the light is sharp, what is cut off after n bands draws rings, black in their troughs, around
-highlights; the lobe has none. So rows are taken where they draw hardly any point black that is not, and as they cost
+A pilot draws both at some points of the object at rest, seen from eight sides, and compares them with a sum of the
+reflection itself over all triangles of the sky that a point sees. It takes the mean of the eight errors, for from a
+dark side the rings of what is bright elsewhere show most. Few rows lose to the lobe, as a reflection needs the more
+functions the sharper it is; from about twelve on they have two thirds of its error or less. But where the reflection or
+the light is sharp, what is cut off after n bands draws rings, black in their troughs, around highlights; the lobe has
+none. So rows are taken where they draw hardly any point black that is not, and as they cost
 memory and time in every frame, where their error is less by `WORTH`. The choice depends on the environment as its file
 has it, so it stays when the sky is rotated.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Generator
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engine.core.generators import run_to_end
+from engine.light.environment import Environment, triangle_integrals
 from engine.material.layer import Layer, evaluate_layer
 from engine.realtime.zonal_harmonics.gloss_rows import (
     N_ROW_LOBES,
@@ -28,13 +32,14 @@ from engine.realtime.zonal_harmonics.gloss_rows import (
     gloss_basis,
     simulate_gloss_rows,
 )
-from engine.realtime.zonal_harmonics.shading import BandLight, Lobes, add_gloss, lobes, low_gloss, shade
+from engine.realtime.zonal_harmonics.shading import BandLight, Lobes, add_gloss, band_light, lobes, low_gloss, shade
 from engine.realtime.zonal_harmonics.transfer import TransferPoints, simulate_shadows
 from engine.realtime.zonal_harmonics.zonal import fit
 from engine.render.error_estimate import CLAMP_PERCENTILE
 from engine.scene.raycaster import RayCaster, SurfacePoints
 from engine.sphere.geodesic import geodesic
 from engine.sphere.haar import level_of
+from engine.sphere.harmonics import project
 
 Float32Array = NDArray[np.float32]
 Float64Array = NDArray[np.float64]
@@ -42,10 +47,11 @@ Float64Array = NDArray[np.float64]
 LOBE = 0  # rows: none
 CANDIDATES = (3, 6, 9, 12, 16)
 WORTH = 1.1  # times the error of the rows, below which the lobe stays; and of the best, below which fewer rows do
-MOST_BLACK = 0.03  # of the values, above which rows are taken to draw rings
+MOST_BLACK = 0.01  # of the values, above which rows are taken to draw rings
 _LIT = 0.02  # of the mean, above which a value is not black
-N_POINTS, N_RAYS = 200, 1000
-_N_TRIES = 8  # directions of wo, of which the first is taken that the object itself does not block
+N_POINTS, N_RAYS = 400, 1000
+SKY_LEVEL = 4  # of the geodesic sphere's triangles
+SIDES = np.array(list(product((-1.0, 1.0), repeat=3))) / math.sqrt(3.0)  # directions wo (8, 3), in world axes
 _GRAZING = 0.1  # least cosine of wo
 _N_LOBES = 4  # of diffuse transfer
 
@@ -79,10 +85,14 @@ def _in_words(n_rows: int) -> str:
 
 
 def choose_gloss(
-    mesh: TransferPoints, caster: RayCaster, layer: Layer, powers: Float64Array, light: BandLight
+    mesh: TransferPoints, caster: RayCaster, layer: Layer, environment: Environment | None, order: int
 ) -> Generator[float, None, GlossChoice]:
-    """The choice for a layer of an object, under a sky of powers (T, 3) on triangles and the same light in bands.
-    Yields the share that is done."""
+    """The choice for a layer of an object under an environment, with light of some order. Yields the share that is
+    done."""
+    if environment is None:
+        return GlossChoice(LOBE, "no sky")
+    powers = triangle_integrals(environment, 0.0, SKY_LEVEL)
+    light = band_light(project(powers, order))
     return choice_of((yield from try_gloss(mesh, caster, layer, powers, light)))
 
 
@@ -106,42 +116,40 @@ def choice_of(found: tuple[PilotResult, ...]) -> GlossChoice:
 def try_gloss(
     mesh: TransferPoints, caster: RayCaster, layer: Layer, powers: Float64Array, light: BandLight
 ) -> Generator[float, None, tuple[PilotResult, ...]]:
-    """What a pilot finds of a layer's direct gloss as one lobe and by each of `CANDIDATES`. Yields the share that is
-    done."""
-    mesh, wo = _views(mesh, caster)
-    order = light.table.shape[2]
-    if not len(wo):
-        return tuple(PilotResult(n, 0.0, 0.0) for n in (LOBE, *CANDIDATES))
+    """What a pilot finds of a layer's direct gloss as one lobe and by each of `CANDIDATES`, under a sky of powers (T,
+    3) on triangles and the same light in bands. Yields the share that is done."""
+    mesh, side = _views(mesh, caster)
+    wo, order = SIDES[side], light.table.shape[2]
     truth = yield from traced_gloss(mesh, caster, layer, powers, wo)
-    found = [_result(LOBE, by_lobe(mesh, caster, layer, light, wo), truth)]
+    found = [_result(LOBE, by_lobe(mesh, caster, layer, light, wo), truth, side)]
     basis = gloss_basis(layer, order, CANDIDATES[-1])
     vectors = run_to_end(simulate_gloss_rows(mesh, caster, basis, N_RAYS))
     yield 0.9
     fitted = lobes(run_to_end(fit(vectors.reshape(-1, order**2), N_ROW_LOBES, 0)))
     for n_rows in CANDIDATES:
-        found.append(_result(n_rows, by_rows(mesh.frames, basis, fitted, n_rows, light, wo), truth))
+        found.append(_result(n_rows, by_rows(mesh.frames, basis, fitted, n_rows, light, wo), truth, side))
     yield 1.0
     return tuple(found)
 
 
-def _result(n_rows: int, ours: Float32Array, truth: Float64Array) -> PilotResult:
-    black = float(((ours <= 0.0) & (truth > _LIT * truth.mean())).mean())
-    return PilotResult(n_rows, relative_error(ours, truth), black)
+def _result(n_rows: int, ours: Float32Array, truth: Float64Array, side: NDArray[np.integer]) -> PilotResult:
+    """Means over the sides (P,) that points are seen from."""
+    parts = [side == k for k in np.unique(side)]
+    errors = [relative_error(ours[part], truth[part]) for part in parts]
+    black = [black_share(ours[part], truth[part]) for part in parts]
+    return PilotResult(n_rows, float(np.mean(errors or [0.0])), float(np.mean(black or [0.0])))
 
 
-def _views(mesh: TransferPoints, caster: RayCaster) -> tuple[TransferPoints, Float64Array]:
-    """Some of the points, and for each a direction wo (P, 3), in world axes, that the object does not block."""
+def _views(mesh: TransferPoints, caster: RayCaster) -> tuple[TransferPoints, NDArray[np.integer]]:
+    """Some of the points, and for each one of `SIDES` (P,) from which the object itself does not hide it."""
     random, n = np.random.default_rng(1), len(mesh.frames)
     chosen = np.sort(random.choice(n, min(N_POINTS, n), replace=False))
-    local = random.normal(size=(len(chosen) * _N_TRIES, 3))
-    local /= np.linalg.norm(local, axis=1, keepdims=True)
-    local[:, 2] = np.maximum(np.abs(local[:, 2]), _GRAZING)
-    local /= np.linalg.norm(local, axis=1, keepdims=True)
-    wo = np.einsum("pta,pai->pti", local.reshape(len(chosen), _N_TRIES, 3), mesh.frames[chosen])
-    origins = np.repeat(mesh.points.offset_position[chosen], _N_TRIES, axis=0)
-    is_free = ~caster.occluded(origins, wo.reshape(-1, 3).astype(np.float32)).reshape(len(chosen), _N_TRIES)
-    seen = is_free.any(axis=1)
-    return some_of(mesh, chosen[seen]), wo[seen, is_free[seen].argmax(axis=1)]
+    origins = np.repeat(mesh.points.offset_position[chosen], len(SIDES), axis=0)
+    is_free = ~caster.occluded(origins, np.tile(SIDES.astype(np.float32), (len(chosen), 1)))
+    sees = is_free.reshape(len(chosen), -1) & (mesh.frames[chosen, 2] @ SIDES.T > _GRAZING)
+    seen = sees.any(axis=1)
+    side = np.where(sees, random.random(sees.shape), -1.0).argmax(axis=1)
+    return some_of(mesh, chosen[seen]), side[seen]
 
 
 def some_of(mesh: TransferPoints, which: NDArray[np.integer]) -> TransferPoints:
@@ -203,7 +211,14 @@ def by_rows(
 
 def relative_error(ours: NDArray[np.floating], truth: Float64Array) -> float:
     """relRMSE, both clamped at the truth's `CLAMP_PERCENTILE`; 0 where that is black."""
+    if not truth.any():
+        return 0.0
     top = np.percentile(truth, CLAMP_PERCENTILE)
     a, b = np.minimum(ours, top), np.minimum(truth, top)
     mean = float(b.mean())
     return float(np.sqrt(np.mean((a - b) ** 2))) / mean if mean > 0.0 else 0.0
+
+
+def black_share(ours: NDArray[np.floating], truth: Float64Array) -> float:
+    """The share of values, 0 to 1, that are black and in truth are not."""
+    return float(((ours <= 0.0) & (truth > _LIT * truth.mean())).mean())

@@ -9,7 +9,9 @@ So gloss has the shadows of the directions that it reflects, where `engine.realt
 those of a diffuse surface.
 
 The product with visibility is taken of functions of order 10, and only the result is cut to order n; [Sloan05] cuts
-both. Directions that the object blocks reflect what the diffuse transfer says that they reflect on average.
+both. A cut draws black rings beside what is bright: `window` attenuates the last bands, half as much as Lanczos' sigma
+factors would, which leaves few rings and costs less sharpness than these or than lobes without any. Directions that the
+object blocks reflect what the diffuse transfer says that they reflect on average.
 """
 
 from __future__ import annotations
@@ -28,7 +30,7 @@ from engine.realtime.zonal_harmonics import _gloss_row_kernels as kernels
 from engine.realtime.zonal_harmonics.shading import BandLight, Lobes
 from engine.realtime.zonal_harmonics.transfer import TransferPoints, ray_blocks, rotate_transfer
 from engine.scene.raycaster import RayCaster
-from engine.sphere.harmonics import MAX_ORDER, basis
+from engine.sphere.harmonics import MAX_ORDER, bands, basis
 
 Float64Array = NDArray[np.float64]
 Float32Array = NDArray[np.float32]
@@ -65,27 +67,24 @@ class GlossBasis:
 
 
 def gloss_basis(layer: Layer, n: int, n_rows: int) -> GlossBasis:
-    """The basis of order n with so many functions. Raises ValueError unless there are 1 to n^2."""
+    """The basis of order n with so many functions. Raises ValueError unless there are 1 to n^2.
+
+    Each wo counts alike, whatever it reflects: otherwise what is bright at grazing angles takes all functions.
+    """
     if not 1 <= n_rows <= n * n:
         raise ValueError(f"{n_rows} rows, expected 1 to {n * n}")
-    harmonics, energies = reflection(layer)
-    matrix = harmonics.transpose(0, 2, 1).reshape(-1, MAX_ORDER**2)  # a row for each wo and channel
-    left = np.linalg.svd(matrix[:, : n * n], full_matrices=False)[0][:, :n_rows]
-    return _basis(n, left.T @ matrix, left, matrix, energies)
+    matrix = reflection(layer)[0]
+    lengths = np.linalg.norm(matrix[:, :, : n * n], axis=(1, 2), keepdims=True)
+    alike = (matrix / np.maximum(lengths, 1e-6 * lengths.max() or 1.0)).reshape(-1, MAX_ORDER**2)
+    left = np.linalg.svd(alike[:, : n * n], full_matrices=False)[0][:, :n_rows]
+    return basis_of_functions(left.T @ alike, layer, n)
 
 
-def with_views_of(found: GlossBasis, layer: Layer) -> GlossBasis:
-    """Another layer's reflection, approximated by the functions of a basis."""
-    harmonics, energies = reflection(layer)
-    matrix, n2 = harmonics.transpose(0, 2, 1).reshape(-1, MAX_ORDER**2), found.order**2
-    weights = np.linalg.lstsq(found.functions[:, :n2].T, matrix[:, :n2].T, rcond=1e-9)[0].T
-    return _basis(found.order, found.functions, np.asarray(weights, np.float64), matrix, energies)
-
-
-def _basis(
-    n: int, functions: Float64Array, weights: Float64Array, matrix: Float64Array, energies: Float64Array
-) -> GlossBasis:
-    whole = matrix[:, : n * n]
+def basis_of_functions(functions: Float64Array, layer: Layer, n: int) -> GlossBasis:
+    """A layer's reflection, approximated to order n by given functions (K, 100)."""
+    matrix, energies = reflection(layer)
+    whole = matrix.reshape(-1, MAX_ORDER**2)[:, : n * n]  # a row for each wo and channel
+    weights = np.linalg.lstsq(functions[:, : n * n].T, whole.T, rcond=1e-9)[0].T
     held = (whole**2).reshape(SIDE**2, -1).sum(axis=1)
     left = ((whole - weights @ functions[:, : n * n]) ** 2).reshape(SIDE**2, -1).sum(axis=1)
     oblique = np.abs(view_directions()[:, :, 2].ravel() - np.cos(np.radians(45.0))) < _AT_45
@@ -108,7 +107,7 @@ def _share(part: Float64Array, whole: Float64Array) -> float:
 
 @lru_cache(maxsize=16)
 def reflection(layer: Layer) -> tuple[Float64Array, Float64Array]:
-    """The harmonics (D^2, 100, 3) of b(wo, s) s_z for each of `view_directions` [Sloan05, eq. 14]; and for each the
+    """The harmonics (D^2, 3, 100) of b(wo, s) s_z for each of `view_directions` [Sloan05, eq. 14]; and for each the
     integral (D^2,) of (b s_z)^2 over wi, summed over channels."""
     views = view_directions().reshape(-1, 3)
     if not has_isotropic_reflection(layer):
@@ -120,8 +119,8 @@ def reflection(layer: Layer) -> tuple[Float64Array, Float64Array]:
     azimuth = np.arctan2(views[:, 1], views[:, 0])
     cosine, sine, none = np.cos(azimuth), np.sin(azimuth), 0.0 * azimuth
     back = np.stack([cosine, -sine, none, sine, cosine, none, none, none, none + 1.0], axis=1).reshape(-1, 3, 3)
-    turned = [rotate_transfer(np.ascontiguousarray(of_rings[ring, :, c]), back) for c in range(3)]
-    return np.stack(turned, axis=2), energies[ring]
+    turned = [rotate_transfer(np.ascontiguousarray(of_rings[ring, c]), back) for c in range(3)]
+    return np.stack(turned, axis=1), energies[ring]
 
 
 @cache
@@ -139,15 +138,15 @@ def view_directions() -> Float64Array:
 
 
 def _reflected(layer: Layer, views: Float64Array) -> tuple[Float64Array, Float64Array]:
-    """The harmonics (V, 100, 3) and energies (V,) of b s_z for directions wo (V, 3)."""
+    """The harmonics (V, 3, 100) and energies (V,) of b s_z for directions wo (V, 3)."""
     about, weights = _about_pole()
-    harmonics, energies = np.empty((len(views), MAX_ORDER**2, 3)), np.empty(len(views))
+    harmonics, energies = np.empty((len(views), 3, MAX_ORDER**2)), np.empty(len(views))
     for i, wo in enumerate(views):
         wi = about @ _axes_about(wo * (-1.0, -1.0, 1.0))
         above = wi[:, 2] > 0.0
         values = evaluate_layer(layer, wi[above], np.tile(wo, (int(above.sum()), 1)))
         weighted = values * weights[above, None]
-        harmonics[i] = basis(wi[above], MAX_ORDER).T @ weighted
+        harmonics[i] = weighted.T @ basis(wi[above], MAX_ORDER)
         energies[i] = (weighted * values).sum()
     return harmonics, energies
 
@@ -176,7 +175,8 @@ def _axes_about(pole: Float64Array) -> Float64Array:
 def simulate_gloss_rows(
     mesh: TransferPoints, caster: RayCaster, found: GlossBasis, n_rays: int, diffuse: Float64Array | None = None
 ) -> Generator[float, None, Float64Array]:
-    """Rows (P, K, n^2) of points with the shadows of what n_rays over their hemispheres meet, in their own axes.
+    """Rows (P, K, n^2) of points with the shadows of what n_rays over their hemispheres meet, in their own axes, times
+    `window`.
 
     diffuse (P, n^2): transfer of white Lambertian points with the light that the mesh reflects onto itself; what it has
     beyond direct light comes evenly from the blocked directions. None: these are black. Yields the share that is done.
@@ -198,8 +198,14 @@ def simulate_gloss_rows(
             share = (blocked @ of_cosine)[:, None]
             reflected = np.where(share > 0.0, (diffuse[start:stop] - direct) / np.maximum(share, 1.0 / n_rays), 0.0)
             rows[start:stop] += (blocked @ of_functions)[:, :, None] * reflected[:, None, :]
+        rows[start:stop] *= window(found.order)[bands(found.order)]
         yield stop / len(rows)
     return rows
+
+
+def window(n: int) -> Float64Array:
+    """Factors (n,) of bands: the roots of Lanczos' sigma factors sin(x) / x, x = pi l / n."""
+    return np.sqrt(np.sinc(np.arange(n) / n))
 
 
 @cache

@@ -15,22 +15,19 @@ import numpy as np
 from engine.core.generators import map_steps
 from engine.light.environment import Environment
 from engine.material.layer import Layer
-from engine.precompute.direct.pipeline import SkyState
 from engine.realtime.zonal_harmonics.bending_points import BendingPoints
 from engine.realtime.zonal_harmonics.gloss_pilot import LOBE, GlossChoice, choose_gloss
 from engine.realtime.zonal_harmonics.gloss_rows import (
     N_ROW_LOBES,
     GlossBasis,
+    basis_of_functions,
     gloss_basis,
     simulate_gloss_rows,
-    with_views_of,
 )
-from engine.realtime.zonal_harmonics.neighbours import sky_powers
 from engine.realtime.zonal_harmonics.object_transfer import ORDER, ObjectTransfer, TransferStore
-from engine.realtime.zonal_harmonics.shading import Lobes, band_light, lobes
+from engine.realtime.zonal_harmonics.shading import Lobes, lobes
 from engine.realtime.zonal_harmonics.zonal import Zonal, fit
 from engine.scene.scene_loader import Scene
-from engine.sphere.harmonics import project
 
 REUSE = 1e-6  # of a reflection's energy, that functions of another layer may lose in addition to its own
 
@@ -67,7 +64,8 @@ class LayerGloss:
         if self.rows is None:
             return None
         lobes, basis = self.rows
-        own, found = gloss_basis(layer, basis.order, basis.n_rows), with_views_of(basis, layer)
+        own = gloss_basis(layer, basis.order, basis.n_rows)
+        found = basis_of_functions(basis.functions, layer, basis.order)
         return LayerGloss(self.choice, (lobes, found)) if found.lost_by_rows <= own.lost_by_rows + REUSE else None
 
 
@@ -102,8 +100,7 @@ class GlossTransfers:
         mesh, caster = self._points.mesh(wanted.of.i_object, wanted.of.casters), self._points.caster(wanted.of.casters)
         choice = GlossChoice(wanted.n_rows or LOBE)
         if wanted.n_rows is None:
-            powers = sky_powers(SkyState(wanted.environment))
-            pilot = choose_gloss(mesh, caster, wanted.layer, powers, band_light(project(powers, ORDER)))
+            pilot = choose_gloss(mesh, caster, wanted.layer, wanted.environment, ORDER)
             choice = yield from map_steps(pilot, lambda share: 0.2 * share)
         if choice.n_rows == LOBE:
             return LayerGloss(choice)

@@ -198,6 +198,7 @@ class PictureRenderer:
         self._points = points
         none = np.zeros((0, 3), np.float32)
         self._white: tuple[tuple[object, ...], Float32Array, Float32Array] = (), none, none
+        self._added: Float32Array | None = None  # in these
         self.posed, self.blockers = PosedPoints(scene, points), Blockers(points)
 
     def draw(
@@ -240,8 +241,8 @@ class PictureRenderer:
     ) -> tuple[Float32Array, Float32Array]:
         """Radiance of white Lambertian points (S, 3): with the shadows and the light that transfer does not contain,
         and without."""
-        made_of = (poses, turned, of.lobes, of.bands, of.casters, of.lights, of.added)
-        if self._white[0] != made_of:
+        made_of = (poses, turned, of.lobes, of.bands, of.casters, of.lights)
+        if self._white[0] != made_of or self._added is not of.added:
             turns = frames if turned else self._points.rest_frames_of_drawn
             own = shade_objects(of, self._points, turns)
             white = own.copy()
@@ -249,7 +250,7 @@ class PictureRenderer:
             add_shadows(rows, of.casts, self._points, places, normals, of.bands, white)
             if of.added is not None:
                 white += of.added
-            self._white = made_of, white, own
+            self._white, self._added = (made_of, white, own), of.added
         return self._white[1:]
 
     def shade_at_rest(self, of: ShadingState) -> Float32Array:

@@ -88,7 +88,7 @@ def deform(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Deform]:
         made.set_light(SkyState(Environment(image, "noise"), 30.0, 1.2))
         made.set_layers({0: (MATT, GLOSS), 1: (layer(TINTED), MATT), 2: (layer(TINTED), layer(SHARED), TINTED_GLOSS)})
         made.set_bending(["ball", "leaf"])
-        made.set_effort(32, 1)
+        made.set_effort(32, 1, 0)
         yield made
 
 
