@@ -113,7 +113,7 @@ def theta_r(ix: float, iy: float, iz: float, ox: float, oy: float, oz: float) ->
     return _angle(iz * oz - ix * ox - iy * oy, cx * cx + cy * cy + cz * cz)
 
 
-@njit(**_compile)
+@njit(inline="always", **_compile)
 def theta_h(ix: float, iy: float, iz: float, ox: float, oy: float, oz: float) -> float:
     """Angle between half vector and normal; 0 for opposite directions."""
     sx, sy, sz = ix + ox, iy + oy, iz + oz
@@ -125,7 +125,7 @@ def theta_h(ix: float, iy: float, iz: float, ox: float, oy: float, oz: float) ->
     return _angle(sz * inverse, flat2 * inverse * inverse)
 
 
-@njit(**_compile)
+@njit(inline="always", **_compile)
 def theta_d(ix: float, iy: float, iz: float, ox: float, oy: float, oz: float) -> float:
     """Angle between wi and half vector: half of that between wi and wo."""
     sx, sy, sz = ix + ox, iy + oy, iz + oz
@@ -133,7 +133,7 @@ def theta_d(ix: float, iy: float, iz: float, ox: float, oy: float, oz: float) ->
     return _angle(0.5 * math.sqrt(sx * sx + sy * sy + sz * sz), 0.25 * (dx * dx + dy * dy + dz * dz))
 
 
-@njit(**_compile)
+@njit(inline="always", **_compile)
 def phi_d(ix: float, iy: float, iz: float, ox: float, oy: float, oz: float) -> float:
     """Azimuth of wi about the half vector, from the plane through half vector and normal, in [0, pi]; its period is pi.
     From the tangent where the half vector is the normal. By an arc cosine, which takes a quarter of the time of an arc

@@ -64,12 +64,12 @@ class MeasuredModel(Model):
 
         return quotient_number(quotient)
 
-    @property
-    def colours_number(self) -> int:
+    def colours_number(self, q: Float64Array) -> int:
         from engine.material._kernels import colours_number
-        from engine.material._measured_kernels import quotients
+        from engine.material._measured_kernels import any_quotients, quotients
 
-        return colours_number(quotients)
+        is_usual = q[kinds.ADAPTIVE] == 0.0 and q[kinds.PART] <= kinds.WHOLE
+        return colours_number(quotients if is_usual else any_quotients)
 
     def generate(self, factor_name: str, params: Parameters, gamma: Float64Array) -> Float64Array:
         name = self.factor(factor_name).name

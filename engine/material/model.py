@@ -120,9 +120,9 @@ class Model(ABC):
 
         return quotient_number(self.quotient)
 
-    @property
-    def colours_number(self) -> int:
-        """The number that identifies the quotients of each colour in kernels, if these differ; else 0."""
+    def colours_number(self, q: Float64Array) -> int:
+        """The number that identifies the quotients of each colour in kernels, if these differ; else 0. q: the quotient
+        parameters, bound or not."""
         return 0
 
     @property

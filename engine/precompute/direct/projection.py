@@ -75,7 +75,7 @@ def project_points(hits: PrimaryHits, rows: np.ndarray, light: VisibleLight, lay
     )
     q = np.array(model.bind_parameters(np.asarray(layer.quotient_parameters, np.float64)))
     tolerance = np.float32(light.lighting.tolerance)
-    optics = kernels.Optics(model.number, q, kind_a, kind_b, n_a, n_b, tolerance, model.colours_number)
+    optics = kernels.Optics(model.number, q, kind_a, kind_b, n_a, n_b, tolerance, model.colours_number(q))
     surface = kernels.ViewedPoints(hits.position, hits.tangent, hits.normal, hits.wo)
     near = light.near
     bits = kernels.Bits(light.sphere.bits, light.fine.bits, light.emitters.bits, near.start, near.node, near.delta)

@@ -216,12 +216,13 @@ def layer_reflection(layer: Layer) -> kernels.Reflection:
     model = layer.model
     angles = np.linspace(0.0, HALF_PI, CURVE_STEPS + 1)
     curves = [np.asarray(layer.curve(factor.name)(angles), np.float32) for factor in model.factors]
-    if not model.colours_number and all((curve == curve[:, :1]).all() for curve in curves):
+    q = np.array(model.bind_parameters(layer.quotient_parameters()))
+    tints = model.colours_number(q)
+    if not tints and all((curve == curve[:, :1]).all() for curve in curves):
         curves = [curve[:, :1] for curve in curves]
     kinds = [factor.gamma for factor in model.factors]
-    q = np.array(model.bind_parameters(layer.quotient_parameters()))
     second = curves[1] if len(curves) > 1 else np.ones((1, curves[0].shape[1]), np.float32)
     return kernels.Reflection(
-        model.number, q, kinds[0], kinds[-1], model.colours_number, np.ascontiguousarray(curves[0]),
+        model.number, q, kinds[0], kinds[-1], tints, np.ascontiguousarray(curves[0]),
         np.ascontiguousarray(second), _bends(curves[0], kinds[0]), _bends(second, kinds[-1]),
     )  # fmt: skip

@@ -115,7 +115,17 @@ def test_the_colours_of_many_directions_are_those_of_each(measurement: Measureme
     ones, found = np.ones((200, 3), np.float32), np.empty((200, 3), np.float32)
     o = wo.astype(np.float32)
     tint(
-        model.colours_number, q, np.arange(200), x, y, z, *o, np.ones(200, np.float32), ones, np.empty_like(ones), found
+        model.colours_number(q),
+        q,
+        np.arange(200),
+        x,
+        y,
+        z,
+        *o,
+        np.ones(200, np.float32),
+        ones,
+        np.empty_like(ones),
+        found,
     )
     pairs = np.column_stack([x, y, z, np.tile(o, (200, 1))]).astype(float)
     for channel in range(3):

@@ -146,7 +146,7 @@ def test_the_colours_of_many_directions_are_those_of_each(measurement: Measureme
     x, y, z = np.ascontiguousarray(wi.T, np.float32)
     ones, found = np.ones((200, 3), np.float32), np.empty((200, 3), np.float32)
     lights, weights, o = np.arange(200), np.ones(200, np.float32), wo.astype(np.float32)
-    tint(model.colours_number, q, lights, x, y, z, *o, weights, ones, np.empty_like(ones), found)
+    tint(model.colours_number(q), q, lights, x, y, z, *o, weights, ones, np.empty_like(ones), found)
     for channel in range(3):
         q[CHANNEL] = channel
         pairs = np.column_stack([x, y, z, np.tile(o, (200, 1))]).astype(float)
