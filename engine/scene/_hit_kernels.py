@@ -10,6 +10,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from engine.core._angle_kernels import arc_tangent
+
 Float32Array = NDArray[np.float32]
 Float64Array = NDArray[np.float64]
 _TINY = 1e-30
@@ -69,6 +71,47 @@ def _tangents_between(
     length = max(math.sqrt(out[0] ** 2 + out[1] ** 2 + out[2] ** 2), _TINY)
     for i in range(3):
         out[i] /= length
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def fill_offset_normals(
+    normals: Float64Array, offsets: Float64Array, wo: Float64Array, least_cosine: float, out: Float64Array
+) -> None:
+    """Fill out (P, 3) with normals (P, 3) that lean by offsets (P, 3), as far as wo (P, 3) allows, see
+    `bump_normals.offset_normals`."""
+    for j in range(len(normals)):
+        n, lean = normals[j], offsets[j]
+        slope = math.sqrt(lean[0] * lean[0] + lean[1] * lean[1] + lean[2] * lean[2])
+        if not slope > 0.0:
+            for i in range(3):
+                out[j, i] = n[i]
+            continue
+        scale = 1.0 / max(slope, _TINY)
+        high = n[0] * wo[j, 0] + n[1] * wo[j, 1] + n[2] * wo[j, 2]
+        beside = scale * (lean[0] * wo[j, 0] + lean[1] * wo[j, 1] + lean[2] * wo[j, 2])
+        # The angle at which the mirror direction of wo grazes the surface.
+        cosine = min(least_cosine, 0.9 * high) / max(math.sqrt(high * high + beside * beside), _TINY)
+        cosine = min(max(cosine, -1.0), 1.0)
+        most = 0.5 * (arc_tangent(beside, high) + arc_tangent(math.sqrt(1.0 - cosine * cosine), cosine))
+        angle = min(arc_tangent(slope, 1.0), max(most, 0.0))
+        c, s = math.cos(angle), scale * math.sin(angle)
+        x, y, z = c * n[0] + s * lean[0], c * n[1] + s * lean[1], c * n[2] + s * lean[2]
+        length = math.sqrt(x * x + y * y + z * z)
+        out[j, 0], out[j, 1], out[j, 2] = x / length, y / length, z / length
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def fill_tangents(axes: Float64Array, ids: NDArray[np.int64], normals: Float64Array, out: Float64Array) -> None:
+    """Fill out (P, 3) with the tangents at normals (P, 3) of objects (P,), whose axes (M, 3, 3) begin with X and Y, see
+    `primary_hits.object_tangents`."""
+    for j in range(len(normals)):
+        n, x, y = normals[j], axes[ids[j], 0], axes[ids[j], 1]
+        a, b, c = y[1] * n[2] - y[2] * n[1], y[2] * n[0] - y[0] * n[2], y[0] * n[1] - y[1] * n[0]
+        if not math.sqrt(a * a + b * b + c * c) > 1e-4:
+            along = x[0] * n[0] + x[1] * n[1] + x[2] * n[2]
+            a, b, c = x[0] - along * n[0], x[1] - along * n[1], x[2] - along * n[2]
+        length = math.sqrt(a * a + b * b + c * c)
+        out[j, 0], out[j, 1], out[j, 2] = a / length, b / length, c / length
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")

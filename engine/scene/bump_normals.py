@@ -157,15 +157,10 @@ def offset_normals(normals: Float64Array, lean: Float64Array, wo: NDArray[np.flo
     is r cos(2 a − φ) above the surface: a is at most (φ + acos(least / r)) / 2. Without an offset n is returned
     unchanged.
     """
-    slope = np.linalg.norm(lean, axis=1)
-    across = lean / np.maximum(slope, _TINY)[:, None]
-    high, beside = np.einsum("pk,pk->p", normals, wo), np.einsum("pk,pk->p", across, wo)
-    radius = np.maximum(np.hypot(high, beside), _TINY)
-    least = np.minimum(MIN_REFLECTED_COSINE, 0.9 * high)
-    most = 0.5 * (np.arctan2(beside, high) + np.arccos(np.clip(least / radius, -1.0, 1.0)))
-    angle = np.minimum(np.arctan(slope), np.maximum(most, 0.0))[:, None]
-    rotated = np.cos(angle) * normals + np.sin(angle) * across
-    return np.where(slope[:, None] > 0.0, rotated / np.linalg.norm(rotated, axis=1, keepdims=True), normals)
+    out = np.empty((len(normals), 3))
+    own, leaning, towards = (np.require(each, np.float64, ["C", "W"]) for each in (normals, lean, wo))
+    kernels.fill_offset_normals(own, leaning, towards, MIN_REFLECTED_COSINE, out)
+    return out
 
 
 def gradients(scene: Scene, triangle: NDArray[np.integer]) -> Float64Array:

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from engine.core.camera import centre_directions, pixel_directions
 from engine.core.generators import run_to_end
+from engine.scene import _hit_kernels as kernels
 from engine.scene.edges import Surface, edge_pixels, group_samples, ray_offsets, turn_of
 from engine.scene.picture_frame import Lamps
 from engine.scene.raycaster import Intersections, RayCaster, SurfacePoints
@@ -356,10 +357,9 @@ def object_tangents(scene: Scene, ids: npt.NDArray[np.integer], normals: Float64
 
     ids (P,) of the objects, normals (P, 3) unit.
     """
-    axes = object_axes(scene)
-    across = np.cross(axes[ids, 1], normals)
-    x = axes[ids, 0]
-    along = x - np.einsum("pk,pk->p", x, normals)[:, None] * normals
-    length = np.linalg.norm(across, axis=1, keepdims=True)
-    tangent = np.where(length > 1e-4, across, along)
-    return tangent / np.linalg.norm(tangent, axis=1, keepdims=True)
+    out = np.empty((len(normals), 3))
+    kernels.fill_tangents(
+        np.require(object_axes(scene), np.float64, ["C", "W"]), np.require(ids, np.int64, ["C", "W"]),
+        np.require(normals, np.float64, ["C", "W"]), out,
+    )  # fmt: skip
+    return out

@@ -21,92 +21,164 @@ Float32Array = NDArray[np.float32]
 Int32Array = NDArray[np.int32]
 
 _NEAR = 1e-6  # depth, in units of depth 1, below which a corner has no projection
+_EDGE = -1e-6  # share of a triangle by which it reaches beyond its edges, so that none opens between two
+_AT_ONCE = 64  # triangles that are set up together
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def fill_triangles(
+    start: int, stop: int, places: Float32Array, corners: Int32Array, is_shown: NDArray[np.bool_],
+    camera_position: Float64Array, plane: Float64Array, view: Float64Array, found: Int32Array, edges: Float32Array,
+) -> None:  # fmt: skip
+    """Draw triangles [start, stop), of corners (T, 3) over places (V, 3), where they are nearer than what is drawn
+    already: found (H, W), and edges (3, H, W), the sum of the edge functions, which is 1 / distance in lengths of the
+    pixel's direction and 0 where nothing is drawn, and those of the second and third corner. is_shown (T, 2): whether a
+    triangle is drawn where its front, and where its back is seen.
+
+    plane (3, 3): the direction of the upper left corner, a column, a row; view (3, 3): rows that map a direction to
+    column and row times depth, and depth.
+    """
+    height, width = found.shape
+    p, projected = np.empty((9, _AT_ONCE)), np.empty((9, _AT_ONCE))
+    e, box, determinant = np.empty((9, _AT_ONCE)), np.empty((4, _AT_ONCE)), np.empty(_AT_ONCE)
+    for first in range(start, stop, _AT_ONCE):
+        n = min(_AT_ONCE, stop - first)
+        # Corners relative to the camera.
+        for j in range(n):
+            for k in range(3):
+                corner = places[corners[first + j, k]]
+                for i in range(3):
+                    p[3 * k + i, j] = corner[i] - camera_position[i]
+        _set_up_some(n, p, plane, view, projected, e, box, determinant)
+        for j in range(n):
+            t, left, right, top, bottom = first + j, box[0, j], box[1, j], box[2, j], box[3, j]
+            depths = projected[2, j], projected[5, j], projected[8, j]
+            if not min(depths[0], min(depths[1], depths[2])) > _NEAR:
+                if not max(depths[0], max(depths[1], depths[2])) > _NEAR:
+                    continue
+                left, right, top, bottom = _clipped_box(projected[:, j])
+            left, right = max(left, 0.0), min(right, width - 1.0)
+            top, bottom = max(top, 0.0), min(bottom, height - 1.0)
+            if not (left <= right and top <= bottom):
+                continue
+            # Its sign tells the visible side.
+            if determinant[j] == 0.0 or not is_shown[t, 1 if determinant[j] > 0.0 else 0]:
+                continue
+            for row in range(int(top), int(bottom) + 1):
+                y = row + 0.5
+                a0, b0, c0 = e[0, j] + y * e[2, j], e[3, j] + y * e[5, j], e[6, j] + y * e[8, j]
+                for column in range(int(left), int(right) + 1):
+                    x = column + 0.5
+                    a, b, c = a0 + x * e[1, j], b0 + x * e[4, j], c0 + x * e[7, j]
+                    total = a + b + c
+                    edge = _EDGE * total
+                    # One test of all, as each alone is hard to predict.
+                    if (total > edges[0, row, column]) & (min(a, min(b, c)) >= edge):
+                        found[row, column], edges[0, row, column] = t, total
+                        edges[1, row, column], edges[2, row, column] = b, c
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _set_up_some(
+    n: int, p: Float64Array, plane: Float64Array, view: Float64Array, projected: Float64Array, e: Float64Array,
+    box: Float64Array, determinant: Float64Array,
+) -> None:  # fmt: skip
+    """Set up the first n of N triangles with corners p (9, N) relative to the camera; loops over them vectorize.
+
+    Fill projected (9, N): column and row times depth, and depth of each corner; box (4, N): first and last column,
+    first and last row whose centres a triangle before the camera covers; determinant (N,); e (9, N): see `set_up`.
+    """
+    for k in range(0, 9, 3):
+        for i in range(3):
+            for j in range(n):
+                projected[k + i, j] = view[i, 0] * p[k, j] + view[i, 1] * p[k + 1, j] + view[i, 2] * p[k + 2, j]
+    for i in range(2):
+        for j in range(n):
+            a, b, c = (
+                projected[i, j] / projected[2, j],
+                projected[3 + i, j] / projected[5, j],
+                projected[6 + i, j] / projected[8, j],
+            )
+            box[2 * i, j] = math.ceil(min(a, min(b, c)) - 0.5)
+            box[2 * i + 1, j] = math.floor(max(a, max(b, c)) - 0.5)
+    # Six times the signed volume of the tetrahedron with the camera [Olano97].
+    for j in range(n):
+        x = p[4, j] * p[8, j] - p[5, j] * p[7, j]
+        y = p[5, j] * p[6, j] - p[3, j] * p[8, j]
+        z = p[3, j] * p[7, j] - p[4, j] * p[6, j]
+        determinant[j] = p[0, j] * x + p[1, j] * y + p[2, j] * z
+    # Edge functions: rows of the inverse of the matrix of corners, p_(k+1) × p_(k+2) / det [Olano97].
+    for k in range(0, 9, 3):
+        m, o = (k + 3) % 9, (k + 6) % 9
+        for j in range(n):
+            x = (p[m + 1, j] * p[o + 2, j] - p[m + 2, j] * p[o + 1, j]) / determinant[j]
+            y = (p[m + 2, j] * p[o, j] - p[m, j] * p[o + 2, j]) / determinant[j]
+            z = (p[m, j] * p[o + 1, j] - p[m + 1, j] * p[o, j]) / determinant[j]
+            e[k, j] = plane[0, 0] * x + plane[0, 1] * y + plane[0, 2] * z
+            e[k + 1, j] = plane[1, 0] * x + plane[1, 1] * y + plane[1, 2] * z
+            e[k + 2, j] = plane[2, 0] * x + plane[2, 1] * y + plane[2, 2] * z
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _clipped_box(projected: Float64Array) -> tuple[float, float, float, float]:
+    """First and last column, first and last row whose centres a triangle covers that extends behind the camera, by the
+    part of it before the nearest depth; projected (9,)."""
+    left = top = math.inf
+    right = bottom = -math.inf
+    for k in range(0, 9, 3):
+        m = (k + 3) % 9
+        depth, after = projected[k + 2], projected[m + 2]
+        if depth > _NEAR:
+            x, y = projected[k] / depth, projected[k + 1] / depth
+            left, right, top, bottom = min(left, x), max(right, x), min(top, y), max(bottom, y)
+        if (depth > _NEAR) != (after > _NEAR):  # where the edge crosses that depth
+            share = (_NEAR - depth) / (after - depth)
+            x = (projected[k] + share * (projected[m] - projected[k])) / _NEAR
+            y = (projected[k + 1] + share * (projected[m + 1] - projected[k + 1])) / _NEAR
+            left, right, top, bottom = min(left, x), max(right, x), min(top, y), max(bottom, y)
+    return math.ceil(left - 0.5), math.floor(right - 0.5), math.ceil(top - 0.5), math.floor(bottom - 0.5)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def merge_rows(
+    start: int, stop: int, drawn: Int32Array, edges: Float32Array, found: Int32Array, weights: Float32Array
+) -> None:
+    """Fill rows [start, stop) of found (H, W) with the nearest of several threads' triangles drawn (N, H, W), or -1,
+    and of weights (2, H, W), the barycentric coordinates of its second and third corner; edges (N, 3, H, W)."""
+    for row in range(start, stop):
+        for column in range(found.shape[1]):
+            nearest, of = np.float32(0.0), -1
+            for i in range(len(drawn)):
+                if edges[i, 0, row, column] > nearest:
+                    nearest, of = edges[i, 0, row, column], i
+            found[row, column] = drawn[of, row, column] if of >= 0 else -1
+            for k in range(2):
+                weight = edges[of, 1 + k, row, column] / nearest if of >= 0 else np.float32(0.0)
+                weights[k, row, column] = max(weight, np.float32(0.0))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def set_up(
-    start: int, stop: int, places: Float32Array, corners: Int32Array, sides: Int32Array, camera_position: Float64Array,
-    plane: Float64Array, view: Float64Array,
-    size: Int32Array, shares: Float32Array, boxes: Int32Array, front: Float32Array,
+    start: int, stop: int, places: Float32Array, corners: Int32Array, camera_position: Float64Array,
+    plane: Float64Array, view: Float64Array, shares: Float32Array, front: Float32Array,
 ) -> None:  # fmt: skip
     """Fill shares[start:stop] (T, 3, 3), the edge functions of triangles (T, 3) over places (V, 3), one for each
     corner: its value at column 0 and row 0, its change to the next column and to the next row; divided by the distance,
-    positive inside. Also fill boxes (T, 4), first and last column and row that a triangle may cover, empty if it faces
-    away and has no points on its back; and front (T,), positive if it is seen from the front.
-
-    plane (3, 3): the direction of the upper left corner, a column, a row; view (3, 3): rows that map a direction to
-    column and row times depth, and depth; size (2,): width, height.
-    """
-    p = np.empty((3, 3))
-    for t in range(start, stop):
-        behind = 0
-        least_x = least_y = math.inf
-        most_x = most_y = -math.inf
-        # Corners relative to the camera, and their projection.
-        for k in range(3):
-            for i in range(3):
-                p[k, i] = places[corners[t, k], i] - camera_position[i]
-            depth = view[2, 0] * p[k, 0] + view[2, 1] * p[k, 1] + view[2, 2] * p[k, 2]
-            if not depth > _NEAR:
-                behind += 1
-                continue
-            x = (view[0, 0] * p[k, 0] + view[0, 1] * p[k, 1] + view[0, 2] * p[k, 2]) / depth
-            y = (view[1, 0] * p[k, 0] + view[1, 1] * p[k, 1] + view[1, 2] * p[k, 2]) / depth
-            least_x, most_x = min(least_x, x), max(most_x, x)
-            least_y, most_y = min(least_y, y), max(most_y, y)
-        boxes[t, 0], boxes[t, 1], boxes[t, 2], boxes[t, 3] = 0, -1, 0, -1
-        # Six times the signed volume of the tetrahedron with the camera: the sign tells the visible side [Olano97].
-        determinant = _dot_cross(p[0], p[1], p[2])
-        front[t] = -determinant
-        is_hidden = determinant > 0.0 and sides[t, 1, 0] < 0 and sides[t, 0, 0] >= 0
-        if behind == 3 or is_hidden or determinant == 0.0 or not math.isfinite(determinant):
-            continue
-        # A triangle that extends behind the camera may cover any pixel.
-        if behind:
-            boxes[t, 0], boxes[t, 1], boxes[t, 2], boxes[t, 3] = 0, size[0] - 1, 0, size[1] - 1
-        else:
-            boxes[t, 0] = int(max(math.ceil(min(least_x, 1e6) - 0.5), 0.0))
-            boxes[t, 1] = int(min(math.floor(max(most_x, -1e6) - 0.5), size[0] - 1.0))
-            boxes[t, 2] = int(max(math.ceil(min(least_y, 1e6) - 0.5), 0.0))
-            boxes[t, 3] = int(min(math.floor(max(most_y, -1e6) - 0.5), size[1] - 1.0))
-        # Edge functions: rows of the inverse of the matrix of corners, p_(k+1) × p_(k+2) / det [Olano97].
-        for k in range(3):
-            for i in range(3):
-                shares[t, k, i] = _dot_cross(plane[i], p[(k + 1) % 3], p[(k + 2) % 3]) / determinant
-
-
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _dot_cross(a: Float64Array, b: Float64Array, c: Float64Array) -> float:
-    """a · (b × c)."""
-    return (
-        a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])
-    )  # fmt: skip
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def fill_rows(
-    start: int, stop: int, shares: Float32Array, boxes: Int32Array, nearness: Float32Array, found: Int32Array
-) -> None:
-    """Fill rows [start, stop) of found (H, W), the nearest triangle or -1, and of nearness (H, W), 1 / distance in
-    lengths of the pixel's direction."""
-    half, tiny = np.float32(0.5), np.float32(-1e-6)
-    nearness[start:stop], found[start:stop] = 0.0, -1
-    for t in range(len(shares)):
-        first, last = max(boxes[t, 2], start), min(boxes[t, 3], stop - 1)
-        if first > last or boxes[t, 0] > boxes[t, 1]:
-            continue
-        s = shares[t]
-        for row in range(first, last + 1):
-            y = np.float32(row) + half
-            a0, a1, a2 = s[0, 0] + y * s[0, 2], s[1, 0] + y * s[1, 2], s[2, 0] + y * s[2, 2]
-            for column in range(boxes[t, 0], boxes[t, 1] + 1):
-                x = np.float32(column) + half
-                # The three edge functions; their sum is the interpolated 1 / distance.
-                a, b, c = a0 + x * s[0, 1], a1 + x * s[1, 1], a2 + x * s[2, 1]
-                total = a + b + c
-                edge = tiny * total
-                if total > nearness[row, column] and a >= edge and b >= edge and c >= edge:
-                    nearness[row, column], found[row, column] = total, t
+    positive inside. Also fill front (T,), positive if a triangle is seen from the front."""
+    p, projected = np.empty((9, _AT_ONCE)), np.empty((9, _AT_ONCE))
+    e, box, determinant = np.empty((9, _AT_ONCE)), np.empty((4, _AT_ONCE)), np.empty(_AT_ONCE)
+    for first in range(start, stop, _AT_ONCE):
+        n = min(_AT_ONCE, stop - first)
+        for j in range(n):
+            for k in range(3):
+                for i in range(3):
+                    p[3 * k + i, j] = places[corners[first + j, k], i] - camera_position[i]
+        _set_up_some(n, p, plane, view, projected, e, box, determinant)
+        for j in range(n):
+            front[first + j] = -determinant[j]
+            for k in range(3):
+                for i in range(3):
+                    shares[first + j, k, i] = e[3 * k + i, j]
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)

@@ -274,6 +274,25 @@ def footprints(
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def normals_between(
+    start: int, stop: int, which: NDArray[np.int64], corners: Int32Array, weights: Float32Array, normals: Float32Array,
+    out: Float32Array,
+) -> None:  # fmt: skip
+    """Fill out[start:stop] of (N, 3) with the unit normals of samples (N,), between those of points (S, 3)."""
+    for n in range(start, stop):
+        j = which[n]
+        a, b, c = corners[j, 0], corners[j, 1], corners[j, 2]
+        squared = np.float32(0.0)
+        for i in range(3):
+            between = weights[j, 0] * normals[a, i] + weights[j, 1] * normals[b, i] + weights[j, 2] * normals[c, i]
+            out[n, i] = between
+            squared += between * between
+        scale = np.float32(1.0) / max(np.float32(math.sqrt(squared)), np.float32(1e-30))
+        for i in range(3):
+            out[n, i] *= scale
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def places(
     start: int, stop: int, which: NDArray[np.int64], part: NDArray[np.int32], corners: NDArray[np.int32],
     weights: NDArray[np.float32], points: NDArray[np.float32], within: NDArray[np.float32], source: NDArray[np.int32],

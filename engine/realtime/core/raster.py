@@ -75,34 +75,39 @@ def draw(
     size: tuple[int, int],
 ) -> RasterResult:
     """Rasterize triangles over places (V, 3) for a camera; camera_position (3,): in the same coordinates; size: width,
-    height."""
-    width, height = size
-    plane, view = _plane(camera, size)
-    n = len(surface.corners)
-    shares, boxes = np.empty((n, 3, 3), np.float32), np.empty((n, 4), np.int32)
-    front = np.empty(n, np.float32)
-    found, nearness = np.empty((height, width), np.int32), np.empty((height, width), np.float32)
-    limits = np.array(size, np.int32)
-
-    def set_up(start: int, stop: int) -> None:
-        kernels.set_up(
-            start,
-            stop,
-            places,
-            surface.corners,
-            surface.sides,
-            camera_position,
-            plane,
-            view,
-            limits,
-            shares,
-            boxes,
-            front,
-        )
-
-    on_threads(set_up, *even_parts(n))
-    on_threads(lambda start, stop: kernels.fill_rows(start, stop, shares, boxes, nearness, found), *_bands(height))
+    height. Backs without points are not drawn."""
+    has_points = surface.sides[:, :, 0] >= 0
+    is_shown = np.stack([np.ones(len(has_points), bool), has_points[:, 1] | ~has_points[:, 0]], axis=1)
+    found, _, _ = find_triangles(surface.corners, is_shown, places, camera, camera_position, size)
+    (plane, view), n = _plane(camera, size), len(surface.corners)
+    shares, front = np.empty((n, 3, 3), np.float32), np.empty(n, np.float32)
+    what = places, surface.corners, camera_position, plane, view, shares, front
+    on_threads(lambda start, stop: kernels.set_up(start, stop, *what), *even_parts(n))
     return RasterResult(found, shares, front, plane)
+
+
+def find_triangles(
+    corners: Int32Array, is_shown: NDArray[np.bool_], places: Float32Array, camera: CameraDescription,
+    camera_position: Float64Array, size: tuple[int, int],
+) -> tuple[Int32Array, Float32Array, Float32Array]:  # fmt: skip
+    """The nearest triangle, of corners (T, 3), in each pixel (H, W), or -1, and the barycentric coordinates of its
+    second and third corner there (H, W); see `draw`. is_shown (T, 2): whether a triangle is drawn where its front, and
+    where its back is seen.
+
+    Each thread draws a part of the triangles into a picture of its own.
+    """
+    (width, height), (starts, stops) = size, even_parts(len(corners))
+    n, what = len(starts), (places, corners, is_shown, camera_position, *_plane(camera, size))
+    drawn, edges = np.empty((n, height, width), np.int32), np.empty((n, 3, height, width), np.float32)
+    found, weights = np.empty((height, width), np.int32), np.empty((2, height, width), np.float32)
+
+    def part(i: int, start: int, stop: int) -> None:
+        edges[i, 0] = 0.0
+        kernels.fill_triangles(start, stop, *what, drawn[i], edges[i])
+
+    on_threads(part, range(n), starts, stops)
+    on_threads(lambda start, stop: kernels.merge_rows(start, stop, drawn, edges, found, weights), *even_parts(height))
+    return found, weights[0], weights[1]
 
 
 def paint(

@@ -25,6 +25,7 @@ from engine.light.environment import Environment
 from engine.material.layer import Layer
 from engine.realtime.core import _sample_kernels as kernels
 from engine.realtime.core._sample_kernels import Charts, Samples
+from engine.realtime.core.raster import find_triangles
 from engine.realtime.core.shading_points import ShadingPoints
 from engine.realtime.core.terms import MOVING_PROBES, map_factor
 from engine.scene.bump_normals import Footprints, gradients
@@ -39,6 +40,7 @@ from engine.texture.pyramid import MOST_PROBES, Pyramid
 Float32Array = NDArray[np.float32]
 Rows = NDArray[np.int64]
 _RAYS_AT_ONCE = 16384
+_TRIANGLES_A_PIXEL = 4  # from which on a ray through each pixel is faster than drawing all triangles
 _FEW_EDGE_RAYS = 4  # a pixel; with so few, only silhouettes count as edges
 _FLAT = 0.9999  # cosine between normals
 _SHORT = 1e-4  # rays to a position end this share of their length before it
@@ -54,6 +56,8 @@ class PointMesh:
         self._last: tuple[tuple[object, ...], ViewSamples] | None = None
         self._caster = caster or points.caster()
         self._charts: dict[int, Charts] = {}
+        corners = np.arange(3 * len(points.corners), dtype=np.int32).reshape(-1, 3)
+        self._raster = corners, np.ones((len(corners), 2), bool), points.corners.reshape(-1, 3).astype(np.float32)
         self.visibility = CornerVisibility(points, self._caster)
         self._surface = kernels.PointTriangles(
             points.shown, np.ascontiguousarray(scene.geometric_normals[points.source]),
@@ -63,7 +67,7 @@ class PointMesh:
     def of(self, points: ShadingPoints) -> PointMesh:
         """The same surface with other points on its sides."""
         other = PointMesh(self._scene, points, self._caster)
-        other._charts = self._charts
+        other._charts, other._raster = self._charts, self._raster
         return other
 
     def sample_view(
@@ -155,26 +159,33 @@ class PointMesh:
     def _trace(
         self, camera: CameraDescription, resolution: tuple[int, int], places: NDArray[np.float64], n: int
     ) -> tuple[Samples, tuple[NDArray, ...]]:
-        """Trace n rays: return samples, triangle, u and v."""
+        """Trace n rays, through all pixels' centres without places: return samples, triangle, u and v. The triangles
+        are rasterized where there are not too many for that."""
         axes, camera_position = (
             camera_plane(camera, resolution),
             np.subtract(camera.position, self._scene.origin).astype(np.float32),
         )
         directions = np.empty((n, 3), np.float32)
         out = _empty_samples(n)
-        found = np.empty(n, np.int32), np.empty(n, np.float32), np.empty(n, np.float32)
+        triangle, (u, v) = np.empty(n, np.int32), np.empty((2, n), np.float32)
+        corners, is_shown, vertices = self._raster
+        is_drawn = not len(places) and len(corners) <= _TRIANGLES_A_PIXEL * n
+        if is_drawn:
+            origin = camera_position.astype(np.float64)
+            drawn = find_triangles(corners, is_shown, vertices, camera, origin, resolution)
+            triangle, u, v = drawn[0].ravel(), drawn[1].ravel(), drawn[2].ravel()
 
         def part(start: int) -> None:
             stop = min(start + _RAYS_AT_ONCE, n)
             kernels.fill_rays(start, stop, places, resolution[0], axes, directions)
             own = directions[start:stop]
-            hits = self._caster.intersect(np.broadcast_to(camera_position, own.shape), own)
-            kernels.resolve(start, hits.triangle, hits.u, hits.v, own, self._surface, out)
-            for mine, theirs in zip(found, (hits.triangle, hits.u, hits.v), strict=True):
-                mine[start:stop] = theirs
+            if not is_drawn:
+                hits = self._caster.intersect(np.broadcast_to(camera_position, own.shape), own)
+                triangle[start:stop], u[start:stop], v[start:stop] = hits.triangle, hits.u, hits.v
+            kernels.resolve(start, triangle[start:stop], u[start:stop], v[start:stop], own, self._surface, out)
 
         on_threads(part, range(0, n, _RAYS_AT_ONCE))
-        return out, found
+        return out, (triangle, u, v)
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,10 +239,11 @@ class ViewSamples:
 
     def normals(self, which: Rows) -> Float32Array:
         """Normals (N, 3) of samples (N,), unit, interpolated between the points."""
-        corners, weights = self.samples.corners[which], self.samples.weights[which]
-        between = np.einsum("nk,nki->ni", weights, self.points.normal[corners])
-        length = np.linalg.norm(between, axis=1, keepdims=True)
-        return np.asarray(between / np.maximum(length, 1e-30), np.float32)
+        out = np.empty((len(which), 3), np.float32)
+        kernels.normals_between(
+            0, len(which), which, self.samples.corners, self.samples.weights, self.points.normal, out
+        )
+        return out
 
     def frames(
         self, which: Rows, scene: Scene, i_object: int, normals: Float32Array | None = None

@@ -29,6 +29,7 @@ from engine.realtime.core.view_samples import Rows, ViewSamples, footprints_of
 from engine.realtime.triple_product import _pixel_kernels as pixel_kernels
 from engine.realtime.triple_product import _slice_kernels as slice_kernels
 from engine.realtime.triple_product.incident import Incident, SkyMap, hemisphere, make_sky
+from engine.scene.bump_normals import offset_normals
 from engine.scene.primary_hits import LEAST_COSINE, object_tangents
 from engine.scene.scene_loader import Scene
 from engine.sphere.geodesic import geodesic, triangle_first_moments
@@ -191,7 +192,8 @@ def perturb_samples(seen: ViewSamples, which: Rows, scene: Scene, i_object: int)
         wo = samples.wo[some].astype(np.float64)
         triangle, u, v, own = _places(seen, some)
         uv, across, down = (each[start:stop] for each in footprints)
-        normals = scene.bump_normals.perturb(triangle, u, v, own, wo, (uv, across, down))
+        lean = scene.bump_normals.normal_offsets(i_object, triangle, u, v, own, wo, (uv, across, down))
+        normals = offset_normals(own, lean, wo)
         tangents = object_tangents(scene, np.full(len(some), i_object), normals)
         frames[start:stop] = sphere_frames(tangents, normals)
 

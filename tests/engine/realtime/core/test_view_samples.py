@@ -13,6 +13,7 @@ from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.material.layer_maps import LayerMaps
 from engine.precompute.direct.pipeline import Placement
+from engine.realtime.core import view_samples
 from engine.realtime.core.shading_points import shading_points
 from engine.realtime.core.view_samples import PointMesh, factors, footprints_of
 from engine.scene.description import parse_description
@@ -70,3 +71,24 @@ def test_rays_at_a_silhouette_that_meet_one_surface_share_a_sample() -> None:
     np.testing.assert_allclose(covered[1], covered[0], atol=1e-6)
     reflecting = [int(((seen.share < 1.0) & (seen.samples.corners[:, 0] >= 0)).sum()) for seen in (every, grouped)]
     assert 0 < 2 * reflecting[1] < reflecting[0]
+
+
+@pytest.mark.parametrize("position", [None, (0.0, 0.02, 1.5)])
+def test_triangles_that_are_drawn_are_those_that_rays_meet(
+    monkeypatch: pytest.MonkeyPatch, position: tuple[float, float, float] | None
+) -> None:
+    """Also from just above the floor, which then extends behind the camera."""
+    scene = build_scene(parse_description(tomllib.loads(SCENE), "ball"), Path("ball.toml"), SIZE)
+    points, camera = shading_points(scene, Placement(scene).caster, 300), scene.description.camera
+    camera = camera if position is None else camera.model_copy(update={"position": position})
+    drawn = PointMesh(scene, points).sample_view(camera, (160, 120))
+    assert len(points.triangles) <= view_samples._TRIANGLES_A_PIXEL * 160 * 120
+    monkeypatch.setattr(view_samples, "_TRIANGLES_A_PIXEL", 0)
+    traced = PointMesh(scene, points).sample_view(camera, (160, 120))
+    same = drawn.found[0] == traced.found[0]
+    assert same.mean() > 0.999 and (drawn.found[0] >= 0).any() and (drawn.found[0] < 0).any()
+    np.testing.assert_array_equal(drawn.samples.wo, traced.samples.wo)
+    met = np.flatnonzero((drawn.found[0] >= 0) & (traced.found[0] >= 0))
+    distance = np.linalg.norm(traced.places(met) - traced.camera_position, axis=1)
+    apart = np.linalg.norm(drawn.places(met) - traced.places(met), axis=1)
+    assert (apart < 1e-4 * distance).mean() > 0.999  # single precision, at a slant
