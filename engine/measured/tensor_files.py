@@ -99,6 +99,8 @@ def adaptive_reflection(data: bytes, path: Path) -> AdaptiveReflection:
     theta, phi = fields.ascending("theta_i"), fields.ascending("phi_i")
     if len(theta) < 2:
         raise LoadError(path, "number of theta_i", len(theta), "2 at least")
+    if len(phi) > 2 and not 1.4 < phi[-1] - phi[0] < 7.0:
+        raise LoadError(path, "phi_i", f"{phi[0]:g} to {phi[-1]:g}", "a quarter of the circle at least, in radians")
     slices = len(phi), len(theta)
     ndf, sigma = fields.density("ndf"), fields.density("sigma")
     vndf = fields.density("vndf", *slices)

@@ -183,6 +183,16 @@ def test_dropped_files_are_told_apart(window: HeadlessWindow, tmp_path: Path) ->
 
 
 @pytest.mark.gl
+def test_a_dropped_measurement_is_the_selected_objects_material(window: HeadlessWindow, tmp_path: Path) -> None:
+    editor, file = window.shell.editor, tmp_path / "gloss.bsdf"
+    file.touch()  # the stand-in worker reads anything
+    editor.select("teapot")
+    window.shell.actor.open(str(file))
+    window.frames(2)
+    assert [layer.model.name for layer in editor.document.object("teapot").layers] == ["measured_diffuse", "measured"]
+
+
+@pytest.mark.gl
 def test_the_mapping_of_a_probe_can_be_switched(window: HeadlessWindow, tmp_path: Path) -> None:
     editor = window.shell.editor
     with pytest.raises(KeyError):  # the scene's own environment has its mapping in the scene's file

@@ -113,6 +113,10 @@ def header(name: bytes, *numbers: int) -> bytes:
         (tensor_bytes({**SOUND, "ndf": -SOUND["ndf"]}), "field ndf = -.* expected numbers from 0 to"),
         (tensor_bytes({**SOUND, "vndf": 0 * SOUND["vndf"]}), "vndf at phi_i 0, theta_i 0 = all 0"),
         (tensor_bytes({**SOUND, "theta_i": SOUND["theta_i"][::-1]}), "field theta_i = values that do not ascend"),
+        (
+            tensor_bytes({**CASES["half_turn"], "phi_i": np.arange(5, dtype="f4") / 10}),
+            "phi_i = 0 to 0.4, expected a q",
+        ),
         (tensor_bytes({**SOUND, "rgb": SOUND["rgb"] + np.float32(np.inf)}), "reflection at phi_i 0, theta_i 0"),
         (tensor_bytes({**CASES["spectral"], "wavelengths": WAVELENGTHS.astype("f4") + 300}), "wavelengths = 660 to"),
     ],
