@@ -11,71 +11,44 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from engine.core._frame_kernels import to_local, to_world
-from engine.realtime.zonal_harmonics._shading_kernels import look_up
-
-Float64Array = NDArray[np.float64]
 Float32Array = NDArray[np.float32]
+_ONE = np.float32(1.0)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def add_rows_range(
-    which: NDArray[np.int64], start: int, stop: int,
-    low: Float32Array, axes: Float32Array, coefficients: Float32Array, views: Float32Array,
-    frames: Float32Array, places: Float32Array, camera_position: Float64Array,
-    light: Float32Array, table: Float32Array, reached: Float32Array, sent: Float32Array,
+def weigh_range(
+    start: int, stop: int, seen: NDArray[np.int64], values: Float32Array, wo: Float32Array, views: Float32Array,
+    reached: Float32Array, which: NDArray[np.int64], sent: Float32Array,
 ) -> None:  # fmt: skip
-    """Add to sent (S, 3) what points which[start:stop] (P,) send to the camera [Sloan05, eq. 16].
+    """Add to sent (S, 3), at the points which (P,), what those seen[start:stop] among these send to the camera
+    [Sloan05, eq. 16].
 
-    low (P K, 4), axes (P K, N, 3), coefficients (P K, N, n): lobes of the K rows of each of the P points, in its own
-    axes, the rows of frames (S, 3, 3). views (D, D, K, 3): the weight of each row by the direction of wo, over a
-    square. light (n^2, 3), table (rows, columns, n, 3): see `shade_range`; reached (P,): the share of the light that
-    others leave.
+    values (P K, 3): of the K rows of each point under the light; wo (P, 3): in the point's axes, above the surface;
+    views (D, D, K, 3): the weight of each row by the direction of wo, over a square; reached (P,): the share of the
+    light that others leave.
     """
-    n, n_rows, side = coefficients.shape[2], views.shape[2], views.shape[0]
-    bands, value, total = np.empty((n, 3), np.float32), np.empty(3, np.float32), np.empty(3, np.float32)
+    side, n_rows = views.shape[0], views.shape[2]
     for at in range(start, stop):
-        p = which[at]
-        frame = frames[p]
-        x, y, z = (
-            camera_position[0] - places[p, 0],
-            camera_position[1] - places[p, 1],
-            camera_position[2] - places[p, 2],
-        )
-        length = math.sqrt(x * x + y * y + z * z)
-        x, y, z = to_local(frame, x, y, z)
-        if not z > 0.0:  # seen from below
-            continue
-        # Where wo is on the square, and its four nearest entries.
-        across, down = square_place(x / length, y / length, min(z / length, 1.0))
+        p = seen[at]
+        # Where wo is on the square, and the shares of its four nearest entries.
+        across, down = square_place(wo[p, 0], wo[p, 1], wo[p, 2])
         row = min(max((across + 1.0) * (0.5 * side) - 0.5, 0.0), side - 1.0)
         column = min(max((down + 1.0) * (0.5 * side) - 0.5, 0.0), side - 1.0)
         top, left = min(int(row), side - 2), min(int(column), side - 2)
         below, beside = np.float32(row - top), np.float32(column - left)
-        for c in range(3):
-            total[c] = 0.0
+        share_a, share_b = (_ONE - below) * (_ONE - beside), (_ONE - below) * beside
+        share_c, share_d = below * (_ONE - beside), below * beside
+        red = green = blue = np.float32(0.0)
         for k in range(n_rows):
-            # The row times the light, as of a diffuse point [Sloan05, eq. 25].
-            r = at * n_rows + k
-            x, y, z = to_world(frame, -low[r, 3], -low[r, 1], low[r, 2])
-            for c in range(3):
-                value[c] = low[r, 0] * light[0, c]
-                if n > 1:
-                    value[c] += -y * light[1, c] + z * light[2, c] - x * light[3, c]
-            for i in range(axes.shape[1]):
-                x, y, z = to_world(frame, axes[r, i, 0], axes[r, i, 1], axes[r, i, 2])
-                look_up(table, x, y, z, bands)
-                for l in range(n):  # noqa: E741
-                    for c in range(3):
-                        value[c] += coefficients[r, i, l] * bands[l, c]
-            for c in range(3):
-                before = views[top, left, k, c] + beside * (views[top, left + 1, k, c] - views[top, left, k, c])
-                after = views[top + 1, left, k, c] + beside * (
-                    views[top + 1, left + 1, k, c] - views[top + 1, left, k, c]
-                )
-                total[c] += (before + below * (after - before)) * value[c]
-        for c in range(3):
-            sent[p, c] += reached[at] * max(total[c], np.float32(0.0))
+            a, b = views[top, left, k], views[top, left + 1, k]
+            c, d = views[top + 1, left, k], views[top + 1, left + 1, k]
+            value = values[p * n_rows + k]
+            red += (share_a * a[0] + share_b * b[0] + share_c * c[0] + share_d * d[0]) * value[0]
+            green += (share_a * a[1] + share_b * b[1] + share_c * c[1] + share_d * d[1]) * value[1]
+            blue += (share_a * a[2] + share_b * b[2] + share_c * c[2] + share_d * d[2]) * value[2]
+        sent[which[p], 0] += reached[p] * max(red, np.float32(0.0))
+        sent[which[p], 1] += reached[p] * max(green, np.float32(0.0))
+        sent[which[p], 2] += reached[p] * max(blue, np.float32(0.0))
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")

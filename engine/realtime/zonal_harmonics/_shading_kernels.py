@@ -31,13 +31,13 @@ _ONE = np.float32(1.0)
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def shade_range(
     start: int, stop: int, which: NDArray[np.int64], low: Float32Array, axes: Float32Array, coefficients: Float32Array,
-    frames: Float32Array, light: Float32Array, table: Float32Array, radiance: Float32Array,
+    frames: Float32Array, n_each: int, light: Float32Array, table: Float32Array, radiance: Float32Array,
 ) -> None:  # fmt: skip
     """Fill rows which[start:stop] of radiance (P, 3) [Sloan05, eq. 25].
 
-    low (P, 4), axes (P, N, 3), coefficients (P, N, n): lobes in the points' own axes, the rows of frames (P, 3, 3).
-    light (n^2, 3); table (rows, columns, n, 3): the light of each band along each direction [Sloan05, eq. 24], with one
-    number behind it, see `engine.core.lanes`.
+    low (P, 4), axes (P, N, 3), coefficients (P, N, n): lobes in the points' own axes, the rows of frames (P / n_each,
+    3, 3), which n_each of them in turn share. light (n^2, 3); table (rows, columns, n, 3): the light of each
+    band along each direction [Sloan05, eq. 24], with one number behind it, see `engine.core.lanes`.
     """
     n_lobes, n, size = axes.shape[1], coefficients.shape[2], 3 * coefficients.shape[2]
     n_rows, n_columns = table.shape[0], table.shape[1]
@@ -48,17 +48,17 @@ def shade_range(
         some = which[first : min(first + _POINTS, stop)]
         # Rotate the lobes' axes [Sloan05, eq. 10].
         for j in range(len(some)):
-            p = some[j]
+            p, frame = some[j], frames[some[j] // n_each]
             for i in range(n_lobes):
                 at = j * n_lobes + i
-                axis[0, at], axis[1, at], axis[2, at] = to_world(frames[p], axes[p, i, 0], axes[p, i, 1], axes[p, i, 2])
+                axis[0, at], axis[1, at], axis[2, at] = to_world(frame, axes[p, i, 0], axes[p, i, 1], axes[p, i, 2])
         # Their places in the table: this loop vectorizes.
         for at in range(len(some) * n_lobes):
             row[at], column[at] = _place(n_rows, n_columns, axis[0, at], axis[1, at], axis[2, at])
         for j in range(len(some)):
             p = some[j]
             # The constant band, and the linear band, which rotates like the vector (-low_3, -low_1, low_2).
-            x, y, z = to_world(frames[p], -low[p, 3], -low[p, 1], low[p, 2])
+            x, y, z = to_world(frames[p // n_each], -low[p, 3], -low[p, 1], low[p, 2])
             total = _times(low[p, 0], lanes.of(light[0, 0], light[0, 1], light[0, 2]))
             if n > 1:
                 total = lanes.plus_product(total, lanes.even(-y), lanes.of(light[1, 0], light[1, 1], light[1, 2]))
@@ -127,7 +127,7 @@ def _entries(row: float, column: float, n_rows: int, n_columns: int) -> _Entries
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def look_up(table: Float32Array, x: float, y: float, z: float, bands: Float32Array) -> None:
+def _look_up(table: Float32Array, x: float, y: float, z: float, bands: Float32Array) -> None:
     """Interpolate the light of each band (n, 3) along a direction between four entries."""
     n_rows, n_columns = table.shape[0], table.shape[1]
     row, column = _place(n_rows, n_columns, x, y, z)
@@ -175,14 +175,14 @@ def gloss_range(
         turn = lean[low] + share * (lean[low + 1] - lean[low])
         # The lobe's axis: the normal, rotated by lean away from wo, towards its mirror direction.
         c, s = math.cos(turn), -math.sin(turn) / across
-        look_up(table, c * nx + s * ax, c * ny + s * ay, c * nz + s * az, light)
+        _look_up(table, c * nx + s * ax, c * ny + s * ay, c * nz + s * az, light)
         values = np.zeros(3, np.float32)
         # Radiance: Σ_l bands_l × light_l along the axis.
         for l in range(n):  # noqa: E741
             for i in range(3):
                 values[i] += (bands[low, l, i] + share * (bands[low + 1, l, i] - bands[low, l, i])) * light[l, i]
         # Visibility: the ratio of the Lambertian radiance with and without shadows.
-        look_up(table, nx, ny, nz, light)
+        _look_up(table, nx, ny, nz, light)
         unblocked = np.float32(0.0)
         for l in range(n):  # noqa: E741
             unblocked += cosine[l] * (light[l, 0] + light[l, 1] + light[l, 2])
@@ -236,7 +236,7 @@ def shadow_range(
             weight = sine2 * up - LEAST_BLOCKED
             if weight <= 0.0:
                 continue
-            look_up(table, x, y, z, light)
+            _look_up(table, x, y, z, light)
             # Mean of each band's light over the cone: (P_(l-1) - P_(l+1)) / ((2l+1)(1-c)) at its rim, where c is the
             # cosine.
             c = math.sqrt(1.0 - sine2)

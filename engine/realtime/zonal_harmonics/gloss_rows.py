@@ -27,7 +27,7 @@ from engine.core.threads import even_parts, on_threads
 from engine.material.layer import Layer, evaluate_layer
 from engine.realtime.core.terms import has_isotropic_reflection
 from engine.realtime.zonal_harmonics import _gloss_row_kernels as kernels
-from engine.realtime.zonal_harmonics.shading import BandLight, Lobes
+from engine.realtime.zonal_harmonics.shading import BandLight, Lobes, shade_some
 from engine.realtime.zonal_harmonics.transfer import TransferPoints, ray_blocks, rotate_transfer
 from engine.scene.raycaster import RayCaster
 from engine.sphere.harmonics import MAX_ORDER, bands, basis
@@ -227,12 +227,14 @@ def add_gloss_rows(
     rows: lobes of the points' rows one after the other (P K, ...); views (D, D, K, 3): see `GlossBasis`; frames (S, 3,
     3), places (S, 3); reached (P,): the share of the light that others leave.
     """
-    frames, camera = np.ascontiguousarray(frames, np.float32), np.asarray(camera_position, np.float64)
-
-    def part(start: int, stop: int) -> None:
-        kernels.add_rows_range(
-            which, start, stop, rows.low, rows.axes, rows.coefficients, views, frames, places, camera,
-            light.harmonics, light.table, reached, sent,
-        )  # fmt: skip
-
-    on_threads(part, *even_parts(len(which)))
+    n_rows, own_frames = views.shape[2], np.ascontiguousarray(frames[which], np.float32)
+    wo = np.asarray(camera_position, np.float64) - places[which]
+    wo = np.einsum("pai,pi->pa", own_frames, wo / np.maximum(np.linalg.norm(wo, axis=1, keepdims=True), 1e-30))
+    wo = wo.astype(np.float32)
+    seen = np.flatnonzero(wo[:, 2] > 0.0)
+    values = np.empty((len(rows.low), 3), np.float32)
+    shade_some((seen[:, None] * n_rows + np.arange(n_rows)).ravel(), rows, own_frames, light, values, n_rows)
+    on_threads(
+        lambda start, stop: kernels.weigh_range(start, stop, seen, values, wo, views, reached, which, sent),
+        *even_parts(len(seen)),
+    )

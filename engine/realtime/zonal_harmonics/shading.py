@@ -102,10 +102,12 @@ def shade(lobes: Lobes, frames: ArrayLike, light: BandLight) -> Float32Array:
 
 
 def shade_some(
-    which: NDArray[np.int64], lobes: Lobes, frames: Float32Array, light: BandLight, radiance: Float32Array
-) -> None:
-    """Fill the rows of radiance (P, 3) of some points (N,), see `shade`."""
-    what = lobes.low, lobes.axes, lobes.coefficients, frames, light.harmonics, light.table
+    which: NDArray[np.int64], lobes: Lobes, frames: Float32Array, light: BandLight, radiance: Float32Array,
+    n_each: int = 1,
+) -> None:  # fmt: skip
+    """Fill the rows of radiance (P, 3) of some points (N,), see `shade`; n_each: points that in turn share one of
+    frames (P / n_each, 3, 3)."""
+    what = lobes.low, lobes.axes, lobes.coefficients, frames, n_each, light.harmonics, light.table
     on_threads(lambda start, stop: kernels.shade_range(start, stop, which, *what, radiance), *even_parts(len(which)))
 
 
