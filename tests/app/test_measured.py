@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.document.commands.layers import SetFrozen, SetParameter
+from app.document.commands.curves import AddOperator
+from app.document.commands.layers import SetFrozen, SetModel, SetParameter
 from app.document.document import Document, document_from_description
 from app.document.named_files import (
     layers_of_document,
@@ -38,6 +39,7 @@ from app.worker.cache import ArrayCache
 from app.worker.schedule import InProcessClient
 from app.worker.tasks import RequestDispatcher
 from engine.core.errors import InsituError, LoadError
+from engine.curve.operators import Operator
 from engine.material import MODELS, make_layer
 from engine.material.measured import HIGHLIGHT_MODELS
 from engine.measured import tables
@@ -151,6 +153,26 @@ def test_an_import_gets_the_curves_that_fit_best(tmp_path: Path, highlight: Part
     assert with_measurements(named, {str(file): read})[0].model is MODELS["measured"]
     (cloth,) = with_measurements(measured_layers(file, cloth=True), {str(file): read})
     assert cloth.model is MODELS["measured_cloth"]
+
+
+def test_a_highlight_is_edited_over_other_angles(client: FakeClient, tmp_path: Path) -> None:
+    # The file, smoothing and edits of the curve that both have stay; from another model nothing does.
+    editor, file = Editor(client, "shelf"), tmp_path / "drawn.binary"
+    client.open_scene()
+    editor.tick(0.0)
+    editor.do(import_measured("pot", file))
+    client.answer(client.sent(ReadMeasured)[-1], MeasurementsRead({str(file): drawn_measurement()}))
+    editor.tick(0.1)
+    lift = Operator("amplify", "y", 0.1, 0.2, 0.4, 0.6, magnitude=1.5)
+    for command in (SetParameter("pot.1", "smoothing", 0.5), AddOperator("pot.1", "theta_h", lift),
+                    AddOperator("pot.1", "theta_d", lift), SetModel("pot.1", "measured_around")):  # fmt: skip
+        assert editor.do(command) is None
+    layer = editor.document.layer("pot.1")
+    assert layer.model.name == "measured_around" and measurement_in(layer) == drawn_measurement()
+    assert layer.values["smoothing"] == 0.5 and dict(layer.edits) == {"theta_h": (lift,)}
+    editor.do(SetModel("pot.1", "phong"))
+    editor.do(SetModel("pot.1", "measured_around"))
+    assert measurement_in(editor.document.layer("pot.1")) is None
 
 
 def test_an_anisotropic_import_is_rendered_and_has_no_table(tmp_path: Path) -> None:

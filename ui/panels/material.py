@@ -17,6 +17,7 @@ from app.files.materials import describe_measurement
 from app.system.lazy_import import import_named
 from engine.material import MODELS, Layer, Parameter
 from engine.material.bumps import BUMP_STRENGTH
+from engine.material.measured import HIGHLIGHT_MODELS
 from engine.material.parameters import INDICES, Value, index_of_reflectance, reflectance_of_index
 from engine.measured.measurement import Measurement
 from ui.panels import maps, rows, widgets
@@ -133,7 +134,9 @@ def _label_width(context: PanelContext, parameters: Sequence[Parameter]) -> floa
 
 
 def _model(context: PanelContext, key: str, layer: Layer, width: float) -> list[Action]:
-    models = [each for each in MODELS.values() if not each.needs_file or each is layer.model]
+    highlights = tuple(HIGHLIGHT_MODELS.values())
+    of_measured = highlights if layer.model in highlights else (layer.model,)
+    models = [each for each in MODELS.values() if not each.needs_file or each in of_measured]
     choices = [widgets.Choice(model.label, model.tooltip, model.name) for model in models]
     hint = f"{layer.model.tooltip} Another model starts from its own defaults; edits of curves that both have stay."
     widgets.label(context, "Model", width, rows.WIDE_CONTROL)

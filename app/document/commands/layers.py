@@ -42,7 +42,8 @@ class SetParameter:
 
 @dataclass(frozen=True)
 class SetModel:
-    """Make a layer of another model, or of a preset's parameters; edits of curves that both models have stay."""
+    """Make a layer of another model, or of a preset's parameters; edits of curves that both models have stay, and from
+    one part of a measurement to another the file and what else both have."""
 
     key: str
     model: str
@@ -58,7 +59,8 @@ class SetModel:
             raise InsituError(f"there is no model {self.model!r}; available: {', '.join(sorted(MODELS))}")
         model = MODELS[self.model]
         key, layer = _leading(document, self.key) if layer.rises else (self.key, layer)
-        values = make_layer(model, dict(self.parameters)).with_fresnel(layer.fresnel).parameters
+        kept = layer.values if model.needs_file and layer.model.needs_file else {}
+        values = make_layer(model, {**kept, **dict(self.parameters)}).with_fresnel(layer.fresnel).parameters
         names = {factor.name for factor in all_factors(model)}
         edits = tuple((factor, operators) for factor, operators in layer.edits if factor in names)
         name = model.name if layer.name == layer.model.name else layer.name
