@@ -15,7 +15,8 @@ the window and the `programs` that draw: nothing else here calls OpenGL. What ca
 OpenGL, no display) stands in the file with the reason, and the rest is measured all the same.
 
 Programs of their own write pages and references: `peers` (docs/peers.md), `large_scenes` (docs/scale.md),
-`room_references` (tests/golden/rooms), `point_lights` (docs/benchmarks.md), `gloss_transfer` (docs/deform.md).
+`room_references` (tests/golden/rooms), `point_lights` (docs/benchmarks.md), `gloss_transfer` (docs/deform.md),
+`orbit_handover` (docs/orbit.md).
 """
 
 PARTS = ("settings", "figures", "visibility", "planning")

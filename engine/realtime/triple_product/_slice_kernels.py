@@ -179,7 +179,7 @@ def add_corners(at: Corners, red: float, green: float, blue: float, t: Tables, c
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def _add_peak_triangles(
+def add_peak_triangles(
     cell: Cell, place: NDArray[np.int16], power: Float32Array, t: Tables, corners: Float32Array
 ) -> None:
     """Add what the cell's four slices reflect of peaks, by their triangles, to corners (4, 4)."""
@@ -222,7 +222,7 @@ def shade_points(
             shades.key[slot] = key
             unpack(stored.value[slot], n, words)
             reflect(cell, stored.number[slot], value, n, t, corners)
-            _add_peak_triangles(cell, stored.peak_place[slot], stored.peak_power[slot], t, corners)
+            add_peak_triangles(cell, stored.peak_place[slot], stored.peak_power[slot], t, corners)
         for i in range(3):
             radiance[p, i] += between(cell, corners, i)
 

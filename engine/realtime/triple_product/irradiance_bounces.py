@@ -23,7 +23,7 @@ and all emitters at equal radiance. The choice of gathering points thus does not
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -65,19 +65,21 @@ _BACK_SHARE = 0.02
 @dataclass(frozen=True, eq=False)
 class Gathering:
     """Gathering points (G,), as indices: ends (G, R), the shading points at the ends of their rays, −1 where a ray met
-    none; reach (G,), the harmonic mean distance of what the rays met, as a share of the scene's size; behind (M,), how
-    many rays met each object from behind where it has no points to end at."""
+    none; pattern (G,), the row of `cosine_tables` that the rays follow; reach (G,), the harmonic mean distance of what
+    they met, as a share of the scene's size; behind (M,), how many rays met each object from behind where it has no
+    points to end at."""
 
     points: Rows
     ends: NDArray[np.int32]
+    pattern: NDArray[np.uint8]
     reach: Float32Array
     behind: Rows
 
     def with_more(self, other: Gathering) -> Gathering:
         """Concatenate with another set."""
-        both = ((getattr(self, name), getattr(other, name)) for name in ("points", "ends", "reach"))
-        points, ends, reach = map(np.concatenate, both)
-        return Gathering(points, ends, reach, self.behind + other.behind)
+        both = ((getattr(self, name), getattr(other, name)) for name in ("points", "ends", "pattern", "reach"))
+        points, ends, pattern, reach = map(np.concatenate, both)
+        return Gathering(points, ends, pattern, reach, self.behind + other.behind)
 
     def gathered(self, sent: Float32Array) -> Float32Array:
         """Gather (G, 3) from the radiosity of all points (S, 3)."""
@@ -123,9 +125,11 @@ class Exchange:
         often = self.gathering.behind > _BACK_SHARE * max(self.gathering.ends.size, 1)
         return frozenset(np.flatnonzero(often).tolist())
 
-    def gathered(self, sent: Float32Array, found: Float32Array) -> None:
-        """Write to found (S, 3) what the points gather from the radiosity of all points (S, 3)."""
-        found[self.rows] = self.around.between(self.gathering.gathered(sent))
+    def gathered(self, sent: Float32Array, found: Float32Array, more: Float32Array | None = None) -> None:
+        """Write to found (S, 3) what the points gather from the radiosity of all points (S, 3); more (G, 3): is added
+        to what the gathering points receive."""
+        received = self.gathering.gathered(sent)
+        found[self.rows] = self.around.between(received if more is None else np.maximum(received + more, 0.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,18 +140,27 @@ class Bounces:
     between: Exchange
     to_backs: tuple[Exchange, ...] = ()
 
-    def indirect(self, direct: Float32Array, albedo: Float32Array, n_bounces: int) -> tuple[Float32Array, Float32Array]:
+    @property
+    def exchanges(self) -> tuple[Exchange, ...]:
+        """All of them."""
+        return self.between, *self.to_backs
+
+    def indirect(
+        self, direct: Float32Array, albedo: Float32Array, n_bounces: int, glossy: Sequence[Float32Array] = ()
+    ) -> tuple[Float32Array, Float32Array]:
         """Return the indirect irradiance (S, 3) of bounces 2 to n_bounces, given the direct irradiance (S, 3); and the
         sum of direct and indirect irradiance up to one bounce less, which mirrors show of other surfaces.
 
         albedo (S, 3): of the surface at each point; values above 1 count as 1, so that light does not grow from bounce
-        to bounce.
+        to bounce. glossy: for each exchange, what gathering points (G, 3) receive more of direct light that gloss
+        reflects, see `glossy_bounces.second_bounce`.
         """
         total, latest, bounded = np.zeros_like(direct), direct, np.minimum(albedo, 1.0)
-        for _ in range(n_bounces - 1):
+        more: Sequence[Float32Array | None] = glossy or [None] * len(self.exchanges)
+        for i_bounce in range(n_bounces - 1):
             sent, latest = latest * bounded, np.zeros_like(direct)
-            for each in (self.between, *self.to_backs):
-                each.gathered(sent, latest)
+            for exchange, received in zip(self.exchanges, more, strict=True):
+                exchange.gathered(sent, latest, received if i_bounce == 0 else None)
             total += latest
         return total, direct + total - (latest if n_bounces > 1 else 0.0)
 
@@ -256,7 +269,8 @@ def _trace_rays(
         behind += np.bincount(found.i_object[found.behind | is_late], minlength=len(behind))
         yield
     reach = np.clip(1.0 / np.maximum(nearness * space.size, 1e-9), _LEAST_REACH, _MOST_REACH)
-    return Gathering(chosen, ends, reach.astype(np.float32), np.where(points.sides[:, 1], behind, 0))
+    pattern = (np.arange(len(chosen)) % _AT_ONCE).astype(np.uint8)
+    return Gathering(chosen, ends, pattern, reach.astype(np.float32), np.where(points.sides[:, 1], behind, 0))
 
 
 def _interpolate(

@@ -12,6 +12,8 @@ from engine.core.generators import StepRunner, run_to_end
 from engine.light.emitters import EmitterPatches
 from engine.realtime.core.shading_points import ShadingPoints, with_backs
 from engine.realtime.core.view_samples import PointMesh
+from engine.realtime.triple_product._slice_kernels import Tables
+from engine.realtime.triple_product.glossy_bounces import GlossyTerm, reflect_indirect, second_bounce
 from engine.realtime.triple_product.incident import (
     Incident,
     SceneEmitters,
@@ -30,6 +32,8 @@ from engine.scene.scene_loader import Scene
 
 Float32Array = NDArray[np.float32]
 UNLIT, COARSELY, EXACTLY = 0, 1, 2
+GLOSSILY = 3  # bounced exactly, and by gloss with its own lobe
+_MOST_GLOSSY_TERMS = 16  # that do so: each takes a look at all rays
 
 
 class LitPoints:
@@ -38,7 +42,7 @@ class LitPoints:
     state (S,): how well the current light is known, UNLIT, COARSELY or EXACTLY; traced (S,): whether visibility is
     known; seen (S,): points of the last picture; behind: objects whose backs should get points, because a picture saw
     them or they pass light on; is_bounced: which state of the light the indirect irradiance (S, 3) belongs to, and the
-    radiosity sent_on (S, 3) that mirrors show; known (S,): whether the point was ever lit, by any light; shadowed (S,):
+    radiance sent_on (S, 3) that mirrors show; known (S,): whether the point was ever lit, by any light; shadowed (S,):
     whether that light included the point's visibility; n_traced: points traced since the visibility was last stored;
     not_exported (S,): points whose light changed since `gpu_export` exported it. caster: intersects the scene's
     triangles.
@@ -70,6 +74,8 @@ class LitPoints:
         self.with_backs: list[int] = []
         self.bounces: Bounces | None = None
         self._bounce_steps: StepRunner[Bounces | None] | None = None
+        self._sent_by_gloss: dict[tuple[object, ...], list[Float32Array]] = {}
+        self._gloss_steps: tuple[tuple[object, ...], StepRunner[list[Float32Array]]] | None = None
         self.indirect, self.sent_on = np.zeros((2, self._n, 3), np.float32)
         self.is_bounced = UNLIT
 
@@ -99,6 +105,7 @@ class LitPoints:
         return found if len(found) else np.flatnonzero(wanted)[:n]
 
     def light(self, which: NDArray[np.int64], sky: SkyMap, emitters: SceneEmitters | None, is_coarse: bool) -> None:
+        self._forget_gloss()
         traced = which[self.traced[which]]
         peaks = None if is_coarse else visible_peaks(self.points, self.caster, sky, traced)
         first = traced[~self.shadowed[traced] & (self.state[traced] != UNLIT)]
@@ -138,6 +145,7 @@ class LitPoints:
             self._bounce_steps = StepRunner(self._sending())
         if self._bounce_steps.advance():
             self.bounces, self._bounce_steps = self._bounce_steps.result, None
+            self._forget_gloss()
 
     @property
     def late(self) -> NDArray[np.int32]:
@@ -171,6 +179,7 @@ class LitPoints:
             self._bounce_steps = StepRunner(self._refining(patches))
         if self._bounce_steps.advance():
             self.bounces, self._bounce_steps, self.is_bounced = self._bounce_steps.result, None, UNLIT
+            self._forget_gloss()
 
     def _refining(self, patches: EmitterPatches | None) -> Generator[None, None, Bounces]:
         assert self.bounces is not None
@@ -178,13 +187,41 @@ class LitPoints:
         self._between = yield from refining(self.bounces.between, self.points, self.mesh, shone, self.late)
         return replace(self.bounces, between=self._between)
 
-    def bounce(self, albedos: Float32Array, n_bounces: int) -> None:
-        """Compute the indirect light; albedos (M, 3)."""
+    def bounce(self, albedos: Float32Array, n_bounces: int, glossy: Sequence[Float32Array] = ()) -> None:
+        """Compute the indirect light; albedos (M, 3); glossy: see `Bounces.indirect`."""
         assert self.bounces is not None
         self.is_bounced = self.is_lit
         albedo = albedos[self.points.i_object]
-        self.indirect, before = self.bounces.indirect(self._direct(), albedo, n_bounces)
+        self.indirect, before = self.bounces.indirect(self._direct(), albedo, n_bounces, glossy)
         self.sent_on = (before * albedo / np.float32(np.pi)).astype(np.float32)
+
+    def bounce_gloss(self, terms: Sequence[GlossyTerm], albedos: Float32Array, n_bounces: int) -> None:
+        """Do a piece of computing the indirect light anew, with what the terms of blunt gloss send to other surfaces.
+        Terms that have not changed are not computed again while the light stays. Of many terms, those whose points
+        reflect the most light are taken, the others by albedo."""
+        assert self.bounces is not None
+        keys = [term.key for term in terms]
+        if self._gloss_steps is not None and self._gloss_steps[0] in keys:
+            key, steps = self._gloss_steps
+            if steps.advance():
+                self._sent_by_gloss[key], self._gloss_steps = steps.result, None
+            return
+        light = np.bincount(self.points.i_object, self.incident.irradiance.sum(axis=1), len(albedos))
+        terms = sorted(terms, key=lambda term: -float(term.albedo.sum() * light[term.i_object]))[:_MOST_GLOSSY_TERMS]
+        missing = next((term for term in terms if term.key not in self._sent_by_gloss), None)
+        if missing is not None:
+            steps = StepRunner(second_bounce(self.bounces, self.points, self.incident, missing))
+            self._gloss_steps = missing.key, steps
+            return
+        self._sent_by_gloss = {term.key: self._sent_by_gloss[term.key] for term in terms}
+        if terms:
+            found = zip(*self._sent_by_gloss.values(), strict=True)
+            self.bounce(albedos, n_bounces, [np.sum(each, axis=0) for each in found])
+        self.is_bounced = GLOSSILY
+
+    def _forget_gloss(self) -> None:
+        """Light or its paths have changed."""
+        self._sent_by_gloss, self._gloss_steps = {}, None
 
     def _direct(self) -> Float32Array:
         """Direct irradiance (S, 3). Points that are not traced yet are scaled by the mean shadowing of their object's
@@ -209,6 +246,14 @@ class LitPoints:
         if n_bounces > 1 and albedo is not None:
             sent += self.indirect[which] * np.asarray(albedo / np.pi, np.float32)
         return sent
+
+    def reflected_indirect(
+        self, which: NDArray[np.int64], camera_position: Float32Array, tables: Tables
+    ) -> Float32Array:  # fmt: skip
+        """Radiance (N, 3) that points reflect to the camera, by slices, of what other surfaces send."""
+        if self.bounces is None:
+            return np.zeros((len(which), 3), np.float32)
+        return reflect_indirect(self.bounces, self.points, which, camera_position, self.sent_on, tables)
 
     def add_gloss(self, is_glossy: NDArray[np.bool_]) -> None:
         """Allocate coefficients of light for objects (M,) that have become glossy."""
@@ -242,6 +287,7 @@ class LitPoints:
         self.indirect, self.sent_on = _longer(self.indirect, self._n, 0), _longer(self.sent_on, self._n, 0)
         self.is_bounced = UNLIT
         self.bounces = self._bounce_steps = None
+        self._forget_gloss()
         self.add_gloss(is_glossy)
 
     def _skip_enclosed(self) -> None:

@@ -33,7 +33,7 @@ from engine.realtime.core.shading_points import ShadingPoints, place_points
 from engine.realtime.core.terms import LayersOf
 from engine.realtime.core.view_samples import ViewSamples, assemble_picture
 from engine.realtime.triple_product.incident import SceneEmitters, SkyMap, make_sky
-from engine.realtime.triple_product.lit_points import EXACTLY, UNLIT, LitPoints
+from engine.realtime.triple_product.lit_points import EXACTLY, GLOSSILY, UNLIT, LitPoints
 from engine.realtime.triple_product.reflections import Reflections
 from engine.realtime.triple_product.view_radiance import N_MOVING, Quality, view_radiance
 from engine.realtime.triple_product.visibility import N_UPPER, Bits, deflate_bits, find_enclosed, inflate_bits
@@ -212,7 +212,7 @@ class Orbit:
         lit = self._lit
         if lit is None or not lit.is_done or not self._reflections.is_done:
             return False
-        return self._n_bounces == 1 or lit.is_bounced == EXACTLY and lit.is_refined
+        return self._n_bounces == 1 or lit.is_bounced == GLOSSILY and lit.is_refined
 
     @property
     def fraction(self) -> float:
@@ -279,6 +279,10 @@ class Orbit:
             return "visibility"
         if self._n_bounces > 1 and lit.bounces is not None and not lit.is_refined:
             lit.refine_rays(None if self._patches is None else self._patches[0])
+            return "bounces"
+        if self._n_bounces > 1 and lit.is_bounced == EXACTLY:
+            terms = self._reflections.blunt_terms(self.scene)
+            lit.bounce_gloss(terms, self._reflections.albedos(self.scene), self._n_bounces)
             return "bounces"
         return None
 

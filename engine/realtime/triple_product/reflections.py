@@ -18,6 +18,7 @@ from engine.material.layer import Layer
 from engine.material.layer_maps import LayerMaps
 from engine.realtime.core.terms import LayersOf, diffuse_reflectance
 from engine.realtime.triple_product import _slice_kernels
+from engine.realtime.triple_product.glossy_bounces import GlossyTerm
 from engine.realtime.triple_product.slices import SliceLevels, Slices, slice_steps
 from engine.realtime.triple_product.visibility import LEVEL
 from engine.scene.map_sampler import mean_factor
@@ -151,13 +152,24 @@ class Reflections:
         """Equivalent albedos of all objects (M, 3), with the means of their maps."""
         albedos = np.zeros((len(scene.smooth), 3))
         for term in self.terms:
-            maps = term.layers[0].maps
-            mean = 1.0 if maps.is_plain else self._mean_factor(scene, term.i_object, maps)
-            albedos[term.i_object] += self.albedo(term) * mean
+            albedos[term.i_object] += self.albedo(term) * self._mean_factor(scene, term)
         return albedos.astype(np.float32)
 
-    def _mean_factor(self, scene: Scene, i_object: int, maps: LayerMaps) -> NDArray[np.floating]:
-        """Mean factor of maps over an object (3,); cached while its files stay the same."""
+    def blunt_terms(self, scene: Scene) -> list[GlossyTerm]:
+        """The terms of blunt gloss whose slices are known, with the means of their maps."""
+        found = []
+        for term in self.terms:
+            is_blunt = term.reflectance is None and not self.is_sharp(term.layers)
+            if is_blunt and (tables := self.tables(term.layers)) is not None:
+                albedo, factor = self.albedo(term), np.broadcast_to(self._mean_factor(scene, term), 3)
+                found.append(GlossyTerm(term.i_object, tables, albedo.astype(np.float32), factor.astype(np.float32)))
+        return found
+
+    def _mean_factor(self, scene: Scene, term: Term) -> NDArray[np.floating]:
+        """Mean factor of a term's maps over its object, (3,); cached while its files stay the same."""
+        i_object, maps = term.i_object, term.layers[0].maps
+        if maps.is_plain:
+            return np.ones(3)
         images = scene.textures.texture(maps.images), scene.textures.weight(maps.images)
         key = i_object, maps, images
         if key not in self._means:

@@ -2,8 +2,9 @@
 
 The coefficients of light hold emitters and sky, not surfaces that these light: rooms in a mirror ball, shelves in a
 varnished floor. So glossy pixels at rest trace a few rays, importance-sampled by their layers, to other shading points,
-and add the radiance of these. In moving pictures, a glossy surface reflects that light as a diffuse one of its
-equivalent albedo does.
+and add the radiance of these. At rest only sharp gloss does: blunt gloss reflects what its gathering points' rays met
+(`glossy_bounces`). In moving pictures, a glossy surface reflects that light as a diffuse one of its equivalent albedo
+does.
 """
 
 from __future__ import annotations
@@ -96,8 +97,11 @@ def view_radiance(
         evenly = None if bumpy else term.reflectance
         tables = None if bumpy or term.reflectance is not None else reflections.tables(term.layers)
         shows = n_bounces > 1 and (quality == "still" and term.reflectance is None or quality == "rest" and is_sharp)
-        albedo = None if shows else reflections.albedo(term)
+        slices = reflections.tables(term.layers) if quality == "rest" and term.reflectance is None else None
+        albedo = None if shows or slices is not None else reflections.albedo(term)
         lit.colours[points] = lit.diffuse_radiance(points, evenly, albedo, n_bounces)
+        if slices is not None and n_bounces > 1 and not shows:
+            lit.colours[points] += lit.reflected_indirect(points, seen.camera_position, slices)
         if tables is not None and quality == "moving" and not is_sharp:
             shade_points(seen, points, lit.incident, tables, n_moving, lit.shades, lit.colours)
         interpolate(seen, which, lit.colours, factor, radiance)
