@@ -17,7 +17,6 @@ from numpy.typing import ArrayLike, NDArray
 from engine.core.errors import InsituError
 from engine.core.threads import even_parts, on_threads
 from engine.realtime.deformers import KINDS
-from engine.realtime.zonal_harmonics import _pose_kernels as kernels
 
 Float64Array = NDArray[np.float64]
 
@@ -85,6 +84,8 @@ def deform(pose: Pose, deformations: Sequence[Deformation], box: Float64Array | 
     own."""
     if not deformations:
         return pose
+    from engine.realtime.zonal_harmonics import _pose_kernels as kernels
+
     low, high = pose.box if box is None else box
     positions, jacobians = np.array(pose.positions, np.float64), np.tile(np.eye(3), (len(pose.positions), 1, 1))
 
@@ -123,6 +124,8 @@ def deformed_frames(frames: ArrayLike, jacobians: ArrayLike) -> Float64Array:
     The normal stays perpendicular to the surface, on its outer side; the tangent stays as close to its image as
     possible.
     """
+    from engine.realtime.zonal_harmonics import _pose_kernels as kernels
+
     frames, jacobians = (np.require(each, np.float64, ["C", "W"]) for each in (frames, jacobians))
     out = np.empty(frames.shape)
     on_threads(
