@@ -19,6 +19,7 @@ from app.modes.deform.deform_events import PoseArrived
 from app.modes.deform.deform_messages import (
     DeformLoss,
     DrawDeform,
+    GlossDecided,
     PathPreview,
     PathsTraced,
     PoseExported,
@@ -80,6 +81,9 @@ def test_a_scene_is_made_ready_once_and_drawn_in_any_pose(file: Path) -> None:
     assert known[-1].is_done and not known[0].is_done and known[-1].n_bytes
     (lost,) = [each.lost for each in told if isinstance(each, DeformLoss)]
     assert [name for name, _ in lost] == ["box"] and 0.0 < lost[0][1] < 1.0
+    (plans,) = [each.plans for each in told if isinstance(each, GlossDecided)]
+    assert [each.key for each in plans] == ["box.1"] and "at a pilot's points" in plans[0].reason
+    assert (plans[0].n_bytes > 0) == (plans[0].value != "one lobe")
     pictures = []
     for poses in ((), POSES):
         client.send(DrawDeform(eye, SIZE, "rest", poses))

@@ -8,6 +8,8 @@ from app.document.commands.layers import SetEditable
 from app.document.commands.plan import OverrideLine
 from app.document.effective_settings import effective_view
 from app.document.view_state import SetView, ViewState
+from app.modes.deform.deform_messages import GlossPlan
+from app.modes.deform.deform_status import DeformStatus
 from app.modes.placement.placement_messages import ComputeTransport
 from app.modes.placement.placement_status import PlacementStatus
 from app.modes.placement.plan_table import PlanTableRow, plan_table
@@ -55,6 +57,20 @@ def test_what_the_worker_found_to_be_enough_is_reported() -> None:
     status = PlacementStatus(needed_lights=1000, plan_reasons={"lights": "within 0.2 % of what 4,000 show"})
     (_, lights, *_) = plan_table(Document("scene"), ViewState(), status)
     assert (lights.value, lights.reason) == ("1,000", "within 0.2 % of what 4,000 show")
+
+
+def test_deforms_plan_tells_how_each_glossy_layer_is_drawn_and_what_it_takes(window: HeadlessWindow) -> None:
+    document, view = window.shell.editor.document, SetView.of(mode="deform").apply(ViewState())
+    plans = (
+        GlossPlan("teapot.1", "12 rows", "error 28% at a pilot's points", 26_200_000),
+        GlossPlan("wall.0", "one lobe", "as is set", 0),
+        GlossPlan("gone.0", "9 rows", "", 1),
+    )
+    lines = [line for line in plan_table(document, view, DeformStatus(gloss=plans)) if line.title == "Gloss"]
+    assert [(line.group, line.value) for line in lines] == [("teapot.1", "12 rows, 26 MB"), ("wall.0", "one lobe")]
+    assert lines[0].reason == "error 28% at a pilot's points" and not lines[0].choices
+    (rows,) = (line for line in plan_table(document, view, DeformStatus()) if line.line == "gloss_rows")
+    assert rows.value == "layer by layer, by a pilot" and ("lobe", 0) in rows.choices and ("12", 12) in rows.choices
 
 
 def test_rays_of_indirect_light_are_reported_once_there_is_any() -> None:

@@ -4,11 +4,11 @@ many rows (`engine.realtime.zonal_harmonics.gloss_rows`).
 A pilot draws both at some points of the object at rest, seen from eight sides, and compares them with a sum of the
 reflection itself over all triangles of the sky that a point sees. It takes the mean of the eight errors, for from a
 dark side the rings of what is bright elsewhere show most. Few rows lose to the lobe, as a reflection needs the more
-functions the sharper it is; from about twelve on they have two thirds of its error or less. But where the reflection or
-the light is sharp, what is cut off after n bands draws rings, black in their troughs, around highlights; the lobe has
-none. So rows are taken where they draw hardly any point black that is not, and as they cost
-memory and time in every frame, where their error is less by `WORTH`. The choice depends on the environment as its file
-has it, so it stays when the sky is rotated.
+functions the sharper it is; from about twelve on they have three quarters of its error or less. But where reflection or
+light is sharp, what is cut off after n bands draws rings, black in their troughs, around highlights; the lobe has none.
+So rows are taken where they draw hardly any point black that is not, and, as they cost memory and time in every frame,
+where their error is less by `WORTH`. The choice depends on the environment as its file has it, so it stays when the sky
+is rotated.
 """
 
 from __future__ import annotations

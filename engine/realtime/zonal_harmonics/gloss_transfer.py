@@ -1,8 +1,8 @@
 """The transfer of glossy layers that are drawn by rows: what it depends on, and how it is chosen and computed.
 
-An edit of a layer first looks whether the functions that there are hold the new reflection about as well as its own
-would, as where only its colour or brightness changes; then only their weights by the view are new. Otherwise rows are
-simulated and fitted anew, and until they are there the layer is drawn as one lobe.
+Where a layer is edited and the functions that there are hold the new reflection as well as its own would, as where only
+its brightness changes, only their weights by the view are computed anew. Otherwise rows are simulated and fitted anew,
+and until they are there the layer is drawn as one lobe.
 """
 
 from __future__ import annotations
