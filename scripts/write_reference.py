@@ -72,9 +72,9 @@ SCRIPT: Tables = [
     ("paint", PaintStroke), ("measured", MeasuredFile), ("table", CurveTable),
     ("draw_curve", CurveStroke), ("set_points", CurvePoints), ("camera", MoveCamera),
 ]  # fmt: skip
-SHOWN: dict[tuple[type[BaseModel], str], str] = {(ObjectDescription, "bumps"): "`normal_map` or `bump_map`"}
+SHOWN: dict[tuple[type[BaseModel], str], str] = {(ObjectDescription, "bumps"): "`normal_map` or `bump_map`, `tangent`"}
 PLAIN = {bool: "true or false", int: "an integer", float: "a number", str: "text", tuple: "2 values", Any: "a value"}
-NAMED = {LayerMaps: "a table of images", Bumps: "a table of one image", surface_kinds.DeformSurface: "a table"}
+NAMED = {LayerMaps: "a table of images", Bumps: "tables of images", surface_kinds.DeformSurface: "a table"}
 MISSING = "This key has no description: write one in docs/reference/keys.toml"
 
 

@@ -33,7 +33,7 @@ from app.operators.registry import run_operator
 from app.system.atomic import require_place
 from engine.core.errors import InsituError
 from engine.curve.table_text import TABLE_ENDINGS
-from engine.material.bumps import BUMP_KINDS
+from engine.material.bumps import BUMP_IMAGES
 from engine.measured.measurement import ENDINGS as MEASURED_ENDINGS
 from engine.scene.builtin import builtin_scenes
 from engine.scene.surface_kinds import SURFACE_IMAGES
@@ -305,7 +305,7 @@ class ActionHandler:
             kind, value = SURFACE_IMAGES[name]
             self._editor.do(SetSurface(key, kind, ((value, file),)))
         else:
-            self._editor.do(SetBumps(key, name, file) if name in BUMP_KINDS else SetMap(key, name, file))
+            self._editor.do(SetBumps(key, name, file) if name in BUMP_IMAGES else SetMap(key, name, file))
 
     def _check_file(self, path: Path, kind: str) -> bool:
         """Whether it is a file; if so its folder is remembered for files of its kind, else a message says so."""

@@ -141,7 +141,7 @@ def files_of_document(document: Document, known: Document | None = None) -> set[
 
 def _names(state: ObjectState) -> Iterator[str]:
     """Files of one object, absolute or relative to the scene's folder."""
-    images = [state.own_bumps.file, state.bumps.file]
+    images = [name for bumps in (state.own_bumps, state.bumps) for _, name in bumps.files]
     images += [name for surface in (state.own_surface, state.surface) for _, name in surface.files]
     for layer in state.layers:
         images += [layer.maps.texture, layer.maps.weight]

@@ -49,10 +49,13 @@ class WrittenMaterial:
 
 
 def write_material(
-    shape: Element, layers: Sequence[Layer], folder: Path, stem: str, axes: Float64Array, factors: Float64Array
-) -> WrittenMaterial:
-    """Add the material of these visible layers to a shape. axes (2, 3): the object's own Y and X in the world; factors
-    (K, 3): the means of each layer's texture and weight map, which replace them there."""
+    shape: Element, layers: Sequence[Layer], folder: Path, stem: str, axes: Float64Array,
+    turns: NDArray[np.float32],
+    factors: Float64Array,
+) -> WrittenMaterial:  # fmt: skip
+    """Add the material of these visible layers to a shape. axes (2, 3): the object's own Y and X in the world; turns
+    (H, W, 2): an image of what rotates its tangents, (cos 2θ, sin 2θ); factors (K, 3): the means of each layer's
+    texture and weight map, which replace them there."""
     lambert, metal = _exact(layers)
     measured = _measured_file(layers)
     if not layers:
@@ -66,7 +69,7 @@ def write_material(
     else:
         table, alpha = tabulated(layers, factors)
         packed = io.BytesIO()
-        np.savez_compressed(packed, table=table, alpha=np.float32(alpha), axes=axes.astype(np.float32))
+        np.savez_compressed(packed, table=table, alpha=np.float32(alpha), axes=axes.astype(np.float32), turns=turns)
         write_atomically(folder / "materials" / f"{stem}.npz", packed.getvalue())
         add(add(shape, "bsdf", type="insitu"), "string", name="filename", value=f"materials/{stem}.npz")
     images = [layer.name for layer in layers if not layer.maps.is_plain]

@@ -29,8 +29,8 @@ from engine.core.generators import run_to_end
 from engine.material.layer import Layer, object_of
 from engine.render.display import exr_bytes
 from engine.scene.map_sampler import mean_factor
-from engine.scene.primary_hits import object_axes
 from engine.scene.scene_loader import Scene
+from engine.scene.tangents import object_axes
 
 RENDER = Path(__file__).with_name("render.py")
 MITSUBA = "3.5.0"
@@ -122,7 +122,8 @@ def _add_object(root: ElementTree.Element, project: Project, folder: Path, index
         return []
     layers: list[Layer] = [layer for key, layer in project.layers.items() if object_of(key) == name]
     factors = np.array([mean_factor(scene, index, layer.maps) for layer in layers]).reshape(-1, 3)
-    written: WrittenMaterial = write_material(shape, layers, folder, stem, object_axes(scene)[index, [1, 0]], factors)
+    axes, turns = object_axes(scene)[index, [1, 0]], scene.tangent_rotations.image(index)
+    written: WrittenMaterial = write_material(shape, layers, folder, stem, axes, turns, factors)
     return [f"{name}: {note}" for note in written.notes]
 
 

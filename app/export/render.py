@@ -29,17 +29,28 @@ def insitu_bsdf(mi, dr):
             self.table = mi.Float(data["table"].astype(np.float32).ravel())
             self.alpha = float(data["alpha"])
             self.up, self.side = (mi.Vector3f(*map(float, axis)) for axis in data["axes"])
+            self.turn_size, self.turns = data["turns"].shape[:2], mi.Float(data["turns"].astype(np.float32).ravel())
             flags = mi.BSDFFlags.GlossyReflection | mi.BSDFFlags.FrontSide | mi.BSDFFlags.BackSide
             self.m_components = [flags]
             self.m_flags = flags
 
         def frame(self, si):
-            """The frame of the table, rotated to the surface's own Y axis, on the side of the camera."""
+            """The frame of the table, rotated to the surface's own Y axis and from there, on the side of the camera."""
             n = mi.Vector3f(si.sh_frame.n)
             n = dr.select(mi.Frame3f.cos_theta(si.wi) < 0, -n, n)
             across = dr.cross(self.up, n)
             t = dr.normalize(dr.select(dr.squared_norm(across) > 1e-8, across, dr.cross(dr.cross(n, self.side), n)))
+            angle = self.turn(si.uv)
+            t = dr.cos(angle) * t + dr.sin(angle) * dr.cross(n, t)
             return mi.Frame3f(t, dr.cross(n, t), n)
+
+        def turn(self, uv):
+            """The angle by which the tangent is rotated, from an image of (cos 2 angle, sin 2 angle), row 0 on top."""
+            (height, width), twice = self.turn_size, mi.Vector2f(0)
+            columns, rows = texels(uv.x, width), texels(1 - uv.y, height)
+            for (column, across), (row, down) in ((a, b) for a in columns for b in rows):
+                twice += across * down * dr.gather(mi.Vector2f, self.turns, row * width + column)
+            return 0.5 * dr.atan2(twice.y, twice.x)
 
         def directions(self, si, wo):
             frame = self.frame(si)
@@ -113,6 +124,11 @@ def insitu_bsdf(mi, dr):
         position = dr.clip(share, 0, 1) * (n - 1)
         low = dr.minimum(mi.UInt32(position), max(n - 2, 0))
         return (low, dr.minimum(low + 1, n - 1)), position - mi.Float(low)
+
+    def texels(share, n):
+        """The texels on either side of a place on an axis that repeats, and their weights."""
+        (low, high), fraction = around(share - 0.5 / n, n)
+        return (low, 1 - fraction), (high, fraction)
 
     def around(share, n):
         """The same of an axis that closes to a circle."""

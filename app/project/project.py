@@ -137,7 +137,7 @@ class Project:
             at_rest = at_rest.with_emission(dict(emission_of(document)))
             scene = pose_scene(at_rest, document.poses).with_bumps(dict(document.new_bumps))
             scene = scene.from_camera(self.scene.description.camera, self.scene.resolution)
-            scene.bump_normals.check_images()
+            scene.check_frames()
         turned = scene.description.from_camera(look.camera) != scene.description
         if turned or look.resolution not in (None, scene.resolution):
             scene = scene.from_camera(look.camera, look.resolution)
@@ -207,7 +207,7 @@ def open_project(
         document = read_measurements(set_path(document, where, value).apply(document))
     at_rest = scene.with_emission(dict(emission_of(document)))
     scene = pose_scene(at_rest, document.poses).with_bumps(dict(document.new_bumps))
-    scene.bump_normals.check_images()
+    scene.check_frames()
     sessions = () if source.session is None else (source.session,)
     set_inputs((*scene.files, *files_of_document(document), *sessions))
     if session is None:

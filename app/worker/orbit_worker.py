@@ -92,12 +92,12 @@ class OrbitWorker(ModeWorker):
         first_time, reported_version = not are_compiled(ORBIT), None  # still, where no other process compiles
         yield from _prepared_sky(sky, FIRST_TIME if first_time else "light")
         orbit = self._open_orbit(self.n_points or request.n_points, request.n_coefficients)
+        orbit.set_bumps(_bumps(self._context.open_placement.scene))
         if not orbit.n_bytes:  # there are no points yet
             self._context.store.get(_key(orbit), orbit.restore)
         if scene.emission != self._emission:
             orbit.set_emission(dict(scene.emission))
             self._emission = scene.emission
-        orbit.set_bumps(_bumps(self._context.open_placement.scene))
         orbit.set_light(sky)
         orbit.set_layers(layers_by_object(orbit.scene, scene.layers))
         orbit.set_bounces(request.n_bounces)

@@ -178,10 +178,12 @@ class _LoadedScene:
 
 
 def _view_key(placement: Placement, geometry: str) -> str:
-    """The key of what light depends on of the view: the surfaces, and the bumps that perturb their normals."""
-    if not placement.scene.bump_normals.objects:
-        return geometry
-    return content_key(geometry, placement.hits.normal)
+    """The key of what light depends on of the view: the surfaces, the bumps that perturb their normals, and the
+    rotations of their tangents."""
+    scene = placement.scene
+    normals = [placement.hits.normal] if scene.bump_normals.objects else []
+    rotations = [scene.tangent_rotations.digest] if scene.tangent_rotations.digest else []
+    return content_key(geometry, *normals, *rotations) if normals or rotations else geometry
 
 
 def _geometry_key(scene: Scene, n_edge_rays: int) -> str:
@@ -240,7 +242,7 @@ class RequestDispatcher:
         for work in self._workers:
             work.view_traced()
         placement = self.context.open_placement
-        flaws = tuple(" ".join(str(error).split()) for error in placement.scene.bump_normals.flaws.values())
+        flaws = tuple(" ".join(str(error).split()) for error in placement.scene.frame_flaws.values())
         yield ViewTraced(picture_frame(placement.hits, placement.scene.camera_position), flaws)
 
     def _write(self, request: WriteFiles) -> Steps:

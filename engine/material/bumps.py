@@ -1,13 +1,23 @@
-"""Perturbation of an object's shading normal: a normal map, or heights (a bump map).
+"""Perturbation of an object's shading frame: of its normal by a normal map or heights (a bump map), of its tangent by
+an angle and a map of angles.
 
-Both cover the whole object, under all of its layers, and both become slopes (p, q): of a normal map's texel (x, y, z) =
-2 c − 1 they are (−x / z, −y / z) along the directions t and b in which u and v grow ([glTF20, 3.9.3]: +X to the right,
-+Y up), of heights their derivatives, in metres a metre. The normal is then [Mikkelsen20, eq. 4]
+Normal maps and heights cover the whole object, under all of its layers, and both become slopes (p, q): of a normal
+map's texel (x, y, z) = 2 c − 1 they are (−x / z, −y / z) along the directions t and b in which u and v grow ([glTF20,
+3.9.3]: +X to the right, +Y up), of heights their derivatives, in metres a metre. The normal is then [Mikkelsen20, eq.
+4]
 
     n' = normalize(n − strength · (p t + q b)).
 
-It rotates the frame in which a material reflects, and nothing else: position and face determine what a point sees and
-its shadows. So transport depends on it, and visibility does not.
+The tangent, along which an anisotropic material's streaks are measured, is rotated about the normal, counter-clockwise
+as seen from the side that is shown, by
+
+    tangent_angle + tangent_range · grey(u, v)
+
+degrees, as Blender's *anisotropic rotation* does. All models are symmetric under half a turn, so that the default range
+of 180 degrees has every direction once.
+
+Both rotate the frame in which a material reflects, and nothing else: position and face determine what a point sees and
+its shadows. So transport depends on them, and visibility does not.
 """
 
 from __future__ import annotations
@@ -59,16 +69,37 @@ BUMP_REPEATS = Parameter(
     maximum=MAX_REPEATS,
     least=LEAST_REPEATS,
 )
+TANGENT_ANGLE = Parameter(
+    "tangent_angle",
+    "scalar",
+    0.0,
+    "Rotation",
+    "Rotates the direction of the streaks about the normal, counter-clockwise. Shown when idle.",
+    minimum=-360.0,
+    maximum=360.0,
+    unit="°",
+)
+TANGENT_RANGE = Parameter(
+    "tangent_range",
+    "scalar",
+    180.0,
+    "White",
+    "Degrees by which white of the map rotates; black does not.",
+    minimum=-360.0,
+    maximum=360.0,
+    unit="°",
+)
 
 
 @dataclass(frozen=True)
 class Bumps:
-    """Bumps of one object. Names are files, like those of textures (`engine.material.layer_maps.LayerMaps`); at most
-    one of the two.
+    """Bumps of one object, and the rotation of its tangents. Names are files, like those of textures
+    (`engine.material.layer_maps.LayerMaps`); at most one of normal_map and bump_map.
 
     bump_strength: 0 has no effect. bump_height: metres between a bump map's black and its white; negative ones are
     pressed in. bump_repeats: how often the image repeats along u and v; bump_offset and bump_wrap: see
-    `engine.material.layer_maps.TextureTransform`.
+    `engine.material.layer_maps.TextureTransform`. tangent_angle: degrees, about the normal; tangent_map: a grey image
+    of further angles, white being tangent_range degrees.
     """
 
     normal_map: str = ""
@@ -78,6 +109,9 @@ class Bumps:
     bump_repeats: tuple[float, float] = (1.0, 1.0)
     bump_offset: tuple[float, float] = (0.0, 0.0)
     bump_wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")
+    tangent_angle: float = 0.0
+    tangent_map: str = ""
+    tangent_range: float = 180.0
 
     @property
     def transform(self) -> TextureTransform:
@@ -88,6 +122,12 @@ class Bumps:
     def file(self) -> str:
         """The image of either kind; empty for none."""
         return self.normal_map or self.bump_map
+
+    @property
+    def files(self) -> tuple[tuple[str, str], ...]:
+        """The images that it names, and the field of each."""
+        named = (self.kind, self.file), ("tangent_map", self.tangent_map)
+        return tuple((field, name) for field, name in named if name)
 
     @property
     def kind(self) -> str:
@@ -109,6 +149,9 @@ class Bumps:
 BumpsByObject = tuple[tuple[str, Bumps], ...]
 NO_BUMPS = Bumps()
 BUMP_KINDS = ("normal_map", "bump_map")
+# Their tables in a scene's file.
+BUMP_TABLES = (*BUMP_KINDS, "tangent")
+BUMP_IMAGES = (*BUMP_KINDS, "tangent_map")
 
 
 @functools.cache
@@ -132,37 +175,30 @@ def set_bump_field(bumps: Bumps, name: str, value: object) -> Bumps:
 
 def bumps_from(tables: Mapping[str, object]) -> Bumps:
     """Bumps from their form in files: `normal_map` = {file, scale, repeats, offset, wrap}, where scale is the strength,
-    or `bump_map` with a height. Raises ParameterError."""
-    named = [name for name in tables if name in BUMP_KINDS]
-    if len(named) != 1 or len(tables) != 1:
+    or `bump_map` with a height; and `tangent` = {angle, file, range}. Raises ParameterError."""
+    if set(BUMP_KINDS) <= set(tables) or not set(tables) <= set(BUMP_TABLES):
         raise ParameterError(" and ".join(tables), dict(tables), "one of normal_map and bump_map")
-    name = named[0]
-    table, keys = tables[name], _KEYS if name == "bump_map" else {k: v for k, v in _KEYS.items() if k != "height"}
-    if not isinstance(table, dict) or not table.get("file") or not set(table) <= {"file", *keys}:
-        raise ParameterError(name, table, f"a table of file and, where they differ, {', '.join(keys)}")
-    bumps = set_bump_field(NO_BUMPS, name, table["file"])
-    for key, field in keys.items():
-        if key in table:
-            bumps = set_bump_field(bumps, field, table[key])
+    bumps = NO_BUMPS
+    for name, table in tables.items():
+        keys, is_image = _KEYS[name], name in BUMP_KINDS
+        if not isinstance(table, dict) or not set(table) <= set(keys) or is_image and not table.get("file"):
+            first = "file and, where they differ, " if is_image else ""
+            raise ParameterError(name, table, f"a table of {first}{', '.join(list(keys)[is_image:])}")
+        for key in (key for key in keys if key in table):
+            bumps = set_bump_field(bumps, keys[key], table[key])
     return bumps
 
 
 def bump_values(bumps: Bumps) -> dict[str, Any]:
-    """The inverse; empty for bumps without an image."""
-    if not bumps.file:
-        return {}
-    table: dict[str, Any] = {"file": bumps.file}
-    if bumps.bump_map:
-        table["height"] = bumps.bump_height
-    if bumps.bump_strength != 1.0:
-        table["scale"] = bumps.bump_strength
-    if bumps.bump_repeats != (1.0, 1.0):
-        table["repeats"] = list(bumps.bump_repeats)
-    if bumps.bump_offset != (0.0, 0.0):
-        table["offset"] = list(bumps.bump_offset)
-    if bumps.bump_wrap != ("repeat", "repeat"):
-        table["wrap"] = list(bumps.bump_wrap)
-    return {bumps.kind: table}
+    """The inverse; empty for bumps without an image and tangents without rotation."""
+    tables = {}
+    for name in (*([bumps.kind] if bumps.file else []), "tangent"):
+        values = {key: (getattr(bumps, field), getattr(NO_BUMPS, field)) for key, field in _KEYS[name].items()}
+        # A bump map always has its height.
+        shown = {key: value for key, (value, default) in values.items() if value != default or key == "height"}
+        if shown:
+            tables[name] = {key: list(value) if isinstance(value, tuple) else value for key, value in shown.items()}
+    return tables
 
 
 def bump_parts(bumps: Bumps) -> dict[str, Any]:
@@ -178,10 +214,12 @@ def bumps_of_parts(parts: Mapping[str, object]) -> Bumps:
     return bumps
 
 
+_PLACE = {"repeats": "bump_repeats", "offset": "bump_offset", "wrap": "bump_wrap"}
 _KEYS = {
-    "scale": "bump_strength", "height": "bump_height", "repeats": "bump_repeats", "offset": "bump_offset",
-    "wrap": "bump_wrap",
-}  # fmt: skip
+    "normal_map": {"file": "normal_map", "scale": "bump_strength", **_PLACE},
+    "bump_map": {"file": "bump_map", "scale": "bump_strength", "height": "bump_height", **_PLACE},
+    "tangent": {"angle": "tangent_angle", "file": "tangent_map", "range": "tangent_range"},
+}
 
 
 _ACCEPTED: dict[str, Callable[[str, object], Any]] = {
@@ -192,4 +230,7 @@ _ACCEPTED: dict[str, Callable[[str, object], Any]] = {
     "bump_repeats": lambda name, value: BUMP_REPEATS.accept(value),
     "bump_offset": offset_value,
     "bump_wrap": wrap_value,
+    "tangent_angle": lambda name, value: TANGENT_ANGLE.accept(value),
+    "tangent_map": image_file_name,
+    "tangent_range": lambda name, value: TANGENT_RANGE.accept(value),
 }

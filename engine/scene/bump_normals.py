@@ -85,11 +85,6 @@ class BumpNormals:
                     described.bumps, slopes, begin, end - begin, tangents, handedness, scene
                 )
 
-    def check_images(self) -> None:
-        """Raise the LoadError of the first image that cannot be used."""
-        for error in self.flaws.values():
-            raise error
-
     @property
     def objects(self) -> tuple[int, ...]:
         """Indices of the objects with bumps."""

@@ -24,7 +24,7 @@ from pydantic import (
     model_validator,
 )
 
-from engine.material.bumps import BUMP_KINDS, NO_BUMPS, Bumps, bump_values, bumps_from
+from engine.material.bumps import BUMP_TABLES, NO_BUMPS, Bumps, bump_values, bumps_from
 from engine.material.layer_maps import LayerMaps, map_fields, map_values, maps_from
 from engine.material.parameters import ParameterError
 from engine.scene.surface_kinds import NO_SURFACE, DeformSurface
@@ -79,7 +79,7 @@ def _maps(value: object) -> LayerMaps:
 
 
 def _bumps(value: object) -> Bumps:
-    """An object's normal or bump map, from its table by name."""
+    """An object's normal or bump map and the rotation of its tangents, from their tables by name."""
     if isinstance(value, Bumps):
         return value
     if not isinstance(value, dict):
@@ -206,7 +206,7 @@ class ObjectDescription(_Description):
     @model_validator(mode="before")
     @classmethod
     def _gather_bumps(cls, data: Any) -> Any:
-        named = {key: data[key] for key in BUMP_KINDS if key in data} if isinstance(data, dict) else {}
+        named = {key: data[key] for key in BUMP_TABLES if key in data} if isinstance(data, dict) else {}
         if not named:
             return data
         return {key: value for key, value in data.items() if key not in named} | {"bumps": _bumps(named)}
@@ -226,7 +226,7 @@ class ObjectDescription(_Description):
     def is_of_files(self) -> bool:
         """Whether it has images, which need texture coordinates."""
         own = self.deform.is_mapped or bool(self.deform.files)
-        return own or bool(self.bumps.file) or any(layer.maps.is_of_files for layer in self.layers)
+        return own or bool(self.bumps.files) or any(layer.maps.is_of_files for layer in self.layers)
 
     @property
     def emits(self) -> bool:

@@ -156,7 +156,10 @@ def _material(item: ObjectDescription, part: GlbPart) -> dict[str, object]:
     flat [glTF20, 3.7.2.1]."""
     bumps = item.bumps
     if part.bumps.file and not bumps.file:
-        bumps = replace(part.bumps, normal_map=f"{item.mesh}{part.bumps.normal_map}")
+        bumps = replace(
+            part.bumps, normal_map=f"{item.mesh}{part.bumps.normal_map}", tangent_angle=bumps.tangent_angle,
+            tangent_map=bumps.tangent_map, tangent_range=bumps.tangent_range,
+        )  # fmt: skip
     smooth = item.smooth and part.mesh.normals is not None
     return {"layers": _layers(part, str(item.mesh)), "emission": part.emission, "bumps": bumps, "smooth": smooth}
 

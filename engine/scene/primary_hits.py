@@ -16,12 +16,12 @@ import numpy.typing as npt
 
 from engine.core.camera import centre_directions, pixel_directions
 from engine.core.generators import run_to_end
-from engine.scene import _hit_kernels as kernels
 from engine.scene.edges import Surface, edge_pixels, group_samples, ray_offsets, turn_of
 from engine.scene.picture_frame import Lamps
 from engine.scene.raycaster import Intersections, RayCaster, SurfacePoints
 from engine.scene.scene_loader import Scene
 from engine.scene.surface_uvs import pixel_footprints
+from engine.scene.tangents import Footprints
 
 Float32Array = npt.NDArray[np.float32]
 Float64Array = npt.NDArray[np.float64]
@@ -40,8 +40,8 @@ class PrimaryHits(SurfacePoints):
     the scene's frame and offset_position, lifted off the surface for shadow rays; horizon: the normal, interpolated on
     smooth objects, on the face's and the camera's side; normal: the shading normal, which is the horizon perturbed by
     bumps (`engine.scene.bump_normals`); geometric_normal: the face's, on the camera's side; front (P,): whether the
-    camera sees the side that the winding faces; tangent: perpendicular to the object's Y axis, the brushed direction;
-    wo: to the camera. Of pixels: object_image (H, W) int16: the object at their centres, −1 for the background;
+    camera sees the side that the winding faces; tangent: the brushed direction (`engine.scene.tangents`); wo: to the
+    camera. Of pixels: object_image (H, W) int16: the object at their centres, −1 for the background;
     open_image (H, W): the share that shows the background; emission_image (H, W, 3): emitters seen from their front, by
     their shares, see `lamps`; ray_directions (H, W, 3) through the centres.
     """
@@ -309,7 +309,7 @@ def shading_frames(
         "horizon": horizon,
         "normal": normal,
         "geometric_normal": geometric,
-        "tangent": object_tangents(scene, ids, normal),
+        "tangent": _tangents(scene, found, rays, ids, normal, places),
         "wo": wo,
     }
     return {name: np.ascontiguousarray(vector, dtype=np.float32) for name, vector in vectors.items()}
@@ -322,12 +322,25 @@ def _perturbed(
 ) -> Float64Array:  # fmt: skip
     """Normals (P, 3) of hits, perturbed by the scene's bumps."""
     bumpy = np.flatnonzero(np.isin(scene.object_of_triangle[found.triangle[rays]], scene.bump_normals.objects))
-    at = rays[bumpy]
-    hit = Intersections(*(getattr(found, name)[at] for name in ("triangle", "u", "v", "distance")))
+    hit = found.of(rays[bumpy])
     footprints = None if places is None else pixel_footprints(scene, hit, places[0][bumpy], places[1])
     out = normals.copy()
     out[bumpy] = scene.bump_normals.perturb(hit.triangle, hit.u, hit.v, normals[bumpy], wo[bumpy], footprints)
     return out
+
+
+def _tangents(
+    scene: Scene, found: Intersections, rays: npt.NDArray[np.integer], ids: npt.NDArray[np.integer],
+    normals: Float64Array, places: tuple[Float64Array, tuple[int, int]] | None,
+) -> Float64Array:  # fmt: skip
+    """Tangents (P, 3) of hits on objects ids (P,), rotated by angles and maps."""
+    hits = found.of(rays)
+
+    def footprints(rows: npt.NDArray[np.integer]) -> Footprints:
+        assert places is not None
+        return pixel_footprints(scene, hits.of(rows), places[0][rows], places[1])
+
+    return scene.tangent_rotations.tangents(ids, normals, hits, None if places is None else footprints)
 
 
 def _face(normals: Float64Array, side: npt.NDArray[np.floating]) -> Float64Array:
@@ -344,22 +357,3 @@ def _bend_towards_camera(normals: Float64Array, wo: Float32Array) -> Float64Arra
     along = np.einsum("pk,pk->p", normals, wo)[:, None]
     bent = normals + np.maximum(LEAST_COSINE - along, 0.0) * wo
     return np.where(along < LEAST_COSINE, bent / np.linalg.norm(bent, axis=1, keepdims=True), normals)
-
-
-def object_axes(scene: Scene) -> Float64Array:
-    """Each object's axes in the world, unit, (M, 3, 3): rows X, Y, Z."""
-    axes = np.array([np.reshape(o.transform, (4, 4))[:3, :3].T for o in scene.description.objects])
-    return axes / np.linalg.norm(axes, axis=2, keepdims=True)
-
-
-def object_tangents(scene: Scene, ids: npt.NDArray[np.integer], normals: Float64Array) -> Float64Array:
-    """normalize(Y × n) with the object's Y axis in the world; its X axis, made perpendicular to n, where Y ∥ n.
-
-    ids (P,) of the objects, normals (P, 3) unit.
-    """
-    out = np.empty((len(normals), 3))
-    kernels.fill_tangents(
-        np.require(object_axes(scene), np.float64, ["C", "W"]), np.require(ids, np.int64, ["C", "W"]),
-        np.require(normals, np.float64, ["C", "W"]), out,
-    )  # fmt: skip
-    return out

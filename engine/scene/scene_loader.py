@@ -26,6 +26,7 @@ from engine.scene.mesh import MESH_ENDINGS, Mesh, count_defects, face_normals, j
 from engine.scene.object_meshes import DEFAULT_ENVIRONMENT, ObjectMesh, load_mesh_scene, object_meshes
 from engine.scene.rig import Animations, Rig
 from engine.scene.surface_uvs import box_frame
+from engine.scene.tangents import TangentRotations
 from engine.texture.texture_store import TextureStore
 
 MAX_EXTENT = 1e9
@@ -77,6 +78,21 @@ class Scene:
         """The perturbation of normals by its normal and bump maps."""
         # Of a copy without this cached property: a reference cycle would prolong the scene's life.
         return BumpNormals(replace(self))
+
+    @cached_property
+    def tangent_rotations(self) -> TangentRotations:
+        """The rotations of its tangents by angles and maps."""
+        return TangentRotations(replace(self))
+
+    @property
+    def frame_flaws(self) -> dict[str, LoadError]:
+        """Errors in the images of objects that perturb normals or rotate tangents, by name."""
+        return self.bump_normals.flaws | self.tangent_rotations.flaws
+
+    def check_frames(self) -> None:
+        """Raise the LoadError of the first such image that cannot be used."""
+        for error in self.frame_flaws.values():
+            raise error
 
     def with_bumps(self, bumps: Mapping[str, Bumps]) -> Scene:
         """The scene with these bumps of objects, by name, instead of their own; unknown names are ignored."""
@@ -218,8 +234,9 @@ def _load_maps(scene: Scene) -> None:
         for what, name in described.deform.files:
             resolve_inside(scene.folder, name, scene.file, what)
             wanted.append(Images(weight=name))
-        if (name := described.bumps.file) and not described.is_lamp:
-            resolve_inside(scene.folder, split_image_name(name)[0], scene.file, described.bumps.kind)
+        if not described.is_lamp:
+            for what, name in described.bumps.files:
+                resolve_inside(scene.folder, split_image_name(name)[0], scene.file, what)
             bumps.append(described.bumps)
     scene.textures.load(wanted, bumps)
 

@@ -245,6 +245,17 @@ def _slopes(values: Values, file: Path | str) -> Image:
     return np.ascontiguousarray(-vectors[..., :2] / up[..., None], np.float32)
 
 
+def read_directions(data: bytes, file: Path | str, degrees: float, report: ReportNote = ignore_note) -> Image:
+    """(cos 2θ, sin 2θ) of angles θ, of which 0 to `degrees` are a grey image's black to white, (H, W, 2), row 0 on top;
+    of a colour image its luminance. Raises LoadError."""
+
+    def doubled(values: Values) -> Image:
+        angles = np.float32(np.radians(2.0 * degrees)) * grey_shares(values)[..., 0]
+        return np.stack([np.cos(angles), np.sin(angles)], axis=2)
+
+    return read_image(data, file, doubled, report)
+
+
 def read_heights(data: bytes, file: Path | str, report: ReportNote = ignore_note) -> Image:
     """Derivatives along u and v of heights from 0 to 1 of an image that repeats, (H, W, 2), row 0 on top; for a colour
     image those of its luminance. Raises LoadError."""

@@ -22,6 +22,7 @@ from engine.texture.pyramid import Pyramid, make_pyramid
 from engine.texture.texture_files import (
     MAX_IMAGE_BYTES,
     Image,
+    read_directions,
     read_heights,
     read_normal_map,
     read_texture,
@@ -39,7 +40,7 @@ class TextureStore:
     def __init__(self, scene_file: Path) -> None:
         """scene_file: errors name it, and names are relative to its folder."""
         self._scene_file = scene_file
-        self._kept: OrderedDict[tuple[str, str, Space], tuple[Stamp, Pyramid]] = OrderedDict()
+        self._kept: OrderedDict[tuple[str, str, Space, float], tuple[Stamp, Pyramid]] = OrderedDict()
         self._lock = Lock()
         self._notes: list[str] = []
         # Readers of files with several images, during loading.
@@ -59,6 +60,12 @@ class TextureStore:
         """Slopes along u and v of a normal or a bump map; None if there is none. Raises LoadError."""
         return self._pyramid(bumps.kind, bumps.file, "").with_transform(bumps.transform) if bumps.file else None
 
+    def directions(self, bumps: Bumps) -> Pyramid | None:
+        """(cos 2θ, sin 2θ) of a map's angles θ of tangents; None if there is none. Raises LoadError."""
+        if not bumps.tangent_map or not bumps.tangent_range:
+            return None
+        return self._pyramid("tangent_map", bumps.tangent_map, "", bumps.tangent_range)
+
     def load(self, wanted: Iterable[Images], bumps: Iterable[Bumps] = ()) -> None:
         """Read named images that are not loaded yet, a file of several images once. Raises LoadError."""
         self._files = {}
@@ -68,6 +75,7 @@ class TextureStore:
                 self.weight(images)
             for each in bumps:
                 self.slopes(each)
+                self.directions(each)
         finally:
             self._files = None
 
@@ -77,8 +85,8 @@ class TextureStore:
             notes, self._notes[:] = tuple(self._notes), []
         return notes
 
-    def _pyramid(self, what: str, name: str, space: Space) -> Pyramid:
-        key = (what, name, space)
+    def _pyramid(self, what: str, name: str, space: Space, degrees: float = 0.0) -> Pyramid:
+        key = (what, name, space, degrees)
         path, number = self._place(what, name)
         stamp = _stamp(path)
         with self._lock:
@@ -87,6 +95,7 @@ class TextureStore:
                 data, shown = self._read(path, number)
                 pyramid = make_pyramid(
                     read_texture(data, shown, space, self._notes.append) if space
+                    else read_directions(data, shown, degrees, self._notes.append) if degrees
                     else _READ[what](data, shown, report=self._notes.append)
                 )  # fmt: skip
                 self._kept[key] = stamp, pyramid

@@ -67,6 +67,11 @@ ivec3 points_around() {
     return p;
 }
 
+// The tangent of a point, or its opposite, which means the same to all materials: the one that leans along `beside`.
+vec3 tangent_along(int p, vec3 beside) {
+    return dot(tangent_of(p), beside) < 0.0 ? -tangent_of(p) : tangent_of(p);
+}
+
 // Radiance towards the camera; offset: of the unit normal, perpendicular to it.
 vec3 sharp_gloss(vec3 place, vec3 offset) {
     ivec3 p = points_around();
@@ -75,7 +80,8 @@ vec3 sharp_gloss(vec3 place, vec3 offset) {
     }
     vec3 wo = normalize(camera_position - place);
     vec3 normal = mat3(normal_of(p.x), normal_of(p.y), normal_of(p.z)) * shares;
-    vec3 tangent = mat3(tangent_of(p.x), tangent_of(p.y), tangent_of(p.z)) * shares;
+    vec3 first = tangent_of(p.x);
+    vec3 tangent = mat3(first, tangent_along(p.y, first), tangent_along(p.z, first)) * shares;
     normal = normalize(normalize(normal) + offset);
     tangent = normalize(tangent - dot(tangent, normal) * normal);
     vec3 mirrored = 2.0 * dot(normal, wo) * normal - wo;

@@ -26,6 +26,7 @@ from app.document.commands.layers import (
     new_layer,
 )
 from app.document.commands.light import SetEnvironment, SetRotation
+from app.document.commands.maps import SetBumps
 from app.document.view_state import SetView
 from app.editor.editor import Editor
 from app.files.materials import Library
@@ -175,6 +176,10 @@ COMMANDS: dict[str, Callable[[Walk], object]] = {
     "one width": lambda w: w.editor.do(SetModel("ball.1", "ashikhmin_shirley_width")),
     "turn the streak": lambda w: w.editor.do(SetParameter("ball.1", "ratio", 0.1)),
     "turn it back": lambda w: w.editor.do(SetParameter("ball.1", "ratio", 8.0)),
+    "rotate the streak": lambda w: w.editor.do(SetBumps("ball", "tangent_angle", 70.0)),
+    "rotate it back": lambda w: w.editor.do(SetBumps("ball", "tangent_angle", 0.0)),
+    "rotate by a map": lambda w: w.editor.do(SetBumps("ball", "tangent_map", "nowhere.png")),
+    "rotate by none": lambda w: w.editor.do(SetBumps("ball", "tangent_map", "")),
     "Fresnel term": lambda w: w.editor.do(SetFresnelTerm("ball.1", True)),
     "a layer more": lambda w: w.editor.do(AddLayers("ball", (new_layer("schlick"),))),
     "a layer less": lambda w: w.editor.do(RemoveLayer("ball.0")),
@@ -216,6 +221,7 @@ MAY_BE_TOLD = (
     "computing stopped (killed) and was started again; your edits are untouched",
     "/nowhere/sky.exr",
     "nowhere.toml",
+    "nowhere.png",
     "clipboard: line 2: value = x",
     "there is no such curve any more",
 )

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.document.commands.layers import SetVisible
+from app.document.commands.layers import SetModel, SetVisible
 from app.document.commands.maps import SetMap
 from app.document.view_state import OpenPanel
 from app.modes.placement.placement_messages import MapsSampled, SampleMaps
@@ -187,3 +187,37 @@ def test_the_words_of_buttons_without_an_image_are_whole(
     window.frames(2)
     assert {"material.texture", "material.normal_map", "material.bump_map"} <= set(window.shell.handles.names())
     assert shortened == []
+
+
+def test_the_rotation_of_a_streak_is_dragged_mapped_and_undone(window: HeadlessWindow, tmp_path: Path) -> None:
+    editor, actor = window.shell.editor, window.shell.actor
+
+    def bumps() -> Bumps:
+        return editor.document.object("teapot").bumps
+
+    for other in ("light", "accuracy"):  # room for all rows
+        editor.do(OpenPanel(other, False))
+    editor.select("teapot.0")
+    editor.do(SetModel("teapot.0", "lambert"))
+    window.frames(6)
+    assert "material.tangent_angle" not in window.shell.handles.names()  # nothing has a direction
+    editor.do(SetModel("teapot.0", "ashikhmin_shirley"))
+    window.frames(3)
+    window.drag_handle("material.tangent_angle", (1000, 0))
+    assert bumps() == Bumps(tangent_angle=360.0)
+    editor.undo()  # a drag is one step
+    assert bumps() == NO_BUMPS
+    window.frames(2)
+    window.click_handle("material.tangent_map")
+    window.frames(2)
+    question = window.shell.state.question
+    assert question is not None and (question.purpose, question.key) == ("open_tangent_map", "teapot")
+    (tmp_path / "brush.png").touch()
+    actor.perform([answer(question, tmp_path / "brush.png")], window.shell.state, 0.0)
+    assert bumps() == Bumps(tangent_map=str(tmp_path / "brush.png"))
+    window.shell.state = PanelState()
+    window.frames(2)
+    window.drag_handle("material.tangent_range", (1000, 0))
+    assert bumps().tangent_range == 360.0
+    window.click_handle("button.clear_tangent")
+    assert not bumps().tangent_map

@@ -127,8 +127,8 @@ class AskFile:
 
 @dataclass(frozen=True)
 class OpenImage:
-    """Make a file the "texture" or the "weight" of a layer, or the "normal_map", the "bump_map", or one of
-    `SURFACE_IMAGES` of an object."""
+    """Make a file the "texture" or the "weight" of a layer, or the "normal_map", the "bump_map", the
+    "tangent_map", or one of `SURFACE_IMAGES` of an object."""
 
     path: Path
     key: str

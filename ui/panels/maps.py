@@ -1,5 +1,5 @@
-"""The images of the selected layer, its texture and its weight map, and its object's bumps: parts of the material
-panel."""
+"""The images of the selected layer, its texture and its weight map, its object's bumps, and the rotation of its
+tangents: parts of the material panel."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ from imgui_bundle import ImVec2, imgui
 from app.document.commands.maps import ClearMap, SetBumps, SetMap
 from app.document.document import ObjectState
 from app.operators.registry import keys_of
-from engine.material.bumps import BUMP_HEIGHT, BUMP_REPEATS, BUMP_STRENGTH
+from engine.material.bumps import BUMP_HEIGHT, BUMP_REPEATS, BUMP_STRENGTH, TANGENT_ANGLE, TANGENT_RANGE
 from engine.material.layer_maps import SPACES, TEXTURE_SCALE, TEXTURE_SPACE, TEXTURE_STRENGTH, LayerMaps
+from engine.material.parameters import Parameter
 from ui import theme as look
 from ui.panels import paint, rows, widgets
 from ui.panels.actions import Action, AskFile, ReloadImages
@@ -32,6 +33,8 @@ HINTS = {
     "glTF has it: red to the right, green up): PNG, JPEG or OpenEXR.",
     "bump_map": "A grey image of heights that turns the object's normals, under all of its layers: PNG, JPEG or "
     "OpenEXR.",
+    "tangent_map": "A grey image of angles that rotate the direction of the streaks, in addition to the rotation "
+    "above: PNG, JPEG or OpenEXR, laid out by the mesh's texture coordinates.",
 }
 GAP = 4.0
 
@@ -71,6 +74,29 @@ def draw_bumps(context: PanelContext, state: ObjectState, width: float) -> list[
         row = rows.Row(parameter, value, make, f"material.{parameter.name}", parameter.default)
         actions += rows.draw(context, row, width)
     return actions
+
+
+def draw_tangent(context: PanelContext, state: ObjectState, width: float) -> list[Action]:
+    """The rows of the rotation of an object's tangents: the angle, its map, and what white of the map means."""
+    bumps, gap = state.bumps, context.px(GAP)
+    actions = _tangent_row(context, state, TANGENT_ANGLE, width)
+    widgets.label(context, "Map", width)
+    room = imgui.get_content_region_avail().x - (imgui.get_frame_height() + gap if bumps.tangent_map else 0.0)
+    words = image_label(bumps.tangent_map) or "Rotation map…"
+    actions += _bump_button(context, state.name, "tangent_map", words, bumps.tangent_map, room)
+    if bumps.tangent_map:
+        imgui.same_line(0.0, gap)
+        hint = f"Remove the image; {keys_of('undo')} brings it back."
+        if widgets.icon_button(context, "clear_tangent", Icon.CLOSE, hint):
+            actions.append(SetBumps(state.name, "tangent_map", ""))
+        actions += _tangent_row(context, state, TANGENT_RANGE, width)
+    return actions
+
+
+def _tangent_row(context: PanelContext, state: ObjectState, parameter: Parameter, width: float) -> list[Action]:
+    value, make = getattr(state.bumps, parameter.name), partial(SetBumps, state.name, parameter.name)
+    row = rows.Row(parameter, value, make, f"material.{parameter.name}", parameter.default, origin=0.0)
+    return rows.draw(context, row, width)
 
 
 def _bump_button(context: PanelContext, name: str, kind: str, words: str, file: str, room: float) -> list[Action]:

@@ -16,12 +16,13 @@ from app.document.linked_layers import linked_indices
 from app.files.materials import describe_measurement
 from app.system.lazy_import import import_named
 from engine.material import MODELS, Layer, Parameter
-from engine.material.bumps import BUMP_STRENGTH
+from engine.material.bumps import BUMP_STRENGTH, TANGENT_ANGLE
 from engine.material.measured import HIGHLIGHT_MODELS
 from engine.material.parameters import INDICES, Value, index_of_reflectance, reflectance_of_index
 from engine.measured.measurement import Measurement
 from ui.panels import maps, rows, widgets
 from ui.panels.actions import Action, SetPanel
+from ui.panels.brdf import is_anisotropic
 from ui.panels.context import PanelContext
 from ui.theme import Icon
 
@@ -54,12 +55,16 @@ def _material(context: PanelContext) -> list[Action]:
     layer = context.document.layer(selection.key)
     editable = state.editable and not context.document.is_frozen(selection.key)
     shows_bumps = context.state.shows_images or bool(state.bumps.file)
-    width = _label_width(context, (*layer.parameter_table, *([BUMP_STRENGTH] if shows_bumps else [])))
+    shows_tangent = is_anisotropic(context) or bool(state.bumps.tangent_angle or state.bumps.tangent_map)
+    of_object = [*([BUMP_STRENGTH] if shows_bumps else []), *([TANGENT_ANGLE] if shows_tangent else [])]
+    width = _label_width(context, (*layer.parameter_table, *of_object))
     actions += _heading(context, selection, layer, editable)
     imgui.begin_disabled(not editable)
     actions += _model(context, selection.key, layer, width)
     for parameter in layer.parameter_table:
         actions += _parameter(context, selection.key, layer, parameter, width)
+    if shows_tangent:
+        actions += maps.draw_tangent(context, state, width)
     if _shows_images(context, layer):
         actions += maps.draw(context, selection.key, layer.maps, width)
     if shows_bumps:

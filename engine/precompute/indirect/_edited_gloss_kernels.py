@@ -95,7 +95,7 @@ def photon_light(photons, g, o, layer, of_a, positions, light):
         if photons.sources[i] != o:
             continue
         nx, ny, nz = photons.normals[i, 0], photons.normals[i, 1], photons.normals[i, 2]
-        tx, ty, tz = object_tangent(g.axes, o, nx, ny, nz)
+        tx, ty, tz = object_tangent(g.axes, o, photons.turns[i], nx, ny, nz)
         to_light, onward = photons.to_light[i], photons.directions[i]
         x, y, z = to_local(tx, ty, tz, nx, ny, nz, to_light[0], to_light[1], to_light[2])
         ox, oy, oz = to_local(tx, ty, tz, nx, ny, nz, onward[0], onward[1], onward[2])

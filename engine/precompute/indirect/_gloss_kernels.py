@@ -13,9 +13,9 @@ from engine.precompute.indirect._reflection_kernels import HALF_PI, ONE, ZERO, _
 class GlossyLayers(NamedTuple):
     """The glossy layers of all objects: object o has the layers first[o] to first[o + 1]. models, kinds_a, kinds_b
     (L,), q (L, 8); the values of their curves concatenated (V, 3), the first curve from begin_a (L,), of length n_a
-    (L,), the second likewise; gains (L, 3); views (L, N, 3), f_o at even angles. lobe_axes (M,); axes (M, 2, 3): each
-    object's Y and X. image (L,): the layer's index into texels (K, C, 3), the factors at the records relative to those
-    in the gains; −1 for none."""
+    (L,), the second likewise; gains (L, 3); views (L, N, 3), f_o at even angles. lobe_axes (M,); axes (M, 3, 3): see
+    `engine.scene.tangents.tangent_axes`. image (L,): the layer's index into texels (K, C, 3), the factors at the
+    records relative to those in the gains; −1 for none."""
 
     first: np.ndarray
     models: np.ndarray

@@ -45,10 +45,10 @@ _OFF_PLANE = np.float32(0.07)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def emit(numbers, about, triangles, per_area, mesh, lobe_axes, axes, all_lights, offset,
+def emit(numbers, about, triangles, turns, per_area, mesh, lobe_axes, axes, all_lights, offset,
          starts, to_light, limits, onward, normals, power, ahead):  # fmt: skip
     """Emits n photons from the triangles (n,), with random numbers (n, 5) in [0, 1) and unit vectors `about` (n, 3)
-    from a lobe table.
+    from a lobe table; turns (n,): codes of the tangents' maps there.
 
     per_area (M,): photons per square metre of each object. Writes shadow rays starts and to_light (n, 3) with limits
     (n,); onward (n, 3), normals (n, 3); power (n, 3) without the material, 0 for no photon; ahead (n,): as
@@ -72,7 +72,7 @@ def emit(numbers, about, triangles, per_area, mesh, lobe_axes, axes, all_lights,
         nx, ny, nz = _shading_normal(mesh, triangle, u, v)
         if nx * x + ny * y + nz * z < ZERO:
             nx, ny, nz = -nx, -ny, -nz
-        tx, ty, tz = object_tangent(axes, o, nx, ny, nz)
+        tx, ty, tz = object_tangent(axes, o, turns[i], nx, ny, nz)
         lx, ly, lz = to_local(tx, ty, tz, nx, ny, nz, x, y, z)
         if lz <= HORIZON or geometry <= ZERO:
             continue
@@ -108,7 +108,7 @@ def photon_power(photons, g, out):
         o = photons.sources[i]
         nx, ny, nz = photons.normals[i, 0], photons.normals[i, 1], photons.normals[i, 2]
         # Directions to the light and onwards in the local frame.
-        tx, ty, tz = object_tangent(g.axes, o, nx, ny, nz)
+        tx, ty, tz = object_tangent(g.axes, o, photons.turns[i], nx, ny, nz)
         to_light, onward = photons.to_light[i], photons.directions[i]
         x, y, z = to_local(tx, ty, tz, nx, ny, nz, to_light[0], to_light[1], to_light[2])
         ox, oy, oz = to_local(tx, ty, tz, nx, ny, nz, onward[0], onward[1], onward[2])

@@ -23,6 +23,7 @@ _EPSILON = np.float32(EPSILON)
 ONE, ZERO, TWO = np.float32(1.0), np.float32(0.0), np.float32(2.0)
 HORIZON = np.float32(1e-4)
 _TINY = np.float32(1e-30)
+_HALF_TURN_OF_CODE = np.float32(math.pi / 256)  # `engine.scene.tangents.N_CODES`
 # How a ray is reflected: diffusely, by a lobe, or near the lobe's axis, where reflected images may be sharp: more than
 # `_SHARP_FROM` of the rays about the axis lie in a steradian there. At normal incidence that is within 12° of the
 # mirror direction. EVEN: not a ray of a gather point.
@@ -113,8 +114,9 @@ def pattern_of(seed, nth):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def object_tangent(axes, o, nx, ny, nz):
-    """Unit vector Y × n with the object's Y, or its X made perpendicular to n where Y is parallel to n."""
+def object_tangent(axes, o, code, nx, ny, nz):
+    """Unit vector Y × n with the object's Y, or its X made perpendicular to n where Y is parallel to n; rotated about n
+    by the object's angle and by the code of its map, see `engine.scene.tangents`."""
     yx, yy, yz = axes[o, 0, 0], axes[o, 0, 1], axes[o, 0, 2]
     tx, ty, tz = yy * nz - yz * ny, yz * nx - yx * nz, yx * ny - yy * nx
     length2 = tx * tx + ty * ty + tz * tz
@@ -123,7 +125,14 @@ def object_tangent(axes, o, nx, ny, nz):
         tx, ty, tz = axes[o, 1, 0] - along * nx, axes[o, 1, 1] - along * ny, axes[o, 1, 2] - along * nz
         length2 = tx * tx + ty * ty + tz * tz
     inverse = ONE / np.sqrt(max(length2, _TINY))
-    return tx * inverse, ty * inverse, tz * inverse
+    tx, ty, tz = tx * inverse, ty * inverse, tz * inverse
+    cosine, sine = axes[o, 2, 0], axes[o, 2, 1]
+    if code != 0:
+        angle = np.float32(code) * _HALF_TURN_OF_CODE
+        along, across = np.cos(angle), np.sin(angle)
+        cosine, sine = cosine * along - sine * across, sine * along + cosine * across
+    bx, by, bz = ny * tz - nz * ty, nz * tx - nx * tz, nx * ty - ny * tx
+    return cosine * tx + sine * bx, cosine * ty + sine * by, cosine * tz + sine * bz
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")

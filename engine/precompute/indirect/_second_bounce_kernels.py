@@ -51,27 +51,30 @@ class SampledLights(NamedTuple):
     raster: np.ndarray
 
 
-# At n path vertices: normal (n, 3), distance, light, candidate and weight (n,), see `GlossyHits`.
-LitPlaces = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+# At n path vertices: normal (n, 3), turn, distance, light, candidate and weight (n,), see `GlossyHits`.
+LitPlaces = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
 class GlossyHits(NamedTuple):
     """n rays that end on glossy surfaces, by point and ray. start (p + 1,): range of each point; times (p,): the number
     of rays that each stored one represents; ray (n,): index of the ray; normal (n, 3) and distance (n,) of the hit;
-    light (n,): the unoccluded light, NO_LIGHT for none, with its candidate number (n,) and resampling weight (n,);
-    beyond (n,): the record that the second ray hits, or NO_RECORD. The fields with _3 describe the vertex where that
-    ray ends, if it is glossy: the third vertex."""
+    turn (n,): the code of the map that rotates the tangent there (`engine.scene.tangents`); light (n,): the unoccluded
+    light, NO_LIGHT for none, with its candidate number (n,) and resampling weight (n,); beyond (n,): the record that
+    the second ray hits, or NO_RECORD. The fields with _3 describe the vertex where that ray ends, if it is glossy: the
+    third vertex."""
 
     start: np.ndarray
     times: np.ndarray
     ray: np.ndarray
     normal: np.ndarray
+    turn: np.ndarray
     distance: np.ndarray
     light: np.ndarray
     candidate: np.ndarray
     weight: np.ndarray
     beyond: np.ndarray
     normal_3: np.ndarray
+    turn_3: np.ndarray
     distance_3: np.ndarray
     light_3: np.ndarray
     candidate_3: np.ndarray
@@ -158,11 +161,12 @@ def _candidate(all_lights, table, c, m, seed, lobe_axis, frame, place, wo):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def choose_lights(which, at, vertex, n_rays, rows, nth, hits, origins, directions, mesh, lobe_axes, axes, all_lights,
-                  table, offset, normals, lights, candidates, weights, to_light, limits, starts):  # fmt: skip
+def choose_lights(which, at, vertex, n_rays, rows, nth, hits, turns, origins, directions, mesh, lobe_axes, axes,
+                  all_lights, table, offset, normals, lights, candidates, weights, to_light, limits,
+                  starts):  # fmt: skip
     """Chooses a light for each of the vertices where the rays (R,) numbered `at` (n,) end. vertex: 2 or 3; which (n,):
     the rays at the beginning of their paths, numbered by sample set within a chunk: the nth (q,) sets of the points
-    `rows` (q,).
+    `rows` (q,). turns (n,): codes of the tangents' maps.
 
     Writes normals (n, 3), the chosen light (n,), its candidate number and weight (n,), 0 for none; and of the shadow
     ray its direction to_light, its origin starts (n, 3) and its limit (n,).
@@ -181,7 +185,7 @@ def choose_lights(which, at, vertex, n_rays, rows, nth, hits, origins, direction
         px, py, pz = origins[r, 0] + far * dx, origins[r, 1] + far * dy, origins[r, 2] + far * dz
         sample_set, m = divmod(which[i], n_rays)
         seed = ray_seed(rows[sample_set], nth[sample_set], n_rays, m, vertex)
-        tx, ty, tz = object_tangent(axes, o, nx, ny, nz)
+        tx, ty, tz = object_tangent(axes, o, turns[i], nx, ny, nz)
         ox, oy, oz = to_local(tx, ty, tz, nx, ny, nz, -dx, -dy, -dz)
         frame, place, wo = (tx, ty, tz, nx, ny, nz), (px, py, pz), (ox, oy, oz)
         total, chosen = ZERO, ZERO
@@ -211,16 +215,17 @@ def choose_lights(which, at, vertex, n_rays, rows, nth, hits, origins, direction
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def sample_lobe_rays(which, n_rays, rows, nth, hits, origins, directions, normals, mesh, lobe_axes, axes, table, offset,
-                    to_lobe, starts, there):  # fmt: skip
-    """Samples rays about the lobe axes where the rays `which` (n,) of a chunk of sample sets end, with normals (n, 3):
-    directions to_lobe and origins starts (n, 3), and which of them exist (n,)."""
+def sample_lobe_rays(which, n_rays, rows, nth, hits, turns, origins, directions, normals, mesh, lobe_axes, axes, table,
+                    offset, to_lobe, starts, there):  # fmt: skip
+    """Samples rays about the lobe axes where the rays `which` (n,) of a chunk of sample sets end, with normals (n, 3)
+    and codes of the tangents' maps turns (n,): directions to_lobe and origins starts (n, 3), and which of them exist
+    (n,)."""
     for i in range(which.shape[0]):
         w = which[i]
         triangle, o = hits.triangle[w], mesh.objects[hits.triangle[w]]
         dx, dy, dz = directions[w, 0], directions[w, 1], directions[w, 2]
         nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
-        tx, ty, tz = object_tangent(axes, o, nx, ny, nz)
+        tx, ty, tz = object_tangent(axes, o, turns[i], nx, ny, nz)
         ox, oy, oz = to_local(tx, ty, tz, nx, ny, nz, -dx, -dy, -dz)
         sample_set, m = divmod(w, n_rays)
         x, y, z = sample_about_axis(
@@ -285,10 +290,11 @@ def light_colour(all_lights, m, c):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _vertex(axes, o, normal, e, px, py, pz, dx, dy, dz, far):
-    """Frame, position and local direction back along a ray of length `far` that ends on object o with normal[e]."""
+def _vertex(axes, o, normal, turn, e, px, py, pz, dx, dy, dz, far):
+    """Frame, position and local direction back along a ray of length `far` that ends on object o with normal[e] and
+    turn[e]."""
     nx, ny, nz = normal[e, 0], normal[e, 1], normal[e, 2]
-    tx, ty, tz = object_tangent(axes, o, nx, ny, nz)
+    tx, ty, tz = object_tangent(axes, o, turn[e], nx, ny, nz)
     wo = to_local(tx, ty, tz, nx, ny, nz, -dx, -dy, -dz)
     return (tx, ty, tz, nx, ny, nz), (px + far * dx, py + far * dy, pz + far * dz), wo
 
@@ -306,7 +312,8 @@ def second_vertex(paths, i, e):
     dx, dy, dz = to_world(tangent[0], tangent[1], tangent[2], normal[0], normal[1], normal[2], x, y, z)
     o = np.int64(paths.objects[samples.records[i, m]])
     px, py, pz = paths.position[r, 0], paths.position[r, 1], paths.position[r, 2]
-    vertex = _vertex(paths.layers.axes, o, records.normal, e, px, py, pz, dx, dy, dz, records.distance[e])
+    far = records.distance[e]
+    vertex = _vertex(paths.layers.axes, o, records.normal, records.turn, e, px, py, pz, dx, dy, dz, far)
     return o, vertex, (x, y, z), wo
 
 
@@ -317,7 +324,8 @@ def third_vertex(paths, e, frame, place, x, y, z):
     o = np.int64(paths.objects[records.beyond[e]])
     dx, dy, dz = to_world(frame[0], frame[1], frame[2], frame[3], frame[4], frame[5], x, y, z)
     px, py, pz = place
-    return o, _vertex(paths.layers.axes, o, records.normal_3, e, px, py, pz, dx, dy, dz, records.distance_3[e])
+    far = records.distance_3[e]
+    return o, _vertex(paths.layers.axes, o, records.normal_3, records.turn_3, e, px, py, pz, dx, dy, dz, far)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")

@@ -42,7 +42,7 @@ PART_POINTS = 4096
 
 @dataclass(frozen=True, eq=False)
 class SampledScene:
-    """A scene seen from a camera, and how it is sampled. lobe_axes (M,) and axes (M, 2, 3) of the objects; emission:
+    """A scene seen from a camera, and how it is sampled. lobe_axes (M,) and axes (M, 3, 3) of the objects; emission:
     all lights; second: traces the glossy second bounce, None where it counts as diffuse."""
 
     placement: Placement

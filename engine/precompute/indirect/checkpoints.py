@@ -193,18 +193,19 @@ def _read_records(reader: ArrayReader, seen: NDArray[np.uint16]) -> GlossyHits:
     second = _read_lit(reader, "")
     beyond = reader.take(_RECORDS + "beyond", np.uint16, "n", below=known["C"], or_else=NO_RECORD)
     third = _read_lit(reader, "_3")
-    if (beyond[third[2] != NO_LIGHT] == NO_RECORD).any():
+    if (beyond[third[3] != NO_LIGHT] == NO_RECORD).any():
         raise UnsoundArrays("light beyond rays that hit nothing")
     return GlossyHits(start, times, ray, *second, beyond, *third)
 
 
 def _read_lit(reader: ArrayReader, ending: str) -> LitPlaces:
-    """Normals, distances, lights, candidates and weights of one vertex of the glossy hits."""
+    """Normals, turns, distances, lights, candidates and weights of one vertex of the glossy hits."""
     normal = reader.take(f"{_RECORDS}normal{ending}", np.float32, "n", 3)
+    turn = reader.take(f"{_RECORDS}turn{ending}", np.uint8, "n")
     distance = reader.take(f"{_RECORDS}distance{ending}", np.float32, "n")
     light = reader.take(f"{_RECORDS}light{ending}", np.uint16, "n", below=reader.sizes["L"], or_else=NO_LIGHT)
     candidate = reader.take(f"{_RECORDS}candidate{ending}", np.uint8, "n", below=N_CANDIDATES)
-    return normal, distance, light, candidate, reader.take(f"{_RECORDS}weight{ending}", np.float32, "n")
+    return normal, turn, distance, light, candidate, reader.take(f"{_RECORDS}weight{ending}", np.float32, "n")
 
 
 def read_footprint(reader: ArrayReader) -> Footprint:

@@ -152,8 +152,8 @@ class EditedSampling:
         second = None
         if points.glossy:
             second = SecondBounceTracer(
-                self._glossy(light), points.lobe_axes, points.axes, light.all_lights, self._settings.n_glossy_hits,
-                light.n_bounces > 2,
+                self._glossy(light), points.lobe_axes, points.axes, self._placement.scene.tangent_rotations,
+                light.all_lights, self._settings.n_glossy_hits, light.n_bounces > 2,
             )  # fmt: skip
         records, found = light.cache.closed(), list[GatherSamples]()
         for own, size in sets_alike(points.hits, rows, points.sizes):

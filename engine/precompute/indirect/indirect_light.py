@@ -47,7 +47,7 @@ SamplesOf = Callable[[int], HemisphereSamples]
 @dataclass(frozen=True, eq=False)
 class GatherPoints:
     """The gather points of a picture. samples: their hemisphere samples; lobe_axes (M,) and sizes: how each object is
-    sampled; axes (M, 2, 3) of the objects; glossy: whether rays were stored for the glossy second bounce; photons from
+    sampled; axes (M, 3, 3) of the objects; glossy: whether rays were stored for the glossy second bounce; photons from
     glossy surfaces, and `landed`, those near the points; smoothing: the filter that removes noise from the reflected
     light, None for none; lights_gloss: whether the lights reach glossy surfaces directly, and photons count."""
 

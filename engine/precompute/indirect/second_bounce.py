@@ -2,7 +2,7 @@
 
 An equivalent albedo distributes over all directions what a glossy surface reflects into a lobe. Seen in another
 surface, this is where its light is most wrong. Therefore two more rays are traced for each hemisphere sample that ends
-on a glossy surface, stored in 27 bytes, and the glossy layers there are evaluated with their curves at each freezing. A
+on a glossy surface, stored in 28 bytes, and the glossy layers there are evaluated with their curves at each freezing. A
 third glossy reflection of the lights is stored in as many bytes again: between copper and copper a fifth of that light
 was missing when it used the albedo. Light with more reflections uses the albedo.
 
@@ -26,6 +26,7 @@ from engine.precompute.indirect.indirect_layers import IndirectLayer, is_glossy
 from engine.precompute.indirect.irradiance_cache import NO_ORDER, IrradianceCache, Rays
 from engine.precompute.indirect.record_maps import RecordReflectance
 from engine.scene.raycaster import Intersections
+from engine.scene.tangents import TangentRotations
 
 N_LOBE_RAYS = 1024
 _LEAST_ALBEDO = 1e-6
@@ -36,7 +37,8 @@ def no_glossy_hits(n_points: int) -> kernels.GlossyHits:
     none, floats = np.zeros(0, np.uint16), np.zeros(0, np.float32)
     start, normal = np.zeros(n_points + 1, np.int64), np.zeros((0, 3), np.float32)
     times = np.ones(n_points, np.float32)
-    lit = normal, floats, none, np.zeros(0, np.uint8), floats
+    codes = np.zeros(0, np.uint8)
+    lit = normal, codes, floats, none, codes, floats
     return kernels.GlossyHits(start, times, none, *lit, none, *lit)
 
 
@@ -68,13 +70,15 @@ def _thin(
 
 @dataclass(frozen=True, eq=False)
 class SecondBounceTracer:
-    """Traces the rays of the second bounce. glossy (M,): which objects are glossy; lobe_axes (M,) and axes (M, 2, 3) of
-    the objects; all_lights: sky and emitters; most: the number of rays stored per gather point, of which each
-    represents several if there are more; thrice: whether three glossy reflections of a light count."""
+    """Traces the rays of the second bounce. glossy (M,): which objects are glossy; lobe_axes (M,) and axes (M, 3, 3) of
+    the objects; rotations of their tangents; all_lights: sky and emitters; most: the number of rays stored per gather
+    point, of which each represents several if there are more; thrice: whether three glossy reflections of a light
+    count."""
 
     glossy: NDArray[np.bool_]
     lobe_axes: NDArray[np.int64]
     axes: NDArray[np.float32]
+    rotations: TangentRotations
     all_lights: kernels.SampledLights
     most: int
     thrice: bool
@@ -93,8 +97,9 @@ class SecondBounceTracer:
         starts, to_lobe = np.empty((2, len(which), 3), np.float32)
         there = np.empty(len(which), bool)
         kernels.sample_lobe_rays(
-            which, n_rays, rows, nth, _hits(found), rays.origins, rays.directions, lit[0], cache.mesh, self.lobe_axes,
-            self.axes, lobe_tables(N_LOBE_RAYS), np.float32(cache.caster.offset), to_lobe, starts, there,
+            which, n_rays, rows, nth, _hits(found), lit[1], rays.origins, rays.directions, lit[0], cache.mesh,
+            self.lobe_axes, self.axes, lobe_tables(N_LOBE_RAYS), np.float32(cache.caster.offset), to_lobe, starts,
+            there,
         )  # fmt: skip
         onward = Rays(starts, to_lobe, there)
         beyond, found_3 = cache.records_and_hits(onward, first_open, turn=turn)
@@ -115,11 +120,11 @@ def _hits(found: Intersections) -> Hits:
 
 def _scatter(places: kernels.LitPlaces, at: NDArray[np.intp], n: int) -> kernels.LitPlaces:
     """Spreads the given vertices to the indices `at` among n; no light at the others."""
-    normal, distance, light, candidate, weight = (np.zeros((n, *each.shape[1:]), each.dtype) for each in places)
+    normal, turn, distance, light, candidate, weight = (np.zeros((n, *each.shape[1:]), each.dtype) for each in places)
     light[:] = kernels.NO_LIGHT
-    for all_of_them, each in zip((normal, distance, light, candidate, weight), places, strict=True):
+    for all_of_them, each in zip((normal, turn, distance, light, candidate, weight), places, strict=True):
         all_of_them[at] = each
-    return normal, distance, light, candidate, weight
+    return normal, turn, distance, light, candidate, weight
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,14 +140,15 @@ class _LightChooser:
     def choose(
         self, which: NDArray[np.intp], at: NDArray[np.intp], vertex: int, rays: Rays, found: Intersections
     ) -> kernels.LitPlaces:
-        """For rays `at` (n,), which continue the samples `which` (n,): normals (n, 3) and distances (n,) of their hits,
-        the unoccluded lights (n,), their candidate numbers and weights (n,)."""
+        """For rays `at` (n,), which continue the samples `which` (n,): normals (n, 3), codes of the tangents' maps and
+        distances (n,) of their hits, the unoccluded lights (n,), their candidate numbers and weights (n,)."""
         n, caster = len(which), self.cache.caster
         normals, to_light, starts = np.empty((3, n, 3), np.float32)
         lights, candidates = np.empty(n, np.uint16), np.empty(n, np.uint8)
         weights, limits = np.empty((2, n), np.float32)
+        turns = self.second.rotations.codes(found.of(at))
         kernels.choose_lights(
-            which, at, vertex, self.n_rays, self.rows, self.nth, _hits(found), rays.origins, rays.directions,
+            which, at, vertex, self.n_rays, self.rows, self.nth, _hits(found), turns, rays.origins, rays.directions,
             self.cache.mesh, self.second.lobe_axes, self.second.axes, self.second.all_lights, lobe_tables(N_LOBE_RAYS),
             np.float32(caster.offset), normals, lights, candidates, weights, to_light, limits, starts,
         )  # fmt: skip
@@ -150,7 +156,7 @@ class _LightChooser:
         blocked = np.ones(n, bool)
         blocked[requested] = caster.occluded(starts[requested], to_light[requested], limits[requested])
         lights[blocked] = kernels.NO_LIGHT
-        return normals, found.distance[at].astype(np.float32), lights, candidates, weights
+        return normals, turns, found.distance[at].astype(np.float32), lights, candidates, weights
 
 
 @dataclass(frozen=True, eq=False)

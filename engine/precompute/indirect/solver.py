@@ -57,7 +57,7 @@ from engine.precompute.indirect.refinement import COARSEST, Lattice, Refinement,
 from engine.precompute.indirect.reflection import OutgoingRadiance
 from engine.precompute.indirect.sampling_settings import FINE, SamplingSettings
 from engine.precompute.indirect.second_bounce import SecondBounceTracer
-from engine.scene.primary_hits import object_axes
+from engine.scene.tangents import tangent_axes
 
 # Expected gather points, relative to those that silhouettes and creases alone require.
 _BY_LIGHT = 1.25
@@ -285,13 +285,14 @@ def _sampled_scene(
     n_objects = len(placement.hits.object_ranges)
     lobe_axes = np.array([lobe_axis_of(models.get(i, ())) for i in range(n_objects)], np.int64)
     glossy_objects = np.array([any_glossy(models.get(i, ())) for i in range(n_objects)], bool)
-    axes = np.ascontiguousarray(object_axes(placement.scene)[:, [1, 0]], np.float32)
+    axes = tangent_axes(placement.scene)
     emission = scene_emission(placement, sky)
     second = None
     if glossy:
         second = SecondBounceTracer(
-            glossy_objects, lobe_axes, axes, emission.all_lights, settings.n_glossy_hits, n_bounces > 2
-        )
+            glossy_objects, lobe_axes, axes, placement.scene.tangent_rotations, emission.all_lights,
+            settings.n_glossy_hits, n_bounces > 2,
+        )  # fmt: skip
     return SampledScene(placement, lobe_axes, axes, emission, second, n_bounces)
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -21,9 +21,9 @@ from engine.core.generators import run_to_end
 from engine.core.threads import even_parts, on_threads
 from engine.realtime.core import _placement_kernels as kernels
 from engine.realtime.core.lit_sides import lit_sides
-from engine.scene.primary_hits import object_tangents
-from engine.scene.raycaster import RayCaster
+from engine.scene.raycaster import Intersections, RayCaster
 from engine.scene.scene_loader import Scene
+from engine.scene.tangents import object_tangents
 
 Float32Array = NDArray[np.float32]
 Float64Array = NDArray[np.float64]
@@ -178,6 +178,18 @@ def with_backs(points: ShadingPoints, behind: NDArray[np.bool_]) -> ShadingPoint
         position, lifted, normal, tangent, i_object, triangles, points.source, points.corners, points.within,
         points.sides, points.relays, points.buried,
     )  # fmt: skip
+
+
+def with_rotated_tangents(points: ShadingPoints, scene: Scene) -> ShadingPoints:
+    """The points with tangents that a scene's angles and maps rotate, on either side."""
+    # Each point at the first corner, of T triangles with two sides, where it lies.
+    numbers, first = np.unique(points.triangles, return_index=True)
+    first = first[numbers >= 0]
+    at, corner = first // 6, first % 3
+    u, v = points.within[at, corner].T
+    found = Intersections(points.source[at], u, v, np.zeros(len(at), np.float32))
+    tangents = scene.tangent_rotations.tangents(points.i_object, points.normal.astype(np.float64), found)
+    return replace(points, tangent=tangents.astype(np.float32))
 
 
 def _towards_middles(corners: Float64Array, numbers: NDArray[np.intp], n_points: int) -> Float64Array:

@@ -31,7 +31,6 @@ from engine.realtime.core.terms import MOVING_PROBES, map_factor
 from engine.scene.bump_normals import Footprints, gradients
 from engine.scene.description import CameraDescription
 from engine.scene.edges import Surface, edge_pixels, group_samples, ray_offsets, turn_of
-from engine.scene.primary_hits import object_tangents
 from engine.scene.raycaster import Intersections, RayCaster
 from engine.scene.scene_loader import Scene
 from engine.scene.surface_uvs import corner_uvs
@@ -251,7 +250,8 @@ class ViewSamples:
         """Frames (N, 3, 3) of samples (N,) of an object: rows tangent, bitangent, normal; normals (N, 3): used instead
         of the interpolated ones."""
         own = (self.normals(which) if normals is None else normals).astype(np.float64)
-        return local_frames(object_tangents(scene, np.full(len(which), i_object), own), own)
+        ids, found = np.full(len(which), i_object), self.in_scene(which)
+        return local_frames(scene.tangent_rotations.tangents(ids, own, found), own)
 
     def in_scene(self, which: Rows) -> Intersections:
         """Hits of samples (N,) on the scene's own triangles, without distances."""

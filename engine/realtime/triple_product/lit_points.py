@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from engine.core.generators import StepRunner, run_to_end
 from engine.light.emitters import EmitterPatches
-from engine.realtime.core.shading_points import ShadingPoints, with_backs
+from engine.realtime.core.shading_points import ShadingPoints, with_backs, with_rotated_tangents
 from engine.realtime.core.view_samples import PointMesh
 from engine.realtime.triple_product._slice_kernels import Tables
 from engine.realtime.triple_product.glossy_bounces import GlossyTerm, reflect_indirect, second_bounce
@@ -263,6 +263,14 @@ class LitPoints:
             self.shades = empty_shades(self.incident)
             self.state[new] = UNLIT
 
+    def rotate_tangents(self, scene: Scene) -> None:
+        """Rotate tangents as a scene has them. Points whose frames change see and are lit anew."""
+        self._scene, points = scene, with_rotated_tangents(self.points, scene)
+        changed = (points.tangent != self.points.tangent).any(axis=1)
+        self.points, self.mesh = points, self.mesh.of(points)
+        self.bits[changed], self.state[changed] = 255, UNLIT
+        self.traced[changed] = self.known[changed] = self.shadowed[changed] = False
+
     def add_backs(self, objects: Sequence[int], is_glossy: NDArray[np.bool_]) -> None:
         """Add points for the backs of objects, one object after the other, so that `restore` finds them in the same
         places if they came at different times."""
@@ -271,6 +279,8 @@ class LitPoints:
             n = len(self.points)
             self.points = with_backs(self.points, np.arange(len(self._scene.smooth)) == each)
             self._backs[each] = np.arange(n, len(self.points))
+        if self._scene.tangent_rotations.digest:
+            self.points = with_rotated_tangents(self.points, self._scene)
         self._n = len(self.points)
         if self.points.buried is not None:
             of_backs = run_to_end(find_enclosed(self._scene, self.caster, self.points, before))

@@ -29,7 +29,7 @@ from engine.core.threads import n_threads
 from engine.light.emitters import EmitterPatches, emitter_patches, merged_by_object
 from engine.material.bumps import Bumps
 from engine.precompute.direct.pipeline import SkyState
-from engine.realtime.core.shading_points import ShadingPoints, place_points
+from engine.realtime.core.shading_points import ShadingPoints, place_points, with_rotated_tangents
 from engine.realtime.core.terms import LayersOf
 from engine.realtime.core.view_samples import ViewSamples, assemble_picture
 from engine.realtime.triple_product.incident import SceneEmitters, SkyMap, make_sky
@@ -91,11 +91,12 @@ class Orbit:
     # ------------------------------------------------------------------------------------------ stored visibility
 
     @property
-    def geometry(self) -> tuple[NDArray[np.generic] | int, ...]:
+    def geometry(self) -> tuple[NDArray[np.generic] | int | str, ...]:
         """Everything that visibility depends on."""
         scene = self.scene
         arrays = scene.vertices, scene.normals, scene.triangles, scene.object_of_triangle, scene.smooth
-        return (*arrays, scene.emitters, scene.reflecting, self._n_points, self._n_patches)
+        own = scene.emitters, scene.reflecting, self._n_points, self._n_patches
+        return (*arrays, *own, scene.tangent_rotations.digest)
 
     @property
     def has_traced(self) -> bool:
@@ -143,13 +144,20 @@ class Orbit:
             self._stale()
 
     def set_bumps(self, bumps: Mapping[str, Bumps]) -> None:
-        """Set the bump or normal maps of objects, by name; see `Scene.with_bumps`."""
+        """Set the bump or normal maps and the rotations of tangents of objects, by name; see `Scene.with_bumps`."""
         scene = self.scene.with_bumps(bumps)
-        if scene.description != self.scene.description:
-            self.scene = scene
-            if self._lit is not None:
-                self._lit.add_gloss(self._are_glossy)
-            self.version += 1
+        if scene.description == self.scene.description:
+            return
+        is_rotated = scene.tangent_rotations.digest != self.scene.tangent_rotations.digest
+        self.scene = scene
+        if self._lit is not None:
+            if is_rotated:
+                self._lit.rotate_tangents(scene)
+            self._lit.add_gloss(self._are_glossy)
+        if is_rotated:
+            self._placing = None
+            self._reset_bounces()
+        self.version += 1
 
     def set_bounces(self, n_bounces: int) -> None:
         """Set the number of reflections between light and camera; 0 restores the scene's own number, or 4 if it has
@@ -373,6 +381,8 @@ class Orbit:
 
     def _points(self, n_points: int) -> Generator[None, None, ShadingPoints]:
         points = yield from place_points(self.scene, self._caster, n_points)
+        if self.scene.tangent_rotations.digest:
+            points = with_rotated_tangents(points, self.scene)
         found = yield from find_enclosed(self.scene, self._caster, points)
         return replace(points, buried=found)
 

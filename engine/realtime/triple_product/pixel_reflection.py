@@ -30,7 +30,8 @@ from engine.realtime.triple_product import _pixel_kernels as pixel_kernels
 from engine.realtime.triple_product import _slice_kernels as slice_kernels
 from engine.realtime.triple_product.incident import Incident, SkyMap, hemisphere, make_sky
 from engine.scene.bump_normals import offset_normals
-from engine.scene.primary_hits import LEAST_COSINE, object_tangents
+from engine.scene.primary_hits import LEAST_COSINE
+from engine.scene.raycaster import Intersections
 from engine.scene.scene_loader import Scene
 from engine.sphere.geodesic import geodesic, triangle_first_moments
 
@@ -183,7 +184,7 @@ class PerturbedSamples:
 
 
 def perturb_samples(seen: ViewSamples, which: Rows, scene: Scene, i_object: int) -> PerturbedSamples:
-    """Frames of samples (N,) of an object under its bumps, averaged over the pixels."""
+    """Frames of samples (N,) of an object under its bumps and the map of its tangents, averaged over the pixels."""
     footprints, samples = footprints_of(seen, which, scene, i_object), seen.samples
     frames = np.empty((len(which), 3, 3), np.float32)
 
@@ -192,9 +193,16 @@ def perturb_samples(seen: ViewSamples, which: Rows, scene: Scene, i_object: int)
         wo = samples.wo[some].astype(np.float64)
         triangle, u, v, own = _places(seen, some)
         uv, across, down = (each[start:stop] for each in footprints)
-        lean = scene.bump_normals.normal_offsets(i_object, triangle, u, v, own, wo, (uv, across, down))
-        normals = offset_normals(own, lean, wo)
-        tangents = object_tangents(scene, np.full(len(some), i_object), normals)
+        normals = own
+        if i_object in scene.bump_normals.objects:
+            lean = scene.bump_normals.normal_offsets(i_object, triangle, u, v, own, wo, (uv, across, down))
+            normals = offset_normals(own, lean, wo)
+        found = Intersections(
+            triangle.astype(np.int32), u.astype(np.float32), v.astype(np.float32), np.zeros(len(some), np.float32)
+        )
+        tangents = scene.tangent_rotations.tangents(
+            np.full(len(some), i_object), normals, found, lambda rows: (uv[rows], across[rows], down[rows])
+        )
         frames[start:stop] = sphere_frames(tangents, normals)
 
     on_threads(part, *even_parts(len(which)))

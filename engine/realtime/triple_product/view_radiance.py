@@ -94,6 +94,9 @@ def view_radiance(
         # In moving pictures blunt gloss ignores bumps: it is shaded at points, whose spacing exceeds the bumps. Sharp
         # gloss is looked up by the perturbed normal.
         bumpy = has_bumps and (quality != "moving" or term.reflectance is not None)
+        # At rest, gloss takes each pixel's own rotation of the tangent from a map; in moving pictures the points'.
+        has_map = term.i_object in scene.tangent_rotations.mapped and term.reflectance is None
+        bumpy |= has_map and quality != "moving"
         evenly = None if bumpy else term.reflectance
         tables = None if bumpy or term.reflectance is not None else reflections.tables(term.layers)
         shows = n_bounces > 1 and (quality == "still" and term.reflectance is None or quality == "rest" and is_sharp)

@@ -29,9 +29,9 @@ from engine.realtime.zonal_harmonics.pose import (
 )
 from engine.scene.loaders.gltf_nodes import matrix_of
 from engine.scene.mesh import face_normals
-from engine.scene.primary_hits import object_tangents
 from engine.scene.rig import PATHS, Clip, Rig, Track, morph_weight, normal_matrices
 from engine.scene.scene_loader import MAX_EXTENT, Scene
+from engine.scene.tangents import object_tangents
 
 Float64Array = NDArray[np.float64]
 Values = dict[tuple[int, str], Float64Array]

@@ -1,5 +1,6 @@
 """Bumps as edits: by path, with undo, in sessions, and what the worker is asked to trace for them."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ from PIL import Image
 
 from app.document.commands.maps import SetBumps
 from app.document.document import resolve
+from app.document.named_files import files_of_document
 from app.document.view_state import ViewState
 from app.editor.editor import Editor
 from app.editor.view_controller import REST_SECONDS
@@ -96,6 +98,35 @@ def test_transport_is_kept_by_bumps_and_visibility_without_them(scene: Path) -> 
         keys.append((bench.geometry_key, bench.view_key))
     assert len({geometry for geometry, _ in keys}) == 1 and len({view for _, view in keys}) == 3
     assert keys[2][0] == keys[2][1]  # flat: as without
+
+
+def test_transport_is_kept_by_rotations_and_visibility_without_them(scene: Path) -> None:
+    bench = WorkerContext()
+    bench.load(open_project(str(scene)).scene, 1)
+    keys, flat = [], Bumps(bump_map="ramp.png", bump_strength=0.0)
+    image = scene.parent / "ramp.png"
+    for changes in ({}, {"tangent_angle": 5.0}, {"tangent_map": "ramp.png"},
+                    {"tangent_map": "ramp.png", "tangent_range": 90.0}, {"tangent_map": "ramp.png"}):  # fmt: skip
+        if len(keys) == 4:  # another image in the file's place
+            Image.fromarray(np.full((4, 4), 77, np.uint8)).save(image)
+        run_to_end(bench.set_camera(SetCamera(1, bumps=(("card", replace(flat, **changes)),))))
+        keys.append((bench.geometry_key, bench.view_key))
+    assert len({geometry for geometry, _ in keys}) == 1 and len({view for _, view in keys}) == 5
+    assert keys[0][0] == keys[0][1]  # without rotation: as before
+
+
+def test_rotations_have_paths_and_sessions(scene: Path) -> None:
+    turned = open_project(str(scene), values=[("card.tangent_angle", 30), ("card.tangent_map", "ramp.png")])
+    path = scene.parent / "b.insitu"
+    save_session(path, turned.document, ViewState())
+    again = open_project(str(path))
+    assert again.document == turned.document
+    own = again.scene.description.objects[0].bumps
+    assert (own.tangent_angle, own.tangent_map, own.bump_map) == (30.0, "ramp.png", "ramp.png")
+    assert scene.parent / "ramp.png" in files_of_document(turned.document)
+    for name, value in (("tangent_angle", 400), ("tangent_map", "gone.png"), ("tangent_range", "wide")):
+        with pytest.raises(InsituError, match=r"360|gone\.png"):
+            open_project(str(scene), values=[(f"card.{name}", value)])
 
 
 def test_an_edit_is_traced_once_the_hand_rests_and_undone_in_one_step(client: FakeClient) -> None:

@@ -42,13 +42,14 @@ BRUSHED = '{ model = "ward_anisotropic" }, { model = "lambert", albedo = [0.1, 0
 
 
 def scene_text() -> str:
-    """A floor with images and bumps, a block with a normal map and a grain, and a lamp."""
+    """A floor with images and bumps, a block with a normal map and a rotated grain, and a lamp."""
     return (
         camera((0.6, 1.5, 2.9), 42, SIZE, (0, 0.4, 0), "bounces = 3\n")
         + placed("floor", "quad", facing_up(3),
                  f'bump_map = {{ file = "bumps.png", height = 0.04, repeats = [3, 3] }}\nlayer = [{MATT}, {GLOSS}]\n')
         + placed("block", "cube", "0.7,0,0.2,0.1, 0,0.7,0,0.35, -0.2,0,0.7,0.2, 0,0,0,1",
-                 f'normal_map = {{ file = "lean.png", scale = 0.3, {LEAN} }}\nlayer = [{BRUSHED}]\n')
+                 f'normal_map = {{ file = "lean.png", scale = 0.3, {LEAN} }}\ntangent = {{ angle = 50 }}\n'
+                 f'layer = [{BRUSHED}]\n')
         + LEANING_LAMP
     )  # fmt: skip
 
