@@ -29,7 +29,7 @@ CSV = "indirect_memory.csv"
 OF_CORNELL = ("gi_edit_ms", "gi_memory_mb_cornell", "gi_first_s", "gi_first_error")
 REFERENCES = ("cornell", "teatray")
 WARM_UP = (24, 24)
-SERIES, GLOSSY_SERIES = "64,1,1,1", "64,8,1,1"
+SERIES, GLOSSY_SERIES = "64,1,1,1", "64,8,8,1"
 KINDS = ("error", "mean", "error_8")
 LEFT_OUT = "left out of a quick run"
 

@@ -40,7 +40,7 @@ PROGRAM = Path(__file__).with_name("programs") / "mitsuba_stills.py"
 FIGURE = "gi_precompute_ratio_peer"
 # Little work that keeps to the target: 1.8 % off. As many rays as the plan chooses leave 1.2 %, for twice the time.
 # With 64,1,1,1 the albedo of the glossy wall alone misses 2.9 %, whatever the number of rays.
-SERIES, N_HEMISPHERE_RAYS = "64,8,1,1", 128
+SERIES, N_HEMISPHERE_RAYS = "64,8,8,1", 128
 TARGET = 0.03
 RESOLUTION = (450, 450)
 SAMPLES, N_STILLS = 256, 2

@@ -66,7 +66,10 @@ Time = Annotated[
 # Path tracing follows more bounces than the view shows.
 Bounces = Annotated[int | None, setting_option("n_bounces", most=MOST_BOUNCES)]
 Series = Annotated[
-    str | None, typer.Option("--series", metavar="J,1,...", help="Bands of each bounce, from the camera: 64,1,1,1.")
+    str | None,
+    typer.Option(
+        "--series", metavar="J,1,...", help="Bands of each bounce, from the camera: 64,8,1,1; direct+1,1,1,1."
+    ),
 ]
 Edges = Annotated[int | None, setting_option("n_edge_rays")]
 Override = Annotated[

@@ -56,7 +56,7 @@ from engine.precompute.indirect.sampling_settings import (
     parse_series,
 )
 from engine.reference.path_tracer import trace_halves
-from engine.render.still import StillLayer, indirect_radiance, still_layers, with_maps
+from engine.render.still import StillLayer, first_bounce_layers, indirect_radiance, still_layers, with_maps
 from engine.visibility.point_visibility import VISIBILITY_LEVEL
 
 Strategy = Literal["anew", "incremented", "by bands"]
@@ -334,10 +334,7 @@ class _IndirectPictures:
         def compute() -> Outcome:
             if series.n_bounces == 1:
                 return Outcome(self._direct)
-            most = series.first or max(max(each.bands) for each in self._layers)
-            layers = [
-                replace(each, bands=(min(each.bands[0], most), min(each.bands[1], most))) for each in self._layers
-            ]
+            layers = first_bounce_layers(self._layers, series)
             found = run_to_end(indirect_radiance(self._placement, layers, self._sky, series, fineness))
             return Outcome(self._direct + found[self._rows])
 

@@ -41,6 +41,7 @@ from engine.render.still import (
     StillLayer,
     compose,
     find_indirect,
+    first_bounce_layers,
     noise_in,
     reflect_layers,
     reflected_light,
@@ -121,14 +122,17 @@ def render_project(
     if mode != "placement":
         how = report, placement, layers, series, chosen
         return _real_time_still(project, mode, *how, estimates_error, bounces.warning)
-    if most := series.first or project.document.first_bands:
-        layers = tuple(replace(each, bands=(min(each.bands[0], most), min(each.bands[1], most))) for each in layers)
+    series = replace(series, first=series.first or project.document.first_bands)
+    limited = first_bounce_layers(layers, series)
+    if not series.whole_direct:
+        layers = limited
     if series.n_bounces > 1:
         n_rays = plan.settings.n_hemisphere_rays
         fineness, as_needed = STILL.with_rays(n_rays), not n_rays
-        found = run_to_end(find_indirect(placement, layers, sky, series, fineness, as_needed), report)
-        indirect = run_to_end(reflected_light(found, layers, series.second, placement.hits))
-        noise = run_to_end(noise_in(found, layers, series.second)) if estimates_error else None
+        found = run_to_end(find_indirect(placement, limited, sky, series, fineness, as_needed), report)
+        bands = series.second, series.third
+        indirect = run_to_end(reflected_light(found, limited, bands[0], placement.hits, third=bands[1]))
+        noise = run_to_end(noise_in(found, limited, *bands)) if estimates_error else None
     plan = run_to_end(with_light_budget(placement, layers, sky, plan))
     quality = still_quality(plan)
     radiance = run_to_end(reflect_layers(placement, layers, sky, quality, indirect), report)

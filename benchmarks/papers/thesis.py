@@ -22,6 +22,7 @@ from benchmarks.papers.thesis_rooms import (
     guide_bounces,
     ring_edits,
     room_session,
+    series_of_bounces,
     two_bounces,
     vase_session,
 )
@@ -85,6 +86,7 @@ MAKERS: Mapping[str, Make] = {
     "figure 5.3": two_bounces,
     "figure 5.4": growth,
     "figure 5.5, 5.6": cornell_edits,
+    "section 5.2": series_of_bounces,
     "figure 6.1, 6.4": room_session,
     "figure 6.3": vase_session,
     "figure 6.5": ring_edits,

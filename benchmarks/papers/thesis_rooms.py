@@ -19,6 +19,7 @@ from assets.scripts import bounces
 from assets.scripts.bounces import save
 from benchmarks.papers.entries import Work, paragraph
 from benchmarks.papers.sheets import closeup, sheet
+from benchmarks.series import series_rows, series_table
 from engine.core.generators import run_to_end
 from engine.precompute.direct.pipeline import Placement
 from engine.precompute.indirect.sampling_settings import BounceSeries, parse_series
@@ -94,7 +95,7 @@ def cornell_edits(work: Work) -> str:
     ]
     series = BounceSeries(4)
     ours = [_still(each, series) for each in (before, after)]
-    direct, diffuse = _still(after, BounceSeries(1)), _with_diffuse_indirect(after, series)
+    direct, diffuse = _still(after, BounceSeries(1)), _still(after, parse_series("direct+1,1,1,1"))
     rows = [[ours[0], ours[1], diffuse], [truth[0], truth[1], direct]]
     shown = work.picture(
         "cornell_edits",
@@ -115,10 +116,14 @@ def cornell_edits(work: Work) -> str:
     return f"{shown}\n{paragraph(words)}\n{table(['', 'relRMSE', 'means'], lines)}"
 
 
-def _with_diffuse_indirect(project: Project, series: BounceSeries) -> Radiance:
-    """Direct light of whole curves and indirect light as surfaces of one band reflect it: "direct + 1,1,1,1"."""
-    diffuse = BounceSeries(series.n_bounces, 1, 1)
-    return _still(project, BounceSeries(1)) + _still(project, diffuse) - _still(project, BounceSeries(1, 1))
+def series_of_bounces(work: Work) -> str:
+    """Sections 5.2 and 5.6: series of four bounces on three scenes, beside paths with materials as simple."""
+    parts = []
+    for name, values in (("cornell", CORNELL), ("teatray", ()), ("ring", ())):
+        side = work.of(32, 6)
+        project = open_project(name, (side, side), values).with_settings(n_edge_rays=0)
+        parts.append(f"{name}:\n\n{series_table(series_rows(project, work.of(1024, 4)))}")
+    return "\n\n".join(parts)
 
 
 def _still(project: Project, series: BounceSeries) -> Radiance:

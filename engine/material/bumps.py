@@ -14,7 +14,7 @@ as seen from the side that is shown, by
     tangent_angle + tangent_range · grey(u, v)
 
 degrees, as Blender's *anisotropic rotation* does. All models are symmetric under half a turn, so that the default range
-of 180 degrees has every direction once.
+of 180 degrees has every direction once; of measurements that are not, a map counts up to half a turn.
 
 Both rotate the frame in which a material reflects, and nothing else: position and face determine what a point sees and
 its shadows. So transport depends on them, and visibility does not.

@@ -34,6 +34,7 @@ from engine.scene.scene_loader import Scene
 
 Float64Array = NDArray[np.float64]
 Rows = NDArray[np.integer]
+LayersOf = Mapping[int, Sequence[Layer]]
 
 MOST_SAMPLES = 1 << 20
 N_SAMPLES = 64
@@ -89,8 +90,9 @@ class PathTracer:
     """One scene with its materials and lights, ready for path tracing. Safe to use from several threads."""
 
     def __init__(
-        self, scene: Scene, caster: RayCaster, layers_of: Mapping[int, Sequence[Layer]], sky: SkyState
+        self, scene: Scene, caster: RayCaster, layers_of: LayersOf, sky: SkyState, later: Sequence[LayersOf] = ()
     ) -> None:
+        """layers_of: at the first bounce; later: at the second, the third …, each also at all that follow it."""
         self._scene, self._caster = scene, caster
         self._emitters = EmitterLight(scene)
         self._sky = SkyLight(sky) if sky.environment is not None else None
@@ -98,10 +100,18 @@ class PathTracer:
             self._sky = None
         self._lights: list[PathLight] = [self._emitters] if self._emitters.emits else []
         self._lights += [self._sky] if self._sky is not None else []
-        self._scattering = {i: Scattering(layers_of.get(i, ())) for i in range(len(scene.emission))}
-        able = [s.reflects for s in self._scattering.values()]
-        self.maps = MapFactors(scene, layers_of)
-        self._reflecting = np.array([*able, False])  # the last one: -1, the background
+        stages = [layers_of, *later]
+        n_objects = len(scene.emission)
+        self._scattering = [[Scattering(each.get(i, ())) for i in range(n_objects)] for each in stages]
+        self._maps = [MapFactors(scene, each) for each in stages]
+        # The last one is -1, the background.
+        able = [any(each[i].reflects for each in self._scattering) for i in range(n_objects)]
+        self._reflecting = np.array([*able, False])
+
+    @property
+    def maps(self) -> MapFactors:
+        """The textures and weight maps at the first bounce."""
+        return self._maps[0]
 
     def follow(self, start: _Vertices, numbers: Float64Array) -> Float64Array:
         """Trace one path from each of the first vertices, with random numbers (N, bounces, 11); return the radiance
@@ -119,22 +129,27 @@ class PathTracer:
                 break
             u = numbers[path, bounce - 1]
             wo = vertices.to_local(vertices.wo)
+            stage = min(bounce, len(self._maps)) - 1
             # Next event estimation: one sample of each light, weighted by the balance heuristic.
             for i, light in enumerate(self._lights):
                 drawn = light.sample(vertices.position, u[:, N_NUMBERS + _LIGHT_NUMBERS * i :][:, :_LIGHT_NUMBERS])
-                radiance[path] += weight * self._from_light(vertices, wo, drawn)
+                radiance[path] += weight * self._from_light(stage, vertices, wo, drawn)
             # BRDF sampling extends the path and adds the light that its rays find.
-            path, vertices, weight = self._extend_paths(radiance, path, vertices, wo, weight, u, bounce < n_bounces)
+            path, vertices, weight = self._extend_paths(
+                stage, radiance, path, vertices, wo, weight, u, bounce < n_bounces
+            )
             once = radiance.copy() if bounce == 1 else once
         return np.minimum(np.stack([once, radiance], axis=1), _BRIGHTEST)
 
-    def _from_light(self, vertices: _Vertices, wo: Float64Array, drawn: LightSamples) -> Float64Array:
-        """Radiance (N, 3) from samples (N,) of a light, without the path's throughput."""
+    def _from_light(
+        self, stage: int, vertices: _Vertices, wo: Float64Array, drawn: LightSamples
+    ) -> Float64Array:  # fmt: skip
+        """Radiance (N, 3) from samples (N,) of a light, without the path's throughput; stage: whose layers reflect."""
         found = np.zeros((len(drawn.pdf), 3))
         useful = np.flatnonzero(drawn.pdf > 0.0)
         able = vertices.of(useful)
         # f cosθ, and the density of the same direction by BRDF sampling; skip samples that reflect nothing.
-        value, pdf = self._evaluate(able, able.to_local(drawn.wi[useful]), wo[useful])
+        value, pdf = self._evaluate(stage, able, able.to_local(drawn.wi[useful]), wo[useful])
         bright = value.max(axis=1, initial=0.0) > 0.0
         rows, value, pdf = useful[bright], value[bright], pdf[bright]
         # Shadow rays end just before the emitter.
@@ -148,6 +163,7 @@ class PathTracer:
 
     def _extend_paths(
         self,
+        stage: int,
         radiance: Float64Array,
         path: Rows,
         vertices: _Vertices,
@@ -159,8 +175,8 @@ class PathTracer:
         """Sample directions, add the light that they find to the radiance, and return the vertices where paths
         continue."""
         # Sample the BRDF; throughput × f cosθ / p.
-        local = self._sample(vertices.objects, u[:, :N_NUMBERS], wo)
-        value, pdf = self._evaluate(vertices, local, wo)
+        local = self._sample(stage, vertices.objects, u[:, :N_NUMBERS], wo)
+        value, pdf = self._evaluate(stage, vertices, local, wo)
         kept = np.flatnonzero((value.max(axis=1, initial=0.0) > 0.0) & (pdf > 0.0))
         path, vertices, pdf = path[kept], vertices.of(kept), pdf[kept]
         weight = np.minimum(weight[kept] * (value[kept] / pdf[:, None]), _BRIGHTEST)
@@ -182,21 +198,26 @@ class PathTracer:
         # Paths continue where rays hit reflecting surfaces.
         rows = np.flatnonzero(self._reflecting[ids]) if on else np.zeros(0, np.int64)
         frames = shading_frames(self._scene, self._caster, found, ids, rows, -directions[rows])
-        return path[rows], _vertices(ids[rows], frames, self.maps.at_path_vertices(found, ids, rows)), weight[rows]
+        maps = self._maps[min(stage + 1, len(self._maps) - 1)]
+        return path[rows], _vertices(ids[rows], frames, maps.at_path_vertices(found, ids, rows)), weight[rows]
 
-    def _evaluate(self, vertices: _Vertices, wi: Float64Array, wo: Float64Array) -> tuple[Float64Array, Float64Array]:
+    def _evaluate(
+        self, stage: int, vertices: _Vertices, wi: Float64Array, wo: Float64Array
+    ) -> tuple[Float64Array, Float64Array]:
         value, pdf = np.zeros((len(wi), 3)), np.zeros(len(wi))
         for i in np.unique(vertices.objects):
             rows = np.flatnonzero(vertices.objects == i)
-            value[rows], pdf[rows] = self._scattering[int(i)].evaluate(wi[rows], wo[rows], vertices.factors[rows])
+            value[rows], pdf[rows] = self._scattering[stage][int(i)].evaluate(
+                wi[rows], wo[rows], vertices.factors[rows]
+            )
         value[np.einsum("ni,ni->n", wi, vertices.horizon) <= 0.0] = 0.0
         return value, pdf
 
-    def _sample(self, objects: Rows, u: Float64Array, wo: Float64Array) -> Float64Array:
+    def _sample(self, stage: int, objects: Rows, u: Float64Array, wo: Float64Array) -> Float64Array:
         wi = np.empty((len(wo), 3))
         for i in np.unique(objects):
             rows = np.flatnonzero(objects == i)
-            wi[rows] = self._scattering[int(i)].sample(u[rows], wo[rows])
+            wi[rows] = self._scattering[stage][int(i)].sample(u[rows], wo[rows])
         return wi
 
 
@@ -222,16 +243,17 @@ def trace_paths(
 
 def trace_halves(
     placement: Placement,
-    layers_of: Mapping[int, Sequence[Layer]],
+    layers_of: LayersOf,
     sky: SkyState,
     n_bounces: int,
     n_samples: int,
     seed: int,
     rows: Rows,
+    later: Sequence[LayersOf] = (),
 ) -> Generator[StillProgress, None, Float64Array]:
     """The same from each half of the samples, at least two, which are independent: (2, p, 2, 3), direct light and all
-    light."""
-    sums, counts = yield from _trace(placement, layers_of, sky, n_bounces, n_samples, seed, rows)
+    light. later: other layers at later bounces, see `PathTracer`, for series of simpler materials [BenArtzi07, 5.2]."""
+    sums, counts = yield from _trace(placement, layers_of, sky, n_bounces, n_samples, seed, rows, later)
     return sums / counts[:, None, None, None]
 
 
@@ -243,6 +265,7 @@ def _trace(
     n_samples: int,
     seed: int,
     rows: Rows | None,
+    later: Sequence[LayersOf] = (),
 ) -> Generator[StillProgress, None, tuple[Float64Array, NDArray[np.integer]]]:
     """Sums (2, p, 2, 3) over both halves of the samples, as in `trace_halves`, and the number of samples in each
     (2,)."""
@@ -251,7 +274,7 @@ def _trace(
     if not 1 <= n_samples <= MOST_SAMPLES:
         raise ValueError(f"n_samples = {n_samples}, expected 1 to {MOST_SAMPLES}")
     rows = np.arange(len(placement.hits.pixel)) if rows is None else np.asarray(rows)
-    tracer = PathTracer(placement.scene, placement.caster, layers_of, sky)
+    tracer = PathTracer(placement.scene, placement.caster, layers_of, sky, later)
     seen = tracer.maps.at_primary_hits(placement.caster, placement.hits)
     sizes = _pass_sizes(n_samples)
     halves, counts = np.zeros((2, len(rows), 2, 3)), np.zeros(2, int)

@@ -21,11 +21,13 @@ from engine.core.clamping import clamp_radiance, unscaled
 from engine.core.generators import StillProgress, map_steps, run_to_end
 from engine.core.threads import n_threads, pool
 from engine.light.emitters import EmitterPatches
+from engine.material import MODELS, make_layer
 from engine.material.layer import Layer, object_of
 from engine.planner import Plan
 from engine.precompute.direct.bandstore import BandStore, BandTile
 from engine.precompute.direct.pipeline import FINAL, Placement, Quality, SkyState, final_quality
 from engine.precompute.direct.projection import LayerShape, project_layer
+from engine.precompute.indirect.albedo import equivalent_albedo
 from engine.precompute.indirect.gather import object_of_rows
 from engine.precompute.indirect.gather_polynomial import GatherPolynomial
 from engine.precompute.indirect.indirect_layers import IndirectLayer, indirect_layer
@@ -246,7 +248,7 @@ def indirect_radiance(
     """Radiance (P, 3) that reaches the camera after 2 bounces to all of the series, at the points of the hits;
     arguments: see `find_indirect`."""
     found = yield from find_indirect(placement, layers, sky, series, settings, as_needed)
-    return run_to_end(reflected_light(found, layers, series.second, placement.hits))
+    return run_to_end(reflected_light(found, layers, series.second, placement.hits, third=series.third))
 
 
 def find_indirect(
@@ -258,22 +260,26 @@ def find_indirect(
     if as_needed:
         tracing = StillProgress(0.0, "tracing gather points")
         other_light = yield from map_steps(direct_mean(placement, by_object(layers), sky), lambda step: tracing)
-    solver = Solver(placement, models_of(layers), sky, series.n_bounces, settings, series.second != 1, other_light)
-    steps = solver.solve(indirect_layers(layers, series.second))
+    solver = Solver(
+        placement, models_of(layers), sky, series.n_bounces, settings, series.second != 1, other_light,
+        thrice=series.third != 1,
+    )  # fmt: skip
+    steps = solver.solve(indirect_layers(layers, series.second, series.third))
     return (yield from map_steps(steps, lambda step: StillProgress(*step)))
 
 
 def reflected_light(
     found: IndirectLight, layers: Sequence[StillLayer], second: int | None, hits: PrimaryHits,
     polynomial: GatherPolynomial | None = None,
+    third: int | None = None,
 ) -> Generator[None, None, NDArray[np.float32]]:  # fmt: skip
-    """The same of light that was computed before, in steps; second: the most bands of the second bounce, as in
+    """The same of light that was computed before, in steps; second, third: the most bands of these bounces, as in
     `BounceSeries`; polynomial: of the same rays; caches what does not depend on curves.
 
     Layers with images are computed one by one: what they reflect varies slowly between gather points, the images do
     not.
     """
-    reflecting = indirect_layers(layers, second)
+    reflecting = indirect_layers(layers, second, third)
     found = found.without_glossy_hits() if second == 1 else found
     polynomial = GatherPolynomial(found, keeps=False) if polynomial is None else polynomial.with_light(found)
     frozen = yield from map_steps(polynomial.freeze(reflecting), lambda step: None)
@@ -306,10 +312,12 @@ def reflected_light(
     return total
 
 
-def noise_in(found: IndirectLight, layers: Sequence[StillLayer], second: int | None) -> Generator[None, None, float]:
+def noise_in(
+    found: IndirectLight, layers: Sequence[StillLayer], second: int | None, third: int | None = None
+) -> Generator[None, None, float]:
     """Noise in that light as the layers reflect it, RMS radiance, in steps; arguments: see `reflected_light`."""
     found = found.without_glossy_hits() if second == 1 else found
-    relative, mean = yield from found.noise(indirect_layers(layers, second))
+    relative, mean = yield from found.noise(indirect_layers(layers, second, third))
     return relative * mean
 
 
@@ -335,10 +343,33 @@ def models_of(layers: Sequence[StillLayer]) -> dict[int, list[str]]:
     return models
 
 
-def indirect_layers(layers: Sequence[StillLayer], second: int | None = None) -> list[IndirectLayer]:
-    """The layers in the form of the indirect light; second: the most bands of the second bounce, as in
+def indirect_layers(
+    layers: Sequence[StillLayer], second: int | None = None, third: int | None = None
+) -> list[IndirectLayer]:
+    """The layers in the form of the indirect light; second, third: the most bands of these bounces, as in
     `BounceSeries`."""
     return [
-        indirect_layer(each.i_object, each.layer, each.bands[: len(each.layer.model.factors)], second, each.mean_factor)
-        for each in layers
+        indirect_layer(each.i_object, each.layer, _bands_of(each), second, each.mean_factor, third) for each in layers
     ]
+
+
+def first_bounce_layers(layers: Sequence[StillLayer], series: BounceSeries) -> tuple[StillLayer, ...]:
+    """The layers as the first number of a series limits them, for indirect light, and for direct light unless that is
+    whole."""
+    if series.whole_direct and series.first == 1:
+        return tuple(map(_by_albedo, layers))
+    most = series.first
+    if most is None:
+        return tuple(layers)
+    return tuple(replace(each, bands=(min(each.bands[0], most), min(each.bands[1], most))) for each in layers)
+
+
+def _by_albedo(each: StillLayer) -> StillLayer:
+    """A diffuse layer that reflects as much light as a layer, under the same images [BenArtzi07, 5.2.4]."""
+    albedo = np.minimum(equivalent_albedo(each.layer, _bands_of(each)), 1.0)
+    diffuse = make_layer(MODELS["lambert"], {"albedo": tuple(albedo.tolist())})
+    return replace(each, layer=diffuse.replace(maps=each.layer.maps, name=each.layer.name), bands=(1, 1))
+
+
+def _bands_of(each: StillLayer) -> tuple[int, ...]:
+    return each.bands[: len(each.layer.model.factors)]

@@ -269,14 +269,16 @@ def photon_share(ahead, cosine, area, sample_set):
 
 class GlossyPaths(NamedTuple):
     """What `find_reflections` reads: samples and position (P, 3) of the gather points; records: their stored rays;
-    objects (C,) of the records; layers; all_lights; table: of directions about the lobe axis; area (p,), per_area (M,):
-    of photons that carry the same light, see `photon_share`."""
+    objects (C,) of the records; layers, at the second vertex, and layers_3, at the third; all_lights; table: of
+    directions about the lobe axis; area (p,), per_area (M,): of photons that carry the same light, see
+    `photon_share`."""
 
     samples: SampleArrays
     position: np.ndarray
     records: GlossyHits
     objects: np.ndarray
     layers: GlossyLayers
+    layers_3: GlossyLayers
     all_lights: SampledLights
     table: np.ndarray
     area: np.ndarray
@@ -409,8 +411,8 @@ def second_bounce_light(paths, begin, end, missing, first, out):
                     continue
                 gloss[:] = ZERO
                 d = directions[v]
-                add_gloss(paths.layers, numbers[v, 0], numbers[v, 1], d[0], d[1], d[2], d[3], d[4], d[5], factors[v],
-                          gloss)  # fmt: skip
+                layers = paths.layers_3 if v == 2 else paths.layers
+                add_gloss(layers, numbers[v, 0], numbers[v, 1], d[0], d[1], d[2], d[3], d[4], d[5], factors[v], gloss)
                 for c in range(3):
                     light = ONE if numbers[v, 2] < 0 else light_colour(paths.all_lights, numbers[v, 2], c)
                     out[n, v, c] = gloss[c] * light

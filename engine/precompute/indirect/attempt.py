@@ -117,6 +117,7 @@ class Attempt:
         points = GatherPoints(
             placement.hits, samples, scene.lobe_axes, self._sample_counts(), scene.axes, scene.second is not None,
             self._photons.photons, no_nearby_photons(len(samples.rows)),
+            thrice=scene.second is None or scene.second.thrice,
         )  # fmt: skip
         return points.with_photons(self._photons, placement.scene, placement.caster)
 

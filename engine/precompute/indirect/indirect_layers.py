@@ -55,7 +55,8 @@ class IndirectLayer:
     """A visible layer of one object. curves: towards the camera; second_curves: at the second bounce; gain: f_q (3,);
     view_curve: f_o (N, 3) at even angles from 0 to π/2; albedo (3,): equivalent albedo. f_q and albedo include the mean
     of texture and weight maps over the surface, share (3,); records have their own, see `record_maps`. slant (N_SLANTS,
-    3): relative directional albedo, see `albedo.slant_of`."""
+    3): relative directional albedo, see `albedo.slant_of`. third_curves: at the third bounce, None for those of the
+    second."""
 
     i_object: int
     curves: LayerCurves
@@ -66,12 +67,15 @@ class IndirectLayer:
     maps: LayerMaps = LayerMaps()
     share: NDArray[np.float64] = field(default_factory=lambda: np.ones(3))
     slant: NDArray[np.float64] = field(default_factory=lambda: np.ones((N_SLANTS, 3)))
+    third_curves: LayerCurves | None = None
 
 
 def indirect_layer(
-    i_object: int, layer: Layer, bands: tuple[int, ...], second: int | None = None, mean: object = None
-) -> IndirectLayer:
-    """A layer with its current curves on this many bands; at the second bounce on at most `second`.
+    i_object: int, layer: Layer, bands: tuple[int, ...], second: int | None = None, mean: object = None,
+    third: int | None = None,
+) -> IndirectLayer:  # fmt: skip
+    """A layer with its current curves on this many bands; at the second bounce on at most `second`, at the third on at
+    most `third`, None for as many as at the second.
 
     mean (3,): of its texture and weight map over the surface; None if unknown, in which case the maps are ignored.
     """
@@ -79,14 +83,19 @@ def indirect_layer(
     view = layer.model.view_factor
     angles = np.linspace(0.0, np.pi / 2, N_VIEW_SAMPLES)
     seen = np.ones((N_VIEW_SAMPLES, 3)) if view is None else layer.curve(view.name)(angles)
-    sent = tuple(n if second is None else min(n, second) for n in bands)
+    at_second = tuple(n if second is None else min(n, second) for n in bands)
     q = layer.quotient_parameters()
-    towards_camera, towards_others = (_coefficients(layer, each) for each in (bands, sent))
+    towards_camera = _coefficients(layer, bands)
     tint = tint_of(layer.model.name, tuple(q.tolist()), towards_camera, seen)
+
+    def curves(each: tuple[int, ...]) -> LayerCurves:
+        return LayerCurves(layer.model, q, _coefficients(layer, each), tint)
+
     return IndirectLayer(
-        i_object, LayerCurves(layer.model, q, towards_camera, tint), LayerCurves(layer.model, q, towards_others, tint),
-        share * layer.scale(), seen, share * equivalent_albedo(layer, bands),
+        i_object, curves(bands), curves(at_second), share * layer.scale(), seen,
+        share * equivalent_albedo(layer, bands),
         LayerMaps() if mean is None else layer.maps, share, directional_albedo(layer, bands),
+        None if third is None else curves(tuple(min(n, third) for n in at_second)),
     )  # fmt: skip
 
 

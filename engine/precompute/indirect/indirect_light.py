@@ -49,7 +49,8 @@ class GatherPoints:
     """The gather points of a picture. samples: their hemisphere samples; lobe_axes (M,) and sizes: how each object is
     sampled; axes (M, 3, 3) of the objects; glossy: whether rays were stored for the glossy second bounce; photons from
     glossy surfaces, and `landed`, those near the points; smoothing: the filter that removes noise from the reflected
-    light, None for none; lights_gloss: whether the lights reach glossy surfaces directly, and photons count."""
+    light, None for none; lights_gloss: whether the lights reach glossy surfaces directly, and photons count;
+    thrice: whether light was stored where a third glossy surface reflects it."""
 
     hits: PrimaryHits
     samples: GatherSamples
@@ -61,6 +62,7 @@ class GatherPoints:
     landed: NearbyPhotons
     smoothing: Smoothing | None = None
     lights_gloss: bool = True
+    thrice: bool = True
 
     @property
     def n_bytes(self) -> int:
@@ -104,13 +106,16 @@ class GatherPoints:
         if not self.glossy:
             return OutgoingRadiance(diffuse, None, None)
         n_objects = len(self.lobe_axes)
-        tables, inverse = glossy_tables(layers, self.lobe_axes, self.axes, reflectance), self._inverse(layers, edited)
+        second = glossy_tables(layers, self.lobe_axes, self.axes, reflectance)
+        has_third = any(each.third_curves is not None for each in layers)
+        third = glossy_tables(layers, self.lobe_axes, self.axes, reflectance, True) if has_third else second
+        inverse = self._inverse(layers, edited)
         digests, per_area = layer_digests(layers, n_objects, reflectance), self.photons.per_area
-        second = SecondBounceLight(
-            objects, outgoing_radiosity(beyond, inverse), per_area, digests, tables, all_lights, edited, inverse,
-            self.lights_gloss,
+        glossy = SecondBounceLight(
+            objects, outgoing_radiosity(beyond, inverse), per_area, digests, second, third, all_lights, edited,
+            inverse, self.lights_gloss,
         )  # fmt: skip
-        return OutgoingRadiance(diffuse, second, self.caustic_flux(layers, edited) if self.lights_gloss else None)
+        return OutgoingRadiance(diffuse, glossy, self.caustic_flux(layers, edited) if self.lights_gloss else None)
 
     def _inverse(self, layers: Sequence[IndirectLayer], edited: int) -> NDArray[np.float32]:
         """The reciprocal albedo (3,) of the edited object, 1 where none is edited."""
@@ -211,7 +216,8 @@ class IndirectLight:
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         albedos = albedos_of(layers, len(self.points.lobe_axes))
         # Glossy hits account for the direct light that glossy surfaces reflect.
-        return radiosity(self.light, albedos, self.n_bounces, reflectance, edited, self.points.glossy)
+        apart = self.points.glossy, self.points.thrice
+        return radiosity(self.light, albedos, self.n_bounces, reflectance, edited, *apart)
 
     def outgoing_radiance(
         self, layers: Sequence[IndirectLayer], edited: int = NO_OBJECT, curves: Sequence[SelectedCurve] = ()

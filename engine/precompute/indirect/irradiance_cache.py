@@ -288,7 +288,7 @@ def direct_irradiance(
 
 def radiosity(
     light: CacheLight, albedos: NDArray[np.floating], n_bounces: int, reflectance: RecordReflectance,
-    edited: int = NO_OBJECT, lit_apart: bool = False,
+    edited: int = NO_OBJECT, lit_apart: bool = False, thrice: bool = True,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:  # fmt: skip
     """Radiosity (C, D, 3) of the records in a picture of N bounces, a polynomial in the albedo of the object `edited`;
     and the same for N - 1 bounces, for light that is reflected once more on its way.
@@ -296,7 +296,7 @@ def radiosity(
     albedos (M, 3), scaled per record by `reflectance`; D = N powers, from 0 to N - 1, or 1 if no object is edited;
     N ≥ 2.
     lit_apart: whether the reflection of the lights by glossy layers is computed elsewhere. The second result then omits
-    it, and the first includes it as if it were diffuse.
+    it if that is so behind another glossy layer (thrice), and the first includes it as if it were diffuse.
     """
     n_powers = n_bounces if edited != NO_OBJECT else 1
     albedos = np.ascontiguousarray(albedos, np.float32)
@@ -308,7 +308,8 @@ def radiosity(
     once_less, before = total.copy(), np.zeros_like(total)
     if lit_apart:
         total[:, 0] = light.irradiance
-        once_less[:, 0] = reflectance.diffuse * light.irradiance
+        if thrice:
+            once_less[:, 0] = reflectance.diffuse * light.irradiance
     # E_n = G d E_(n-1), accumulated.
     for i_bounce in range(n_bounces - 2):
         brighten(latest, light.objects, albedos, reflectance.relative, edited, sent)

@@ -75,8 +75,8 @@ class SecondBounceWeights:
     def paths(self, light: SecondBounceLight) -> second_kernels.GlossyPaths:
         """The stored rays, for the kernels."""
         return second_kernels.GlossyPaths(
-            self._samples, self._position, self._records, light.objects, light.layers, light.all_lights,
-            lobe_tables(N_LOBE_RAYS), self._area, light.per_area,
+            self._samples, self._position, self._records, light.objects, light.layers, light.layers_3,
+            light.all_lights, lobe_tables(N_LOBE_RAYS), self._area, light.per_area,
         )  # fmt: skip
 
     def part(self, begin: int, end: int, light: SecondBounceLight, missing: NDArray[np.bool_]) -> kernels.SecondBounce:

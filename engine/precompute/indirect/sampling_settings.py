@@ -2,7 +2,13 @@
 
 A series has the number of bands at each bounce, counted from the camera [BenArtzi07, sect. 5.2]. 64,1,1,1 is a curve of
 64 bands, then three equivalent albedos. 64,8,1 retains eight bands at the second bounce, so that glossy surfaces
-reflect light directionally. Bounces after the second use the equivalent albedo.
+reflect light directionally, and 64,8,8,1 at the third as well, for light that three glossy surfaces reflect in turn.
+The first number holds for direct light as well; direct+16,8,1 leaves direct light whole.
+
+Bounces after the third use the equivalent albedo, and so does the third where the second surface is diffuse. Their
+light is found between irradiance records, whose few rays know no direction of what they meet; with directions, each
+record would need the stored rays and shadow rays of a gather point: 24,000 records, as many as gather points, and
+again at each freezing. It would not show: `benchmarks.series` measures by path tracing what is left.
 """
 
 from __future__ import annotations
@@ -13,6 +19,8 @@ from engine.core.errors import InsituError
 
 MOST_BOUNCES = 16
 MOST_BANDS = 512
+N_CURVED = 3  # bounces that may have bands
+_WHOLE_DIRECT = "direct+"
 # Photons of an editor. Fewer rays that are asked for leave as many.
 LEAST_PHOTONS = 1 << 19
 
@@ -62,30 +70,41 @@ STILL = SamplingSettings("still", 1024, 1, 1024, 1 << 22, 16000, 64, 128, True, 
 
 @dataclass(frozen=True)
 class BounceSeries:
-    """n_bounces ≥ 1 in all; first, second: the largest number of bands of a curve there, None for its own number."""
+    """n_bounces ≥ 1 in all; first, second, third: the largest number of bands of a curve there, None for its own
+    number, or at the third for that of the second; 1 for the equivalent albedo at the second and third. whole_direct:
+    direct light has all bands, and a first number of 1 is an equivalent albedo, too."""
 
     n_bounces: int
     first: int | None = None
     second: int | None = None
+    third: int | None = None
+    whole_direct: bool = False
 
     def __str__(self) -> str:
-        bands = [str(n or "J") for n in (self.first, self.second)] + ["1"] * self.n_bounces
-        return ",".join(bands[: self.n_bounces])
+        bands = [str(n or "J") for n in (self.first, self.second, self.third or self.second)] + ["1"] * self.n_bounces
+        return ("direct+" if self.whole_direct else "") + ",".join(bands[: self.n_bounces])
 
 
 def parse_series(text: str) -> BounceSeries:
-    """The series of a text such as "64,8,1". Raises InsituError with the expected form."""
+    """The series of a text such as "64,8,1" or "direct+1,1,1". Direct light by an equivalent albedo would be without
+    shape, so that a first number of 1 leaves it whole, with or without "direct+" [BenArtzi07, fig. 5.6]. Raises
+    InsituError with the expected form."""
     try:
-        numbers = [int(part) for part in text.split(",")]
+        numbers = [int(part) for part in text.removeprefix(_WHOLE_DIRECT).split(",")]
     except ValueError:
-        raise _refused(text, "numbers with commas between them, such as 64,8,1") from None
+        raise _refused(text, "numbers with commas between them, such as 64,8,1 or direct+1,1,1") from None
+    curves = numbers[:N_CURVED]
     if len(numbers) > MOST_BOUNCES:
         raise _refused(text, f"at most {MOST_BOUNCES} bounces")
-    if any(not 1 <= number <= MOST_BANDS or number & (number - 1) for number in numbers[:2]):
-        raise _refused(text, f"powers of two up to {MOST_BANDS} at the first and second bounce")
-    if any(number != 1 for number in numbers[2:]):
-        raise _refused(text, "1 at every bounce after the second")
-    return BounceSeries(len(numbers), numbers[0], numbers[1] if len(numbers) > 1 else None)
+    if any(not 1 <= number <= MOST_BANDS or number & (number - 1) for number in curves):
+        raise _refused(text, f"powers of two up to {MOST_BANDS} at the first three bounces")
+    if any(number != 1 for number in numbers[N_CURVED:]):
+        raise _refused(text, "1 at every bounce after the third, where light goes by equivalent albedos")
+    if curves != sorted(curves, reverse=True):
+        raise _refused(text, "no more bands at a bounce than at the one before")
+    whole_direct = text.startswith(_WHOLE_DIRECT) or numbers[0] == 1
+    first, second, third = (*curves, None, None)[:N_CURVED]
+    return BounceSeries(len(numbers), first, second, third, whole_direct)
 
 
 def _refused(text: str, expected: str) -> InsituError:

@@ -163,15 +163,16 @@ class _LightChooser:
 class SecondBounceLight:
     """The light that glossy surfaces reflect under certain curves. objects (C,) of the records; radiosity (2, C, D, 4):
     as it lights others, and as the edited object reflects it on; per_area (M,): photons emitted per square metre;
-    digests (M): differ if an object's surface reflects differently; layers, all_lights: tables of them; edited:
-    the edited object; inverse (3,): the reciprocal of its albedo; is_lit: whether the lights reach glossy surfaces
-    directly."""
+    digests (M): differ if an object's surface reflects differently; layers, layers_3, all_lights: tables of them, at
+    the second and third bounce; edited: the edited object; inverse (3,): the reciprocal of its albedo; is_lit: whether
+    the lights reach glossy surfaces directly."""
 
     objects: NDArray[np.int32]
     radiosity: NDArray[np.float32]
     per_area: NDArray[np.float32]
     digests: tuple[bytes, ...]
     layers: GlossyLayers
+    layers_3: GlossyLayers
     all_lights: kernels.SampledLights
     edited: int
     inverse: NDArray[np.float32]
@@ -185,26 +186,27 @@ def glossy_order(layers: Sequence[IndirectLayer]) -> list[int]:
 
 def glossy_tables(
     layers: Sequence[IndirectLayer], lobe_axes: NDArray[np.int64], axes: NDArray[np.float32],
-    reflectance: RecordReflectance | None = None,
+    reflectance: RecordReflectance | None = None, at_third: bool = False,
 ) -> GlossyLayers:  # fmt: skip
-    """Tables of the glossy layers, ordered by object. reflectance: of the records under these layers, None to
-    use the means of texture maps."""
+    """Tables of the glossy layers at the second bounce, or at the third, ordered by object. reflectance: of the records
+    under these layers, None to use the means of texture maps."""
     glossy = glossy_order(layers)
     chosen = [layers[i] for i in glossy]
     image = np.array([-1 if reflectance is None else reflectance.image[i] for i in glossy], np.int64)
     texels = np.zeros((0, 0, 3), np.float32) if reflectance is None else reflectance.texels
     first = np.searchsorted([each.i_object for each in chosen], np.arange(len(lobe_axes) + 1))
-    curves = [[np.asarray(curve, np.float32) for curve in each.second_curves.curves] for each in chosen]
+    reflecting = [at_third and each.third_curves or each.second_curves for each in chosen]
+    curves = [[np.asarray(curve, np.float32) for curve in each.curves] for each in reflecting]
     none = np.zeros((0, 3), np.float32)
     lengths = np.array([[len(curve) for curve in (*pair, none)[:2]] for pair in curves], np.int64).reshape(-1, 2)
     begins = np.cumsum([0, *lengths.ravel()])[:-1].reshape(-1, 2)
-    factors = [each.second_curves.model.factors for each in chosen]
+    factors = [each.model.factors for each in reflecting]
     return GlossyLayers(
         first.astype(np.int64),
-        np.array([each.second_curves.model.number for each in chosen], np.int64),
+        np.array([each.model.number for each in reflecting], np.int64),
         np.array([pair[0].gamma for pair in factors], np.int64),
         np.array([pair[1].gamma if len(pair) > 1 else -1 for pair in factors], np.int64),
-        np.array([each.second_curves.bound_parameters for each in chosen], float).reshape(-1,
+        np.array([each.bound_parameters for each in reflecting], float).reshape(-1,
         kinds.N_QUOTIENT_PARAMETERS),
         np.concatenate([none, *(curve for pair in curves for curve in pair)]),
         begins[:, 0].copy(), lengths[:, 0].copy(), begins[:, 1].copy(), lengths[:, 1].copy(),
@@ -222,6 +224,7 @@ def layer_digests(layers: Sequence[IndirectLayer], n_objects: int, reflectance: 
         arrays = (
             each.second_curves.quotient_parameters,
             *each.second_curves.curves,
+            *(each.third_curves.curves if each.third_curves else ()),
             each.gain * each.second_curves.tint,
             each.view_curve,
         )

@@ -89,14 +89,14 @@ class Solver:
     def __init__(
         self, placement: Placement, models: Mapping[int, Sequence[str]], sky: SkyState, n_bounces: int,
         settings: SamplingSettings = FINE, glossy: bool = True, other_light: float | None = None,
-        trial: Trial | None = None,
+        trial: Trial | None = None, thrice: bool = True,
     ) -> None:  # fmt: skip
         """models: names of the models of every object's layers, by the object's index; n_bounces ≥ 2.
 
         glossy: whether the second bounce off glossy surfaces depends on direction; otherwise it uses the equivalent
         albedo, as all further bounces do. other_light: mean radiance of the rest of the picture, relative to which
         noise is visible. With it the solver takes no more rays than required; with None it takes all. trial: None to
-        solve for the whole picture.
+        solve for the whole picture. thrice: whether light that three glossy surfaces reflect in turn does, too.
         """
         self._most, self._other_light, self._trial = settings, other_light, trial
         if trial is not None:
@@ -109,7 +109,7 @@ class Solver:
             self._most, n_record_rays=settings.n_record_rays // 4, n_samples=settings.n_samples // 4
         )  # fmt: skip
         self._ray_budget = RayBudget(settings.n_rays, settings.n_rays)
-        self._scene = _sampled_scene(placement, models, sky, n_bounces, self._most, glossy)
+        self._scene = _sampled_scene(placement, models, sky, n_bounces, self._most, glossy, thrice)
         self.stopwatch = Stopwatch()
         self.lattice: Lattice | None = None
         self.n_rays_traced = 0
@@ -279,7 +279,7 @@ class Solver:
 
 def _sampled_scene(
     placement: Placement, models: Mapping[int, Sequence[str]], sky: SkyState, n_bounces: int,
-    settings: SamplingSettings, glossy: bool,
+    settings: SamplingSettings, glossy: bool, thrice: bool,
 ) -> SampledScene:  # fmt: skip
     """How the scene is sampled, see `Solver`."""
     n_objects = len(placement.hits.object_ranges)
@@ -291,7 +291,7 @@ def _sampled_scene(
     if glossy:
         second = SecondBounceTracer(
             glossy_objects, lobe_axes, axes, placement.scene.tangent_rotations, emission.all_lights,
-            settings.n_glossy_hits, n_bounces > 2,
+            settings.n_glossy_hits, thrice and n_bounces > 2,
         )  # fmt: skip
     return SampledScene(placement, lobe_axes, axes, emission, second, n_bounces)
 

@@ -85,7 +85,11 @@ def test_wrong_usage_is_status_2_and_one_line(words: list[str], said: str, capsy
         (["render", "SCENE", "-o", "OUT/a.exr", "--bounces", "3", "--series", "64,1"], "as many bounces in both"),
         (["render", "SCENE", "-o", "OUT/a.exr", "--series", "64,one"], "--series 64,one: expected numbers"),
         (["render", "SCENE", "-o", "OUT/a.exr", "--series", "48,1"], "expected powers of two"),
-        (["render", "SCENE", "-o", "OUT/a.exr", "--series", "64,8,2"], "expected 1 at every bounce after the second"),
+        (["render", "SCENE", "-o", "OUT/a.exr", "--series", "64,8,8,2"], "expected 1 at every bounce after the third"),
+        (
+            ["render", "SCENE", "-o", "OUT/a.exr", "--series", "8,16"],
+            "no more bands at a bounce than at the one before",
+        ),
         (["render", "SCENE", "-o", "OUT/a.exr", "--set", "ball"], "path=value"),
         (["render", "SCENE", "-o", "OUT/a.exr", "--set", "ball.7.albedo=1"], "0 (chalk)"),
         (["render", "SCENE", "-o", "OUT/a.exr", "--set", "ball.0.albedo=red"], "albedo"),

@@ -18,7 +18,7 @@ from engine.precompute.direct.pipeline import Placement, SkyState
 from engine.reference.integrator import integrate_direct
 from engine.reference.path_lights import EmitterLight, SkyLight
 from engine.reference.path_lobes import Scattering
-from engine.reference.path_tracer import PathEstimate, noise_of_halves, trace_paths
+from engine.reference.path_tracer import PathEstimate, noise_of_halves, trace_halves, trace_paths
 from engine.render.still import render_paths
 from engine.scene.scene_loader import load_scene
 from tests.chi_square import p_of_directions
@@ -138,6 +138,18 @@ def test_a_hollow_ball_is_a_furnace(tmp_path: Path, albedo: float, n_bounces: in
     area = np.linalg.norm(np.cross(edges[mine, 1] - edges[mine, 0], edges[mine, 2] - edges[mine, 0]), axis=1).sum() / 2
     expected = 100 * 0.0016 / area * sum(albedo**n for n in range(2, n_bounces + 1))
     assert (often.radiance - once.radiance).mean() == pytest.approx(expected, rel=0.01)
+
+
+def test_each_bounce_has_its_own_materials(tmp_path: Path) -> None:
+    # As above with the albedos 0.9, 0.5 and from the third bounce on 0.3: 0.9 · 0.5 + 0.9 · 0.5 · (0.3 + 0.3^2).
+    placement = place(tmp_path, HOLLOW, camera((0, -0.1, 0.2), 60, (8, 8), (1, -0.5, 0)))
+    rows, (first, *later) = np.arange(len(placement.hits.pixel)), [{0: [lambert(albedo)]} for albedo in (0.9, 0.5, 0.3)]
+    halves = run_to_end(trace_halves(placement, first, SkyState(None), 4, 256, 0, rows, later))
+    edges = placement.scene.vertices[placement.scene.triangles].astype(np.float64)
+    mine = placement.scene.object_of_triangle == 0
+    area = np.linalg.norm(np.cross(edges[mine, 1] - edges[mine, 0], edges[mine, 2] - edges[mine, 0]), axis=1).sum() / 2
+    expected = 100 * 0.0016 / area * (0.9 * 0.5 + 0.9 * 0.5 * (0.3 + 0.3**2))
+    assert (halves[:, :, 1] - halves[:, :, 0]).mean() == pytest.approx(expected, rel=0.01)
 
 
 def test_any_albedo_stays_finite(tmp_path: Path) -> None:
