@@ -5,10 +5,11 @@ A series has the number of bands at each bounce, counted from the camera [BenArt
 reflect light directionally, and 64,8,8,1 at the third as well, for light that three glossy surfaces reflect in turn.
 The first number holds for direct light as well; direct+16,8,1 leaves direct light whole.
 
-Bounces after the third use the equivalent albedo, and so does the third where the second surface is diffuse. Their
-light is found between irradiance records, whose few rays know no direction of what they meet; with directions, each
-record would need the stored rays and shadow rays of a gather point: 24,000 records, as many as gather points, and
-again at each freezing. It would not show: `benchmarks.series` measures by path tracing what is left.
+Bounces after the third use the equivalent albedo, and so does the third where the second surface is diffuse: their
+light is found between irradiance records, whose few rays know no direction of what they meet. With directions each of
+24,000 records, as many as there are gather points, would need stored rays and shadow rays of its own, summed anew at
+each freezing. In the built-in scenes little is lost (`benchmarks.series`); where caustics are seen in a mirror, they
+have the light of an albedo. Photons that are counted by record would find those.
 """
 
 from __future__ import annotations
