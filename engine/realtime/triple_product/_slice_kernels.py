@@ -44,13 +44,15 @@ class Tables(NamedTuple):
 
 class Cell(NamedTuple):
     """The four slices around an outgoing direction: the symmetry that maps the direction into the stored range, row and
-    column of the first slice, and the position between them, down and across, 0 to 1."""
+    column of the first slice, and the position between them, down and across, 0 to 1; n_values: numbers of a slice in
+    `Tables.values`, divided once here and not for each peak."""
 
     symmetry: int
     row: int
     column: int
     down: np.float32
     across: np.float32
+    n_values: int
 
 
 class Corners(NamedTuple):
@@ -106,7 +108,8 @@ def cell_at(x: float, y: float, z: float, t: Tables) -> Cell:
     # The position between columns.
     place = azimuth / whole * (t.n_columns - 1)
     column = min(int(place), t.n_columns - 2)
-    return Cell(symmetry, row, column, np.float32(polar - row), np.float32(place - column))
+    n_values = len(t.values) // (t.n_polar * t.n_columns)
+    return Cell(symmetry, row, column, np.float32(polar - row), np.float32(place - column), n_values)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
@@ -143,9 +146,9 @@ def reflect(cell: Cell, number: NDArray[np.int16], value: Float32Array, n: int, 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST, inline="always")
 def corners_at(cell: Cell, place: int, t: Tables) -> Corners:
     """Offsets of a cell's slices in `Tables.values` for an upper triangle."""
-    size = len(t.values) // (t.n_polar * t.n_columns) // 3
-    first = np.uint64(((cell.row * t.n_columns + cell.column) * size + t.places[cell.symmetry, place]) * 3)
-    across, down = np.uint64(3 * size), np.uint64(3 * size * t.n_columns)
+    row = cell.row * t.n_columns + cell.column
+    first = np.uint64(row * cell.n_values + 3 * t.places[cell.symmetry, place])
+    across, down = np.uint64(cell.n_values), np.uint64(cell.n_values * t.n_columns)
     return Corners(first, first + across, first + down, first + across + down)
 
 
