@@ -38,6 +38,7 @@ from engine.realtime.zonal_harmonics.gpu_export import PictureExporter
 from engine.realtime.zonal_harmonics.neighbours import (
     LightPaths,
     added_light,
+    lamp_samples,
     local_light,
     sky_powers,
     trace_light_paths,
@@ -61,6 +62,7 @@ from engine.realtime.zonal_harmonics.picture_renderer import (
     shade_own_light,
 )
 from engine.realtime.zonal_harmonics.pose import Poses
+from engine.realtime.zonal_harmonics.posed_shadows import Lamp
 from engine.realtime.zonal_harmonics.shading import BandLight, Lobes, band_light, low_gloss, unshadowed_points
 from engine.realtime.zonal_harmonics.surface_details import Detail, detail
 from engine.realtime.zonal_harmonics.transfer import N_RAYS
@@ -463,7 +465,8 @@ class Deform:
         white = np.maximum(white, np.float32(0.0))
         self._lights = lit.lights
         self._added = added_light(paths, self._sent(white), emission).astype(np.float32)
-        return replace(lit, added=self._added)
+        lamps = tuple(Lamp(*lamp_samples(self.scene, i), emission[i]) for i in paths.emitters)
+        return replace(lit, added=self._added, lamps=lamps)
 
     def _sent(self, white: Float32Array, of: NDArray[np.int64] | slice = slice(None)) -> Float64Array:
         """Radiance (S, 3) that points reflect, of white ones' (S, 3): of these, or of all; 0 where light is reflected

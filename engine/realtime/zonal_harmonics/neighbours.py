@@ -34,7 +34,7 @@ Int32Array = NDArray[np.int32]
 N_BOUNCE_RAYS = 256  # from each point at rest
 N_LAMP_SAMPLES = 32  # on each lamp, as many strata of its area
 PROBE_LEVEL = 5  # of the sphere's triangles, around each object that has light of its own
-_SHORTENED = 1.0 - 1e-3  # of rays to lamps, which must not meet these themselves
+SHORTENED = 1.0 - 1e-3  # of rays to lamps, which must not meet these themselves
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,7 +195,7 @@ def _lamp_light(
     found = np.zeros((len(places), len(lamps)))
     for k, lamp in enumerate(lamps):
         for place, normal, area in zip(*lamp, strict=True):
-            directions, factor = _towards(places, place, normal, area)
+            directions, factor = towards_lamp(places, place, normal, area)
             cosine = np.einsum("pc,pc->p", directions, normals)
             factor *= np.maximum(cosine, 0.0) / np.pi
             lit = np.flatnonzero(factor > 0.0)
@@ -203,7 +203,7 @@ def _lamp_light(
     return found
 
 
-def _towards(
+def towards_lamp(
     places: Float64Array, place: Float64Array, normal: Float64Array, area: float
 ) -> tuple[Float64Array, Float64Array]:
     """Directions (P, 3) to a sample of a lamp, and the solid angle of its front there (P,)."""
@@ -218,7 +218,7 @@ def _towards(
 def _blocked(caster: RayCaster, places: Float64Array, place: Float64Array) -> NDArray[np.bool_]:
     """Whether something lies between places (P, 3) and one of a lamp."""
     to = (place - places).astype(np.float32)
-    return caster.occluded(places.astype(np.float32), to, np.full(len(to), _SHORTENED, np.float32))
+    return caster.occluded(places.astype(np.float32), to, np.full(len(to), SHORTENED, np.float32))
 
 
 def _probe(
@@ -240,7 +240,7 @@ def _probe(
     of_lamps = np.zeros((len(lamps), order * order))
     for k, lamp in enumerate(lamps):
         for place, normal, area in zip(*lamp, strict=True):
-            towards, angle = _towards(middle[None], place, normal, area)
+            towards, angle = towards_lamp(middle[None], place, normal, area)
             if angle[0] > 0.0 and not _blocked(points.caster(others), middle[None], place)[0]:
                 of_lamps[k] += angle[0] * basis(towards[0], order)
     return Probe(_joined(points, [(is_met.astype(np.int64), *hits)]), ~is_hit, of_lamps)

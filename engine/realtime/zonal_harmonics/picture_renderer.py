@@ -20,6 +20,7 @@ from engine.realtime.zonal_harmonics.bending_points import BendingPoints, PosedP
 from engine.realtime.zonal_harmonics.gloss_rows import GlossBasis, add_gloss_rows
 from engine.realtime.zonal_harmonics.gloss_transfer import LayerGloss
 from engine.realtime.zonal_harmonics.pose import Poses
+from engine.realtime.zonal_harmonics.posed_shadows import Lamp, blocked_light
 from engine.realtime.zonal_harmonics.shading import (
     BandLight,
     Blockers,
@@ -53,8 +54,8 @@ class ShadingState:
     fit, details of the objects that have any; casters: for each object the other bending objects whose shadows its
     transfer does not contain. lights: of the objects, by index, that have other light than the sky's `bands`; added
     (S, 3): radiance of white points by neighbours and lamps (`engine.realtime.zonal_harmonics.neighbours`), None for
-    none. gloss: how glossy layers, by object, are drawn; the others are one lobe each. version: differs for different
-    pictures."""
+    none; lamps: those whose light is part of it. gloss: how glossy layers, by object, are drawn; the others are one
+    lobe each. version: differs for different pictures."""
 
     version: int
     scene: Scene
@@ -68,6 +69,7 @@ class ShadingState:
     lights: Mapping[int, BandLight] = field(default_factory=dict)
     added: Float32Array | None = None
     gloss: Mapping[tuple[int, Layer], LayerGloss] = field(default_factory=dict)
+    lamps: tuple[Lamp, ...] = ()
 
     @property
     def casting_objects(self) -> list[int]:
@@ -212,7 +214,7 @@ class PictureRenderer:
             2 if quality == "rest" else 1,
         )
         places, frames = self.posed.at(poses)
-        white, own = self._shade_points(of, poses, places, frames, turned)
+        white, own = self._shade_points(of, poses, places, frames, turned, quality)
         gloss = self._gloss(of, places, frames, camera_position, white, own)
         drawn = draw(points.surface, places, camera, camera_position, (resolution[0] * fine, resolution[1] * fine))
         picture = paint(drawn, points.surface, white, gloss, of.albedos, of.scene.emission, of.backdrop)
@@ -237,20 +239,25 @@ class PictureRenderer:
         return picture
 
     def _shade_points(
-        self, of: ShadingState, poses: Poses, places: Float32Array, frames: Float32Array, turned: bool
-    ) -> tuple[Float32Array, Float32Array]:
+        self, of: ShadingState, poses: Poses, places: Float32Array, frames: Float32Array, turned: bool,
+        quality: Quality,
+    ) -> tuple[Float32Array, Float32Array]:  # fmt: skip
         """Radiance of white Lambertian points (S, 3): with the shadows and the light that transfer does not contain,
-        and without."""
-        made_of = (poses, turned, of.lobes, of.bands, of.casters, of.lights)
+        and without. Shadows are those of clusters while objects move, and found by rays at rest."""
+        made_of = (poses, turned, quality, of.lobes, of.bands, of.casters, of.lights)
         if self._white[0] != made_of or self._added is not of.added:
             turns = frames if turned else self._points.rest_frames_of_drawn
             own = shade_objects(of, self._points, turns)
             white = own.copy()
-            rows, normals = self.blockers.rows(of.casting_objects), np.ascontiguousarray(frames[:, 2])
-            add_shadows(rows, of.casts, self._points, places, normals, of.bands, white)
+            objects, normals = of.casting_objects, np.ascontiguousarray(frames[:, 2])
+            if quality == "rest":
+                lack = blocked_light(self._points, of.light, of.lamps, of.lights, of.casts, objects, places, normals)
+                white = np.maximum(white - lack[0], np.float32(0.0)) - lack[1]
+            else:
+                add_shadows(self.blockers.rows(objects), of.casts, self._points, places, normals, of.bands, white)
             if of.added is not None:
                 white += of.added
-            self._white, self._added = (made_of, white, own), of.added
+            self._white, self._added = (made_of, np.maximum(white, np.float32(0.0)), own), of.added
         return self._white[1:]
 
     def shade_at_rest(self, of: ShadingState) -> Float32Array:

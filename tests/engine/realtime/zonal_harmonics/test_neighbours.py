@@ -27,9 +27,16 @@ LEAF = placed("leaf", "quad", facing_down(0.2, (0, 1.0, 0)))
 LAMP = "emission = [5, 4, 3]\n"
 
 
-def made(folder: Path, text: str, sky: SkyState = WHITE_SKY, bends: tuple[str, ...] = (), n_bounces: int = 2) -> Deform:
+def made(
+    folder: Path,
+    text: str,
+    sky: SkyState = WHITE_SKY,
+    bends: tuple[str, ...] = (),
+    n_bounces: int = 2,
+    n_points: int = 300,
+) -> Deform:
     (folder / "scene.toml").write_text(ABOVE + environment() + text)
-    deform = Deform(load_scene(folder / "scene.toml"), n_points=300, n_rays=500)
+    deform = Deform(load_scene(folder / "scene.toml"), n_points=n_points, n_rays=500)
     deform.set_light(sky)
     deform.set_layers(dict.fromkeys(np.flatnonzero(deform.scene.reflecting).tolist(), (GREY,)))
     deform.set_bending(bends)
