@@ -71,12 +71,13 @@ class Table:
     bound: dict[float, NDArray[np.float32]] = field(default_factory=dict)
 
     def curves(self, smoothing: float) -> NDArray[np.float32]:
-        """The factors in the kernels' form."""
+        """The factors in the kernels' form: one array for ever, whichever of several threads makes it first."""
         if smoothing not in self.bound:
             there = self.measurement
             curves = [there.nodes(name, smoothing) for name in CURVES]
             joined = np.concatenate([np.ravel(there.strengths), *(curve.ravel() for curve in curves)])
-            self.bound[smoothing] = joined.astype(np.float32)
+            # `setdefault` replaces nothing: another thread's kernels may read what is there by its address.
+            self.bound.setdefault(smoothing, joined.astype(np.float32))
         return self.bound[smoothing]
 
     def evaluate(self, wi: NDArray[np.float64], wo: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -3,6 +3,7 @@
 import pickle
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from threading import Barrier, Thread
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from engine.material.kinds import CHANNEL
 from engine.material.layer import Layer, evaluate_by_curves
 from engine.measured import tables
 from engine.measured.fit import fit_factors
-from engine.measured.measurement import Measurement, above_horizon, evaluate_table, node_angles
+from engine.measured.measurement import CURVES, Measurement, above_horizon, evaluate_table, node_angles
 from engine.measured.tables import read_measurement, table_of
 from engine.planner import plan_scene
 from engine.precompute.direct._angle_kernels import tint
@@ -192,6 +193,24 @@ def test_what_was_forged_is_made_again(
             with pytest.raises(LookupError, match="made again"):
                 run_to_end(read_measurement(merl_file, store))
             assert store.n_refused == 1, what
+
+
+def test_threads_share_the_factors_that_kernels_read(measurement: Measurement, monkeypatch: pytest.MonkeyPatch) -> None:
+    # Two threads find nothing made yet, and make it at once: what the first one's kernels read is not freed.
+    table, barrier, nodes, found = table_of(measurement.number), Barrier(2), Measurement.nodes, []
+
+    def slow_nodes(self: Measurement, name: str, smoothing: float = 0.0) -> np.ndarray:
+        if name == CURVES[0]:
+            barrier.wait(10.0)
+        return nodes(self, name, smoothing)
+
+    monkeypatch.setattr(Measurement, "nodes", slow_nodes)
+    threads = [Thread(target=lambda: found.append(table.curves(0.321))) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(found) == 2 and found[0] is found[1] is table.curves(0.321)
 
 
 def bunny_under_galileo(tmp_path: Path, layers: list[Layer], data: Path, size: int) -> tuple[np.ndarray, np.ndarray]:
