@@ -1,11 +1,19 @@
 """Compiled part of `posed_shadows`. It does not validate."""
 
-import numba as nb
+from __future__ import annotations
+
 import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Float32Array = NDArray[np.float32]
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def mark_near(places, normals, towards, centre, square_radius, start, stop, near):
+@njit(cache=True, nogil=True, error_model="numpy")
+def mark_near(
+    places: Float32Array, normals: Float32Array, towards: Float32Array, centre: Float32Array,
+    square_radius: np.float32, start: int, stop: int, near: NDArray[np.bool_],
+) -> None:  # fmt: skip
     """Mark in near (B, L) the lights (L,) above the horizon of points start to stop whose rays pass a sphere.
 
     The distance of a ray from the centre is |c|² - (c · ω)², where c leads from the point to the centre.
