@@ -20,6 +20,7 @@ from app.measure.subject import at_most, open_subject
 from app.project.project import Project, open_project
 from app.stills.stills import deform_only_objects, prepared_deform, prepared_orbit, render_picture
 from app.system.kernel_cache import use_kernel_cache
+from engine.precompute.indirect.sampling_settings import BounceSeries
 from engine.realtime.zonal_harmonics.deform_engine import finish_deform
 from engine.realtime.zonal_harmonics.pose import Deformation, Poses
 from engine.realtime.zonal_harmonics.posed_scene import pose_scene
@@ -33,21 +34,30 @@ BENT: Poses = (("teapot", (Deformation("bend", 25.0),)),)
 
 @dataclass(frozen=True)
 class Case:
-    """A scene in Orbit or in Deform, there at a time of its animations or in a pose."""
+    """A scene in Orbit or in Deform, there at a time of its animations or in a pose; n_bounces: None for as many as
+    the scene says."""
 
     source: str
     mode: str
     time: float = 0.0
     poses: Poses = ()
+    n_bounces: int | None = None
+
+    @property
+    def series(self) -> BounceSeries | None:
+        return None if self.n_bounces is None else BounceSeries(self.n_bounces)
 
     @property
     def name(self) -> str:
+        if self.n_bounces is not None:
+            return f"{self.source}, {self.n_bounces} bounce{'s' * (self.n_bounces > 1)}"
         return f"{self.source}, bent" if self.poses else f"{self.source}, {self.time:g} s" if self.time else self.source
 
 
 CASES = (
-    Case("room", "orbit"), Case("storeroom", "orbit"), Case("mime", "deform"), Case("mime", "deform", 0.4),
-    Case("bat", "deform", 0.4), Case("teatray", "deform", 0.0, BENT),
+    *(Case(name, "orbit", n_bounces=n) for name in ("room", "storeroom") for n in (1, 4)),
+    Case("mime", "deform"), Case("mime", "deform", 0.4), Case("bat", "deform", 0.4),
+    Case("teatray", "deform", 0.0, BENT),
 )  # fmt: skip
 
 
@@ -64,8 +74,11 @@ class Change:
 def measure(case: Case, side: int = SIDE) -> Change:
     """The change of one case in a picture of at most `side` pixels."""
     project = open_project(case.source, at_most(open_subject(case.source).scene.resolution, side))
-    drawn, posed = _orbit(project) if case.mode == "orbit" else _deform(project, case)
-    shown, taken = (display_picture(each).astype(float) for each in (drawn, render_picture(posed, lambda step: None)))
+    drawn, posed = _orbit(project, case) if case.mode == "orbit" else _deform(project, case)
+    shown, taken = (
+        display_picture(each).astype(float)
+        for each in (drawn, render_picture(posed, lambda step: None, series=case.series))
+    )
     off = np.abs(shown - taken).mean(axis=2)
     hits = trace_primary(posed.scene, RayCaster(posed.scene.vertices, posed.scene.triangles))
     names = posed.scene.object_names
@@ -78,8 +91,8 @@ def measure(case: Case, side: int = SIDE) -> Change:
     return Change(case, float(off[counts].mean()), _worst_block(np.where(counts, off, 0.0)), objects)
 
 
-def _orbit(project: Project) -> tuple[NDArray[np.float32], Project]:
-    orbit, scene = prepared_orbit(project), project.scene
+def _orbit(project: Project, case: Case) -> tuple[NDArray[np.float32], Project]:
+    orbit, scene = prepared_orbit(project, case.series), project.scene
     for _ in range(2):  # once more for the backs that the first picture sees
         for _step in orbit.work():
             pass
@@ -89,7 +102,7 @@ def _orbit(project: Project) -> tuple[NDArray[np.float32], Project]:
 
 def _deform(project: Project, case: Case) -> tuple[NDArray[np.float32], Project]:
     poses = case.poses or (SetTime(case.time).apply(project.document).poses if case.time else ())
-    deform = finish_deform(prepared_deform(project, project.resting, [name for name, _ in poses]))
+    deform = finish_deform(prepared_deform(project, project.resting, [name for name, _ in poses], case.series))
     scene = project.resting
     drawn = deform.draw(scene.description.camera, scene.resolution, poses, "rest")
     return drawn, replace(project, scene=pose_scene(scene, poses))

@@ -13,7 +13,10 @@ from tests.scene_text import LAMBERT, camera, environment, facing_up, placed, sc
 
 
 def test_cases_say_what_they_are_of() -> None:
-    assert [each.name for each in CASES] == ["room", "storeroom", "mime", "mime, 0.4 s", "bat, 0.4 s", "teatray, bent"]
+    assert [each.name for each in CASES] == [
+        *("room, 1 bounce", "room, 4 bounces", "storeroom, 1 bounce", "storeroom, 4 bounces"),
+        *("mime", "mime, 0.4 s", "bat, 0.4 s", "teatray, bent"),
+    ]
 
 
 def test_the_worst_block_is_found() -> None:
