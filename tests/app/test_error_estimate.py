@@ -134,7 +134,7 @@ def drawn_by_orbit(project: Project) -> Picture:
     orbit.set_bounces(1)
     for _ in orbit.work():
         pass
-    return orbit.draw(project.scene.description.camera, project.scene.resolution)
+    return orbit.draw(project.scene.description.camera, project.scene.resolution, "moving")
 
 
 def drawn_by_deform(project: Project) -> Picture:

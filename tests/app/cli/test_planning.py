@@ -67,7 +67,7 @@ def rendered(source: str, monkeypatch: pytest.MonkeyPatch) -> int:
         found.append(series.n_bounces)
         yield None
 
-    def dark(light: Any, layers: Any, second: Any, hits: Any) -> Any:
+    def dark(light: Any, layers: Any, second: Any, hits: Any, third: Any) -> Any:
         yield None
         return np.zeros((len(hits.pixel), 3))
 
