@@ -129,8 +129,7 @@ def _ray_triangles(n_rays: int) -> tuple[NDArray[np.int16], Float32Array]:
     half, directions = hemisphere(), cosine_tables(n_rays)
     places = np.empty(directions.shape[:2], np.int16)
     for k, pattern in enumerate(directions.astype(np.float64)):
-        for r, (x, z, y) in enumerate(
-            pattern.tolist()
-        ):  # the third axis of patterns is the normal, of frames the second
+        # The third axis of patterns is the normal, of frames the second.
+        for r, (x, z, y) in enumerate(pattern.tolist()):
             places[k, r] = child_at(x, y, z, half.children) >> 2
     return places, (np.pi / n_rays / half.cosine).astype(np.float32)
