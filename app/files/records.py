@@ -204,9 +204,10 @@ def _type_of(setting: Setting) -> Any:
     """The type of a setting's values in a session."""
     if isinstance(setting.values, range):
         least, most = setting.bounds
-        return Annotated[int, Field(ge=least, le=most, strict=True)]
-    values = tuple(value for value in (*setting.as_required, *setting.values) if value is not None)
-    return Literal[values] | None if None in setting.as_required else Literal[values]  # type: ignore[valid-type]
+        kind: Any = Annotated[int, Field(ge=least, le=most, strict=True)]
+    else:
+        kind = Literal[tuple(value for value in (*setting.as_required, *setting.values) if value is not None)]
+    return kind | None if None in setting.as_required else kind
 
 
 # The render settings that are saved with a view, and a model that has them all.

@@ -70,7 +70,7 @@ def test_deforms_plan_tells_how_each_glossy_layer_is_drawn_and_what_it_takes(win
     assert [(line.group, line.value) for line in lines] == [("teapot.1", "12 rows, 26 MB"), ("wall.0", "one lobe")]
     assert lines[0].reason == "error 28% at a pilot's points" and not lines[0].choices
     (rows,) = (line for line in plan_table(document, view, DeformStatus()) if line.line == "gloss_rows")
-    assert rows.value == "layer by layer, by a pilot" and ("lobe", 0) in rows.choices and ("12", 12) in rows.choices
+    assert rows.value == "by a pilot" and ("lobe", 0) in rows.choices and ("12", 12) in rows.choices
 
 
 def test_rays_of_indirect_light_are_reported_once_there_is_any() -> None:

@@ -23,7 +23,7 @@ Choices = tuple[tuple[str, LineValue], ...]
 BAND_CHOICES = tuple(2**n for n in range(10))
 SPHERE: Mapping[LineValue, str] = {1: "every direction", 0: "the lights' alone"}
 EDGES: Mapping[LineValue, str] = {0: "off", 4: "4 rays", 8: "8 rays", 16: "16 rays"}
-BY_PILOT = "layer by layer, by a pilot"
+BY_PILOT = "by a pilot"
 BY_USER = "set in the scene or the Accuracy panel"
 PRECISIONS: Mapping[LineValue, str] = {"half": "half floats", "float": "full floats"}
 

@@ -19,7 +19,7 @@ from tests.engine.precompute.indirect.small_scenes import CORNER, CORNER_VIEW, Q
 
 SCENE = _sampled_scene(
     placement_of(CORNER, **CORNER_VIEW), {1: ["rough_conductor"]}, SkyState(constant_environment((1.0, 0.8, 0.6))), 3,
-    QUICK, True,
+    QUICK, True, False,
 )  # fmt: skip
 ROWS = lattice_rows(SCENE.placement.hits, 8)
 
