@@ -203,6 +203,7 @@ def compile_all() -> None:
     for what in LATER:
         for _ in kernels.until_ready(what):
             pass
+    kernels.close()  # it has compiled all, but need not have ended
     for process in filter(None, of_modes):
         process.kill()
         process.wait()

@@ -363,3 +363,17 @@ def test_an_installation_compiles_all_once(compilers: list[Compiler], log: list[
         kernels.note_compiled(what)
     kernels.compile_all()
     assert len(compilers) == len(PARTS) + 3
+
+
+def test_a_process_that_has_compiled_all_is_ended(compilers: list[Compiler], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its last kernel may be noted before it ends by itself: nobody would wait for it then."""
+
+    def wait(compiler: Compiler, timeout_s: float | None = None) -> None:
+        if compiler.part == kernels.LATER_PART and timeout_s is not None:
+            for what in kernels.LATER:
+                kernels.note_compiled(what)
+            raise subprocess.TimeoutExpired(compiler.part, timeout_s)
+
+    monkeypatch.setattr(Compiler, "wait", wait)
+    kernels.compile_all()
+    assert [compiler.is_killed for compiler in compilers] == [False, False, True, True, True]
