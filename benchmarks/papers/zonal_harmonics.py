@@ -13,13 +13,14 @@ from app.stills.stills import layers_by_object
 from assets.scripts import deform as guide_pictures
 from assets.scripts import lobes as lobe_pictures
 from benchmarks.deform import DeformEffort, deform_figures
-from benchmarks.gloss_transfer import BODIES, HEADER, GlossEffort, measure, plot
+from benchmarks.gloss_transfer import BODIES, GlossEffort, GlossRow, measure, plot
 from benchmarks.papers.entries import Make, Work, paragraph
 from benchmarks.rotation_cost import report as rotation_costs
 from benchmarks.zonal_fit_errors import fit_errors, random_vectors, shadowed_mesh
 from engine.core.generators import run_to_end
 from engine.precompute.direct.pipeline import Placement
 from engine.realtime.zonal_harmonics.deform_engine import ORDER, Deform, finish_deform
+from engine.realtime.zonal_harmonics.gloss_pilot import PilotResult
 from engine.realtime.zonal_harmonics.posed_scene import pose_scene
 from engine.render.still import render_paths
 from engine.scene.surface_kinds import NO_SURFACE
@@ -68,13 +69,29 @@ def glossy_rows(work: Work) -> str:
     if not work.quick:
         plot(work.images / "gloss_rows.png", lines)
         guide_pictures.gloss(work.images / "deform_gloss.png")
-    words = """relRMSE of gloss on bodies in a pose against sums over the sky, and the share of values that are black
-        and should not be; order 4 with 3 rows is the paper's."""
+    words = """relRMSE of gloss on bodies in a pose against sums over the sky, by the order of the harmonics: as one
+        lobe, and by so many rows; in brackets the share of values that are black and should not be, where that is a
+        percent or more. Order 4 with 3 rows is the paper's."""
     return (
-        f"{table(HEADER, [each.cells for each in lines])}\n{paragraph(words)}\n"
+        f"{_by_rows(lines)}\n{paragraph(words)}\n"
         "![Error by the number of rows](../images/gloss_rows.png)\n\n"
         "![One lobe, sixteen rows, paths](../images/deform_gloss.png)\n"
     )
+
+
+def _by_rows(lines: Sequence[GlossRow]) -> str:
+    """A line for each body and order."""
+    counts = list(dict.fromkeys(each.found.n_rows for each in lines))
+    cells = {(each.body, each.order, each.found.n_rows): each.found for each in lines}
+    found = []
+    for body, order in dict.fromkeys((each.body, each.order) for each in lines):
+        own = [cells.get((body, order, n)) for n in counts]
+        found.append([body, order, *("" if each is None else _error_text(each) for each in own)])
+    return table(["body", "order", *(f"{n} rows" if n else "lobe" for n in counts)], found)
+
+
+def _error_text(found: PilotResult) -> str:
+    return f"{found.error:.2f}" + (f" ({found.black:.0%})" if found.black >= 0.01 else "")
 
 
 def patches(work: Work) -> str:
@@ -98,6 +115,7 @@ def bent_head(work: Work) -> str:
     deform.set_layers(layers)
     deform.set_surfaces((("head", NO_SURFACE),))
     deform.set_bending(("head",))
+    deform.set_bounces(1)
     finish_deform(deform)
     placement = Placement(pose_scene(scene, guide_pictures.BENT))
     traced = run_to_end(render_paths(placement, layers, project.sky, 1, work.of(1024, 8)))
