@@ -75,7 +75,7 @@ def read_mesh_file(path: Path) -> MeshFile:
     parsers = {".ply": parse_ply, ".obj": parse_obj}
     parse = parsers.get(path.suffix.lower())
     if parse is None:
-        raise LoadError(path, "type", path.suffix or path.name, "a mesh of type .ply, .obj or .glb")
+        raise LoadError(path, "type", path.suffix or path.name, "a mesh of type .ply or .obj")
     found = parse(read_regular_file(path, MAX_MESH_BYTES), path)
     mesh, notes = found.mesh, []
     validate_mesh(replace(mesh, normals=None, uvs=None), path)

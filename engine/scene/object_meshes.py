@@ -38,9 +38,10 @@ from engine.scene.description import (
     ObjectDescription,
     SceneDescription,
 )
-from engine.scene.loaders.gltf import GlbModel, GlbPart, read_glb
+from engine.scene.loaders.formats import read_model
 from engine.scene.loaders.gltf_materials import GREY
-from engine.scene.mesh import Mesh, MeshFile, join_meshes, read_mesh_file, with_flat_normals
+from engine.scene.loaders.model import ImportedModel, ImportedPart
+from engine.scene.mesh import Mesh, join_meshes, with_flat_normals, with_normals
 from engine.scene.rig import Rig, join_bindings
 
 _SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]], np.float32)  # (u, v) of a side's four corners
@@ -71,26 +72,17 @@ def object_meshes(description: SceneDescription, folder: Path, path: Path) -> tu
     """All objects with their meshes, each file read once, and notes; raises LoadError."""
     items: list[ObjectMesh] = []
     notes: list[str] = []
-    meshes: dict[Path, MeshFile] = {}
-    models: dict[Path, GlbModel] = {}
+    models: dict[Path, ImportedModel] = {}
     taken = {item.name for item in description.objects}
     for item in description.objects:
         if item.mesh is None:
             items.append(ObjectMesh(item, PRIMITIVES[str(item.primitive)]()))
             continue
         file = resolve_inside(folder, item.mesh, path, f"object {item.name!r}: mesh")
-        if file.suffix.lower() != ".glb":
-            if item.part is not None:
-                raise LoadError(path, f"object {item.name!r}: part", item.part, "no part: only GLB files have them")
-            if file not in meshes:
-                meshes[file] = read_mesh_file(file)
-                notes += [f"{item.name}: {note}" for note in meshes[file].notes]
-            items.append(ObjectMesh(item, meshes[file].mesh, unread=meshes[file].materials))
-        else:
-            if file not in models:
-                models[file] = read_glb(file)
-                notes += [f"{item.name}: {note}" for note in models[file].notes]
-            items += _glb_objects(item, models[file], path, taken)
+        if file not in models:
+            models[file] = read_model(file)
+            notes += [f"{item.name}: {note}" for note in models[file].notes]
+        items += _objects_of(item, models[file], path, taken)
     if len(items) > MAX_OBJECTS:
         raise LoadError(path, "objects", len(items), f"at most {MAX_OBJECTS}")
     return _with_layers(items, notes), notes
@@ -114,57 +106,58 @@ def _with_layers(items: list[ObjectMesh], notes: list[str]) -> list[ObjectMesh]:
     ]
 
 
-def _glb_objects(item: ObjectDescription, model: GlbModel, path: Path, taken: set[str]) -> list[ObjectMesh]:
+def _objects_of(item: ObjectDescription, model: ImportedModel, path: Path, taken: set[str]) -> list[ObjectMesh]:
     """The object or, if it has no layers of its own, one object for each material of the file."""
     if item.part is not None and item.part >= len(model.parts):
-        raise LoadError(path, f"object {item.name!r}: part", item.part, f"a part from 0 to {len(model.parts) - 1}")
+        expected = f"a part from 0 to {len(model.parts) - 1}" if len(model.parts) > 1 else "no part: its file has one"
+        raise LoadError(path, f"object {item.name!r}: part", item.part, expected)
     chosen = range(len(model.parts)) if item.part is None else [item.part]
     if item.layers or item.emits:
-        mesh, rig = _join_parts([model.parts[k] for k in chosen])
-        flat = {"smooth": item.smooth and mesh.normals is not None}
-        return [ObjectMesh(item.model_copy(update=flat), mesh, rig)]
-    if len(chosen) == 1:
-        part = model.parts[chosen[0]]
-        own = _material(item, part)
-        return [ObjectMesh(item.model_copy(update=own), part.mesh, part.rig)]
+        mesh, rig, is_smooth = _join_parts([model.parts[k] for k in chosen])
+        return [ObjectMesh(item.model_copy(update={"smooth": item.smooth and is_smooth}), mesh, rig)]
     items = []
     for k in chosen:
         part = model.parts[k]
         own = _material(item, part)
-        named = {"name": free_name(f"{item.name[:48]} {k + 1}", taken), "part": k}
-        items.append(ObjectMesh(item.model_copy(update=own | named), part.mesh, part.rig))
+        if len(chosen) > 1:
+            own |= {"name": free_name(f"{item.name[:48]} {k + 1}", taken), "part": k}
+        items.append(ObjectMesh(item.model_copy(update=own), part.mesh, part.rig, model.unread))
     return items
 
 
-def _join_parts(parts: list[GlbPart]) -> tuple[Mesh, Rig | None]:
-    """Join parts; those without normals stay flat beside smooth ones."""
+def _join_parts(parts: list[ImportedPart]) -> tuple[Mesh, Rig | None, bool]:
+    """Join parts, and whether the result is smooth; those without normals stay flat beside smooth ones."""
     is_mixed = len({part.mesh.normals is None for part in parts}) > 1
     meshes, rigs = [], []
     for part in parts:
         mesh, rig = part.mesh, part.rig
-        if is_mixed and mesh.normals is None:
+        if is_mixed and part.smooth:
+            mesh = with_normals(mesh)
+        elif is_mixed and mesh.normals is None:
             mesh, vertices = with_flat_normals(mesh)
             rig = rig and replace(rig, binding=rig.binding.select_vertices(vertices))
         meshes.append(mesh)
         rigs += [rig] if rig else []
     binding = join_bindings([rig.binding for rig in rigs]) if rigs else None
-    return join_meshes(meshes), replace(rigs[0], binding=binding) if binding else None
+    joined = replace(rigs[0], binding=binding) if binding else None
+    return join_meshes(meshes), joined, any(part.smooth for part in parts)
 
 
-def _material(item: ObjectDescription, part: GlbPart) -> dict[str, object]:
-    """The material that a part of its file gives an object; its own bumps take precedence. A part without normals is
-    flat [glTF20, 3.7.2.1]."""
+def _material(item: ObjectDescription, part: ImportedPart) -> dict[str, object]:
+    """The material that a part of its file gives an object; its own bumps take precedence."""
     bumps = item.bumps
     if part.bumps.file and not bumps.file:
         bumps = replace(
             part.bumps, normal_map=f"{item.mesh}{part.bumps.normal_map}", tangent_angle=bumps.tangent_angle,
             tangent_map=bumps.tangent_map, tangent_range=bumps.tangent_range,
         )  # fmt: skip
-    smooth = item.smooth and part.mesh.normals is not None
-    return {"layers": _layers(part, str(item.mesh)), "emission": part.emission, "bumps": bumps, "smooth": smooth}
+    return {
+        "layers": _layers(part, str(item.mesh)), "emission": part.emission, "bumps": bumps,
+        "smooth": item.smooth and part.smooth,
+    }  # fmt: skip
 
 
-def _layers(part: GlbPart, file: str) -> tuple[LayerDescription, ...]:
+def _layers(part: ImportedPart, file: str) -> tuple[LayerDescription, ...]:
     """A part's layers with the file's name before the numbers of its images."""
     return tuple(
         layer if layer.maps.is_plain

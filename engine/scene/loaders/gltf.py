@@ -11,7 +11,6 @@ finite is computed, a node with scale 0 shows nothing. A mesh without normals is
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -20,13 +19,13 @@ import numpy.typing as npt
 
 from engine.core.errors import LoadError
 from engine.core.safe_files import read_regular_file, resolve_inside
-from engine.material.bumps import NO_BUMPS, Bumps
+from engine.material.bumps import NO_BUMPS
 from engine.material.layer_maps import LayerMaps
-from engine.scene.description import LayerDescription
 from engine.scene.loaders.gltf_file import FLOATS, INTEGERS, SHARES, GltfFile, JsonObject, parse_glb
 from engine.scene.loaders.gltf_materials import GltfImages, PartMaterial, read_material
 from engine.scene.loaders.gltf_nodes import MeshNode, placed_meshes
 from engine.scene.loaders.gltf_rig import PrimitiveRig, RigReader
+from engine.scene.loaders.model import ImportedModel, ImportedPart
 from engine.scene.mesh import (
     MAX_COORDINATE,
     MAX_MESH_BYTES,
@@ -51,26 +50,7 @@ _HARMLESS = ("KHR_materials_", "KHR_texture_", "KHR_lights_")
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 
 
-@dataclass(frozen=True)
-class GlbPart:
-    """All triangles of one material, in the file's frame."""
-
-    mesh: Mesh
-    layers: tuple[LayerDescription, ...]
-    emission: tuple[float, float, float] | None
-    rig: Rig | None = None
-    bumps: Bumps = NO_BUMPS
-
-
-@dataclass(frozen=True)
-class GlbModel:
-    """A GLB file's parts, one for each material in use, and notes on what was skipped."""
-
-    parts: tuple[GlbPart, ...]
-    notes: tuple[str, ...]
-
-
-def read_glb(path: Path) -> GlbModel:
+def read_glb(path: Path) -> ImportedModel:
     """Read a GLB file; raises LoadError naming the place and what was expected there."""
     root, binary = parse_glb(read_regular_file(path, MAX_MESH_BYTES), path)
     _check_extensions(root)
@@ -101,10 +81,10 @@ def read_glb(path: Path) -> GlbModel:
         skeleton = rigs.skeleton(b for bound in by_material.values() for _, b in bound if b is not None)
     parts = [_part(by_material[k], material, skeleton) for k, material in used.items()]
     notes = [*root.notes, *_notes(list(used.values()), skipped), *rigs.notes]
-    return GlbModel(tuple(parts), tuple(notes))
+    return ImportedModel(tuple(parts), tuple(notes))
 
 
-def _part(bound: list[Bound], material: PartMaterial, skeleton: Skeleton | None) -> GlbPart:
+def _part(bound: list[Bound], material: PartMaterial, skeleton: Skeleton | None) -> ImportedPart:
     """Join the meshes of one material; without texture coordinates it has no textures. If some have normals, those
     without get separate vertices for every face, so that they stay flat."""
     if any(mesh.normals is not None for mesh, _ in bound):
@@ -115,7 +95,7 @@ def _part(bound: list[Bound], material: PartMaterial, skeleton: Skeleton | None)
     rig = None
     if skeleton is not None:
         rig = Rig(skeleton, join_bindings([binding for _, binding in bound if binding is not None]), np.eye(4))
-    return GlbPart(mesh, layers, material.emission, rig, bumps)
+    return ImportedPart(mesh, layers, material.emission, rig, bumps, smooth=mesh.normals is not None)
 
 
 def _with_flat_normals(mesh: Mesh, binding: Binding | None) -> Bound:

@@ -251,7 +251,7 @@ def test_random_damage_ends_in_a_model_or_one_error(triangle_glb, glb_file):
             outcomes.add(type(read_glb(path)).__name__)
         except LoadError as error:
             outcomes.add(type(error).__name__)
-    assert outcomes == {"GlbModel", "LoadError"}  # never another exception
+    assert outcomes == {"ImportedModel", "LoadError"}  # never another exception
 
 
 @pytest.mark.parametrize(("name", "n_triangles"), [("CesiumMan", 4672), ("Fox", 576)])

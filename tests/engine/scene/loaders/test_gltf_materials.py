@@ -15,7 +15,7 @@ from engine.core.errors import LoadError
 from engine.material import MODELS, validate_parameters
 from engine.material.bumps import Bumps
 from engine.material.layer_maps import LayerMaps
-from engine.scene.loaders.gltf import GlbModel, read_glb
+from engine.scene.loaders.gltf import ImportedModel, read_glb
 from engine.scene.loaders.gltf_materials import conductor_index, metallic_roughness_layers
 from engine.scene.map_sampler import look_up_images
 from engine.scene.scene_loader import load_scene
@@ -98,10 +98,10 @@ def textured(triangle_glb: Glb) -> Glb:
 
 
 @pytest.fixture
-def read(glb_file: Callable[..., Path], textured: Glb) -> Callable[..., GlbModel]:
+def read(glb_file: Callable[..., Path], textured: Glb) -> Callable[..., ImportedModel]:
     """read(material=..., image=..., textures=...) reads the file with these in its JSON."""
 
-    def make(**changes: Any) -> GlbModel:
+    def make(**changes: Any) -> ImportedModel:
         tree, binary = textured
         pbr = {"baseColorTexture": {"index": 0}, "metallicFactor": 0}
         tree["materials"] = [changes.pop("material", {"pbrMetallicRoughness": pbr})]
@@ -151,7 +151,7 @@ def test_a_normal_texture_turns_normals_as_the_file_means_it(
     assert scene.description.objects[0].bumps == Bumps(bump_map="model.glb#0")
 
 
-def test_a_metal_has_the_texture_and_half_a_metal_is_both(read: Callable[..., GlbModel]) -> None:
+def test_a_metal_has_the_texture_and_half_a_metal_is_both(read: Callable[..., ImportedModel]) -> None:
     def layers(metallic: float) -> list[tuple[str, float, bool]]:
         pbr = {"baseColorTexture": {"index": 0}, "metallicFactor": metallic}
         (part,) = read(material={"pbrMetallicRoughness": pbr}).parts
@@ -162,7 +162,7 @@ def test_a_metal_has_the_texture_and_half_a_metal_is_both(read: Callable[..., Gl
     assert layers(0.25) == [("lambert", 1.0, True), ("rough_conductor", 0.75, False), ("rough_conductor", 0.25, True)]
 
 
-def test_of_numbers_the_means_count(read: Callable[..., GlbModel]) -> None:
+def test_of_numbers_the_means_count(read: Callable[..., ImportedModel]) -> None:
     image = {"uri": "data:image/png;base64," + base64.b64encode(NUMBERS).decode()}
     pbr = {"metallicRoughnessTexture": {"index": 0}, "roughnessFactor": 0.5}
     model = read(image=image, material={"pbrMetallicRoughness": pbr})
@@ -173,7 +173,7 @@ def test_of_numbers_the_means_count(read: Callable[..., GlbModel]) -> None:
     assert model.notes == ("of a metallic-roughness texture the means are shown",)
 
 
-def test_index_and_specular_extensions_change_what_glass_reflects(read: Callable[..., GlbModel]) -> None:
+def test_index_and_specular_extensions_change_what_glass_reflects(read: Callable[..., ImportedModel]) -> None:
     extensions = {"KHR_materials_ior": {"ior": 2.0}, "KHR_materials_specular": {"specularFactor": 0.5}}
     pbr = {"metallicFactor": 0, "roughnessFactor": 0.3}
     (part,) = read(material={"pbrMetallicRoughness": pbr, "extensions": extensions}).parts
@@ -213,19 +213,21 @@ def test_images_may_be_files_beside_it(
         ({"material": {"alphaMode": "BLEND"}}, "transparency is not shown"),
     ],
 )
-def test_skipped_extensions_are_reported(read: Callable[..., GlbModel], changes: dict[str, Any], words: str) -> None:
+def test_skipped_extensions_are_reported(
+    read: Callable[..., ImportedModel], changes: dict[str, Any], words: str
+) -> None:
     model = read(**changes)
     assert any(words in note for note in model.notes), model.notes
     assert all(layer.maps.is_plain for layer in model.parts[0].layers)
 
 
-def transformed(read: Callable[..., GlbModel], **transform: Any) -> tuple[LayerMaps, tuple[str, ...]]:
+def transformed(read: Callable[..., ImportedModel], **transform: Any) -> tuple[LayerMaps, tuple[str, ...]]:
     info = {"index": 0, "extensions": {"KHR_texture_transform": transform}}
     model = read(material={"pbrMetallicRoughness": {"baseColorTexture": info, "metallicFactor": 0}})
     return model.parts[0].layers[0].maps, model.notes
 
 
-def test_where_an_image_lies_is_kept(read: Callable[..., GlbModel]) -> None:
+def test_where_an_image_lies_is_kept(read: Callable[..., ImportedModel]) -> None:
     maps, notes = transformed(read, scale=[2, 3], offset=[1, 0])
     assert maps == LayerMaps("#0", "srgb", (2.0, 3.0)) and notes == ()  # moved by whole images
     assert transformed(read, offset=[0.25, 0.125])[0].texture_offset == (0.25, -0.125)  # v downwards there
@@ -270,7 +272,7 @@ def test_images_are_looked_up_where_the_extension_says(
     np.testing.assert_allclose(found, expected, atol=1e-5)
 
 
-def test_samplers_clamp_and_mirror(read: Callable[..., GlbModel]) -> None:
+def test_samplers_clamp_and_mirror(read: Callable[..., ImportedModel]) -> None:
     for number, wrap in ((10497, "repeat"), (33648, "mirror"), (33071, "clamp"), (7, "repeat")):
         model = read(textures=[{"source": 0, "sampler": 0}], samplers=[{"wrapT": number}])
         assert model.parts[0].layers[0].maps.texture_wrap == ("repeat", wrap)
@@ -281,7 +283,7 @@ def test_samplers_clamp_and_mirror(read: Callable[..., GlbModel]) -> None:
     assert normal.parts[0].bumps == Bumps("#0", bump_wrap=("clamp", "repeat"))
 
 
-def test_files_that_need_what_is_not_read_are_refused(read: Callable[..., GlbModel]) -> None:
+def test_files_that_need_what_is_not_read_are_refused(read: Callable[..., ImportedModel]) -> None:
     with pytest.raises(LoadError, match="extensionsRequired = KHR_texture_basisu, expected no required extension"):
         read(extensionsRequired=["KHR_texture_basisu"])
     with pytest.raises(LoadError, match="index = 7, expected an integer from 0 to 0"):

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from engine.realtime.zonal_harmonics import posed_scene
 from engine.realtime.zonal_harmonics.pose import Moment, Pose
 from engine.realtime.zonal_harmonics.posed_scene import animated_pose, sample_clip
-from engine.scene.loaders.gltf import GlbModel, GlbPart, read_glb
+from engine.scene.loaders.gltf import ImportedModel, ImportedPart, read_glb
 from engine.scene.rig import Clip, Track
 from engine.scene.scene_loader import Scene, load_scene
 from tests.engine.scene.conftest import n_calls
@@ -95,8 +95,8 @@ def bar() -> Bar:
 
 
 @pytest.fixture
-def read(glb_file: Callable[..., Path]) -> Callable[[Bar], GlbModel]:
-    def of(bar: Bar) -> GlbModel:
+def read(glb_file: Callable[..., Path]) -> Callable[[Bar], ImportedModel]:
+    def of(bar: Bar) -> ImportedModel:
         return read_glb(glb_file(bar.tree | {"buffers": [{"byteLength": len(bar.binary)}]}, bar.binary))
 
     return of
@@ -106,7 +106,7 @@ def resting(mesh: Any) -> Pose:
     return Pose(mesh.vertices, np.broadcast_to(np.eye(3), (len(mesh.vertices), 3, 3)).copy())
 
 
-def at(model: GlbModel, seconds: float, clip: str = "bend", loop: bool = True) -> Pose:
+def at(model: ImportedModel, seconds: float, clip: str = "bend", loop: bool = True) -> Pose:
     (part,) = model.parts
     assert part.rig is not None
     return animated_pose(part.rig, resting(part.mesh), part.mesh.triangles, clip, seconds, loop)
@@ -450,7 +450,7 @@ def test_many_animations_of_one_name(bar: Bar, read: Callable) -> None:
     names = ["bend", "bend (2)"] + ["bend"] * 3000
     bar.tree["animations"] = [bend | {"name": name} for name in names]
     read(bar)  # what is imported at first is not counted
-    parts: list[GlbPart] = []
+    parts: list[ImportedPart] = []
     assert n_calls(lambda: parts.extend(read(bar).parts)) < 400 * len(names)
     (part,) = parts
     assert part.rig is not None

@@ -1,0 +1,62 @@
+"""What a file of geometry contains, whatever its format: parts with their materials, cameras, and what is not shown.
+
+Every reader returns an `ImportedModel` (`formats.read_model`), in the file's own frame, with Y up and in metres.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from engine.material.bumps import NO_BUMPS, Bumps
+from engine.scene.description import Camera, LayerDescription
+from engine.scene.mesh import Mesh
+from engine.scene.rig import Rig
+
+RGB = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class ImportedPart:
+    """All triangles of one material. layers: empty where the file has no material that is read; smooth: whether normals
+    are interpolated, computed where the mesh has none; name: the material's, empty if it has none."""
+
+    mesh: Mesh
+    layers: tuple[LayerDescription, ...] = ()
+    emission: RGB | None = None
+    rig: Rig | None = None
+    bumps: Bumps = NO_BUMPS
+    smooth: bool = True
+    name: str = ""
+
+
+@dataclass(frozen=True)
+class ImportedCamera:
+    """A camera of the file; its name is empty if it has none."""
+
+    name: str
+    camera: Camera
+
+
+@dataclass(frozen=True)
+class UnshownProperty:
+    """A property that the picture does not show, or shows in part.
+
+    name: its path in the file's own words, such as "materials.KHR_materials_volume.thicknessFactor"; count: of places
+    that have it; effect: what the picture lacks, in a few words.
+    """
+
+    name: str
+    count: int
+    effect: str
+
+
+@dataclass(frozen=True)
+class ImportedModel:
+    """Parts, one for each material in use; notes on what was repaired or left out; cameras; properties that are not
+    shown. unread: the names of materials that are not read, empty if there are none."""
+
+    parts: tuple[ImportedPart, ...]
+    notes: tuple[str, ...] = ()
+    cameras: tuple[ImportedCamera, ...] = ()
+    unshown: tuple[UnshownProperty, ...] = ()
+    unread: str = ""
