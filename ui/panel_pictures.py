@@ -162,6 +162,7 @@ def panel_context(editor: Editor, source: PictureFeed | None, pictures: PanelPic
         scene_document=editor.scene_document,
         name=editor.name,
         unsaved=editor.unsaved,
+        report=editor.scenes.report,
         camera=history.camera,
         own_camera=history.own_camera,
         own_resolution=history.own_resolution,

@@ -96,6 +96,8 @@ class Icon:
     IMAGE = "\uf03e"
     PENCIL = "\uf303"
     POINTS = "\uf55b"
+    COPY = "\uf0c5"
+    REPORT = "\uf05a"
 
 
 @dataclass

@@ -94,6 +94,7 @@ def run(
     recoveries = recoverable_sessions()
     barrier = Barrier(holds=True)
     editor = Editor(client or Client(), source, resolution=resolution, journal=Journal(), barrier=barrier)
+    editor.scenes.watch.start()
     try:
         window = Window(handle, editor, require, recoveries)
         gc.freeze()  # the libraries' objects stay: collecting among them would block the window for 30 ms at a time

@@ -7,12 +7,13 @@ It imports little: the editor starts through it without the command line's own l
 from __future__ import annotations
 
 import io
+import json
 import os
 import sys
 import traceback
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from app.system.atomic import write_atomically
 from app.system.paths import state_directory
@@ -25,7 +26,7 @@ FAILED, USAGE, INTERRUPTED = 1, 2, 130
 ERROR_FILE = "last-error.txt"
 
 # Words that are commands when they come first; a file of such a name is opened as ./render.
-COMMANDS = ("edit", "render", "precompute", "screenshot", "plan", "measure", "doctor", "import-brdf",
+COMMANDS = ("edit", "render", "precompute", "screenshot", "plan", "info", "measure", "doctor", "import-brdf",
             "export-brdf", "export")  # fmt: skip
 
 
@@ -53,6 +54,11 @@ def print_line(line: str) -> None:
     """One line on standard output, made printable whatever names and values of files are in it: all commands print by
     this."""
     print(plain_line(line, keep_spaces=True), flush=True)
+
+
+def print_json(values: dict[str, Any]) -> None:
+    """Values on standard output as JSON, whose escapes make names of files printable."""
+    print(json.dumps(values, indent=2, allow_nan=False), flush=True)
 
 
 def escape_unprintable() -> None:

@@ -109,7 +109,7 @@ Report = Callable[[float, str], None]
 def print_project_notes(project: Project) -> None:
     """Print warnings about the scene and its light, and what was done about them."""
     environment = project.sky.environment
-    print_notes((*project.scene.notes, *(() if environment is None else environment.notes)))
+    print_notes((*project.notes, *project.scene.notes, *(() if environment is None else environment.notes)))
 
 
 def print_notes(notes: Iterable[str]) -> None:

@@ -12,6 +12,7 @@ import typer
 
 from app.cli.console import FAILED, INTERRUPTED, USAGE, Frontend, print_error, print_line
 from app.cli.exchange import export, export_brdf, import_brdf
+from app.cli.info import info
 from app.cli.options import (
     LIGHTS,
     Lights,
@@ -163,6 +164,7 @@ cli.command()(render)
 cli.command()(precompute)
 cli.command()(screenshot)
 cli.command()(plan)
+cli.command()(info)
 cli.command()(measure)
 cli.command("import-brdf")(import_brdf)
 cli.command("export-brdf")(export_brdf)

@@ -136,7 +136,8 @@ class Document:
     """A scene's materials, light and poses. ``source`` is a built-in scene's name or the path of a scene file.
 
     ``first_bands``: J of the sharpest curves at the first bounce from the camera; None as many as are planned.
-    ``overrides``: the lines of the plan that the user has set, by name, and their values.
+    ``overrides``: the lines of the plan that the user has set, by name, and their values. ``absent``: edited objects
+    that the scene's files no longer have, for when they have them again (`app.document.scene_change`).
     """
 
     source: str
@@ -144,6 +145,7 @@ class Document:
     light: LightState = LightState()
     first_bands: int | None = None
     overrides: tuple[tuple[str, LineValue], ...] = ()
+    absent: tuple[ObjectState, ...] = ()
 
     def object(self, name: str) -> ObjectState:
         """The object called ``name``; InsituError with the existing names when there is none."""

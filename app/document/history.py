@@ -101,6 +101,16 @@ class History(Generic[Value]):
         """Go one step forward again; returns its label, or None."""
         return self._move(self.redo_steps, self.undo_steps)
 
+    def map(self, change: Callable[[Value], Value]) -> None:
+        """Replace every value, as where the scene that documents belong to was read again. Steps that change nothing
+        any more are left out."""
+        self.document = change(self.document)
+        if self._drag is not None:
+            self._drag.start = change(self._drag.start)
+        beside = self.document if self._drag is None else self._drag.start
+        self.undo_steps[:] = _mapped_steps(self.undo_steps, beside, change)
+        self.redo_steps[:] = _mapped_steps(self.redo_steps, self.document, change)
+
     def retract(self, is_harmless: Callable[[Value], bool]) -> bool:
         """Remove the last step from the history, where the document before it is one to go back to."""
         if self._drag is not None or not self.undo_steps or not is_harmless(self.undo_steps[-1].document):
@@ -121,6 +131,19 @@ class History(Generic[Value]):
         self.undo_steps.append(HistoryStep(before, label))
         del self.undo_steps[:-MAX_STEPS]
         self.redo_steps.clear()
+
+
+def _mapped_steps(
+    steps: list[HistoryStep[Value]], beside: Value, change: Callable[[Value], Value]
+) -> list[HistoryStep[Value]]:
+    """The steps from the oldest (or the farthest) to the one beside the present value."""
+    found: list[HistoryStep[Value]] = []
+    for step in reversed(steps):
+        value = change(step.document)
+        if value != beside:
+            found.append(HistoryStep(value, step.label))
+        beside = value
+    return found[::-1]
 
 
 @dataclass

@@ -51,7 +51,6 @@ from app.messages.worker_messages import (
 )
 from app.modes.mode import Mode, ModeController, Shared
 from app.modes.registry import MODES
-from app.system.atomic import add_inputs
 from app.system.barrier import Barrier
 from app.system.lazy_import import import_named
 from app.system.paths import display_name, is_file_name
@@ -249,6 +248,7 @@ class Editor:
             path = self._keeper.save(path, self.document, self.view)
         except InsituError as error:
             return self._refuse(str(error))
+        self.scenes.watch.forget(path)
         self.notify(f"saved {path}")
         return None
 
@@ -280,6 +280,7 @@ class Editor:
     def close(self) -> None:
         """End the worker; unsaved edits stay in the journal, which the next start offers to recover."""
         self._client.close()
+        self.scenes.watch.close()
         self._keeper.close(self.document, self.view)
 
     def cancel_work(self) -> None:
@@ -345,7 +346,10 @@ class Editor:
         status = self.metrics.status(self._client.alive)
         opened = self.scenes.opened
         planned_edges = 0 if opened is None else planned_edge_rays(opened.description)
-        status = replace(status, is_away=self.scenes.tracing.is_away, planned_edges=planned_edges)
+        status = replace(
+            status, is_away=self.scenes.tracing.is_away, planned_edges=planned_edges,
+            changed_files=self.scenes.watch.changed,
+        )  # fmt: skip
         return self.controller.status(status)
 
     # -------------------------------------------------------------------------------------------------------- responses
@@ -438,7 +442,7 @@ class Editor:
     def document_changed(self, before: Document | None = None, command: EditCommand | None = None) -> None:
         """Notify all controllers of a changed document. before: the document that it was, to follow the selected
         operator; command: the user's, None where it changed without one."""
-        add_inputs(files_of_document(self.document, before))
+        self.scenes.add_files(files_of_document(self.document, before))
         self.controller.edited(command)
         selected = self.view.selected
         if selected is not None and (choice := selection_after_edit(self.document, selected)) != selected:

@@ -18,6 +18,7 @@ from app.document.document import Document, Selection, document_from_description
 from app.document.effective_settings import effective_view
 from app.document.history import History
 from app.document.named_files import document_with_measurements, files_of_document, layers_of_document, unread_files
+from app.document.scene_change import SceneChange, matching_parts
 from app.document.selection import initial_selection
 from app.document.sources import source_of
 from app.document.timeline import visible_poses
@@ -25,23 +26,25 @@ from app.document.view_state import Viewpoint, ViewState
 from app.editor.camera_history import CameraHistory
 from app.editor.view_controller import TracedView, ViewController, describe_empty_frame
 from app.files.journal import Recovery, SessionStore
-from app.files.session import Session, fit_session, load_session
+from app.files.session import Session, fit_session, load_session, session_notes
 from app.messages.editor_status import StatusMetrics
 from app.messages.picture_events import PictureEvent, SceneFrame, SkyChanged
 from app.messages.worker_messages import OpenScene, Request, RequestFailed, SceneOpened, SkyImage, ViewTraced
 from app.modes.mode import ModeController, OpenedScene
 from app.system.atomic import add_inputs, set_inputs
+from app.system.file_watch import FileWatch
 from engine.core.errors import InsituError
 from engine.material.bumps import BumpsByObject
 from engine.realtime.zonal_harmonics.pose import Poses
 from engine.scene.builtin import DEFAULT_SCENE
 from engine.scene.description import SceneDescription
+from engine.scene.import_report import ImportReport
 
 
 @dataclass(frozen=True)
 class Opening:
     """A scene that is being opened by the request `id`; the session, the journal or the light that it is opened for;
-    the worker's response, before the scene is traced."""
+    what is open, where its files are read again; the worker's response, before the scene is traced."""
 
     id: int
     source: str
@@ -50,6 +53,7 @@ class Opening:
     recovery: Recovery | None = None
     light: Path | None = None
     fallback_reason: str = ""
+    present: tuple[Document, ViewState] | None = None
     opened: SceneOpened | None = None
 
     @classmethod
@@ -71,11 +75,14 @@ class Opening:
 
     def request(self) -> OpenScene:
         """The request to the worker."""
-        layers = [] if self.session is None else layers_of_document(self.session.document)
+        document = self.session.document if self.session else self.present[0] if self.present else None
+        layers = [] if document is None else layers_of_document(document)
         return OpenScene(self.source, unread_files(layers), tuple(layers))
 
     def initial_view(self, resolution: tuple[int, int] | None) -> Viewpoint:
         """The first view; resolution (width, height) replaces the scene's and the session's."""
+        if self.present is not None:
+            return self.present[1].viewpoint
         look = Viewpoint() if self.session is None else self.session.view.viewpoint
         return look if resolution is None else look._replace(resolution=resolution)
 
@@ -152,12 +159,15 @@ class SceneHost(Protocol):
 
 
 class SceneController:
-    """Opens and traces scenes. `tracing` requests views; `opened`: the scene as it is open, None before the first."""
+    """Opens and traces scenes. `tracing` requests views; `opened`: the scene as it is open, None before the first;
+    `report`: what its files contain; `watch`: notices when another program has written them."""
 
     def __init__(self, host: SceneHost, keeper: SessionStore) -> None:
         self._host, self._keeper = host, keeper
         self.tracing = ViewController(host.send)
         self.opened: OpenedScene | None = None
+        self.report = ImportReport()
+        self.watch = FileWatch()
         self._shown: list[PictureEvent] = []
         self._opening: Opening | None = None
         self._given_up: Opening | None = None
@@ -171,6 +181,21 @@ class SceneController:
         self.tracing.request_view(TracedView(view, opening.poses, opening.bumps, n_edge_rays, id))
         self._opening = replace(opening, id=id)
         host.metrics.progress = None
+
+    def reload(self) -> str | None:
+        """Read the files of the open scene again; edits stay (`app.document.scene_change`). A session that another
+        program has written is opened instead, where nothing would be lost.
+
+        Returns None, or one line that says why not.
+        """
+        host = self._host
+        if self._keeper.file_has_changed and self._keeper.path is not None:
+            if not self._keeper.unsaved(host.document, host.view):
+                self.open(Opening.of(str(self._keeper.path)))
+                return None
+            host.notify(f"{self._keeper.path}: written elsewhere, and there are unsaved edits here; these stay", True)
+        self.open(Opening(0, host.document.source, present=(host.document, host.view)))
+        return None
 
     def open_default(self, why: str) -> None:
         """Open the built-in scene where nothing is open, so that the window is of use; `why` is shown."""
@@ -220,6 +245,7 @@ class SceneController:
     def take_sky(self, response: SkyImage) -> list[PictureEvent]:
         """The image of the sky behind the scene has come."""
         self._host.metrics.note(*response.notes)
+        self.report = replace(self.report, notes=tuple(dict.fromkeys((*self.report.notes, *response.notes))))
         sky = SkyChanged(response.radiance)
         self._shown = [*self._shown[:1], sky]
         return self._host.controller.sky_changed(sky)
@@ -264,10 +290,10 @@ class SceneController:
         except InsituError as error:
             host.take_failure(RequestFailed(str(error), id=opened.id))
             return []
+        if opening.present is not None:
+            return self._take_again(described, description, opened, response)
         left_unsaved = self._keeper.leave_document(host.document, host.view)
-        host.picture_voided(opened.notes)
-        self._opening = None
-        host.camera_history.scene_opened(description, opened.boxes)
+        self._note_files(description, opened)
         host.view = host.view.for_scene(description)
         host.history = History(described)
         self._keeper.set_document(described, host.view)
@@ -275,11 +301,9 @@ class SceneController:
         said = opening.fallback_reason or f"opened {description.name}{kept}"
         said = "; ".join(filter(None, (said, *opened.notes, describe_empty_frame(response.frame))))
         host.notify(said, bool(opening.fallback_reason))
-        set_inputs(map(Path, opened.files))
         if opening.session is not None:
             self._restore(opening, opening.session, opened)
-        add_inputs([] if opening.session_path is None else [opening.session_path])
-        add_inputs(files_of_document(host.document))
+        self.add_files(files_of_document(host.document) | ({opening.session_path} if opening.session_path else set()))
         host.view = host.view.from_viewpoint(self.tracing.adopt_resolution(host.camera_history.own_resolution))
         host.camera_history.reset_history()
         scene = OpenedScene(0, opened.planned, description, described, host.document, opened.notes)
@@ -290,18 +314,63 @@ class SceneController:
             host.do(set_environment_file(opening.light))
         return self._shown
 
+    def _note_files(self, description: SceneDescription, opened: SceneOpened) -> None:
+        """Note what a scene was read from that is open from now on, and what is in it."""
+        self._host.picture_voided(opened.notes)
+        self._opening = None
+        self._host.camera_history.scene_opened(description, opened.boxes)
+        self.report = opened.report
+        set_inputs(map(Path, opened.files))
+        self.watch.watch(opened.files)
+
+    def add_files(self, files: set[Path]) -> None:
+        """Note files that the document names besides."""
+        add_inputs(files)
+        self.watch.add(files)
+
+    def _take_again(
+        self, described: Document, description: SceneDescription, opened: SceneOpened, response: ViewTraced
+    ) -> list[PictureEvent]:
+        """The files of the open scene were read again: the whole history goes on with them."""
+        host, before = self._host, self.opened
+        assert before is not None
+        names = matching_parts(before.description, self.report, description, opened.report)
+        change = SceneChange(before.described, described, names)
+        lost = [name for name in change.gone(host.document) if all(name != each.name for each in host.document.absent)]
+        self._note_files(description, opened)
+        host.history.map(change)
+        self._keeper.map(change)
+        if host.view.compare is not None:
+            host.view = replace(host.view, compare=change(host.view.compare))
+        self.watch.add([self._keeper.path] if self._keeper.path else [])
+        host.view = host.view.from_viewpoint(self.tracing.adopt_resolution(host.camera_history.own_resolution))
+        scene = OpenedScene(0, opened.planned, description, described, host.document, opened.notes)
+        host.controller.scene_opened(self._view_traced(scene, response))
+        selected = host.view.selected
+        if selected is not None and all(selected.object != state.name for state in host.document.objects):
+            host.select(initial_selection(host.document))
+        host.document_changed()
+        said = f"reloaded {description.name}"
+        if lost:
+            said += f"; no longer there: {', '.join(lost)}, whose edits wait for them"
+        host.notify("; ".join((said, *opened.notes)), bool(lost))
+        return self._shown
+
     def _restore(self, opening: Opening, session: Session, opened: SceneOpened) -> None:
         """Replace the scene's document and view by a session's, where they fit."""
-        host = self._host
+        host, scene = self._host, self._host.document
         try:
-            document = opening.restored(session, host.document, opened)
+            document = opening.restored(session, scene, opened)
         except InsituError as error:
             host.notify(f"opened the scene without its session: {error}", True)
             return
         host.history = History(document)
         host.view = replace(session.view, panels=host.view.panels)
         self._keeper.set_document(document, host.view, opening.session_path, opening.recovery, opening.digest)
-        host.notify("recovered what was not saved" if opening.recovery else f"opened {opening.file}")
+        said = "recovered what was not saved" if opening.recovery else f"opened {opening.file}"
+        notes = session_notes(session, scene)
+        self.report = replace(self.report, notes=(*self.report.notes, *notes))
+        host.notify("; ".join((said, *notes)), bool(notes))
 
     def _view_traced(self, scene: OpenedScene, seen: ViewTraced) -> OpenedScene:
         """Note a traced view; the renderer is to be notified of it."""

@@ -17,6 +17,7 @@ import os
 import queue
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -301,6 +302,10 @@ class SessionStore:
         """An animation moved from one document to another, which is no edit: what was saved counts as saved."""
         if before == self._saved:
             self._saved = after
+
+    def map(self, change: Callable[[Document], Document]) -> None:
+        """The scene that documents belong to was read again: what was saved counts as saved."""
+        self._saved = None if self._saved is None else change(self._saved)
 
     def give_up(self, document: Document, view: ViewState) -> None:
         """Discard unsaved edits: no journal stores them."""

@@ -162,37 +162,50 @@ def _digest(data: bytes) -> str:
 
 
 def fit_session(session: Session, scene: Document, file: str) -> Document:
-    """The session's document for a scene as it is now; LoadError when the scene has other objects.
+    """The session's document for a scene as it is now. Objects that the scene no longer has are `absent`, new ones are
+    as the scene has them (`session_notes` says so). LoadError where the scene has none of the session's objects.
 
     Layers are the session's own, where it has some: an object may have been given another material.
     """
-    have, want = ({state.name for state in document.objects} for document in (scene, session.document))
-    for name in sorted(have ^ want):
-        found, there = ("not in the session", "all objects") if name in have else ("in the session", "only objects")
-        raise LoadError(file, f"object {name!r}", found, f"{there} of the scene")
+    names = {state.name for state in scene.objects}
     saved = {state.name: state for state in session.document.objects}
-    for state in scene.objects:
-        _check_moment(state, saved[state.name].moment, file)
-    objects = tuple(_with_scene_emission(state, saved[state.name]) for state in scene.objects)
-    return replace(session.document, source=scene.source, objects=objects)
+    if saved and not names & saved.keys():
+        name = min(saved)
+        raise LoadError(file, f"object {name!r}", "in the session", f"an object of the scene, {scene.source}")
+    objects = tuple(_with_saved(state, saved[state.name]) if state.name in saved else state for state in scene.objects)
+    absent = tuple(state for state in session.document.objects if state.name not in names)
+    return replace(session.document, source=scene.source, objects=objects, absent=absent)
 
 
-def _with_scene_emission(scene: ObjectState, saved: ObjectState) -> ObjectState:
+def session_notes(session: Session, scene: Document) -> tuple[str, ...]:
+    """What of a session the scene no longer has, and what it has besides; a line each."""
+    saved = {state.name: state for state in session.document.objects}
+    there = {state.name: state for state in scene.objects}
+    gone, new = [name for name in saved if name not in there], [name for name in there if name not in saved]
+    still = [name for name, state in there.items() if name in saved and _lost_clip(state, saved[name])]
+    lines = (
+        (gone, "no longer in the scene; their edits stay in the session"),
+        (new, "not in the session, shown as the scene has them"),
+        (still, "the animation of the session is no longer in the file, shown at rest"),
+    )
+    return tuple(f"{', '.join(names)}: {what}" for names, what in lines if names)
+
+
+def _lost_clip(scene: ObjectState, saved: ObjectState) -> bool:
+    """Whether an object was posed by an animation that its file no longer has."""
+    return saved.moment is not None and saved.moment.clip not in [each.name for each in scene.animations]
+
+
+def _with_saved(scene: ObjectState, saved: ObjectState) -> ObjectState:
     """The saved state of an object; the scene determines whether it emits, and its material where none is saved."""
     emission = saved.emission or scene.emission if scene.emits else None
     new = saved.new_bumps if saved.new_bumps != scene.own_bumps and not scene.is_lamp else None
     surface = saved.new_surface if saved.new_surface != scene.own_surface and not scene.is_lamp else None
     return replace(
         saved, emission=emission, layers=saved.layers or scene.layers, animations=scene.animations,
-        own_bumps=scene.own_bumps, new_bumps=new, own_surface=scene.own_surface, new_surface=surface,
+        moment=None if _lost_clip(scene, saved) else saved.moment, own_bumps=scene.own_bumps, new_bumps=new,
+        own_surface=scene.own_surface, new_surface=surface,
     )  # fmt: skip
-
-
-def _check_moment(scene: ObjectState, moment: Moment | None, file: str) -> None:
-    names = [each.name for each in scene.animations]
-    if moment is not None and moment.clip not in names:
-        there = f"one of {', '.join(names)}" if names else "no time: it has no animation"
-        raise LoadError(file, f"object {scene.name!r}: clip", moment.clip, there)
 
 
 def dump_session(
@@ -209,7 +222,7 @@ def dump_session(
         lines += ["[journal]", *toml_lines(journal.model_dump())]
     lines += ["[light]", *toml_lines(light), "[overrides]", *toml_lines(dict(document.overrides))]
     lines += ["[view]", *toml_lines(_view_values(view))]
-    for state in document.objects:
+    for state in (*document.objects, *document.absent):
         lines += _object_lines(state, folder)
     for bookmark in view.bookmarks:
         lines += ["[[bookmark]]", *toml_lines(_bookmark_values(bookmark))]

@@ -22,6 +22,7 @@ from engine.reference.path_tracer import N_SAMPLES
 from engine.render.display import png_bytes
 from engine.render.picture_error import ErrorEstimate
 from engine.scene.builtin import DEFAULT_SCENE
+from engine.scene.import_report import ImportReport, report_scene
 
 MAX_SIDE = 16384
 
@@ -98,6 +99,17 @@ class Scene:
     def camera(self) -> CameraNode:
         """The camera that pictures are seen from."""
         return CameraNode(self._editing)
+
+    @property
+    def report(self) -> ImportReport:
+        """What the scene's files contain, what was repaired, and every property that is not shown.
+
+        >>> import insitu
+        >>> report = insitu.open("shapes", resolution=(48, 32)).report
+        >>> len(report.objects), report.unshown
+        (6, ())
+        """
+        return report_scene(self._project.resting)
 
     @property
     def document(self) -> Document:

@@ -36,8 +36,9 @@ class Status:
     shown, where a mode shows those of two; else empty. ``is_away``: whether the view has moved on from the one that was
     traced last. ``is_held``: whether the picture is still that of an earlier document, until one of the present is as
     good. ``compared_exact``: whether side A of a comparison is. ``stopped``: whether the user stopped what is missing.
-    ``planned_edges`` are the rays through a pixel at an edge that the scene requires. ``message`` is the last event,
-    ``is_error`` whether it is an error; ``message_number`` counts them.
+    ``planned_edges`` are the rays through a pixel at an edge that the scene requires. ``changed_files`` are files of
+    the scene that other programs have written since they were read. ``message`` is the last event, ``is_error`` whether
+    it is an error; ``message_number`` counts them.
     """
 
     worker_alive: bool = True
@@ -69,6 +70,7 @@ class Status:
     notes: tuple[str, ...] = ()
     stopped: bool = False
     planned_edges: int = 0
+    changed_files: tuple[str, ...] = ()
 
     @property
     def follows_input(self) -> bool:

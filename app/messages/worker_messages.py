@@ -12,11 +12,15 @@ that hold arrays compare by identity, since arrays have no single truth value.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar, Literal, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+
+from app.system.file_watch import FileStamp
+from engine.scene.import_report import ImportReport
 
 if TYPE_CHECKING:
     from app.document.document import Document
@@ -191,7 +195,8 @@ class SceneOpened(Response):
     `measurements`: those read, by the names of the request. `planned`: for each of the scene's own layers, and those of
     a session that differ, with their measurements, the number of bands of each curve, by factor; planned here because
     it takes longer than the window may be blocked. `boxes` (M, 2, 3): the least and the largest corner of each object
-    in the world, NaN where it has no surface. `animations`: each object's. `files`: those the scene was read from.
+    in the world, NaN where it has no surface. `animations`: each object's. `files`: those the scene was read from, each
+    with its stamp then. `report`: what they contain, and what of it is not shown.
     """
 
     description: str
@@ -200,7 +205,8 @@ class SceneOpened(Response):
     planned: tuple[tuple[Layer, dict[str, int]], ...] = ()
     boxes: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 2, 3)))
     animations: tuple[Animations, ...] = ()
-    files: tuple[str, ...] = ()
+    files: Mapping[str, FileStamp] = field(default_factory=dict)
+    report: ImportReport = ImportReport()
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -35,6 +35,12 @@ FILES = (
     Operator("open_recent", entry="Open recent"),
     Operator("open_builtin", entry="Built-in scenes"),
     Operator("open_environment", entry="Open environment…"),
+    Operator(
+        "reload", lambda editor, value: editor.scenes.reload(), ("Ctrl R",),
+        "Reload files saved by other programs; edits stay", entry="Reload", needs=SCENE, waits=True,
+        script=ScriptKey(Literal[True], "Reads the scene's files again."),
+    ),
+    Operator("report", keys=("I",), help="What the file has, and what is not shown", entry="What the file contains"),
     Operator("save", keys=("Ctrl S",), help="Save the session", entry="Save session"),
     Operator("save_as", keys=("Ctrl Shift S",), help="Save the session under a new name", entry="Save session as…"),
     Operator("recover", entry="Recover edits…"),

@@ -42,7 +42,7 @@ from app.document.sources import find_source, likely_mapping, source_of
 from app.document.view_state import Viewpoint
 from app.files.bookmarks import find_bookmark
 from app.files.materials import Library, import_measured, load_material
-from app.files.session import Session, fit_session, load_session
+from app.files.session import Session, fit_session, load_session, session_notes
 from app.system.atomic import set_inputs
 from app.system.memory import require_memory_for
 from app.system.paths import full_path, is_file_name
@@ -67,7 +67,7 @@ class Project:
     """A loaded scene, the document to edit, and its view; emitters have the document's emission.
 
     view: its tone mapping; settings: those of its session, with those of the user. at_rest: the scene where no object
-    is deformed, None where that is it.
+    is deformed, None where that is it. notes: what of its session does not fit the scene.
     """
 
     scene: Scene
@@ -75,6 +75,7 @@ class Project:
     view: ToneMapping = "filmic"
     settings: RenderSettings = RenderSettings(n_bounces=AS_PLANNED)
     at_rest: Scene | None = None
+    notes: tuple[str, ...] = ()
 
     @property
     def resting(self) -> Scene:
@@ -201,7 +202,9 @@ def open_project(
     )
     if source.light is not None:
         document = set_environment_file(source.light).apply(document)
+    notes: tuple[str, ...] = ()
     if session is not None:
+        notes = session_notes(session, document)
         document = read_measurements(fit_session(session, document, str(source.session)))
     for where, value in values:
         document = read_measurements(set_path(document, where, value).apply(document))
@@ -212,7 +215,7 @@ def open_project(
     set_inputs((*scene.files, *files_of_document(document), *sessions))
     if session is None:
         return Project(scene, document, at_rest=at_rest)
-    return Project(scene, document, session.view.tone_mapping, session.view.settings, at_rest)
+    return Project(scene, document, session.view.tone_mapping, session.view.settings, at_rest, notes)
 
 
 def sky_of(scene: Scene, light: LightState, load: Callable[[Path, str], Environment] | None = None) -> SkyState:

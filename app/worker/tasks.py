@@ -36,6 +36,7 @@ from app.messages.worker_messages import (
 from app.modes.mode import Mode
 from app.modes.registry import MODES
 from app.project.project import sky_of
+from app.system.file_watch import file_stamp
 from app.system.lazy_import import import_named
 from app.worker.cache import ArrayCache, content_key
 from app.worker.executor import Executor, LocalExecutor
@@ -57,6 +58,7 @@ from engine.precompute.direct.pipeline import Placement, SkyState
 from engine.realtime.zonal_harmonics.pose import Poses
 from engine.realtime.zonal_harmonics.posed_scene import pose_scene
 from engine.scene.builtin import scene_path
+from engine.scene.import_report import report_scene
 from engine.scene.picture_frame import picture_frame
 from engine.scene.primary_hits import trace_primary_steps
 from engine.scene.raycaster import RayCaster
@@ -111,6 +113,7 @@ class WorkerContext:
     def load(self, scene: Scene, id: int) -> None:
         """Note that a scene is loaded and can be traced, by the request of that number."""
         self._loaded = _LoadedScene(id, scene)
+        self._environments = {}  # another program may have written the file
 
     def set_camera(self, request: SetCamera) -> Generator[None, None, None]:
         """Open a loaded scene as this camera sees it, after some steps; that may be the background alone."""
@@ -228,13 +231,15 @@ class RequestDispatcher:
         names = described_paths(unread_files(layers_of_document(document)), scene.folder, path)
         names |= {file: Path(file) for file in request.measured}
         measurements = yield from read_files(names, self.context.store)
+        files = {str(path): file_stamp(path) for path in (*scene.files, *names.values())}
         self.context.load(scene, request.id)
         description = scene.description.model_dump_json(by_alias=True)
         own = layers_of_document(document_with_measurements(document, measurements))
         layers = [*own, *(layer for layer in with_measurements(request.layers, measurements) if layer not in own)]
         planned = tuple(chain.from_iterable(work.plan(layers) for work in self._workers))
-        files = tuple(map(str, (*scene.files, *names.values())))
-        yield SceneOpened(description, scene.notes, measurements, planned, scene.bounds, scene.animations, files)
+        yield SceneOpened(
+            description, scene.notes, measurements, planned, scene.bounds, scene.animations, files, report_scene(scene)
+        )
 
     def _set_camera(self, request: SetCamera) -> Steps:
         yield Progress("scene", 0.5, text="tracing what the camera sees")

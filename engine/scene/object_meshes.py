@@ -59,13 +59,19 @@ _GAP = 1e-4  # in radii, below the mesh: faces in the floor's plane stay visible
 
 @dataclass(frozen=True)
 class ObjectMesh:
-    """An object's description, with layers, its mesh in its own frame, and its rig, if anything moves it. unread: the
-    names of materials in its file that are not read."""
+    """An object's description, with layers, its mesh in its own frame, and its rig, if anything moves it. model: what
+    its file contains; material: the name of its material there."""
 
     description: ObjectDescription
     mesh: Mesh
     rig: Rig | None = None
-    unread: str = ""
+    model: ImportedModel | None = None
+    material: str = ""
+
+    @property
+    def unread(self) -> str:
+        """The names of materials in its file that are not read."""
+        return "" if self.model is None else self.model.unread
 
 
 def object_meshes(description: SceneDescription, folder: Path, path: Path) -> tuple[list[ObjectMesh], list[str]]:
@@ -114,14 +120,14 @@ def _objects_of(item: ObjectDescription, model: ImportedModel, path: Path, taken
     chosen = range(len(model.parts)) if item.part is None else [item.part]
     if item.layers or item.emits:
         mesh, rig, is_smooth = _join_parts([model.parts[k] for k in chosen])
-        return [ObjectMesh(item.model_copy(update={"smooth": item.smooth and is_smooth}), mesh, rig)]
+        return [ObjectMesh(item.model_copy(update={"smooth": item.smooth and is_smooth}), mesh, rig, model)]
     items = []
     for k in chosen:
         part = model.parts[k]
         own = _material(item, part)
         if len(chosen) > 1:
             own |= {"name": free_name(f"{item.name[:48]} {k + 1}", taken), "part": k}
-        items.append(ObjectMesh(item.model_copy(update=own), part.mesh, part.rig, model.unread))
+        items.append(ObjectMesh(item.model_copy(update=own), part.mesh, part.rig, model, part.name))
     return items
 
 

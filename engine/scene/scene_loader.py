@@ -22,6 +22,7 @@ from engine.material.bumps import Bumps
 from engine.material.layer_maps import Images, split_image_name
 from engine.scene.bump_normals import BumpNormals
 from engine.scene.description import Camera, SceneDescription, load_description
+from engine.scene.loaders.model import ImportedCamera, UnshownProperty
 from engine.scene.mesh import MESH_ENDINGS, Mesh, count_defects, face_normals, join_meshes, place_copies, with_normals
 from engine.scene.object_meshes import DEFAULT_ENVIRONMENT, ObjectMesh, load_mesh_scene, object_meshes
 from engine.scene.rig import Animations, Rig
@@ -46,7 +47,8 @@ class Scene:
     None if no object has them; tangents (T, 3, 4) as `Mesh.tangents`, None if no file has them; has_uvs (M,) bool;
     boxes (M, 3, 4): the frames for texture coordinates of the others (`engine.scene.surface_uvs`); textures: the
     scene's images. vertex_ranges (M, 2); rigs: for each object how its file's animations move its vertices, in the
-    frame of the arrays, None if none does.
+    frame of the arrays, None if none does. material_names: of each object, in its file; cameras, unshown: what
+    its files contain besides (`engine.scene.import_report`).
     """
 
     description: SceneDescription
@@ -72,6 +74,9 @@ class Scene:
     environment_path: Path | None = None
     notes: tuple[str, ...] = field(default=())
     files: frozenset[Path] = frozenset()
+    material_names: tuple[str, ...] = ()
+    cameras: tuple[ImportedCamera, ...] = ()
+    unshown: tuple[UnshownProperty, ...] = ()
 
     @cached_property
     def bump_normals(self) -> BumpNormals:
@@ -189,6 +194,7 @@ def _assemble(
     geometric, _ = face_normals(vertices, triangles)
     counts = ranges[:, 1] - ranges[:, 0]
     objects = description.objects
+    models = {id(item.model): item.model for item in items if item.model is not None}.values()
     emission = np.array([o.emission if o.emission is not None else (0.0, 0.0, 0.0) for o in objects], np.float32)
     scene = Scene(
         description=description,
@@ -213,6 +219,9 @@ def _assemble(
         rigs=tuple(_rig_in_scene(item, origin) for item in items),
         environment_path=environment_path,
         notes=(*notes, *place_notes, *lost_notes, *_map_notes(description, placed)),
+        material_names=tuple(item.material for item in items),
+        cameras=tuple(camera for model in models for camera in model.cameras),
+        unshown=tuple(each for model in models for each in model.unshown),
     )
     _load_maps(scene)
     shrunk = scene.textures.take_notes()

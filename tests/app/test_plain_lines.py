@@ -20,7 +20,7 @@ HOSTILE = "\x1b]0;owned\x07\x1b[31mRED\nnote: all is well\r\u202e" + "A" * 100_0
 
 def project_of(scene: object) -> Any:
     """What is told of: a scene without a sky."""
-    return SimpleNamespace(scene=scene, sky=SkyState(None))
+    return SimpleNamespace(scene=scene, sky=SkyState(None), notes=())
 
 
 def test_lines_that_commands_print_are_plain(capsys: pytest.CaptureFixture[str]) -> None:

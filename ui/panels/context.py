@@ -23,6 +23,7 @@ from app.files.preferences import Preferences, Recent
 from app.messages.editor_status import Status
 from app.modes.mode import Mode
 from engine.scene.description import Camera
+from engine.scene.import_report import ImportReport
 from ui.frame_times import PerformanceRecord
 from ui.panels.pictures import BrdfBoard, Picture
 from ui.panels.window_state import PanelState, Travel
@@ -173,6 +174,7 @@ class PanelContext:
     view_thumbnail: Callable[[Bookmark], Picture | None] = no_view_thumbnail
     preferences: Preferences = Preferences()
     unsaved: bool = False
+    report: ImportReport = ImportReport()
     recent: Callable[[], tuple[Recent, ...]] = tuple
     recoveries: tuple[Recovery, ...] = ()
     now: float = 0.0

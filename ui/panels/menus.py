@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 
 from imgui_bundle import ImVec2, imgui
 
@@ -210,10 +211,9 @@ def _controls(context: PanelContext) -> list[Action]:
         if width + wide + gap <= room:
             width += wide + gap
             shown.append(draw_field)
-    _title(context, width + buttons)
+    actions = _title(context, width + buttons)
     imgui.set_cursor_pos_x(imgui.get_window_width() - width - buttons)
     _centre()
-    actions: list[Action] = []
     for draw_field in shown:
         actions += draw_field(context)
         _next(gap)
@@ -263,15 +263,39 @@ def _centre() -> None:
     imgui.set_cursor_pos_y(round(0.5 * (imgui.get_window_height() - imgui.get_frame_height())))
 
 
-def _title(context: PanelContext, controls: float) -> None:
-    """The name of what is open, between menus and controls."""
+def _title(context: PanelContext, controls: float) -> list[Action]:
+    """The name of what is open, between menus and controls, and the marks beside it: that there is something to read
+    about its files, and that another program has written one of them."""
     name = f"{context.name}*" if context.unsaved else context.name
     imgui.same_line(0.0, context.px(18))
+    marks = _marks(context)
     room = imgui.get_window_width() - controls - imgui.get_cursor_pos_x() - context.px(16)
+    room -= len(marks) * imgui.get_frame_height()
     if name and imgui.calc_text_size(name).x < room:
         imgui.align_text_to_frame_padding()
         imgui.text_disabled(name)
         widgets.tooltip(f"{context.document.source}{NOT_SAVED if context.unsaved else ''}")
+        imgui.same_line(0.0, context.px(4))
+    if room < 0.0:
+        return []
+    actions: list[Action] = []
+    for operator, icon, hint in marks:
+        _centre()
+        actions += _button(context, operator, icon, hint)
+        imgui.same_line(0.0, 0.0)
+    return actions
+
+
+def _marks(context: PanelContext) -> list[tuple[str, str, str]]:
+    """Operator, icon and tooltip of each mark; none where all is shown as the files say."""
+    marks = []
+    if not context.report.is_silent or context.state.shows_report:
+        said = context.report.summary() or "All that the file contains is shown"
+        marks.append(("report", Icon.REPORT, f"{said[0].upper()}{said[1:]}"))
+    if changed := context.status.changed_files:
+        first, more = Path(changed[0]).name, f" and {len(changed) - 1} more" if len(changed) > 1 else ""
+        marks.append(("reload", Icon.LOOP, f"{first}{more}: saved by another program. Reload; edits stay"))
+    return marks
 
 
 def _exposure(context: PanelContext, width: float) -> list[Action]:

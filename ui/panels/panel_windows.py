@@ -22,6 +22,7 @@ from ui.panels import (
     curve_editor,
     dialogs,
     file_dialog,
+    import_sheet,
     library,
     light,
     material,
@@ -56,6 +57,7 @@ def draw_panels(context: PanelContext, barrier: Barrier, begin_space: Callable[[
     actions += _window(barrier, context, layout.ACCURACY, accuracy.draw)
     actions += _window(barrier, context, layout.PLAN, accuracy.draw_plan)
     actions += draw_guarded(barrier, "The tabs", draw_folding_buttons, context) or []
+    actions += draw_guarded(barrier, "The import report", import_sheet.draw, context) or []
     actions += draw_guarded(barrier, "The dialog", file_dialog.draw, context) or []
     actions += draw_guarded(barrier, "The resolution", dialogs.draw_resolution, context) or []
     actions += draw_guarded(barrier, "The question", dialogs.draw_unsaved, context) or []

@@ -163,6 +163,7 @@ def _way_out(context: PanelContext) -> list[Action]:
         (state.resolution is not None, SetPanel({"resolution": None})),
         (view.show_shortcuts, SetView.of(show_shortcuts=False)),
         (state.paints, SetPanel({"paints": False})),
+        (state.shows_report, SetPanel({"shows_report": False})),
         (state.shows_camera, SetPanel({"shows_camera": False, "renames": None})),
         (state.single_panel, SetPanel({"single_panel": False})),
         (state.picks_lobe, SetPanel({"picks_lobe": False})),

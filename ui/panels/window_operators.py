@@ -76,6 +76,8 @@ def is_on(context: PanelContext, name: str) -> bool:
         return context.state.single_panel
     if name == "camera_panel":
         return context.state.shows_camera
+    if name == "report":
+        return context.state.shows_report
     is_on = OPERATORS[name].is_on
     return is_on is not None and is_on(context)
 
@@ -91,6 +93,10 @@ def play_or_leave_alone(context: PanelContext) -> list[Action]:
 
 def _toggle_camera_panel(context: PanelContext) -> list[Action]:
     return [SetPanel({"shows_camera": not context.state.shows_camera, "renames": None})]
+
+
+def _toggle_report(context: PanelContext) -> list[Action]:
+    return [SetPanel({"shows_report": not context.state.shows_report})]
 
 
 def _expose(name: str, step: int, context: PanelContext) -> list[Action]:
@@ -170,6 +176,7 @@ WINDOW_OPERATORS: dict[str, Callable[[PanelContext], list[Action]]] = {
     "resolution": _set_resolution,
     "alone": _leave_alone,
     "camera_panel": _toggle_camera_panel,
+    "report": _toggle_report,
     "darker": partial(_expose, "darker", -1),
     "brighter": partial(_expose, "brighter", 1),
     "translate": partial(_set_tool, kind="translate"),

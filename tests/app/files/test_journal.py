@@ -212,10 +212,12 @@ def test_a_bad_session_leaves_all_as_it_is(client: FakeClient, tmp_path: Path, c
     assert editor.document is before and len(client.requests) == n_requests
 
 
-def test_a_session_that_no_longer_fits_opens_the_scene_alone(client: FakeClient, tmp_path: Path) -> None:
+def test_a_session_of_another_scene_opens_the_scene_alone(client: FakeClient, tmp_path: Path) -> None:
     editor = opened(client, None)
     editor.save(tmp_path / "mine")
-    text = (tmp_path / "mine.insitu").read_text().replace('"lamp"', '"candle"')
+    text = (tmp_path / "mine.insitu").read_text()
+    for name in ("pot", "floor", "lamp"):
+        text = text.replace(f'"{name}"', f'"other {name}"')
     (tmp_path / "mine.insitu").write_text(text)
     again = Editor(client, str(tmp_path / "mine.insitu"))
     client.open_scene()

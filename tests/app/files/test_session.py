@@ -20,7 +20,7 @@ from app.document.commands.light import SetEnvironment
 from app.document.commands.plan import SetFirstBands
 from app.document.document import Document, Selection, document_from_description
 from app.document.view_state import Bookmark, SetView, Viewpoint, ViewState
-from app.files.session import fit_session, load_session, save_session
+from app.files.session import fit_session, load_session, save_session, session_notes
 from engine.core.errors import InsituError, LoadError
 from engine.curve.operators import Operator, diagonal
 from engine.scene.description import Camera, parse_description
@@ -264,8 +264,18 @@ def test_a_session_fits_the_scene_it_was_made_for(edited: Document, document: Do
     path = save_session(tmp_path / "s", edited, ViewState())
     assert fit_session(load_session(path), document, "s.insitu") == edited
     fewer = replace(document, objects=document.objects[:2])
-    with pytest.raises(LoadError, match="s.insitu: object 'lamp' = in the session, expected only objects of the scene"):
-        fit_session(load_session(path), fewer, "s.insitu")
+    left = fit_session(load_session(path), fewer, "s.insitu")
+    assert left.objects == edited.objects[:2] and [state.name for state in left.absent] == ["lamp"]
+    (note,) = session_notes(load_session(path), fewer)
+    assert note == "lamp: no longer in the scene; their edits stay in the session"
+    # Saved again, it still has what waits for its object.
+    again = load_session(save_session(tmp_path / "t", left, ViewState()))
+    assert fit_session(again, document, "t.insitu") == edited
+    more = replace(document, objects=(*document.objects, replace(document.object("floor"), name="rug")))
+    assert fit_session(again, more, "t.insitu").object("rug") == more.object("rug")
+    foreign = replace(document, objects=(replace(document.object("floor"), name="rug"),))
+    with pytest.raises(LoadError, match="s.insitu: object 'floor' = in the session, expected an object of the scene"):
+        fit_session(load_session(path), foreign, "s.insitu")
     other = document.with_object(replace(document.object("pot"), layers=document.object("pot").layers[:1]))
     assert fit_session(load_session(path), other, "s.insitu") == edited  # layers are the session's own
 

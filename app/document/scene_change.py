@@ -1,0 +1,145 @@
+"""Carries edits over to a scene whose files another program has saved again.
+
+Three documents meet: the scene as its files had it (`base`), the user's, and the scene as its files have it now. Object
+by object and layer by layer, by name, what the user has changed stays, and what they have not touched follows the
+files. The same rule applies to every document of the history, so that undo goes on as before: reading files again is no
+step of it, because the old files are gone.
+
+An edited object that the files no longer have stays in `Document.absent`, and returns with its object; a program that
+leaves out an object by mistake costs no edits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields, replace
+from typing import Any
+
+from app.document.document import Document, ObjectState
+from app.document.linked_layers import Layers
+from engine.material.layer import Layer
+from engine.scene.description import SceneDescription
+from engine.scene.import_report import ImportReport
+
+# Fields of an object that are the file's until the user changes them.
+_SWITCHES = ("editable", "visible", "frozen", "emission")
+_PAIRS = ("parameters", "edits")  # of a layer: (name, value) each
+Pairs = tuple[tuple[str, Any], ...]
+
+
+class SceneChange:
+    """Applies to documents what changed in a scene's files. names: for objects of `scene` whose name in `base` differs,
+    that name (parts of a mesh file are numbered, and found again by their material)."""
+
+    def __init__(self, base: Document, scene: Document, names: Mapping[str, str] | None = None) -> None:
+        self._base = {state.name: state for state in base.objects}
+        self._scene, self._light = scene, base.light
+        self._names = {state.name: (names or {}).get(state.name, state.name) for state in scene.objects}
+        # Documents of a history share most objects. The objects are held, so that their numbers stay theirs.
+        self._merged: dict[tuple[int, str], tuple[ObjectState, ObjectState]] = {}
+
+    def __call__(self, document: Document) -> Document:
+        """The document for the scene as it is now."""
+        there = {state.name: state for state in (*document.absent, *document.objects)}
+        objects = tuple(self._object(there.get(self._names[own.name]), own) for own in self._scene.objects)
+        taken = {state.name for state in objects}
+        absent = tuple(there[name] for name in self.gone(document) if name not in taken)
+        light = _merge_fields(document.light, self._light, self._scene.light)
+        return replace(document, source=self._scene.source, objects=objects, absent=absent, light=light)
+
+    def gone(self, document: Document) -> tuple[str, ...]:
+        """The edited objects of the document that the scene no longer has."""
+        found = set(self._names.values())
+        edited = [state for state in (*document.absent, *document.objects) if state != self._base.get(state.name)]
+        return tuple(state.name for state in edited if state.name not in found)
+
+    def _object(self, edited: ObjectState | None, own: ObjectState) -> ObjectState:
+        """An object as the user has edited it, on top of what its file says now."""
+        if edited is None:
+            return own
+        key = id(edited), own.name
+        if key not in self._merged:
+            self._merged[key] = edited, self._merge(edited, self._base.get(edited.name), own)
+        return self._merged[key][1]
+
+    def _merge(self, edited: ObjectState, base: ObjectState | None, own: ObjectState) -> ObjectState:
+        kept = {name: getattr(edited, name) for name in _SWITCHES if base is None or _differ(edited, base, name)}
+        if not own.emits or kept.get("emission") is None:
+            kept.pop("emission", None)
+        clips = [each.name for each in own.animations]
+        moment = edited.moment if edited.moment is not None and edited.moment.clip in clips else None
+        bumps, surface = edited.new_bumps, edited.new_surface
+        return replace(
+            own, **kept, layers=_merge_layers(edited.layers, None if base is None else base.layers, own.layers),
+            deformations=edited.deformations, moment=moment,
+            new_bumps=None if own.is_lamp or bumps == own.own_bumps else bumps,
+            new_surface=None if own.is_lamp or surface == own.own_surface else surface,
+        )  # fmt: skip
+
+
+def _differ(edited: Any, base: Any, name: str) -> bool:
+    return bool(getattr(edited, name) != getattr(base, name))
+
+
+def _merge_layers(edited: Layers, base: Layers | None, own: Layers) -> Layers:
+    """The layers of an object; the user's where they have replaced, added or removed one."""
+    if not own or edited == base:
+        return own
+    if base is None or _kinds(edited) != _kinds(base):
+        return edited
+    before = dict(zip(_kinds(base), zip(edited, base, strict=True), strict=True))
+    return tuple(
+        _merge_layer(*before[kind], layer) if kind in before else layer
+        for kind, layer in zip(_kinds(own), own, strict=True)
+    )
+
+
+def _kinds(layers: Layers) -> list[tuple[str, str, bool]]:
+    """What tells layers of an object apart: two with the same are different materials' (names differ in an object)."""
+    return [(layer.name, layer.model.name, layer.rises) for layer in layers]
+
+
+def _merge_layer(edited: Layer, base: Layer, own: Layer) -> Layer:
+    """A layer field by field: parameters and curves one by one."""
+    pairs = {name: _merge_pairs(*(getattr(each, name) for each in (edited, base, own))) for name in _PAIRS}
+    return replace(_merge_fields(edited, base, own), **pairs)
+
+
+def _merge_pairs(edited: Pairs, base: Pairs, own: Pairs) -> Pairs:
+    """Named values: those that the user has changed, added or removed are theirs."""
+    mine, before, found = dict(edited), dict(base), dict(own)
+    for name in mine.keys() | before.keys():
+        if mine.get(name) == before.get(name):
+            continue
+        if name in mine:
+            found[name] = mine[name]
+        else:
+            found.pop(name, None)
+    order = [*dict(own), *sorted(found.keys() - dict(own).keys())]
+    return tuple((name, found[name]) for name in order if name in found)
+
+
+def _merge_fields(edited: Any, base: Any, own: Any) -> Any:
+    """A dataclass with the fields that the user has changed; all others are the file's."""
+    return replace(
+        own, **{f.name: getattr(edited, f.name) for f in fields(own) if f.init and _differ(edited, base, f.name)}
+    )
+
+
+def matching_parts(
+    before: SceneDescription, old: ImportReport, now: SceneDescription, new: ImportReport
+) -> dict[str, str]:
+    """For objects that are parts of a mesh file and have other numbers than before, the names that they had: those of
+    the part with the same material, where a single one has it."""
+    had, have = _parts_by_material(before, old), _parts_by_material(now, new)
+    return {name: had[part] for part, name in have.items() if part in had}
+
+
+def _parts_by_material(description: SceneDescription, report: ImportReport) -> dict[tuple[str, str], str]:
+    """The names of parts by file and material, without materials that several parts have."""
+    materials = {item.name: item.material for item in report.objects}
+    found: dict[tuple[str, str], list[str]] = {}
+    for item in description.objects:
+        if item.part is not None and item.mesh is not None and (material := materials.get(item.name)):
+            found.setdefault((item.mesh, material), []).append(item.name)
+    return {part: names[0] for part, names in found.items() if len(names) == 1}

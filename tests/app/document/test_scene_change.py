@@ -1,0 +1,107 @@
+"""Edits on a scene whose files were saved again: what the user changed stays, all else follows the files."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from app.document.commands import EditCommand
+from app.document.commands.curves import SetOperators
+from app.document.commands.layers import AddLayers, SetMaterial, SetParameter, SetVisible, new_layer
+from app.document.commands.light import SetEmission, SetRotation
+from app.document.document import Document
+from app.document.history import History
+from app.document.scene_change import SceneChange, matching_parts
+from engine.curve.operators import Operator
+from engine.scene.description import parse_description
+from engine.scene.import_report import ImportedObject, ImportReport
+
+LIFT = Operator("translate", "y", 0.2, 0.4, 0.6, 0.8, magnitude=0.5)
+ROUGH, RED = SetParameter("pot.1", "alpha", 0.4), SetParameter("pot.0", "albedo", (0.8, 0.1, 0.1))
+SHEET = (new_layer("lambert"),)
+LIFTED = SetOperators("pot.1", "theta_h", (LIFT,))
+
+
+def edited(document: Document, *commands: EditCommand) -> Document:
+    for command in commands:
+        document = command.apply(document)
+    return document
+
+
+def without(document: Document, name: str) -> Document:
+    return replace(document, objects=tuple(state for state in document.objects if state.name != name))
+
+
+def test_nothing_changed_changes_nothing(document: Document) -> None:
+    mine = edited(document, RED, LIFTED, SetRotation(50.0), SetVisible("floor", False), SetEmission("lamp", 3.0))
+    assert SceneChange(document, document)(mine) == mine
+
+
+def test_each_value_follows_who_changed_it(document: Document) -> None:
+    """The other program makes the coat rougher and the pot red; here the coat got an operator, and the floor was
+    hidden."""
+    mine = edited(document, LIFTED, SetVisible("floor", False), SetRotation(50.0))
+    theirs = edited(document, ROUGH, RED)
+    found = SceneChange(document, theirs)(mine)
+    assert found == edited(document, ROUGH, RED, LIFTED, SetVisible("floor", False), SetRotation(50.0))
+
+
+def test_where_both_changed_a_value_the_user_s_stays(document: Document) -> None:
+    theirs = edited(document, ROUGH, SetRotation(10.0))
+    mine = edited(document, SetParameter("pot.1", "alpha", 0.05), SetRotation(50.0))
+    assert SceneChange(document, theirs)(mine) == mine
+
+
+@pytest.mark.parametrize("command", [AddLayers("pot", SHEET), SetMaterial("pot", SHEET, "sheet")])
+def test_a_material_that_the_user_built_stays_whole(document: Document, command: EditCommand) -> None:
+    mine, theirs = edited(document, command), edited(document, ROUGH)
+    assert SceneChange(document, theirs)(mine).object("pot").layers == mine.object("pot").layers
+
+
+def test_an_edited_object_that_is_gone_waits_for_its_return(document: Document) -> None:
+    mine, fewer = edited(document, LIFTED), without(document, "pot")
+    change = SceneChange(document, fewer)
+    found = change(mine)
+    assert change.gone(mine) == ("pot",) and found.objects == fewer.objects
+    assert found.absent == (mine.object("pot"),)
+    found = edited(found, SetVisible("floor", False))
+    back = SceneChange(fewer, document)(found)
+    assert back == edited(mine, SetVisible("floor", False)) and not back.absent
+    assert not change.gone(document)  # one without edits is no loss
+
+
+def test_lamps_stay_what_the_file_makes_them(document: Document) -> None:
+    lit = edited(document, SetEmission("lamp", (9.0, 9.0, 9.0)))
+    assert SceneChange(document, document)(lit).object("lamp").emission == (9.0, 9.0, 9.0)
+    floor, lamp = document.object("floor"), document.object("lamp")
+    dark = document.with_object(replace(lamp, emission=None, layers=floor.layers))
+    assert SceneChange(document, dark)(lit).object("lamp") == dark.object("lamp")
+
+
+def test_the_history_goes_on(document: Document) -> None:
+    history = History(document)
+    for command in (LIFTED, SetVisible("floor", False), RED):
+        history.do(command)
+    history.undo()
+    theirs = edited(without(document, "floor"), ROUGH)
+    history.map(SceneChange(document, theirs))
+    # Hiding the floor changes nothing any more: the step is left out.
+    assert history.document.object("pot").layers == edited(theirs, LIFTED).object("pot").layers
+    assert history.redo() == RED.label and history.document.layer("pot.0").values["albedo"] == (0.8, 0.1, 0.1)
+    assert history.undo() == RED.label
+    while history.undo():
+        pass
+    assert history.document == theirs
+
+
+def test_parts_are_found_again_by_their_material() -> None:
+    def scene(*names: str):
+        objects = [{"name": f"bag {k + 1}", "mesh": "bag.glb", "part": k} for k in range(len(names))]
+        camera = {"position": [0, 0, 1], "target": [0, 0, 0]}
+        described = parse_description({"version": 1, "camera": camera, "object": objects}, "scene.toml")
+        found = tuple(ImportedObject(item["name"], 2, name) for item, name in zip(objects, names, strict=True))
+        return described, ImportReport(objects=found)
+
+    before, now = scene("leather", "brass", "", "thread", "thread"), scene("zip", "leather", "", "brass", "thread")
+    assert matching_parts(*before, *now) == {"bag 2": "bag 1", "bag 4": "bag 2"}

@@ -1,0 +1,162 @@
+"""The sheet below the file's name: what the file contains, every property that is not shown, and what was repaired.
+
+It lies over the picture, which stays usable, and reads like a page: a line of numbers, then what is not shown with its
+effect on the picture in words, by group or the most frequent first, then the repairs. All of it goes to the clipboard
+as text.
+"""
+
+from __future__ import annotations
+
+from imgui_bundle import ImVec2, imgui
+
+from app.operators.registry import keys_of
+from engine.core.errors import plain_line
+from engine.scene.import_report import ImportReport, group_of, report_lines, sorted_unshown
+from engine.scene.loaders.model import UnshownProperty
+from ui import theme as look
+from ui.panels import widgets
+from ui.panels.actions import Action, CopyText, SetPanel
+from ui.panels.context import PanelContext
+from ui.theme import Icon
+
+WIDTH, LEAST_WIDTH, MARGIN, PADDING = 560.0, 280.0, 12.0, 14.0
+COUNT_WIDTH, LEAST_BODY = 56.0, 90.0
+ORDERS = (
+    ("By place", "By where the file has them: materials, nodes, meshes."),
+    ("By count", "The most frequent first."),
+)
+COMPLETE = "All that the file contains is shown, as the file says."
+
+
+def draw(context: PanelContext) -> list[Action]:
+    """The sheet while it is open; nothing while a file is being chosen."""
+    if not context.state.shows_report or context.state.question is not None:
+        return []
+    viewport, report = imgui.get_main_viewport(), context.report
+    room = viewport.work_size
+    width = max(min(context.px(WIDTH), room.x - context.px(4 * MARGIN)), context.px(LEAST_WIDTH))
+    top = ImVec2(viewport.get_work_center().x, viewport.work_pos.y + context.px(MARGIN))
+    actions: list[Action] = []
+    with widgets.strip(context, "Import report###report", top, ImVec2(0.5, 0.0), ImVec2(PADDING, 10)) as is_seen:
+        if is_seen:
+            imgui.dummy(ImVec2(width, 0))
+            actions += _title(context, report)
+            _contents(report, width)
+            if report.is_silent:
+                widgets.caption(COMPLETE)
+            else:
+                actions += _body(context, report, width, viewport.work_pos.y + room.y - context.px(2 * MARGIN))
+    return actions
+
+
+def _title(context: PanelContext, report: ImportReport) -> list[Action]:
+    actions: list[Action] = []
+    imgui.align_text_to_frame_padding()
+    context.theme.push_bold()
+    imgui.text_unformatted(widgets.shortened(report.files[0] if report.files else context.name, context.px(WIDTH / 2)))
+    imgui.pop_font()
+    widgets.tooltip(context.document.source)
+    widgets.same_line_at_right(2 * imgui.get_frame_height() + context.px(4))
+    if widgets.icon_button(context, "report.copy", Icon.COPY, "Copy all of it as text."):
+        text = "\n".join((context.document.source, *report_lines(report)))
+        actions.append(CopyText(text, "what the file contains"))
+    imgui.same_line(0.0, context.px(4))
+    if widgets.icon_button(context, "report.close", Icon.CLOSE, f"Close this. (Esc, {keys_of('report')})"):
+        actions.append(SetPanel({"shows_report": False}))
+    return actions
+
+
+def _contents(report: ImportReport, width: float) -> None:
+    """The numbers of what is in the file, as words in as many lines as they need; names are in the tooltips."""
+    gap, end = imgui.get_font_size(), imgui.get_cursor_pos_x() + width
+    is_first = True
+    for kind, number, names in report.contents():
+        if not number and kind not in ("objects", "triangles"):
+            continue
+        figure, word = f"{number:,}", kind if number != 1 else kind[:-1]
+        needed = imgui.calc_text_size(f"{figure} {word}").x
+        if not is_first:
+            imgui.same_line(0.0, gap)
+            if imgui.get_cursor_pos_x() + needed > end:
+                imgui.new_line()
+        is_first = False
+        imgui.begin_group()
+        imgui.text_unformatted(figure)
+        imgui.same_line(0.0, 0.3 * gap)
+        _coloured(word, look.TEXT_SOFT)
+        imgui.end_group()
+        widgets.tooltip(_names(names))
+    imgui.spacing()
+
+
+def _names(names: tuple[str, ...], most: int = 24) -> str:
+    """Names in lines, not more than a tooltip holds."""
+    lines = [plain_line(name) for name in names[:most]]
+    return "\n".join([*lines, *([f"and {len(names) - most} more"] if len(names) > most else [])])
+
+
+def _body(context: PanelContext, report: ImportReport, width: float, foot: float) -> list[Action]:
+    """What is not shown and what was repaired, in a list that scrolls where the window is too low for it."""
+    actions: list[Action] = []
+    if report.unshown:
+        imgui.separator()
+        actions += _order(context, report)
+    room = max(foot - imgui.get_cursor_screen_pos().y - context.px(PADDING), context.px(LEAST_BODY))
+    imgui.set_next_window_size_constraints(ImVec2(width, 0.0), ImVec2(width, room))
+    if imgui.begin_child("body", ImVec2(width, 0.0), imgui.ChildFlags_.auto_resize_y):
+        if report.unshown:
+            _unshown(context, report.unshown)
+        if report.notes:
+            _heading("Repaired or left out", len(report.notes))
+            for note in report.notes:
+                _wrapped(plain_line(note), look.TEXT_SOFT)
+    imgui.end_child()
+    return actions
+
+
+def _order(context: PanelContext, report: ImportReport) -> list[Action]:
+    """The heading of what is not shown, and the choice of its order."""
+    imgui.align_text_to_frame_padding()
+    _heading("Not shown, or in part", len(report.unshown))
+    widgets.same_line_at_right(widgets.segments_width(context, [text for text, _ in ORDERS]))
+    pressed = widgets.segments(context, "report.order", ORDERS, int(context.state.report_by_count))
+    return [] if pressed is None else [SetPanel({"report_by_count": pressed == 1})]
+
+
+def _unshown(context: PanelContext, unshown: tuple[UnshownProperty, ...]) -> None:
+    """A line for each property: how often, its name, and below it what the picture lacks."""
+    by_count, group = context.state.report_by_count, ""
+    for each in sorted_unshown(unshown, by_count):
+        if not by_count and group_of(each) != group:
+            group = group_of(each)
+            _coloured(group[:1].upper() + group[1:], look.ACCENT)
+        start = imgui.get_cursor_pos_x()
+        count = f"{each.count:,}"
+        imgui.set_cursor_pos_x(start + context.px(COUNT_WIDTH - 14) - imgui.calc_text_size(count).x)
+        _coloured(count, look.TEXT_SOFT)
+        imgui.same_line(start + context.px(COUNT_WIDTH))
+        imgui.begin_group()
+        name = each.name if by_count else each.name.removeprefix(f"{group}.")
+        imgui.text_unformatted(widgets.fitting(plain_line(name), imgui.get_content_region_avail().x))
+        widgets.tooltip(plain_line(each.name))
+        _wrapped(plain_line(each.effect), look.TEXT_SOFT)
+        imgui.end_group()
+    imgui.spacing()
+
+
+def _heading(text: str, number: int) -> None:
+    imgui.text_unformatted(text)
+    imgui.same_line(0.0, 0.5 * imgui.get_font_size())
+    _coloured(f"{number:,}", look.TEXT_FAINT)
+
+
+def _coloured(text: str, ink: look.Colour) -> None:
+    imgui.push_style_color(imgui.Col_.text, look.pack(ink))
+    imgui.text_unformatted(text)
+    imgui.pop_style_color()
+
+
+def _wrapped(text: str, ink: look.Colour) -> None:
+    imgui.push_text_wrap_pos(0.0)
+    _coloured(text, ink)
+    imgui.pop_text_wrap_pos()
