@@ -78,6 +78,7 @@ TANGENT_ANGLE = Parameter(
     minimum=-360.0,
     maximum=360.0,
     unit="°",
+    step=0.5,
 )
 TANGENT_RANGE = Parameter(
     "tangent_range",
@@ -88,6 +89,7 @@ TANGENT_RANGE = Parameter(
     minimum=-360.0,
     maximum=360.0,
     unit="°",
+    step=0.5,
 )
 
 

@@ -35,14 +35,8 @@ from engine.realtime.core.terms import LayersOf, is_glossy
 from engine.realtime.zonal_harmonics.bending_points import BendingPoints, bending_points
 from engine.realtime.zonal_harmonics.gloss_transfer import GlossTransfer, GlossTransfers, LayerGloss
 from engine.realtime.zonal_harmonics.gpu_export import PictureExporter
-from engine.realtime.zonal_harmonics.neighbours import (
-    LightPaths,
-    added_light,
-    lamp_samples,
-    local_light,
-    sky_powers,
-    trace_light_paths,
-)
+from engine.realtime.zonal_harmonics.light_between_objects import LightBetweenObjects
+from engine.realtime.zonal_harmonics.neighbours import sky_powers
 from engine.realtime.zonal_harmonics.object_transfer import (
     N_LOBES,
     ORDER,
@@ -59,10 +53,8 @@ from engine.realtime.zonal_harmonics.picture_renderer import (
     Quality,
     ShadingState,
     camera_position_of,
-    shade_own_light,
 )
 from engine.realtime.zonal_harmonics.pose import Poses
-from engine.realtime.zonal_harmonics.posed_shadows import Lamp
 from engine.realtime.zonal_harmonics.shading import BandLight, Lobes, band_light, low_gloss, unshadowed_points
 from engine.realtime.zonal_harmonics.surface_details import Detail, detail
 from engine.realtime.zonal_harmonics.transfer import N_RAYS
@@ -101,9 +93,7 @@ class Deform:
         self._layers_of: dict[int, tuple[Layer, ...]] = {}
         self._albedos: dict[int, Float64Array] = {}  # of points (P, 3), computed on request
         self._powers: Float64Array | None = None  # of the sky, by triangle
-        self._paths: tuple[tuple[int, ...], LightPaths] | None = None
-        self._lights: Mapping[int, BandLight] = {}
-        self._added: Float32Array | None = None
+        self._between = LightBetweenObjects()
         self._state: ShadingState | None = None
         self._surfaces: dict[str, DeformSurface] = {}
         self._posed: frozenset[int] = frozenset()
@@ -186,7 +176,7 @@ class Deform:
         return (
             self._lobes is not None
             and has_lobes
-            and self._has_paths
+            and self._between.has_paths(self._alone)
             and self._glosses is not None
             and (self._glosses.first_missing(self._wanted_gloss()) is None)
         )
@@ -236,8 +226,8 @@ class Deform:
             yield StillProgress(self.fraction, "finding reflections")
         while True:
             has_outdated = any(map(self._is_outdated, self._final_transfers()))
-            if not has_outdated and not self._has_paths:
-                yield from self._trace_paths()
+            if not has_outdated and not self._between.has_paths(self._alone):
+                yield from self._trace_light_between_objects()
                 continue
             if (wanted := self._most_urgent()) is None:
                 assert self._glosses is not None
@@ -279,31 +269,21 @@ class Deform:
         """Objects whose transfer contains only themselves."""
         return tuple(i for i in range(len(self.scene.smooth)) if i in self._posed or self._surface_of(i).kind)
 
-    @property
-    def _has_paths(self) -> bool:
-        """Whether it has been traced where light goes between objects."""
-        return self._paths is not None and self._paths[0] == self._alone
-
     def _is_outdated(self, wanted: ObjectTransfer) -> bool:
         """Whether an object's transfer, as it is now, has other shadows, or is of another surface."""
         known = self._cache.get(wanted.i_object)
         return known is None or (known.casters, known.surface) != (wanted.casters, wanted.surface)
 
-    def _trace_paths(self) -> Iterator[StillProgress]:
-        """Trace where light goes between objects, see `engine.realtime.zonal_harmonics.neighbours`."""
+    def _trace_light_between_objects(self) -> Iterator[StillProgress]:
+        """Trace where light goes between objects; stops where other objects begin to bend, and the caller begins
+        anew."""
         assert self._points is not None
         alone = self._alone
-        tracing = trace_light_paths(self.scene, self._points, alone, ORDER)
-        while True:
-            try:
-                next(tracing)
-            except StopIteration as end:
-                self._paths = alone, end.value
-                self.version += 1
-                return
+        for _ in self._between.trace(self.scene, self._points, alone):
             yield StillProgress(self.fraction, "tracing light between objects")
             if alone != self._alone:
-                return  # the caller begins anew
+                return
+        self.version += 1
 
     def _translucent(self) -> frozenset[int]:
         """Objects that transmit light. They need evenly spaced points: their sums over points would show where
@@ -316,15 +296,16 @@ class Deform:
         self._even = self._translucent()
         even = np.isin(np.arange(len(self.scene.smooth)), list(self._even))
         points = bending_points(self.scene, self._caster, self._n_points, even)
-        self._albedos, self._paths = {}, None
+        self._albedos = {}
         self._points, self._transfers = points, TransferCache(self.scene, points, self._store)
         self._glosses = GlossTransfers(self.scene, points, self._store)
         self._lobes, self._errors = unshadowed_points(len(points), N_LOBES, ORDER), np.zeros(len(points), np.float32)
+        near = None
         if before is not None and had is not None and errors is not None:
             near = points.nearest_of(before)
             self._lobes, self._errors = Lobes(had.low[near], had.axes[near], had.coefficients[near]), errors[near]
             self._cache = {i: each for i, each in self._cache.items() if points.has_same_points(before, i)}
-            self._added = None if self._added is None else self._added[near]
+        self._between.take_over_points(near)
         self._pictures = PictureRenderer(self.scene, points)
         self._exporter, self._job = PictureExporter(points, self._pictures.posed, self._pictures.blockers), None
         self.version += 1
@@ -444,42 +425,21 @@ class Deform:
         if self._state is None or self._state.version != self.version:
             known = self._layers_of, self._lobes, self._errors, self._details, self._missing_casters()
             state = ShadingState(self.version, self.scene, self._light, self._bands, *known, gloss=self.gloss)
-            self._state = self._with_neighbours(state, self._pictures)
+            if self._n_lobes != UNSHADOWED:
+                assert self._points is not None and self._powers is not None
+                state = self._between.added_to(
+                    state, self._pictures, self._points, self._powers, self._alone, self._albedos_of_all()
+                )
+            self._state = state
         return self._state, self._pictures
 
-    def _with_neighbours(self, of: ShadingState, pictures: PictureRenderer) -> ShadingState:
-        """Add the light between objects, as it is at rest, where it has been traced."""
-        if self._n_lobes == UNSHADOWED:
-            return of
-        if not self._has_paths:  # what there was
-            lights = {i: each for i, each in self._lights.items() if i in self._alone}
-            return replace(of, lights=lights, added=self._added)
-        assert self._paths is not None and self._points is not None and self._powers is not None
-        paths, emission = self._paths[1], self.scene.emission.astype(np.float64)
-        # The points that are lit as the sky's transfer says, and by lamps, are first seen by the others.
-        white = pictures.shade_at_rest(of)
-        white[paths.lit] += paths.lamps @ emission[list(paths.emitters)]
-        around = local_light(paths, self._powers, self._sent(white, paths.lit), emission, ORDER)
-        lit = replace(of, lights={i: band_light(each) for i, each in around.items()})
-        shade_own_light(lit, self._points, self._points.rest_frames_of_drawn, white)
-        white = np.maximum(white, np.float32(0.0))
-        self._lights = lit.lights
-        self._added = added_light(paths, self._sent(white), emission).astype(np.float32)
-        lamps = tuple(Lamp(*lamp_samples(self.scene, i), emission[i]) for i in paths.emitters)
-        return replace(lit, added=self._added, lamps=lamps)
-
-    def _sent(self, white: Float32Array, of: NDArray[np.int64] | slice = slice(None)) -> Float64Array:
-        """Radiance (S, 3) that points reflect, of white ones' (S, 3): of these, or of all; 0 where light is reflected
-        once only."""
-        sent, chosen = np.zeros(white.shape), np.zeros(white.shape)
-        chosen[of] = white[of]
-        if not self._n_bounces:
-            return sent
+    def _albedos_of_all(self) -> Float64Array:
+        """Albedos of all points (P, 3); 0 where light is reflected once only."""
         assert self._points is not None
-        for i in self._layers_of:
-            mine = self._points.points_of(i)
-            sent[mine] = chosen[mine] * self._albedos_of(i)
-        return sent
+        found = np.zeros((len(self._points), 3))
+        for i in self._layers_of if self._n_bounces else ():
+            found[self._points.points_of(i)] = self._albedos_of(i)
+        return found
 
     def _missing_casters(self) -> tuple[frozenset[int], ...]:
         """For each object the other bending objects that its transfer, as it is now, does not contain."""

@@ -77,9 +77,9 @@ def test_a_lamp_lights_what_rests_and_what_bends(tmp_path: Path, bends: tuple[st
 def test_lamps_change_with_their_emission_alone(tmp_path: Path) -> None:
     lamp = placed("lamp", "quad", facing_up(0.2, (0, -1.0, 0)), LAMP)
     deform = made(tmp_path, LEAF + lamp, SkyState(None), ("leaf",))
-    before, paths = white(deform, "leaf"), deform._paths
+    before, paths = white(deform, "leaf"), deform._between._paths
     deform.set_emission({"lamp": (10.0, 4.0, 0.0)})
-    assert deform.is_done and deform._paths is paths
+    assert deform.is_done and deform._between._paths is paths
     assert white(deform, "leaf") == pytest.approx(before * (2.0, 1.0, 0.0), rel=1e-4)
 
 

@@ -1,0 +1,75 @@
+"""The light that goes between the objects of a scene at rest: its paths, traced once, and what it adds to pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.realtime.zonal_harmonics.bending_points import BendingPoints
+from engine.realtime.zonal_harmonics.neighbours import (
+    LightPaths,
+    added_light,
+    lamp_samples,
+    local_light,
+    trace_light_paths,
+)
+from engine.realtime.zonal_harmonics.object_transfer import ORDER
+from engine.realtime.zonal_harmonics.picture_renderer import PictureRenderer, ShadingState, shade_own_light
+from engine.realtime.zonal_harmonics.posed_shadows import Lamp
+from engine.realtime.zonal_harmonics.shading import BandLight, band_light
+from engine.scene.scene_loader import Scene
+
+Float32Array = NDArray[np.float32]
+Float64Array = NDArray[np.float64]
+
+
+class LightBetweenObjects:
+    """Light between objects, of which some are `alone`: their transfer contains only themselves."""
+
+    def __init__(self) -> None:
+        self._paths: tuple[tuple[int, ...], LightPaths] | None = None
+        self._lights: Mapping[int, BandLight] = {}
+        self._added: Float32Array | None = None
+
+    def has_paths(self, alone: tuple[int, ...]) -> bool:
+        """Whether it has been traced where light goes between objects, with these alone."""
+        return self._paths is not None and self._paths[0] == alone
+
+    def take_over_points(self, nearest: NDArray[np.integer] | None) -> None:
+        """Forget the paths of points that are made anew; nearest (P,): the former points nearest to the new ones, whose
+        light they have until the paths are traced, None for none."""
+        self._paths = None
+        if nearest is not None and self._added is not None:
+            self._added = self._added[nearest]
+
+    def trace(self, scene: Scene, points: BendingPoints, alone: tuple[int, ...]) -> Generator[float, None, None]:
+        """Trace where light goes between objects, see `neighbours`; yields the share done."""
+        paths = yield from trace_light_paths(scene, points, alone, ORDER)
+        self._paths = alone, paths
+
+    def added_to(
+        self, state: ShadingState, pictures: PictureRenderer, points: BendingPoints, powers: Float64Array,
+        alone: tuple[int, ...], albedos: Float64Array,
+    ) -> ShadingState:  # fmt: skip
+        """Add the light between objects, as it is at rest, where it has been traced; powers: of the sky, by triangle,
+        see `sky_powers`; albedos (P, 3): the share of light that each point sends on."""
+        if not self.has_paths(alone):  # what there was
+            return replace(state, lights={i: each for i, each in self._lights.items() if i in alone}, added=self._added)
+        assert self._paths is not None
+        paths, emission = self._paths[1], state.scene.emission.astype(np.float64)
+        # The points that are lit as the sky's transfer says, and by lamps, are first seen by the others.
+        white = pictures.shade_at_rest(state)
+        white[paths.lit] += paths.lamps @ emission[list(paths.emitters)]
+        first = np.zeros(albedos.shape)
+        first[paths.lit] = white[paths.lit] * albedos[paths.lit]
+        around = local_light(paths, powers, first, emission, ORDER)
+        lit = replace(state, lights={i: band_light(each) for i, each in around.items()})
+        shade_own_light(lit, points, points.rest_frames_of_drawn, white)
+        white = np.maximum(white, np.float32(0.0))
+        self._lights = lit.lights
+        self._added = added_light(paths, white * albedos, emission).astype(np.float32)
+        lamps = tuple(Lamp(*lamp_samples(state.scene, i), emission[i]) for i in paths.emitters)
+        return replace(lit, added=self._added, lamps=lamps)
