@@ -22,6 +22,7 @@ from typing import Literal, NamedTuple
 from app.document.linked_layers import layers_from_descriptions, linked_indices, with_layer
 from app.system.paths import is_file_name
 from engine.core.errors import InsituError
+from engine.light.probe_mappings import Mapping
 from engine.material.bumps import NO_BUMPS, Bumps, BumpsByObject, bump_fields
 from engine.material.layer import Layer, object_of
 from engine.material.layer_maps import map_fields
@@ -33,7 +34,6 @@ from engine.scene.rig import Animations
 from engine.scene.surface_kinds import NO_SURFACE, SURFACES, DeformSurface, SurfacesByObject
 from engine.settings import LineValue
 
-Mapping = Literal["latlong", "angular"]
 Kind = Literal[
     "object", "layer", "factor", "parameter", "map", "switch", "deformer", "time", "bumps", "surface", "light"
 ]

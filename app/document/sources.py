@@ -3,9 +3,9 @@
 A scene is a built-in one's name, a scene file, or a mesh, which gets a floor of its own (`engine.scene.object_meshes`).
 A session names a scene. An environment alone opens the built-in scene lit by it.
 
-Of a light probe the header is read, and its size tells the likely mapping: Debevec's angular maps are square, lat-long
-maps are twice as wide as high; a user who drops a probe on the window should not have to know. Where the guess is
-wrong, they can set it (`app.document.commands.light.SetMapping`).
+Of a light probe the header is read, and its size tells the likely mapping: Debevec's angular maps are square, crosses
+of a cube's faces 4 x 3 or 3 x 4, lat-long maps twice as wide as high; a user who drops a probe on the window should
+not have to know. Where the guess is wrong, they can set it (`app.document.commands.light.SetMapping`).
 """
 
 from __future__ import annotations
@@ -16,10 +16,11 @@ import struct
 from dataclasses import dataclass
 from pathlib import Path
 
-from app.document.document import Mapping
 from app.system.paths import full_path
 from engine.core.errors import InsituError
 from engine.core.safe_files import exists, resolved
+from engine.light import probe_mappings
+from engine.light.probe_mappings import Mapping
 from engine.measured.measurement import ENDINGS as MEASURED_ENDINGS
 from engine.scene.builtin import DEFAULT_SCENE, builtin_scenes
 from engine.scene.mesh import MESH_ENDINGS
@@ -94,15 +95,22 @@ def probe_size(file: Path) -> tuple[int, int] | None:
             head = stream.read(HEADER_BYTES)
     except OSError:
         return None
-    window = re.search(rb"dataWindow\x00box2i\x00\x10\x00\x00\x00(.{16})", head, re.DOTALL)
+    windows = (
+        rb"displayWindow\x00box2i\x00\x10\x00\x00\x00(.{16})",
+        rb"dataWindow\x00box2i\x00\x10\x00\x00\x00(.{16})",
+    )
+    window = next(filter(None, (re.search(each, head, re.DOTALL) for each in windows)), None)
     if window is not None:
         left, top, right, bottom = struct.unpack("<4i", window.group(1))
         return right - left + 1, bottom - top + 1
-    size = re.search(rb"\n[-+]Y (\d{1,9}) [-+]X (\d{1,9})\n", head)
-    return None if size is None else (int(size.group(2)), int(size.group(1)))
+    size = re.search(rb"\n[-+]([XY]) (\d{1,9}) [-+][XY] (\d{1,9})\r?\n", head)
+    if size is None:
+        return None
+    first, second = int(size.group(2)), int(size.group(3))
+    return (second, first) if size.group(1) == b"Y" else (first, second)
 
 
 def likely_mapping(file: Path) -> Mapping:
-    """ "angular" for a square probe, else "latlong"; also for what is no probe."""
+    """The mapping that a probe's size suggests; "latlong" for what is no probe."""
     size = probe_size(file)
-    return "angular" if size is not None and size[0] == size[1] else "latlong"
+    return "latlong" if size is None else probe_mappings.likely_mapping(*size)

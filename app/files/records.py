@@ -38,6 +38,7 @@ from engine.core.colour import ToneMapping
 from engine.core.errors import InsituError, LoadError
 from engine.curve.operators import Operator
 from engine.curve.tables import ALL_CHANNELS, EVERYWHERE, TabulatedCurve
+from engine.light.probe_mappings import Mapping
 from engine.material.bumps import Bumps, bumps_of_parts
 from engine.material.layer import Layer
 from engine.material.layer_maps import LayerMaps, map_values
@@ -194,7 +195,7 @@ class ObjectRecord(StrictModel):
 
 class LightRecord(StrictModel):
     environment: PathText
-    mapping: Literal["latlong", "angular"] = "latlong"
+    mapping: Mapping = "latlong"
     rotation: Number = 0.0
     intensity: Annotated[Number, Field(ge=0.0, le=INTENSITY.maximum)] = 1.0
     radiance: Radiance | None = None

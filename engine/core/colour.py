@@ -77,6 +77,8 @@ _AGX_SAMPLES = 4096
 
 REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
 """x, y of red, green, blue and white (D65) [ITU-R BT.709]."""
+XYZ_PRIMARIES = (1.0, 0.0, 0.0, 1.0, 0.0, 0.0)
+"""Those of CIE XYZ itself."""
 _BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
 _ALIKE = 1e-4  # single precision, and the usual four digits
 
@@ -190,14 +192,23 @@ def xyz_to_rec709() -> Float64Array:
     return np.asarray(np.linalg.inv(_to_xyz(REC709)))
 
 
+def luminance_weights(chromaticities: Sequence[float]) -> Float64Array:
+    """The weights (3,) of red, green and blue in luminance, with sum 1. Raises ValueError for invalid primaries."""
+    weights = _to_xyz(chromaticities)[1]
+    if not np.isfinite(weights).all() or not 1e-3 < weights[1] < 1e3:
+        raise ValueError("chromaticities of no colours")
+    return np.asarray(weights / weights.sum())
+
+
 def adaptation(white: Float64Array, to: Float64Array) -> Float64Array:
     """The matrix (3, 3) that adapts colours in XYZ from one white to another [Lam85]."""
     return np.linalg.inv(_BRADFORD) @ np.diag((_BRADFORD @ to) / (_BRADFORD @ white)) @ _BRADFORD
 
 
 def _to_xyz(chromaticities: Sequence[float]) -> Float64Array:
-    """The matrix (3, 3) from linear RGB to XYZ, white at Y = 1 [SMPTE RP 177]."""
-    primaries = np.stack([_xyz(chromaticities[i : i + 2]) for i in (0, 2, 4)], axis=1)
+    """The matrix (3, 3) from linear RGB to XYZ, white at Y = 1 [SMPTE RP 177]. A primary may have no luminance."""
+    x, y = np.reshape(chromaticities[:6], (3, 2)).T
+    primaries = np.stack([x, y, 1.0 - x - y])
     try:
         return primaries * np.linalg.solve(primaries, _xyz(chromaticities[6:]))
     except np.linalg.LinAlgError:

@@ -1,4 +1,4 @@
-"""Compiled loops of the lights: light in geodesic triangles, RGBE scanlines, angular maps, solid angles of patches.
+"""Compiled loops of the lights: light in geodesic triangles, RGBE scanlines, solid angles of patches.
 
 Kernels never validate; the public functions beside them do. `float()` and `int()` around single elements preserve
 double precision when the kernels run without the compiler, under NumPy's own promotion rules.
@@ -221,55 +221,6 @@ def decode_rgbe(data: Bytes, position: int, first: int, pixels: Bytes) -> tuple[
                 shift = 0
             position += 4
     return 0, height, position
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def resample_angular(angular: Image, n_sub: int, start: int, stop: int, latlong: Image) -> None:
-    """Fills rows [start, stop) of latlong (H, 2H, 3): sin(theta)-weighted means of n_sub x n_sub angular-map texels.
-
-    Only texels whose centre lies inside the disc are read: at the rim the sample moves inwards.
-    """
-    size = angular.shape[0]
-    height, width = latlong.shape[0], latlong.shape[1]
-    for row in range(start, stop):
-        for column in range(width):
-            red = green = blue = total = 0.0
-            for j in range(n_sub):
-                # Direction of the sample in the lat-long map.
-                theta = math.pi * (row + (j + 0.5) / n_sub) / height
-                sin_theta, y = math.sin(theta), math.cos(theta)
-                for i in range(n_sub):
-                    phi = 2.0 * math.pi * ((column + (i + 0.5) / n_sub) / width - 0.5)
-                    x, z = sin_theta * math.sin(phi), -sin_theta * math.cos(phi)
-                    # Position in the angular map: the radius is the angle from -Z over pi.
-                    across = math.sqrt(x * x + y * y)
-                    radius = math.atan2(across, -z) / math.pi
-                    cosine = x / across if across > 0.0 else 1.0
-                    sine = y / across if across > 0.0 else 0.0
-                    u, v = angular_texel(cosine, sine, radius, size)
-                    red += sin_theta * float(angular[v, u, 0])
-                    green += sin_theta * float(angular[v, u, 1])
-                    blue += sin_theta * float(angular[v, u, 2])
-                    total += sin_theta
-            latlong[row, column, 0] = red / total
-            latlong[row, column, 1] = green / total
-            latlong[row, column, 2] = blue / total
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def angular_texel(cosine: float, sine: float, radius: float, size: int) -> tuple[int, int]:
-    """Column and row of the texel at polar position (radius, angle), moved towards the centre until it is in the
-    disc."""
-    u = v = size // 2
-    for _ in range(4):
-        u = min(int(0.5 * (1.0 + radius * cosine) * size), size - 1)
-        v = min(int(0.5 * (1.0 - radius * sine) * size), size - 1)
-        du = (2.0 * u + 1.0) / size - 1.0
-        dv = (2.0 * v + 1.0) / size - 1.0
-        if du * du + dv * dv <= 1.0:
-            return u, v
-        radius -= 1.0 / size
-    return u, v
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -33,7 +33,6 @@ import math
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -41,16 +40,16 @@ from numpy.typing import ArrayLike, NDArray
 from engine.core.colour import encode_srgb
 from engine.core.errors import LoadError
 from engine.core.threads import even_parts, on_threads
+from engine.light.probe_mappings import MAPPINGS, Mapping, blacken_unused, check_mapping, to_latlong
 from engine.light.radiance_files import read_radiance_image
 from engine.light.resampling import area_average
 
 # Rec. 709 luminance weights
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
-Mapping = Literal["latlong", "angular"]
-
 LARGEST_HALF = 65504.0
 _MOST_INTEGRATED_ROWS = 2048
+_REPAIRED_ROWS = 256
 _REFINED_ROWS, _MOST_REFINEMENT = 1024, 4
 
 
@@ -58,8 +57,8 @@ _REFINED_ROWS, _MOST_REFINEMENT = 1024, 4
 class Environment:
     """A lat-long image of radiance around the scene.
 
-    radiance: (H, W, 3) float32, finite and not negative, read-only. source: its origin, for messages. notes: one line
-    for each repair while loading.
+    radiance: (H, W, 3) float32, finite and not negative, read-only; copied unless it is that already. source: its
+    origin, for messages. notes: one line for each repair while loading.
     """
 
     radiance: NDArray[np.float32]
@@ -67,10 +66,12 @@ class Environment:
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        image = np.array(self.radiance, dtype=np.float32, order="C")
+        given = np.asarray(self.radiance)
+        is_own = given.dtype == np.float32 and given.flags.c_contiguous and not given.flags.writeable
+        image = given if is_own else np.array(given, dtype=np.float32, order="C")
         if image.ndim != 3 or image.shape[2] != 3 or 0 in image.shape:
             raise ValueError(f"radiance has shape {np.shape(self.radiance)}, expected (H, W, 3)")
-        if not np.isfinite(image).all() or (image < 0.0).any():
+        if not (image.min() >= 0.0 and image.max() < np.inf):  # false for NaN too
             raise ValueError("radiance holds values that are negative or not finite")
         image.flags.writeable = False
         object.__setattr__(self, "radiance", image)
@@ -113,29 +114,28 @@ def _constant(*radiance: float) -> Environment:
 
 
 def load_environment(path: str | Path, mapping: Mapping = "latlong") -> Environment:
-    """Loads an OpenEXR or Radiance HDR file, as lat-long or as angular map (light probe; resampled to lat-long).
+    """Loads an OpenEXR or Radiance HDR file; what is no lat-long map is resampled to one (`probe_mappings`).
 
-    Negative values and NaN are set to 0, infinite ones to the brightest value, and counted in `notes`. Texels outside
-    the disc of an angular map are never read. Raises LoadError, naming the file and the problem, for anything that is
-    not a complete RGB image.
+    Negative values and NaN are set to 0, infinite ones to the brightest value, and counted in `notes`. Texels that a
+    mapping does not use, such as those outside the disc of an angular map, are never read. A column of six squares is a
+    cube map whatever `mapping` says. Raises LoadError, naming the file and the problem, for anything that is not a
+    complete image.
     """
     file = Path(path)
-    if mapping not in ("latlong", "angular"):
-        raise LoadError(file, "mapping", mapping, '"latlong" or "angular"')
+    if mapping not in MAPPINGS:
+        raise LoadError(file, "mapping", mapping, " or ".join(MAPPINGS))
     notes: list[str] = []
     image = read_radiance_image(file, notes)
-    if mapping == "angular":
-        if image.shape[0] != image.shape[1]:
-            raise LoadError(file, "size", f"{image.shape[1]} x {image.shape[0]}", "a square angular map")
-        image = _blacken_outside_disc(image)
-    image = _make_finite(image, notes)
-    negative = image < 0.0
-    n_negative = int(negative.any(axis=2).sum())
-    if n_negative:
-        notes.append(f"{n_negative} of {image.shape[0] * image.shape[1]} pixels had negative values, set to 0")
-        image = np.where(negative, np.float32(0.0), image)
-    if mapping == "angular":
-        image = _angular_to_latlong(image)
+    height, width = image.shape[:2]
+    if mapping == "latlong" and height == 6 * width:
+        mapping = "cube"
+        notes.append("a column of six squares, read as the faces of a cube")
+    check_mapping(file, mapping, width, height)
+    blacken_unused(image, mapping)
+    _repair(image, notes)
+    if mapping != "latlong":
+        image = to_latlong(image, mapping)
+    image.flags.writeable = False
     return Environment(image, str(file), tuple(notes))
 
 
@@ -300,38 +300,26 @@ def _bilinear(image: NDArray[np.float32], row: NDArray, column: NDArray) -> NDAr
     return upper * (1 - down) + lower * down
 
 
-def _make_finite(image: NDArray[np.float32], notes: list[str]) -> NDArray[np.float32]:
-    """Replaces infinite values by the brightest pixel, at least the largest half float, and NaN and negative infinity
-    by 0."""
-    bad = ~np.isfinite(image)
-    if not bad.any():
-        return image
-    row, column, channel = (int(i) for i in np.argwhere(bad)[0])
-    n_bad = int(bad.any(axis=2).sum())
-    brightest = max(float(image.max(where=~bad, initial=0.0)), LARGEST_HALF)
-    place = f"in row {row}, column {column}, channel {'RGB'[channel]}"
-    notes.append(f"{n_bad} pixels were not finite, the first {place}: infinite ones set to {brightest:g}, others to 0")
-    return np.nan_to_num(image, nan=0.0, posinf=brightest, neginf=0.0)
-
-
-def _blacken_outside_disc(image: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Sets texels outside the disc of an angular map to 0: they hold captions and arbitrary values, and must count
-    neither as light nor as errors."""
-    size = image.shape[0]
-    place = (2.0 * np.arange(size) + 1.0) / size - 1.0
-    inside = place[:, None] ** 2 + place[None, :] ** 2 <= 1.0
-    return np.where(inside[..., None], image, np.float32(0.0))
-
-
-def _angular_to_latlong(image: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Resamples a square angular map: centre -Z, +X right, +Y up, radius = angle from -Z / pi [Debevec98].
-
-    The result has half as many rows as the map, which is the map's own angular resolution, with 4 x 4 samples per
-    texel.
-    """
-    from engine.light import _kernels  # late, as above
-
-    height = max(1, (image.shape[0] + 1) // 2)
-    latlong = np.empty((height, 2 * height, 3), np.float32)
-    on_threads(lambda a, b: _kernels.resample_angular(image, 4, a, b, latlong), *even_parts(height))
-    return latlong
+def _repair(image: NDArray[np.float32], notes: list[str]) -> None:
+    """Replaces, in place, infinite values by the brightest pixel, at least the largest half float, and NaN and negative
+    values by 0. By bands of rows, so that a large map needs no second copy of itself."""
+    height, width = image.shape[:2]
+    bands = [image[start : start + _REPAIRED_ROWS] for start in range(0, height, _REPAIRED_ROWS)]
+    n_bad, n_negative, brightest, first = 0, 0, LARGEST_HALF, None
+    for i, band in enumerate(bands):
+        finite = np.isfinite(band)
+        n_bad += int((~finite).any(axis=2).sum())
+        n_negative += int((finite & (band < 0.0)).any(axis=2).sum())
+        brightest = max(brightest, float(band.max(where=finite, initial=0.0)))
+        if first is None and n_bad:
+            row, column, channel = (int(k) for k in np.argwhere(~finite)[0])
+            first = f"in row {i * _REPAIRED_ROWS + row}, column {column}, channel {'RGB'[channel]}"
+    if n_bad:
+        what = f"infinite ones set to {brightest:g}, others to 0"
+        notes.append(f"{n_bad} pixels were not finite, the first {first}: {what}")
+    if n_negative:
+        notes.append(f"{n_negative} of {height * width} pixels had negative values, set to 0")
+    if n_bad or n_negative:
+        for band in bands:
+            np.nan_to_num(band, copy=False, nan=0.0, posinf=brightest, neginf=0.0)
+            np.maximum(band, 0.0, out=band)

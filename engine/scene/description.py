@@ -24,6 +24,7 @@ from pydantic import (
     model_validator,
 )
 
+from engine.light.probe_mappings import Mapping
 from engine.material.bumps import BUMP_TABLES, NO_BUMPS, Bumps, bump_values, bumps_from
 from engine.material.layer_maps import LayerMaps, map_fields, map_values, maps_from
 from engine.material.parameters import ParameterError
@@ -152,10 +153,10 @@ class CameraDescription(Camera):
 
 
 class EnvironmentDescription(_Description):
-    """Light from infinity: a file (lat-long or angular map) or one radiance; `rotation` in degrees about +Y."""
+    """Light from infinity: a file or one radiance; `rotation` in degrees about +Y."""
 
     file: Text | None = None
-    mapping: Literal["latlong", "angular"] = "latlong"
+    mapping: Mapping = "latlong"
     radiance: Radiance | None = None
     rotation: Number = 0.0
     scale: Intensity = 1.0

@@ -253,6 +253,7 @@ def exrs(folder: Path) -> list[bytes]:
     import OpenEXR
 
     from engine.render.display import exr_bytes
+    from tests.naive.exr_files import ExrPart, exr_file
 
     found, path = [exr_bytes(GRADIENT, "a seed"), exr_bytes(SQUARE)], folder / "seed.exr"
     for kind, compression in ((np.float16, OpenEXR.NO_COMPRESSION), (np.float32, OpenEXR.PIZ_COMPRESSION)):
@@ -265,7 +266,15 @@ def exrs(folder: Path) -> list[bytes]:
         file.write(str(path))
     name = b"displayWindow\0box2i\0" + struct.pack("<i", 16)
     within = found[0].replace(name + struct.pack("<4i", 0, 0, 11, 7), name + struct.pack("<4i", -3, 2, 8, 20))
-    return [*found, path.read_bytes(), within]
+    planes = {name: np.ascontiguousarray(GRADIENT[..., i]) for i, name in enumerate("RGB")}
+    chroma = {"RY": planes["R"][::2, ::2], "BY": planes["B"][::2, ::2].astype(np.float16)}
+    variants = (
+        (ExrPart({"Z": planes["R"]}, name="depth"), ExrPart(planes, tile=5, is_mip_map=True, name="beauty")),
+        (ExrPart({"Y": planes["G"]} | chroma, {"RY": (2, 2), "BY": (2, 2)}),),
+        (ExrPart({"diffuse.R": planes["R"].astype(np.uint32), "diffuse.G": planes["G"].astype(np.float16)}, tile=8),),
+    )
+    cube = {name: np.ones((18, 3), np.float32) for name in "RGB"}
+    return [*found, path.read_bytes(), within, *(exr_file(*parts) for parts in variants), exr_file(ExrPart(cube))]
 
 
 def hdrs(folder: Path) -> list[bytes]:
@@ -281,11 +290,14 @@ def hdrs(folder: Path) -> list[bytes]:
 
 def read_light(path: Path) -> None:
     from engine.light.environment import load_environment
+    from engine.light.probe_mappings import MAPPINGS, mapping_problem
+    from engine.light.radiance_files import read_radiance_image
 
-    panorama = load_environment(path).radiance
-    probes = [load_environment(path, "angular").radiance] if panorama.shape[0] == panorama.shape[1] else []
-    for radiance in (panorama, *probes):
-        assert np.isfinite(radiance).all() and radiance.min() >= 0.0
+    height, width, _ = read_radiance_image(path).shape
+    for mapping in MAPPINGS:
+        if mapping_problem(mapping, width, height) is None:
+            radiance = load_environment(path, mapping).radiance
+            assert np.isfinite(radiance).all() and radiance.min() >= 0.0
 
 
 def pngs(_: Path) -> list[bytes]:

@@ -38,10 +38,11 @@ def exr_head(width: int, height: int) -> bytes:
         ("sky.exr", exr_head(1024, 512), (1024, 512), "latlong"),
         ("probe.hdr", b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 900 +X 900\n", (900, 900), "angular"),
         ("sky.hdr", b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 512 +X 1024\n", (1024, 512), "latlong"),
+        ("cross.hdr", b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n+X 768 -Y 1024\r\n", (768, 1024), "cube"),
         ("empty.hdr", b"", None, "latlong"),
     ],
 )
-def test_square_probes_are_taken_for_angular(
+def test_the_size_of_probes_tells_their_mapping(
     tmp_path: Path, name: str, content: bytes, size: tuple[int, int] | None, mapping: str
 ) -> None:
     file = tmp_path / name
@@ -224,7 +225,7 @@ def test_a_panorama_is_no_angular_map(window: HeadlessWindow, tmp_path: Path) ->
     assert editor.document is before and len(editor.history.undo_steps) == steps
     notice = window.shell.state.message
     assert notice is not None and notice.is_error
-    assert notice.text == "sky.exr has 128 x 64 pixels, an angular map is square; nothing changed"
+    assert notice.text == "sky.exr has 128 x 64 pixels, expected a square angular map; nothing changed"
 
 
 def _asked_light(editor: Editor) -> LightState:

@@ -23,7 +23,8 @@ from app.document.commands.light import (
     SetMapping,
     SetRotation,
 )
-from app.document.document import CONSTANT_ENVIRONMENT, SCENE_ENVIRONMENT, Mapping
+from app.document.document import CONSTANT_ENVIRONMENT, SCENE_ENVIRONMENT
+from engine.light.probe_mappings import MAPPINGS
 from ui import theme as look
 from ui.panels import rows, widgets
 from ui.panels.actions import Action, AskFile, BeginDrag, EndDrag, HoldGrip, MergedEdit, SetPanel
@@ -33,13 +34,14 @@ from ui.panels.window_state import Travel, TurnGrip, WheelTurn
 
 DIAL = 76.0
 FULL_TURN = 360.0
-MAPPINGS: tuple[Mapping, ...] = ("latlong", "angular")
 DEGREES_A_NOTCH, FINE_DEGREES = 5.0, 0.5
 # Turns of the mouse wheel with less than this between them are one step of the history.
 PAUSE_SECONDS = 1.0
 MAPPING_HINTS = (
     "The file is a panorama, twice as wide as high: azimuth across, elevation upright.",
     "The file is a light probe, a disc in a square: straight ahead in the middle, behind at the rim.",
+    "The file is a picture of a mirroring ball that fills a square.",
+    "The file is the six faces of a cube: a cross of 4 x 3 or 3 x 4 faces, or a column of six.",
 )
 
 
@@ -105,7 +107,7 @@ def _mapping(context: PanelContext) -> list[Action]:
     widgets.label(context, MAPPING.label)
     choices = list(zip(MAPPING.titles, MAPPING_HINTS, strict=True))
     chosen = MAPPING.choices.index(context.document.light.mapping)
-    share = max(imgui.get_content_region_avail().x - 1.0, 1.0) / 2.0 / context.theme.scale
+    share = max(imgui.get_content_region_avail().x - len(MAPPINGS) + 1.0, 1.0) / len(MAPPINGS) / context.theme.scale
     pressed = widgets.segments(context, "light.mapping", choices, chosen, least=share)
     return [] if pressed is None else [SetMapping(MAPPINGS[pressed])]
 

@@ -6,10 +6,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
 
-from app.document.document import RGB, Document, LightState, Mapping
+from app.document.document import RGB, Document, LightState
 from app.document.sources import likely_mapping, probe_size
 from engine.core.errors import InsituError, LoadError
 from engine.core.safe_files import resolved
+from engine.light.probe_mappings import MAPPINGS, Mapping, mapping_problem
 from engine.material.parameters import Parameter, ParameterError
 
 ROTATION = Parameter(
@@ -40,9 +41,15 @@ MAPPING = Parameter(
     "latlong",
     "Mapping",
     "How the file is read.",
-    choices=("latlong", "angular"),
-    titles=("Lat-long", "Angular"),
+    choices=MAPPINGS,
+    titles=("Lat-long", "Angular", "Ball", "Cube"),
 )
+_AS: dict[Mapping, str] = {
+    "latlong": "a lat-long map",
+    "angular": "an angular map",
+    "ball": "a mirroring ball",
+    "cube": "a cube map",
+}
 RADIANCE = Parameter("radiance", "scalar", 1.0, "Radiance", "Radiance from everywhere, of a channel.", maximum=1e12)
 EMISSION = Parameter(
     "emission",
@@ -121,17 +128,17 @@ def set_environment_file(file: Path) -> SetEnvironment:
 
 @dataclass(frozen=True)
 class SetMapping:
-    """Read the environment's file as a lat-long or as an angular map [Debevec98].
+    """Read the environment's file as a lat-long map, as a light probe or as a cube map (`engine.light.probe_mappings`).
 
-    Refused for environments that are no file of the user's, and "angular" for a file that is not square: its header is
-    checked here, so that an impossible picture is never requested.
+    Refused for environments that are no file of the user's, and for a file whose size is not that of the mapping: its
+    header is checked here, so that an impossible picture is never requested.
     """
 
     mapping: Mapping
 
     @property
     def label(self) -> str:
-        return f"environment as {'an angular' if self.mapping == 'angular' else 'a lat-long'} map"
+        return f"environment as {_AS[self.mapping]}"
 
     def apply(self, document: Document) -> Document:
         light = check_light(replace(document.light, mapping=self.mapping), "light")
@@ -140,11 +147,9 @@ class SetMapping:
                 f"environment {light.environment!r} has a mapping of its own; only a file's can be chosen"
             )
         file = Path(light.environment)
-        size = probe_size(file) if self.mapping == "angular" else None
-        if size is not None and size[0] != size[1]:
-            raise InsituError(
-                f"{file.name} has {size[0]} x {size[1]} pixels, an angular map is square; nothing changed"
-            )
+        size = probe_size(file)
+        if size is not None and (expected := mapping_problem(self.mapping, *size)):
+            raise InsituError(f"{file.name} has {size[0]} x {size[1]} pixels, expected {expected}; nothing changed")
         return replace(document, light=light)
 
 

@@ -142,7 +142,7 @@ def test_a_file_is_read_as_either_map(document: Document, tmp_path: Path) -> Non
     assert SetMapping("angular").apply(other) == lit
     lit = set_path(document, "light.environment", str(wide)).apply(document)
     assert lit.light.mapping == "latlong"
-    with pytest.raises(InsituError, match="sky.hdr has 16 x 8 pixels, an angular map is square"):
+    with pytest.raises(InsituError, match="sky.hdr has 16 x 8 pixels, expected a square angular map"):
         SetMapping("angular").apply(lit)
     for own in (document, SetEnvironment("studio").apply(document)):
         with pytest.raises(InsituError, match="has a mapping of its own"):

@@ -187,7 +187,7 @@ def test_the_base_of_the_bad_files_is_good(tmp_path: Path) -> None:
         ("[light]", "[light]\nintensity = true", "light: intensity = True"),
         ("[light]", "[light]\nradiance = [1, 1, 1]", "radiance"),
         ('"scene"\n[[object]]', '"constant"\n[[object]]', "radiance = None"),
-        ("[light]", '[light]\nmapping = "cube"', "light: mapping = cube"),
+        ("[light]", '[light]\nmapping = "dome"', "light: mapping = dome"),
         ("[[object]]", "[view]\nexposure = 'much'\n[[object]]", "view: exposure = much"),
         ("[[object]]", "[view]\nn_lights = 2.5\n[[object]]", "view: n_lights = 2.5"),
         ("[[object]]", "[view]\nn_patches = 7\n[[object]]", "view: n_patches = 7"),

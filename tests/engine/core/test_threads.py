@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from engine.core import threads
 from engine.core.generators import run_to_end
 from engine.core.threads import OrderedSection, run_in_order
-from engine.light.environment import Environment, _angular_to_latlong, triangle_integrals
+from engine.light.environment import Environment, triangle_integrals
+from engine.light.probe_mappings import to_latlong
 from engine.material import MODELS, make_layer
 from engine.precompute.direct.pipeline import PREVIEW, SkyState
 from engine.precompute.indirect.indirect_layers import indirect_layer
@@ -69,7 +70,7 @@ def places_on_the_sphere() -> NDArray[np.int32]:
 
 
 def angular_map() -> NDArray[np.float32]:
-    return _angular_to_latlong(np.random.default_rng(3).uniform(size=(33, 33, 3)).astype(np.float32))
+    return to_latlong(np.random.default_rng(3).uniform(size=(33, 33, 3)).astype(np.float32), "angular")
 
 
 FOUND = (direct, indirect, paths, brute_force, light_of_triangles, places_on_the_sphere, angular_map)

@@ -202,8 +202,8 @@ def test_angular_maps_are_square(tmp_path: Path) -> None:
 
 
 def test_unknown_mapping_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(LoadError, match="mapping = cube"):
-        load_environment(tmp_path / "a.exr", "cube")  # type: ignore[arg-type]
+    with pytest.raises(LoadError, match="mapping = octahedron"):
+        load_environment(tmp_path / "a.exr", "octahedron")  # type: ignore[arg-type]
 
 
 def test_negative_pixels_are_clamped_and_counted(tmp_path: Path) -> None:

@@ -9,7 +9,8 @@ import OpenEXR
 import pytest
 
 from engine.core.errors import LoadError, plain_line
-from engine.light.radiance_files import MAX_SIDE, read_radiance_image
+from engine.light.picture_bands import MAX_SIDE
+from engine.light.radiance_files import read_radiance_image
 
 HEIGHT, WIDTH = 24, 40
 SCANLINES = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
@@ -113,14 +114,17 @@ def test_exr_cut_anywhere_is_refused(tmp_path: Path, compression: object, capfd:
 
 
 def test_exr_whole_in_a_truncated_pair_of_parts(tmp_path: Path) -> None:
-    channels = {name: gradient()[..., 0] for name in "RGB"}
-    parts = [OpenEXR.Part(SCANLINES | {"name": name}, channels, name) for name in ("left", "right")]
+    planes = {name: np.ascontiguousarray(gradient()[..., i]) for i, name in enumerate("RGB")}
+    parts = [
+        OpenEXR.Part(SCANLINES | {"name": name}, channels, name)
+        for name, channels in (("depth", {"Z": planes["R"]}), ("beauty", planes))
+    ]
     path = tmp_path / "multi.exr"
     with OpenEXR.File(parts) as file:
         file.write(str(path))
-    assert "number of OpenEXR parts = 2, expected 1" in refusal(path)
+    np.testing.assert_array_equal(read_radiance_image(path), gradient())
     path.write_bytes(path.read_bytes()[:-500])
-    refusal(path)
+    assert "OpenEXR" in refusal(path)
 
 
 @pytest.mark.parametrize("side", [60_000, 12_000, MAX_SIDE + 1, 2**31 - 1])
@@ -188,8 +192,9 @@ def chunk_places(data: bytes, n_chunks: int) -> list[int]:
 @pytest.fixture
 def small_limit(monkeypatch: pytest.MonkeyPatch) -> None:
     """Images of more than 256 pixels are too large, and bands are a few rows."""
-    monkeypatch.setattr("engine.light.radiance_files.MAX_PIXELS", 256)
-    monkeypatch.setattr("engine.light.radiance_files._BAND_PIXELS", 256)
+    for module in ("radiance_files", "picture_bands"):
+        monkeypatch.setattr(f"engine.light.{module}.MAX_PIXELS", 256)
+    monkeypatch.setattr("engine.light.picture_bands.BAND_PIXELS", 256)
 
 
 def quarter_means(image: np.ndarray) -> np.ndarray:
@@ -220,7 +225,7 @@ def test_a_large_exr_is_read_as_its_means(tmp_path: Path, dtype: type, storage: 
 def test_a_large_exr_stands_in_its_display_window(tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     path = in_windows(tmp_path / "a.exr", *WINDOWS[name])
     with monkeypatch.context() as unlimited:
-        unlimited.setattr("engine.light.radiance_files.MAX_PIXELS", 1 << 20)
+        unlimited.setattr("engine.light.picture_bands.MAX_PIXELS", 1 << 20)
         whole = read_radiance_image(path)
     height, width, k = *whole.shape[:2], 1
     while -(-height // k) * -(-width // k) > 256:
@@ -230,10 +235,11 @@ def test_a_large_exr_stands_in_its_display_window(tmp_path: Path, name: str, mon
     np.testing.assert_allclose(read_radiance_image(path), expected, rtol=1e-6)
 
 
-def test_exr_data_outside_their_display_window_are_refused(tmp_path: Path) -> None:
-    path = write_rgb(tmp_path / "a.exr", gradient())
+def test_exr_data_outside_their_display_window_are_shown_without_it(tmp_path: Path) -> None:
+    path, notes = write_rgb(tmp_path / "a.exr", gradient()), []
     patch(path, b"displayWindow\0box2i\0", 0, struct.pack("<4i", 50, 0, 99, 23))
-    assert "data window = (0, 0) to (39, 23), expected a part of the display window, (50, 0)" in refusal(path)
+    np.testing.assert_array_equal(read_radiance_image(path, notes), gradient())
+    assert notes == ["data from (0, 0) to (39, 23) outside the display window (50, 0) to (99, 23): shown without it"]
 
 
 REC2020 = (0.708, 0.292, 0.170, 0.797, 0.131, 0.046, 0.3127, 0.3290)
@@ -277,26 +283,6 @@ def test_exr_of_rec_709_stays_what_it_is_and_one_of_no_colours_too(tmp_path: Pat
     assert notes == ["chromaticities that are none, taken for Rec. 709's"]
 
 
-@pytest.mark.parametrize("names", ["Y", "RG", "GB", "XYZ"])
-def test_exr_without_all_of_rgb_is_refused(tmp_path: Path, names: str) -> None:
-    path = write_exr(tmp_path / "a.exr", {name: gradient()[..., 0] for name in names})
-    assert f"channels = {', '.join(sorted(names))}, expected R, G and B" in refusal(path)
-
-
-def test_exr_of_mixed_or_integer_types_is_refused(tmp_path: Path) -> None:
-    plane = gradient()[..., 0]
-    mixed = write_exr(tmp_path / "mixed.exr", {"R": plane, "G": plane.astype(np.float16), "B": plane})
-    assert "types of channels R, G, B = float32, float16, float32" in refusal(mixed)
-    integer = write_exr(tmp_path / "uint.exr", {name: plane.astype(np.uint32) for name in "RGB"})
-    assert "uint32" in refusal(integer)
-
-
-def test_exr_with_subsampled_channels_is_refused(tmp_path: Path) -> None:
-    path = write_rgb(tmp_path / "a.exr", gradient())
-    # In the channel list B comes first: name, type (4 bytes), linear and reserved (4), then the two samplings.
-    refusal(patch(path, b"channels\0chlist\0", 2 + 8, struct.pack("<2i", 2, 2)))
-
-
 def test_deep_exr_is_refused(tmp_path: Path) -> None:
     deep = np.empty((4, 8), object)
     for index in np.ndindex(4, 8):
@@ -308,11 +294,6 @@ def test_deep_exr_is_refused(tmp_path: Path) -> None:
         compression=OpenEXR.ZIPS_COMPRESSION,
     )
     assert "OpenEXR storage = deepscanline" in refusal(path)
-
-
-def test_exr_cube_map_is_refused(tmp_path: Path) -> None:
-    path = write_rgb(tmp_path / "cube.exr", gradient(), envmap=OpenEXR.ENVMAP_CUBE)
-    assert "envmap = cube" in refusal(path)
 
 
 @pytest.mark.parametrize("compression", [77, 255])

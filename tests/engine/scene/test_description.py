@@ -99,7 +99,7 @@ def test_reference_scenes_survive_json(shared_reference, name):
         ("environment.radiance", None, "environment: file = nothing, expected exactly one of file and radiance"),
         ("environment.radiance", [1, -1, 1], "environment: radiance 1 = -1, expected greater than or equal to 0"),
         ("environment.radiance", [1, 1, float("inf")], "environment: radiance 2 = inf, expected a finite number"),
-        ("environment.mapping", "cube", "environment: mapping = cube, expected 'latlong' or 'angular'"),
+        ("environment.mapping", "dome", "environment: mapping = dome, expected 'latlong', 'angular', 'ball' or 'cube'"),
         ("environment.scale", -1, "environment: scale = -1, expected greater than or equal to 0"),
         ("environment.rotation", 10**400, "environment: rotation = 1000"),
         ("object", [], "object = [], expected at least 1 items"),
