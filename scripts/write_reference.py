@@ -49,6 +49,7 @@ from engine.scene.description import (
     LayerDescription,
     ObjectDescription,
     SceneDescription,
+    SunDescription,
 )
 from engine.settings import SETTINGS, Setting
 
@@ -58,6 +59,7 @@ FOLDER = Path(__file__).resolve().parents[1] / "docs" / "reference"
 # Tables of each format: where they stand in the file, and the model that reads them.
 SCENE: Tables = [
     ("Top of the file", SceneDescription), ("[camera]", CameraDescription), ("[environment]", EnvironmentDescription),
+    ("[[environment.sun]]", SunDescription),
     ("[[object]]", ObjectDescription), ("object.layer", LayerDescription),
     ("object.deform.membrane", surface_kinds.Membrane), ("object.deform.subsurface", surface_kinds.Subsurface),
     ("object.deform.patch", surface_kinds.Detail), ("object.deform.wrinkles", surface_kinds.Wrinkles),

@@ -222,6 +222,7 @@ def sky_of(scene: Scene, light: LightState, load: Callable[[Path, str], Environm
     """The distant light of a document's light state: environment, rotation and the scene's scale. `intensity` is left
     out: it multiplies the finished picture. load: reads a file's environment, None for the engine's own reader."""
     from engine.light.environment import constant_environment, load_environment
+    from engine.light.suns import Sun, with_suns
     from engine.precompute.direct.pipeline import SkyState
 
     load = load or load_environment  # type: ignore[assignment]
@@ -235,9 +236,11 @@ def sky_of(scene: Scene, light: LightState, load: Callable[[Path, str], Environm
     if described is None:
         return SkyState(None)
     if scene.environment_path is None:
-        radiance = described.radiance or (0.0, 0.0, 0.0)
-        return SkyState(constant_environment(radiance), light.rotation, described.scale)
-    return SkyState(load(scene.environment_path, described.mapping), light.rotation, described.scale)
+        environment = constant_environment(described.radiance or (0.0, 0.0, 0.0))
+    else:
+        environment = load(scene.environment_path, described.mapping)
+    suns = tuple(Sun(each.direction, each.irradiance, each.diameter) for each in described.suns)
+    return SkyState(with_suns(environment, suns), light.rotation, described.scale)
 
 
 def with_overrides(project: Project, lines: Mapping[str, Any]) -> Project:

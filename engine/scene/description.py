@@ -25,6 +25,7 @@ from pydantic import (
 )
 
 from engine.light.probe_mappings import Mapping
+from engine.light.suns import SUN_DIAMETER
 from engine.material.bumps import BUMP_TABLES, NO_BUMPS, Bumps, bump_values, bumps_from
 from engine.material.layer_maps import LayerMaps, map_fields, map_values, maps_from
 from engine.material.parameters import ParameterError
@@ -37,6 +38,7 @@ MAX_BOUNCES = 8
 MAX_OBJECTS = 4096
 MAX_RESOLUTION = 16384
 MAX_COORDINATE = 1e9
+MAX_SUNS = 16
 MAX_RADIANCE = 1e12
 # Entries of transforms: their largest magnitude; and the least volume of the axes relative to orthogonal ones.
 MAX_ENTRY, _FLATTEST = 1e9, 1e-9
@@ -152,14 +154,29 @@ class CameraDescription(Camera):
     resolution: tuple[Pixels, Pixels] = (512, 512)
 
 
+class SunDescription(_Description):
+    """A distant disc of light: where it is seen, the irradiance of a surface that faces it, and its size in degrees."""
+
+    direction: Vector
+    irradiance: Radiance
+    diameter: Annotated[float, BeforeValidator(_number), Field(ge=0.1, le=90.0, allow_inf_nan=False)] = SUN_DIAMETER
+
+    @model_validator(mode="after")
+    def _has_a_direction(self) -> Self:
+        if not math.hypot(*self.direction) > 1e-9:
+            raise ValueError("direction: one other than 0 0 0")
+        return self
+
+
 class EnvironmentDescription(_Description):
-    """Light from infinity: a file or one radiance; `rotation` in degrees about +Y."""
+    """Light from infinity: a file or one radiance, and suns; `rotation` in degrees about +Y turns them all."""
 
     file: Text | None = None
     mapping: Mapping = "latlong"
     radiance: Radiance | None = None
     rotation: Number = 0.0
     scale: Intensity = 1.0
+    suns: tuple[SunDescription, ...] = Field(default=(), alias="sun", max_length=MAX_SUNS)
 
     @model_validator(mode="after")
     def _has_one_source(self) -> EnvironmentDescription:
@@ -194,7 +211,7 @@ class ObjectDescription(_Description):
 
     name: Name
     mesh: Text | None = None
-    primitive: Literal["quad", "cube", "sphere"] | None = None
+    primitive: Literal["quad", "cube", "sphere", "disc", "tube"] | None = None
     part: Annotated[int, Field(ge=0, strict=True)] | None = None
     transform: Annotated[tuple[Number, ...], Field(min_length=16, max_length=16)] = IDENTITY
     smooth: Annotated[bool, Field(strict=True)] = True

@@ -7,10 +7,6 @@ with more, the object becomes one object for each material, marked with its `par
 The cost of a small file is limited by the number of objects: each takes well under a millisecond to be placed and
 checked, MAX_OBJECTS of them two to three seconds, whether the scene names them or they are materials of a GLB file.
 
-Primitives have unit size and are centred at the origin. quad: 1×1 in the XY plane, front along +Z; cube: edge 1;
-sphere: diameter 1, with its exact normals. A texture fills the quad, each side of the cube and, as a map in longitude
-and latitude, the sphere; seen from the front, u grows to the right and v upwards.
-
 A single mesh stands on a floor, is seen from the front and slightly above, and lit by a built-in sky. The mesh is not
 moved, so that its coordinates stay valid: floor and camera are placed around it. Y is up, as everywhere here; a mesh
 from a program with another up axis lies on its side.
@@ -42,9 +38,8 @@ from engine.scene.loaders.formats import read_model
 from engine.scene.loaders.gltf_materials import GREY
 from engine.scene.loaders.model import ImportedModel, ImportedPart
 from engine.scene.mesh import Mesh, join_meshes, with_flat_normals, with_normals
+from engine.scene.primitives import PRIMITIVES, quad
 from engine.scene.rig import Rig, join_bindings
-
-_SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]], np.float32)  # (u, v) of a side's four corners
 
 # The scene of a single mesh.
 DEFAULT_ENVIRONMENT = ASSETS / "environments" / "studio.exr"
@@ -178,66 +173,6 @@ def free_name(name: str, taken: set[str]) -> str:
         name += "+"
     taken.add(name)
     return name
-
-
-_RINGS, _SEGMENTS = 64, 128
-
-
-def quad() -> Mesh:
-    """The unit square of the XY plane, normal +Z."""
-    vertices = np.array([[-0.5, -0.5, 0.0], [0.5, -0.5, 0.0], [0.5, 0.5, 0.0], [-0.5, 0.5, 0.0]])
-    triangles = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
-    return Mesh(vertices, triangles, np.tile([0.0, 0.0, 1.0], (4, 1)), _SQUARE[triangles])
-
-
-def cube() -> Mesh:
-    """The cube [-½, ½]³ with flat faces: four vertices a face, normals outward."""
-    x, y, z = np.eye(3)
-    sides = [(x, y, z), (y, z, x), (z, x, y), (-x, z, y), (-y, x, z), (-z, y, x)]  # (normal, s, t), s × t = normal
-    corners = [0.5 * (n + a * s + b * t) for n, s, t in sides for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
-    triangles = (np.arange(6)[:, None, None] * 4 + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3)
-    normals = np.repeat([n for n, _, _ in sides], 4, axis=0)
-    return Mesh(np.array(corners), triangles.astype(np.int32), normals, _SQUARE[triangles % 4])
-
-
-def sphere() -> Mesh:
-    """The sphere of diameter 1 in 64 × 128 latitude and longitude cells, with the true sphere's normals."""
-    theta = np.linspace(0.0, np.pi, _RINGS + 1)[1:-1, None]
-    phi = np.arange(_SEGMENTS) * (2 * np.pi / _SEGMENTS)
-    ring = np.stack(np.broadcast_arrays(np.sin(theta) * np.sin(phi), np.cos(theta), np.sin(theta) * np.cos(phi)), -1)
-    normals = np.concatenate([[[0.0, 1.0, 0.0]], ring.reshape(-1, 3), [[0.0, -1.0, 0.0]]])
-    triangles = _sphere_triangles()
-    return Mesh(0.5 * normals, triangles, normals, _sphere_uvs(triangles))
-
-
-def _sphere_triangles() -> np.ndarray:
-    """Two fans at the poles and bands of quads between the rings, counter-clockwise from outside."""
-    n = _SEGMENTS
-    here, there = np.arange(n), (np.arange(n) + 1) % n
-    last = 1 + (_RINGS - 2) * n
-    faces = [np.stack([np.zeros(n, int), 1 + here, 1 + there], 1)]
-    for ring in range(_RINGS - 2):
-        up, down = 1 + ring * n, 1 + (ring + 1) * n
-        faces.append(np.stack([up + here, down + here, down + there], 1))
-        faces.append(np.stack([up + here, down + there, up + there], 1))
-    faces.append(np.stack([np.full(n, last + n), last + there, last + here], 1))
-    return np.concatenate(faces).astype(np.int32)
-
-
-def _sphere_uvs(triangles: np.ndarray) -> np.ndarray:
-    """(u, v) = (φ / 2π, 1 − θ / π) of the corners, (T, 3, 2): u continues to 1 at the seam, and at a pole is the mean
-    of the other two corners'."""
-    n = _SEGMENTS
-    pole = (triangles == 0) | (triangles == triangles.max())
-    ring, column = np.divmod(triangles - 1, n)
-    u = np.where(pole, 0.0, column / n)
-    u = np.where(~pole & (u == 0.0) & (u.max(axis=1, keepdims=True) > 0.5), 1.0, u)
-    middle = u.sum(axis=1, keepdims=True) / 2.0
-    v = np.where(pole, triangles == 0, 1.0 - (ring + 1) / _RINGS)
-    return np.stack([np.where(pole, middle, u), v], axis=2).astype(np.float32)
-
-
-PRIMITIVES = {"quad": quad, "cube": cube, "sphere": sphere}
 
 
 @dataclass(frozen=True)

@@ -87,6 +87,20 @@ def test_the_light_is_the_scenes_until_another_is_chosen(scene: Path) -> None:
         sky_of(project.scene, LightState("nowhere.exr"))
 
 
+def test_suns_are_part_of_the_scenes_environment(scene: Path) -> None:
+    text = scene.read_text().replace(
+        "radiance = 0.5", "radiance = 0.5\nsun = [{ direction = [0, 1, 0], irradiance = 7 }]"
+    )
+    scene.write_text(text)
+    project = open_project(str(scene))
+    sky = project.sky.environment
+    assert sky is not None and project.sky.environment is sky
+    # L = E / (pi sin² 0.265°) in the zenith; elsewhere the sky.
+    assert sky.radiance[0].max() == pytest.approx(7.0 / (np.pi * np.sin(np.radians(0.265)) ** 2), rel=2e-2)
+    assert np.median(sky.radiance) == 0.5
+    assert sky_of(project.scene, LightState("constant", radiance=(1.0, 1.0, 1.0))).environment.radiance.max() == 1.0
+
+
 def test_a_scene_without_environment_has_no_sky(tmp_path: Path) -> None:
     (tmp_path / "dark.toml").write_text(SCENE.replace(environment(0.5), ""))
     assert open_project(str(tmp_path / "dark.toml")).sky.environment is None

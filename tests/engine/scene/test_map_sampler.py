@@ -16,7 +16,7 @@ from engine.precompute.direct.pipeline import Placement
 from engine.scene.description import load_description, parse_description
 from engine.scene.map_sampler import MapFactors, MapSampler, look_up_images
 from engine.scene.mesh import place_copies
-from engine.scene.object_meshes import PRIMITIVES
+from engine.scene.primitives import PRIMITIVES
 from engine.scene.scene_loader import Scene, load_scene
 from engine.scene.surface_uvs import uvs_at
 from tests.engine.scene.conftest import read_mesh

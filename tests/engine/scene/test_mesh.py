@@ -21,7 +21,7 @@ from engine.scene.mesh import (
     validate_mesh,
     with_normals,
 )
-from engine.scene.object_meshes import PRIMITIVES, cube, quad, sphere
+from engine.scene.primitives import PRIMITIVES, cube, disc, quad, sphere, tube
 from engine.scene.scene_loader import load_scene
 
 
@@ -47,6 +47,9 @@ def test_primitives_have_unit_size_and_face_outward():
     # inscribed in the sphere of diameter 1: π and π/6, less the 0.08 % that 64 × 128 cells cut off
     assert area(sphere()) == pytest.approx(np.pi, rel=1e-3) and volume(sphere()) == pytest.approx(np.pi / 6, rel=2e-3)
     assert volume(sphere()) < np.pi / 6
+    # 64 sides cut off 1 - sin(2π / 64) / (2π / 64) of the circle, 0.16 %
+    assert area(disc()) == pytest.approx(np.pi / 4, rel=2e-3) and area(tube()) == pytest.approx(np.pi, rel=1e-3)
+    assert face_normals(disc().vertices, disc().triangles)[0][:, 2].min() == 1.0
 
 
 @pytest.mark.parametrize("name", sorted(PRIMITIVES))
@@ -107,7 +110,7 @@ def test_a_mirror_keeps_fronts_in_front(name):
     placed = place_copies(PRIMITIVES[name](), mirror[None])
     flat, _ = face_normals(placed.vertices, placed.triangles)
     assert np.einsum("tki,ti->tk", placed.normals[placed.triangles], flat).min() > 0.9  # normals and winding agree
-    if name != "quad":
+    if name not in ("quad", "disc"):
         assert volume(placed) > 0  # outward still
     else:
         assert flat[0].tolist() == [0, 0, 1]  # mirrored along X, a card still faces +Z

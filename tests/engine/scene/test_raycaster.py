@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from engine.scene.mesh import face_normals
-from engine.scene.object_meshes import cube, quad, sphere
+from engine.scene.primitives import cube, quad, sphere
 from engine.scene.raycaster import RayCaster
 from tests.engine.scene.conftest import read_mesh
 from tests.naive.first_hits import first_hits

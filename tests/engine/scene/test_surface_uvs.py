@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from engine.scene.mesh import Mesh, place_copies
-from engine.scene.object_meshes import cube
+from engine.scene.primitives import cube
 from engine.scene.surface_uvs import box_frame, box_uvs
 
 # Of each side of the cube from 0 to 1, by its normal, the corner that is at its upper right as one looks at it. Up is

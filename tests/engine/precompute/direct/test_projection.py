@@ -34,7 +34,7 @@ from engine.material.layer import evaluate_layers, make_layer
 from engine.precompute.direct._angle_kernels import fill_gammas, weigh
 from engine.precompute.direct._share_kernels import _add_row, make_spots, mean_and_spread, share_out
 from engine.precompute.direct.projection import LayerShape, project_layer
-from engine.scene.object_meshes import sphere
+from engine.scene.primitives import sphere
 from engine.sphere.geodesic import geodesic
 from tests.engine.precompute.direct.by_hand import bands_of, irradiance, light_of, points_at, project, square
 from tests.naive.curves import hats

@@ -15,7 +15,7 @@ from engine.realtime.zonal_harmonics.patches import Patch, Slab, patch, simulate
 from engine.realtime.zonal_harmonics.shading import band_light, shade
 from engine.realtime.zonal_harmonics.transfer import Medium
 from engine.realtime.zonal_harmonics.zonal import fit
-from engine.scene.object_meshes import quad
+from engine.scene.primitives import quad
 from engine.sphere.harmonics import basis
 
 CONSTANT = math.sqrt(4.0 * math.pi)  # light of radiance 1, in the constant band

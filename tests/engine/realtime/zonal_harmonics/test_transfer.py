@@ -24,7 +24,7 @@ from engine.realtime.zonal_harmonics.transfer import (
     vertex_areas,
 )
 from engine.realtime.zonal_harmonics.zonal import unshadowed_lobes
-from engine.scene.object_meshes import sphere
+from engine.scene.primitives import sphere
 from engine.scene.raycaster import RayCaster, surface_points
 from engine.sphere.harmonics import basis, clamped_cosine, rotate
 
