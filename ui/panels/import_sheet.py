@@ -21,6 +21,8 @@ from ui.theme import Icon
 
 WIDTH, LEAST_WIDTH, MARGIN, PADDING = 560.0, 280.0, 12.0, 14.0
 COUNT_WIDTH, LEAST_BODY = 56.0, 90.0
+# Of the window's height, so that the curve stays in reach below it; in a low window all of it.
+HEIGHT_SHARE, LEAST_HEIGHT = 0.66, 560.0
 ORDERS = (
     ("By place", "By where the file has them: materials, nodes, meshes."),
     ("By count", "The most frequent first."),
@@ -45,7 +47,8 @@ def draw(context: PanelContext) -> list[Action]:
             if report.is_silent:
                 widgets.caption(COMPLETE)
             else:
-                actions += _body(context, report, width, viewport.work_pos.y + room.y - context.px(2 * MARGIN))
+                height = max(HEIGHT_SHARE * room.y, min(room.y, context.px(LEAST_HEIGHT)))
+                actions += _body(context, report, width, viewport.work_pos.y + height - context.px(2 * MARGIN))
     return actions
 
 
@@ -107,7 +110,7 @@ def _body(context: PanelContext, report: ImportReport, width: float, foot: float
         if report.unshown:
             _unshown(context, report.unshown)
         if report.notes:
-            _heading("Repaired or left out", len(report.notes))
+            _heading(context, "Repaired or left out", len(report.notes))
             for note in report.notes:
                 _wrapped(plain_line(note), look.TEXT_SOFT)
     imgui.end_child()
@@ -117,7 +120,7 @@ def _body(context: PanelContext, report: ImportReport, width: float, foot: float
 def _order(context: PanelContext, report: ImportReport) -> list[Action]:
     """The heading of what is not shown, and the choice of its order."""
     imgui.align_text_to_frame_padding()
-    _heading("Not shown, or in part", len(report.unshown))
+    _heading(context, "Not shown, or in part", len(report.unshown))
     widgets.same_line_at_right(widgets.segments_width(context, [text for text, _ in ORDERS]))
     pressed = widgets.segments(context, "report.order", ORDERS, int(context.state.report_by_count))
     return [] if pressed is None else [SetPanel({"report_by_count": pressed == 1})]
@@ -128,6 +131,8 @@ def _unshown(context: PanelContext, unshown: tuple[UnshownProperty, ...]) -> Non
     by_count, group = context.state.report_by_count, ""
     for each in sorted_unshown(unshown, by_count):
         if not by_count and group_of(each) != group:
+            if group:
+                imgui.dummy(ImVec2(1, context.px(4)))
             group = group_of(each)
             _coloured(group[:1].upper() + group[1:], look.ACCENT)
         start = imgui.get_cursor_pos_x()
@@ -141,11 +146,13 @@ def _unshown(context: PanelContext, unshown: tuple[UnshownProperty, ...]) -> Non
         widgets.tooltip(plain_line(each.name))
         _wrapped(plain_line(each.effect), look.TEXT_SOFT)
         imgui.end_group()
-    imgui.spacing()
+    imgui.dummy(ImVec2(1, context.px(6)))
 
 
-def _heading(text: str, number: int) -> None:
+def _heading(context: PanelContext, text: str, number: int) -> None:
+    context.theme.push_bold()
     imgui.text_unformatted(text)
+    imgui.pop_font()
     imgui.same_line(0.0, 0.5 * imgui.get_font_size())
     _coloured(f"{number:,}", look.TEXT_FAINT)
 
