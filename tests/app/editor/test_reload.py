@@ -15,6 +15,7 @@ from app.document.commands import EditCommand
 from app.document.commands.curves import AddOperator
 from app.document.commands.layers import SetParameter, SetVisible
 from app.document.commands.light import SetRotation
+from app.document.commands.maps import SetMap
 from app.document.view_state import SetView
 from app.editor.editor import Editor
 from app.messages.worker_messages import OpenScene, Request, SetCamera
@@ -130,6 +131,23 @@ def test_a_mesh_and_an_environment_are_read_again(shop: Workshop) -> None:
     shop.write_sky(2.0)
     shop.reload()
     assert worker.context.sky(shop.editor.document.light).environment.radiance.max() == 2.0
+
+
+def test_a_texture_is_read_again(shop: Workshop) -> None:
+    worker = shop.editor._client._schedule._handler  # type: ignore[attr-defined]
+
+    def mean_of_texture() -> float:
+        scene = worker.context.open_placement.scene
+        images = shop.editor.document.layer("pot.0").maps.images
+        return float(scene.textures.texture(images).texels[-1].mean())
+
+    write_exr(shop.folder / "wood.exr", np.full((2, 2, 3), 0.25, np.float32))
+    shop.do(SetMap("pot.0", "texture", "wood.exr"))
+    assert mean_of_texture() == pytest.approx(0.25, rel=1e-3)
+    write_exr(shop.folder / "wood.exr", np.full((2, 2, 3), 0.75, np.float32))
+    shop.reload()
+    assert shop.editor.document.layer("pot.0").maps.texture == "wood.exr"
+    assert mean_of_texture() == pytest.approx(0.75, rel=1e-3)
 
 
 def test_a_broken_file_leaves_all_as_it_is(shop: Workshop) -> None:
