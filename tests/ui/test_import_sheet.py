@@ -105,6 +105,16 @@ def test_a_file_that_was_saved_elsewhere_is_marked_and_read_again(window: Headle
     assert shell.editor.status.message == "reloaded stand-in"
 
 
+def test_it_has_its_size_in_the_first_frame_that_shows_it(window: HeadlessWindow) -> None:
+    window.key(imgui.Key.i)
+    heights = []
+    for _ in range(4):
+        sheet = imgui.internal.find_window_by_name("Import report###report")
+        heights += [] if sheet is None or sheet.hidden else [sheet.size.y]
+        window.frame()
+    assert max(heights) <= 1.1 * min(heights)
+
+
 @pytest.mark.parametrize(("size", "scale"), [((640, 480), 1.0), ((1920, 1080), 2.0)])
 def test_it_fits_any_window(context: moderngl.Context, size: tuple[int, int], scale: float) -> None:
     windows: Iterator[HeadlessWindow] = opened(context, size, scale)

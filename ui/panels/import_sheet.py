@@ -2,7 +2,8 @@
 
 It lies over the picture, which stays usable, and reads like a page: a line of numbers, then what is not shown with its
 effect on the picture in words, by group or the most frequent first, then the repairs. All of it goes to the clipboard
-as text.
+as text. Everything is laid out by the sheet's own width: imgui does not know the window's in the first frame, which
+stays for a while on a slow machine.
 """
 
 from __future__ import annotations
@@ -42,24 +43,25 @@ def draw(context: PanelContext) -> list[Action]:
     with widgets.strip(context, "Import report###report", top, ImVec2(0.5, 0.0), ImVec2(PADDING, 10)) as is_seen:
         if is_seen:
             imgui.dummy(ImVec2(width, 0))
-            actions += _title(context, report)
+            actions += _title(context, report, width)
             _contents(report, width)
             if report.is_silent:
-                widgets.caption(COMPLETE)
+                _wrapped(COMPLETE, look.TEXT_SOFT, width)
             else:
                 height = max(HEIGHT_SHARE * room.y, min(room.y, context.px(LEAST_HEIGHT)))
                 actions += _body(context, report, width, viewport.work_pos.y + height - context.px(2 * MARGIN))
     return actions
 
 
-def _title(context: PanelContext, report: ImportReport) -> list[Action]:
+def _title(context: PanelContext, report: ImportReport, width: float) -> list[Action]:
     actions: list[Action] = []
+    start = imgui.get_cursor_pos_x()
     imgui.align_text_to_frame_padding()
     context.theme.push_bold()
     imgui.text_unformatted(widgets.shortened(report.files[0] if report.files else context.name, context.px(WIDTH / 2)))
     imgui.pop_font()
     widgets.tooltip(context.document.source)
-    widgets.same_line_at_right(2 * imgui.get_frame_height() + context.px(4))
+    imgui.same_line(start + width - 2 * imgui.get_frame_height() - context.px(4))
     if widgets.icon_button(context, "report.copy", Icon.COPY, "Copy all of it as text."):
         text = "\n".join((context.document.source, *report_lines(report)))
         actions.append(CopyText(text, "what the file contains"))
@@ -103,30 +105,32 @@ def _body(context: PanelContext, report: ImportReport, width: float, foot: float
     actions: list[Action] = []
     if report.unshown:
         imgui.separator()
-        actions += _order(context, report)
+        actions += _order(context, report, width)
+    inner = width - imgui.get_style().scrollbar_size
     room = max(foot - imgui.get_cursor_screen_pos().y - context.px(PADDING), context.px(LEAST_BODY))
     imgui.set_next_window_size_constraints(ImVec2(width, 0.0), ImVec2(width, room))
     if imgui.begin_child("body", ImVec2(width, 0.0), imgui.ChildFlags_.auto_resize_y):
         if report.unshown:
-            _unshown(context, report.unshown)
+            _unshown(context, report.unshown, inner)
         if report.notes:
             _heading(context, "Repaired or left out", len(report.notes))
             for note in report.notes:
-                _wrapped(plain_line(note), look.TEXT_SOFT)
+                _wrapped(plain_line(note), look.TEXT_SOFT, inner)
     imgui.end_child()
     return actions
 
 
-def _order(context: PanelContext, report: ImportReport) -> list[Action]:
+def _order(context: PanelContext, report: ImportReport, width: float) -> list[Action]:
     """The heading of what is not shown, and the choice of its order."""
+    start = imgui.get_cursor_pos_x()
     imgui.align_text_to_frame_padding()
     _heading(context, "Not shown, or in part", len(report.unshown))
-    widgets.same_line_at_right(widgets.segments_width(context, [text for text, _ in ORDERS]))
+    imgui.same_line(start + width - widgets.segments_width(context, [text for text, _ in ORDERS]))
     pressed = widgets.segments(context, "report.order", ORDERS, int(context.state.report_by_count))
     return [] if pressed is None else [SetPanel({"report_by_count": pressed == 1})]
 
 
-def _unshown(context: PanelContext, unshown: tuple[UnshownProperty, ...]) -> None:
+def _unshown(context: PanelContext, unshown: tuple[UnshownProperty, ...], width: float) -> None:
     """A line for each property: how often, its name, and below it what the picture lacks."""
     by_count, group = context.state.report_by_count, ""
     for each in sorted_unshown(unshown, by_count):
@@ -142,9 +146,10 @@ def _unshown(context: PanelContext, unshown: tuple[UnshownProperty, ...]) -> Non
         imgui.same_line(start + context.px(COUNT_WIDTH))
         imgui.begin_group()
         name = each.name if by_count else each.name.removeprefix(f"{group}.")
-        imgui.text_unformatted(widgets.fitting(plain_line(name), imgui.get_content_region_avail().x))
+        room = width - context.px(COUNT_WIDTH)
+        imgui.text_unformatted(widgets.fitting(plain_line(name), room))
         widgets.tooltip(plain_line(each.name))
-        _wrapped(plain_line(each.effect), look.TEXT_SOFT)
+        _wrapped(plain_line(each.effect), look.TEXT_SOFT, room)
         imgui.end_group()
     imgui.dummy(ImVec2(1, context.px(6)))
 
@@ -163,7 +168,8 @@ def _coloured(text: str, ink: look.Colour) -> None:
     imgui.pop_style_color()
 
 
-def _wrapped(text: str, ink: look.Colour) -> None:
-    imgui.push_text_wrap_pos(0.0)
+def _wrapped(text: str, ink: look.Colour, width: float) -> None:
+    """Text in lines of this width; the window's own is not known in its first frame."""
+    imgui.push_text_wrap_pos(imgui.get_cursor_pos_x() + width)
     _coloured(text, ink)
     imgui.pop_text_wrap_pos()
