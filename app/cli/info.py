@@ -15,7 +15,7 @@ import typer
 
 from app.cli.console import print_json, print_line
 from app.cli.options import SCENE_HELP, progress
-from app.document.sources import LIGHT_ENDINGS, find_source, likely_mapping, source_of
+from app.document.sources import LIGHT_ENDINGS, find_source, likely_mapping, probe_size, source_of
 from app.project.project import open_project
 from engine.core.errors import InsituError
 from engine.core.generators import run_to_end
@@ -79,15 +79,17 @@ def _describe_scene(name: str) -> FileInfo:
 
 
 def _describe_environment(name: str) -> FileInfo:
+    from app.document.commands.light import MAPPING
     from engine.light.environment import load_environment
 
     mapping = likely_mapping(Path(name))
     environment = load_environment(name, mapping)
-    height, width, _ = environment.radiance.shape
+    width, height = probe_size(Path(name)) or environment.radiance.shape[1::-1]
+    title = dict(zip(MAPPING.choices, MAPPING.titles, strict=True))[mapping]
     mean = [float(value) for value in environment.light_above[-1].mean(axis=0) / 2.0]  # over the sphere's solid angle
     largest = float(environment.radiance.max())
     lines = [
-        f"size        {width} x {height}, {'an angular map' if mapping == 'angular' else 'latitude and longitude'}",
+        f"size        {width} x {height}, {title.lower()}",
         f"radiance    mean {' '.join(f'{value:.4g}' for value in mean)} (red green blue), at most {largest:.4g}",
         *(f"note        {note}" for note in environment.notes),
     ]
