@@ -41,6 +41,7 @@ from app.operators.script import ScriptRecord, StepRecord
 from engine.material import MODELS
 from engine.material.bumps import Bumps
 from engine.material.layer_maps import LayerMaps
+from engine.material.opacity import Opacity
 from engine.material.parameters import Parameter
 from engine.scene import surface_kinds
 from engine.scene.description import (
@@ -76,7 +77,12 @@ SCRIPT: Tables = [
 ]  # fmt: skip
 SHOWN: dict[tuple[type[BaseModel], str], str] = {(ObjectDescription, "bumps"): "`normal_map` or `bump_map`, `tangent`"}
 PLAIN = {bool: "true or false", int: "an integer", float: "a number", str: "text", tuple: "2 values", Any: "a value"}
-NAMED = {LayerMaps: "a table of images", Bumps: "tables of images", surface_kinds.DeformSurface: "a table"}
+NAMED = {
+    LayerMaps: "a table of images",
+    Bumps: "tables of images",
+    Opacity: "a table",
+    surface_kinds.DeformSurface: "a table",
+}
 MISSING = "This key has no description: write one in docs/reference/keys.toml"
 
 

@@ -16,7 +16,7 @@ from typing import cast
 
 from imgui_bundle import imgui
 
-from app.document.commands import EditCommand, SetBumps, SetSurface
+from app.document.commands import EditCommand, SetBumps, SetOpacity, SetSurface
 from app.document.commands.light import set_environment_file
 from app.document.commands.maps import SetMap, without_strokes
 from app.document.linked_layers import Layers
@@ -304,6 +304,8 @@ class ActionHandler:
         if name in SURFACE_IMAGES:
             kind, value = SURFACE_IMAGES[name]
             self._editor.do(SetSurface(key, kind, ((value, file),)))
+        elif name == "opacity_map":
+            self._editor.do(SetOpacity(key, name, file))
         else:
             self._editor.do(SetBumps(key, name, file) if name in BUMP_IMAGES else SetMap(key, name, file))
 

@@ -82,5 +82,7 @@ def _read_inputs(project: Project) -> None:
     document = project.document
     images = [layer.maps.images for _, layer in document.layers()]
     images += [Images(weight=name) for _, surface in document.new_surfaces for _, name in surface.files]
-    project.scene.textures.load(images, [bumps for _, bumps in document.new_bumps])
+    project.scene.textures.load(
+        images, [bumps for _, bumps in document.new_bumps], [own for _, own in document.new_opacities]
+    )
     assert project.sky  # which reads its environment

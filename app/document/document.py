@@ -27,6 +27,7 @@ from engine.material.bumps import NO_BUMPS, Bumps, BumpsByObject, bump_fields
 from engine.material.layer import Layer, object_of
 from engine.material.layer_maps import map_fields
 from engine.material.model import Factor, Model
+from engine.material.opacity import OPAQUE, Opacity, OpacityByObject, opacity_fields
 from engine.realtime.deformers import KINDS
 from engine.realtime.zonal_harmonics.pose import Deformation, Moment, Motion, Poses, without_identity
 from engine.scene.description import ObjectDescription, SceneDescription
@@ -35,7 +36,18 @@ from engine.scene.surface_kinds import NO_SURFACE, SURFACES, DeformSurface, Surf
 from engine.settings import LineValue
 
 Kind = Literal[
-    "object", "layer", "factor", "parameter", "map", "switch", "deformer", "time", "bumps", "surface", "light"
+    "object",
+    "layer",
+    "factor",
+    "parameter",
+    "map",
+    "switch",
+    "deformer",
+    "time",
+    "bumps",
+    "opacity",
+    "surface",
+    "light",
 ]
 RGB = tuple[float, float, float]
 
@@ -72,7 +84,8 @@ class ObjectState:
     ``frozen`` objects and layers refuse edits of their material until they are unfrozen. ``editable`` False marks an
     object that the scene declares fixed. Its ``deformations`` apply one after another, to its pose by its file's
     animation at a ``moment``; None: to its rest pose. ``animations`` are those of its file. ``new_bumps`` replace the
-    ``own_bumps`` of the scene's file, ``new_surface`` replaces ``own_surface``, which only Deform draws.
+    ``own_bumps`` of the scene's file, ``new_opacity`` its ``own_opacity``, ``new_surface`` its ``own_surface``, which
+    only Deform draws.
     """
 
     name: str
@@ -86,6 +99,8 @@ class ObjectState:
     animations: Animations = ()
     own_bumps: Bumps = NO_BUMPS
     new_bumps: Bumps | None = None
+    own_opacity: Opacity = OPAQUE
+    new_opacity: Opacity | None = None
     own_surface: DeformSurface = NO_SURFACE
     new_surface: DeformSurface | None = None
 
@@ -98,6 +113,11 @@ class ObjectState:
     def bumps(self) -> Bumps:
         """The bumps that perturb its normals."""
         return self.own_bumps if self.new_bumps is None else self.new_bumps
+
+    @property
+    def opacity(self) -> Opacity:
+        """How much of it is there."""
+        return self.own_opacity if self.new_opacity is None else self.new_opacity
 
     @property
     def surface(self) -> DeformSurface:
@@ -201,6 +221,11 @@ class Document:
         return tuple((state.name, state.new_bumps) for state in self.objects if state.new_bumps is not None)
 
     @property
+    def new_opacities(self) -> OpacityByObject:
+        """The opacities of all objects that are not as the scene's file has them, by name."""
+        return tuple((state.name, state.new_opacity) for state in self.objects if state.new_opacity is not None)
+
+    @property
     def new_surfaces(self) -> SurfacesByObject:
         """The surfaces for Deform of all objects that are not as the scene's file has them, by name."""
         return tuple((state.name, state.new_surface) for state in self.objects if state.new_surface is not None)
@@ -281,6 +306,8 @@ def _kind_of(name: str) -> Kind | None:
         return "time"
     if name in bump_fields():
         return "bumps"
+    if name in opacity_fields():
+        return "opacity"
     return "surface" if name.partition(".")[0] in (SURFACE, *SURFACES) else None
 
 
@@ -349,8 +376,9 @@ def _object_state(source: str, described: ObjectDescription) -> ObjectState:
     layers = layers_from_descriptions(source, described.name, described.layers)
     emission = described.emission if described.emits else None
     return ObjectState(
-        described.name, layers, emission, described.editable, own_bumps=described.bumps, own_surface=described.deform
-    )
+        described.name, layers, emission, described.editable, own_bumps=described.bumps,
+        own_opacity=described.opacity, own_surface=described.deform,
+    )  # fmt: skip
 
 
 def with_display_names(document: Document, text: str) -> str:

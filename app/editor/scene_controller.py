@@ -35,6 +35,7 @@ from app.system.atomic import add_inputs, set_inputs
 from app.system.file_watch import FileWatch
 from engine.core.errors import InsituError
 from engine.material.bumps import BumpsByObject
+from engine.material.opacity import OpacityByObject
 from engine.realtime.zonal_harmonics.pose import Poses
 from engine.scene.builtin import DEFAULT_SCENE
 from engine.scene.description import SceneDescription
@@ -97,6 +98,11 @@ class Opening:
     def bumps(self) -> BumpsByObject:
         """The bumps of the first view, where they are not the scene's own."""
         return () if self.session is None else self.session.document.new_bumps
+
+    @property
+    def opacities(self) -> OpacityByObject:
+        """The opacities of the first view, where they are not the scene's own."""
+        return () if self.session is None else self.session.document.new_opacities
 
     @property
     def poses(self) -> Poses:
@@ -178,7 +184,8 @@ class SceneController:
         host.controller.scene_closed()
         id = host.send(opening.request())
         view, n_edge_rays = opening.initial_view(host.resolution), opening.n_edge_rays(host.view)
-        self.tracing.request_view(TracedView(view, opening.poses, opening.bumps, n_edge_rays, id))
+        first = TracedView(view, opening.poses, opening.bumps, n_edge_rays, id, opening.opacities)
+        self.tracing.request_view(first)
         self._opening = replace(opening, id=id)
         host.metrics.progress = None
 
@@ -219,7 +226,8 @@ class SceneController:
         settings."""
         document, controller = self._host.document, self._host.controller
         poses = visible_poses(document, self._host.view)
-        desired = TracedView(view.viewpoint, poses, document.new_bumps, view.settings.n_edge_rays)
+        n_edge_rays, opacities = view.settings.n_edge_rays, document.new_opacities
+        desired = TracedView(view.viewpoint, poses, document.new_bumps, n_edge_rays, opacities=opacities)
         if self._opening is None and self.tracing.update(now, desired):
             (controller.view_moved if self.tracing.is_away else controller.view_restored)()
 

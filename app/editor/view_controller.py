@@ -1,6 +1,7 @@
-"""The requested and the traced view: camera, resolution, poses, bumps, edge rays.
+"""The requested and the traced view: camera, resolution, poses, bumps, opacities, edge rays.
 
-A view changes as soon as the user moves the camera, poses an object, or perturbs an object's normals; it is traced once
+A view changes as soon as the user moves the camera, poses an object, perturbs its normals or makes
+holes in it; it is traced once
 all of these are idle. Until then the previous picture stays.
 """
 
@@ -13,6 +14,7 @@ from app.document.view_state import Viewpoint
 from app.messages.worker_messages import Request, Response, SetCamera
 from app.modes.reconciler import Reconciler
 from engine.material.bumps import BumpsByObject
+from engine.material.opacity import OpacityByObject
 from engine.realtime.zonal_harmonics.pose import Poses
 from engine.scene.picture_frame import PictureFrame
 
@@ -21,13 +23,14 @@ REST_SECONDS = 0.25
 
 class TracedView(NamedTuple):
     """A view: camera and resolution, the poses and bumps of objects in it, the rays through a pixel at an edge (None
-    for as many as the scene requires), and the number of the request that opened the scene."""
+    for as many as the scene requires), the number of the request that opened the scene, and opacities of objects."""
 
     viewpoint: Viewpoint = Viewpoint()
     poses: Poses = ()
     bumps: BumpsByObject = ()
     n_edge_rays: int | None = None
     scene: int = 0
+    opacities: OpacityByObject = ()
 
 
 class ViewController:
@@ -63,8 +66,9 @@ class ViewController:
 
     def request_view(self, view: TracedView, now: float = 0.0) -> None:
         """Request a view, of the open scene or of one that is being opened."""
-        look, poses, bumps, n_edge_rays, scene = view
-        self._reconciler.sent(now, self._send(SetCamera(scene, *look, poses, bumps, n_edge_rays)), view)
+        look, poses, bumps, n_edge_rays, scene, opacities = view
+        request = SetCamera(scene, *look, poses, bumps, n_edge_rays, opacities)
+        self._reconciler.sent(now, self._send(request), view)
 
     def update(self, now: float, view: TracedView) -> bool:
         """Request another view of the open scene once it is idle; once a frame. Returns whether `is_away` changed. now:

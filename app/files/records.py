@@ -42,6 +42,7 @@ from engine.light.probe_mappings import Mapping
 from engine.material.bumps import Bumps, bumps_of_parts
 from engine.material.layer import Layer
 from engine.material.layer_maps import LayerMaps, map_values
+from engine.material.opacity import Opacity, opacity_of_parts
 from engine.material.parameters import FRESNEL, ParameterError, Value
 from engine.measured.measurement import Measurement
 from engine.realtime.zonal_harmonics.pose import MAX_GROWTH, Deformation, largest_growth
@@ -171,6 +172,19 @@ def _bumps(value: object) -> Bumps:
 SavedBumps = Annotated[Bumps, PlainValidator(_bumps)]
 
 
+def _opacity(value: object) -> Opacity:
+    """An object's opacity, from its parts by name."""
+    if not isinstance(value, dict):
+        raise ValueError("a table")
+    try:
+        return opacity_of_parts(value)
+    except ParameterError as error:
+        raise ValueError(f"{error.what}: {error.expected}") from None
+
+
+SavedOpacity = Annotated[Opacity, PlainValidator(_opacity)]
+
+
 class ObjectRecord(StrictModel):
     name: Name
     visible: Flag = True
@@ -179,6 +193,7 @@ class ObjectRecord(StrictModel):
     emission: Radiance | None = None
     layers: tuple[LayerRecord, ...] = Field(default=(), alias="layer", max_length=MAX_LAYERS)
     bumps: SavedBumps | None = None
+    opacity: SavedOpacity | None = None
     deform: DeformSurface | None = None
     time: Number | None = None
     clip: Text | None = None

@@ -40,6 +40,7 @@ from engine.core.errors import InsituError, LoadError, describe_value
 from engine.core.safe_files import read_regular_file, resolved
 from engine.material.bumps import bump_parts
 from engine.material.layer import object_of, place_of
+from engine.material.opacity import opacity_parts
 from engine.realtime.zonal_harmonics.pose import Moment
 from engine.scene.description import Camera
 from engine.scene.toml_text import check_version, first_validation_error, parse_toml_bytes, toml_lines, toml_value
@@ -200,10 +201,12 @@ def _with_saved(scene: ObjectState, saved: ObjectState) -> ObjectState:
     """The saved state of an object; the scene determines whether it emits, and its material where none is saved."""
     emission = saved.emission or scene.emission if scene.emits else None
     new = saved.new_bumps if saved.new_bumps != scene.own_bumps and not scene.is_lamp else None
+    opacity = saved.new_opacity if saved.new_opacity != scene.own_opacity and not scene.is_lamp else None
     surface = saved.new_surface if saved.new_surface != scene.own_surface and not scene.is_lamp else None
     return replace(
         saved, emission=emission, layers=saved.layers or scene.layers, animations=scene.animations,
         moment=None if _lost_clip(scene, saved) else saved.moment, own_bumps=scene.own_bumps, new_bumps=new,
+        own_opacity=scene.own_opacity, new_opacity=opacity,
         own_surface=scene.own_surface, new_surface=surface,
     )  # fmt: skip
 
@@ -235,6 +238,8 @@ def _object_lines(state: ObjectState, folder: Path | None) -> Iterator[str]:
     yield from toml_lines({"name": state.name, **switches, "emission": state.emission})
     if state.new_bumps is not None:
         yield f"bumps = {toml_value(bump_parts(state.new_bumps))}"
+    if state.new_opacity is not None:
+        yield f"opacity = {toml_value(opacity_parts(state.new_opacity))}"
     if state.new_surface is not None:
         yield f"deform = {toml_value(state.new_surface.model_dump(exclude_none=True))}"
     if state.moment is not None:
@@ -278,6 +283,7 @@ def _object(file: str, folder: Path | None, record: ObjectRecord) -> ObjectState
         deformations,
         moment,
         new_bumps=record.bumps,
+        new_opacity=record.opacity,
         new_surface=record.deform,
     )
 

@@ -28,6 +28,7 @@ from engine.curve.operators import ALL_CHANNELS, HALF_PI, Channels, Edit, Operat
 from engine.material.bumps import bump_fields
 from engine.material.layer import Layer
 from engine.material.layer_maps import map_fields
+from engine.material.opacity import opacity_fields
 from engine.realtime.deformers import KINDS
 from engine.scene.camera_moves import orbit_camera
 from engine.scene.description import Camera
@@ -157,8 +158,8 @@ class LightNode(Node):
 
 class ObjectNode(Node):
     """An object: `visible`, `frozen`, `editable`, `emission` (of a lamp, three numbers), `time` of its animation,
-    amounts of deformers (`bend`, `twist` …), parts of bumps; `material`, which can be set alone, to the name of a
-    material of the library, a material's file or a measured BRDF's. Its layers are found by name or number.
+    amounts of deformers (`bend`, `twist` …), parts of bumps and opacity; `material`, which can be set alone, to the
+    name of a material of the library, a material's file or a measured BRDF's. Its layers are found by name or number.
 
     >>> import insitu
     >>> scene = insitu.open("teatray")
@@ -180,7 +181,7 @@ class ObjectNode(Node):
         return iter([layer.name for layer in self._editing.document.object(self._path).layers])
 
     def _names(self) -> Sequence[str]:
-        return (*SWITCHES, EMISSION, TIME, *KINDS, *bump_fields())
+        return (*SWITCHES, EMISSION, TIME, *KINDS, *bump_fields(), *opacity_fields())
 
 
 class LayerNode(Node):
@@ -377,6 +378,8 @@ def value_at(document: Document, path: str) -> Any:
             return None if state.moment is None else state.moment.time
         case "bumps":
             return getattr(state.bumps, name)
+        case "opacity":
+            return getattr(state.opacity, name)
         case "surface" if name not in SURFACES and "." not in name:
             return state.surface.kind or "none"
     raise InsituError(f"{path!r} is a {target.kind} and has no value")

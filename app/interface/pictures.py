@@ -183,7 +183,7 @@ class PlacementPictures:
 
     def _viewed(self, project: Project, n_edge_rays: int) -> _View:
         scene, document, before = project.scene, project.document, self._view
-        geometry = document.poses, document.new_bumps
+        geometry = document.poses, document.new_bumps, document.new_opacities
         key = (geometry, scene.description.camera, scene.resolution, n_edge_rays, scene.emission.tobytes())
         if before is not None and before.key == key:
             return before
@@ -348,8 +348,9 @@ class Pictures:
     def _in_orbit(self, project: Project, n_bounces: int | None) -> Picture:
         """Orbit's picture at rest, with exact directional lights; what the last one computed is reused."""
         document, scene = project.document, project.scene
-        if self._orbit is None or self._orbit[0] != document.poses:
-            self._orbit = document.poses, prepared_orbit(project)
+        geometry = document.poses, document.new_opacities
+        if self._orbit is None or self._orbit[0] != geometry:
+            self._orbit = geometry, prepared_orbit(project)
         orbit = self._orbit[1]
         orbit.set_emission({name: tuple(scene.emission[i].tolist()) for i, name in enumerate(scene.object_names)})
         orbit.set_bumps({each.name: each.bumps for each in scene.description.objects})
@@ -367,9 +368,10 @@ class Pictures:
         """Deform's picture at rest; objects that deform cast coarse shadows on all others."""
         document, scene = project.document, project.scene
         posed = [name for name, _ in document.poses]
-        if self._deform is None or self._deform[0] != document.new_bumps:
+        surfaces = document.new_bumps, document.new_opacities
+        if self._deform is None or self._deform[0] != surfaces:
             resting = project.resting.with_bumps(dict(document.new_bumps))
-            self._deform = document.new_bumps, prepared_deform(project, resting, posed)
+            self._deform = surfaces, prepared_deform(project, resting, posed)
         deform = self._deform[1]
         deform.set_emission({name: tuple(scene.emission[i].tolist()) for i, name in enumerate(scene.object_names)})
         deform.set_light(project.sky)

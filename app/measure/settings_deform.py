@@ -36,6 +36,7 @@ from engine.realtime.zonal_harmonics.transfer import (
     simulate_shadows,
 )
 from engine.realtime.zonal_harmonics.zonal import MAX_LOBES, fit
+from engine.scene.cutouts import scene_caster
 from engine.scene.raycaster import RayCaster, surface_points
 from engine.scene.scene_loader import Scene, load_scene
 from engine.settings import DEFAULT_SETTINGS
@@ -124,7 +125,7 @@ class BentRelief:
 
     def __init__(self, effort: DeformValues) -> None:
         scene = relief(effort.columns, effort.rows)
-        self._points = bending_points(scene, RayCaster(scene.vertices, scene.triangles), 0)
+        self._points = bending_points(scene, scene_caster(scene), 0)
         self._effort, self._sky = effort, varied_sky()
         environment = self._sky.environment
         assert environment is not None

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from engine.curve.tables import TabulatedCurve
     from engine.material.bumps import BumpsByObject
     from engine.material.layer import Layer
+    from engine.material.opacity import OpacityByObject
     from engine.measured.measurement import Measurement
     from engine.realtime.zonal_harmonics.pose import Poses
     from engine.scene.description import Camera
@@ -95,8 +96,8 @@ class OpenScene(Request):
 @dataclass(frozen=True)
 class SetCamera(Request):
     """Trace what a camera sees of the scene of this number (that of its `OpenScene`), in a resolution (width, height),
-    None: as its file has them; with objects in these poses and under these bumps; with so many rays through a pixel at
-    an edge, None: as many as the scene requires. Answered by `ViewTraced`."""
+    None: as its file has them; with objects in these poses, under these bumps and as opaque as these; with so many rays
+    through a pixel at an edge, None: as many as the scene requires. Answered by `ViewTraced`."""
 
     built_on = (OpenScene,)
     exclusive = True
@@ -107,6 +108,7 @@ class SetCamera(Request):
     poses: Poses = ()
     bumps: BumpsByObject = ()
     n_edge_rays: int | None = 0
+    opacities: OpacityByObject = ()
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from app.document.commands.light import (
     emission_of,
     set_environment_file,
 )
-from app.document.commands.maps import SetBumps, SetMap, surface_named
+from app.document.commands.maps import SetBumps, SetMap, SetOpacity, surface_named
 from app.document.commands.plan import FIRST_BANDS, active_overrides, override_from_value, set_first_bands
 from app.document.commands.poses import with_amounts, with_time
 from app.document.document import (
@@ -133,12 +133,12 @@ class Project:
         from engine.realtime.zonal_harmonics.posed_scene import pose_scene
 
         old, scene, at_rest = self.document, self.scene, self.resting
-        shape = document.poses, document.new_bumps, emission_of(document)
-        if shape != (old.poses, old.new_bumps, emission_of(old)):
-            at_rest = at_rest.with_emission(dict(emission_of(document)))
+        shape = document.poses, document.new_bumps, document.new_opacities, emission_of(document)
+        if shape != (old.poses, old.new_bumps, old.new_opacities, emission_of(old)):
+            at_rest = _at_rest(at_rest, document)
             scene = pose_scene(at_rest, document.poses).with_bumps(dict(document.new_bumps))
             scene = scene.from_camera(self.scene.description.camera, self.scene.resolution)
-            scene.check_frames()
+            scene.check_surfaces()
         turned = scene.description.from_camera(look.camera) != scene.description
         if turned or look.resolution not in (None, scene.resolution):
             scene = scene.from_camera(look.camera, look.resolution)
@@ -208,9 +208,9 @@ def open_project(
         document = read_measurements(fit_session(session, document, str(source.session)))
     for where, value in values:
         document = read_measurements(set_path(document, where, value).apply(document))
-    at_rest = scene.with_emission(dict(emission_of(document)))
+    at_rest = _at_rest(scene, document)
     scene = pose_scene(at_rest, document.poses).with_bumps(dict(document.new_bumps))
-    scene.check_frames()
+    scene.check_surfaces()
     sessions = () if source.session is None else (source.session,)
     set_inputs((*scene.files, *files_of_document(document), *sessions))
     if session is None:
@@ -309,6 +309,8 @@ def set_path(document: Document, path: str, value: Any) -> EditCommand:
         return SetMap(target.key, target.name, value)
     if target.kind == "bumps" and target.name is not None:
         return SetBumps(target.object, target.name, value)
+    if target.kind == "opacity" and target.name is not None:
+        return SetOpacity(target.object, target.name, value)
     if target.kind == "surface" and target.name is not None:
         return surface_named(target.object, target.name, value)
     if target.kind == "deformer" and target.name is not None:
@@ -320,6 +322,12 @@ def set_path(document: Document, path: str, value: Any) -> EditCommand:
     if target.kind == "switch":
         return _set_switch(path, target, value)
     raise InsituError(f"{path!r} is a {target.kind} and has no value; name a parameter of it")
+
+
+def _at_rest(scene: Scene, document: Document) -> Scene:
+    """A scene at rest under a document: with its emission and the opacity of its objects."""
+    opacities = {state.name: state.opacity for state in document.objects}
+    return scene.with_emission(dict(emission_of(document))).with_opacities(opacities)
 
 
 def _set_by_index(document: Document, path: str, value: Any) -> SetParameter | None:

@@ -35,8 +35,8 @@ from engine.precompute.indirect.sampling_settings import BounceSeries
 from engine.realtime.zonal_harmonics.pose import Poses
 from engine.realtime.zonal_harmonics.posed_scene import pose_scene
 from engine.scene.camera_moves import orbit_camera
+from engine.scene.cutouts import scene_caster
 from engine.scene.description import Camera
-from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene
 
 Report = Callable[[StillProgress], None]
@@ -139,7 +139,7 @@ class _PlacementFrames:
     def __init__(self, project: Project, frames: Frames, seen: Sequence[Scene]) -> None:
         self._project, self._frames, self._seen = project, frames, seen
         scene = project.scene
-        self._caster = None if frames.animated else RayCaster(scene.vertices, scene.triangles)
+        self._caster = None if frames.animated else scene_caster(scene)
 
     def prepare(self, report: Report) -> None:
         """Does nothing: frames share no work."""

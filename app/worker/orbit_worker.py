@@ -40,6 +40,7 @@ from engine.material.layer import Layer
 from engine.precompute.direct.pipeline import SkyState
 from engine.realtime.zonal_harmonics.pose import Poses
 from engine.realtime.zonal_harmonics.posed_scene import pose_scene
+from engine.scene.cutouts import scene_caster
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene
 
@@ -186,7 +187,7 @@ class OrbitWorker(ModeWorker):
         made_of = self._context.rest_scene, poses
         if self._posed is None or self._posed[0][0] is not made_of[0] or self._posed[0][1] != poses:
             scene = pose_scene(*made_of)
-            self._posed = made_of, scene, RayCaster(scene.vertices, scene.triangles)
+            self._posed = made_of, scene, scene_caster(scene)
         return self._posed[1:]
 
     def _open_orbit(self, n_points: int, n_coefficients: int) -> Orbit:

@@ -53,11 +53,13 @@ from app.worker.kernels import Kernels
 from app.worker.schedule import Steps
 from engine.core.errors import InsituError
 from engine.light.environment import Environment, downsample, load_environment
+from engine.material.opacity import OpacityByObject
 from engine.planner import planned_edge_rays
 from engine.precompute.direct.pipeline import Placement, SkyState
 from engine.realtime.zonal_harmonics.pose import Poses
 from engine.realtime.zonal_harmonics.posed_scene import pose_scene
 from engine.scene.builtin import scene_path
+from engine.scene.cutouts import scene_caster
 from engine.scene.import_report import report_scene
 from engine.scene.picture_frame import picture_frame
 from engine.scene.primary_hits import trace_primary_steps
@@ -105,10 +107,10 @@ class WorkerContext:
 
     @property
     def rest_scene(self) -> Scene:
-        """The open scene as its file has it, whatever pose it is in; InsituError where none is."""
-        if self._scene.scene is None:
+        """The open scene at rest, whatever pose it is in, with the view's opacities; InsituError where none is."""
+        if self._scene.resting is None:
             raise InsituError("no scene is open")
-        return self._scene.scene
+        return self._scene.resting[1]
 
     def load(self, scene: Scene, id: int) -> None:
         """Note that a scene is loaded and can be traced, by the request of that number."""
@@ -120,7 +122,7 @@ class WorkerContext:
         seen = next((each for each in (self._loaded, self._scene) if each.id == request.scene), _LoadedScene())
         if seen.scene is None:
             raise InsituError("no scene is open")
-        scene, caster = seen.in_poses(request.poses)
+        scene, caster = seen.in_poses(request.poses, request.opacities)
         n_edge_rays = planned_edge_rays(scene.description) if request.n_edge_rays is None else request.n_edge_rays
         scene = scene.with_bumps(dict(request.bumps)).from_camera(request.camera, request.resolution)
         hits = yield from trace_primary_steps(scene, caster, n_edge_rays=n_edge_rays)
@@ -165,18 +167,23 @@ class WorkerContext:
 
 @dataclass
 class _LoadedScene:
-    """A scene as its file has it, the number of its request, and its present pose with the ray caster of that."""
+    """A scene as its file has it, the number of its request, the scene with its present opacities, and that in its
+    present pose with its ray caster."""
 
     id: int = -1
     scene: Scene | None = None
+    resting: tuple[OpacityByObject, Scene] | None = None
     pose: tuple[Poses, Scene, RayCaster] | None = None
 
-    def in_poses(self, poses: Poses) -> tuple[Scene, RayCaster]:
-        """The scene in these poses, and its ray caster: the same ones as long as the poses are."""
+    def in_poses(self, poses: Poses, opacities: OpacityByObject) -> tuple[Scene, RayCaster]:
+        """The scene in these poses, and its ray caster: the same ones as long as poses and opacities are."""
         assert self.scene is not None
+        if self.resting is None or self.resting[0] != opacities:
+            self.resting = opacities, self.scene.with_opacities(dict(opacities)) if opacities else self.scene
+            self.pose = None
         if self.pose is None or self.pose[0] != poses:
-            scene = pose_scene(self.scene, poses)
-            self.pose = poses, scene, RayCaster(scene.vertices, scene.triangles)
+            scene = pose_scene(self.resting[1], poses)
+            self.pose = poses, scene, scene_caster(scene)
         return self.pose[1:]
 
 
@@ -194,7 +201,7 @@ def _geometry_key(scene: Scene, n_edge_rays: int) -> str:
     camera = scene.description.camera.model_dump_json()
     return content_key(
         CACHE_VERSION, camera, scene.origin, scene.resolution, n_edge_rays, scene.vertices, scene.normals,
-        scene.triangles, scene.object_of_triangle, scene.smooth, scene.emission,
+        scene.triangles, scene.object_of_triangle, scene.smooth, scene.emission, scene.cutouts.digest,
     )  # fmt: skip
 
 
@@ -247,7 +254,7 @@ class RequestDispatcher:
         for work in self._workers:
             work.view_traced()
         placement = self.context.open_placement
-        flaws = tuple(" ".join(str(error).split()) for error in placement.scene.frame_flaws.values())
+        flaws = tuple(" ".join(str(error).split()) for error in placement.scene.surface_flaws.values())
         yield ViewTraced(picture_frame(placement.hits, placement.scene.camera_position), flaws)
 
     def _write(self, request: WriteFiles) -> Steps:

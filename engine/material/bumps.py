@@ -3,8 +3,8 @@ an angle and a map of angles.
 
 Normal maps and heights cover the whole object, under all of its layers, and both become slopes (p, q): of a normal
 map's texel (x, y, z) = 2 c − 1 they are (−x / z, −y / z) along the directions t and b in which u and v grow ([glTF20,
-3.9.3]: +X to the right, +Y up), of heights their derivatives, in metres a metre. The normal is then [Mikkelsen20, eq.
-4]
+3.9.3]: +X to the right, +Y up; `flip_green` is for maps with +Y down, as DirectX has it), of heights their derivatives,
+in metres a metre. The normal is then [Mikkelsen20, eq. 4]
 
     n' = normalize(n − strength · (p t + q b)).
 
@@ -33,6 +33,7 @@ from engine.material.layer_maps import (
     MAX_REPEATS,
     TextureTransform,
     Wrap,
+    flag_value,
     image_file_name,
     offset_value,
     wrap_value,
@@ -99,9 +100,9 @@ class Bumps:
     (`engine.material.layer_maps.LayerMaps`); at most one of normal_map and bump_map.
 
     bump_strength: 0 has no effect. bump_height: metres between a bump map's black and its white; negative ones are
-    pressed in. bump_repeats: how often the image repeats along u and v; bump_offset and bump_wrap: see
-    `engine.material.layer_maps.TextureTransform`. tangent_angle: degrees, about the normal; tangent_map: a grey image
-    of further angles, white being tangent_range degrees.
+    pressed in. flip_green: whether a normal map's green means down and not up. bump_repeats: how often the image
+    repeats along u and v; bump_offset and bump_wrap: see `engine.material.layer_maps.TextureTransform`. tangent_angle:
+    degrees, about the normal; tangent_map: a grey image of further angles, white being tangent_range degrees.
     """
 
     normal_map: str = ""
@@ -111,6 +112,7 @@ class Bumps:
     bump_repeats: tuple[float, float] = (1.0, 1.0)
     bump_offset: tuple[float, float] = (0.0, 0.0)
     bump_wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")
+    flip_green: bool = False
     tangent_angle: float = 0.0
     tangent_map: str = ""
     tangent_range: float = 180.0
@@ -177,7 +179,8 @@ def set_bump_field(bumps: Bumps, name: str, value: object) -> Bumps:
 
 def bumps_from(tables: Mapping[str, object]) -> Bumps:
     """Bumps from their form in files: `normal_map` = {file, scale, repeats, offset, wrap}, where scale is the strength,
-    or `bump_map` with a height; and `tangent` = {angle, file, range}. Raises ParameterError."""
+    or `bump_map` with a height; a normal map may have flip_green; and `tangent` = {angle, file, range}. Raises
+    ParameterError."""
     if set(BUMP_KINDS) <= set(tables) or not set(tables) <= set(BUMP_TABLES):
         raise ParameterError(" and ".join(tables), dict(tables), "one of normal_map and bump_map")
     bumps = NO_BUMPS
@@ -218,7 +221,7 @@ def bumps_of_parts(parts: Mapping[str, object]) -> Bumps:
 
 _PLACE = {"repeats": "bump_repeats", "offset": "bump_offset", "wrap": "bump_wrap"}
 _KEYS = {
-    "normal_map": {"file": "normal_map", "scale": "bump_strength", **_PLACE},
+    "normal_map": {"file": "normal_map", "scale": "bump_strength", **_PLACE, "flip_green": "flip_green"},
     "bump_map": {"file": "bump_map", "scale": "bump_strength", "height": "bump_height", **_PLACE},
     "tangent": {"angle": "tangent_angle", "file": "tangent_map", "range": "tangent_range"},
 }
@@ -232,6 +235,7 @@ _ACCEPTED: dict[str, Callable[[str, object], Any]] = {
     "bump_repeats": lambda name, value: BUMP_REPEATS.accept(value),
     "bump_offset": offset_value,
     "bump_wrap": wrap_value,
+    "flip_green": flag_value,
     "tangent_angle": lambda name, value: TANGENT_ANGLE.accept(value),
     "tangent_map": image_file_name,
     "tangent_range": lambda name, value: TANGENT_RANGE.accept(value),

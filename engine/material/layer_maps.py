@@ -5,11 +5,11 @@ Both multiply the layer's radiance pixel by pixel, as f_q and f_o do, by
     factor(u, v) = (1 - s + s t(s_u u, s_v v)) w(u, v),     w = 1 - map if it is inverted,
 
 where t is the texture's linear RGB, s its strength and (s_u, s_v) its repeats, after which it may be rotated and moved
-and, beyond its edges, repeat, be mirrored, or continue its edge [docs/guides/materials.md]. The map is an image or
-uniform, with the strokes that the user painted on it (`engine.material.strokes`). No transport depends on it: the
-images are sampled once for each pixel, and only the few numbers here change during a drag. For further bounces the
-factor's mean over the surface multiplies the layer's albedo, and its mean over a part of the surface that of the
-irradiance cache record.
+and, beyond its edges, repeat, be mirrored, or continue its edge [docs/guides/materials.md]. The mesh's vertex colours
+multiply t where the layer says so [glTF20, 3.9.2]. The map is an image or uniform, with the strokes that the user
+painted on it (`engine.material.strokes`). No transport depends on it: the images are sampled once for each pixel, and
+only the few numbers here change during a drag. For further bounces the factor's mean over the surface multiplies the
+layer's albedo, and its mean over a part of the surface that of the irradiance cache record.
 """
 
 from __future__ import annotations
@@ -88,7 +88,8 @@ class LayerMaps:
     """The images of one layer. Names are files: relative to the scene's folder, or full paths that the user chose.
 
     texture: empty for none. texture_space: its colour space; empty: sRGB for 8 bits, else linear. texture_scale: how
-    often it repeats along u and v; texture_strength: 0 has no effect. weight: a grey image, the share of the layer,
+    often it repeats along u and v; texture_strength: 0 has no effect. vertex_colours: whether the colours of the mesh's
+    vertices multiply the texture, or are it where there is none. weight: a grey image, the share of the layer,
     always linear; empty for none. weight_invert: one minus that share. weight_start: the share if there is no such
     image. strokes: painted on either, and inverted with it, so that inversion needs no new samples. texture_offset,
     texture_rotation, texture_wrap: see `TextureTransform`.
@@ -105,11 +106,17 @@ class LayerMaps:
     texture_offset: tuple[float, float] = (0.0, 0.0)
     texture_rotation: float = 0.0
     texture_wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")
+    vertex_colours: bool = False
 
     @property
     def is_plain(self) -> bool:
-        """Whether there is neither texture nor weight map."""
-        return not (self.texture or self.has_weight)
+        """Whether there are neither texture nor vertex colours nor weight map."""
+        return not (self.is_tinted or self.has_weight)
+
+    @property
+    def is_tinted(self) -> bool:
+        """Whether there are colours that multiply the layer: a texture, or those of vertices."""
+        return bool(self.texture or self.vertex_colours)
 
     @property
     def has_weight(self) -> bool:
@@ -130,7 +137,7 @@ class LayerMaps:
     def images(self) -> Images:
         """The part that determines samples: maps with equal images differ in numbers alone."""
         start = 1.0 if self.weight else self.weight_start
-        plain = Images(weight=self.weight, weight_start=start, strokes=self.strokes)
+        plain = Images(weight=self.weight, weight_start=start, strokes=self.strokes, vertex_colours=self.vertex_colours)
         if not self.texture:
             return plain
         transform = TextureTransform(self.texture_rotation, self.texture_offset, self.texture_wrap)
@@ -154,6 +161,7 @@ class Images:
     weight_start: float = 1.0
     strokes: Strokes = Strokes()
     texture_transform: TextureTransform = IDENTITY_TRANSFORM
+    vertex_colours: bool = False
 
     @property
     def is_of_files(self) -> bool:
@@ -254,13 +262,15 @@ def wrap_value(name: str, value: object) -> tuple[Wrap, Wrap]:
     raise ParameterError(name, value, "one or two of " + ", ".join(f'"{wrap}"' for wrap in WRAPS))
 
 
-def _rotation(name: str, value: object) -> float:
+def rotation_value(name: str, value: object) -> float:
+    """Degrees. Raises ParameterError."""
     if _is_number(value) and abs(value) <= 360.0:  # type: ignore[arg-type]
         return float(value)  # type: ignore[arg-type]
     raise ParameterError(name, value, "degrees from -360 to 360")
 
 
-def _flag(name: str, value: object) -> bool:
+def flag_value(name: str, value: object) -> bool:
+    """A boolean. Raises ParameterError."""
     if isinstance(value, bool):
         return value
     raise ParameterError(name, value, "true or false")
@@ -275,11 +285,12 @@ _ACCEPTED = {
     "texture_space": _space,
     "texture_scale": lambda name, value: TEXTURE_SCALE.accept(value),
     "texture_offset": offset_value,
-    "texture_rotation": _rotation,
+    "texture_rotation": rotation_value,
     "texture_wrap": wrap_value,
     "texture_strength": lambda name, value: TEXTURE_STRENGTH.accept(value),
+    "vertex_colours": flag_value,
     "weight": image_file_name,
-    "weight_invert": _flag,
+    "weight_invert": flag_value,
     "weight_start": lambda name, value: WEIGHT_START.accept(value),
     "strokes": lambda name, value: strokes_from(value),
 }

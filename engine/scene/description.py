@@ -28,6 +28,7 @@ from engine.light.probe_mappings import Mapping
 from engine.light.suns import SUN_DIAMETER
 from engine.material.bumps import BUMP_TABLES, NO_BUMPS, Bumps, bump_values, bumps_from
 from engine.material.layer_maps import LayerMaps, map_fields, map_values, maps_from
+from engine.material.opacity import OPAQUE, Opacity, opacity_from, opacity_values
 from engine.material.parameters import ParameterError
 from engine.scene.surface_kinds import NO_SURFACE, DeformSurface
 from engine.scene.toml_text import check_version, first_validation_error, load_toml
@@ -93,6 +94,18 @@ def _bumps(value: object) -> Bumps:
         raise ValueError(f"{error.what}: {error.expected}") from None
 
 
+def _opacity(value: object) -> Opacity:
+    """An object's opacity, from its parts by name."""
+    if isinstance(value, Opacity):
+        return value
+    if not isinstance(value, dict):
+        raise ValueError("a table")
+    try:
+        return opacity_from(value)
+    except ParameterError as error:
+        raise ValueError(f"{error.what}: {error.expected}") from None
+
+
 def _is_finite(value: object) -> bool:
     """Whether it is a number that a float can represent."""
     return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= 1e300
@@ -118,6 +131,7 @@ Text = Annotated[str, Field(min_length=1, max_length=4096, strict=True)]
 ParameterValue = bool | float | str | tuple[float, ...]
 Maps = Annotated[LayerMaps, PlainValidator(_maps), PlainSerializer(map_values, return_type=dict)]
 BumpMap = Annotated[Bumps, PlainValidator(_bumps), PlainSerializer(bump_values, return_type=dict)]
+OpacityTable = Annotated[Opacity, PlainValidator(_opacity), PlainSerializer(opacity_values, return_type=dict)]
 Parameter = Annotated[Any, PlainValidator(_parameter)]  # a ParameterValue; "Any" serializes unchanged
 
 
@@ -218,6 +232,7 @@ class ObjectDescription(_Description):
     editable: Annotated[bool, Field(strict=True)] = True
     emission: Radiance | None = None
     bumps: BumpMap = NO_BUMPS
+    opacity: OpacityTable = OPAQUE
     deform: DeformSurface = NO_SURFACE
     layers: tuple[LayerDescription, ...] = Field(default=(), alias="layer", max_length=64)
 
@@ -244,6 +259,7 @@ class ObjectDescription(_Description):
     def is_of_files(self) -> bool:
         """Whether it has images, which need texture coordinates."""
         own = self.deform.is_mapped or bool(self.deform.files)
+        own = own or bool(self.opacity.opacity_map)
         return own or bool(self.bumps.files) or any(layer.maps.is_of_files for layer in self.layers)
 
     @property

@@ -18,10 +18,11 @@ from numpy.typing import NDArray
 from engine.material.layer import Layer
 from engine.material.layer_maps import Images, LayerMaps, MapMeans
 from engine.material.strokes import Strokes
+from engine.scene.cutouts import pixel_chances
 from engine.scene.primary_hits import PrimaryHits
 from engine.scene.raycaster import Intersections, RayCaster
 from engine.scene.scene_loader import Scene
-from engine.scene.surface_uvs import corner_uvs, pixel_footprints, positions_at, uvs_at
+from engine.scene.surface_uvs import colours_at, corner_uvs, pixel_footprints, positions_at, uvs_at
 from engine.texture.pyramid import Pyramid
 from engine.texture.stroke_painting import PaintedPoints
 from engine.texture.texture_store import TextureStore, sample_images
@@ -87,7 +88,8 @@ class Canvas:
 def spread_points(
     scene: Scene, i_object: int, images: Images, texture: Pyramid | None, weight: Pyramid | None
 ) -> SpreadPoints:
-    """Points that each represent an equal part of the object's area, and a share of the images, without strokes."""
+    """Points that each represent an equal part of the object's area, where it is there, and a share of the images,
+    without strokes."""
     begin, end = scene.triangle_ranges[i_object]
     corners = scene.vertices[scene.triangles[begin:end]].astype(np.float64)
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
@@ -95,6 +97,9 @@ def spread_points(
     places = (np.arange(_N_MEAN_SAMPLES) + 0.5) / _N_MEAN_SAMPLES * cumulative[-1]
     triangle = begin + np.minimum(np.searchsorted(cumulative, places), end - begin - 1)
     u, v = _even_barycentrics(_N_MEAN_SAMPLES)
+    if scene.cutouts.passable[begin]:
+        there = scene.cutouts.opacity_at(triangle, u, v) > np.random.default_rng(1).random(len(u))
+        triangle, u, v = (each[there] if there.any() else each for each in (triangle, u, v))
     colours, shares = np.ones((len(u), 3)), np.full(len(u), images.weight_start, np.float32)
     if texture is not None or weight is not None:
         uv = uvs_at(scene, triangle, u, v)
@@ -107,6 +112,8 @@ def spread_points(
             colours = texture.at(uv * scale, texture.level_of(share * abs(scale.prod()))).astype(np.float64)
         if weight is not None:
             shares = weight.at(uv, weight.level_of(share))[:, 0]
+    if images.vertex_colours:
+        colours = colours * colours_at(scene, triangle, u, v)[:, :3]
     return SpreadPoints(colours, shares, positions_at(scene, triangle, u, v), scene.geometric_normals[triangle])
 
 
@@ -124,6 +131,7 @@ class MapSampler:
 
     def __init__(self, scene: Scene, caster: RayCaster, hits: PrimaryHits) -> None:
         self._scene, self._caster, self._hits = scene, caster, hits
+        self._hit: dict[int, Intersections] = {}
         self._footprints: dict[int, tuple[Float64Array, Float64Array, Float64Array]] = {}
         self._sampled: dict[tuple[object, ...], NDArray[np.float32]] = {}
 
@@ -142,6 +150,9 @@ class MapSampler:
             colours = self._samples(i_object, own, texture, images.texture_scale)
         if weight is not None:
             shares = self._samples(i_object, (weight,), weight, (1.0, 1.0))[:, 0]
+        if images.vertex_colours:
+            found = self._found(i_object)
+            colours = colours * colours_at(scene, found.triangle, found.u, found.v)[:, :3]
         spread = spread_points(scene, i_object, images, texture, weight)
         return Canvas(
             MapSamples(colours, shares, spread.means(spread.weight)), self._hits, i_object, spread, scene.origin
@@ -161,17 +172,30 @@ class MapSampler:
 
     def _trace_footprints(self, i_object: int) -> tuple[Float64Array, Float64Array, Float64Array]:
         """Texture coordinates and footprints of an object's hits, see `pixel_footprints`."""
-        rows = np.arange(*self._hits.object_ranges[i_object])
-        origins = np.tile(self._scene.camera_position.astype(np.float32), (len(rows), 1))
-        found = self._caster.intersect(origins, -self._hits.wo[rows])
-        return pixel_footprints(self._scene, found, self._hits.places[rows], self._hits.resolution)
+        places = self._hits.places[slice(*self._hits.object_ranges[i_object])]
+        return pixel_footprints(self._scene, self._found(i_object), places, self._hits.resolution)
+
+    def _found(self, i_object: int) -> Intersections:
+        """Trace the rays to an object's hits again."""
+        if i_object not in self._hit:
+            rows = slice(*self._hits.object_ranges[i_object])
+            towards = -self._hits.wo[rows]
+            origins = np.tile(self._scene.camera_position.astype(np.float32), (len(towards), 1))
+            chances = pixel_chances(self._hits.places[rows], self._hits.resolution[0])
+            self._hit = {i_object: self._caster.intersect(origins, towards, chances)}
+        return self._hit[i_object]
 
 
 def look_up_images(
-    images: Images, store: TextureStore, uv: Float64Array
+    images: Images, store: TextureStore, uv: Float64Array, vertex_colours: NDArray[np.float32] | None = None
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Texture (N, 3) and weight (N,) at coordinates (N, 2), interpolated between texels, without filter or strokes."""
-    return sample_images(images, store, len(uv), lambda image, repeats: image.at(uv * np.array(repeats)))
+    """Texture (N, 3) and weight (N,) at coordinates (N, 2), interpolated between texels, without filter or strokes;
+    vertex_colours (N, 4): those of the mesh there, None for none."""
+    white = np.ones((len(uv), 3), np.float32)
+    return sample_images(
+        images, store, len(uv), lambda image, repeats: image.at(uv * np.array(repeats)),
+        lambda: white if vertex_colours is None else vertex_colours,
+    )  # fmt: skip
 
 
 def paint_weights(
@@ -229,8 +253,9 @@ class MapFactors:
             mine = np.flatnonzero(ids[rays] == i_object)
             own = found.of(rays[mine])
             uv = uvs_at(self._scene, own.triangle, own.u, own.v)
+            colours = colours_at(self._scene, own.triangle, own.u, own.v)
             for k, maps in layers:
-                texture, weight = look_up_images(maps.images, self._scene.textures, uv)
+                texture, weight = look_up_images(maps.images, self._scene.textures, uv, colours)
                 factors[mine, k] = maps.factor(texture, paint_weights(self._scene, own, maps.strokes, weight))
         return factors
 

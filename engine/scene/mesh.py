@@ -31,6 +31,8 @@ _SLIVER = 1e-5
 # Steps of the mesh's size within which positions are equal: three such numbers fit into 63 bits.
 _STEPS = 2**21 - 1
 MAX_UV = 1e4  # beyond, single precision no longer resolves texels
+# What belongs to the corners of triangles, and its values where a mesh without it is joined to others.
+_FILL = {"uvs": (0.0,) * 2, "tangents": (0.0,) * 4, "colours": (1.0,) * 4}
 
 Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]
@@ -43,7 +45,8 @@ class Mesh:
     uvs (T, 3, 2) float32 or None: texture coordinates of each triangle's corners, v upwards. They belong to corners and
     not to vertices, so that a seam of a texture splits no vertex and bends no normal. tangents (T, 3, 4) float32 or
     None: likewise, the direction in which u grows, and the handedness 1 or −1: v grows along handedness × normal ×
-    tangent; 0 where the file has no tangent.
+    tangent; 0 where the file has no tangent. colours (T, 3, 4) float32 or None: likewise, linear red, green, blue and
+    opacity in [0, 1], by which the base colour is multiplied [glTF20, 3.9.2].
     """
 
     vertices: Float64Array
@@ -51,6 +54,13 @@ class Mesh:
     normals: Float64Array | None = None
     uvs: npt.NDArray[np.float32] | None = None
     tangents: npt.NDArray[np.float32] | None = None
+    colours: npt.NDArray[np.float32] | None = None
+
+    @property
+    def corner_values(self) -> dict[str, npt.NDArray]:
+        """What belongs to corners, (T, 3, ...), by field: those of uvs, tangents and colours that are there."""
+        named = {name: getattr(self, name) for name in _FILL}
+        return {name: values for name, values in named.items() if values is not None}
 
 
 @dataclass(frozen=True)
@@ -116,6 +126,9 @@ def validate_mesh(mesh: Mesh, file: Path, place: str = "") -> Mesh:
     if mesh.tangents is not None and not np.isfinite(mesh.tangents).all():
         k = int(np.argmin(np.isfinite(mesh.tangents).all(axis=(1, 2))))
         raise LoadError(file, f"{place}tangents of face {k}", mesh.tangents[k].tolist(), "finite numbers")
+    if mesh.colours is not None and not (is_share := (mesh.colours >= 0.0) & (mesh.colours <= 1.0)).all():
+        k = int(np.argmin(is_share.all(axis=(1, 2))))
+        raise LoadError(file, f"{place}colours of face {k}", mesh.colours[k].tolist(), "numbers from 0 to 1")
     return mesh
 
 
@@ -189,14 +202,13 @@ def with_normals(mesh: Mesh) -> Mesh:
     """The mesh itself, or, if it has no normals, with smooth ones and consistent winding in each shell."""
     if mesh.normals is not None:
         return mesh
-    triangles, uvs, tangents = mesh.triangles, mesh.uvs, mesh.tangents
-    inconsistent = inconsistent_faces(mesh.vertices, triangles)[:, None]
+    inconsistent = inconsistent_faces(mesh.vertices, mesh.triangles)[:, None]
     if inconsistent.any():
-        triangles = np.where(inconsistent, triangles[:, ::-1], triangles)
-        uvs, tangents = (
-            None if own is None else np.where(inconsistent[..., None], own[:, ::-1], own) for own in (uvs, tangents)
-        )
-    return Mesh(mesh.vertices, triangles, smooth_normals(mesh.vertices, triangles), uvs, tangents)
+        corners = {
+            name: np.where(inconsistent[..., None], own[:, ::-1], own) for name, own in mesh.corner_values.items()
+        }
+        mesh = replace(mesh, triangles=np.where(inconsistent, mesh.triangles[:, ::-1], mesh.triangles), **corners)
+    return replace(mesh, normals=smooth_normals(mesh.vertices, mesh.triangles))
 
 
 def place_copies(mesh: Mesh, matrices: npt.NDArray[np.float64]) -> Mesh:
@@ -213,18 +225,16 @@ def place_copies(mesh: Mesh, matrices: npt.NDArray[np.float64]) -> Mesh:
     triangles = (
         _reverse_mirrored([mesh.triangles] * len(matrices), mirrored) + np.repeat(starts, len(mesh.triangles))[:, None]
     )
-    uvs = None if mesh.uvs is None else _reverse_mirrored([mesh.uvs] * len(matrices), mirrored)
-    tangents = (
-        None
-        if mesh.tangents is None
-        else _reverse_mirrored([*_transform_tangents(mesh.tangents, linear, mirrored)], mirrored)
-    )
+    copies = {name: [own] * len(matrices) for name, own in mesh.corner_values.items()}
+    if mesh.tangents is not None:
+        copies["tangents"] = [*_transform_tangents(mesh.tangents, linear, mirrored)]
+    corners = {name: _reverse_mirrored(each, mirrored) for name, each in copies.items()}
     if mesh.normals is None:
-        return Mesh(vertices, triangles, None, uvs, tangents)
+        return Mesh(vertices, triangles, None, **corners)
     sign = np.where(mirrored, -1.0, 1.0) / np.abs(cofactor).max(axis=(1, 2))
     normals = (mesh.normals @ (cofactor * sign[:, None, None]).swapaxes(1, 2)).reshape(-1, 3)
     fallback = smooth_normals(vertices, triangles) if _are_short(normals).any() else np.array([0.0, 1.0, 0.0])
-    return Mesh(vertices, triangles, normalize(normals, fallback), uvs, tangents)
+    return Mesh(vertices, triangles, normalize(normals, fallback), **corners)
 
 
 def _reverse_mirrored(copies: Sequence[npt.NDArray], mirrored: npt.NDArray[np.bool_]) -> npt.NDArray:
@@ -246,7 +256,7 @@ def _transform_tangents(
 
 def join_meshes(meshes: list[Mesh]) -> Mesh:
     """Join several meshes; those without normals get smooth ones if any other has its own (see `with_normals`), those
-    without texture coordinates (0, 0)."""
+    without texture coordinates (0, 0), those without colours white."""
     starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes])
     normals = None
     if any(mesh.normals is not None for mesh in meshes):
@@ -255,27 +265,16 @@ def join_meshes(meshes: list[Mesh]) -> Mesh:
     shifted = [mesh.triangles + int(start) for mesh, start in zip(meshes, starts[:-1], strict=True)]
     triangles = np.concatenate(shifted).astype(np.int32)
     vertices = np.concatenate([mesh.vertices for mesh in meshes])
-    return Mesh(vertices, triangles, normals, join_uvs(meshes), join_tangents(meshes))
+    corners = {name: _join_corners(meshes, name) for name in dict.fromkeys(n for m in meshes for n in m.corner_values)}
+    return Mesh(vertices, triangles, normals, **corners)
 
 
-def join_uvs(meshes: list[Mesh]) -> npt.NDArray[np.float32] | None:
-    """Texture coordinates (T, 3, 2) of several meshes, 0 for those that have none; None if none has any."""
-    return _join_corners(meshes, [mesh.uvs for mesh in meshes], 2)
-
-
-def join_tangents(meshes: list[Mesh]) -> npt.NDArray[np.float32] | None:
-    """Tangents (T, 3, 4), likewise."""
-    return _join_corners(meshes, [mesh.tangents for mesh in meshes], 4)
-
-
-def _join_corners(
-    meshes: list[Mesh], corners: list[npt.NDArray[np.float32] | None], width: int
-) -> npt.NDArray[np.float32] | None:
-    if all(own is None for own in corners):
-        return None
+def _join_corners(meshes: list[Mesh], name: str) -> npt.NDArray[np.float32]:
+    """Values at the corners (T, 3, ...) of all triangles of several meshes."""
+    fill = _FILL[name]
     every = (
-        np.zeros((len(mesh.triangles), 3, width), np.float32) if own is None else own
-        for mesh, own in zip(meshes, corners, strict=True)
+        mesh.corner_values.get(name, np.broadcast_to(np.float32(fill), (len(mesh.triangles), 3, len(fill))))
+        for mesh in meshes
     )
     return np.ascontiguousarray(np.concatenate(list(every)), np.float32)
 

@@ -23,6 +23,7 @@ import numpy as np
 
 from engine.core.errors import LoadError
 from engine.core.safe_files import resolve_inside
+from engine.material.opacity import OPAQUE
 from engine.scene.builtin import ASSETS
 from engine.scene.description import (
     MAX_COORDINATE,
@@ -35,7 +36,7 @@ from engine.scene.description import (
     SceneDescription,
 )
 from engine.scene.loaders.formats import read_model
-from engine.scene.loaders.gltf_materials import GREY
+from engine.scene.loaders.gltf_materials import COLOURED, GREY
 from engine.scene.loaders.model import ImportedModel, ImportedPart
 from engine.scene.mesh import Mesh, join_meshes, with_flat_normals, with_normals
 from engine.scene.primitives import PRIMITIVES, quad
@@ -90,7 +91,14 @@ def object_meshes(description: SceneDescription, folder: Path, path: Path) -> tu
 
 
 def _with_layers(items: list[ObjectMesh], notes: list[str]) -> list[ObjectMesh]:
-    """Objects that neither emit nor have layers would stay black: they get grey ones, and a note."""
+    """Objects that neither emit nor have layers would stay black: they get the colours of their vertices, or grey
+    ones and a note."""
+    items = [
+        replace(item, description=item.description.model_copy(update={"layers": COLOURED}))
+        if item.mesh.colours is not None and not item.description.layers and not item.description.emits
+        else item
+        for item in items
+    ]
     bare: dict[str, list[str]] = {}
     for item in items:
         if not item.description.layers and not item.description.emits:
@@ -145,15 +153,19 @@ def _join_parts(parts: list[ImportedPart]) -> tuple[Mesh, Rig | None, bool]:
 
 
 def _material(item: ObjectDescription, part: ImportedPart) -> dict[str, object]:
-    """The material that a part of its file gives an object; its own bumps take precedence."""
+    """The material that a part of its file gives an object; its own bumps and opacity take precedence."""
     bumps = item.bumps
     if part.bumps.file and not bumps.file:
         bumps = replace(
             part.bumps, normal_map=f"{item.mesh}{part.bumps.normal_map}", tangent_angle=bumps.tangent_angle,
             tangent_map=bumps.tangent_map, tangent_range=bumps.tangent_range,
         )  # fmt: skip
+    opacity = item.opacity
+    if opacity == OPAQUE:
+        name = part.opacity.opacity_map
+        opacity = replace(part.opacity, opacity_map=name and f"{item.mesh}{name}")
     return {
-        "layers": _layers(part, str(item.mesh)), "emission": part.emission, "bumps": bumps,
+        "layers": _layers(part, str(item.mesh)), "emission": part.emission, "bumps": bumps, "opacity": opacity,
         "smooth": item.smooth and part.smooth,
     }  # fmt: skip
 
@@ -161,7 +173,7 @@ def _material(item: ObjectDescription, part: ImportedPart) -> dict[str, object]:
 def _layers(part: ImportedPart, file: str) -> tuple[LayerDescription, ...]:
     """A part's layers with the file's name before the numbers of its images."""
     return tuple(
-        layer if layer.maps.is_plain
+        layer if not layer.maps.texture
         else layer.model_copy(update={"maps": replace(layer.maps, texture=f"{file}{layer.maps.texture}")})
         for layer in part.layers
     )  # fmt: skip

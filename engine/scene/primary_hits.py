@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from engine.core.camera import centre_directions, pixel_directions
 from engine.core.generators import run_to_end
+from engine.scene.cutouts import covered_in_part, pixel_chances
 from engine.scene.edges import Surface, edge_pixels, group_samples, ray_offsets, turn_of
 from engine.scene.picture_frame import Lamps
 from engine.scene.raycaster import Intersections, RayCaster, SurfacePoints
@@ -142,7 +143,9 @@ def trace_primary_steps(
     size = width, height = resolution or scene.resolution
     directions = centre_directions(scene.description.camera, size)
     every = np.arange(width * height, dtype=np.int32)
-    centres = _trace_pixels(scene, caster, every, np.zeros((len(every), 2), np.float32), directions.reshape(-1, 3))
+    centres = _trace_pixels(
+        scene, caster, every, np.zeros((len(every), 2), np.float32), directions.reshape(-1, 3), width
+    )
     yield
     points = _points(scene, caster, centres, centres.reflecting(scene), size)
     yield
@@ -151,6 +154,7 @@ def trace_primary_steps(
     if n_edge_rays:
         met = _surface(points, len(every))
         edge = edge_pixels(centres.ids, met, turn_of(n_edge_rays), size)
+        edge |= covered_in_part(scene, caster, centres.directions)
         yield
         around = _trace_edge_pixels(scene, caster, every[edge], n_edge_rays, size)
         yield
@@ -184,9 +188,10 @@ def _emission_picture(lamps: Lamps, size: tuple[int, int]) -> Float32Array:
 
 
 def _trace_pixels(
-    scene: Scene, caster: RayCaster, pixel: Int32Array, offset: Float32Array, directions: Float32Array
+    scene: Scene, caster: RayCaster, pixel: Int32Array, offset: Float32Array, directions: Float32Array, width: int
 ) -> _Rays:
-    found = caster.intersect(np.tile(scene.camera_position.astype(np.float32), (len(directions), 1)), directions)
+    origins = np.tile(scene.camera_position.astype(np.float32), (len(directions), 1))
+    found = caster.intersect(origins, directions, pixel_chances(_places(pixel, offset, width), width))
     return _Rays(pixel, offset, directions, found, object_ids(scene, found))
 
 
@@ -197,7 +202,7 @@ def _trace_edge_pixels(
     pixel, offset = np.repeat(pixels, n_rays), np.tile(ray_offsets(n_rays), (len(pixels), 1))
     columns, lines = _places(pixel, offset, size[0]).T
     directions = pixel_directions(scene.description.camera, size, columns, lines)
-    return _trace_pixels(scene, caster, pixel, offset, directions)
+    return _trace_pixels(scene, caster, pixel, offset, directions, size[0])
 
 
 def _points(

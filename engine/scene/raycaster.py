@@ -5,6 +5,10 @@ the first query; so the arrays are validated here, the BVH is built once, in the
 over threads (the library releases the interpreter lock while it traces). Internally, the scene is moved to the origin
 and scaled by a power of two unless it is about there already: this is exact, and preserves single precision from dust
 to mountains. A scene of ordinary place and size is left alone, and its rays pass without a copy.
+
+Triangles that rays may pass (`Cutouts`) have a BVH of their own: a ray that meets one where it is not there goes on
+behind it. So scenes without any are traced as if there were none, and in others a shadow ray that a solid triangle
+blocks asks for nothing more. The library calls no function of ours for each hit, which would be the other way.
 """
 
 from __future__ import annotations
@@ -13,6 +17,7 @@ import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -28,6 +33,9 @@ _FARTHEST = np.float32(1e37)
 _EPSILON = float(np.finfo(np.float32).eps)
 # The error of a hit is a few ulp of the coordinates: with an offset of 4 ε, a curved handle shadowed itself by 4 %.
 _OFFSET = 32.0 * _EPSILON
+# Behind a triangle that it passes a ray goes on after this share of the distance so far, besides the offset.
+_STEP = 16.0 * _EPSILON
+LAST_CHANCE = np.nextafter(np.float32(1.0), np.float32(0.0))
 
 
 @dataclass(frozen=True)
@@ -47,11 +55,42 @@ class Intersections:
         return Intersections(self.triangle[rays], self.u[rays], self.v[rays], self.distance[rays])
 
 
+class Cutouts(Protocol):
+    """Which triangles (T,) rays may pass, and by what share: `opacity_at` gives it for points of some of them (N,), by
+    their barycentric coordinates, from 0, where all rays pass, to 1, where none does; `blends`: whether any is between.
+    """
+
+    @property
+    def passable(self) -> npt.NDArray[np.bool_]: ...
+
+    @property
+    def blends(self) -> bool: ...
+
+    def opacity_at(self, triangle: npt.NDArray[np.integer], u: npt.NDArray, v: npt.NDArray) -> npt.NDArray: ...
+
+
+class _Bvh:
+    """Some of the triangles, in the library's form."""
+
+    def __init__(self, vertices: Float32Array, faces: npt.NDArray[np.int32]) -> None:
+        self._scene = EmbreeScene()
+        self._mesh = TriangleMesh(self._scene, vertices, faces)
+        self.run(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32), query="OCCLUDED")  # builds it
+
+    def run(self, *rays: Any, **how: Any) -> Any:
+        """The library's query; it writes into distances."""
+        return self._scene.run(*rays, **how)
+
+
 class RayCaster:
     """Ray queries against triangles that never change. Safe to use from several threads."""
 
-    def __init__(self, vertices: npt.ArrayLike, triangles: npt.ArrayLike, threads: int | None = None) -> None:
-        """vertices (V, 3) finite, triangles (T, 3) indices, T ≥ 1; threads: 0 or None for all cores.
+    def __init__(
+        self, vertices: npt.ArrayLike, triangles: npt.ArrayLike, threads: int | None = None,
+        cutouts: Cutouts | None = None,
+    ) -> None:  # fmt: skip
+        """vertices (V, 3) finite, triangles (T, 3) indices, T ≥ 1; threads: 0 or None for all cores; cutouts: where
+        rays pass, None for nowhere.
 
         Raises ValueError for arrays of another shape, with indices out of range or with numbers that are not finite.
         """
@@ -66,9 +105,12 @@ class RayCaster:
         self._n_threads = threads or n_threads()
         # Persistent threads, a second pool for threads for which `has_own_threads`; they start on first use.
         self._pools = {is_apart: ThreadPoolExecutor(self._n_threads, "rays") for is_apart in (False, True)}
-        self._scene = EmbreeScene()
-        self._mesh = TriangleMesh(self._scene, local, faces)
-        self._scene.run(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32), query="OCCLUDED")  # builds the BVH
+        self._cutouts = cutouts if cutouts is not None and cutouts.passable.any() else None
+        # Numbers of the triangles that rays may pass, and of all others.
+        passable = np.zeros(len(faces), bool) if self._cutouts is None else self._cutouts.passable
+        self._passable, self._others = (np.flatnonzero(which).astype(np.int32) for which in (passable, ~passable))
+        self._solid = _Bvh(local, faces[self._others]) if len(self._others) else None
+        self._holed = _Bvh(local, faces[self._passable]) if len(self._passable) else None
 
     @property
     def offset(self) -> float:
@@ -84,31 +126,95 @@ class RayCaster:
         limit.
         """
         origins, directions, limits = _checked_rays(origins, directions, distance)
-        blocked = np.empty(len(origins), bool)
+        blocked = np.zeros(len(origins), bool)
 
         def trace(part: slice) -> None:
-            found = self._scene.run(*self._local(origins, directions, part), self._limits(limits, part), "OCCLUDED")
-            np.greater_equal(found, 0, out=blocked[part])
+            rays = self._local(origins, directions, part)
+            reach = self._limits(limits, part)
+            if self._solid is not None:
+                np.greater_equal(self._solid.run(*rays, reach, "OCCLUDED"), 0, out=blocked[part])
+            if self._holed is not None:
+                rows = np.flatnonzero(~blocked[part])
+                reach = self._limits(limits, part)
+                found = self._first_there(
+                    *(each[rows] for each in rays), None if reach is None else reach[rows],
+                    self._chances(origins[part][rows], directions[part][rows]),
+                )  # fmt: skip
+                blocked[part][rows] = found.triangle >= 0
 
         self._split(len(origins), trace)
         return blocked
 
-    def intersect(self, origins: npt.ArrayLike, directions: npt.ArrayLike) -> Intersections:
-        """The first hit of each ray: origins, directions (R, 3); distances in lengths of the direction."""
+    def intersect(
+        self, origins: npt.ArrayLike, directions: npt.ArrayLike, chances: Float32Array | None = None
+    ) -> Intersections:
+        """The first hit of each ray: origins, directions (R, 3); distances in lengths of the direction. chances (R,):
+        numbers in [0, 1), less than the opacity of the surfaces that a ray meets; None: a hash of each ray."""
         origins, directions, _ = _checked_rays(origins, directions, None)
         n = len(origins)
         hits = Intersections(
-            np.empty(n, np.int32), np.empty(n, np.float32), np.empty(n, np.float32), np.empty(n, np.float32)
+            np.full(n, -1, np.int32), np.zeros(n, np.float32), np.zeros(n, np.float32), np.full(n, np.inf, np.float32)
         )
 
         def trace(part: slice) -> None:
-            found = self._scene.run(*self._local(origins, directions, part), output=True)
-            hits.triangle[part], hits.u[part], hits.v[part] = found["primID"], found["u"], found["v"]
-            hits.distance[part] = np.inf
-            np.divide(found["tfar"], self._scale, out=hits.distance[part], where=found["primID"] >= 0)
+            rays = self._local(origins, directions, part)
+            if self._solid is not None:
+                found = self._solid.run(*rays, output=True)
+                hits.triangle[part], hits.u[part], hits.v[part] = found["primID"], found["u"], found["v"]
+                np.divide(found["tfar"], self._scale, out=hits.distance[part], where=found["primID"] >= 0)
+            if self._holed is not None:
+                met = hits.triangle[part] >= 0
+                hits.triangle[part][met] = self._others[hits.triangle[part][met]]
+                own = self._chances(origins[part], directions[part]) if chances is None else chances[part]
+                nearer = self._first_there(*rays, self._limits(hits.distance, part), own)
+                rows = np.flatnonzero(nearer.triangle >= 0)
+                for name, values in vars(nearer).items():
+                    getattr(hits, name)[part][rows] = values[rows]
 
         self._split(n, trace)
         return hits
+
+    def _first_there(
+        self, origins: Float32Array, directions: Float32Array, limits: Float32Array | None,
+        chances: Float32Array,
+    ) -> Intersections:  # fmt: skip
+        """The first hits of rays (R,) on triangles that they may pass, where the opacity exceeds their chances; rays
+        and limits in the BVH's frame.
+
+        A ray that passes an opacity a has a chance c ≥ a; (c − a) / (1 − a) is uniform again. So a ray passes several
+        surfaces if c is at least 1 − Π (1 − a), and evenly spread chances pass them in equally even parts.
+        """
+        assert self._holed is not None and self._cutouts is not None
+        n = len(origins)
+        hits = Intersections(
+            np.full(n, -1, np.int32), np.zeros(n, np.float32), np.zeros(n, np.float32), np.full(n, np.inf, np.float32)
+        )
+        reach = np.full(n, _FARTHEST) if limits is None else limits
+        lengths = np.linalg.norm(directions, axis=1)
+        rows, passed = np.arange(n), np.zeros(n, np.float32)  # rays on their way, and how far each is
+        left = chances.astype(np.float32)  # a copy
+        while len(rows):
+            start = origins[rows] + passed[rows, None] * directions[rows]
+            found = self._holed.run(start, directions[rows], reach[rows] - passed[rows], output=True)
+            met = np.flatnonzero(found["primID"] >= 0)
+            rows, u, v = rows[met], found["u"][met], found["v"][met]
+            triangle, distance = self._passable[found["primID"][met]], passed[rows] + found["tfar"][met]
+            opacity = self._cutouts.opacity_at(triangle, u, v)
+            there = opacity > left[rows]
+            at = rows[there]
+            hits.triangle[at], hits.u[at], hits.v[at] = triangle[there], u[there], v[there]
+            hits.distance[at] = distance[there] / self._scale
+            # The others go on behind it, as far as they may.
+            rows, distance, opacity = rows[~there], distance[~there], opacity[~there]
+            left[rows] = np.minimum((left[rows] - opacity) / (1.0 - opacity), LAST_CHANCE)
+            passed[rows] = distance * (1.0 + _STEP) + self._offset * self._scale / lengths[rows]
+            rows = rows[passed[rows] < reach[rows]]
+        return hits
+
+    def _chances(self, origins: Float32Array, directions: Float32Array) -> Float32Array:
+        """The chances of rays (R,); where none count, zeros."""
+        blends = self._cutouts is not None and self._cutouts.blends
+        return _hashed(origins, directions) if blends else np.zeros(len(origins), np.float32)
 
     def offset_origins(self, points: npt.NDArray, geometric_normals: npt.NDArray) -> Float32Array:
         """Lift points (P, 3) off their surface along its normal (P, 3), far enough for a ray not to hit it again.
@@ -138,6 +244,15 @@ class RayCaster:
                 trace(part)
         else:
             list(self._pools[has_own_threads()].map(trace, parts))
+
+
+def _hashed(origins: Float32Array, directions: Float32Array) -> Float32Array:
+    """Numbers (R,) in [0, 1) that depend on all bits of rays (R, 3)."""
+    mixed = np.zeros(len(origins), np.uint32)
+    for column in (*origins.T, *directions.T):
+        mixed = (mixed ^ np.ascontiguousarray(column).view(np.uint32)) * np.uint32(0x9E3779B1)
+        mixed ^= mixed >> np.uint32(15)
+    return (mixed >> np.uint32(8)).astype(np.float32) * np.float32(2.0**-24)
 
 
 def _normalization(points: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64], float]:

@@ -176,19 +176,19 @@ def rest_mesh(mesh: Mesh, binding: Binding, matrices: Float64Array, weights: Map
     def wound(corners: npt.NDArray) -> npt.NDArray:
         return np.where(mirrored.reshape(-1, *[1] * (corners.ndim - 1)), corners[:, ::-1], corners)
 
-    tangents = None
+    corners = {name: wound(own) for name, own in mesh.corner_values.items()}
     if mesh.tangents is not None:
         along = np.einsum("tcij,tcj->tci", linear[mesh.triangles], mesh.tangents[..., :3].astype(np.float64))
         length = np.linalg.norm(along, axis=2, keepdims=True)
         sides = np.where(mirrored, -1.0, 1.0)[:, None, None] * np.sign(mesh.tangents[..., 3:])
         both = np.concatenate([along / np.where(length > 0.0, length, 1.0), sides], axis=2)
-        tangents = wound(both.astype(np.float32))
+        corners["tangents"] = wound(both.astype(np.float32))
     triangles = wound(mesh.triangles)
     rotated = None
     if mesh.normals is not None:
         rotated = np.einsum("vab,vb->va", binding.blend_matrices(normal_matrices(matrices)), normals)
         rotated = normalize(rotated, smooth_normals(vertices, triangles))
-    return Mesh(vertices, triangles, rotated, None if mesh.uvs is None else wound(mesh.uvs), tangents)
+    return Mesh(vertices, triangles, rotated, **corners)
 
 
 class RestPose(NamedTuple):

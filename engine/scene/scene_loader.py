@@ -20,7 +20,9 @@ from engine.core.errors import LoadError
 from engine.core.safe_files import record_files, resolve_inside
 from engine.material.bumps import Bumps
 from engine.material.layer_maps import Images, split_image_name
+from engine.material.opacity import Opacity
 from engine.scene.bump_normals import BumpNormals
+from engine.scene.cutouts import Cutouts, scene_cutouts
 from engine.scene.description import Camera, SceneDescription, load_description
 from engine.scene.loaders.model import ImportedCamera, UnshownProperty
 from engine.scene.mesh import MESH_ENDINGS, Mesh, count_defects, face_normals, join_meshes, place_copies, with_normals
@@ -32,6 +34,7 @@ from engine.texture.texture_store import TextureStore
 
 MAX_EXTENT = 1e9
 PROJECTED_NOTE = "no texture coordinates, so images are projected from the sides of its box"
+DIRECTX_NOTE = "its normal map is for DirectX by its name: if relief looks pressed in, flip its green channel"
 MAX_TRIANGLES = 50_000_000
 _FAR, _FAR_IN_SCENE = 16.0, 1024.0
 
@@ -44,8 +47,8 @@ class Scene:
     counter-clockwise seen from the front; object_of_triangle (T,) int32; triangle_ranges (M, 2); geometric_normals (T,
     3) float32; smooth (M,) bool: whether normals are interpolated; emission (M, 3) float32, zero for objects that do
     not emit. uvs (T, 3, 2) float32: texture coordinates of the triangles' corners, v upwards, 0 in objects without,
-    None if no object has them; tangents (T, 3, 4) as `Mesh.tangents`, None if no file has them; has_uvs (M,) bool;
-    boxes (M, 3, 4): the frames for texture coordinates of the others (`engine.scene.surface_uvs`); textures: the
+    None if no object has them; tangents and colours (T, 3, 4) as in `Mesh`, None if no file has them; has_uvs (M,)
+    bool; boxes (M, 3, 4): the frames for texture coordinates of the others (`engine.scene.surface_uvs`); textures: the
     scene's images. vertex_ranges (M, 2); rigs: for each object how its file's animations move its vertices, in the
     frame of the arrays, None if none does. material_names: of each object, in its file; cameras, unshown: what
     its files contain besides (`engine.scene.import_report`).
@@ -66,6 +69,7 @@ class Scene:
     file: Path
     uvs: npt.NDArray[np.float32] | None
     tangents: npt.NDArray[np.float32] | None
+    colours: npt.NDArray[np.float32] | None
     has_uvs: npt.NDArray[np.bool_]
     boxes: npt.NDArray[np.float64]
     textures: TextureStore
@@ -89,20 +93,37 @@ class Scene:
         """The rotations of its tangents by angles and maps."""
         return TangentRotations(replace(self))
 
-    @property
-    def frame_flaws(self) -> dict[str, LoadError]:
-        """Errors in the images of objects that perturb normals or rotate tangents, by name."""
-        return self.bump_normals.flaws | self.tangent_rotations.flaws
+    @cached_property
+    def _cutouts(self) -> tuple[Cutouts, dict[str, LoadError]]:
+        return scene_cutouts(replace(self))
 
-    def check_frames(self) -> None:
+    @property
+    def cutouts(self) -> Cutouts:
+        """Where rays pass through its surfaces."""
+        return self._cutouts[0]
+
+    @property
+    def surface_flaws(self) -> dict[str, LoadError]:
+        """Errors in the images of objects that perturb normals, rotate tangents or make holes, by name."""
+        return self.bump_normals.flaws | self.tangent_rotations.flaws | self._cutouts[1]
+
+    def check_surfaces(self) -> None:
         """Raise the LoadError of the first such image that cannot be used."""
-        for error in self.frame_flaws.values():
+        for error in self.surface_flaws.values():
             raise error
 
     def with_bumps(self, bumps: Mapping[str, Bumps]) -> Scene:
         """The scene with these bumps of objects, by name, instead of their own; unknown names are ignored."""
         changed = tuple(
             each.model_copy(update={"bumps": bumps.get(each.name, each.bumps)}) for each in self.description.objects
+        )
+        return replace(self, description=self.description.model_copy(update={"objects": changed}))
+
+    def with_opacities(self, opacities: Mapping[str, Opacity]) -> Scene:
+        """The scene with these opacities of objects, by name, instead of their own; unknown names are ignored."""
+        changed = tuple(
+            each.model_copy(update={"opacity": opacities.get(each.name, each.opacity)})
+            for each in self.description.objects
         )
         return replace(self, description=self.description.model_copy(update={"objects": changed}))
 
@@ -212,6 +233,7 @@ def _assemble(
         file=path,
         uvs=joined.uvs,
         tangents=joined.tangents,
+        colours=joined.colours,
         boxes=np.array([box_frame(i.mesh, np.reshape(i.description.transform, (4, 4)), origin) for i in items]),
         has_uvs=np.array([mesh.uvs is not None for mesh in placed]),
         textures=TextureStore(path),
@@ -233,7 +255,7 @@ def _load_maps(scene: Scene) -> None:
 
     A scene file may name only files in its folder; only the user may choose full paths.
     """
-    wanted, bumps = [], []
+    wanted, bumps, opacities = [], [], []
     for described in scene.description.objects:
         for maps in (layer.maps for layer in described.layers if not layer.maps.is_plain):
             for what, name in (("texture", maps.texture), ("weight", maps.weight)):
@@ -243,11 +265,14 @@ def _load_maps(scene: Scene) -> None:
         for what, name in described.deform.files:
             resolve_inside(scene.folder, name, scene.file, what)
             wanted.append(Images(weight=name))
+        if name := described.opacity.opacity_map:
+            resolve_inside(scene.folder, split_image_name(name)[0], scene.file, "opacity_map")
+        opacities.append(described.opacity)
         if not described.is_lamp:
             for what, name in described.bumps.files:
                 resolve_inside(scene.folder, split_image_name(name)[0], scene.file, what)
             bumps.append(described.bumps)
-    scene.textures.load(wanted, bumps)
+    scene.textures.load(wanted, bumps, opacities)
 
 
 def _place_all(items: Sequence[ObjectMesh], path: Path) -> tuple[list[Mesh], list[str]]:
@@ -321,8 +346,9 @@ def _round_all(
 
 def _with_faces(mesh: Mesh, chosen: npt.NDArray[np.bool_]) -> Mesh:
     """The mesh with some of its faces only."""
-    uvs, tangents = (None if own is None else own[chosen] for own in (mesh.uvs, mesh.tangents))
-    return Mesh(mesh.vertices, mesh.triangles[chosen], mesh.normals, uvs, tangents)
+    return replace(
+        mesh, triangles=mesh.triangles[chosen], **{name: own[chosen] for name, own in mesh.corner_values.items()}
+    )
 
 
 def _ranges(counts: list[int]) -> npt.NDArray[np.int32]:
@@ -341,9 +367,11 @@ def _rig_in_scene(item: ObjectMesh, origin: npt.NDArray[np.float64]) -> Rig | No
 
 
 def _map_notes(description: SceneDescription, placed: list[Mesh]) -> list[str]:
-    """Notes on objects whose images are projected by their box."""
-    return [
-        f"{described.name}: {PROJECTED_NOTE}"
-        for described, mesh in zip(description.objects, placed, strict=True)
-        if mesh.uvs is None and not described.is_lamp and described.is_of_files
+    """Notes on objects whose images are projected by their box, and on normal maps whose names say DirectX."""
+    shown = [(each, mesh) for each, mesh in zip(description.objects, placed, strict=True) if not each.is_lamp]
+    projected = [f"{each.name}: {PROJECTED_NOTE}" for each, mesh in shown if mesh.uvs is None and each.is_of_files]
+    return projected + [
+        f"{each.name}: {DIRECTX_NOTE}"
+        for each, _ in shown
+        if "directx" in each.bumps.normal_map.lower() and not each.bumps.flip_green
     ]

@@ -1,4 +1,4 @@
-"""Texture coordinates of points on surfaces, and the footprints of pixels.
+"""Texture coordinates and vertex colours of points on surfaces, and the footprints of pixels.
 
 The footprint is found by intersecting the rays of the pixels to the right and below with the plane of a point's own
 triangle [Igehy99], so that silhouettes and seams do not matter.
@@ -46,6 +46,18 @@ def corner_uvs(scene: Scene, triangle: NDArray[np.integer]) -> Float64Array:
 def uvs_at(scene: Scene, triangle: NDArray[np.integer], u: NDArray, v: NDArray) -> Float64Array:
     """Texture coordinates (N, 2) of points (1 − u − v) A + u B + v C of triangles (N,)."""
     return between(corner_uvs(scene, triangle), u, v)
+
+
+def corner_colours(scene: Scene, triangle: NDArray[np.integer]) -> NDArray[np.float32]:
+    """Vertex colours and opacities (N, 3, 4) of the corners of triangles (N,), linear; ones where a mesh has none."""
+    return np.ones((len(triangle), 3, 4), np.float32) if scene.colours is None else scene.colours[triangle]
+
+
+def colours_at(scene: Scene, triangle: NDArray[np.integer], u: NDArray, v: NDArray) -> NDArray[np.float32]:
+    """Vertex colours and opacities (N, 4) at such points, linear; ones where a mesh has none."""
+    if scene.colours is None:
+        return np.ones((len(triangle), 4), np.float32)
+    return between(scene.colours[triangle], u, v).astype(np.float32)
 
 
 def positions_at(scene: Scene, triangle: NDArray[np.integer], u: NDArray, v: NDArray) -> NDArray[np.float32]:

@@ -1,5 +1,5 @@
 """Images and strokes in the form of shaders: words of two buffers, and the place of each layer's in them
-(`shaders/common/maps.glsl`)."""
+(`shaders/common/maps.glsl`); vertex colours, and opacities of objects."""
 
 from __future__ import annotations
 
@@ -10,15 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.material.layer_maps import WRAPS
+from engine.material.opacity import MODES
 from engine.material.strokes import HARDEST
 
 if TYPE_CHECKING:
     from engine.material.layer_maps import LayerMaps
     from engine.material.strokes import Strokes
+    from engine.scene.scene_loader import Scene
     from engine.texture.pyramid import Pyramid
     from engine.texture.texture_store import TextureStore
 
 Words = NDArray[np.uint32]
+Float32Array = NDArray[np.float32]
 
 _LEVELS = 16  # of an image, at most
 _HEAD = 1 + 3 * _LEVELS + 5
@@ -27,12 +30,13 @@ _STROKE_WORDS = 8
 
 @dataclass(frozen=True)
 class ExportedMaps:
-    """The factors of a layer, see `LayerMaps`: where its images begin among all words, −1 for none; first and last
-    (excluded) of its strokes."""
+    """The factors of a layer, see `LayerMaps`: where its images begin among all words, −1 for none; whether vertex
+    colours multiply its texture; first and last (excluded) of its strokes."""
 
     texture: int
     scale: tuple[float, float]
     strength: float
+    vertex_colours: bool
     weight: int
     start: float
     inverts: bool
@@ -60,7 +64,8 @@ class ImageExporter:
             self._n_strokes += len(images.strokes.strokes)
         return ExportedMaps(
             self.image(self._store.texture(images)), images.texture_scale, maps.texture_strength,
-            self.image(self._store.weight(images)), images.weight_start, maps.inverts, (first, self._n_strokes),
+            images.vertex_colours, self.image(self._store.weight(images)), images.weight_start, maps.inverts,
+            (first, self._n_strokes),
         )  # fmt: skip
 
     def image(self, image: Pyramid | None) -> int:
@@ -71,6 +76,16 @@ class ImageExporter:
             self._begins[image] = self._n_words
             self._n_words += _HEAD + 2 * len(image.texels)
         return self._begins[image]
+
+
+def opacity_rows(scene: Scene, images: ImageExporter) -> Float32Array:
+    """A row of each object (M, 8), see `shaders/common/opacity.glsl`; (0, 8) where all are opaque."""
+    cutouts = scene.cutouts
+    rows = np.zeros((len(scene.smooth) if cutouts.opacities else 0, 8), np.float32)
+    for i, own in cutouts.opacities.items():
+        mode, image = MODES.index(own.opacity_mode), images.image(cutouts.images.get(i))
+        rows[i, :7] = mode, image, *own.opacity_repeats, own.opacity_factor, own.opacity_cutoff, own.opacity_vertices
+    return rows
 
 
 def image_words(images: tuple[Pyramid, ...]) -> Words:
@@ -91,6 +106,11 @@ def image_words(images: tuple[Pyramid, ...]) -> Words:
         texels[:, : image.n_channels] = np.clip(image.texels, -65504.0, 65504.0)
         words += [head, texels.view(np.uint32).ravel()]
     return np.concatenate(words) if words else np.zeros(0, np.uint32)
+
+
+def colour_words(colours: NDArray[np.floating]) -> Words:
+    """Vertex colours (..., 4) as words (..., 2): half floats, the lower half first."""
+    return np.ascontiguousarray(colours, np.float16).view(np.uint32)
 
 
 def stroke_words(strokes: tuple[Strokes, ...]) -> Words:

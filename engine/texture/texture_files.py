@@ -71,6 +71,19 @@ def read_weight(data: bytes, file: Path | str, report: ReportNote = ignore_note)
     return np.minimum(read_image(data, file, grey_shares, report), np.float32(1.0))
 
 
+def read_opacity(data: bytes, file: Path | str, report: ReportNote = ignore_note) -> Image:
+    """The alpha of an image, in [0, 1], (H, W, 1), row 0 on top; of one without alpha its luminance."""
+    return np.minimum(read_image(data, file, grey_shares, report, is_opacity=True), np.float32(1.0))
+
+
+def has_alpha(data: bytes, file: Path | str) -> bool:
+    """Whether a PNG has alpha, by its header."""
+    if _kind(data) != "PNG":
+        return False
+    with _open_image(data, file, "PNG") as picture:
+        return bool(picture.has_transparency_data)
+
+
 def grey_shares(values: Values) -> Image:
     """Values of a file as grey shares of the largest, linear, (H, W, 1); of colours their luminance."""
     shares = _shares(values, as_srgb=False)
@@ -107,10 +120,12 @@ def read_image(
     decode: Callable[[Values], Image],
     report: ReportNote = ignore_note,
     is_colour: bool = False,
+    is_opacity: bool = False,
 ) -> Image:
     """Return what `decode` makes of the file's values (h, W, 1 or 3), uint8, uint16 or float32, row by row: the image,
     or a reduced one if it has too many pixels, which is reported to `report`. is_colour: whether primaries that a file
-    names are converted to Rec. 709, and values outside of its gamut are clipped at 0."""
+    names are converted to Rec. 709, and values outside of its gamut are clipped at 0. is_opacity: of an image that has
+    alpha, that is decoded instead."""
     kind = _kind(data)
     if not kind:
         raise LoadError(file, "first bytes", data[:8], "a PNG, JPEG or OpenEXR image")
@@ -126,20 +141,21 @@ def read_image(
             if k > 1 and kind == "JPEG":
                 picture.draft(picture.mode, (-(-width // k), -(-height // k)))
             left = reduction(*picture.size)  # divisor that remains after decoding
-            pixels = _means(_bands(picture, max(_BAND_PIXELS // width // left, 1) * left), decode, left)
+            pixels = _means(_bands(picture, max(_BAND_PIXELS // width // left, 1) * left, is_opacity), decode, left)
     if k > 1:
         report(f"{file}: {width} x {height} pixels, shown at {pixels.shape[1]} x {pixels.shape[0]}")
     return pixels
 
 
-def _bands(picture: Any, rows: int) -> Iterator[Values]:
+def _bands(picture: Any, rows: int, is_opacity: bool) -> Iterator[Values]:
     """Yield the values of so many rows at a time."""
     width, height = picture.size
     if rows >= height:
-        yield _integers(picture)
+        yield _integers(_alpha(picture) if is_opacity else picture)
         return
     for top in range(0, height, rows):
-        yield _integers(picture.crop((0, top, width, min(top + rows, height))))
+        band = picture.crop((0, top, width, min(top + rows, height)))
+        yield _integers(_alpha(band) if is_opacity else band)
 
 
 def _means(bands: Iterable[Values], decode: Callable[[Values], Image], k: int) -> Image:
@@ -168,6 +184,11 @@ def _open_image(data: bytes, file: Path | str, kind: str) -> Iterator[Any]:
         raise
     except Exception as error:  # the library raises OSError, ValueError, SyntaxError, struct.error and its own
         raise LoadError(file, f"{kind} image", str(error), "a whole image, not cut off or damaged") from None
+
+
+def _alpha(picture: Any) -> Any:
+    """The alpha of a picture as a grey one; the picture itself where it has none."""
+    return picture.convert("RGBA").getchannel("A") if picture.has_transparency_data else picture
 
 
 def _integers(opened: Any) -> Values:
@@ -227,9 +248,11 @@ STEEPEST = 20.0
 _MIDDLES = {"uint8": 128, "uint16": 32768}
 
 
-def read_normal_map(data: bytes, file: Path | str, report: ReportNote = ignore_note) -> Image:
-    """Slopes (H, W, 2) of a normal map's texels along its x and y, row 0 on top. Raises LoadError."""
-    return read_image(data, file, lambda values: _slopes(values, file), report)
+def read_normal_map(data: bytes, file: Path | str, report: ReportNote = ignore_note, flip_green: bool = False) -> Image:
+    """Slopes (H, W, 2) of a normal map's texels along its x and y, row 0 on top; flip_green: y, its green, means down.
+    Raises LoadError."""
+    slopes = read_image(data, file, lambda values: _slopes(values, file), report)
+    return slopes * np.float32([1.0, -1.0]) if flip_green else slopes
 
 
 def _slopes(values: Values, file: Path | str) -> Image:

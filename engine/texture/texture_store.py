@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Iterable
+from functools import partial
 from pathlib import Path
 from threading import Lock
 
@@ -18,6 +19,7 @@ from engine.core.errors import LoadError
 from engine.core.safe_files import local_path, read_regular_file, resolve_inside
 from engine.material.bumps import Bumps
 from engine.material.layer_maps import Images, Space, split_image_name
+from engine.material.opacity import Opacity
 from engine.texture.pyramid import Pyramid, make_pyramid
 from engine.texture.texture_files import (
     MAX_IMAGE_BYTES,
@@ -25,6 +27,7 @@ from engine.texture.texture_files import (
     read_directions,
     read_heights,
     read_normal_map,
+    read_opacity,
     read_texture,
     read_weight,
 )
@@ -58,7 +61,10 @@ class TextureStore:
 
     def slopes(self, bumps: Bumps) -> Pyramid | None:
         """Slopes along u and v of a normal or a bump map; None if there is none. Raises LoadError."""
-        return self._pyramid(bumps.kind, bumps.file, "").with_transform(bumps.transform) if bumps.file else None
+        if not bumps.file:
+            return None
+        what = "flipped_normal_map" if bumps.normal_map and bumps.flip_green else bumps.kind
+        return self._pyramid(what, bumps.file, "").with_transform(bumps.transform)
 
     def directions(self, bumps: Bumps) -> Pyramid | None:
         """(cos 2θ, sin 2θ) of a map's angles θ of tangents; None if there is none. Raises LoadError."""
@@ -66,7 +72,13 @@ class TextureStore:
             return None
         return self._pyramid("tangent_map", bumps.tangent_map, "", bumps.tangent_range)
 
-    def load(self, wanted: Iterable[Images], bumps: Iterable[Bumps] = ()) -> None:
+    def opacity(self, opacity: Opacity) -> Pyramid | None:
+        """Opacities of an image; None if there is none. Raises LoadError."""
+        if not opacity.opacity_map:
+            return None
+        return self._pyramid("opacity_map", opacity.opacity_map, "").with_transform(opacity.transform)
+
+    def load(self, wanted: Iterable[Images], bumps: Iterable[Bumps] = (), opacities: Iterable[Opacity] = ()) -> None:
         """Read named images that are not loaded yet, a file of several images once. Raises LoadError."""
         self._files = {}
         try:
@@ -76,6 +88,8 @@ class TextureStore:
             for each in bumps:
                 self.slopes(each)
                 self.directions(each)
+            for opacity in opacities:
+                self.opacity(opacity)
         finally:
             self._files = None
 
@@ -130,20 +144,26 @@ class TextureStore:
 
 
 _READ: dict[str, Callable[..., Image]] = {
-    "texture": read_texture, "weight": read_weight, "normal_map": read_normal_map, "bump_map": read_heights
+    "texture": read_texture, "weight": read_weight, "normal_map": read_normal_map, "bump_map": read_heights,
+    "flipped_normal_map": partial(read_normal_map, flip_green=True), "opacity_map": read_opacity,
 }  # fmt: skip
 
 
 def sample_images(
-    images: Images, store: TextureStore, n: int, sample: Callable[[Pyramid, tuple[float, float]], NDArray[np.float32]]
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Texture (N, 3) and weight (N,) without strokes; sample: returns n values of an image with these repeats."""
+    images: Images, store: TextureStore, n: int,
+    sample: Callable[[Pyramid, tuple[float, float]], NDArray[np.float32]],
+    vertex_colours: Callable[[], NDArray[np.float32]],
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:  # fmt: skip
+    """Texture (N, 3) and weight (N,) without strokes; sample: returns n values of an image with these repeats;
+    vertex_colours: those of the mesh there, (N, 3 or more), asked for where they multiply the texture."""
     texture, weight = store.texture(images), store.weight(images)
     colours, shares = np.ones((n, 3), np.float32), np.full(n, images.weight_start, np.float32)
     if texture is not None:
         colours = sample(texture, images.texture_scale)
     if weight is not None:
         shares = sample(weight, (1.0, 1.0))[:, 0]
+    if images.vertex_colours:
+        colours = colours * vertex_colours()[:, :3]
     return colours, shares
 
 

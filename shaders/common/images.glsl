@@ -44,6 +44,12 @@ vec3 between_texels(int image, ivec3 level, vec2 uv) {
     return mix(upper, lower, share.y);
 }
 
+// Texture coordinates, times repeats, turned and moved as the image is.
+vec2 place_on(int image, vec2 uv, vec2 repeats) {
+    vec2 offset = vec2(uintBitsToFloat(image_words[image + TURN + 2]), uintBitsToFloat(image_words[image + TURN + 3]));
+    return turned(image, repeats * uv) + offset;
+}
+
 // The mean over a pixel whose sides are `right` and `below` in texture coordinates, all of them times repeats, and turned
 // and moved as the image is.
 vec3 over_pixel(int image, vec2 uv, vec2 right, vec2 below, vec2 repeats) {
@@ -51,8 +57,7 @@ vec3 over_pixel(int image, vec2 uv, vec2 right, vec2 below, vec2 repeats) {
     vec2 size = vec2(finest.yx);
     vec2 a = clamp(turned(image, right * repeats) * size, -LONGEST, LONGEST);
     vec2 b = clamp(turned(image, below * repeats) * size, -LONGEST, LONGEST);
-    vec2 offset = vec2(uintBitsToFloat(image_words[image + TURN + 2]), uintBitsToFloat(image_words[image + TURN + 3]));
-    vec2 middle = turned(image, repeats * uv) + offset;
+    vec2 middle = place_on(image, uv, repeats);
     float xx = a.x * a.x + b.x * b.x, yy = a.y * a.y + b.y * b.y, xy = a.x * a.y + b.x * b.y;
     float spread = sqrt(0.25 * (xx - yy) * (xx - yy) + xy * xy);
     float longer = sqrt(max(0.5 * (xx + yy) + spread, 0.0));

@@ -1,6 +1,9 @@
 #version 430 core
 // Provides: radiance of a triangle's front or back: diffuse light times the object's albedo, gloss, and emission.
-layout(std430, binding = 5) readonly buffer Objects { float objects[]; };
+#if HAS_HOLES
+#include "common/opacity.glsl"
+#endif
+layout(std430, binding = 8) readonly buffer Objects { float objects[]; };
 
 centroid in vec3 front_white, front_gloss, back_white, back_gloss;
 flat in ivec3 shown;
@@ -8,6 +11,10 @@ flat in ivec3 shown;
 layout(location = 0) out vec4 radiance;
 
 void main() {
+#if HAS_HOLES
+    if (is_hole(shown.z))
+        discard;
+#endif
     bool is_front = !gl_FrontFacing;  // rows count downwards
     if (!is_front && shown.x == 1 && shown.y == 0)
         discard;

@@ -5,6 +5,11 @@
 in ivec4 corner;        // its place, the point on its front and its back, -1 for none, and the object
 
 centroid out vec3 front_white, front_gloss, back_white, back_gloss;
+#if HAS_HOLES
+layout(std430, binding = 13) readonly buffer Holes { float holes[]; };  // of each corner: texture coordinates, opacity
+sample out vec2 opacity_uv;
+sample out float vertex_opacity;
+#endif
 flat out ivec3 shown;   // whether there are points on front and back, and the object
 
 void main() {
@@ -13,5 +18,9 @@ void main() {
     front_gloss = sent_by(corner.y, 3);
     back_white = sent_by(corner.z, 0);
     back_gloss = sent_by(corner.z, 3);
+#if HAS_HOLES
+    opacity_uv = vec2(holes[3 * gl_VertexID], holes[3 * gl_VertexID + 1]);
+    vertex_opacity = holes[3 * gl_VertexID + 2];
+#endif
     shown = ivec3(corner.y >= 0, corner.z >= 0, corner.w);
 }

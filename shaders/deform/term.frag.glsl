@@ -12,8 +12,13 @@ uniform vec3 camera_position;
 centroid in mat3 axes;
 centroid in vec3 here;
 #endif
+#if HAS_HOLES
+#include "common/opacity.glsl"
+uniform int i_object;
+#endif
 #if HAS_MAPS
 #include "common/maps.glsl"
+centroid in vec3 vertex_colour;
 #endif
 
 centroid in vec3 front_white, back_white;
@@ -26,6 +31,10 @@ uniform vec3 reflectance;
 layout(location = 0) out vec4 radiance;
 
 void main() {
+#if HAS_HOLES
+    if (is_hole(i_object))
+        discard;
+#endif
     vec2 right = dFdx(uv), below = dFdy(uv);
     bool is_front = !gl_FrontFacing;  // rows count downwards
     if ((is_front ? has_points.x : has_points.y) == 0)
@@ -41,7 +50,7 @@ void main() {
 #endif
     sent *= reflectance;
 #if HAS_MAPS
-    sent *= factor(uv, right, below, at, outside);
+    sent *= factor(uv, right, below, at, outside, vertex_colour);
 #endif
     radiance = vec4(max(sent, 0.0), 0.0);
 }

@@ -2,18 +2,27 @@
 // Provides: corners of the triangles that one layer lies on by texture coordinates, see
 // `engine.realtime.core.gpu_parts.CoverPart`.
 #include "deform/corner.glsl"
+#include "common/vertex_colour.glsl"
 
 layout(std430, binding = 2) readonly buffer Axes { float surface_axes[]; };  // along u, along v, outwards
 
 in ivec4 corner;        // its place, the point on its front and its back, -1 for none, and its axes
 in vec2 image_place;
 in vec3 position, face;
+in ivec2 packed_colour;
 
 centroid out vec3 front_white, back_white;
 out vec2 uv;
 out vec3 at;
 flat out vec3 outside;
 flat out ivec2 has_points;
+#if HAS_MAPS
+centroid out vec3 vertex_colour;
+#endif
+#if HAS_HOLES
+sample out vec2 opacity_uv;
+sample out float vertex_opacity;
+#endif
 #if HAS_DETAIL
 centroid out mat3 axes;
 centroid out vec3 here;
@@ -26,6 +35,13 @@ void main() {
     uv = image_place;
     at = position;
     outside = face;
+#if HAS_MAPS
+    vertex_colour = unpacked_colour(packed_colour).rgb;
+#endif
+#if HAS_HOLES
+    opacity_uv = image_place;
+    vertex_opacity = unpacked_colour(packed_colour).a;
+#endif
     has_points = ivec2(corner.y >= 0, corner.z >= 0);
 #if HAS_DETAIL
     for (int i = 0; i < 9; i++)

@@ -7,6 +7,7 @@ layout(location = 2) in vec2 image_place;
 layout(location = 3) in ivec2 sides;
 layout(location = 4) in vec3 first_way;
 layout(location = 5) in vec3 second_way;
+layout(location = 6) in ivec2 packed_colour;
 
 bool is_back() {
     return dot(face, position - camera_position) > 0.0;

@@ -34,8 +34,13 @@ vec3 normal_offset(vec3 n, vec2 right, vec2 below) {
 }
 #endif
 
+#if HAS_HOLES
+#include "common/opacity.glsl"
+uniform int i_object;
+#endif
 #if HAS_MAPS
 #include "common/maps.glsl"
+centroid in vec3 vertex_colour;
 #endif
 
 #if IS_SHARP
@@ -45,6 +50,10 @@ vec3 normal_offset(vec3 n, vec2 right, vec2 below) {
 layout(location = 0) out vec4 radiance;
 
 void main() {
+#if HAS_HOLES
+    if (is_hole(i_object))
+        discard;
+#endif
     vec3 sent = colour;
     vec2 right = dFdx(uv), below = dFdy(uv);
     vec3 offset = vec3(0.0);
@@ -57,7 +66,7 @@ void main() {
     sent += sharp_gloss(at, offset);
 #endif
 #if HAS_MAPS
-    sent *= factor(uv, right, below, at, outside);
+    sent *= factor(uv, right, below, at, outside, vertex_colour);
 #endif
     radiance = vec4(sent, 0.0);
 }

@@ -3,6 +3,7 @@
 #include "orbit/surface.glsl"
 #include "orbit/points.glsl"
 #include "orbit/rows.glsl"
+#include "common/vertex_colour.glsl"
 
 layout(std430, binding = 4) readonly buffer Gloss { vec4 gloss[]; };
 uniform vec3 reflectance;
@@ -13,6 +14,13 @@ centroid out vec3 colour;
 out vec2 uv;
 out vec3 at;
 flat out vec3 outside;
+#if HAS_MAPS
+centroid out vec3 vertex_colour;
+#endif
+#if HAS_HOLES
+sample out vec2 opacity_uv;
+sample out float vertex_opacity;
+#endif
 #if IS_BUMPY
 flat out float side;
 centroid out vec3 light, normal, along, across;
@@ -54,4 +62,11 @@ void main() {
     uv = image_place;
     at = position;
     outside = face;
+#if HAS_MAPS
+    vertex_colour = unpacked_colour(packed_colour).rgb;
+#endif
+#if HAS_HOLES
+    opacity_uv = image_place;
+    vertex_opacity = unpacked_colour(packed_colour).a;
+#endif
 }

@@ -213,6 +213,7 @@ def _assign(
 
 def map_uniforms(maps: ExportedMaps) -> dict[str, object]:
     return {
-        "tint": maps.texture, "tint_repeats": maps.scale, "tint_strength": maps.strength, "weight": maps.weight,
-        "weight_start": maps.start, "inverts": maps.inverts, "strokes": maps.strokes,
+        "tint": maps.texture, "tint_repeats": maps.scale, "tint_strength": maps.strength,
+        "has_vertex_colours": maps.vertex_colours, "weight": maps.weight, "weight_start": maps.start,
+        "inverts": maps.inverts, "strokes": maps.strokes,
     }  # fmt: skip

@@ -118,8 +118,8 @@ class OpenFile:
 
 @dataclass(frozen=True)
 class AskFile:
-    """Open the file dialog, which does not stop the picture; for an image of the layer `key`, or for bumps and surfaces
-    of the object `key`."""
+    """Open the file dialog, which does not stop the picture; for an image of the layer `key`, or for bumps, opacity and
+    surfaces of the object `key`."""
 
     purpose: str
     key: str = ""
@@ -128,7 +128,7 @@ class AskFile:
 @dataclass(frozen=True)
 class OpenImage:
     """Make a file the "texture" or the "weight" of a layer, or the "normal_map", the "bump_map", the
-    "tangent_map", or one of `SURFACE_IMAGES` of an object."""
+    "tangent_map", the "opacity_map", or one of `SURFACE_IMAGES` of an object."""
 
     path: Path
     key: str

@@ -8,11 +8,13 @@ from pathlib import Path
 
 from imgui_bundle import ImVec2, imgui
 
-from app.document.commands.maps import ClearMap, SetBumps, SetMap
+from app.document.commands.maps import ClearMap, SetBumps, SetMap, SetOpacity
 from app.document.document import ObjectState
 from app.operators.registry import keys_of
 from engine.material.bumps import BUMP_HEIGHT, BUMP_REPEATS, BUMP_STRENGTH, TANGENT_ANGLE, TANGENT_RANGE
+from engine.material.layer import object_of
 from engine.material.layer_maps import SPACES, TEXTURE_SCALE, TEXTURE_SPACE, TEXTURE_STRENGTH, LayerMaps
+from engine.material.opacity import OPACITY_CUTOFF, OPACITY_FACTOR, OPACITY_MODE
 from engine.material.parameters import Parameter
 from ui import theme as look
 from ui.panels import paint, rows, widgets
@@ -33,23 +35,45 @@ HINTS = {
     "glTF has it: red to the right, green up): PNG, JPEG or OpenEXR.",
     "bump_map": "A grey image of heights that turns the object's normals, under all of its layers: PNG, JPEG or "
     "OpenEXR.",
+    "opacity_map": "An image whose alpha, or, if it has none, whose brightness says how much of the object is there: "
+    "PNG or OpenEXR, laid out by the mesh's texture coordinates.",
     "tangent_map": "A grey image of angles that rotate the direction of the streaks, in addition to the rotation "
     "above: PNG, JPEG or OpenEXR, laid out by the mesh's texture coordinates.",
 }
+VERTEX_COLOURS_HINT = "The colours of the mesh's vertices multiply the layer, and its texture if it has one."
+FLIP_GREEN_HINT = (
+    "The direction that green means in the normal map: up, as in glTF and OpenGL, or down, as in maps for DirectX. "
+    "If relief looks pressed in, and its light comes from below, the other one is right. Shown when idle."
+)
 GAP = 4.0
 
 
 def draw(context: PanelContext, key: str, maps: LayerMaps, width: float) -> list[Action]:
     """The rows of both images."""
     actions = _image(context, key, "texture", maps, width)
-    if maps.texture:
+    actions += _vertex_colours(context, key, maps, width)
+    if maps.is_tinted:
         make, handle = partial(SetMap, key, TEXTURE_STRENGTH.name), "material.texture_strength"
         strength = rows.Row(TEXTURE_STRENGTH, maps.texture_strength, make, handle, TEXTURE_STRENGTH.default)
-        actions += rows.draw(context, strength, width) + _repeats(context, key, maps, width)
+        actions += rows.draw(context, strength, width)
+    if maps.texture:
+        actions += _repeats(context, key, maps, width)
     actions += _image(context, key, "weight", maps, width) + paint.draw(context, key, maps, width)
     if context.map_refusal:
         widgets.caption(context.map_refusal)
     return actions
+
+
+def _vertex_colours(context: PanelContext, key: str, maps: LayerMaps, width: float) -> list[Action]:
+    """The switch of vertex colours, where a layer of the object has them here or in the scene's file."""
+    layers = (*context.document.layers(), *context.scene_document.layers())
+    if not any(layer.maps.vertex_colours for other, layer in layers if object_of(other) == object_of(key)):
+        return []
+    widgets.label(context, "Colours", width)
+    words = "Of vertices × texture" if maps.texture else "Of vertices"
+    if widgets.switch(context, "material.vertex_colours", words, VERTEX_COLOURS_HINT, maps.vertex_colours):
+        return [SetMap(key, "vertex_colours", not maps.vertex_colours)]
+    return []
 
 
 def draw_bumps(context: PanelContext, state: ObjectState, width: float) -> list[Action]:
@@ -68,11 +92,47 @@ def draw_bumps(context: PanelContext, state: ObjectState, width: float) -> list[
     imgui.same_line(0.0, gap)
     if widgets.icon_button(context, "clear_bumps", Icon.CLOSE, f"Remove the image; {keys_of('undo')} brings it back."):
         actions.append(SetBumps(state.name, bumps.kind, ""))
+    if bumps.normal_map:
+        actions += _flip_green(context, state, width)
     heights = (BUMP_HEIGHT,) if bumps.bump_map else ()
     for parameter in (BUMP_STRENGTH, *heights, BUMP_REPEATS):
         value, make = getattr(bumps, parameter.name), partial(SetBumps, state.name, parameter.name)
         row = rows.Row(parameter, value, make, f"material.{parameter.name}", parameter.default)
         actions += rows.draw(context, row, width)
+    return actions
+
+
+def _flip_green(context: PanelContext, state: ObjectState, width: float) -> list[Action]:
+    """The switch of the direction that green means."""
+    widgets.label(context, "Green", width)
+    is_flipped = state.bumps.flip_green
+    words = "Down (DirectX)" if is_flipped else "Up (OpenGL)"
+    if widgets.switch(context, "material.flip_green", words, FLIP_GREEN_HINT, is_flipped):
+        return [SetBumps(state.name, "flip_green", not is_flipped)]
+    return []
+
+
+def draw_opacity(context: PanelContext, state: ObjectState, width: float) -> list[Action]:
+    """The rows of an object's opacity: its mode, and where it is not all there cutoff, factor and image."""
+    opacity, gap = state.opacity, context.px(GAP)
+    mode, name = opacity.opacity_mode, opacity.opacity_map
+    shown = {"opaque": (), "mask": (OPACITY_CUTOFF, OPACITY_FACTOR), "blend": (OPACITY_FACTOR,)}[mode]
+    actions: list[Action] = []
+    for parameter in (OPACITY_MODE, *shown):
+        value, make = getattr(opacity, parameter.name), partial(SetOpacity, state.name, parameter.name)
+        own = getattr(state.own_opacity, parameter.name)
+        actions += rows.draw(context, rows.Row(parameter, value, make, f"material.{parameter.name}", own), width)
+    if mode == "opaque":
+        return actions
+    widgets.label(context, "Image", width)
+    room = imgui.get_content_region_avail().x - (imgui.get_frame_height() + gap if name else 0.0)
+    words, ask = image_label(name) or "Opacity map…", AskFile("open_opacity_map", state.name)
+    actions += file_button(context, "material.opacity_map", words, name, HINTS["opacity_map"], room, ask)
+    if name:
+        imgui.same_line(0.0, gap)
+        hint = f"Remove the image; {keys_of('undo')} brings it back."
+        if widgets.icon_button(context, "clear_opacity", Icon.CLOSE, hint):
+            actions.append(SetOpacity(state.name, "opacity_map", ""))
     return actions
 
 

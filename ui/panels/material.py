@@ -18,6 +18,7 @@ from app.system.lazy_import import import_named
 from engine.material import MODELS, Layer, Parameter
 from engine.material.bumps import BUMP_STRENGTH, TANGENT_ANGLE
 from engine.material.measured import HIGHLIGHT_MODELS
+from engine.material.opacity import OPAQUE
 from engine.material.parameters import INDICES, Value, index_of_reflectance, reflectance_of_index
 from engine.measured.measurement import Measurement
 from ui.panels import maps, rows, widgets
@@ -27,7 +28,9 @@ from ui.panels.context import PanelContext
 from ui.theme import Icon
 
 LARGEST_LABEL = 136.0
-IMAGES_HINT = "A texture that multiplies the layer, a map of how much of it there is, and the object's bumps."
+IMAGES_HINT = (
+    "A texture that multiplies the layer, a map of how much of it there is, and the object's bumps and opacity."
+)
 FRESNEL_HINT = (
     "A second, additive layer of the same curves, edited once, that rises towards grazing angles: the colour becomes "
     "R, what is reflected head-on, and the rest comes at grazing angles."
@@ -55,6 +58,7 @@ def _material(context: PanelContext) -> list[Action]:
     layer = context.document.layer(selection.key)
     editable = state.editable and not context.document.is_frozen(selection.key)
     shows_bumps = context.state.shows_images or bool(state.bumps.file)
+    shows_opacity = context.state.shows_images or state.opacity != OPAQUE
     shows_tangent = is_anisotropic(context) or bool(state.bumps.tangent_angle or state.bumps.tangent_map)
     of_object = [*([BUMP_STRENGTH] if shows_bumps else []), *([TANGENT_ANGLE] if shows_tangent else [])]
     width = _label_width(context, (*layer.parameter_table, *of_object))
@@ -69,6 +73,8 @@ def _material(context: PanelContext) -> list[Action]:
         actions += maps.draw(context, selection.key, layer.maps, width)
     if shows_bumps:
         actions += maps.draw_bumps(context, state, width)
+    if shows_opacity:
+        actions += maps.draw_opacity(context, state, width)
     imgui.end_disabled()
     if note := _sharing_note(state, selection.layer):
         widgets.caption(note)

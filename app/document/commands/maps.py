@@ -1,6 +1,6 @@
 """Edits of a layer's texture and weight map (`engine.material.layer_maps`), strokes painted on it among them, and of
-the surface below all layers: normal or bump map (`engine.material.bumps`), settings for Deform
-(`engine.scene.surface_kinds`).
+the surface below all layers: normal or bump map (`engine.material.bumps`), opacity (`engine.material.opacity`),
+settings for Deform (`engine.scene.surface_kinds`).
 
 Layers of one object with the same weight map, some of them with it inverted, are blended by it: they are painted
 together, or the first stroke would separate them. A stroke's value is meant for the selected layer; where that has the
@@ -19,6 +19,7 @@ from engine.core.errors import InsituError, LoadError
 from engine.material.bumps import set_bump_field
 from engine.material.layer import Layer
 from engine.material.layer_maps import LayerMaps, set_map_field
+from engine.material.opacity import set_opacity_field
 from engine.material.strokes import MAX_DABS, MAX_STROKES, Stroke, Strokes
 from engine.scene.surface_kinds import SURFACES, surface_with
 
@@ -148,6 +149,24 @@ class SetBumps:
         state = _reflecting(document, self.object, "bumps")
         bumps = set_bump_field(state.bumps, self.name, self.value)
         return document.with_object(replace(state, new_bumps=None if bumps == state.own_bumps else bumps))
+
+
+@dataclass(frozen=True)
+class SetOpacity:
+    """Set a part of an object's opacity; an image's name of "" removes it."""
+
+    object: str
+    name: str
+    value: Any
+
+    @property
+    def label(self) -> str:
+        return f"{self.object} {self.name.replace('_', ' ')}"
+
+    def apply(self, document: Document) -> Document:
+        state = _reflecting(document, self.object, "opacity")
+        opacity = set_opacity_field(state.opacity, self.name, self.value)
+        return document.with_object(replace(state, new_opacity=None if opacity == state.own_opacity else opacity))
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from engine.precompute.direct import _footprint_kernels as kernels
 from engine.precompute.direct.lighting import emitters_for, prepare_lighting
 from engine.precompute.direct.near_leaves import NearLight, no_near_leaves
 from engine.precompute.direct.projection import VisibleLight
+from engine.scene.cutouts import scene_caster
 from engine.scene.primary_hits import PrimaryHits, trace_primary
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene
@@ -102,7 +103,7 @@ class Placement:
         """caster: that of the scene's triangles, if it exists already; n_edge_rays: see `trace_primary`; hits: the
         primary hits, if traced already."""
         self.scene = scene
-        self.caster = caster or RayCaster(scene.vertices, scene.triangles)
+        self.caster = caster or scene_caster(scene)
         self.hits = trace_primary(scene, self.caster, n_edge_rays=n_edge_rays) if hits is None else hits
         self.sphere: Visibility = empty_visibility(self.hits, sphere_targets(VISIBILITY_LEVEL))
         self._rows: dict[int, np.ndarray] = {}

@@ -26,7 +26,7 @@ from engine.core.errors import LoadError
 from engine.material.layer_maps import Images, LayerMaps, factor_of_means
 from engine.precompute.indirect.albedo import N_SLANTS
 from engine.precompute.indirect.indirect_layers import IndirectLayer, is_glossy
-from engine.scene.surface_uvs import corner_uvs, positions_at, uvs_at
+from engine.scene.surface_uvs import colours_at, corner_uvs, positions_at, uvs_at
 from engine.texture.stroke_painting import PaintedPoints
 from engine.texture.texture_store import sample_images
 
@@ -77,6 +77,7 @@ class _Places:
             lambda image, repeats: image.at(
                 uv * np.array(repeats), image.level_of(share * abs(repeats[0] * repeats[1]))
             ),
+            lambda: colours_at(scene, triangle, u, v),
         )  # fmt: skip
         self._painted = PaintedPoints(weight, position, scene.geometric_normals[triangle])
 

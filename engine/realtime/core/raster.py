@@ -73,12 +73,15 @@ def draw(
     camera: CameraDescription,
     camera_position: Float64Array,
     size: tuple[int, int],
+    found: Int32Array | None = None,
 ) -> RasterResult:
     """Rasterize triangles over places (V, 3) for a camera; camera_position (3,): in the same coordinates; size: width,
-    height. Backs without points are not drawn."""
-    has_points = surface.sides[:, :, 0] >= 0
-    is_shown = np.stack([np.ones(len(has_points), bool), has_points[:, 1] | ~has_points[:, 0]], axis=1)
-    found, _, _ = find_triangles(surface.corners, is_shown, places, camera, camera_position, size)
+    height. Backs without points are not drawn. found (H, W): the triangle in each pixel, -1 for none, if it is known
+    already."""
+    if found is None:
+        has_points = surface.sides[:, :, 0] >= 0
+        is_shown = np.stack([np.ones(len(has_points), bool), has_points[:, 1] | ~has_points[:, 0]], axis=1)
+        found, _, _ = find_triangles(surface.corners, is_shown, places, camera, camera_position, size)
     (plane, view), n = _plane(camera, size), len(surface.corners)
     shares, front = np.empty((n, 3, 3), np.float32), np.empty(n, np.float32)
     what = places, surface.corners, camera_position, plane, view, shares, front

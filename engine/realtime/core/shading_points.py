@@ -101,9 +101,12 @@ class ShadingPoints:
         shown[t, side, corner] = self.triangles[t, side, nearest]
         return shown
 
-    def caster(self) -> RayCaster:
-        """Ray caster against the triangles (T, 3)."""
-        return RayCaster(self.corners.reshape(-1, 3), np.arange(3 * len(self.corners)).reshape(-1, 3))
+    def caster(self, scene: Scene) -> RayCaster:
+        """Ray caster against the triangles (T, 3) on the surfaces of a scene."""
+        triangles = np.arange(3 * len(self.corners)).reshape(-1, 3)
+        return RayCaster(
+            self.corners.reshape(-1, 3), triangles, cutouts=scene.cutouts.of_parts(self.source, self.within)
+        )
 
 
 def shading_points(

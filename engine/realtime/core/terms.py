@@ -17,6 +17,7 @@ from engine.material.layer_maps import LayerMaps
 from engine.scene.map_sampler import paint_weights
 from engine.scene.raycaster import Intersections
 from engine.scene.scene_loader import Scene
+from engine.scene.surface_uvs import colours_at
 from engine.texture.pyramid import Pyramid
 from engine.texture.texture_store import sample_images
 
@@ -82,8 +83,13 @@ def map_factor(
     scene: Scene, maps: LayerMaps, n_pixels: int, sample: SampleImage, find_hits: Callable[[], Intersections]
 ) -> NDArray[np.floating]:
     """Factor (N, 3) of a layer's textures, weights and strokes at pixels (N,). find_hits: called where there are
-    strokes, for the pixels' positions on the scene's meshes. Raises LoadError."""
-    texture, weight = sample_images(maps.images, scene.textures, n_pixels, sample)
+    strokes or vertex colours, for the pixels' positions on the scene's meshes. Raises LoadError."""
+
+    def vertex_colours() -> Float32Array:
+        hits = find_hits()
+        return colours_at(scene, hits.triangle, hits.u, hits.v)
+
+    texture, weight = sample_images(maps.images, scene.textures, n_pixels, sample, vertex_colours)
     if maps.strokes:
         weight = paint_weights(scene, find_hits(), maps.strokes, weight)
     return maps.factor(texture, weight)

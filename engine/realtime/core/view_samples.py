@@ -29,6 +29,7 @@ from engine.realtime.core.raster import find_triangles
 from engine.realtime.core.shading_points import ShadingPoints
 from engine.realtime.core.terms import MOVING_PROBES, map_factor
 from engine.scene.bump_normals import Footprints, gradients
+from engine.scene.cutouts import covered_in_part, pixel_chances
 from engine.scene.description import CameraDescription
 from engine.scene.edges import Surface, edge_pixels, group_samples, ray_offsets, turn_of
 from engine.scene.raycaster import Intersections, RayCaster
@@ -53,7 +54,7 @@ class PointMesh:
         """caster: intersects the triangles between the points; made here if None."""
         self._scene, self._points = scene, points
         self._last: tuple[tuple[object, ...], ViewSamples] | None = None
-        self._caster = caster or points.caster()
+        self._caster = caster or points.caster(scene)
         self._charts: dict[int, Charts] = {}
         corners = np.arange(3 * len(points.corners), dtype=np.int32).reshape(-1, 3)
         self._raster = corners, np.ones((len(corners), 2), bool), points.corners.reshape(-1, 3).astype(np.float32)
@@ -96,6 +97,7 @@ class PointMesh:
                 edges[:] = edge_pixels(samples.i_object, seen, turn_of(_FEW_EDGE_RAYS), resolution).reshape(edges.shape)
             else:
                 kernels.silhouettes(samples.i_object.reshape(height, width), edges)
+            edges |= covered_in_part(self._scene.from_camera(camera), self._caster, -samples.wo).reshape(edges.shape)
             inner, outer = np.flatnonzero(~edges), np.flatnonzero(edges)
             places = np.stack([outer % width, outer // width], axis=1)[:, None] + (0.5 + ray_offsets(n_edge_rays))
             more, found_more = self._trace(camera, resolution, places.reshape(-1, 2), n_edge_rays * len(outer))
@@ -168,7 +170,8 @@ class PointMesh:
         out = _empty_samples(n)
         triangle, (u, v) = np.empty(n, np.int32), np.empty((2, n), np.float32)
         corners, is_shown, vertices = self._raster
-        is_drawn = not len(places) and len(corners) <= _TRIANGLES_A_PIXEL * n
+        has_holes = self._scene.cutouts.passable.any()
+        is_drawn = not len(places) and len(corners) <= _TRIANGLES_A_PIXEL * n and not has_holes
         if is_drawn:
             origin = camera_position.astype(np.float64)
             drawn = find_triangles(corners, is_shown, vertices, camera, origin, resolution)
@@ -179,7 +182,10 @@ class PointMesh:
             kernels.fill_rays(start, stop, places, resolution[0], axes, directions)
             own = directions[start:stop]
             if not is_drawn:
-                hits = self._caster.intersect(np.broadcast_to(camera_position, own.shape), own)
+                chances = (
+                    pixel_chances(_places(start, stop, places, resolution[0]), resolution[0]) if has_holes else None
+                )
+                hits = self._caster.intersect(np.broadcast_to(camera_position, own.shape), own, chances)
                 triangle[start:stop], u[start:stop], v[start:stop] = hits.triangle, hits.u, hits.v
             kernels.resolve(start, triangle[start:stop], u[start:stop], v[start:stop], own, self._surface, out)
 
@@ -301,6 +307,12 @@ def assemble_picture(
         return radiance.reshape(height, width, 3)
     whole = np.stack([np.bincount(seen.pixel, radiance[:, i] * seen.share, width * height) for i in range(3)], axis=1)
     return whole.astype(np.float32).reshape(height, width, 3)
+
+
+def _places(start: int, stop: int, places: NDArray[np.float64], width: int) -> NDArray[np.float64]:
+    """Where some rays pass a picture (N, 2): at places (R, 2), or, without, at its pixels' centres."""
+    rays = np.arange(start, stop)
+    return places[rays] if len(places) else np.stack([rays % width, rays // width], axis=1) + 0.5
 
 
 def _empty_samples(n: int) -> Samples:

@@ -31,8 +31,8 @@ from engine.realtime.core.gpu_parts import (
     as_triple,
 )
 from engine.realtime.triple_product._slice_kernels import Tables
-from engine.scene.surface_uvs import corner_uvs
-from engine.texture.gpu_export import ImageExporter, image_words, stroke_words
+from engine.scene.surface_uvs import corner_colours, corner_uvs
+from engine.texture.gpu_export import ImageExporter, colour_words, image_words, opacity_rows, stroke_words
 
 if TYPE_CHECKING:
     from engine.material.bumps import Bumps
@@ -104,14 +104,16 @@ class PointExporter:
 
     def _terms_parts(self, orbit: Orbit) -> Iterator[OrbitPart]:
         made = _Terms(orbit)
+        opacities = opacity_rows(orbit.scene, made.exported)
         strokes, images = made.exported.strokes, made.exported.images
-        terms_state = made.terms, strokes, orbit.scene.emission.tobytes()
+        terms_state = made.terms, strokes, orbit.scene.emission.tobytes(), opacities.tobytes()
         if terms_state == self._terms and images == self._images:
             return
         new = {serial: _table(tables) for serial, tables in made.tables.items() if serial not in self._tables}
         words = None if images == self._images else image_words(images)
         self._terms, self._images, self._tables = terms_state, images, set(made.tables)
-        yield TermsPart(made.terms, new, words, stroke_words(strokes), orbit.scene.emission.astype(np.float32))
+        emission = orbit.scene.emission.astype(np.float32)
+        yield TermsPart(made.terms, new, words, stroke_words(strokes), emission, opacities)
 
 
 class _Terms:
@@ -150,7 +152,9 @@ def _mesh(scene: Scene, lit: LitPoints, n: int) -> MeshPart:
     each = np.concatenate([points.position, row, points.normal, zero, points.tangent, zero], axis=1)
     order = np.argsort(scene.object_of_triangle[points.source], kind="stable")
     source = points.source[order]
-    uvs = np.einsum("tpk,tki->tpi", _shares(points.within[order]), corner_uvs(scene, source)).astype(np.float32)
+    shares = _shares(points.within[order])
+    uvs = np.einsum("tpk,tki->tpi", shares, corner_uvs(scene, source)).astype(np.float32)
+    colours = colour_words(np.einsum("tpk,tki->tpi", shares, corner_colours(scene, source))).view(np.float32)
     offset_axes = np.zeros((len(order), 3, 6), np.float32)
     faces = np.repeat(scene.geometric_normals[source][:, None], 3, axis=1).astype(np.float32)
     sides = np.ascontiguousarray(points.shown[order].swapaxes(1, 2)).view(np.float32)
@@ -158,12 +162,13 @@ def _mesh(scene: Scene, lit: LitPoints, n: int) -> MeshPart:
     for i in scene.bump_normals.objects:
         begin, end = bounds[i], bounds[i + 1]
         own = scene.bump_normals.offset_axes(i)[source[begin:end] - scene.triangle_ranges[i][0]]
-        offset_axes[begin:end] = np.einsum("tpk,tki->tpi", _shares(points.within[order[begin:end]]), own)
-    corners = np.concatenate([points.corners[order].astype(np.float32), faces, uvs, sides, offset_axes], axis=2)
+        offset_axes[begin:end] = np.einsum("tpk,tki->tpi", shares[begin:end], own)
+    places = points.corners[order].astype(np.float32)
+    corners = np.concatenate([places, faces, uvs, sides, offset_axes, colours], axis=2)
     runs = [_runs(np.flatnonzero(points.i_object == i)) for i in range(len(scene.smooth))]
     low, high = scene.vertices.min(axis=0), scene.vertices.max(axis=0)
     return MeshPart(
-        each.astype(np.float32).view(np.uint32), corners.reshape(-1, 16).astype(np.float32).view(np.uint32),
+        each.astype(np.float32).view(np.uint32), corners.reshape(-1, 18).astype(np.float32).view(np.uint32),
         tuple(zip(bounds[:-1], bounds[1:], strict=True)), tuple(runs), as_triple(scene.origin),
         as_triple((low + high) / 2.0),
         float(np.linalg.norm(high - low)) / 2.0, len(stored.number), n,

@@ -38,6 +38,7 @@ from engine.realtime.triple_product.reflections import Reflections
 from engine.realtime.triple_product.view_radiance import N_MOVING, Quality, view_radiance
 from engine.realtime.triple_product.visibility import N_UPPER, Bits, deflate_bits, find_enclosed, inflate_bits
 from engine.render.still import StillProgress
+from engine.scene.cutouts import scene_caster
 from engine.scene.description import CameraDescription
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene
@@ -77,7 +78,7 @@ class Orbit:
         self.scene = scene
         self.version = 0
         self._notes: tuple[str, ...] = ()
-        self._caster = caster or RayCaster(scene.vertices, scene.triangles)
+        self._caster = caster or scene_caster(scene)
         self._n_points, self._n_coefficients, self._n_patches = n_points, n_coefficients, n_patches
         self._most_bytes = most_bytes
         self._placing: StepRunner[ShadingPoints] | None = None
@@ -96,7 +97,7 @@ class Orbit:
         scene = self.scene
         arrays = scene.vertices, scene.normals, scene.triangles, scene.object_of_triangle, scene.smooth
         own = scene.emitters, scene.reflecting, self._n_points, self._n_patches
-        return (*arrays, *own, scene.tangent_rotations.digest)
+        return (*arrays, *own, scene.tangent_rotations.digest, scene.cutouts.digest)
 
     @property
     def has_traced(self) -> bool:

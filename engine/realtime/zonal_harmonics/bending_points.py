@@ -129,9 +129,12 @@ class BendingPoints:
 
     def corner_uvs(self, scene: Scene, triangle: NDArray[np.integer]) -> Float64Array:
         """Texture coordinates (N, 3, 2) of the corners of triangles (N,)."""
+        return self.between(triangle, corner_uvs(scene, self.source[triangle]))
+
+    def between(self, triangle: NDArray[np.integer], values: NDArray[np.floating]) -> Float64Array:
+        """Interpolate values (N, 3, k) at corners of the scene's triangles at those of triangles (N,)."""
         u, v = np.moveaxis(self.within[triangle].astype(np.float64), 2, 0)
-        shares = np.stack([1.0 - u - v, u, v], axis=2)
-        return np.einsum("npk,nki->npi", shares, corner_uvs(scene, self.source[triangle]))
+        return np.einsum("npk,nki->npi", np.stack([1.0 - u - v, u, v], axis=2), values)
 
     def corners_at_rest(self, triangle: NDArray[np.integer]) -> Float64Array:
         """Positions at rest (N, 3, 3) of the corners of triangles (N,)."""
@@ -156,10 +159,13 @@ class BendingPoints:
         """Ray caster against all triangles of some objects at rest; the last is cached, since objects at rest share
         one."""
         if self._caster is None or self._caster[0] != casters:
-            corners = self._points.corners[self._of(casters)]
-            caster = RayCaster(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
-            self._caster = casters, caster
+            self._caster = casters, self.caster_of(self._of(casters), self._points.corners[self._of(casters)])
         return self._caster[1]
+
+    def caster_of(self, which: NDArray[np.bool_], corners: NDArray[np.floating]) -> RayCaster:
+        """Ray caster against some of the triangles, `which` (T,), with these corners (t, 3, 3)."""
+        cutouts = self._scene.cutouts.of_parts(self.source[which], self.within[which])
+        return RayCaster(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3), cutouts=cutouts)
 
     def _of(self, objects: tuple[int, ...]) -> NDArray[np.bool_]:
         """Which triangles (T,) belong to these objects."""
@@ -189,7 +195,9 @@ class BendingPoints:
     def geometry(self, i_object: int, casters: tuple[int, ...]) -> tuple[NDArray[np.generic], ...]:
         """Everything that an object's transfer depends on, except materials."""
         mine = self.points_of(i_object)
-        return (self._points.lifted[mine], self._rest_frames[mine], self._points.corners[self._of(casters)])
+        holes = np.frombuffer(self._scene.cutouts.digest.encode(), np.uint8)
+        arrays = self._points.lifted[mine], self._rest_frames[mine], self._points.corners[self._of(casters)]
+        return (*arrays, holes) if len(holes) else arrays
 
 
 def bending_points(

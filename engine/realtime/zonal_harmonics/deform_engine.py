@@ -59,6 +59,7 @@ from engine.realtime.zonal_harmonics.shading import BandLight, Lobes, band_light
 from engine.realtime.zonal_harmonics.surface_details import Detail, detail
 from engine.realtime.zonal_harmonics.transfer import N_RAYS
 from engine.realtime.zonal_harmonics.zonal import Zonal
+from engine.scene.cutouts import scene_caster
 from engine.scene.description import CameraDescription
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene
@@ -84,7 +85,7 @@ class Deform:
         caster: intersects the scene's triangles."""
         self.scene = scene
         self.version = 0
-        self._caster = caster or RayCaster(scene.vertices, scene.triangles)
+        self._caster = caster or scene_caster(scene)
         self._n_points, self._store = N_POINTS if n_points is None else n_points, store
         self._rays, self._n_lobes = (min(FEW_RAYS, n_rays), n_rays), N_LOBES
         self._points: BendingPoints | None = None

@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.core.camera import centre_directions
 from engine.material.layer import Layer
 from engine.material.layer_maps import LayerMaps
 from engine.precompute.direct.pipeline import SkyState
@@ -35,6 +36,7 @@ from engine.realtime.zonal_harmonics.shading import (
 )
 from engine.realtime.zonal_harmonics.surface_details import Detail, detail_frames
 from engine.render.display import error_to_radiance
+from engine.scene.cutouts import pixel_chances
 from engine.scene.description import CameraDescription
 from engine.scene.map_sampler import mean_factor
 from engine.scene.raycaster import Intersections
@@ -216,7 +218,7 @@ class PictureRenderer:
         places, frames = self.posed.at(poses)
         white, own = self._shade_points(of, poses, places, frames, turned, quality)
         gloss = self._gloss(of, places, frames, camera_position, white, own)
-        drawn = draw(points.surface, places, camera, camera_position, (resolution[0] * fine, resolution[1] * fine))
+        drawn = self._rasterize(of.scene, places, camera, (resolution[0] * fine, resolution[1] * fine))
         picture = paint(drawn, points.surface, white, gloss, of.albedos, of.scene.emission, of.backdrop)
         for i in of.layers_of:
             self._add_by_pixel(of, i, drawn, white, camera_position, picture, quality)
@@ -226,9 +228,7 @@ class PictureRenderer:
         self, of: ShadingState, camera: CameraDescription, resolution: tuple[int, int], poses: Poses = ()
     ) -> Float32Array:
         """Draw the errors of the visible lobes (H, W, 3); see `Deform.draw_errors`."""
-        drawn = draw(
-            self._points.surface, self.posed.at(poses)[0], camera, camera_position_of(of.scene, camera), resolution
-        )
+        drawn = self._rasterize(of.scene, self.posed.at(poses)[0], camera, resolution)
         errors = np.repeat(error_to_radiance(of.errors).astype(np.float32)[:, None], 3, axis=1)
         one = np.ones((len(of.scene.smooth), 3), np.float32)
         picture = paint(drawn, self._points.surface, errors, np.zeros_like(errors), one, np.zeros_like(one))
@@ -237,6 +237,19 @@ class PictureRenderer:
                 of_pixels = error_to_radiance(found.errors_at(pixels.uvs(of.scene))).astype(np.float32)
                 picture[pixels.rows, pixels.columns] = of_pixels[:, None]
         return picture
+
+    def _rasterize(
+        self, scene: Scene, places: Float32Array, camera: CameraDescription, size: tuple[int, int]
+    ) -> RasterResult:
+        """Rasterize the triangles; trace rays where some have holes, behind which others show."""
+        surface, camera_position, found = self._points.surface, camera_position_of(scene, camera), None
+        if scene.cutouts.passable.any():
+            caster = self._points.caster_of(np.ones(len(surface.corners), bool), places[surface.corners])
+            directions = centre_directions(camera, size).reshape(-1, 3)
+            origins = np.tile(camera_position.astype(np.float32), (len(directions), 1))
+            centres = np.stack(np.divmod(np.arange(len(directions)), size[0])[::-1], axis=1) + 0.5
+            found = caster.intersect(origins, directions, pixel_chances(centres, size[0])).triangle.reshape(size[::-1])
+        return draw(surface, places, camera, camera_position, size, found)
 
     def _shade_points(
         self, of: ShadingState, poses: Poses, places: Float32Array, frames: Float32Array, turned: bool,

@@ -143,10 +143,12 @@ class _Rays:
 
 
 def _caster(points: BendingPoints, i_object: int, places: Float32Array) -> Caster:
-    corners = places[points.surface.corners[points.surface.i_object == i_object]].reshape(-1, 3)
-    centre = 0.5 * (corners.min(axis=0) + corners.max(axis=0)).astype(np.float64)
-    radius = float(np.linalg.norm(corners - centre, axis=1).max())
-    return Caster(RayCaster(corners, np.arange(len(corners)).reshape(-1, 3)), centre, radius)
+    own = points.surface.i_object == i_object
+    corners = places[points.surface.corners[own]]
+    low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+    centre = 0.5 * (low + high).astype(np.float64)
+    radius = float(np.linalg.norm(corners - centre, axis=2).max())
+    return Caster(points.caster_of(own, corners), centre, radius)
 
 
 @lru_cache(maxsize=4)

@@ -11,6 +11,7 @@ finite is computed, a node with scale 0 shows nothing. A mesh without normals is
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -20,9 +21,8 @@ import numpy.typing as npt
 from engine.core.errors import LoadError
 from engine.core.safe_files import read_regular_file, resolve_inside
 from engine.material.bumps import NO_BUMPS
-from engine.material.layer_maps import LayerMaps
 from engine.scene.loaders.gltf_file import FLOATS, INTEGERS, SHARES, GltfFile, JsonObject, parse_glb
-from engine.scene.loaders.gltf_materials import GltfImages, PartMaterial, read_material
+from engine.scene.loaders.gltf_materials import COLOURED, GREY, GltfImages, PartMaterial, read_material, without_images
 from engine.scene.loaders.gltf_nodes import MeshNode, placed_meshes
 from engine.scene.loaders.gltf_rig import PrimitiveRig, RigReader
 from engine.scene.loaders.model import ImportedModel, ImportedPart
@@ -75,7 +75,10 @@ def read_glb(path: Path) -> ImportedModel:
         raise LoadError(path, "faces", 0, f"at least one mesh of triangles in the scene{why}")
     images = GltfImages(root, binary)
     described = root.children("materials")
-    used = {k: PartMaterial() if k < 0 else read_material(described[k], images) for k in by_material}
+    used = {
+        k: read_material(described[k], images, coloured) if k >= 0 else PartMaterial(COLOURED if coloured else GREY)
+        for k, coloured in ((k, any(m.colours is not None for m, _ in bound)) for k, bound in by_material.items())
+    }
     skeleton = None
     if root.children("animations"):
         skeleton = rigs.skeleton(b for bound in by_material.values() for _, b in bound if b is not None)
@@ -90,12 +93,15 @@ def _part(bound: list[Bound], material: PartMaterial, skeleton: Skeleton | None)
     if any(mesh.normals is not None for mesh, _ in bound):
         bound = [each if each[0].normals is not None else _with_flat_normals(*each) for each in bound]
     mesh, layers, bumps = join_meshes([mesh for mesh, _ in bound]), material.layers, material.bumps
+    opacity = material.opacity
     if mesh.uvs is None:
-        layers, bumps = tuple(layer.model_copy(update={"maps": LayerMaps()}) for layer in layers), NO_BUMPS
+        layers, bumps = tuple(without_images(layer) for layer in layers), NO_BUMPS
+        opacity = replace(opacity, opacity_map="")
     rig = None
     if skeleton is not None:
         rig = Rig(skeleton, join_bindings([binding for _, binding in bound if binding is not None]), np.eye(4))
-    return ImportedPart(mesh, layers, material.emission, rig, bumps, smooth=mesh.normals is not None)
+    is_smooth = mesh.normals is not None
+    return ImportedPart(mesh, layers, material.emission, rig, bumps, opacity, is_smooth)
 
 
 def _with_flat_normals(mesh: Mesh, binding: Binding | None) -> Bound:
@@ -210,7 +216,8 @@ def _read_primitive(file: GltfFile, primitive: JsonObject) -> Mesh | None:
         normals = _mend_normals(normals, vertices, triangles, attributes)
         if uvs is not None:  # tangents need both others [glTF20, 3.7.2.1]
             tangents = _read_tangents(file, attributes, len(vertices), triangles)
-    mesh = Mesh(vertices, triangles, normals, uvs, tangents)
+    colours = _read_colours(file, attributes, len(vertices), triangles)
+    mesh = Mesh(vertices, triangles, normals, uvs, tangents, colours)
     return validate_mesh(mesh, file.path, f"{primitive.place}: ")
 
 
@@ -260,6 +267,26 @@ def _read_uvs(
         attributes.note("TEXCOORD_0", f"{np.count_nonzero(~is_usable)} numbers beyond {MAX_UV:g}", "taken as 0")
         uvs = np.where(is_usable, uvs, np.float32(0.0))
     return uvs[triangles]
+
+
+def _read_colours(
+    file: GltfFile, attributes: JsonObject, n_vertices: int, triangles: npt.NDArray[np.int32]
+) -> npt.NDArray[np.float32] | None:
+    """Colours and opacities of the corners, (T, 3, 4), linear [glTF20, 3.7.2.1]; opaque where the file has three
+    numbers."""
+    if not attributes.has("COLOR_0"):
+        return None
+    accessor = file.accessors[attributes.integer("COLOR_0", 0, len(file.accessors) - 1)]
+    kind = "VEC3" if accessor.text("type") == "VEC3" else "VEC4"
+    values = file.read_shares(attributes, "COLOR_0", kind, SHARES)
+    if len(values) != n_vertices:
+        raise attributes.error("COLOR_0", f"{len(values)} colours", f"{n_vertices}, as there are positions")
+    colours = np.ones((n_vertices, 4), np.float32)
+    # NaN and numbers beyond the largest float become a share as well.
+    colours[:, : values.shape[1]] = np.clip(np.nan_to_num(values, nan=1.0), 0.0, 1.0)
+    if n_clamped := np.count_nonzero(~((values >= 0.0) & (values <= 1.0))):
+        attributes.note("COLOR_0", f"{n_clamped} numbers that are not from 0 to 1", "clamped")
+    return colours[triangles]
 
 
 def _notes(materials: list[PartMaterial], skipped: int) -> list[str]:

@@ -9,10 +9,10 @@ The glossy layer's reflectance at normal incidence is F0 = 0.04 (1 − m) + m ·
 with the edge tint g = metalness: a dielectric gets k = 0 and the true index 1.5, a metal one that stays bright. The
 value 0.04 belongs to index 1.5; KHR_materials_ior and KHR_materials_specular change it.
 
-A texture of the base colour multiplies the layers that have it. A partial metal becomes the mixture that glTF defines,
-(1 − m) times the dielectric and m times the metal, because only the metal has the texture's colours. A
-metallic-roughness texture is replaced by its means: a layer has the same curve everywhere. Images are named `#N` here,
-the Nth of the file; the caller, who knows the file's name, prepends it.
+A texture of the base colour and vertex colours multiply the layers that have it. A partial metal becomes the mixture
+that glTF defines, (1 − m) times the dielectric and m times the metal, because only the metal has the texture's colours.
+A metallic-roughness texture is replaced by its means: a layer has the same curve everywhere. Images are named `#N`
+here, the Nth of the file; the caller, who knows the file's name, prepends it.
 
 An image that is unavailable (in a format of an extension, mapped by a second set of coordinates, too large relative to
 the file together with those before it, or missing) is skipped with a note: the material's factors replace it. Images
@@ -22,24 +22,31 @@ with equal bytes are one. Mappings by KHR_texture_transform and samplers are pre
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from engine.core.errors import LoadError
 from engine.material.bumps import BUMP_STRENGTH, NO_BUMPS, Bumps
 from engine.material.layer_maps import MAX_REPEATS, LayerMaps, TextureTransform, Wrap
+from engine.material.opacity import OPAQUE, Mode, Opacity
 from engine.scene.description import MAX_RADIANCE, LayerDescription
 from engine.scene.loaders.gltf_file import JsonObject, image_bytes
-from engine.texture.texture_files import image_size, read_texture, reduction
+from engine.texture.texture_files import has_alpha, image_size, read_texture, reduction
 
 _DIELECTRIC = 0.04
 _SMOOTHEST = 0.01
 _BRIGHTEST = 0.98
 _MIXED = 0.02  # metalness this close to 0 or 1 counts as that
 RGB = tuple[float, float, float]
+NO_MAPS = LayerMaps()
 # The material of objects without one.
 GREY = (LayerDescription(model="lambert", parameters={"albedo": (0.5, 0.5, 0.5)}),)
+# That of objects whose vertices have colours.
+COLOURED = (
+    LayerDescription(model="lambert", maps=LayerMaps(vertex_colours=True), parameters={"albedo": (1.0, 1.0, 1.0)}),
+)
+_ALPHA_MODES: dict[str, Mode] = {"OPAQUE": "opaque", "MASK": "mask", "BLEND": "blend"}
 _NOT_SHOWN = {"emissiveTexture": "emissive textures"}
 # Limit of pixels of all images of one file, plus more for every byte: a few kilobytes can claim millions of pixels.
 # They are decoded when they are used, at 0.1 s a megapixel: at most 6 s for a small file, and never in the window's
@@ -53,16 +60,18 @@ _LEAST_REPEAT = 1e-3
 @dataclass(frozen=True)
 class PartMaterial:
     """Layers of a material (glTF's default, white with metal 1 and roughness 1, is replaced by plain grey), its
-    emission, what of it is not shown, and its normal map."""
+    emission, what of it is not shown, its normal map and its opacity."""
 
     layers: tuple[LayerDescription, ...] = GREY
     emission: RGB | None = None
     notes: tuple[str, ...] = ()
     bumps: Bumps = NO_BUMPS
+    opacity: Opacity = OPAQUE
 
 
-def read_material(fields: JsonObject, images: GltfImages) -> PartMaterial:
-    """Read a material as layers; values outside their range are clamped, with a note."""
+def read_material(fields: JsonObject, images: GltfImages, is_coloured: bool = False) -> PartMaterial:
+    """Read a material as layers; values outside their range are clamped, with a note. is_coloured: whether meshes that
+    have it have vertex colours, which multiply the base colour [glTF20, 3.9.2]."""
     notes: list[str] = []
     pbr = fields.child("pbrMetallicRoughness")
     base_colour = pbr.numbers("baseColorFactor", 4, (1.0,) * 4)
@@ -75,13 +84,34 @@ def read_material(fields: JsonObject, images: GltfImages) -> PartMaterial:
     texture = images.use(pbr.child("baseColorTexture"), notes) if pbr.has("baseColorTexture") else None
     emission = _emission(fields)
     notes += [f"{words} are not shown" for key, words in _NOT_SHOWN.items() if fields.has(key)]
-    if fields.text("alphaMode") not in (None, "OPAQUE"):
-        notes.append("transparency is not shown")
     emits = any(emission) and not fields.has("emissiveTexture")
     base, facing = (red, green, blue), _facing_reflectance(fields.child("extensions"))
-    layers = metallic_roughness_layers(base, metallic, roughness, facing, texture)
+    layers = metallic_roughness_layers(base, metallic, roughness, facing, _maps(texture, is_coloured))
     bumps = _bumps(fields.child("normalTexture"), images, notes) if fields.has("normalTexture") else NO_BUMPS
-    return PartMaterial(layers, emission if emits else None, tuple(notes), bumps)
+    opacity = _opacity(fields, texture, images, is_coloured)
+    return PartMaterial(layers, emission if emits else None, tuple(notes), bumps, opacity)
+
+
+def _opacity(fields: JsonObject, texture: TextureUse | None, images: GltfImages, is_coloured: bool) -> Opacity:
+    """The opacity of a material [glTF20, 3.9.4]: the factor of the base colour times its texture's alpha and that of
+    vertex colours."""
+    name = fields.text("alphaMode") or "OPAQUE"
+    mode = _ALPHA_MODES.get(name, "opaque")
+    if name not in _ALPHA_MODES:
+        fields.note("alphaMode", name, "taken as OPAQUE")
+    if mode == "opaque":
+        return OPAQUE
+    pbr = fields.child("pbrMetallicRoughness")
+    factor = pbr.clamped(pbr.numbers("baseColorFactor", 4, (1.0,) * 4)[3], "baseColorFactor")
+    cutoff = fields.clamped(fields.number("alphaCutoff", 0.5), "alphaCutoff")
+    opacity = Opacity(mode, cutoff, factor, opacity_vertices=is_coloured)
+    if texture is None or not images.has_alpha(texture.image):
+        return opacity
+    return replace(
+        opacity, opacity_map=f"#{texture.image}", opacity_repeats=texture.scale,
+        opacity_offset=texture.transform.offset, opacity_rotation=texture.transform.rotation,
+        opacity_wrap=texture.transform.wrap,
+    )  # fmt: skip
 
 
 def _emission(fields: JsonObject) -> RGB:
@@ -101,6 +131,8 @@ def _bumps(info: JsonObject, images: GltfImages, notes: list[str]) -> Bumps:
     strength = min(max(scale, BUMP_STRENGTH.minimum), BUMP_STRENGTH.maximum)
     if strength != scale:
         notes.append(f"a normal map's scale of {scale:g} is taken as {strength:g}")
+    if "directx" in images.name(used.image).lower():
+        notes.append("a normal map is for DirectX by its name: if relief looks pressed in, flip its green channel")
     if used.transform.rotation != 0.0:
         notes.append("the rotation of a normal map is not shown")
     return Bumps(
@@ -110,10 +142,11 @@ def _bumps(info: JsonObject, images: GltfImages, notes: list[str]) -> Bumps:
 
 
 def metallic_roughness_layers(
-    base: RGB, metallic: float, roughness: float, facing: RGB = (_DIELECTRIC,) * 3, texture: TextureUse | None = None
+    base: RGB, metallic: float, roughness: float, facing: RGB = (_DIELECTRIC,) * 3, maps: LayerMaps = NO_MAPS
 ) -> tuple[LayerDescription, ...]:
-    """Layers for a linear base colour, a metalness and a roughness in [0, 1]; facing: F0 of the dielectric part."""
-    if texture is None:
+    """Layers for a linear base colour, a metalness and a roughness in [0, 1]; facing: F0 of the dielectric part; maps:
+    what multiplies the base colour."""
+    if maps.is_plain:
         reflectance = _rgb(tuple(f * (1 - metallic) + c * metallic for f, c in zip(facing, base, strict=True)))
         glossy: list[LayerDescription] = [_glossy(reflectance, metallic, roughness)]
     else:
@@ -123,17 +156,16 @@ def metallic_roughness_layers(
         if metallic < 1.0:
             glossy.append(_glossy(facing, 0.0, roughness, 1.0 - metallic, "coat" if mixed else None))
         if metallic > 0.0:
-            glossy.append(_glossy(base, 1.0, roughness, metallic, "metal" if mixed else None, texture))
+            glossy.append(_glossy(base, 1.0, roughness, metallic, "metal" if mixed else None, maps))
     diffuse = _rgb(tuple((1 - metallic) * (1 - max(facing)) * c for c in base))
     if not any(diffuse):
         return tuple(glossy)
-    maps = _maps(texture)
     return (LayerDescription(model="lambert", maps=maps, parameters={"albedo": diffuse}), *glossy)
 
 
 def _glossy(
     reflectance: RGB, tint: float, roughness: float, scale: float = 1.0, name: str | None = None,
-    texture: TextureUse | None = None,
+    maps: LayerMaps = NO_MAPS,
 ) -> LayerDescription:  # fmt: skip
     """A rough conductor with this reflectance at normal incidence."""
     indices = [conductor_index(f0, tint) for f0 in reflectance]
@@ -144,17 +176,23 @@ def _glossy(
         "k": tuple(k for _, k in indices),
         "scale": scale,
     }
-    return LayerDescription(model="rough_conductor", name=name, maps=_maps(texture), parameters=parameters)
+    return LayerDescription(model="rough_conductor", name=name, maps=maps, parameters=parameters)
 
 
-def _maps(texture: TextureUse | None) -> LayerMaps:
+def _maps(texture: TextureUse | None, is_coloured: bool) -> LayerMaps:
+    """The maps of the base colour: its texture, and vertex colours."""
     if texture is None:
-        return LayerMaps()
+        return LayerMaps(vertex_colours=is_coloured)
     own = texture.transform
     return LayerMaps(
         f"#{texture.image}", "srgb", texture.scale, texture_offset=own.offset, texture_rotation=own.rotation,
-        texture_wrap=own.wrap,
+        texture_wrap=own.wrap, vertex_colours=is_coloured,
     )  # fmt: skip
+
+
+def without_images(layer: LayerDescription) -> LayerDescription:
+    """The layer on a mesh without texture coordinates: of its maps, vertex colours remain."""
+    return layer.model_copy(update={"maps": LayerMaps(vertex_colours=layer.maps.vertex_colours)})
 
 
 def _facing_reflectance(extensions: JsonObject) -> RGB:
@@ -218,6 +256,15 @@ class GltfImages:
         shifts = [o - round(o) if w == "repeat" else o for o, w in zip(offset, wrap, strict=True)]
         along_u, along_v = (0.0 if abs(shift) < 1e-9 else shift for shift in shifts)
         return TextureUse(image, scale, TextureTransform(rotation, (along_u, along_v), wrap))
+
+    def name(self, image: int) -> str:
+        """An image's name, or its file's."""
+        fields = self._images[image]
+        return fields.text("name") or (fields.text("uri") or "")[:256]
+
+    def has_alpha(self, image: int) -> bool:
+        """Whether an image that can be read has alpha."""
+        return has_alpha(image_bytes(self._root, self._binary, image), f"{self._root.file}#{image}")
 
     def _wrap(self, texture: JsonObject) -> tuple[Wrap, Wrap]:
         """How a texture's sampler continues the image beyond its edges."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from engine.material.bumps import NO_BUMPS, Bumps
+from engine.material.opacity import OPAQUE, Opacity
 from engine.scene.description import Camera, LayerDescription
 from engine.scene.mesh import Mesh
 from engine.scene.rig import Rig
@@ -25,6 +26,7 @@ class ImportedPart:
     emission: RGB | None = None
     rig: Rig | None = None
     bumps: Bumps = NO_BUMPS
+    opacity: Opacity = OPAQUE
     smooth: bool = True
     name: str = ""
 

@@ -122,7 +122,7 @@ def test_what_is_wrong_is_one_line(folder: Path, tangent: str, said: str) -> Non
 
 def test_a_map_that_cannot_be_read_does_not_count(folder: Path) -> None:
     scene = scene_of(folder).with_bumps({"card": Bumps(tangent_map="gone.png", tangent_angle=20.0)})
-    assert "gone.png" in str(scene.frame_flaws["card"])
+    assert "gone.png" in str(scene.surface_flaws["card"])
     np.testing.assert_allclose(angles_of(hits_of(scene), scene), 20.0, atol=1e-3)
     with pytest.raises(LoadError, match=r"gone\.png"):
-        scene.check_frames()
+        scene.check_surfaces()

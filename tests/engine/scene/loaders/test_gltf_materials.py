@@ -15,6 +15,7 @@ from engine.core.errors import LoadError
 from engine.material import MODELS, validate_parameters
 from engine.material.bumps import Bumps
 from engine.material.layer_maps import LayerMaps
+from engine.material.opacity import OPAQUE, Opacity
 from engine.scene.loaders.gltf import ImportedModel, read_glb
 from engine.scene.loaders.gltf_materials import conductor_index, metallic_roughness_layers
 from engine.scene.map_sampler import look_up_images
@@ -210,7 +211,7 @@ def test_images_may_be_files_beside_it(
         ({"textures": [{"extensions": {"KHR_texture_basisu": {"source": 0}}}]}, "in a format of an extension"),
         ({"material": {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0, "texCoord": 1}}}}, "second set"),
         ({"material": {"normalTexture": {"index": 0, "scale": 12}}}, "a normal map's scale of 12 is taken as 10"),
-        ({"material": {"alphaMode": "BLEND"}}, "transparency is not shown"),
+        ({"material": {"alphaMode": "GLASS"}}, "alphaMode = GLASS, taken as OPAQUE"),
     ],
 )
 def test_skipped_extensions_are_reported(
@@ -219,6 +220,53 @@ def test_skipped_extensions_are_reported(
     model = read(**changes)
     assert any(words in note for note in model.notes), model.notes
     assert all(layer.maps.is_plain for layer in model.parts[0].layers)
+
+
+@pytest.mark.parametrize(("mode", "said"), [("MASK", "mask"), ("BLEND", "blend")])
+def test_opacity_is_the_factors_times_the_alpha_of_the_base_colours_texture(
+    read: Callable[..., ImportedModel], mode: str, said: Any
+) -> None:
+    image = {"uri": "data:image/png;base64," + base64.b64encode(png([[[255, 0, 0, 200], [0, 0, 0, 9]]])).decode()}
+    pbr = {"baseColorTexture": {"index": 0}, "baseColorFactor": [1, 1, 1, 0.5], "metallicFactor": 0}
+    material = {"alphaMode": mode, "alphaCutoff": 0.25, "pbrMetallicRoughness": pbr, "doubleSided": True}
+    model = read(image=image, material=material)
+    assert model.parts[0].opacity == Opacity(said, 0.25, 0.5, "#0") and model.notes == ()
+    assert read(image=image, material=material | {"alphaMode": "OPAQUE"}).parts[0].opacity == OPAQUE
+    # An image without alpha is opaque; its brightness means nothing.
+    assert read(material=material).parts[0].opacity == Opacity(said, 0.25, 0.5)
+
+
+def test_opacities_of_a_file_reach_the_scene_unless_it_says_otherwise(
+    textured: Glb, glb_file: Callable[..., Path], scene_file: Callable[..., Path]
+) -> None:
+    tree, binary = textured
+    image = {"uri": "data:image/png;base64," + base64.b64encode(png([[[9, 9, 9, 255]], [[9, 9, 9, 0]]])).decode()}
+    tree["materials"][0]["alphaMode"] = "MASK"
+    glb_file(tree | {"images": [image]}, binary)
+    scene = load_scene(scene_file(TOY))
+    assert scene.description.objects[0].opacity == Opacity("mask", opacity_map="model.glb#0")
+    # The image's upper row is opaque: in glTF v = 0 is up there.
+    v = np.array([0.1, 0.9])
+    assert scene.cutouts.opacity_at(np.zeros(2, int), np.zeros(2), v).tolist() == [0.0, 1.0]
+    scene = load_scene(scene_file(TOY + 'opacity = { mode = "blend", factor = 0.5 }\n'))
+    assert scene.description.objects[0].opacity == Opacity("blend", opacity_factor=0.5)
+
+
+def test_green_that_means_down_is_turned_and_a_name_with_directx_gets_a_note(
+    textured: Glb, glb_file: Callable[..., Path], scene_file: Callable[..., Path]
+) -> None:
+    tree, binary = textured
+    image = {"uri": "data:image/png;base64," + base64.b64encode(png([[[128, 179, 243]] * 2] * 2)).decode()}
+    image["name"] = "wall_normal_DirectX"
+    glb_file(tree | {"images": [image], "materials": [{"normalTexture": {"index": 0}}]}, binary)
+    up, none = np.array([[0.0, 0.0, 1.0]]), np.zeros(1)
+    slopes = []
+    for own in ("", 'normal_map = { file = "model.glb#0", flip_green = true }\n'):
+        scene = load_scene(scene_file(TOY + own))
+        turned = scene.bump_normals.perturb(np.zeros(1, int), none, none, up, up)[0]
+        slopes.append(turned[1] / turned[2])
+        assert any("DirectX" in note and "flip" in note for note in scene.notes)
+    assert slopes[0] == pytest.approx(51 / 115, rel=1e-3) and slopes[1] == pytest.approx(-51 / 115, rel=1e-3)
 
 
 def transformed(read: Callable[..., ImportedModel], **transform: Any) -> tuple[LayerMaps, tuple[str, ...]]:

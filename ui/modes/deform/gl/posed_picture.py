@@ -41,8 +41,11 @@ _OF_POINTS = {
     "lobes": 0, "posed": 1, "owners": 2, "light": 3, "gloss": 4, "objects": 5, "blockers": 6,
     "sent": 7,
 }  # fmt: skip
-_OF_COVER = {"details": 0, "posed": 1, "axes": 2, "light": 3, "gloss": 4, "images": 5, "strokes": 6, "sent": 7}
-_COVERED = (("corner", 4, "i"), ("image_place", 2, "f"), ("position", 3, "f"), ("face", 3, "f"))
+_OF_SURFACE = {"posed": 1, "images": 5, "sent": 7, "objects": 8, "holes": 13, "opacities": 14}
+_OF_COVER = {"details": 0, "posed": 1, "axes": 2, "light": 3, "gloss": 4, "images": 5, "strokes": 6, "sent": 7,
+             "opacities": 14}  # fmt: skip
+_COVERED = (("corner", 4, "i"), ("image_place", 2, "f"), ("position", 3, "f"), ("face", 3, "f"),
+            ("packed_colour", 2, "i"))  # fmt: skip
 _GROUP = 64  # points
 
 
@@ -75,10 +78,10 @@ class PosedPicture:
         yield
         self._programs.compute("deform/lobes.comp.glsl")
         yield
-        self._surface()
+        self._surface(False)
         for has_maps, has_detail in product((False, True), repeat=2):
             yield
-            self._term(has_maps, has_detail)
+            self._term(has_maps, has_detail, False)
         yield
         self._target.warm_up()
 
@@ -117,7 +120,8 @@ class PosedPicture:
     def _take_cover(self, part: CoverPart) -> None:
         self._cover = None
         for name, array in (
-            ("covered", part.corners), ("details", part.lobes), ("images", part.images), ("strokes", part.strokes)
+            ("covered", part.corners), ("details", part.lobes), ("images", part.images), ("strokes", part.strokes),
+            ("opacities", part.opacities), ("holes", part.holes),
         ):  # fmt: skip
             self._fill(name, array)
         self._cover = part
@@ -164,8 +168,10 @@ class PosedPicture:
     def _draw_triangles(
         self, shape: ShapePart, appearance: AppearancePart, cover: CoverPart, view: dict[str, object]
     ) -> None:
-        set_uniforms(self._surface(), **view)
-        self._triangles.draw(self._surface(), self._buffers["corners"], (0, len(shape.corners) // 3))
+        surface = self._surface(bool(len(cover.opacities)))
+        self._bind(_OF_SURFACE)
+        set_uniforms(surface, **view)
+        self._triangles.draw(surface, self._buffers["corners"], (0, len(shape.corners) // 3))
         self._target.begin_terms()
         self._bind(_OF_COVER)
         for term in appearance.terms:
@@ -174,8 +180,10 @@ class PosedPicture:
     def _draw_term(
         self, term: DeformTerm, appearance: AppearancePart, cover: CoverPart, view: dict[str, object]
     ) -> None:
-        program = self._term(term.maps is not None, term.detail is not None)
-        set_uniforms(program, **view, reflectance=term.reflectance)
+        i, opacities = term.i_object, cover.opacities
+        has_holes = bool(len(opacities)) and opacities[i, 0] > 0.0
+        program = self._term(term.maps is not None, term.detail is not None, has_holes)
+        set_uniforms(program, **view, reflectance=term.reflectance, i_object=i)
         if term.maps is not None:
             set_uniforms(program, **map_uniforms(term.maps), n_strokes=cover.n_strokes)
         if term.detail is not None:
@@ -190,12 +198,12 @@ class PosedPicture:
         for name, binding in bindings.items():
             self._buffers[name].bind_to_storage_buffer(binding)
 
-    def _term(self, has_maps: bool, has_detail: bool) -> moderngl.Program:
-        switches = {"HAS_MAPS": int(has_maps), "HAS_DETAIL": int(has_detail)}
+    def _term(self, has_maps: bool, has_detail: bool, has_holes: bool) -> moderngl.Program:
+        switches = {"HAS_MAPS": int(has_maps), "HAS_DETAIL": int(has_detail), "HAS_HOLES": int(has_holes)}
         return self._programs.get("deform/term.vert.glsl", "deform/term.frag.glsl", **switches)
 
-    def _surface(self) -> moderngl.Program:
-        return self._programs.get("deform/surface.vert.glsl", "deform/surface.frag.glsl")
+    def _surface(self, has_holes: bool) -> moderngl.Program:
+        return self._programs.get("deform/surface.vert.glsl", "deform/surface.frag.glsl", HAS_HOLES=int(has_holes))
 
     def forget(self) -> None:
         """Free the parts of a scene."""

@@ -59,6 +59,7 @@ class PointBuffers:
         self.mesh: MeshPart | None = None
         self.terms: tuple[OrbitTerm, ...] = ()
         self.emission = np.zeros((0, 3), np.float32)
+        self.has_holes = np.zeros(0, bool)  # which objects
         self.tables: dict[int, Tables] = {}
         self.sky: moderngl.Texture | None = None
         self.turn, self.scale, self.n_peaks = 0.0, 1.0, 0
@@ -114,6 +115,8 @@ class PointBuffers:
 
     def _take_terms(self, part: TermsPart) -> None:
         self.terms, self.emission = part.terms, part.emission
+        self.has_holes = part.opacities[:, 0] > 0.0 if len(part.opacities) else np.zeros(len(part.emission), bool)
+        self._replace("opacities", self._memory.filled(part.opacities))
         used = {term.tables for term in part.terms}
         for serial in [serial for serial in self.tables if serial not in used]:
             self._release_all(self.tables.pop(serial).buffers)
@@ -167,7 +170,7 @@ class PointBuffers:
 
 
 _CORNER = (("position", 3, "f"), ("face", 3, "f"), ("image_place", 2, "f"), ("sides", 2, "i"), ("first_way", 3, "f"),
-           ("second_way", 3, "f"))  # fmt: skip
+           ("second_way", 3, "f"), ("packed_colour", 2, "i"))  # fmt: skip
 _GROUPS = 32768  # of a compute shader, in one row
 FIRST_SLICES = 8  # binding of the slices' four buffers
 _NO_FORMULA = {"generated/brdf.glsl": ""}
@@ -203,10 +206,10 @@ class ShadedPicture:
             self._programs.compute(f"orbit/{name}.comp.glsl")
         for fragment in ("emitted", "seen"):
             yield
-            self._program("emitted", fragment)
+            self._program("emitted", fragment, HAS_HOLES=0)
         for is_bumpy, has_maps in product((False, True), repeat=2):
             yield
-            self._term_program(is_bumpy, has_maps)
+            self._term_program(is_bumpy, has_maps, False)
         yield
         self._target.warm_up()
 
@@ -231,9 +234,12 @@ class ShadedPicture:
         return 0.0 if self._query is None else self._query.elapsed / 1e9
 
     def _draw_surfaces(self, mesh: MeshPart, view: dict[str, object], n_coefficients: int) -> None:
-        buffers, emitted = self.buffers, self._program("emitted", "emitted")
+        buffers = self.buffers
+        for binding, name in ((5, "images"), (14, "opacities")):
+            buffers[name].bind_to_storage_buffer(binding)
         for i, emission in enumerate(buffers.emission):
-            set_uniforms(emitted, **view, emission=tuple(map(float, emission)))
+            emitted = self._program("emitted", "emitted", HAS_HOLES=int(buffers.has_holes[i]))
+            set_uniforms(emitted, **view, emission=tuple(map(float, emission)), i_object=i)
             self._draw_object(emitted, mesh, i)
         self._target.begin_terms()
         self._mark(mesh, view)
@@ -245,7 +251,7 @@ class ShadedPicture:
 
     def _mark(self, mesh: MeshPart, view: dict[str, object]) -> None:
         """Mark the visible points of objects with blunt gloss."""
-        program, buffers = self._program("emitted", "seen"), self.buffers
+        program, buffers = self._program("emitted", "seen", HAS_HOLES=0), self.buffers
         buffers["corners"].bind_to_storage_buffer(7)
         buffers["seen"].bind_to_storage_buffer(8)
         for i in sorted({term.i_object for term in buffers.terms if term.tables and not term.sharp}):
@@ -279,12 +285,13 @@ class ShadedPicture:
         # which they will be is not known before, and no edit of theirs compiles another.
         is_sharp, stack = bool(term.sharp) and term.tables in buffers.tables, self._sharp.stack(i_term)
         source = stack.source if is_sharp and stack is not None else None
-        program = self._term_program(bumps is not None, maps is not None, is_sharp, source)
+        has_holes = bool(buffers.has_holes[term.i_object])
+        program = self._term_program(bumps is not None, maps is not None, has_holes, is_sharp, source)
         for binding, name in enumerate(("points", "irradiance", "indirect", "rows", "gloss", "images", "strokes")):
             buffers[name].bind_to_storage_buffer(binding)
         set_uniforms(
             program, **view, row_words=buffers.row_words, reflectance=term.reflectance, sends_on=term.albedo,
-            has_gloss=float(term.tables in buffers.tables),
+            has_gloss=float(term.tables in buffers.tables), i_object=term.i_object,
         )  # fmt: skip
         if is_sharp:
             self._set_sharp(program, i_term, n_coefficients)
@@ -298,12 +305,14 @@ class ShadedPicture:
         self._draw_object(program, mesh, term.i_object)
 
     def _term_program(
-        self, is_bumpy: bool, has_maps: bool, is_sharp: bool = False, formula: Mapping[str, str] | None = None
-    ) -> moderngl.Program:
+        self, is_bumpy: bool, has_maps: bool, has_holes: bool, is_sharp: bool = False,
+        formula: Mapping[str, str] | None = None,
+    ) -> moderngl.Program:  # fmt: skip
         """The program of terms; formula: the text of its layers' BRDF, see `BrdfStack.source`."""
         return self._programs.get(
             "orbit/term.vert.glsl", "orbit/term.frag.glsl", formula or _NO_FORMULA, IS_BUMPY=int(is_bumpy),
-            HAS_MAPS=int(has_maps), IS_SHARP=int(is_sharp), HAS_FORMULA=int(formula is not None),
+            HAS_MAPS=int(has_maps), HAS_HOLES=int(has_holes), IS_SHARP=int(is_sharp),
+            HAS_FORMULA=int(formula is not None),
         )  # fmt: skip
 
     def _set_sharp(self, program: moderngl.Program, i_term: int, n_coefficients: int) -> None:
