@@ -229,11 +229,11 @@ def test_opacity_is_the_factors_times_the_alpha_of_the_base_colours_texture(
     image = {"uri": "data:image/png;base64," + base64.b64encode(png([[[255, 0, 0, 200], [0, 0, 0, 9]]])).decode()}
     pbr = {"baseColorTexture": {"index": 0}, "baseColorFactor": [1, 1, 1, 0.5], "metallicFactor": 0}
     material = {"alphaMode": mode, "alphaCutoff": 0.25, "pbrMetallicRoughness": pbr, "doubleSided": True}
+    # An image without alpha is opaque; its brightness means nothing.
+    assert read(material=material).parts[0].opacity == Opacity(said, 0.25, 0.5)
     model = read(image=image, material=material)
     assert model.parts[0].opacity == Opacity(said, 0.25, 0.5, "#0") and model.notes == ()
     assert read(image=image, material=material | {"alphaMode": "OPAQUE"}).parts[0].opacity == OPAQUE
-    # An image without alpha is opaque; its brightness means nothing.
-    assert read(material=material).parts[0].opacity == Opacity(said, 0.25, 0.5)
 
 
 def test_opacities_of_a_file_reach_the_scene_unless_it_says_otherwise(
