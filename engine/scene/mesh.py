@@ -273,7 +273,7 @@ def _join_corners(meshes: list[Mesh], name: str) -> npt.NDArray[np.float32]:
     """Values at the corners (T, 3, ...) of all triangles of several meshes."""
     fill = _FILL[name]
     every = (
-        mesh.corner_values.get(name, np.broadcast_to(np.float32(fill), (len(mesh.triangles), 3, len(fill))))
+        mesh.corner_values.get(name, np.broadcast_to(np.asarray(fill, np.float32), (len(mesh.triangles), 3, len(fill))))
         for mesh in meshes
     )
     return np.ascontiguousarray(np.concatenate(list(every)), np.float32)

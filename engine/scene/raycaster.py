@@ -136,10 +136,9 @@ class RayCaster:
             if self._holed is not None:
                 rows = np.flatnonzero(~blocked[part])
                 reach = self._limits(limits, part)
-                found = self._first_there(
-                    *(each[rows] for each in rays), None if reach is None else reach[rows],
-                    self._chances(origins[part][rows], directions[part][rows]),
-                )  # fmt: skip
+                chances = self._chances(origins[part][rows], directions[part][rows])
+                limit = None if reach is None else reach[rows]
+                found = self._first_there(rays[0][rows], rays[1][rows], limit, chances)
                 blocked[part][rows] = found.triangle >= 0
 
         self._split(len(origins), trace)

@@ -252,7 +252,9 @@ def read_normal_map(data: bytes, file: Path | str, report: ReportNote = ignore_n
     """Slopes (H, W, 2) of a normal map's texels along its x and y, row 0 on top; flip_green: y, its green, means down.
     Raises LoadError."""
     slopes = read_image(data, file, lambda values: _slopes(values, file), report)
-    return slopes * np.float32([1.0, -1.0]) if flip_green else slopes
+    if flip_green:
+        slopes[..., 1] *= -1.0
+    return slopes
 
 
 def _slopes(values: Values, file: Path | str) -> Image:

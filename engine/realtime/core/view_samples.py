@@ -312,7 +312,7 @@ def assemble_picture(
 def _places(start: int, stop: int, places: NDArray[np.float64], width: int) -> NDArray[np.float64]:
     """Where some rays pass a picture (N, 2): at places (R, 2), or, without, at its pixels' centres."""
     rays = np.arange(start, stop)
-    return places[rays] if len(places) else np.stack([rays % width, rays // width], axis=1) + 0.5
+    return np.asarray(places[rays] if len(places) else np.stack([rays % width, rays // width], axis=1) + 0.5)
 
 
 def _empty_samples(n: int) -> Samples:
