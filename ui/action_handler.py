@@ -21,6 +21,7 @@ from app.document.commands.light import set_environment_file
 from app.document.commands.maps import SetMap, without_strokes
 from app.document.linked_layers import Layers
 from app.document.named_files import IMAGE_SUFFIXES, image_name, with_full_names
+from app.document.scene_files import split_axis
 from app.document.selection import layer_shown
 from app.document.sources import EXPECTED, LIGHT_ENDINGS, PICTURE_ENDINGS, SCENE_ENDINGS, SESSION_ENDING
 from app.document.view_state import OpenPanel, ViewCommand
@@ -274,8 +275,10 @@ class ActionHandler:
     def open(self, path: str) -> None:
         """Open a file by its suffix: a scene or session, light, a measurement for the selected object, a table for the
         selected curve, a texture for the selected layer; anything else is refused with one line."""
-        suffix = Path(path).suffix.lower()
-        if suffix in TABLE_ENDINGS:
+        suffix = Path(split_axis(path)[0]).suffix.lower()
+        if os.path.isdir(path):
+            self._editor.open(path)
+        elif suffix in TABLE_ENDINGS:
             if self._check_file(Path(path), "table"):
                 self._editor.exchange.read_table(path)
         elif suffix in (*SCENE_ENDINGS, SESSION_ENDING, *LIGHT_ENDINGS, *MEASURED_ENDINGS):
@@ -320,7 +323,7 @@ class ActionHandler:
 
     def _open_file(self, path: Path, suffix: str) -> None:
         kind = "measured" if suffix in MEASURED_ENDINGS else "environment" if suffix in LIGHT_ENDINGS else "scene"
-        if not self._check_file(path, kind):
+        if not self._check_file(Path(split_axis(str(path))[0]), kind):
             return
         if suffix in MEASURED_ENDINGS:
             self._editor.exchange.import_measured(path)
@@ -362,9 +365,9 @@ class ActionHandler:
         """Whether an action replaces what is open."""
         match action:
             case OpenFile():
-                path = Path(action.path)
+                path = Path(split_axis(action.path)[0])
                 is_scene = path.suffix.lower() in (*SCENE_ENDINGS, SESSION_ENDING) and os.path.isfile(path)
-                return is_scene or action.path in builtin_scenes()
+                return is_scene or os.path.isdir(path) or action.path in builtin_scenes()
             case Recover():
                 return action.accept
             case Quit():

@@ -9,7 +9,18 @@ from typing import Annotated
 import typer
 
 from app.cli.console import print_line
-from app.cli.options import SCENE_HELP, Bounces, Resolution, Values, assignments, print_notes, progress
+from app.cli.options import (
+    SCENE_HELP,
+    Axis,
+    Bounces,
+    Resolution,
+    Up,
+    Values,
+    assignments,
+    oriented,
+    print_notes,
+    progress,
+)
 from app.project.project import open_project
 from app.system.atomic import require_folder, require_place
 
@@ -70,12 +81,13 @@ def export(
     set_: Values = None,
     bounces: Bounces = None,
     resolution: Resolution = None,
+    up: Up = Axis.Y,
 ) -> int:
     """Export the edited scene for Mitsuba 3, with a program that renders it."""
     from app.export.mitsuba import export_scene
 
     require_folder(output)
-    project = open_project(scene, resolution, assignments(set_))
+    project = open_project(oriented(scene, up), resolution, assignments(set_))
     with progress() as report:
         notes = export_scene(project, output, bounces or project.scene.description.bounces or 1, report)
     print_notes(notes)

@@ -5,11 +5,13 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from enum import StrEnum
 from typing import Annotated, Any
 
 import typer
 
 from app.cli.console import print_line
+from app.document.scene_files import with_axis
 from app.project.project import Project, parse_assignment
 from engine.core.errors import plain_line, plain_notes
 from engine.precompute.indirect.sampling_settings import MOST_BOUNCES
@@ -42,8 +44,19 @@ def setting_option(name: str, most: int | None = None) -> Any:
     return typer.Option(setting.option, metavar="N", help=help_text)
 
 
-SCENE_HELP = "A scene file, a session, a mesh, an environment, or a built-in scene's name."
+class Axis(StrEnum):
+    """The axis of a mesh that points up."""
+
+    Y = "y"
+    Z = "z"
+
+
+SCENE_HELP = (
+    "A scene file, a session, a mesh, a folder or a zip archive with one of these, an environment, or a built-in "
+    "scene's name."
+)
 Scene = Annotated[str, typer.Argument(help=SCENE_HELP)]
+Up = Annotated[Axis, typer.Option("--up", help="The axis of a mesh that points up; glTF and 3MF say it themselves.")]
 Values = Annotated[
     list[str] | None, typer.Option("--set", metavar="PATH=VALUE", help="For example teapot.1.alpha=0.3.")
 ]
@@ -87,6 +100,11 @@ Samples = Annotated[
     int | None,
     typer.Option("--samples", min=1, max=1 << 20, help="Paths per pixel of --reference."),
 ]
+
+
+def oriented(scene: str, up: Axis) -> str:
+    """The scene's name with the axis of its mesh that points up."""
+    return with_axis(scene, "z") if up is Axis.Z else scene
 
 
 def lines(overrides: list[str] | None) -> dict[str, Any]:

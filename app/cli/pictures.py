@@ -15,6 +15,7 @@ import typer
 from app.cli.console import Frontend, print_error, print_line
 from app.cli.options import (
     Accuracy,
+    Axis,
     Bounces,
     Edges,
     Lights,
@@ -28,10 +29,12 @@ from app.cli.options import (
     Scheduler,
     Series,
     Time,
+    Up,
     Values,
     ViewName,
     assignments,
     lines,
+    oriented,
     print_project_notes,
     progress,
     window_size,
@@ -61,6 +64,7 @@ class StillMode(Enum):
 def render(
     output: Annotated[Path, typer.Option("-o", "--output", help="OUT.exr (linear) or OUT.png (as on screen).")],
     scene: Scene = DEFAULT_SCENE,
+    up: Up = Axis.Y,
     set_: Values = None,
     bounces: Bounces = None,
     series: Series = None,
@@ -118,7 +122,7 @@ def render(
         many = "--turntable" if frames is None else "--frames"
         raise InsituError(f"--accuracy {accuracy:g} {many}: expected --mode placement, or one picture")
     own = () if edges is None else (("n_edge_rays", edges),)
-    words = ProjectSpec(scene, resolution, tuple(values), camera, own, tuple(planned.items()))
+    words = ProjectSpec(oriented(scene, up), resolution, tuple(values), camera, own, tuple(planned.items()))
     if turntable is not None or frames is not None:
         from app.stills.frame_sequence import Frames
 
@@ -237,6 +241,7 @@ def screenshot(
     context: typer.Context,
     output: Annotated[Path, typer.Option("-o", "--output", help="UI.png; the script saves its pictures beside it.")],
     scene: Scene = DEFAULT_SCENE,
+    up: Up = Axis.Y,
     script: Annotated[Path | None, typer.Option("--script", help="A TOML list of edits to carry out first.")] = None,
     size: Annotated[tuple[int, int], typer.Option("--size", metavar="W H", callback=window_size)] = (1280, 800),
     scale: Annotated[float, typer.Option("--scale", min=0.5, max=4.0, help="1 is 96 dots per inch.")] = 1.0,
@@ -257,6 +262,6 @@ def screenshot(
     if view is not None:
         steps = (Step("view", find_view(view)), *steps)
     frontend: Frontend = context.obj
-    frontend.take_screenshot(find_source(scene), output, steps, size, scale, resolution)
+    frontend.take_screenshot(find_source(oriented(scene, up)), output, steps, size, scale, resolution)
     print_line(f"{output}: {size[0]} x {size[1]}")
     return 0

@@ -15,14 +15,17 @@ from app.cli.exchange import export, export_brdf, import_brdf
 from app.cli.info import info
 from app.cli.options import (
     LIGHTS,
+    Axis,
     Lights,
     Override,
     Resolution,
     Scene,
     Scheduler,
+    Up,
     Values,
     assignments,
     lines,
+    oriented,
     print_project_notes,
     progress,
 )
@@ -32,18 +35,19 @@ from app.files.old_names import upgrade_arguments, upgrade_part
 from app.project.project import ProjectSpec
 from app.system.memory import available_memory
 from engine.scene.builtin import DEFAULT_SCENE, builtin_scenes
+from engine.scene.mesh import MESH_ENDINGS
 from engine.settings import N_LIGHTS
 
 
-def edit(context: typer.Context, scene: Scene = DEFAULT_SCENE) -> int:
+def edit(context: typer.Context, scene: Scene = DEFAULT_SCENE, up: Up = Axis.Y) -> int:
     """Open the editor (what `insitu SCENE` does)."""
     frontend: Frontend = context.obj
-    return frontend.open_window(find_source(scene))
+    return frontend.open_window(find_source(oriented(scene, up)))
 
 
 def precompute(
     scene: Scene = DEFAULT_SCENE, set_: Values = None, lights: Annotated[int | None, LIGHTS] = None,
-    resolution: Resolution = None, overrides: Override = None, scheduler: Scheduler = None,
+    resolution: Resolution = None, overrides: Override = None, scheduler: Scheduler = None, up: Up = Axis.Y,
 ) -> int:  # fmt: skip
     """Precompute the transport of a scene into the cache, so that the editor opens it at once."""
     from app.cli.precompute import precompute as fill
@@ -51,7 +55,8 @@ def precompute(
 
     started = time.monotonic()
     own = () if lights is None else (("n_lights", lights),)
-    words = ProjectSpec(scene, resolution, tuple(assignments(set_)), None, own, tuple(lines(overrides).items()))
+    named = oriented(scene, up)
+    words = ProjectSpec(named, resolution, tuple(assignments(set_)), None, own, tuple(lines(overrides).items()))
     with progress() as report, open_on_cluster(words, scheduler) as (project, cluster):
         done = fill(project, lambda step: report(step.fraction, f"{step.stage}: {step.text}"), cluster=cluster)
     megabytes, seconds = done.n_bytes / 2**20, time.monotonic() - started
@@ -67,6 +72,7 @@ def plan(
     overrides: Override = None,
     lights: Lights = N_LIGHTS,
     resolution: Resolution = None,
+    up: Up = Axis.Y,
     check: Annotated[
         bool, typer.Option("--check", help="Also carry it out, with an empty cache, and print what it cost.")
     ] = False,
@@ -76,7 +82,8 @@ def plan(
 
     started = time.process_time()
     own = (("n_lights", lights),)
-    words = ProjectSpec(scene, resolution, tuple(assignments(set_)), None, own, tuple(lines(overrides).items()))
+    named = oriented(scene, up)
+    words = ProjectSpec(named, resolution, tuple(assignments(set_)), None, own, tuple(lines(overrides).items()))
     project = words.open()
     opening = time.process_time() - started
     with progress() as report:
@@ -96,6 +103,7 @@ def plan(
 def measure(
     output: Annotated[Path, typer.Option("-o", "--output", help="The folder for the report, CSV and plots.")],
     scene: Scene = DEFAULT_SCENE,
+    up: Up = Axis.Y,
     quick: Annotated[
         bool, typer.Option("--quick", help="Tiny pictures and few values, to check that everything works.")
     ] = False,
@@ -111,7 +119,7 @@ def measure(
 
     with ended_in_order():
         effort, parts = QUICK if quick else FULL, [upgrade_part(name) for name in only or PARTS]
-        measure_settings(find_source(scene), output, effort, print_line, parts)
+        measure_settings(find_source(oriented(scene, up)), output, effort, print_line, parts)
     return 0
 
 
@@ -134,7 +142,8 @@ cli = typer.Typer(
     name="insitu",
     help="A desktop editor for materials and light in their final placement.",
     epilog="`insitu` alone opens the editor; `insitu SCENE` opens it on a scene. SCENE is a scene.toml, a session, a "
-    "mesh (.ply, .obj, .glb: it stands on a floor, in grey where it has no materials), an environment (.exr, .hdr: the "
+    f"mesh ({', '.join(MESH_ENDINGS)}: it stands on a floor, in grey where it has no materials), a folder or a .zip "
+    "with one of these, an environment (.exr, .hdr: the "
     f"default scene under that light), or one of: {', '.join(builtin_scenes())}.",
     add_completion=False,
     no_args_is_help=True,

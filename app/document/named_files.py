@@ -13,13 +13,14 @@ from pathlib import Path
 
 from app.document.document import Document, ObjectState
 from app.document.linked_layers import Layers
+from app.document.scene_files import files_of_scene, scene_file
 from app.system.paths import full_path
 from engine.core.safe_files import resolved
 from engine.material.layer import Layer
 from engine.material.layer_maps import split_image_name
 from engine.material.measured import HIGHLIGHT_MODELS
 from engine.measured.measurement import Measurement
-from engine.scene.builtin import builtin_environments, scene_path
+from engine.scene.builtin import builtin_environments
 
 FILE = "file"
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".exr")
@@ -118,7 +119,7 @@ def _with_image_names(layers: Layers, new_name: Callable[[str], str]) -> Layers:
 
 def scene_folder(source: str) -> Path:
     """The folder of a built-in scene or a scene file."""
-    return resolved(scene_path(source)).parent
+    return resolved(scene_file(source)).parent
 
 
 # ----------------------------------------------------------------------------------------------------- all of these
@@ -127,7 +128,7 @@ def scene_folder(source: str) -> Path:
 def files_of_document(document: Document, known: Document | None = None) -> set[Path]:
     """All of these files, whether they exist or not; without what `known` has as well."""
     before = None if known is None or known.source != document.source else known
-    found: set[Path] = set() if before is not None else {scene_path(document.source)}
+    found = set[Path]() if before is not None else files_of_scene(document.source)
     light = document.light
     if before is None or light.environment != before.light.environment:
         builtin = builtin_environments().get(light.environment)

@@ -1,7 +1,8 @@
 """Sources that can be opened by name: recognized by the suffix, before anything is read.
 
-A scene is a built-in one's name, a scene file, or a mesh, which gets a floor of its own (`engine.scene.object_meshes`).
-A session names a scene. An environment alone opens the built-in scene lit by it.
+A scene is a built-in one's name, a scene file, a mesh, which gets a floor of its own (`engine.scene.object_meshes`), or
+a folder or a zip archive with one of these (`app.document.scene_files`). A session names a scene. An environment alone
+opens the built-in scene lit by it.
 
 Of a light probe the header is read, and its size tells the likely mapping: Debevec's angular maps are square, crosses
 of a cube's faces 4 x 3 or 3 x 4, lat-long maps twice as wide as high; a user who drops a probe on the window should
@@ -16,6 +17,7 @@ import struct
 from dataclasses import dataclass
 from pathlib import Path
 
+from app.document.scene_files import ARCHIVE_ENDING, Up, can_turn, scene_in_folder, split_axis, with_axis
 from app.system.paths import full_path
 from engine.core.errors import InsituError
 from engine.core.safe_files import exists, resolved
@@ -26,12 +28,12 @@ from engine.scene.builtin import DEFAULT_SCENE, builtin_scenes
 from engine.scene.mesh import MESH_ENDINGS
 
 SESSION_ENDING = ".insitu"
-SCENE_ENDINGS = (".toml", *MESH_ENDINGS)
+SCENE_ENDINGS = (".toml", *MESH_ENDINGS, ARCHIVE_ENDING)
 LIGHT_ENDINGS = (".exr", ".hdr", ".pic")
 PICTURE_ENDINGS = (".png", ".jpg", ".jpeg")
 EXPECTED = (
-    f"a scene (.toml), a session ({SESSION_ENDING}), a mesh ({', '.join(MESH_ENDINGS)}) or light "
-    f"({', '.join(LIGHT_ENDINGS)})"
+    f"a scene (.toml), a session ({SESSION_ENDING}), a mesh ({', '.join(MESH_ENDINGS)}), a folder or an archive "
+    f"({ARCHIVE_ENDING}) with one scene, or light ({', '.join(LIGHT_ENDINGS)})"
 )
 
 
@@ -48,24 +50,28 @@ class Source:
 def source_of(name: str) -> Source:
     """The source of a name or path; it may not exist. Raises InsituError that says what it is instead, and what to
     do."""
-    path, ending = Path(name), Path(name).suffix.lower()
+    base, up = split_axis(name)
     if name in builtin_scenes():
         return Source(name)
-    if os.path.isdir(path):
-        raise InsituError(f"{name}: a folder, expected {EXPECTED}")
+    path = scene_in_folder(Path(base)) if os.path.isdir(base) else Path(base)
+    ending = path.suffix.lower()
+    if up == "z" and not can_turn(str(path)):
+        raise InsituError(f"{base}: Z is up, expected a mesh ({', '.join(MESH_ENDINGS)}); other scenes are upright")
     if ending in LIGHT_ENDINGS:
         return Source(light=resolved(path))
     if ending == SESSION_ENDING:
         return Source(session=resolved(path))
     if ending in SCENE_ENDINGS or not os.path.exists(path):
-        return Source(full_path(name))
+        return Source(with_axis(full_path(str(path)), up))
     raise InsituError(f"{name}: {_describe_ending(ending)}")
 
 
-def find_source(name: str | None) -> str:
-    """The name of a built-in scene, or of an existing file that can be opened. Raises InsituError."""
+def find_source(name: str | None, up: Up = "y") -> str:
+    """The name of a built-in scene, or of an existing file that can be opened; up: the axis of a mesh that points up,
+    where its name does not say it. Raises InsituError."""
     name = name or DEFAULT_SCENE
-    if name not in builtin_scenes() and not exists(name):
+    name = with_axis(name, up) if up == "z" else name
+    if name not in builtin_scenes() and not exists(split_axis(name)[0]):
         there = ", ".join(builtin_scenes())
         raise InsituError(f"{name}: no such file, and no built-in scene of that name; built-in scenes are {there}")
     source_of(name)

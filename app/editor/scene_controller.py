@@ -19,6 +19,7 @@ from app.document.effective_settings import effective_view
 from app.document.history import History
 from app.document.named_files import document_with_measurements, files_of_document, layers_of_document, unread_files
 from app.document.scene_change import SceneChange, matching_parts
+from app.document.scene_files import Up, split_axis, with_axis
 from app.document.selection import initial_selection
 from app.document.sources import source_of
 from app.document.timeline import visible_poses
@@ -203,6 +204,13 @@ class SceneController:
             host.notify(f"{self._keeper.path}: written elsewhere, and there are unsaved edits here; these stay", True)
         self.open(Opening(0, host.document.source, present=(host.document, host.view)))
         return None
+
+    def turn_up(self, up: Up | None = None) -> None:
+        """Open the mesh again with this axis up, the other one by default; edits stay."""
+        host = self._host
+        source, now = split_axis(host.document.source)
+        source = with_axis(source, up or ("y" if now == "z" else "z"))
+        self.open(Opening(0, source, present=(host.document, host.view)))
 
     def open_default(self, why: str) -> None:
         """Open the built-in scene where nothing is open, so that the window is of use; `why` is shown."""

@@ -15,6 +15,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+from app.document.scene_files import split_axis
 from app.system.atomic import replacing, save_file
 from engine.core.errors import InsituError
 from engine.scene.toml_text import load_toml, toml_lines
@@ -89,7 +90,7 @@ class RecentFiles:
         """The newest first."""
         now = time.monotonic()
         if now - self._checked_at > FRESH_SECONDS:
-            self._checked = tuple(Recent(path, os.path.isfile(path)) for path in self._paths)
+            self._checked = tuple(Recent(path, os.path.isfile(split_axis(str(path))[0])) for path in self._paths)
             self._checked_at = now
         return self._checked
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from app.document.document import Document
+from app.document.scene_files import Up
 from app.document.sources import SESSION_ENDING, find_source, source_of
 from app.document.view_state import Viewpoint, ViewState
 from app.files.session import load_session, save_session
@@ -27,9 +28,12 @@ from engine.scene.import_report import ImportReport, report_scene
 MAX_SIDE = 16384
 
 
-def open_scene(name: str | os.PathLike[str] = DEFAULT_SCENE, *, resolution: tuple[int, int] | None = None) -> Scene:
-    """Open a scene: the name of a built-in one, or a scene file, a session, a mesh or an environment, which lights the
-    built-in scene. resolution: (width, height) in pixels, None: as the file says.
+def open_scene(
+    name: str | os.PathLike[str] = DEFAULT_SCENE, *, resolution: tuple[int, int] | None = None, up: Up = "y"
+) -> Scene:
+    """Open a scene: the name of a built-in one, or a scene file, a session, a mesh, a folder or a zip archive with one
+    of these, or an environment, which lights the built-in scene. resolution: (width, height) in pixels, None: as the
+    file says. up: the axis of a mesh that points up.
 
     Raises insitu.Error, in one line that says what was found and what was expected.
 
@@ -39,7 +43,7 @@ def open_scene(name: str | os.PathLike[str] = DEFAULT_SCENE, *, resolution: tupl
     """
     if not isinstance(name, (str, os.PathLike)):
         raise InsituError(f"open: {name!r}, expected the name of a scene or a path")
-    source = find_source(os.fspath(name))
+    source = find_source(os.fspath(name), up)
     session = source_of(source).session
     project = open_project(source, _checked(resolution))
     view = ViewState() if session is None else load_session(session).view

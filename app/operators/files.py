@@ -7,8 +7,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from app.document.scene_files import can_turn, split_axis
 from app.editor.editor import Editor
-from app.operators.operator import CURVE, LAYER, SCENE, Operator, ScriptKey, ValueRecord
+from app.operators.operator import CURVE, LAYER, SCENE, Need, Operator, ScriptKey, ValueRecord
 from engine.scene.description import Text
 
 
@@ -29,6 +30,8 @@ def _load_table(editor: Editor, table: CurveTable) -> str | None:
     return editor.exchange.read_table(table.file)
 
 
+MESH = Need("a scene file says where its objects are; open a mesh", lambda context: can_turn(context.document.source))
+
 FILES = (
     Operator("open", keys=("Ctrl O",), help="Open a scene or session", entry="Open…"),
     Operator("new", keys=("Ctrl N",), help="New: the built-in scene", entry="New"),
@@ -39,6 +42,12 @@ FILES = (
         "reload", lambda editor, value: editor.scenes.reload(), ("Ctrl R",),
         "Reload files saved by other programs; edits stay", entry="Reload", needs=SCENE, waits=True,
         script=ScriptKey(Literal[True], "Reads the scene's files again."),
+    ),
+    Operator(
+        "z_up", lambda editor, value: editor.scenes.turn_up(None if value is None else "z" if value else "y"),
+        help="Turn a mesh whose Z axis points up, as in CAD, or turn it back; edits stay.", entry="Z is up",
+        is_on=lambda context: split_axis(context.document.source)[1] == "z", needs=MESH, waits=True,
+        script=ScriptKey(bool, "Whether the Z axis of an opened mesh points up."),
     ),
     Operator("report", keys=("I",), help="What the file has, and what is not shown", entry="What the file contains"),
     Operator("save", keys=("Ctrl S",), help="Save the session", entry="Save session"),

@@ -38,6 +38,7 @@ from app.document.document import (
     resolve,
 )
 from app.document.named_files import document_with_measurements, files_of_document, layers_of_document, unread_files
+from app.document.scene_files import is_archive, split_axis, unpacked_scene_file, with_axis
 from app.document.sources import find_source, likely_mapping, source_of
 from app.document.view_state import Viewpoint
 from app.files.bookmarks import find_bookmark
@@ -51,7 +52,7 @@ from engine.core.errors import InsituError, LoadError
 from engine.material.layer import object_of
 from engine.material.parameters import INDICES, reflectance_of_index
 from engine.measured.measurement import ENDINGS as MEASURED_ENDINGS
-from engine.scene.builtin import DEFAULT_SCENE, builtin_environments, scene_path
+from engine.scene.builtin import DEFAULT_SCENE, builtin_environments
 from engine.scene.toml_text import parse_toml
 from engine.settings import AS_PLANNED, LineValue, RenderSettings, checked_setting
 
@@ -170,8 +171,12 @@ class ProjectSpec:
         return with_overrides(project.with_settings(**dict(self.settings)), dict(self.overrides))
 
     def with_absolute_paths(self) -> ProjectSpec:
-        """The same with absolute paths, so that it can be opened from any folder."""
-        return replace(self, name=full_path(self.name or DEFAULT_SCENE))
+        """The same with absolute paths, so that it can be opened from any folder; of an archive the path of its scene,
+        unpacked. Raises InsituError."""
+        name = full_path(self.name or DEFAULT_SCENE)
+        return replace(
+            self, name=with_axis(str(unpacked_scene_file(name)), split_axis(name)[1]) if is_archive(name) else name
+        )
 
 
 def open_project(
@@ -194,8 +199,8 @@ def open_project(
     if resolution is not None:
         require_memory_for(resolution)  # before a mesh is read
     named = source.scene if session is None else session.document.source
-    path = scene_path(named)
-    scene = load_scene(path, resolution).from_camera(look.camera)
+    path = unpacked_scene_file(named)
+    scene = load_scene(path, resolution, split_axis(named)[1]).from_camera(look.camera)
     require_memory_for(scene.resolution)
     document = read_measurements(
         document_from_description(named, scene.description, scene.animations), scene.folder, path

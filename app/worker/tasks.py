@@ -19,6 +19,7 @@ import numpy as np
 
 from app.document.document import LightState, document_from_description
 from app.document.named_files import document_with_measurements, layers_of_document, unread_files, with_measurements
+from app.document.scene_files import files_of_scene, split_axis, unpacked_scene_file
 from app.messages.worker_messages import (
     FetchTable,
     OpenScene,
@@ -58,7 +59,6 @@ from engine.planner import planned_edge_rays
 from engine.precompute.direct.pipeline import Placement, SkyState
 from engine.realtime.zonal_harmonics.pose import Poses
 from engine.realtime.zonal_harmonics.posed_scene import pose_scene
-from engine.scene.builtin import scene_path
 from engine.scene.cutouts import scene_caster
 from engine.scene.import_report import report_scene
 from engine.scene.picture_frame import picture_frame
@@ -232,13 +232,14 @@ class RequestDispatcher:
 
     def _open(self, request: OpenScene) -> Steps:
         yield Progress("scene", 0.0, text="reading the scene")
-        path = scene_path(request.source)
-        scene = load_scene(path)
+        path = unpacked_scene_file(request.source)
+        scene = load_scene(path, up=split_axis(request.source)[1])
         document = document_from_description(request.source, scene.description)
         names = described_paths(unread_files(layers_of_document(document)), scene.folder, path)
         names |= {file: Path(file) for file in request.measured}
         measurements = yield from read_files(names, self.context.store)
-        files = {str(path): file_stamp(path) for path in (*scene.files, *names.values())}
+        read = (*scene.files, *files_of_scene(request.source), *names.values())
+        files = {str(path): file_stamp(path) for path in read}
         self.context.load(scene, request.id)
         description = scene.description.model_dump_json(by_alias=True)
         own = layers_of_document(document_with_measurements(document, measurements))

@@ -136,6 +136,39 @@ def resolve_inside(folder: Path, name: str, file: Path, what: str) -> Path:
     return path
 
 
+def find_inside(root: Path, folder: Path, name: str) -> Path | None:
+    """The file that another file in `folder` names, where it is inside `root`, else None.
+
+    The name may have another system's separators or capitals; of a path that leads elsewhere, as those of the machine
+    where a file was made, the last part is tried in `folder`.
+    """
+    parts = name.replace("\\", "/").split("/")
+    for each in (parts, parts[-1:]):
+        with contextlib.suppress(LoadError, ValueError, OSError):
+            inside = (resolved(folder).relative_to(resolved(root)) / "/".join(each)).as_posix()
+            path = resolve_inside(root, inside, root, "name")
+            if exists(path):
+                return path
+            other = resolve_inside(root, _existing_spelling(resolved(root), path), root, "name")
+            if exists(other):
+                return other
+    return None
+
+
+def _existing_spelling(root: Path, path: Path) -> str:
+    """A path inside `root` in the spelling of what exists, relative to it; unchanged where nothing differs in capitals
+    alone."""
+    if _access.places is not None:
+        wanted = portable_name(path).casefold()
+        path = next((Path(name) for name in _access.places if name.casefold() == wanted), path)
+        return path.relative_to(root).as_posix()
+    found = root
+    for part in path.relative_to(root).parts:
+        names = [part] if os.path.exists(found / part) else os.listdir(found)
+        found = found / next((name for name in names if name.casefold() == part.casefold()), part)
+    return found.relative_to(root).as_posix()
+
+
 def file_kind(mode: int) -> str:
     """The kind of a file with this mode that is not a regular file."""
     names = {stat.S_IFDIR: "a folder", stat.S_IFIFO: "a named pipe", stat.S_IFSOCK: "a socket",

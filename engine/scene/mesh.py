@@ -21,13 +21,10 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.core.errors import LoadError
-from engine.core.safe_files import read_regular_file
 
-MESH_ENDINGS = (".ply", ".obj", ".glb")
+MESH_ENDINGS = (".glb", ".obj", ".ply", ".stl", ".off", ".3mf")
 MAX_MESH_BYTES = 512 * 2**20
 MAX_COORDINATE = 1e12
-# A face is a sliver if it is lower than this share of its longest edge.
-_SLIVER = 1e-5
 # Steps of the mesh's size within which positions are equal: three such numbers fit into 63 bits.
 _STEPS = 2**21 - 1
 MAX_UV = 1e4  # beyond, single precision no longer resolves texels
@@ -63,32 +60,15 @@ class Mesh:
         return {name: values for name, values in named.items() if values is not None}
 
 
-@dataclass(frozen=True)
-class MeshFile:
-    """The triangles of a file, a note on each kind of skipped content, and the names of materials that are not read;
-    empty if it names none."""
+def mend_mesh(mesh: Mesh, file: Path) -> tuple[Mesh, list[str]]:
+    """The mesh of a file without normals and texture coordinates that cannot be shown, and notes on these; raises
+    LoadError where it cannot be used at all.
 
-    mesh: Mesh
-    notes: tuple[str, ...] = ()
-    materials: str = ""
-
-
-def read_mesh_file(path: Path) -> MeshFile:
-    """Read an OBJ or PLY file; raises LoadError. GLB files have materials too: `gltf.read_glb`.
-
-    As there, normals that are not finite are computed from the faces around, and texture coordinates beyond single
-    precision become 0; a note gives their number.
+    Normals that are not finite are computed from the faces around; texture coordinates beyond single precision become
+    0.
     """
-    from engine.scene.loaders.obj import parse_obj
-    from engine.scene.loaders.ply import parse_ply
-
-    parsers = {".ply": parse_ply, ".obj": parse_obj}
-    parse = parsers.get(path.suffix.lower())
-    if parse is None:
-        raise LoadError(path, "type", path.suffix or path.name, "a mesh of type .ply or .obj")
-    found = parse(read_regular_file(path, MAX_MESH_BYTES), path)
-    mesh, notes = found.mesh, []
-    validate_mesh(replace(mesh, normals=None, uvs=None), path)
+    validate_mesh(replace(mesh, normals=None, uvs=None), file)
+    notes = []
     if mesh.normals is not None and not (usable := np.asarray(np.isfinite(mesh.normals).all(axis=1))).all():
         notes.append(f"{np.count_nonzero(~usable)} normals that are no numbers are computed from the faces")
         around = smooth_normals(mesh.vertices, mesh.triangles)
@@ -96,7 +76,7 @@ def read_mesh_file(path: Path) -> MeshFile:
     if mesh.uvs is not None and not (inside := np.abs(mesh.uvs) <= MAX_UV).all():
         notes.append(f"{np.count_nonzero(~inside)} texture coordinates beyond {MAX_UV:g} are taken as 0")
         mesh = replace(mesh, uvs=np.where(inside, mesh.uvs, np.float32(0.0)))
-    return replace(found, mesh=mesh, notes=(*found.notes, *notes))
+    return mesh, notes
 
 
 def validate_mesh(mesh: Mesh, file: Path, place: str = "") -> Mesh:
@@ -279,6 +259,39 @@ def _join_corners(meshes: list[Mesh], name: str) -> npt.NDArray[np.float32]:
     return np.ascontiguousarray(np.concatenate(list(every)), np.float32)
 
 
+def select_faces(mesh: Mesh, chosen: npt.NDArray[np.bool_ | np.integer]) -> Mesh:
+    """The mesh with some of its faces only, by a mask (T,) or by their numbers."""
+    corners = {name: own[chosen] for name, own in mesh.corner_values.items()}
+    return replace(mesh, triangles=mesh.triangles[chosen], **corners)
+
+
+def without_unused_vertices(mesh: Mesh) -> Mesh:
+    """The mesh without vertices that no face has."""
+    used, triangles = np.unique(mesh.triangles, return_inverse=True)
+    normals = None if mesh.normals is None else mesh.normals[used]
+    corners: Int32Array = triangles.astype(np.int32).reshape(-1, 3)
+    return replace(mesh, vertices=mesh.vertices[used], triangles=corners, normals=normals)
+
+
+def weld_equal_vertices(mesh: Mesh) -> Mesh:
+    """The mesh without normals, in which vertices at the very same position are one.
+
+    trimesh's own merging was rejected: it rounds to 1e-8, whatever the size of the mesh, and reorders faces.
+    """
+    ids = position_ids(mesh.vertices)
+    _, first = np.unique(ids, return_index=True)
+    triangles: Int32Array = ids.astype(np.int32)[mesh.triangles]
+    return replace(mesh, vertices=mesh.vertices[first], triangles=triangles, normals=None)
+
+
+def position_ids(vertices: Float64Array) -> npt.NDArray[np.int64]:
+    """Indices (V,), equal for vertices at the very same position, without gaps from 0."""
+    order = np.lexsort(vertices.T)
+    ids = np.empty(len(vertices), np.int64)
+    ids[order] = np.cumsum((np.diff(vertices[order], axis=0, prepend=np.nan) != 0.0).any(axis=1)) - 1
+    return ids
+
+
 def inconsistent_faces(vertices: Float64Array, triangles: npt.NDArray[np.int32]) -> npt.NDArray[np.bool_]:
     """Which triangles (T, 3) must be reversed, (T,), so that each shell is oriented consistently. Vertices (V, 3) at
     equal positions count as one, as along the seams of textures.
@@ -318,76 +331,3 @@ def _weld_vertices(vertices: Float64Array) -> npt.NDArray[np.int64]:
     size = float((vertices - low).max()) or 1.0
     x, y, z = np.rint((vertices - low) / size * _STEPS).astype(np.int64).T
     return np.unique((x << 42) + (y << 21) + z, return_inverse=True)[1].ravel()
-
-
-@dataclass(frozen=True)
-class Defects:
-    """solid (T,) marks faces with an area; the others are counts of faces."""
-
-    solid: npt.NDArray[np.bool_]
-    zero_area: int
-    sliver: int
-    duplicate: int
-    flipped: int
-
-    def notes(self) -> list[str]:
-        """One line for each kind of defect that occurs."""
-        lines = [
-            (self.zero_area, "faces without area left out"),
-            (self.sliver, "sliver faces"),
-            (self.duplicate, "faces that repeat another"),
-            (self.flipped, "faces wound against a neighbour"),
-        ]
-        return [f"{count} {text}" for count, text in lines if count]
-
-
-def count_defects(mesh: Mesh) -> Defects:
-    """Count zero-area, sliver, duplicate and inconsistently wound faces of a placed mesh.
-
-    A sliver is lower than 1e-5 of its longest edge. Two faces that share an edge should run along it in opposite
-    directions; if they do not, both count as flipped (it is unknown which one is). A third face at an edge is not a
-    defect of winding.
-    """
-    vertices, triangles = mesh.vertices, mesh.triangles
-    _, solid = face_normals(vertices, triangles)
-    corners = vertices[triangles]
-    edges = corners[:, (1, 2, 0)] - corners
-    doubled = np.linalg.norm(cross(edges[:, 0], edges[:, 1]), axis=1)
-    sliver = solid & (doubled <= _SLIVER * (edges**2).sum(axis=2).max(axis=1))
-    with_area = triangles[solid].astype(np.int64)
-    repeats = _repeats(_keys(np.sort(with_area, axis=1), len(vertices)))
-    return Defects(
-        solid,
-        int((~solid).sum()),
-        int(sliver.sum()),
-        int(repeats.sum()),
-        _count_flipped(with_area[~repeats], len(vertices)),
-    )
-
-
-def _keys(rows: npt.NDArray[np.int64], base: int) -> npt.NDArray:
-    """A sortable scalar for each row of indices: one integer for pairs, a compound of two for triples."""
-    pair = rows[:, 0] * base + rows[:, 1]
-    if rows.shape[1] == 2:
-        return pair
-    keys = np.empty(len(rows), [("pair", np.int64), ("last", np.int64)])
-    keys["pair"], keys["last"] = pair, rows[:, 2]
-    return keys
-
-
-def _repeats(keys: npt.NDArray) -> npt.NDArray[np.bool_]:
-    """Which entries equal an earlier one."""
-    _, first = np.unique(keys, return_index=True)
-    repeats = np.ones(len(keys), bool)
-    repeats[first] = False
-    return repeats
-
-
-def _count_flipped(triangles: npt.NDArray[np.int64], n_vertices: int) -> int:
-    """Number of faces at edges that exactly two faces share and run along in the same direction."""
-    directed = np.stack([triangles, triangles[:, (1, 2, 0)]], axis=2).reshape(-1, 2)
-    edges = _keys(np.sort(directed, axis=1), n_vertices)
-    _, edge, uses = np.unique(edges, return_inverse=True, return_counts=True)
-    forward = np.bincount(edge, directed[:, 0] < directed[:, 1], len(uses))
-    against = (np.abs(2 * forward - uses) >= 2)[edge].reshape(-1, 3)
-    return int(against.any(axis=1).sum())

@@ -8,8 +8,8 @@ The cost of a small file is limited by the number of objects: each takes well un
 checked, MAX_OBJECTS of them two to three seconds, whether the scene names them or they are materials of a GLB file.
 
 A single mesh stands on a floor, is seen from the front and slightly above, and lit by a built-in sky. The mesh is not
-moved, so that its coordinates stay valid: floor and camera are placed around it. Y is up, as everywhere here; a mesh
-from a program with another up axis lies on its side.
+moved, so that its coordinates stay valid: floor and camera are placed around it. Y is up, as everywhere here. A mesh
+whose format does not say which axis points up may have Z up: the user says so, and its object is turned.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
+from pathlib import Path, PurePosixPath
+from typing import Literal
 
 import numpy as np
 
@@ -26,6 +27,7 @@ from engine.core.safe_files import resolve_inside
 from engine.material.opacity import OPAQUE
 from engine.scene.builtin import ASSETS
 from engine.scene.description import (
+    IDENTITY,
     MAX_COORDINATE,
     MAX_OBJECTS,
     SCENE_VERSION,
@@ -42,6 +44,8 @@ from engine.scene.mesh import Mesh, join_meshes, with_flat_normals, with_normals
 from engine.scene.primitives import PRIMITIVES, quad
 from engine.scene.rig import Rig, join_bindings
 
+_NUMBERED = (".glb", ".gltf")
+
 # The scene of a single mesh.
 DEFAULT_ENVIRONMENT = ASSETS / "environments" / "studio.exr"
 FLOOR = LayerDescription(model="lambert", parameters={"albedo": (0.35, 0.35, 0.35)})
@@ -50,6 +54,7 @@ SMALLEST = 1e-8
 _VIEW_DIRECTION = (0.55, 0.42, 0.72)  # from the mesh to the camera
 _MARGIN = 1.08
 _FLOOR_SIDE = 40.0  # in radii of the mesh: its edges are out of sight
+_Z_UP = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)  # turns Z to Y
 _GAP = 1e-4  # in radii, below the mesh: faces in the floor's plane stay visible
 
 
@@ -129,9 +134,15 @@ def _objects_of(item: ObjectDescription, model: ImportedModel, path: Path, taken
         part = model.parts[k]
         own = _material(item, part)
         if len(chosen) > 1:
-            own |= {"name": free_name(f"{item.name[:48]} {k + 1}", taken), "part": k}
+            own |= {"name": free_name(_part_name(item, part, k), taken), "part": k}
         items.append(ObjectMesh(item.model_copy(update=own), part.mesh, part.rig, model, part.name))
     return items
+
+
+def _part_name(item: ObjectDescription, part: ImportedPart, k: int) -> str:
+    """The name of the object of a part: that of its material; in a glTF file, by which sessions know it, its number."""
+    is_numbered = not part.name or str(item.mesh).lower().endswith(_NUMBERED)
+    return f"{item.name[:48]} {k + 1}" if is_numbered else valid_name(part.name)
 
 
 def _join_parts(parts: list[ImportedPart]) -> tuple[Mesh, Rig | None, bool]:
@@ -157,13 +168,13 @@ def _material(item: ObjectDescription, part: ImportedPart) -> dict[str, object]:
     bumps = item.bumps
     if part.bumps.file and not bumps.file:
         bumps = replace(
-            part.bumps, normal_map=f"{item.mesh}{part.bumps.normal_map}", tangent_angle=bumps.tangent_angle,
+            part.bumps, normal_map=_image_name(str(item.mesh), part.bumps.normal_map),
+            bump_map=_image_name(str(item.mesh), part.bumps.bump_map), tangent_angle=bumps.tangent_angle,
             tangent_map=bumps.tangent_map, tangent_range=bumps.tangent_range,
         )  # fmt: skip
     opacity = item.opacity
     if opacity == OPAQUE:
-        name = part.opacity.opacity_map
-        opacity = replace(part.opacity, opacity_map=name and f"{item.mesh}{name}")
+        opacity = replace(part.opacity, opacity_map=_image_name(str(item.mesh), part.opacity.opacity_map))
     return {
         "layers": _layers(part, str(item.mesh)), "emission": part.emission, "bumps": bumps, "opacity": opacity,
         "smooth": item.smooth and part.smooth,
@@ -171,12 +182,20 @@ def _material(item: ObjectDescription, part: ImportedPart) -> dict[str, object]:
 
 
 def _layers(part: ImportedPart, file: str) -> tuple[LayerDescription, ...]:
-    """A part's layers with the file's name before the numbers of its images."""
+    """A part's layers with images named from the scene's folder."""
     return tuple(
         layer if not layer.maps.texture
-        else layer.model_copy(update={"maps": replace(layer.maps, texture=f"{file}{layer.maps.texture}")})
+        else layer.model_copy(update={"maps": replace(layer.maps, texture=_image_name(file, layer.maps.texture))})
         for layer in part.layers
     )  # fmt: skip
+
+
+def _image_name(file: str, image: str) -> str:
+    """An image of a part by its name in the scene: "#N" is the Nth in the part's file, others are named from its
+    folder; "" stays."""
+    if not image or image.startswith("#"):
+        return image and f"{file}{image}"
+    return str(PurePosixPath(file).parent / image)
 
 
 def free_name(name: str, taken: set[str]) -> str:
@@ -196,13 +215,15 @@ class MeshScene:
     notes: Sequence[str]
 
 
-def load_mesh_scene(path: Path) -> MeshScene:
-    """Read a mesh file and make its scene; raises LoadError."""
-    alone = _describe_scene(path, [ObjectDescription(name=_name_of(path), mesh=path.name)], np.zeros(3), 1.0)
-    items, notes = object_meshes(alone, path.parent, path)
+def load_mesh_scene(path: Path, up: Literal["y", "z"] = "y") -> MeshScene:
+    """Read a mesh file and make its scene; up: the axis of the file that points up. Raises LoadError."""
+    turn = IDENTITY if up == "y" else _Z_UP
+    item = ObjectDescription(name=valid_name(path.stem), mesh=path.name, transform=turn)
+    items, notes = object_meshes(_describe_scene(path, [item], np.zeros(3), 1.0), path.parent, path)
     if len(items) >= MAX_OBJECTS:
         raise LoadError(path, "materials", len(items), f"at most {MAX_OBJECTS - 1}")
     places = np.concatenate([item.mesh.vertices[np.unique(item.mesh.triangles)] for item in items])
+    places = places @ np.reshape(turn, (4, 4))[:3, :3].T
     low, high = places.min(axis=0), places.max(axis=0)
     centre = (low + high) / 2.0
     radius = float(np.linalg.norm(places - centre, axis=1).max())
@@ -236,7 +257,7 @@ def _floor(name: str, centre: np.ndarray, height: float, radius: float) -> Objec
     return ObjectDescription(name=name, primitive="quad", transform=transform, layer=(FLOOR,))
 
 
-def _name_of(path: Path) -> str:
-    """The file's name, reduced to a valid object name."""
-    name = "".join("_" if c in ".\"'[]=" or not c.isprintable() else c for c in path.stem).strip()
+def valid_name(text: str) -> str:
+    """A name from a file, reduced to a valid object name."""
+    name = "".join("_" if c in ".\"'[]=" or not c.isprintable() else c for c in text).strip()
     return name[:48].strip() or "mesh"

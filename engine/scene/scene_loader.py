@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -25,7 +26,8 @@ from engine.scene.bump_normals import BumpNormals
 from engine.scene.cutouts import Cutouts, scene_cutouts
 from engine.scene.description import Camera, SceneDescription, load_description
 from engine.scene.loaders.model import ImportedCamera, UnshownProperty
-from engine.scene.mesh import MESH_ENDINGS, Mesh, count_defects, face_normals, join_meshes, place_copies, with_normals
+from engine.scene.mesh import MESH_ENDINGS, Mesh, face_normals, join_meshes, place_copies, select_faces, with_normals
+from engine.scene.mesh_defects import find_defects
 from engine.scene.object_meshes import DEFAULT_ENVIRONMENT, ObjectMesh, load_mesh_scene, object_meshes
 from engine.scene.rig import Animations, Rig
 from engine.scene.surface_uvs import box_frame
@@ -178,15 +180,17 @@ class Scene:
         return np.subtract(self.description.camera.position, self.origin)
 
 
-def load_scene(path: str | Path, resolution: tuple[int, int] | None = None) -> Scene:
+def load_scene(path: str | Path, resolution: tuple[int, int] | None = None, up: Literal["y", "z"] = "y") -> Scene:
     """Read a scene file and its meshes, or one mesh as a scene of its own; `resolution` = (width, height) replaces the
-    file's. Raises LoadError."""
+    file's; up: the axis of a mesh that points up. Raises LoadError."""
     path = Path(path)
     with record_files() as files:
         if path.suffix.lower() not in MESH_ENDINGS:
+            if up != "y":
+                raise LoadError(path, "axis that points up", up, "y in a scene file, which places its objects itself")
             scene = build_scene(load_description(path), path, resolution)
         else:
-            stage = load_mesh_scene(path)
+            stage = load_mesh_scene(path, up)
             scene = _assemble(stage.description, stage.items, stage.notes, path, resolution, DEFAULT_ENVIRONMENT)
     environment = () if scene.environment_path is None else (scene.environment_path,)
     return replace(scene, files=frozenset((*files, *environment)))
@@ -288,8 +292,8 @@ def _place_all(items: Sequence[ObjectMesh], path: Path) -> tuple[list[Mesh], lis
         where = f"object {item.description.name!r}"
         if not extent <= MAX_EXTENT:
             raise LoadError(path, f"{where}: coordinates once placed", f"{extent:g}", f"at most {MAX_EXTENT:g} m")
-        defects = count_defects(mesh)
-        mesh = _with_faces(mesh, defects.solid)
+        defects = find_defects(mesh, has_two_sides=not item.description.emits)
+        mesh = select_faces(mesh, defects.sound)
         if not len(mesh.triangles):
             raise LoadError(path, f"{where}: faces with an area", 0, "at least one")
         placed.append(with_normals(mesh))
@@ -338,17 +342,10 @@ def _round_all(
                 raise LoadError(path, what, f"0 at {away}", "at least one; place it nearer to the others")
             lost = int((~solid).sum())
             notes.append(f"{item.description.name}: {lost} faces left out, too small to tell apart {away}")
-            mesh = _with_faces(mesh, solid)
+            mesh = select_faces(mesh, solid)
         rounded.append(vertices)
         kept.append(mesh)
     return np.concatenate(rounded), kept, notes
-
-
-def _with_faces(mesh: Mesh, chosen: npt.NDArray[np.bool_]) -> Mesh:
-    """The mesh with some of its faces only."""
-    return replace(
-        mesh, triangles=mesh.triangles[chosen], **{name: own[chosen] for name, own in mesh.corner_values.items()}
-    )
 
 
 def _ranges(counts: list[int]) -> npt.NDArray[np.int32]:

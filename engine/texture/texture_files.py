@@ -95,6 +95,11 @@ def reduction(width: int, height: int) -> int:
     return resampling.reduction(width, height, MAX_PIXELS)
 
 
+def is_image(data: bytes, file: Path | str) -> bool:
+    """Whether it is of a format that is read, by its first bytes. Raises LoadError for a header that is damaged."""
+    return image_size(data, file) is not None or _kind(data) == "EXR"
+
+
 def image_size(data: bytes, file: Path | str) -> tuple[int, int] | None:
     """(width, height) from the header of a PNG or a JPEG, without decoding; None for other formats."""
     kind = _kind(data)

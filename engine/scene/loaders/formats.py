@@ -6,34 +6,28 @@ suffixes alone (`engine.scene.mesh.MESH_ENDINGS`).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import importlib
 from pathlib import Path
 
 from engine.core.errors import LoadError
-from engine.scene.loaders.model import ImportedModel, ImportedPart
-from engine.scene.mesh import MESH_ENDINGS, read_mesh_file
+from engine.scene.loaders.model import ImportedModel
+from engine.scene.mesh import MESH_ENDINGS
 
-Reader = Callable[[Path], ImportedModel]
+# The module, in this package, and its function, from a path to an `ImportedModel`.
+_READERS = {
+    ".glb": ("gltf", "read_glb"),
+    ".obj": ("obj", "read_obj"),
+    ".ply": ("ply", "read_ply"),
+    ".off": ("off", "read_off"),
+    ".stl": ("stl", "read_stl"),
+    ".3mf": ("threemf", "read_3mf"),
+}
 
 
 def read_model(file: Path) -> ImportedModel:
     """Read a file of geometry; raises LoadError."""
-    reader = _READERS.get(file.suffix.lower())
-    if reader is None:
+    if file.suffix.lower() not in _READERS:
         raise LoadError(file, "type", file.suffix or file.name, f"a mesh of type {', '.join(MESH_ENDINGS)}")
-    return reader(file)
-
-
-def _read_gltf(file: Path) -> ImportedModel:
-    from engine.scene.loaders.gltf import read_glb
-
-    return read_glb(file)
-
-
-def _read_mesh(file: Path) -> ImportedModel:
-    """A mesh without materials."""
-    found = read_mesh_file(file)
-    return ImportedModel((ImportedPart(found.mesh),), found.notes, unread=found.materials)
-
-
-_READERS: dict[str, Reader] = {".glb": _read_gltf, ".ply": _read_mesh, ".obj": _read_mesh}
+    module, function = _READERS[file.suffix.lower()]
+    model: ImportedModel = getattr(importlib.import_module(f"{__package__}.{module}"), function)(file)
+    return model

@@ -1,14 +1,18 @@
-"""A strict reader of Wavefront OBJ files: vertices, normals and polygons; invalid numbers are rejected with their line.
+"""A strict reader of Wavefront OBJ files: vertices, normals, colours, polygons and their materials; invalid numbers are
+rejected with their line.
 
-Groups, lines and points are skipped, because scene files have their own; so are lines that no standard defines, with a
-note. Materials are not read, and the material library is not opened: whatever its name, nothing outside the folder is
-touched. Corners with the same position and normal become one vertex, whatever their texture coordinates, which count
-only if all corners of the file have them. trimesh reads them differently: see `mesh`.
+Each material in use becomes a part of its name (`mtl` reads its library). Groups, lines and points are skipped, because
+scene files have their own; so are lines that no standard defines, with a note. Corners with the same position and
+normal become one vertex, whatever their texture coordinates, which a part has if all of its corners do. A file without
+normals is smooth, also across its materials, unless all of its faces stand after `s off`.
+
+Colours behind positions (`v x y z r g b`) are sRGB, as MeshLab and Blender write them. trimesh reads such files
+differently: see `engine.scene.mesh`.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,33 +20,82 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.core.errors import LoadError, describe_value
-from engine.scene.mesh import Mesh, MeshFile
+from engine.core.safe_files import read_regular_file
+from engine.scene.loaders.model import ImportedModel
+from engine.scene.loaders.mtl_materials import Materials
+from engine.scene.loaders.vertex_colours import linear_colours
+from engine.scene.mesh import (
+    MAX_MESH_BYTES,
+    Mesh,
+    mend_mesh,
+    select_faces,
+    with_normals,
+    without_unused_vertices,
+)
 from engine.scene.polygons import TooIntricateError, triangulate
 
-_IGNORED = frozenset("vp o g s usemtl l p mg usemap maplib lod shadow_obj trace_obj bevel c_interp d_interp".split())
+_IGNORED = frozenset("vp o g l p mg usemap maplib lod shadow_obj trace_obj bevel c_interp d_interp".split())
 _MAX_INDEX_DIGITS = 12
 _MOST_NAMES = 4
+_MOST_MATERIALS = 4095  # a scene has as many objects, and a floor
 
 
 @dataclass
 class _Lines:
-    """The data read so far; corners are (position, normal or −1, texture or −1), faces are indices of corners."""
+    """The data read so far.
+
+    Positions, normals and texture coordinates are numbers one after the other, and so are the colours of the vertices
+    `coloured`. corners: each (position, normal or −1, texture or −1) once; a face is `lengths` of their `ids`, on one
+    of the `lines`, with one of the `materials`, whose names are numbered, −1 for none.
+    """
 
     file: Path
-    positions: list[list[float]] = field(default_factory=list)
-    normals: list[list[float]] = field(default_factory=list)
-    textures: list[list[float]] = field(default_factory=list)
+    positions: list[float] = field(default_factory=list)
+    colours: list[float] = field(default_factory=list)
+    coloured: list[int] = field(default_factory=list)
+    normals: list[float] = field(default_factory=list)
+    textures: list[float] = field(default_factory=list)
     corners: list[tuple[int, int, int]] = field(default_factory=list)
+    ids: list[int] = field(default_factory=list)
     lengths: list[int] = field(default_factory=list)
     lines: list[int] = field(default_factory=list)
+    materials: list[int] = field(default_factory=list)
+    names: dict[str, int] = field(default_factory=dict)
     libraries: dict[str, None] = field(default_factory=dict)
     unknown: dict[str, int] = field(default_factory=dict)
-    known_corners: dict[str, tuple[int, int, int]] = field(default_factory=dict)
+    known_corners: dict[str, int] = field(default_factory=dict)
     number: int = 0
+    material: int = -1
+    smoothing: bool = True
+    is_smooth: bool = False
 
 
-def parse_obj(data: bytes, file: Path) -> MeshFile:
-    """Parse the bytes of an OBJ file; raises LoadError naming the line and its content."""
+def read_obj(file: Path) -> ImportedModel:
+    """Read an OBJ file and its libraries of materials; raises LoadError naming the line and its content."""
+    data = read_regular_file(file, MAX_MESH_BYTES)
+    state = _parse(data, file)
+    mesh, material, is_mapped = _assemble(state, len(data))
+    mesh, notes = mend_mesh(mesh, file)
+    used, counts = np.unique(material, return_counts=True)
+    if len(used) > _MOST_MATERIALS:
+        raise LoadError(file, "materials", len(used), f"at most {_MOST_MATERIALS}")
+    if len(used) > 1 and state.is_smooth:
+        mesh = with_normals(mesh)  # before it is divided: no edge at the border of a material
+    materials = Materials(file, state.libraries)
+    names = {number: name for name, number in state.names.items()}
+    parts = []
+    for k, own in zip(
+        used.tolist(), np.split(np.argsort(material, kind="stable"), np.cumsum(counts)[:-1]), strict=True
+    ):
+        part = mesh if len(used) == 1 else without_unused_vertices(select_faces(mesh, own))
+        part = part if is_mapped[own].all() else replace(part, uvs=None)
+        parts.append(replace(materials.part(part, names.get(k, "")), smooth=state.is_smooth))
+    notes = [*_notes(state), *notes, *materials.notes]
+    return ImportedModel(tuple(parts), tuple(notes), unshown=materials.unshown, unread=materials.unread)
+
+
+def _parse(data: bytes, file: Path) -> _Lines:
+    """All lines of a file."""
     state = _Lines(file)
     if b"\0" in data:
         raise LoadError(file, f"byte {data.index(0)}", "binary data", "the text of an OBJ file")
@@ -54,28 +107,35 @@ def parse_obj(data: bytes, file: Path) -> MeshFile:
             continue
         if held:
             line, held = " ".join((*held, line)), []
-        _read_line(state, line.partition("#")[0].split())
+        if "#" in line:
+            line = line.partition("#")[0]
+        _read_line(state, line.split())
     if held:
         raise LoadError(file, f"line {state.number}", "\\", "a line after the last continuation")
-    return MeshFile(_assemble(state, len(data)), _notes(state), _listed(state.libraries))
+    return state
 
 
 def _read_line(state: _Lines, words: list[str]) -> None:
     """Add one line to the state."""
     if not words or words[0] in _IGNORED:
         return
-    if words[0] == "f":
-        _read_face(state, words[1:])
-    elif words[0] == "v":
-        state.positions.append(_numbers(state, words, (3, 4, 6, 7)))
-    elif words[0] == "vn":
-        state.normals.append(_numbers(state, words, (3,)))
-    elif words[0] == "vt":
-        state.textures.append((_numbers(state, words, (1, 2, 3)) + [0.0])[:2])
-    elif words[0] == "mtllib":
-        state.libraries[" ".join(words[1:])] = None
-    else:
-        state.unknown[words[0]] = state.unknown.get(words[0], 0) + 1
+    match words[0]:
+        case "v":
+            _read_vertex(state, words)
+        case "f":
+            _read_face(state, words)
+        case "vn":
+            state.normals += _numbers(state, words, (3,))
+        case "vt":
+            state.textures += (_numbers(state, words, (1, 2, 3)) + [0.0])[:2]
+        case "usemtl":
+            state.material = state.names.setdefault(" ".join(words[1:]), len(state.names))
+        case "mtllib":
+            state.libraries[" ".join(words[1:])] = None
+        case "s":
+            state.smoothing = words[1:] not in (["off"], ["0"])
+        case _:
+            state.unknown[words[0]] = state.unknown.get(words[0], 0) + 1
 
 
 def _notes(state: _Lines) -> tuple[str, ...]:
@@ -95,39 +155,52 @@ def _listed(names: dict[str, Any]) -> str:
 
 
 def _numbers(state: _Lines, words: list[str], counts: tuple[int, ...]) -> list[float]:
-    """The first three numbers of a line."""
+    """The numbers of a line; underscores, which Python accepts in numbers, are invalid."""
     try:
         numbers = [float(word) for word in words[1:]]
     except ValueError:
         numbers = []
     if len(numbers) not in counts or "_" in "".join(words):
         raise _line_error(state, " ".join(words), f"{counts[0]} numbers after {words[0]}")
-    return numbers[:3]
+    return numbers
+
+
+def _read_vertex(state: _Lines, words: list[str]) -> None:
+    """A position; a weight may follow, or a colour, or both."""
+    numbers = _numbers(state, words, (3, 4, 6, 7))
+    if len(numbers) > 4:
+        state.coloured.append(len(state.positions) // 3)
+        state.colours += numbers[-3:]
+    state.positions += numbers[:3]
 
 
 def _read_face(state: _Lines, words: list[str]) -> None:
     """A polygon of corners `v`, `v/vt`, `v//vn` or `v/vt/vn`; negative indices count back from the last one."""
-    if len(words) < 3:
-        raise _line_error(state, "f " + " ".join(words), "at least 3 corners")
-    for word in words:
-        state.corners.append(state.known_corners.get(word) or _read_corner(state, word))
-    state.lengths.append(len(words))
+    if len(words) < 4:
+        raise _line_error(state, " ".join(words), "at least 3 corners")
+    known = state.known_corners
+    for word in words[1:]:
+        known_id = known.get(word)
+        state.ids.append(_read_corner(state, word) if known_id is None else known_id)
+    state.lengths.append(len(words) - 1)
     state.lines.append(state.number)
+    state.materials.append(state.material)
+    state.is_smooth |= state.smoothing
 
 
-def _read_corner(state: _Lines, word: str) -> tuple[int, int, int]:
-    """(position, normal, texture) of a corner; absolute indices are cached, because their meaning does not depend on
-    the line."""
+def _read_corner(state: _Lines, word: str) -> int:
+    """The id of a corner. Those with absolute indices are cached, because their meaning does not depend on the line."""
     parts = word.split("/")
     if len(parts) > 3:
         raise _line_error(state, word, "v, v/vt, v//vn or v/vt/vn")
-    position = _index(state, word, parts[0], len(state.positions), "v")
-    normal = _index(state, word, parts[2], len(state.normals), "vn") if len(parts) == 3 and parts[2] else -1
-    texture = _index(state, word, parts[1], len(state.textures), "vt") if len(parts) > 1 and parts[1] else -1
-    corner = position, normal, texture
+    position = _index(state, word, parts[0], len(state.positions) // 3, "v")
+    normal = _index(state, word, parts[2], len(state.normals) // 3, "vn") if len(parts) == 3 and parts[2] else -1
+    texture = _index(state, word, parts[1], len(state.textures) // 2, "vt") if len(parts) > 1 and parts[1] else -1
+    state.corners.append((position, normal, texture))
+    number = len(state.corners) - 1
     if "-" not in word:
-        state.known_corners[word] = corner
-    return corner
+        state.known_corners[word] = number
+    return number
 
 
 def _index(state: _Lines, word: str, digits: str, count: int, kind: str) -> int:
@@ -141,38 +214,51 @@ def _index(state: _Lines, word: str, digits: str, count: int, kind: str) -> int:
     return count + number if number < 0 else number - 1
 
 
-def _assemble(state: _Lines, n_bytes: int) -> Mesh:
-    """Triangles over vertices that differ in position or normal."""
+def _assemble(state: _Lines, n_bytes: int) -> tuple[Mesh, npt.NDArray[np.int32], npt.NDArray[np.bool_]]:
+    """Triangles over vertices that differ in position or normal; of each its material, and whether it has texture
+    coordinates (T,)."""
     if not state.lengths:
         raise LoadError(state.file, "faces", 0, "at least one line f")
-    corners = np.array(state.corners, np.int64)
-    _check_range(state, corners[:, 0], len(state.positions), "v")
-    _check_range(state, corners[:, 1], len(state.normals), "vn")
-    _check_range(state, corners[:, 2], len(state.textures), "vt")
+    positions, normals = (np.reshape(np.array(each), (-1, 3)) for each in (state.positions, state.normals))
+    textures = np.reshape(np.array(state.textures), (-1, 2))
+    corners = np.array(state.corners, np.int64)[np.array(state.ids, np.int64)]
+    for column, count, kind in ((0, len(positions), "v"), (1, len(normals), "vn"), (2, len(textures), "vt")):
+        _check_range(state, corners[:, column], count, kind)
     has_normals = bool((corners[:, 1] >= 0).all())
     if not has_normals:
         corners[:, 1] = 0
-    width = max(1, len(state.normals))
-    keys, index = np.unique(corners[:, 0] * width + corners[:, 1], return_inverse=True)
-    positions = np.array(state.positions)
-    normals = np.array(state.normals)[keys % width] if has_normals else None
+    width = max(1, len(normals))
+    keys, vertex = np.unique(corners[:, 0] * width + corners[:, 1], return_inverse=True)
     lengths = np.array(state.lengths)
     try:
         triangles = triangulate(positions[corners[:, 0]], lengths, n_bytes)
     except TooIntricateError as error:
         line, found = state.lines[error.polygon], f"{state.lengths[error.polygon]} corners"
         raise LoadError(state.file, f"line {line}", found, "a polygon that is quickly cut into triangles") from None
-    uvs = _uvs(state, corners[:, 2], triangles)
-    return Mesh(positions[keys // width], index.astype(np.int32)[triangles], normals, uvs)
+    polygon = np.searchsorted(np.cumsum(lengths), triangles[:, 0], "right")
+    mesh = Mesh(
+        positions[keys // width], vertex.astype(np.int32)[triangles], normals[keys % width] if has_normals else None,
+        _uvs(textures, corners[:, 2][triangles]), colours=_colours(state, corners[:, 0][triangles]),
+    )  # fmt: skip
+    return mesh, np.array(state.materials, np.int32)[polygon], np.asarray((corners[:, 2] >= 0)[triangles].all(axis=1))
 
 
-def _uvs(state: _Lines, textures: npt.NDArray[np.int64], triangles: npt.NDArray[np.int32]) -> npt.NDArray | None:
-    """Texture coordinates of the triangles' corners, (T, 3, 2), if all corners have some."""
-    if (textures < 0).any():
+def _uvs(textures: npt.NDArray[np.float64], which: npt.NDArray[np.int64]) -> npt.NDArray[np.float32] | None:
+    """Texture coordinates of the triangles' corners, (T, 3, 2), 0 for those that have none; None if none has any."""
+    if not (which >= 0).any():
         return None
-    # In double precision here: `validate_mesh` reports values too large for single precision, not a warning.
-    values = np.clip(np.array(state.textures), -1e30, 1e30).astype(np.float32)
-    return values[textures[triangles]]
+    # In double precision here: `mend_mesh` counts values too large for single precision.
+    values = np.clip(textures, -1e30, 1e30).astype(np.float32)
+    return np.where((which >= 0)[..., None], values[np.maximum(which, 0)], np.float32(0.0))
+
+
+def _colours(state: _Lines, vertices: npt.NDArray[np.int64]) -> npt.NDArray[np.float32] | None:
+    """Linear colours of the triangles' corners, (T, 3, 4), white where a vertex has none; None if none has any."""
+    if not state.coloured:
+        return None
+    colours = np.ones((len(state.positions) // 3, 4), np.float32)
+    colours[state.coloured] = linear_colours(np.reshape(np.array(state.colours), (-1, 3)))
+    return colours[vertices]
 
 
 def _check_range(state: _Lines, indices: npt.NDArray[np.int64], count: int, kind: str) -> None:

@@ -3,104 +3,118 @@
 Every count in the header is checked against the available bytes before anything is allocated, so that a truncated file,
 a negative count and a header that claims 10⁹ vertices all end in one line that names the error. Bytes after the last
 element are skipped with a note. Polygons and strips (`tristrips`, a list in which −1 separates strips) become
-triangles; properties other than x y z, nx ny nz, texture coordinates (s t, u v or texture_u texture_v) and the vertex
-indices of faces are skipped. trimesh reads such files differently: see `mesh`.
+triangles. Read are x y z, nx ny nz, texture coordinates (s t, u v or texture_u texture_v), colours of vertices and
+faces (`vertex_colours` says which are sRGB) and the vertex indices of faces; other properties are listed as not shown.
+trimesh reads such files differently: see `engine.scene.mesh`.
 """
 
 from __future__ import annotations
 
-import struct
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
-from typing import NoReturn
 
 import numpy as np
 import numpy.typing as npt
 
-from engine.core.errors import LoadError
-from engine.scene.mesh import Mesh, MeshFile
+from engine.core.errors import LoadError, describe_value
+from engine.core.safe_files import read_regular_file
+from engine.scene.loaders.model import ImportedModel, ImportedPart, UnshownProperty
+from engine.scene.loaders.ply_rows import COLOURS, CORNERS, Column, Element, Lists, Property, read_ascii, read_binary
+from engine.scene.loaders.vertex_colours import linear_colours, vertex_opacity
+from engine.scene.mesh import MAX_MESH_BYTES, Mesh, mend_mesh
 from engine.scene.polygons import TooIntricateError, triangulate
 
 _MAX_HEADER = 65536
 _MAX_COUNT = 2**31 - 1
+_MOST_UNSHOWN = 64
 _TYPES = {"char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2",
           "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "float": "f4", "float32": "f4",
           "double": "f8", "float64": "f8"}  # fmt: skip
-_CODES = {"i1": "b", "u1": "B", "i2": "h", "u2": "H", "i4": "i", "u4": "I"}
-_CORNERS = ("vertex_indices", "vertex_index")
-_SURFACES = ("face", "tristrips")
 _UV_NAMES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"))
+_PLACES = ("x", "y", "z")
+_NORMALS = ("nx", "ny", "nz")
 _FORMATS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+_WHOLE = {"u1": 255.0, "u2": 65535.0}
 
-Column = npt.NDArray[np.float64] | npt.NDArray[np.int64]
-
-
-@dataclass(frozen=True)
-class _Property:
-    name: str
-    type: str
-    count_type: str | None = None  # set for lists
+Columns = dict[tuple[str, str], Column | Lists]
 
 
-@dataclass
-class _Element:
-    name: str
-    count: int
-    properties: list[_Property]
-
-    def has_lists(self) -> bool:
-        """Whether its rows differ in length."""
-        return any(p.count_type for p in self.properties)
-
-    def reads(self, p: _Property) -> bool:
-        """Whether a property is used; others are skipped."""
-        return self.name == "vertex" and not p.count_type or self.name in _SURFACES and p.name in _CORNERS
-
-
-@dataclass
-class _Lists:
-    """Rows of different length: the lengths (N,) and all values one after the other."""
-
-    lengths: npt.NDArray[np.int64]
-    values: npt.NDArray[np.float64]
-
-
-def parse_ply(data: bytes, file: Path) -> MeshFile:
-    """Parse the bytes of a PLY file; raises LoadError naming the line, element or byte."""
+def read_ply(file: Path) -> ImportedModel:
+    """Read a PLY file; raises LoadError naming the line, element or byte."""
+    data = read_regular_file(file, MAX_MESH_BYTES)
     elements, byte_order, body = _parse_header(data, file)
     if byte_order:
-        columns, notes = _read_binary(data, body, elements, byte_order, file)
+        columns, notes = read_binary(data, body, elements, byte_order, file)
     else:
-        columns, notes = _read_ascii(data, body, elements, file)
-    vertices = _vectors(columns, "vertex", "x y z", file)
-    normals = _vectors(columns, "vertex", "nx ny nz", file) if ("vertex", "nx") in columns else None
-    triangles = _triangles(columns, vertices, len(data), file)
-    return MeshFile(Mesh(vertices, triangles, normals, _uvs(columns, triangles)), notes)
+        columns, notes = read_ascii(data, body, elements, file)
+    vertices = _vectors(columns, _PLACES, file)
+    normals = _vectors(columns, _NORMALS, file) if ("vertex", "nx") in columns else None
+    triangles, face = _triangles(columns, vertices, len(data), file)
+    mesh = Mesh(vertices, triangles, normals, _uvs(columns, triangles))
+    mesh, mended = mend_mesh(replace(mesh, colours=_colours(columns, elements, mesh, face)), file)
+    return ImportedModel(
+        (ImportedPart(mesh, opacity=vertex_opacity(mesh)),), (*notes, *mended), unshown=_unshown(elements)
+    )
 
 
-def _triangles(columns: dict, vertices: npt.NDArray[np.float64], n_bytes: int, file: Path) -> npt.NDArray[np.int32]:
-    """Triangles of all faces, then of all strips."""
-    found = []
+def _triangles(
+    columns: Columns, vertices: npt.NDArray[np.float64], n_bytes: int, file: Path
+) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int64]]:
+    """Triangles of all faces, then of all strips; and the face of each, −1 in strips."""
+    triangles, owners = [], []
     for element, read in (("face", _of_polygons), ("tristrips", _of_strips)):
-        lists = next((columns[element, name] for name in _CORNERS if (element, name) in columns), None)
-        if isinstance(lists, _Lists):
-            found.append(read(lists, vertices, n_bytes, file))
-    if not found:
+        lists = next((columns[element, name] for name in CORNERS if (element, name) in columns), None)
+        if isinstance(lists, Lists):
+            found, owner = read(lists, vertices, n_bytes, file)
+            triangles.append(found)
+            owners.append(owner)
+    if not triangles:
         raise LoadError(file, "element face", "no list vertex_indices", "a list of vertex indices")
-    return np.concatenate(found)
+    return np.concatenate(triangles), np.concatenate(owners)
 
 
-def _uvs(columns: dict, triangles: npt.NDArray[np.int32]) -> npt.NDArray[np.float32] | None:
+def _uvs(columns: Columns, triangles: npt.NDArray[np.int32]) -> npt.NDArray[np.float32] | None:
     """Texture coordinates of the triangles' corners, (T, 3, 2), if the vertices have some."""
     for names in _UV_NAMES:
-        found = [columns.get(("vertex", name)) for name in names]
-        if not any(column is None or isinstance(column, _Lists) for column in found):
-            values = np.stack(found, axis=1).astype(np.float64)  # type: ignore[arg-type]
+        values = _stacked(columns, "vertex", names)
+        if values is not None:
             return np.clip(values, -1e30, 1e30).astype(np.float32)[triangles]
     return None
 
 
-def _parse_header(data: bytes, file: Path) -> tuple[list[_Element], str, int]:
+def _colours(
+    columns: Columns, elements: list[Element], mesh: Mesh, face: npt.NDArray[np.int64]
+) -> npt.NDArray[np.float32] | None:
+    """Linear colours of the triangles' corners, (T, 3, 4): of their vertices, else of their faces, white in strips."""
+    for element in (each for name in ("vertex", "face") for each in elements if each.name == name):
+        for names, is_srgb in zip(COLOURS, (True, False), strict=True):
+            types = {p.name: p.type for p in element.properties}
+            values = _stacked(columns, element.name, names if names[3] in types else names[:3])
+            if values is None:
+                continue
+            whole = _WHOLE.get(types[names[0]], 255.0 if values.max(initial=0.0) > 1.0 else 1.0)
+            colours = linear_colours(values / whole, is_srgb)
+            if element.name == "vertex":
+                return colours[mesh.triangles]
+            of_faces = np.concatenate([colours, np.ones((1, 4), np.float32)])[face]
+            return np.repeat(of_faces[:, None], 3, axis=1)
+    return None
+
+
+def _unshown(elements: list[Element]) -> tuple[UnshownProperty, ...]:
+    """Properties that are not read."""
+    known = {*_PLACES, *_NORMALS, *(name for names in (*_UV_NAMES, *COLOURS) for name in names)}
+    found: list[UnshownProperty] = []
+    for element in elements:
+        for p in element.properties:
+            is_read = element.reads(p) and (element.name != "vertex" or p.name in known)
+            if not is_read and element.count and len(found) < _MOST_UNSHOWN:
+                name = f"{describe_value(element.name)}.{describe_value(p.name)}"
+                found.append(UnshownProperty(name, element.count, "data that no picture shows"))
+    return tuple(found)
+
+
+def _parse_header(data: bytes, file: Path) -> tuple[list[Element], str, int]:
     """Elements, byte order ("" for ASCII) and the start of the body."""
     if not data.startswith((b"ply\n", b"ply\r")):
         raise LoadError(file, "first line", data[:16].decode("ascii", "replace"), "ply")
@@ -108,7 +122,7 @@ def _parse_header(data: bytes, file: Path) -> tuple[list[_Element], str, int]:
     body = data.find(b"\n", end) + 1
     if end < 0 or body <= 0:
         raise LoadError(file, "header", "no end_header", f"end_header within {_MAX_HEADER} bytes")
-    elements: list[_Element] = []
+    elements: list[Element] = []
     byte_order: str | None = None
     for number, line in enumerate(data[:end].decode("ascii", "replace").splitlines()[1:], start=2):
         words = line.split()
@@ -117,7 +131,7 @@ def _parse_header(data: bytes, file: Path) -> tuple[list[_Element], str, int]:
         if words[0] == "format" and len(words) == 3 and words[1] in _FORMATS and words[2] == "1.0":
             byte_order = _FORMATS[words[1]]
         elif words[0] == "element" and len(words) == 3:
-            elements.append(_Element(words[1], _parse_count(words[2], number, file), []))
+            elements.append(Element(words[1], _parse_count(words[2], number, file), []))
         elif words[0] == "property" and elements and (found := _parse_property(words)):
             elements[-1].properties.append(found)
         else:
@@ -135,270 +149,54 @@ def _parse_count(word: str, number: int, file: Path) -> int:
     return count
 
 
-def _parse_property(words: list[str]) -> _Property | None:
+def _parse_property(words: list[str]) -> Property | None:
     """`property TYPE NAME` or `property list TYPE TYPE NAME`, None if it is neither."""
     if len(words) == 3 and words[1] in _TYPES:
-        return _Property(words[2], _TYPES[words[1]])
+        return Property(words[2], _TYPES[words[1]])
     if len(words) == 5 and words[1] == "list" and words[2] in _TYPES and words[3] in _TYPES:
         if _TYPES[words[2]][0] != "f":
-            return _Property(words[4], _TYPES[words[3]], _TYPES[words[2]])
+            return Property(words[4], _TYPES[words[3]], _TYPES[words[2]])
     return None
 
 
-def _read_binary(data: bytes, start: int, elements: list[_Element], order: str, file: Path) -> tuple:
-    """All columns of a binary body, by (element, property), and notes."""
-    columns: dict[tuple[str, str], Column | _Lists] = {}
-    for element in elements:
-        if not element.has_lists():
-            found, start = _read_rows(data, start, element, order, {}, file)
-        else:
-            found, start = _read_list_rows(data, start, element, order, file)
-        columns |= found
-    rest = len(data[start:].strip())  # many programs end a file with a new line
-    return columns, (f"{rest} bytes after the last element are left out",) if rest else ()
-
-
-def _row_type(element: _Element, order: str, lengths: dict[str, int]) -> np.dtype:
-    """The layout of one row when every list has a known length."""
-    fields: list[tuple] = []
-    for i, p in enumerate(element.properties):
-        if p.count_type:
-            fields += [(f"n{i}", order + p.count_type), (f"v{i}", order + p.type, (lengths[p.name],))]
-        else:
-            fields.append((f"v{i}", order + p.type))
-    return np.dtype(fields)
-
-
-def _read_rows(data: bytes, start: int, element: _Element, order: str, lengths: dict[str, int], file: Path) -> tuple:
-    """Columns of an element whose rows all have one layout, and the start of the next element; no columns if the length
-    of a list changes."""
-    if not element.properties:
-        return {}, start
-    layout = _row_type(element, order, lengths)
-    end = start + layout.itemsize * element.count
-    if end > len(data):
-        _truncated(data, start, element, layout.itemsize, file)
-    rows = np.frombuffer(data, layout, element.count, start)
-    if any((rows[f"n{i}"] != lengths[p.name]).any() for i, p in enumerate(element.properties) if p.count_type):
-        return None, start
-    columns: dict[tuple[str, str], Column | _Lists] = {}
-    for i, p in enumerate(element.properties):
-        if element.reads(p):
-            values = rows[f"v{i}"].astype(np.float64)
-            counts = rows[f"n{i}"].astype(np.int64) if p.count_type else None
-            columns[element.name, p.name] = values if counts is None else _Lists(counts, values.reshape(-1))
-    return columns, end
-
-
-def _read_list_rows(data: bytes, start: int, element: _Element, order: str, file: Path) -> tuple:
-    """Read an element with lists: at a fixed stride if the first row's lengths hold for all, else row by row."""
-    if not element.count:
-        return {(element.name, p.name): _Lists(np.zeros(0, np.int64), np.zeros(0)) for p in element.properties}, start
-    lengths, first_end = _first_lengths(data, start, element, order, file)
-    if start + (first_end - start) * element.count <= len(data):
-        columns, end = _read_rows(data, start, element, order, lengths, file)
-        if columns is not None:
-            return columns, end
-    return _walk_rows(data, start, element, order, file)
-
-
-def _first_lengths(data: bytes, start: int, element: _Element, order: str, file: Path) -> tuple[dict[str, int], int]:
-    """The list lengths of the row at `start`, and the end of that row."""
-    lengths: dict[str, int] = {}
-    for p in element.properties:
-        if p.count_type:
-            lengths[p.name] = int(_scalar(data, start, order + p.count_type, element, file))
-            start += np.dtype(p.count_type).itemsize
-        start += np.dtype(p.type).itemsize * max(0, lengths.get(p.name, 1))
-        if start > len(data) or lengths.get(p.name, 0) < 0:
-            raise LoadError(
-                file,
-                f"element {element.name}: list {p.name} of its first row",
-                lengths.get(p.name, 1),
-                "a length that fits the file",
-            )
-    return lengths, start
-
-
-def _walk_rows(data: bytes, start: int, element: _Element, order: str, file: Path) -> tuple:
-    """Read an element with lists of different lengths, one row at a time; unused properties are skipped."""
-    size = len(data)
-    if element.count > size - start:
-        _truncated(data, start, element, 1, file)
-    found: dict[str, tuple[list[int], list[int]]] = {p.name: ([], []) for p in element.properties if element.reads(p)}
-    steps = [(_counter(p, order), np.dtype(p.type).itemsize, found.get(p.name)) for p in element.properties]
-    for row in range(element.count):
-        for counter, itemsize, runs in steps:
-            n = 1
-            if counter is not None:
-                if start + counter.size > size:
-                    _truncated(data, start, element, counter.size, file)
-                (n,) = counter.unpack_from(data, start)
-                start += counter.size
-            end = start + itemsize * n
-            if n < 0 or end > size:
-                raise LoadError(
-                    file,
-                    f"element {element.name}: row {row}",
-                    f"a list of {n}",
-                    f"a length that fits the file of {size} bytes",
-                )
-            if runs is not None:
-                runs[0].append(n)
-                runs[1].append(start)
-            start = end
-    columns = {}
-    for p in element.properties:
-        if p.name in found:
-            lengths, starts = (np.array(each, np.int64) for each in found[p.name])
-            flat = _gather_runs(data, starts, lengths, order + p.type)
-            columns[element.name, p.name] = _Lists(lengths, flat) if p.count_type else flat
-    return columns, start
-
-
-def _counter(p: _Property, order: str) -> struct.Struct | None:
-    """Return a function that reads the length of a list."""
-    return struct.Struct(order + _CODES[p.count_type]) if p.count_type else None
-
-
-def _gather_runs(
-    data: bytes, starts: npt.NDArray[np.int64], lengths: npt.NDArray[np.int64], layout: str
-) -> npt.NDArray[np.float64]:
-    """All values of runs that begin at byte offsets, one run after the other."""
-    size = np.dtype(layout).itemsize
-    within = np.arange(int(lengths.sum())) - np.repeat(np.cumsum(lengths) - lengths, lengths)
-    at = np.repeat(starts, lengths) + size * within
-    octets = np.frombuffer(data, np.uint8)[at[:, None] + np.arange(size)]
-    return octets.view(layout)[:, 0].astype(np.float64)
-
-
-def _scalar(data: bytes, start: int, layout: str, element: _Element, file: Path) -> int:
-    """One value at a byte offset."""
-    if start + np.dtype(layout).itemsize > len(data):
-        _truncated(data, start, element, np.dtype(layout).itemsize, file)
-    return np.frombuffer(data, layout, 1, start)[0]
-
-
-def _truncated(data: bytes, start: int, element: _Element, row: int, file: Path) -> NoReturn:
-    """An error: an element claims more rows than there are bytes for."""
-    raise LoadError(
-        file,
-        f"element {element.name}",
-        f"{element.count} rows, truncated at byte {len(data)}",
-        f"at most {max(0, len(data) - start) // row} rows in the bytes that are there",
-    )
-
-
-def _read_ascii(data: bytes, start: int, elements: list[_Element], file: Path) -> tuple:
-    """All columns of an ASCII body, one row a line, and notes."""
-    first = data.count(b"\n", 0, start) + 1
-    lines = [(first + i, words) for i, line in enumerate(data[start:].split(b"\n")) if (words := line.split())]
-    claimed = sum(e.count for e in elements if e.properties)
-    if claimed > len(lines):
-        raise LoadError(file, "rows in the body", len(lines), f"{claimed} rows, as the header counts")
-    columns: dict[tuple[str, str], Column | _Lists] = {}
-    at = 0
-    for element in (e for e in elements if e.properties):
-        rows = lines[at : at + element.count]
-        columns |= _ascii_lists(rows, element, file) if element.has_lists() else _ascii_rows(rows, element, file)
-        at += element.count
-    rest = len(lines) - at
-    return columns, (f"{rest} lines after the last element are left out",) if rest else ()
-
-
-def _ascii_rows(rows: list[tuple[int, list[bytes]]], element: _Element, file: Path) -> dict:
-    """The columns of lines with one number for each property."""
-    width = len(element.properties)
-    table = _fast_table(rows)
-    if table is not None and table.shape[1] == width:
-        return {(element.name, p.name): table[:, i] for i, p in enumerate(element.properties)}
-    table = np.empty((len(rows), width))
-    for i, (number, words) in enumerate(rows):
-        if len(words) != width:
-            raise LoadError(file, f"line {number}", _join(words), f"{width} numbers")
-        table[i] = _numbers(words, number, file)
-    return {(element.name, p.name): table[:, i] for i, p in enumerate(element.properties)}
-
-
-def _ascii_lists(rows: list[tuple[int, list[bytes]]], element: _Element, file: Path) -> dict:
-    """The columns of lines that contain lists."""
-    table = _fast_table(rows)
-    if table is not None and len(element.properties) == 1 and (table[:, 0] == table.shape[1] - 1).all():
-        return {(element.name, element.properties[0].name): _Lists(table[:, 0].astype(np.int64), table[:, 1:].ravel())}
-    counts: dict[str, list[int]] = {p.name: [] for p in element.properties}
-    values: dict[str, list[float]] = {p.name: [] for p in element.properties}
-    for number, words in rows:
-        numbers, at = _numbers(words, number, file), 0
-        for p in element.properties:
-            n = 1
-            if p.count_type:
-                n = int(numbers[at]) if at < len(numbers) and numbers[at].is_integer() else -1
-                at += 1
-            if n < 0 or at + n > len(numbers):
-                raise LoadError(file, f"line {number}", _join(words), "a list length and as many numbers")
-            counts[p.name].append(n)
-            values[p.name] += numbers[at : at + n]
-            at += n
-        if at != len(numbers):
-            raise LoadError(file, f"line {number}", _join(words), f"{at} numbers")
-    return {
-        (element.name, p.name): _Lists(np.array(counts[p.name], np.int64), np.array(values[p.name], np.float64))
-        for p in element.properties
-    }
-
-
-def _fast_table(rows: list[tuple[int, list[bytes]]]) -> npt.NDArray[np.float64] | None:
-    """All lines as one table if they are numbers, equally many on each, else None: then the reader goes line by
-    line."""
-    width = len(rows[0][1]) if rows else 0
-    if not width or any(len(words) != width for _, words in rows):
+def _stacked(columns: Columns, element: str, names: tuple[str, ...]) -> npt.NDArray[np.float64] | None:
+    """Columns as (N, k); None if one of them is not there."""
+    found = [columns.get((element, name)) for name in names]
+    values = [each.values if isinstance(each, Lists) else each for each in found if each is not None]
+    if len(values) < len(names) or len({len(each) for each in values}) != 1:
         return None
-    flat = [word for _, words in rows for word in words]
-    try:
-        return None if any(b"_" in word for word in flat) else np.array(flat).astype(np.float64).reshape(-1, width)
-    except ValueError:
-        return None
+    return np.stack(values, axis=1).astype(np.float64)
 
 
-def _numbers(words: list[bytes], number: int, file: Path) -> list[float]:
-    """The numbers of a line; underscores, which Python accepts in numbers, are invalid."""
-    try:
-        if any(b"_" in word for word in words):
-            raise ValueError
-        return [float(word) for word in words]
-    except ValueError:
-        raise LoadError(file, f"line {number}", _join(words), "numbers") from None
+def _vectors(columns: Columns, names: tuple[str, ...], file: Path) -> npt.NDArray[np.float64]:
+    """Three columns of the vertices as (N, 3)."""
+    found = _stacked(columns, "vertex", names)
+    if found is None:
+        raise LoadError(file, "element vertex", "missing properties", f"the properties {' '.join(names)}")
+    return found
 
 
-def _join(words: list[bytes]) -> str:
-    """A line's words as text."""
-    return b" ".join(words[:16]).decode("ascii", "replace")
-
-
-def _vectors(columns: dict, element: str, names: str, file: Path) -> npt.NDArray[np.float64]:
-    """Three columns as (N, 3)."""
-    found = [columns.get((element, name)) for name in names.split()]
-    if any(column is None or isinstance(column, _Lists) for column in found):
-        raise LoadError(file, f"element {element}", "missing properties", f"the properties {names}")
-    return np.stack(found, axis=1)  # type: ignore[arg-type]
-
-
-def _of_polygons(faces: _Lists, vertices: npt.NDArray[np.float64], n_bytes: int, file: Path) -> npt.NDArray[np.int32]:
-    """The polygons as triangles, in the order of the file."""
+def _of_polygons(
+    faces: Lists, vertices: npt.NDArray[np.float64], n_bytes: int, file: Path
+) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int64]]:
+    """The polygons as triangles, in the order of the file, and the polygon of each."""
     if len(faces.lengths) and (short := faces.lengths < 3).any():
         k = int(np.argmax(short))
         raise LoadError(file, f"face {k}", f"{faces.lengths[k]} vertices", "at least 3 vertices")
     corners = _indices(faces, len(vertices), "face", 0, file)
     if not len(corners):
-        return np.zeros((0, 3), np.int32)
+        return np.zeros((0, 3), np.int32), np.zeros(0, np.int64)
     try:
-        return corners[triangulate(vertices[corners], faces.lengths, n_bytes)]
+        triangles = triangulate(vertices[corners], faces.lengths, n_bytes)
     except TooIntricateError as error:
         found = f"{faces.lengths[error.polygon]} vertices"
         raise LoadError(file, f"face {error.polygon}", found, "a polygon that is quickly cut into triangles") from None
+    return corners[triangles], np.searchsorted(np.cumsum(faces.lengths), triangles[:, 0], "right")
 
 
-def _of_strips(strips: _Lists, vertices: npt.NDArray[np.float64], n_bytes: int, file: Path) -> npt.NDArray[np.int32]:
+def _of_strips(
+    strips: Lists, vertices: npt.NDArray[np.float64], n_bytes: int, file: Path
+) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int64]]:
     """Triangles of strips: each corner makes one with the two before it, every other one with opposite winding.
     Triangles that repeat a corner only connect strips."""
     corners = _indices(strips, len(vertices), "tristrips", -1, file)
@@ -412,10 +210,11 @@ def _of_strips(strips: _Lists, vertices: npt.NDArray[np.float64], n_bytes: int, 
     odd = since[last] % 2 == 1
     triangles[odd] = triangles[odd][:, (1, 0, 2)]
     a, b, c = triangles.T
-    return triangles[(a != b) & (b != c) & (c != a)]
+    triangles = triangles[(a != b) & (b != c) & (c != a)]
+    return triangles, np.full(len(triangles), -1)
 
 
-def _indices(lists: _Lists, n_vertices: int, element: str, least: int, file: Path) -> npt.NDArray[np.int32]:
+def _indices(lists: Lists, n_vertices: int, element: str, least: int, file: Path) -> npt.NDArray[np.int32]:
     """The indices of lists, checked before they are narrowed."""
     values = lists.values
     inside = (values >= least) & (values < n_vertices) & (values == np.floor(values))

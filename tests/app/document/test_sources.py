@@ -18,7 +18,7 @@ def touch(folder: Path, name: str) -> str:
 def test_scenes_meshes_and_sessions_by_their_endings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     assert source_of("cornell") == Source("cornell")
-    for name in ("a.toml", "a.PLY", "a.obj", "a.glb"):
+    for name in ("a.toml", "a.PLY", "a.obj", "a.glb", "a.stl", "a.off", "a.3MF", "a.zip"):
         touch(tmp_path, name)
         assert source_of(name) == Source(str(tmp_path / name))  # relative to where we are
     touch(tmp_path, "a.insitu")
@@ -38,7 +38,7 @@ def test_light_opens_the_default_scene(tmp_path: Path, name: str) -> None:
         ("gold.bsdf", "a measured BRDF"),
         ("face.png", "a picture; open a scene and give it to a layer as its texture"),
         ("toy.gltf", "glTF in several files, expected one: export it as .glb"),
-        ("toy.fbx", "no file that is known, expected a scene (.toml), a session (.insitu), a mesh (.ply, .obj, .glb)"),
+        ("toy.fbx", "no file that is known, expected a scene (.toml), a session (.insitu), a mesh (.glb, .obj"),
         ("toy", "a file without an ending, expected a scene"),
     ],
 )
@@ -50,7 +50,7 @@ def test_other_files_are_named_with_what_to_do(tmp_path: Path, name: str, said: 
 
 
 def test_folders_and_what_is_not_there(tmp_path: Path) -> None:
-    with pytest.raises(InsituError, match="a folder, expected a scene"):
+    with pytest.raises(InsituError, match="no scene in it, expected a scene"):
         find_source(str(tmp_path))
     with pytest.raises(InsituError, match=r"gone\.ply: no such file, and no built-in scene of that name; built-in"):
         find_source(str(tmp_path / "gone.ply"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from app.document.commands.curves import SetOperators
 from app.document.commands.light import SetRotation
 from app.document.view_state import SetView, Viewpoint
 from app.editor.editor import Editor
+from app.messages.worker_messages import OpenScene
 from app.operators.camera import MoveCamera
 from app.operators.curve_drawing import CurvePoints, CurveStroke
 from app.operators.edits import Deform
@@ -61,6 +63,8 @@ def worked(client: FakeClient) -> Editor:
 def test_each_operator_does_something(worked: Editor, client: FakeClient, name: str) -> None:
     if name in ("redo", "redo_view"):
         assert run_operator(worked, name.replace("redo", "undo")) is None
+    if name == "z_up":  # only a mesh that was opened alone can be turned
+        worked.history.document = replace(worked.document, source="/models/pot.stl")
     before = worked.document, worked.view, len(client.requests)
     if name == "resume":
         worked.cancel_work()
@@ -155,3 +159,10 @@ def test_a_declaration_names_what_it_is_for() -> None:
     panels = "".join(path.read_text() for path in (Path(__file__).parents[3] / "ui" / "panels").glob("*.py"))
     for name, each in OPERATORS.items():
         assert each.keys or each.entry or each.script or (name in by_controls and f'RunOperator("{name}"' in panels)
+
+
+def test_a_mesh_is_turned_and_turned_back_with_its_edits(worked: Editor, client: FakeClient) -> None:
+    worked.history.document = replace(worked.document, source="/models/pot.stl")
+    for value, source in ((None, "#z-up"), (True, "#z-up"), (False, "")):
+        assert run_operator(worked, "z_up", value) is None
+        assert next(r for r in client.requests[::-1] if isinstance(r, OpenScene)).source == "/models/pot.stl" + source

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine.scene.mesh import Mesh, read_mesh_file
+from engine.scene.loaders.formats import read_model
+from engine.scene.mesh import Mesh, join_meshes
 from tests.scene_text import camera, placed
 
 VIEW = camera((0, 0, 3), 40, (32, 24))
@@ -50,8 +51,9 @@ def n_calls(work: Callable[[], object]) -> int:
 
 
 def read_mesh(path: Path) -> Mesh:
-    """The triangles of an OBJ or PLY file."""
-    return read_mesh_file(path).mesh
+    """The triangles of a file, of all its parts."""
+    parts = read_model(path).parts
+    return parts[0].mesh if len(parts) == 1 else join_meshes([part.mesh for part in parts])
 
 
 @pytest.fixture

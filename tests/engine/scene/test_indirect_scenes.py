@@ -8,7 +8,8 @@ import pytest
 from assets.generate.room import LINTEL, SILL, WINDOWS, X
 from engine.scene.builtin import builtin_scenes
 from engine.scene.description import load_description
-from engine.scene.mesh import Mesh, count_defects
+from engine.scene.mesh import Mesh
+from engine.scene.mesh_defects import find_defects
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene, load_scene
 
@@ -30,7 +31,7 @@ def test_counts_and_sizes(name: str) -> None:
 def test_no_face_is_odd(name: str) -> None:
     scene = load_scene(builtin_scenes()[name])
     for (start, stop), item in zip(scene.triangle_ranges, scene.description.objects, strict=True):
-        defects = count_defects(Mesh(scene.vertices, scene.triangles[start:stop], scene.normals))
+        defects = find_defects(Mesh(scene.vertices, scene.triangles[start:stop], scene.normals))
         assert defects.notes() == [], item.name
 
 

@@ -1,4 +1,4 @@
-"""Meshes: readers, normals, winding, copies under transforms, and the defects that are counted."""
+"""Meshes: readers, normals, winding, and copies under transforms."""
 
 import time
 from pathlib import Path
@@ -7,18 +7,19 @@ import numpy as np
 import pytest
 
 from engine.core.errors import LoadError
+from engine.scene.loaders.formats import read_model
 from engine.scene.mesh import (
     Mesh,
-    count_defects,
     cross,
     face_normals,
     inconsistent_faces,
     join_meshes,
     normalize,
     place_copies,
-    read_mesh_file,
+    position_ids,
     smooth_normals,
     validate_mesh,
+    weld_equal_vertices,
     with_normals,
 )
 from engine.scene.primitives import PRIMITIVES, cube, disc, quad, sphere, tube
@@ -157,11 +158,12 @@ def test_normals_and_texture_coordinates_that_are_no_numbers_are_mended_with_a_n
         lines = [f"v {x} {y} 0\nvn {n}\nvt {u} 0.25\n" for (x, y), n, u in zip(corners, normals, us, strict=True)]
         (tmp_path / "a.obj").write_text("".join(lines) + "f 1/1/1 2/2/2 3/3/3 4/4/4\n")
         for name in ("a.ply", "a.obj"):
-            found = read_mesh_file(tmp_path / name)
-            np.testing.assert_array_equal(found.mesh.normals, [[1, 0, 1], [1, 0, 1], [0, 0, 1], [1, 0, 1]])
-            mended = found.mesh.triangles == 3
-            np.testing.assert_array_equal(found.mesh.uvs[..., 0], np.where(mended, 0.0, 0.5))
-            assert (found.mesh.uvs[..., 1] == 0.25).all()
+            found = read_model(tmp_path / name)
+            mesh = found.parts[0].mesh
+            np.testing.assert_array_equal(mesh.normals, [[1, 0, 1], [1, 0, 1], [0, 0, 1], [1, 0, 1]])
+            mended = mesh.triangles == 3
+            np.testing.assert_array_equal(mesh.uvs[..., 0], np.where(mended, 0.0, 0.5))
+            assert (mesh.uvs[..., 1] == 0.25).all()
             assert [note.split(" ")[:2] for note in found.notes] == [["1", "normals"], [str(mended.sum()), "texture"]]
 
 
@@ -261,36 +263,12 @@ def test_a_million_triangles_take_no_more_than_their_share() -> None:
     assert spent[1] < 2.0 * (708 / 230) ** 2 * spent[0] + 1.0
 
 
-def test_sound_meshes_have_no_defects():
-    for make in PRIMITIVES.values():
-        defects = count_defects(make())
-        assert defects.solid.all() and defects.notes() == []
-
-
-def test_each_kind_is_counted_once():
-    vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [0.5, 1e-7, 0]])
-    triangles = np.array(
-        [
-            [0, 1, 2],  # sound
-            [1, 3, 2],  # sound: its edge with the first runs the other way
-            [1, 2, 0],  # the first one again
-            [1, 1, 3],  # a doubled corner: no area
-            [0, 1, 4],  # a sliver, 1e-7 high; it runs along 0→1 as the first does: one of them is flipped
-        ],
-        np.int32,
-    )
-    defects = count_defects(Mesh(vertices, triangles))
-    assert (defects.zero_area, defects.sliver, defects.duplicate, defects.flipped) == (1, 1, 1, 2)
-    assert defects.solid.tolist() == [True, True, True, False, True]
-    assert len(defects.notes()) == 4
-
-
-def test_three_faces_at_an_edge_are_no_fault_of_winding():
-    vertices = np.array([[0, 0, 0], [0, 0, 1], [1, 0, 0], [-1, 1, 0], [-1, -1, 0]], float)
-    triangles = np.array([[0, 1, 2], [1, 0, 3], [1, 0, 4]], np.int32)  # a Y: one one way, two the other
-    assert count_defects(Mesh(vertices, triangles)).flipped == 0
-
-
-def test_a_mesh_without_area_at_all():
-    defects = count_defects(Mesh(np.zeros((3, 3)), np.array([[0, 1, 2]], np.int32)))
-    assert defects.zero_area == 1 and not defects.solid.any()
+def test_only_vertices_at_the_very_same_position_are_welded() -> None:
+    vertices = np.array([[0.0, 0, 0], [1, 0, 0], [-0.0, 0, 0], [np.nextafter(1.0, 2.0), 0, 0], [0, 1e-300, 0]])
+    ids = position_ids(vertices)
+    assert ids[0] == ids[2]  # −0 is 0
+    assert len(set(ids.tolist())) == 4 and ids.min() == 0 and ids.max() == 3
+    triangles = np.array([[0, 1, 4], [2, 4, 3]], np.int32)
+    welded = weld_equal_vertices(Mesh(vertices, triangles))
+    assert len(welded.vertices) == 4
+    np.testing.assert_array_equal(welded.vertices[welded.triangles], vertices[triangles])

@@ -7,7 +7,7 @@ import pytest
 
 from engine.core import safe_files
 from engine.core.errors import LoadError
-from engine.scene.mesh import read_mesh_file
+from engine.scene.loaders.formats import read_model
 from engine.scene.scene_loader import load_scene
 from tests.engine.scene.conftest import read_mesh
 
@@ -73,36 +73,55 @@ def test_broken_files_are_named_by_line_and_value(mesh_file, text, line):
 @pytest.mark.parametrize(
     "name", ["/etc/passwd", "../../x.mtl", "C:\\a.mtl", "a b.mtl", "pipe.mtl", "out.mtl", "absent.mtl", "x" * 300]
 )
-def test_a_material_library_is_never_looked_for(tmp_path, mesh_file, monkeypatch, name):
-    os.mkfifo(tmp_path / "pipe.mtl")  # opening it would hang
+def test_nothing_outside_the_folder_is_opened_for_a_library(tmp_path, mesh_file, monkeypatch, name):
+    os.mkfifo(tmp_path / "pipe.mtl")  # opening it without care would hang
     (tmp_path / "out.mtl").symlink_to("/etc/passwd")
     opened = []
     read = safe_files.local_path
     monkeypatch.setattr(safe_files, "local_path", lambda path: opened.append(path) or read(path))
     path = mesh_file("a.obj", f"mtllib {name}\n" + SQUARE + "usemtl red\nf 1 2 3\n")
-    found = read_mesh_file(path)
-    assert len(found.mesh.triangles) == 1 and found.notes == () and opened == [path]
-    assert found.materials == name if len(name) < 80 else found.materials.startswith("xxx")
+    found = read_model(path)
+    (part,) = found.parts
+    assert part.name == "red" and part.layers == () and len(part.mesh.triangles) == 1 and found.notes == ()
+    assert opened == [path, tmp_path / "pipe.mtl"] if name == "pipe.mtl" else opened == [path]
+    assert found.unread.startswith(name[:40])
     scene = load_scene(path)
-    assert scene.notes == (f"a: materials of {found.materials} are not read, shown in a grey that can be edited",)
+    assert scene.notes == (f"a: materials of {found.unread} are not read, shown in a grey that can be edited",)
 
 
 def test_lines_that_no_standard_has_are_left_out_with_one_note(mesh_file):
-    found = read_mesh_file(mesh_file("a.obj", "vw 1 2\nvw 3 4\ncurv 0 1 2\n" + SQUARE + "f 1 2 3\nlorem ipsum\n"))
+    found = read_model(mesh_file("a.obj", "vw 1 2\nvw 3 4\ncurv 0 1 2\n" + SQUARE + "f 1 2 3\nlorem ipsum\n"))
     assert found.notes == ("4 lines of unknown kinds are left out: vw, curv, lorem",)
-    assert found.mesh.triangles.tolist() == [[0, 1, 2]]
+    assert found.parts[0].mesh.triangles.tolist() == [[0, 1, 2]]
     many = "".join(f"k{k}\n" for k in range(9))
-    (note,) = read_mesh_file(mesh_file("b.obj", many + SQUARE + "f 1 2 3\n")).notes
+    (note,) = read_model(mesh_file("b.obj", many + SQUARE + "f 1 2 3\n")).notes
     assert note == "9 lines of unknown kinds are left out: k0, k1, k2, k3 and 5 more"
 
 
-@pytest.mark.parametrize("name", ["24-obj-mtl", "25-obj-mtllib-paths"])
-def test_files_with_libraries_open_as_they_are(shared_data, name):
-    paths = sorted((shared_data / "cases" / name).glob("*.obj"))
-    assert paths
+def test_materials_are_parts_by_name(shared_data):
+    card, floor = load_scene(shared_data / "cases" / "24-obj-mtl" / "card.obj", (8, 8)).description.objects
+    (layer,) = card.layers
+    assert (card.name, layer.model, layer.maps.texture) == ("card", "lambert", "card.png")
+    assert layer.parameters["albedo"] == (1.0, 1.0, 1.0)
+
+
+def test_a_library_that_is_not_there_is_one_note(shared_data):
+    paths = sorted((shared_data / "cases" / "25-obj-mtllib-paths").glob("*.obj"))
+    assert len(paths) == 7
     for path in paths:
-        (note,) = load_scene(path, (8, 8)).notes
-        assert "materials of" in note and "without a material" not in note
+        scene = load_scene(path, (8, 8))
+        (note,) = scene.notes
+        assert "materials of" in note and "not in the OBJ file's folder" in note
+        names = [described.name for described in scene.description.objects]
+        assert names == ["white", "red", "green", "floor"]
+
+
+def test_concave_polygons_keep_their_area(shared_data):
+    for name in ("L.obj", "L.ply"):
+        mesh = read_mesh(shared_data / "cases" / "26-obj-concave" / name)
+        corners = mesh.vertices[mesh.triangles]
+        doubled = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        assert np.linalg.norm(doubled, axis=1).sum() / 2 == pytest.approx(3.0)  # 2 × 2 less a corner of 1 × 1
 
 
 def test_random_damage_ends_in_a_mesh_or_one_error(mesh_file):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from engine.core.errors import LoadError
-from engine.scene.mesh import read_mesh_file
+from engine.scene.loaders.formats import read_model
 from tests.engine.scene.conftest import read_mesh
 
 POSITIONS = "property float x\nproperty float y\nproperty float z\n"
@@ -152,8 +152,8 @@ def test_random_damage_ends_in_a_mesh_or_one_error(mesh_file):
 
 
 def test_other_types_are_refused_by_name(mesh_file):
-    for name in ("a.zip", "a.ply.bz2", "a.stl", "a"):
-        with pytest.raises(LoadError, match="expected a mesh of type .ply or .obj"):
+    for name in ("a.zip", "a.ply.bz2", "a.dae", "a"):
+        with pytest.raises(LoadError, match="expected a mesh of type .glb, .obj, .ply, .stl, .off, .3mf"):
             read_mesh(mesh_file(name, b"PK\x03\x04"))
 
 
@@ -173,11 +173,11 @@ def test_what_follows_the_last_element_is_left_out_with_a_note(mesh_file):
         (b"\r\n", ()),
         (b"more", ("4 bytes after the last element are left out",)),
     ):
-        found = read_mesh_file(mesh_file("a.ply", whole + end))
-        assert found.notes == notes and found.mesh.triangles.tolist() == [[0, 1, 2]]
+        found = read_model(mesh_file("a.ply", whole + end))
+        assert found.notes == notes and found.parts[0].mesh.triangles.tolist() == [[0, 1, 2]]
     text = header("ascii", 4, 1) + ASCII_CORNERS + "3 0 1 2\n3 0 1 2\n\n7\n"
-    found = read_mesh_file(mesh_file("b.ply", text))
-    assert found.notes == ("2 lines after the last element are left out",) and len(found.mesh.triangles) == 1
+    found = read_model(mesh_file("b.ply", text))
+    assert found.notes == ("2 lines after the last element are left out",) and len(found.parts[0].mesh.triangles) == 1
 
 
 @pytest.mark.parametrize("order", ["<", ">"])
@@ -196,10 +196,10 @@ def test_variants_that_other_programs_write_open(shared_data):
     paths = sorted((shared_data / "cases" / "27-ply").glob("*.ply"))
     assert len(paths) == 8
     for path in paths:
-        found = read_mesh_file(path)
+        found = read_model(path)
         assert found.notes == ()
         if path.stem not in ("mirror", "multi"):  # cubes 2 m wide
-            corners = found.mesh.vertices[found.mesh.triangles]
+            corners = found.parts[0].mesh.vertices[found.parts[0].mesh.triangles]
             doubled = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
             assert np.linalg.norm(doubled, axis=1).sum() / 2 == pytest.approx(24.0)
             # All wound outwards, or all inwards: the volume by the divergence theorem is that of the cube.

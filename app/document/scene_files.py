@@ -1,0 +1,157 @@
+"""The file of a scene that is named by the folder or the zip archive that it is in, and which way is up in a mesh.
+
+A folder or an archive has one scene: its scene file, else its mesh. Where there are several, they are listed for the
+user to choose. A folder is searched by names alone, without following links. An archive is unpacked into the cache, by
+the process that reads the scene, and its document keeps the archive's name; only files that scenes can name are written
+(`engine.core.zip_files` bounds and checks them).
+
+A mesh whose Z axis points up is named `part.stl#z-up`, so that sessions, recent files and clusters keep the choice.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import shutil
+import time
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Literal
+
+from app.system.atomic import make_private_folder, replacing_folder, sweep_temporaries
+from engine.core.errors import InsituError, describe_value
+from engine.core.safe_files import local_path, read_regular_file
+from engine.scene.builtin import scene_path
+from engine.scene.mesh import MAX_MESH_BYTES, MESH_ENDINGS
+
+Up = Literal["y", "z"]
+Z_UP = "#z-up"
+ARCHIVE_ENDING = ".zip"
+_SCENE_ENDING = ".toml"
+# Files that are written of an archive: scenes, meshes, and what these name.
+_USED = (
+    _SCENE_ENDING, *MESH_ENDINGS, ".mtl", ".bin", ".png", ".jpg", ".jpeg", ".exr", ".hdr", ".pic", ".webp", ".ktx2",
+    ".binary", ".brdf", ".bsdf", ".csv",
+)  # fmt: skip
+_MOST_FILES, _DEEPEST, _MOST_LISTED = 4096, 8, 8
+_NOTE = ".scene"  # in the folder of an unpacked archive: the name of its scene
+_MOST_KEPT, _KEPT_SECONDS = 8, 24 * 3600.0
+
+
+def split_axis(source: str) -> tuple[str, Up]:
+    """The name of a scene without the axis of a mesh that points up, and that axis."""
+    return (source.removesuffix(Z_UP), "z") if source.endswith(Z_UP) else (source, "y")
+
+
+def with_axis(source: str, up: Up) -> str:
+    """The inverse."""
+    return split_axis(source)[0] + (Z_UP if up == "z" else "")
+
+
+def can_turn(source: str) -> bool:
+    """Whether a scene is a mesh that was opened alone, or may be one in an archive."""
+    return split_axis(source)[0].lower().endswith((*MESH_ENDINGS, ARCHIVE_ENDING))
+
+
+def is_archive(source: str) -> bool:
+    """Whether a scene is in a zip archive."""
+    return split_axis(source)[0].lower().endswith(ARCHIVE_ENDING)
+
+
+def scene_file(source: str) -> Path:
+    """The file of a scene: a built-in one, its own path, or its path among the files of an archive, where that is
+    unpacked (`unpacked_scene_file`), else the archive's."""
+    path = scene_path(split_axis(source)[0])
+    return (_unpacked(path) or path) if is_archive(source) else path
+
+
+def unpacked_scene_file(source: str) -> Path:
+    """The same; an archive is unpacked before. Raises InsituError."""
+    path = scene_path(split_axis(source)[0])
+    return (_unpacked(path) or _unpack(path)) if is_archive(source) else path
+
+
+def files_of_scene(source: str) -> set[Path]:
+    """A scene's file, and the archive that it is in."""
+    return {scene_file(source)} | ({scene_path(split_axis(source)[0])} if is_archive(source) else set())
+
+
+def scene_in_folder(folder: Path) -> Path:
+    """The one scene of a folder. Raises InsituError that lists the scenes where there are several."""
+    names: list[str] = []
+    for place, folders, files in os.walk(folder):
+        inside = Path(place).relative_to(folder)
+        folders[:] = [name for name in folders if len(inside.parts) < _DEEPEST and not name.startswith(".")]
+        names += [(inside / name).as_posix() for name in files if not os.path.islink(os.path.join(place, name))]
+        if len(names) > _MOST_FILES:
+            raise InsituError(f"{folder}: a folder of more than {_MOST_FILES} files; open the scene in it")
+    return folder / _only_scene(names, folder)
+
+
+def _only_scene(names: Iterable[str], where: Path) -> str:
+    """The one scene file among names, else the one mesh."""
+    found = [name for name in sorted(names) if not any(part.startswith((".", "__MACOSX")) for part in name.split("/"))]
+    scenes = [name for name in found if name.lower().endswith(_SCENE_ENDING)]
+    scenes = scenes or [name for name in found if name.lower().endswith(MESH_ENDINGS)]
+    if not scenes:
+        raise InsituError(f"{where}: no scene in it, expected a scene (.toml) or a mesh ({', '.join(MESH_ENDINGS)})")
+    if len(scenes) > 1:
+        listed = ", ".join(map(describe_value, scenes[:_MOST_LISTED]))
+        more = f" and {len(scenes) - _MOST_LISTED} more" if len(scenes) > _MOST_LISTED else ""
+        raise InsituError(f"{where}: {len(scenes)} scenes in it, expected one: {listed}{more}; open one of them itself")
+    return scenes[0]
+
+
+# ---------------------------------------------------------------------------------------------------------- archives
+
+
+def _cache_folder() -> Path:
+    from app.worker.cache import cache_folder
+
+    return cache_folder() / "unpacked"
+
+
+def _key(archive: Path) -> str:
+    """The name of an archive's folder: of its path, size and time. Raises OSError."""
+    status = local_path(archive).stat()
+    named = repr((os.path.abspath(archive), status.st_size, status.st_mtime_ns))
+    return hashlib.blake2b(os.fsencode(named), digest_size=16).hexdigest()
+
+
+def _unpacked(archive: Path) -> Path | None:
+    """The scene of an archive that is unpacked; None where it is not."""
+    try:
+        folder = _cache_folder() / _key(archive)
+        scene = folder / (folder / _NOTE).read_text(encoding="utf-8")
+        os.utime(folder)
+    except (OSError, ValueError):
+        return None
+    return scene if scene.is_file() else None
+
+
+def _unpack(archive: Path) -> Path:
+    """Unpack an archive; returns its scene. Raises InsituError."""
+    from engine.core.zip_files import ZipArchive
+
+    found = ZipArchive(read_regular_file(archive, MAX_MESH_BYTES), archive)
+    scene = _only_scene(found.names, archive)
+    folder = make_private_folder(_cache_folder()) / _key(archive)
+    sweep_temporaries(folder.parent)
+    _forget_oldest(folder.parent)
+    with replacing_folder(folder) as part:
+        for name in (name for name in found.names if name.lower().endswith(_USED)):
+            path = part / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(found.read(name))
+        (part / _NOTE).write_text(scene, encoding="utf-8")
+    return folder / scene
+
+
+def _forget_oldest(parent: Path) -> None:
+    """Remove archives that were unpacked and have not been opened for a day, except the last few."""
+    folders = sorted((path for path in parent.iterdir() if path.is_dir()), key=lambda path: -path.stat().st_mtime)
+    for folder in folders[_MOST_KEPT:]:
+        with contextlib.suppress(OSError):
+            if folder.stat().st_mtime < time.time() - _KEPT_SECONDS:
+                shutil.rmtree(folder)

@@ -1,0 +1,328 @@
+"""3MF files [3MF]: the parts that a file builds, in metres with Y up; base materials and groups of colours.
+
+A base material becomes a part of its name in its colour, which is sRGB; triangles without one become a part of their
+object's name, with colours at their corners where these are of a group of colours. Faces are flat: the format has no
+normals. Textures and mixtures are listed as not shown.
+
+The reader is our own, because trimesh 5.2 reads what such files do not say (`test_trimesh` shows each): it gives every
+component of another model all of that model's objects, and mixes those of equal numbers in two models, as slicers write
+them today; it keeps one of several copies with the same part number; and it drops units, materials and colours. XML is
+read by expat without building a tree; a document type, in which entities would be declared, is refused.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import NamedTuple
+from xml.parsers import expat
+
+import numpy as np
+import numpy.typing as npt
+
+from engine.core.errors import LoadError, describe_value, printable_name
+from engine.core.safe_files import read_regular_file
+from engine.core.zip_files import ZipArchive
+from engine.material.opacity import OPAQUE, Opacity
+from engine.scene.description import LayerDescription
+from engine.scene.loaders.model import ImportedModel, ImportedPart, UnshownProperty
+from engine.scene.loaders.vertex_colours import linear_colours, vertex_opacity
+from engine.scene.mesh import (
+    MAX_MESH_BYTES,
+    Mesh,
+    join_meshes,
+    place_copies,
+    select_faces,
+    validate_mesh,
+    without_unused_vertices,
+)
+from engine.scene.mesh_defects import describe_holes
+
+_MAIN = "3d/3dmodel.model"
+_METRES = {"micron": 1e-6, "millimeter": 1e-3, "centimeter": 1e-2, "inch": 0.0254, "foot": 0.3048, "meter": 1.0}
+# Limit of vertices and faces of all copies, plus one for every byte of XML: small files must not cost much.
+MOST_COPIED = 1_000_000
+_DEEPEST = 32
+_MOST_PARTS = 4095
+_Y_UP = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+_NOT_SHOWN = {
+    "texture2dgroup": "textures", "compositematerials": "mixtures of materials", "multiproperties": "mixed properties",
+    "beamlattice": "lattices of beams", "slicestack": "slices",
+    "pbmetallicdisplayproperties": "metalness and roughness",
+    "pbspeculardisplayproperties": "specular colours and glossiness", "translucentdisplayproperties": "translucency",
+}  # fmt: skip
+
+Float64Array = npt.NDArray[np.float64]
+Attributes = dict[str, str]
+
+
+class Key(NamedTuple):
+    """An object or a group of a model: the model's name in the archive, and its number there."""
+
+    model: str
+    id: str
+
+
+@dataclass
+class _Object:
+    """An object of a model: its triangles, with the property of each (group, and its entry for each corner; group −1
+    for none), or the objects that it consists of, with their places."""
+
+    name: str
+    default: tuple[int, int] = (-1, 0)
+    vertices: list[float] = field(default_factory=list)
+    triangles: list[int] = field(default_factory=list)
+    properties: list[tuple[int, int, int, int]] = field(default_factory=list)
+    components: list[tuple[Key, Float64Array]] = field(default_factory=list)
+
+
+@dataclass
+class _Group:
+    """Base materials, with names, or colours: linear red, green, blue and alpha."""
+
+    is_material: bool
+    names: list[str] = field(default_factory=list)
+    colours: list[tuple[float, float, float, float]] = field(default_factory=list)
+
+
+@dataclass
+class _Contents:
+    """What the models of a file contain. groups: by their number in `numbers`; build: objects and their places."""
+
+    metres: float = 1e-3
+    objects: dict[Key, _Object] = field(default_factory=dict)
+    groups: list[_Group] = field(default_factory=list)
+    numbers: dict[Key, int] = field(default_factory=dict)
+    build: list[tuple[Key, Float64Array]] = field(default_factory=list)
+    unshown: dict[str, int] = field(default_factory=dict)
+
+
+def read_3mf(file: Path) -> ImportedModel:
+    """Read a 3MF file; raises LoadError naming the model and the line."""
+    archive = ZipArchive(read_regular_file(file, MAX_MESH_BYTES), file)
+    models = sorted((name for name in archive.names if name.lower().endswith(".model")), key=_main_first)
+    if not models:
+        raise LoadError(file, "models", 0, "a file 3D/3dmodel.model in the archive")
+    contents, n_bytes = _Contents(), 0
+    for name in models:
+        data = archive.read(name)
+        n_bytes += len(data)
+        _ModelReader(contents, name, file, is_main=name == models[0]).read(data)
+    places = _placed_objects(contents, MOST_COPIED + n_bytes, file)
+    pieces: dict[tuple[object, ...], tuple[str, int, int, list[Mesh]]] = {}
+    for key, matrices in places.items():
+        for part, (name, group, entry, mesh) in _pieces(key, contents, file).items():
+            found = pieces.setdefault(part, (name, group, entry, []))
+            found[3].append(place_copies(mesh, np.array(matrices)))
+    if len(pieces) > _MOST_PARTS:
+        raise LoadError(file, "materials and objects", len(pieces), f"at most {_MOST_PARTS}")
+    if not pieces:
+        raise LoadError(file, "faces", 0, "at least one object with triangles in the build")
+    parts = [
+        _part(name, contents.groups[group] if group >= 0 else None, entry, meshes)
+        for name, group, entry, meshes in pieces.values()
+    ]
+    unshown = tuple(UnshownProperty(name, count, f"no {_NOT_SHOWN[name]}") for name, count in contents.unshown.items())
+    return ImportedModel(
+        tuple(parts), tuple(describe_holes(join_meshes([part.mesh for part in parts]))), unshown=unshown
+    )
+
+
+def _main_first(name: str) -> tuple[bool, str]:
+    return not name.lower().endswith(_MAIN), name
+
+
+def _part(name: str, group: _Group | None, entry: int, meshes: list[Mesh]) -> ImportedPart:
+    """A part of these triangles, of a base material where there is a group."""
+    mesh = join_meshes(meshes)
+    if group is None:
+        return ImportedPart(mesh, opacity=vertex_opacity(mesh), smooth=False, name=name)
+    *albedo, alpha = group.colours[entry]
+    layers = (LayerDescription(model="lambert", parameters={"albedo": tuple(albedo)}),)
+    opacity = Opacity("blend", opacity_factor=alpha) if 0.0 < alpha < 1.0 else OPAQUE
+    return ImportedPart(mesh, layers, opacity=opacity, smooth=False, name=name)
+
+
+def _placed_objects(contents: _Contents, most: int, file: Path) -> dict[Key, list[Float64Array]]:
+    """The places (4, 4) of each object with triangles, in metres with Y up."""
+    scale = np.diag([contents.metres] * 3 + [1.0])
+    found: dict[Key, list[Float64Array]] = {}
+    waiting = [(key, _Y_UP @ scale @ matrix, 0) for key, matrix in contents.build]
+    n = n_steps = 0
+    while waiting:
+        key, matrix, depth = waiting.pop()
+        item = contents.objects.get(key)
+        if item is None:
+            raise LoadError(file, f"{key.model}: object", key.id, "the number of an object")
+        n_steps += 1
+        n += (len(item.vertices) + len(item.triangles)) // 3
+        if depth > _DEEPEST or max(n, n_steps) > most:
+            expected = f"at most {most} vertices and faces of all copies, {_DEEPEST} levels, and no object in itself"
+            raise LoadError(file, f"{key.model}: object {key.id}", f"{n} at level {depth}", expected)
+        if item.triangles:
+            found.setdefault(key, []).append(matrix)
+        waiting += [(part, matrix @ place, depth + 1) for part, place in item.components]
+    return {key: found[key] for key in contents.objects if key in found}
+
+
+def _pieces(key: Key, contents: _Contents, file: Path) -> dict[tuple[object, ...], tuple[str, int, int, Mesh]]:
+    """The triangles of an object by part: of each base material, and of the object itself for the rest; with the part's
+    name, its group and its entry there, −1 for none."""
+    item = contents.objects[key]
+    vertices = np.array(item.vertices).reshape(-1, 3)
+    mesh = Mesh(vertices, np.array(item.triangles, np.int64).reshape(-1, 3).astype(np.int32))
+    mesh = validate_mesh(mesh, file, f"{key.model}: object {key.id}: ")
+    properties = np.array(item.properties, np.int64).reshape(-1, 4)
+    _check_properties(properties, key, contents, file)
+    is_material = np.array([*(group.is_material for group in contents.groups), False])[properties[:, 0]]
+    colours = np.ones((len(mesh.triangles), 3, 4), np.float32)
+    found: dict[tuple[object, ...], tuple[str, int, int, Mesh]] = {}
+    for number in np.unique(properties[:, 0]):
+        own = properties[:, 0] == number
+        if number >= 0 and not contents.groups[number].is_material:
+            colours[own] = np.array(contents.groups[number].colours, np.float32)[properties[own, 1:]]
+        for entry in np.unique(properties[own, 1]) if is_material[own].any() else ():
+            chosen = own & (properties[:, 1] == entry)
+            piece = without_unused_vertices(select_faces(mesh, chosen))
+            name = contents.groups[number].names[entry]
+            found[(int(number), int(entry))] = name, int(number), int(entry), piece
+    rest = ~is_material
+    if rest.any():
+        is_coloured = (properties[rest, 0] >= 0).any()
+        bare = replace(mesh, colours=colours) if is_coloured else mesh
+        bare = bare if rest.all() else without_unused_vertices(select_faces(bare, rest))
+        found[key] = item.name, -1, -1, bare
+    return found
+
+
+def _check_properties(properties: npt.NDArray[np.int64], key: Key, contents: _Contents, file: Path) -> None:
+    """Refuse entries that a group does not have."""
+    sizes = np.array([*(len(group.colours) for group in contents.groups), 1 << 40])
+    outside = (properties[:, 1:] >= sizes[properties[:, 0]][:, None]) | (properties[:, 1:] < 0)
+    if outside.any():
+        k = int(np.argmax(outside.any(axis=1)))
+        most = int(sizes[properties[k, 0]]) - 1
+        where = f"{key.model}: object {key.id}: property of triangle {k}"
+        raise LoadError(file, where, properties[k, 1:].tolist(), f"entries from 0 to {most}")
+
+
+class _ModelReader:
+    """Reads one model of a file into its contents."""
+
+    def __init__(self, contents: _Contents, model: str, file: Path, is_main: bool) -> None:
+        self._contents, self._model, self._file, self._is_main = contents, model, file, is_main
+        self._object = _Object("")
+        self._group = _Group(False)
+        self._starts: dict[str, Callable[[Attributes], None]] = {
+            "model": self._read_unit, "object": self._read_object, "vertex": self._read_vertex,
+            "triangle": self._read_triangle, "component": self._read_component, "item": self._read_item,
+            "basematerials": self._read_group, "colorgroup": self._read_group, "base": self._read_entry,
+            "color": self._read_entry,
+        }  # fmt: skip
+
+    def read(self, data: bytes) -> None:
+        """Read the XML. Raises LoadError."""
+        self._parser = expat.ParserCreate()
+        self._parser.buffer_text = True
+        self._parser.StartElementHandler = self._start
+        self._parser.StartDoctypeDeclHandler = self._refuse_document_type
+        try:
+            self._parser.Parse(data, True)
+        except expat.ExpatError as error:
+            raise LoadError(self._file, self._where, str(error), "well-formed XML") from None
+        except (KeyError, ValueError, OverflowError) as error:
+            raise LoadError(self._file, self._where, str(error), "numbers in the attributes of 3MF") from None
+
+    @property
+    def _where(self) -> str:
+        return f"{self._model}: line {self._parser.CurrentLineNumber}"
+
+    def _start(self, name: str, attributes: Attributes) -> None:
+        local = name.rpartition(":")[2]
+        read = self._starts.get(local)
+        if read is not None:
+            self._tag = local
+            read(attributes)
+        elif local in _NOT_SHOWN:
+            self._contents.unshown[local] = self._contents.unshown.get(local, 0) + 1
+
+    def _refuse_document_type(self, *_: object) -> None:
+        raise LoadError(self._file, self._where, "a document type", "XML without one, as 3MF requires")
+
+    def _read_unit(self, own: Attributes) -> None:
+        unit = own.get("unit", "millimeter")
+        if self._is_main:
+            if unit not in _METRES:
+                raise LoadError(self._file, f"{self._where}: unit", unit, ", ".join(_METRES))
+            self._contents.metres = _METRES[unit]
+
+    def _read_object(self, own: Attributes) -> None:
+        key = Key(self._model, own["id"])
+        if key in self._contents.objects:
+            raise LoadError(self._file, f"{self._where}: object", own["id"], "numbers that differ")
+        self._object = _Object(printable_name(own.get("name", "") or f"object {own['id']}", 48))
+        if "pid" in own:
+            self._object.default = self._number_of(own["pid"]), int(own.get("pindex", 0))
+        self._contents.objects[key] = self._object
+
+    def _read_vertex(self, own: Attributes) -> None:
+        self._object.vertices += (float(own["x"]), float(own["y"]), float(own["z"]))
+
+    def _read_triangle(self, own: Attributes) -> None:
+        self._object.triangles += (_index(own["v1"]), _index(own["v2"]), _index(own["v3"]))
+        group, first = self._object.default
+        if "p1" in own or "pid" in own:
+            group, first = self._number_of(own["pid"]) if "pid" in own else group, _index(own.get("p1", "0"))
+            entries = first, _index(own.get("p2", own.get("p1", "0"))), _index(own.get("p3", own.get("p1", "0")))
+        else:
+            entries = first, first, first
+        self._object.properties.append((group, *entries) if group >= 0 else (-1, 0, 0, 0))
+
+    def _read_component(self, own: Attributes) -> None:
+        self._object.components.append((self._key(own), _matrix(own)))
+
+    def _read_item(self, own: Attributes) -> None:
+        if self._is_main:
+            self._contents.build.append((self._key(own), _matrix(own)))
+
+    def _read_group(self, own: Attributes) -> None:
+        self._group = _Group(self._tag == "basematerials")
+        self._contents.numbers[Key(self._model, own["id"])] = len(self._contents.groups)
+        self._contents.groups.append(self._group)
+
+    def _read_entry(self, own: Attributes) -> None:
+        text = own.get("displaycolor") or own.get("color") or "#FFFFFF"
+        digits = bytes.fromhex(text.removeprefix("#"))
+        if len(digits) not in (3, 4):
+            raise LoadError(self._file, f"{self._where}: colour", text, "#RRGGBB or #RRGGBBAA")
+        red, green, blue, alpha = linear_colours(np.frombuffer(digits, np.uint8)[None] / 255.0)[0].tolist()
+        self._group.colours.append((red, green, blue, alpha))
+        self._group.names.append(printable_name(own.get("name", "") or describe_value(text), 48))
+
+    def _number_of(self, pid: str) -> int:
+        """The number of a group; −1 for one that is not shown."""
+        return self._contents.numbers.get(Key(self._model, pid), -1)
+
+    def _key(self, own: Attributes) -> Key:
+        """The object that a component or an item names, in this model or another."""
+        path = next((value for name, value in own.items() if name.rpartition(":")[2] == "path"), None)
+        return Key(self._model if path is None else path.strip("/"), own["objectid"])
+
+
+def _index(text: str) -> int:
+    number = int(text)
+    if not 0 <= number < 2**31:
+        raise ValueError(f"index {number}")
+    return number
+
+
+def _matrix(own: Attributes) -> Float64Array:
+    """The place (4, 4) of an object: the file has the rows of a matrix for row vectors."""
+    matrix = np.eye(4)
+    if "transform" in own:
+        rows = np.array([float(word) for word in own["transform"].split()])
+        if rows.shape != (12,) or not (np.abs(rows) <= 1e12).all():
+            raise ValueError(f"transform {own['transform'][:60]}")
+        matrix[:3] = rows.reshape(4, 3).T
+    return matrix

@@ -1,0 +1,165 @@
+"""3MF files: units, components, materials and colours; and how each kind of error is reported."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from engine.core.colour import decode_srgb
+from engine.core.errors import LoadError
+from engine.scene.loaders.formats import read_model
+
+CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
+HEAD = f'<?xml version="1.0"?><model xmlns="{CORE}" xmlns:m="m" xmlns:p="p"'
+TETRAHEDRON = (
+    '<mesh><vertices><vertex x="0" y="0" z="0"/><vertex x="1" y="0" z="0"/><vertex x="0" y="1" z="0"/>'
+    '<vertex x="0" y="0" z="2"/></vertices><triangles>{}</triangles></mesh>'
+)
+FACES = ("0 2 1", "0 1 3", "0 3 2", "1 2 3")
+
+
+def mesh(*own: str) -> str:
+    """The triangles of a tetrahedron, two high, with attributes of each."""
+    own = own or ("",) * len(FACES)
+    corners = [dict(zip(("v1", "v2", "v3"), face.split(), strict=True)) for face in FACES]
+    rows = [
+        "<triangle " + " ".join(f'{k}="{v}"' for k, v in each.items()) + f" {more}/>"
+        for each, more in zip(corners, own, strict=True)
+    ]
+    return TETRAHEDRON.format("".join(rows))
+
+
+def model(resources: str, build: str = '<item objectid="1"/>', unit: str = ' unit="millimeter"') -> str:
+    return f"{HEAD}{unit}><resources>{resources}</resources><build>{build}</build></model>"
+
+
+def packed(*models: str, names: tuple[str, ...] = ("3D/3dmodel.model", "3D/Objects/a.model")) -> bytes:
+    data = io.BytesIO()
+    with zipfile.ZipFile(data, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("[Content_Types].xml", "<Types/>")
+        for name, each in zip(names, models, strict=False):
+            archive.writestr(name, each)
+    return data.getvalue()
+
+
+def test_units_become_metres_and_z_points_up(mesh_file: Callable[..., Path]) -> None:
+    for unit, metres in (("", 1e-3), (' unit="inch"', 0.0254), (' unit="meter"', 1.0), (' unit="micron"', 1e-6)):
+        file = mesh_file("a.3mf", packed(model(f'<object id="1" name="foot">{mesh()}</object>', unit=unit)))
+        found = read_model(file)
+        (part,) = found.parts
+        assert (part.name, part.smooth, found.notes) == ("foot", False, ())
+        # (x, y, z) of the file is (x, z, −y) here: what is two high stays so.
+        corners = np.array([[0, 0, 0], [1, 0, 0], [0, 0, -1], [0, 2, 0]]) * metres
+        np.testing.assert_allclose(part.mesh.vertices, corners, rtol=1e-12, atol=0)
+        assert part.mesh.triangles.tolist() == [[int(k) for k in face.split()] for face in FACES]
+
+
+def test_components_and_items_are_placed_one_in_another(mesh_file: Callable[..., Path]) -> None:
+    turned = "0 1 0 -1 0 0 0 0 1 0 0 0"  # rows for row vectors: x becomes y
+    parts = '<components><component objectid="1" transform="2 0 0 0 2 0 0 0 2 10 0 0"/></components>'
+    build = (
+        f'<item objectid="2" transform="{turned}" partnumber="7"/><item objectid="1" partnumber="7"/>'
+        '<item objectid="1" partnumber="7" transform="1 0 0 0 1 0 0 0 1 0 0 5"/>'
+    )
+    resources = f'<object id="1">{mesh()}</object><object id="2">{parts}</object>'
+    (part,) = read_model(mesh_file("a.3mf", packed(model(resources, build, ' unit="meter"')))).parts
+    assert part.name == "object 1" and len(part.mesh.triangles) == 12  # three copies, whatever their part numbers
+    highest = part.mesh.vertices[:, 1].reshape(3, 4).max(axis=1)
+    assert sorted(highest.tolist()) == [2.0, 4.0, 7.0]
+    copy = part.mesh.vertices.reshape(3, 4, 3)[int(np.argmax(highest == 4.0))]
+    # (2 x + 10, 2 y, 2 z) turned about z: (−2 y, 2 x + 10, 2 z), and (x, z, −y) of that.
+    np.testing.assert_allclose(copy, [[0, 0, -10], [0, 0, -12], [-2, 0, -10], [0, 4, -10]], atol=1e-12)
+
+
+def test_components_of_other_models_have_numbers_of_their_own(mesh_file: Callable[..., Path]) -> None:
+    """As slicers write them: each object in a model of its own file, with equal numbers."""
+    other = model(f'<object id="1">{mesh()}</object><object id="2" name="far">{mesh()}</object>', "")
+    parts = '<components><component p:path="/3D/Objects/a.model" objectid="2"/></components>'
+    main = model(f'<object id="1" name="near">{mesh()}</object><object id="2">{parts}</object>',
+                 '<item objectid="2"/>')  # fmt: skip
+    (part,) = read_model(mesh_file("a.3mf", packed(main, other))).parts
+    assert (part.name, len(part.mesh.triangles)) == ("far", 4)
+
+
+def test_base_materials_are_parts_and_groups_of_colours_are_of_corners(mesh_file: Callable[..., Path]) -> None:
+    groups = (
+        '<basematerials id="5"><base name="rubber" displaycolor="#FF0000"/>'
+        '<base name="steel" displaycolor="#808080FF"/></basematerials>'
+        '<m:colorgroup id="6"><m:color color="#00FF00"/><m:color color="#0000FF"/></m:colorgroup>'
+    )
+    own = ("", 'p1="0"', 'pid="6" p1="0" p2="1" p3="0"', 'pid="6" p1="1"')
+    found = read_model(
+        mesh_file(
+            "a.3mf", packed(model(groups + f'<object id="1" name="toy" pid="5" pindex="1">{mesh(*own)}</object>'))
+        )
+    )
+    rubber, steel, toy = sorted(found.parts, key=lambda part: part.name)
+    grey = decode_srgb(np.array([128 / 255]))[0]
+    for part, name, albedo in ((rubber, "rubber", (1.0, 0.0, 0.0)), (steel, "steel", (grey,) * 3)):
+        assert part.name == name and len(part.mesh.triangles) == 1 and part.mesh.colours is None
+        np.testing.assert_allclose(part.layers[0].parameters["albedo"], albedo, rtol=1e-6)
+    green, blue = [0, 1, 0, 1], [0, 0, 1, 1]
+    assert toy.name == "toy" and toy.layers == () and toy.mesh.colours is not None
+    assert toy.mesh.colours.tolist() == [[green, blue, green], [blue] * 3]
+
+
+def test_textures_are_listed_as_not_shown(mesh_file: Callable[..., Path]) -> None:
+    groups = '<m:texture2dgroup id="9" texid="8"/>'
+    file = mesh_file("a.3mf", packed(model(groups + f'<object id="1" pid="9" pindex="0">{mesh()}</object>')))
+    (only,) = read_model(file).unshown
+    assert (only.name, only.count, only.effect) == ("texture2dgroup", 1, "no textures")
+
+
+TOY = f'<object id="1">{mesh()}</object>'
+LOOP = '<object id="1"><components><component objectid="1"/></components></object>'
+DOUBLES = "".join(
+    f'<object id="{k}"><components><component objectid="{k + 1}"/><component objectid="{k + 1}"/></components></object>'
+    for k in range(1, 30)
+)
+ENTITIES = '<?xml version="1.0"?><!DOCTYPE a [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;&a;">]><model>&b;</model>'
+
+
+@pytest.mark.parametrize(
+    ("data", "said"),
+    [
+        (b"PK\x03\x04", "zip archive = no directory at its end"),
+        (packed(), "models = 0, expected a file 3D/3dmodel.model"),
+        (packed("<model"), "3D/3dmodel.model: line 1 = unclosed token"),
+        (packed(ENTITIES), "line 1 = a document type, expected XML without one"),
+        (packed(ENTITIES.encode("utf-16")), "line 1 = a document type"),
+        (packed(model("", "")), "faces = 0, expected at least one object"),
+        (packed(model("", '<item objectid="4"/>')), "object = 4, expected the number of an object"),
+        (packed(model(LOOP)), "object 1 = 0 at level 33, expected at most"),
+        (packed(model(DOUBLES + f'<object id="30">{mesh()}</object>')), "of all copies"),
+        (packed(model(TOY, unit=' unit="mile"')), "unit = mile, expected micron"),
+        (packed(model('<object id="1"><mesh><vertices><vertex x="0" y="a" z="0"/></vertices></mesh></object>')),
+         "line 1 = could not convert string to float: 'a', expected numbers"),
+        (packed(model('<object id="1"><mesh><vertices><vertex x="0" z="0"/></vertices></mesh></object>')), "'y'"),
+        (packed(model(TOY.replace('z="2"', 'z="nan"'))), "vertex 3 = [0.0, 0.0, nan]"),
+        (packed(model(TOY.replace('v3="3"', 'v3="4"'))), "face 1 = [0, 1, 4], expected"),
+        (packed(model(TOY.replace('v3="3"', 'v3="-1"'))), "index -1"),
+        (packed(model(TOY * 2)), "object = 1, expected numbers that differ"),
+        (packed(model('<basematerials id="5"><base name="a" displaycolor="#FFFF"/></basematerials>')), "colour = #FF"),
+        (packed(model('<basematerials id="5"/>' + TOY.replace('id="1"', 'id="1" pid="5" pindex="0"'))),
+         "property of triangle 0 = [0, 0, 0], expected entries from 0 to -1"),
+        (packed(model(TOY, '<item objectid="1" transform="1 0 0"/>')), "transform 1 0 0"),
+        (packed(model(TOY, '<item objectid="1" transform="' + "nan " * 12 + '"/>')),
+         "transform nan"),
+    ],
+)  # fmt: skip
+def test_faulty_files_are_refused_in_one_line(mesh_file: Callable[..., Path], data: bytes, said: str) -> None:
+    with pytest.raises(LoadError) as caught:
+        read_model(mesh_file("bad.3mf", data))
+    assert said in str(caught.value) and "bad.3mf: " in str(caught.value)
+
+
+def test_an_archive_that_claims_too_much_is_refused_before_it_is_unpacked(mesh_file: Callable[..., Path]) -> None:
+    bomb = packed(" " * (80 << 20))
+    assert len(bomb) < 100_000
+    with pytest.raises(LoadError, match="size once unpacked = .* bytes, expected at most"):
+        read_model(mesh_file("bad.3mf", bomb))
