@@ -19,7 +19,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
-from app.document.linked_layers import layers_from_descriptions, linked_indices, with_layer
+from app.document.linked_layers import layers_from_descriptions, linked_indices, with_covers, with_layer
 from app.system.paths import is_file_name
 from engine.core.errors import InsituError
 from engine.light.probe_mappings import Mapping
@@ -196,6 +196,7 @@ class Document:
     def with_object(self, changed: ObjectState) -> Document:
         """This document with the object of the same name replaced."""
         self.object(changed.name)
+        changed = replace(changed, layers=with_covers(changed.layers))
         return replace(self, objects=tuple(changed if o.name == changed.name else o for o in self.objects))
 
     def with_layer(self, key: str, changed: Layer) -> Document:
@@ -257,6 +258,7 @@ TIME = "time"
 SURFACE = "surface"
 EMISSION = "emission"
 FRESNEL_TERM = "fresnel_term"
+UNDER = "under"
 LIGHT_FIELDS = ("rotation", "intensity", "environment", "mapping")
 
 
@@ -291,7 +293,7 @@ def resolve(document: Document, path: str) -> Target:
     index, rest = _split_layer(state, rest)
     if not rest:
         return Target("layer", state.name, index)
-    if rest in ("visible", "frozen", FRESNEL_TERM):
+    if rest in ("visible", "frozen", FRESNEL_TERM, UNDER):
         return Target("switch", state.name, index, rest)
     return _resolve_in_layer(state, index, rest)
 

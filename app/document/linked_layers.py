@@ -11,6 +11,10 @@ belongs to both:
     { model = "phong", name = "coat", exponent = 80 }
     { model = "fresnel", follows = "coat", fresnel = [0.95, 0.64, 0.54] }
 
+A layer may also lie `under` another, which takes its directional albedo from it (`Layer.covers`); that one may lie
+under a further one. `with_covers` hands each layer the present value of those above it, so that a layer can be
+evaluated by itself.
+
 Layers with several terms inside were rejected: every part of the program that knows a layer by its key would have had
 to handle terms, to no other effect.
 """
@@ -42,6 +46,32 @@ def linked_indices(layers: Sequence[Layer], index: int) -> tuple[int, ...]:
     return group if index in group else (index,)
 
 
+def with_covers(layers: Layers) -> Layers:
+    """The layers, each with the present values of those that lie on it, the nearest first; unchanged ones are the same
+    objects. What lay under a layer that is gone, or covers no more, lies under nothing."""
+    by_name = {layer.name: layer for layer in reversed(layers) if layer.model.is_cover}
+    found = []
+    for layer in layers:
+        covers: list[Layer] = []
+        above = by_name.get(layer.under)
+        while above is not None and above.name not in {layer.name, *(each.name for each in covers)}:
+            covers.append(above.replace(covers=(), frozen=False))
+            above = by_name.get(above.under)
+        under = covers[0].name if covers else ""
+        if (layer.under, layer.covers) != (under, tuple(covers)):
+            layer = layer.replace(under=under, covers=tuple(covers))
+        found.append(layer)
+    return tuple(found)
+
+
+def possible_covers(layers: Layers, layer: Layer) -> tuple[str, ...]:
+    """The names of the layers that can lie on this one: covering ones that do not lie under it themselves."""
+    return tuple(
+        each.name for each in layers
+        if each.model.is_cover and layer.name not in (each.name, *(cover.name for cover in each.covers))
+    )  # fmt: skip
+
+
 def with_layer(layers: Layers, index: int, changed: Layer) -> Layers:
     """The layers with one replaced, and its curves in all that share them; followers follow its new name.
 
@@ -64,13 +94,17 @@ def with_layer(layers: Layers, index: int, changed: Layer) -> Layers:
     for i in group:
         if layers[i].follows == layers[lead].name != found[lead].name:
             found[i] = found[i].replace(follows=found[lead].name)
-    return tuple(found)
+    if changed.name != layers[index].name:
+        found = [each.replace(under=changed.name) if each.under == layers[index].name else each for each in found]
+    return with_covers(tuple(found))
 
 
 def synchronize_layers(layers: Layers) -> Layers:
-    """The layers, those that follow with the curves of the one they follow."""
+    """The layers, those that follow with the curves of the one they follow, and those under others with these."""
     leads = [layers[linked_indices(layers, index)[0]] for index in range(len(layers))]
-    return tuple(each if each is lead else each.with_curves_of(lead) for each, lead in zip(layers, leads, strict=True))
+    return with_covers(
+        tuple(each if each is lead else each.with_curves_of(lead) for each, lead in zip(layers, leads, strict=True))
+    )
 
 
 def with_fresnel(layers: Layers, index: int) -> Layers:
@@ -139,6 +173,8 @@ def layers_from_descriptions(file: str, name: str, described: Sequence[LayerDesc
             lead = _leader(file, key, each.follows, found)
             if found[i] is None:
                 found[lead], found[i] = _two_terms(file, key, each, found[lead])
+    for key, layer in zip(keys, found, strict=True):
+        _check_cover(file, key, layer, found)
     return synchronize_layers(tuple(layer for layer in found if layer is not None))
 
 
@@ -152,8 +188,22 @@ def _plain(file: str, key: str, described: LayerDescription) -> Layer:
     except LoadError as error:
         raise LoadError(file, f"{key}: {error.what}", error.value, error.expected) from None
     return Layer(
-        model, described.name or model.name, tuple(values.items()), follows=described.follows or "", maps=described.maps
-    )
+        model, described.name or model.name, tuple(values.items()), follows=described.follows or "",
+        maps=described.maps, under=described.under or "",
+    )  # fmt: skip
+
+
+def _check_cover(file: str, key: str, layer: Layer | None, layers: Sequence[Layer | None]) -> None:
+    """Raise LoadError unless what lies on a layer, if anything, is a layer that can, and not the layer itself."""
+    above, seen = layer, set[str]()
+    while above is not None and above.under:
+        covers = {each.name: each for each in layers if each is not None and each.model.is_cover}
+        seen.add(above.name)
+        if above.under not in covers or above.under in seen:
+            there = " or ".join(name for name in covers if name not in seen) or "no layer"
+            models = " or ".join(name for name, model in MODELS.items() if model.is_cover)
+            raise LoadError(file, f"{key}.under", above.under, f"{there}: another layer of the model {models}")
+        above = covers[above.under]
 
 
 def _leader(file: str, key: str, follows: str | None, layers: Sequence[Layer | None]) -> int:

@@ -292,13 +292,14 @@ def copy_layer(document: Document, key: str) -> Material:
     layers = document.object(name).layers
     lead = layers[linked_indices(layers, index)[0]] if layers[index].rises else layers[index]
     terms = [layer for layer in layers if layer.rises and layer.follows == lead.name]
-    return Material(lead.name, (lead.replace(follows=""), *terms), part=LAYER)
+    alone = tuple(each.replace(under="", covers=()) for each in (lead.replace(follows=""), *terms))
+    return Material(lead.name, alone, part=LAYER)
 
 
 def copy_curve(document: Document, key: str, factor: str) -> Material:
     """One curve of a layer."""
     layer = document.layer(key)
-    alone = layer.with_fresnel(None).replace(follows="", rises=False)
+    alone = layer.with_fresnel(None).replace(follows="", rises=False, under="", covers=())
     return Material(layer.name, (alone,), part=layer.model.leader(factor))
 
 

@@ -134,6 +134,7 @@ class LayerRecord(StrictModel):
     model: Text
     name: Name
     follows: Name | None = None
+    under: Name | None = None
     visible: Flag = True
     frozen: Flag = False
     maps: Maps = LayerMaps()
@@ -338,7 +339,14 @@ class SessionRecord(StrictModel):
 def layers_of(file: str, name: str, records: Sequence[LayerRecord]) -> Layers:
     """The layers of the object or material called `name`, with all edits. Raises LoadError for `file`."""
     described = [
-        LayerDescription(model=each.model, name=each.name, follows=each.follows, maps=each.maps, parameters=each.values)
+        LayerDescription(
+            model=each.model,
+            name=each.name,
+            follows=each.follows,
+            under=each.under,
+            maps=each.maps,
+            parameters=each.values,
+        )
         for each in records
     ]
     plain = layers_from_descriptions(file, name, described)
@@ -392,7 +400,8 @@ def operator_lines(operators: Sequence[CurveEdit]) -> Iterator[str]:
 
 def _named(layer: Layer) -> dict[str, str | None]:
     model = FRESNEL_NAME if layer.rises else layer.model.name
-    return {"model": model, "name": layer.name, "follows": layer.follows or None}
+    under = None if layer.rises else layer.under or None
+    return {"model": model, "name": layer.name, "follows": layer.follows or None, "under": under}
 
 
 def _maps(layer: Layer) -> dict[str, Any]:

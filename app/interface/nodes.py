@@ -19,7 +19,17 @@ from pydantic import ValidationError
 
 from app.document.commands import EditCommand
 from app.document.commands.curves import AddOperator, ResetCurve, SetOperators
-from app.document.document import EMISSION, LIGHT_FIELDS, MATERIAL, SWITCHES, TIME, Document, all_factors, resolve
+from app.document.document import (
+    EMISSION,
+    LIGHT_FIELDS,
+    MATERIAL,
+    SWITCHES,
+    TIME,
+    UNDER,
+    Document,
+    all_factors,
+    resolve,
+)
 from app.document.history import History
 from app.document.view_state import Viewpoint
 from app.project.project import read_measurements, set_path
@@ -221,7 +231,8 @@ class LayerNode(Node):
         return self._editing.document.layer(self._path)
 
     def _names(self) -> Sequence[str]:
-        return (*(parameter.name for parameter in self._layer.parameter_table), "visible", "frozen", *map_fields())
+        parameters = (parameter.name for parameter in self._layer.parameter_table)
+        return (*parameters, "visible", "frozen", UNDER, *map_fields())
 
 
 class Curve:
@@ -362,7 +373,7 @@ def value_at(document: Document, path: str) -> Any:
                 return layer.values[name]
             case "map":
                 return getattr(layer.maps, name)
-            case "switch" if name in ("visible", "frozen"):
+            case "switch" if name in ("visible", "frozen", UNDER):
                 return getattr(layer, name)
             case "switch":
                 return layer.fresnel is not None

@@ -298,7 +298,7 @@ def _factor_key(layer: Layer) -> Key:
     """The key of all that f_q, f_o, texture and weight depend on."""
     view = layer.model.view_factor
     curve = () if view is None else (layer.operators(view.name), layer.parameters)
-    return layer.model.name, tuple(layer.scale().tolist()), curve, layer.maps
+    return layer.model.name, tuple(layer.scale().tolist()), curve, layer.covers, layer.maps
 
 
 Mode = Literal["placement", "orbit", "deform", "paths"]

@@ -207,11 +207,8 @@ def errors(ours: NDArray[np.floating], truth: NDArray[np.floating]) -> Errors:
 
 def seen_scale(placement: Placement, rows: NDArray[np.integer], layer: Layer) -> Radiance:
     """f_q f_o(θ_o) of a layer, (p, 3)."""
-    view = layer.model.view_factor
-    if view is None:
-        return np.tile(layer.scale(), (len(rows), 1))
     cosine = np.einsum("pc,pc->p", placement.hits.normal[rows], placement.hits.wo[rows], dtype=np.float64)
-    return layer.scale() * layer.curve(view.name)(np.arccos(np.clip(cosine, 0.0, 1.0)))
+    return layer.scale() * layer.view_curve(np.arccos(np.clip(cosine, 0.0, 1.0)))
 
 
 def reflected(done: Precomputed) -> Radiance:

@@ -10,7 +10,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from app.document.commands import EditCommand
-from app.document.commands.layers import SetEditable, SetFresnelTerm, SetFrozen, SetMaterial, SetParameter, SetVisible
+from app.document.commands.layers import (
+    SetEditable,
+    SetFresnelTerm,
+    SetFrozen,
+    SetMaterial,
+    SetParameter,
+    SetUnder,
+    SetVisible,
+)
 from app.document.commands.light import (
     SetEmission,
     SetEnvironment,
@@ -30,6 +38,7 @@ from app.document.document import (
     MATERIAL,
     SCENE_ENVIRONMENT,
     TIME,
+    UNDER,
     Document,
     LightState,
     Target,
@@ -363,9 +372,13 @@ def _set_switch(path: str, target: Target, value: Any) -> EditCommand:
         return _set_material(path, target.object, value)
     if target.name == EMISSION:
         return SetEmission(target.object, value)
+    owner = target.key or target.object
+    if target.name == UNDER:
+        if not isinstance(value, str):
+            raise LoadError(path, "value", value, 'the name of a layer of the same object, or ""')
+        return SetUnder(owner, value)
     if not isinstance(value, bool):
         raise LoadError(path, "value", value, "true or false")
-    owner = target.key or target.object
     if target.name == "editable":
         return SetEditable(owner, value)
     if target.name == FRESNEL_TERM:

@@ -19,7 +19,7 @@ from engine.curve.operators import HALF_PI, Edit, apply_operators
 from engine.material import kinds
 from engine.material.layer_maps import LayerMaps
 from engine.material.microfacet import rise
-from engine.material.model import Model, channels, find_parameter
+from engine.material.model import Model, channels, find_parameter, ones
 from engine.material.parameters import FRESNEL, Parameter, Value
 
 Float64Array = NDArray[np.float64]
@@ -70,6 +70,11 @@ class Layer:
     the layer's curves cannot be edited. `follows`: the name of a layer of the same object with which it shares its
     curves. `maps`: the images that multiply it, pixel by pixel; the model's formula does not depend on them.
 
+    `under`: the name of a layer of the same object that lies directly on this one, "" for none; `covers`: all layers
+    that lie on it, the nearest first. Each takes its directional albedo E(theta_o) from what is beneath:
+
+        f_o(theta_o) = f_o of the model  times  the product of 1 - E_c(theta_o) over the covers c.
+
     Any layer can have Schlick's Fresnel factor R + (1 - R)(1 - cos theta_d)^5 per channel: it is split into two layers
     with the same curves [BenArtzi07, eq. 3.12], itself times R, and a second one, which `rises`, times (1 - R)(1 - cos
     theta_d)^5. Both then have the further parameter `FRESNEL`, R, and no transport depends on it.
@@ -84,6 +89,8 @@ class Layer:
     follows: str = ""
     rises: bool = False
     maps: LayerMaps = LayerMaps()
+    under: str = ""
+    covers: tuple[Layer, ...] = ()
 
     @property
     def title(self) -> str:
@@ -122,6 +129,29 @@ class Layer:
         """The curve with its operators, at least 0: a callable, angles (N,) to values (N, 3)."""
         return FinalCurve(apply_operators(self.operators(factor), self.generated_curve(factor)))
 
+    @property
+    def has_view_curve(self) -> bool:
+        """Whether f_o is anything but 1: the model has a view factor, or a layer lies on this one."""
+        return self.model.view_factor is not None or bool(self.covers)
+
+    def view_curve(self, theta_o: Float64Array) -> Float64Array:
+        """f_o (N, 3) at angles theta_o (N,): the model's view factor with its operators, times what covers leave."""
+        view = self.model.view_factor
+        own = ones(theta_o) if view is None else self.curve(view.name)(theta_o)
+        return own * self.uncovered_share(theta_o)[:, None]
+
+    def coverage(self, theta_o: Float64Array) -> Float64Array:
+        """The directional albedo E (N,), in [0, 1], that this layer takes from those beneath it."""
+        return np.clip(self.model.coverage(self.values, self.curve, theta_o), 0.0, 1.0)
+
+    def uncovered_share(self, theta_o: Float64Array) -> Float64Array:
+        """The share (N,) of this layer's light that passes all covers; hidden ones take nothing."""
+        share = np.ones(len(theta_o))
+        for cover in self.covers:
+            if cover.visible:
+                share *= 1.0 - cover.coverage(theta_o)
+        return share
+
     def coefficients(self, factor: str, n_bands: int) -> Float64Array:
         """Band values of the curve, (J, 3) [BenArtzi07, eq. 4.17]. Raises BandCountError."""
         from_pole = self.model.factor(factor).gamma in (kinds.THETA_I, kinds.THETA_R, kinds.THETA_H)
@@ -140,6 +170,8 @@ class Layer:
     def brdf(self, wi: Float64Array, wo: Float64Array) -> Float64Array:
         """The whole formula without operators, 1/sr, (N, 3), for unit directions (N, 3) in the local frame."""
         value = self.model.brdf(self.values, wi, wo) * self._share()
+        if self.covers:
+            value *= self.uncovered_share(np.arccos(np.clip(wo[:, 2], 0.0, 1.0)))[:, None]
         return value * rise(wi, wo)[:, None] if self.rises else value
 
     def _share(self) -> Float64Array:
@@ -223,11 +255,12 @@ def evaluate_by_curves(layer: Layer, wi: np.ndarray, wo: np.ndarray) -> Float64A
     wi, wo = np.ascontiguousarray(wi, np.float64), np.ascontiguousarray(wo, np.float64)
     q = layer.quotient_parameters()
     value = _quotient_cosines(layer, q, wi, wo)
-    view = layer.model.view_factor
-    for factor in (*layer.model.factors, *((view,) if view else ())):
+    for factor in layer.model.factors:
         angle = np.empty(len(wi))
         kernels.curve_angles(factor.gamma, q, wi, wo, angle)
         value *= layer.curve(factor.name)(np.clip(angle, 0.0, HALF_PI))
+    if layer.has_view_curve:
+        value *= layer.view_curve(np.arccos(np.clip(wo[:, 2], 0.0, 1.0)))
     return value
 
 

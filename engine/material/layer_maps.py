@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple, get_args
 
@@ -30,6 +30,8 @@ Space = Literal["", "srgb", "linear"]
 SPACES: tuple[Space, ...] = ("", "srgb", "linear")
 Wrap = Literal["repeat", "mirror", "clamp"]
 WRAPS: tuple[Wrap, ...] = get_args(Wrap)
+Channel = Literal["grey", "r", "g", "b", "a", "max"]
+CHANNELS: tuple[Channel, ...] = get_args(Channel)
 MAX_REPEATS, LEAST_REPEATS = 1000.0, 1e-3
 MAX_NAME = 4096
 TEXTURE_STRENGTH = Parameter(
@@ -54,6 +56,16 @@ TEXTURE_SPACE = Parameter(
     "this kind usually are, sRGB with 8 bits per channel, else linear.",
     choices=SPACES,
     titles=("Auto", "sRGB", "Linear"),
+)
+WEIGHT_CHANNEL = Parameter(
+    "weight_channel",
+    "choice",
+    "grey",
+    "Channel",
+    "The channel of the image that says how much of the layer there is: its brightness, one of its colours, its "
+    "opacity, or the largest of its colours, decoded as a texture's.",
+    choices=CHANNELS,
+    titles=("Grey", "Red", "Green", "Blue", "Alpha", "Largest"),
 )
 WEIGHT_START = Parameter("weight_start", "scalar", 1.0, "Start", "The share of the layer where nothing is painted.")
 
@@ -89,10 +101,10 @@ class LayerMaps:
 
     texture: empty for none. texture_space: its colour space; empty: sRGB for 8 bits, else linear. texture_scale: how
     often it repeats along u and v; texture_strength: 0 has no effect. vertex_colours: whether the colours of the mesh's
-    vertices multiply the texture, or are it where there is none. weight: a grey image, the share of the layer,
-    always linear; empty for none. weight_invert: one minus that share. weight_start: the share if there is no such
-    image. strokes: painted on either, and inverted with it, so that inversion needs no new samples. texture_offset,
-    texture_rotation, texture_wrap: see `TextureTransform`.
+    vertices multiply the texture, or are it where there is none. weight: an image whose `weight_channel` is the share of
+    the layer, linear except for "max"; empty for none. weight_invert: one minus that share. weight_start: the share if
+    there is no such image. strokes: painted on either, and inverted with it, so that inversion needs no new samples.
+    texture_offset, texture_rotation, texture_wrap: see `TextureTransform`.
     """
 
     texture: str = ""
@@ -107,6 +119,7 @@ class LayerMaps:
     texture_rotation: float = 0.0
     texture_wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")
     vertex_colours: bool = False
+    weight_channel: Channel = "grey"
 
     @property
     def is_plain(self) -> bool:
@@ -137,12 +150,21 @@ class LayerMaps:
     def images(self) -> Images:
         """The part that determines samples: maps with equal images differ in numbers alone."""
         start = 1.0 if self.weight else self.weight_start
-        plain = Images(weight=self.weight, weight_start=start, strokes=self.strokes, vertex_colours=self.vertex_colours)
+        channel = self.weight_channel if self.weight else "grey"
+        plain = Images(
+            weight=self.weight, weight_channel=channel, weight_start=start, strokes=self.strokes,
+            vertex_colours=self.vertex_colours,
+        )  # fmt: skip
         if not self.texture:
             return plain
         transform = TextureTransform(self.texture_rotation, self.texture_offset, self.texture_wrap)
         own = {name: getattr(self, name) for name in ("texture", "texture_space", "texture_scale")}
         return dataclasses.replace(plain, texture_transform=transform, **own)
+
+    def with_files(self, renamed: Callable[[str], str]) -> LayerMaps:
+        """The maps with other names of their images."""
+        texture, weight = (name and renamed(name) for name in (self.texture, self.weight))
+        return dataclasses.replace(self, texture=texture, weight=weight)
 
     def factor(self, texture: NDArray[np.floating], weight: NDArray[np.floating]) -> NDArray[np.floating]:
         """The factor (N, 3) for texels (N, 3) and weights (N,)."""
@@ -162,6 +184,7 @@ class Images:
     strokes: Strokes = Strokes()
     texture_transform: TextureTransform = IDENTITY_TRANSFORM
     vertex_colours: bool = False
+    weight_channel: Channel = "grey"
 
     @property
     def is_of_files(self) -> bool:
@@ -290,6 +313,7 @@ _ACCEPTED = {
     "texture_strength": lambda name, value: TEXTURE_STRENGTH.accept(value),
     "vertex_colours": flag_value,
     "weight": image_file_name,
+    "weight_channel": lambda name, value: WEIGHT_CHANNEL.accept(value),
     "weight_invert": flag_value,
     "weight_start": lambda name, value: WEIGHT_START.accept(value),
     "strokes": lambda name, value: strokes_from(value),

@@ -11,6 +11,7 @@ which ends in `MODELS = ...`; all are found in `engine.material.MODELS`.
 
 from __future__ import annotations
 
+import dataclasses
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -66,7 +67,8 @@ class Model(ABC):
     parameters that are its first quotient parameters. is_diffuse: reflects about equally in all directions.
     highlight_in_quotient: a part of its distribution over the half vector is in the quotient and in no curve. shared:
     by name, the curve that a curve always equals. is_coloured: the quotient differs by colour, and q[CHANNEL] selects
-    one, or MEAN for one number. needs_file: it is made by importing a file, and cannot be chosen.
+    one, or MEAN for one number. needs_file: it is made by importing a file, and cannot be chosen. is_cover: a layer of
+    it can lie on others, which it dims by its `coverage`. is_reciprocal: light and view can be exchanged.
     """
 
     name: ClassVar[str]
@@ -79,6 +81,8 @@ class Model(ABC):
     highlight_in_quotient: ClassVar[bool] = False
     is_coloured: ClassVar[bool] = False
     needs_file: ClassVar[bool] = False
+    is_cover: ClassVar[bool] = False
+    is_reciprocal: ClassVar[bool] = True
     shared: ClassVar[Mapping[str, str]] = {}
     parameters: ClassVar[tuple[Parameter, ...]]
     factors: ClassVar[tuple[Factor, ...]]
@@ -95,6 +99,13 @@ class Model(ABC):
     @abstractmethod
     def brdf(self, params: Parameters, wi: Float64Array, wo: Float64Array) -> Float64Array:
         """The whole formula, 1/sr, (N, 3), for unit directions (N, 3) in the local frame; 0 below the horizon."""
+
+    def coverage(
+        self, params: Parameters, curve: Callable[[str], Callable[[Float64Array], Float64Array]], theta_o: Float64Array
+    ) -> Float64Array:
+        """The directional albedo (N,) towards views at theta_o (N,), which is lost to what lies beneath; of its largest
+        channel, so that what is beneath keeps its hue. curve: its curves by name, with the user's edits."""
+        return np.zeros(len(theta_o))
 
     def quotient_parameters(self, params: Parameters) -> Float64Array:
         """The parameters of this model's compiled rho_q and angles, (8,)."""
@@ -133,8 +144,9 @@ class Model(ABC):
 
     @property
     def driving_parameters(self) -> frozenset[Parameter]:
-        """The parameters that drive a curve."""
-        return frozenset(parameter for parameter in self.parameters if {"A", "B", "o"}.intersection(parameter.drives))
+        """The parameters that drive a curve, alike in two models whichever curve that is: they tell nothing of it."""
+        driving = [each for each in self.parameters if {"A", "B", "o"}.intersection(each.drives)]
+        return frozenset(dataclasses.replace(parameter, drives=()) for parameter in driving)
 
     def leader(self, name: str) -> str:
         """The curve that stores a curve's operators: itself, unless it is shared. Raises ParameterError."""

@@ -90,9 +90,11 @@ class PathTracer:
     """One scene with its materials and lights, ready for path tracing. Safe to use from several threads."""
 
     def __init__(
-        self, scene: Scene, caster: RayCaster, layers_of: LayersOf, sky: SkyState, later: Sequence[LayersOf] = ()
-    ) -> None:
-        """layers_of: at the first bounce; later: at the second, the third …, each also at all that follow it."""
+        self, scene: Scene, caster: RayCaster, layers_of: LayersOf, sky: SkyState, later: Sequence[LayersOf] = (),
+        scattering: Callable[[Sequence[Layer]], Scattering] = Scattering,
+    ) -> None:  # fmt: skip
+        """layers_of: at the first bounce; later: at the second, the third …, each also at all that follow it;
+        scattering: what an object's layers reflect, another for another BRDF of the same images."""
         self._scene, self._caster = scene, caster
         self._emitters = EmitterLight(scene)
         self._sky = SkyLight(sky) if sky.environment is not None else None
@@ -102,7 +104,7 @@ class PathTracer:
         self._lights += [self._sky] if self._sky is not None else []
         stages = [layers_of, *later]
         n_objects = len(scene.emission)
-        self._scattering = [[Scattering(each.get(i, ())) for i in range(n_objects)] for each in stages]
+        self._scattering = [[scattering(each.get(i, ())) for i in range(n_objects)] for each in stages]
         self._maps = [MapFactors(scene, each) for each in stages]
         # The last one is -1, the background.
         able = [any(each[i].reflects for each in self._scattering) for i in range(n_objects)]
@@ -229,13 +231,14 @@ def trace_paths(
     n_samples: int = N_SAMPLES,
     seed: int = 0,
     rows: Rows | None = None,
+    scattering: Callable[[Sequence[Layer]], Scattering] = Scattering,
 ) -> Generator[StillProgress, None, PathEstimate]:
     """Trace the radiance of some rows of the placement's hits (default: all) after up to n_bounces reflections.
 
-    The same seed and rows give the same numbers. Raises ValueError for bounces outside 1 to 16 and samples outside 1 to
-    2^20.
+    scattering: see `PathTracer`. The same seed and rows give the same numbers. Raises ValueError for bounces outside 1
+    to 16 and samples outside 1 to 2^20.
     """
-    sums, counts = yield from _trace(placement, layers_of, sky, n_bounces, n_samples, seed, rows)
+    sums, counts = yield from _trace(placement, layers_of, sky, n_bounces, n_samples, seed, rows, scattering=scattering)
     last = _progress(sums[:, :, 1], counts, n_samples)
     yield last
     return PathEstimate(sums[:, :, 1].sum(axis=0) / n_samples, last.noise)
@@ -266,6 +269,7 @@ def _trace(
     seed: int,
     rows: Rows | None,
     later: Sequence[LayersOf] = (),
+    scattering: Callable[[Sequence[Layer]], Scattering] = Scattering,
 ) -> Generator[StillProgress, None, tuple[Float64Array, NDArray[np.integer]]]:
     """Sums (2, p, 2, 3) over both halves of the samples, as in `trace_halves`, and the number of samples in each
     (2,)."""
@@ -274,7 +278,7 @@ def _trace(
     if not 1 <= n_samples <= MOST_SAMPLES:
         raise ValueError(f"n_samples = {n_samples}, expected 1 to {MOST_SAMPLES}")
     rows = np.arange(len(placement.hits.pixel)) if rows is None else np.asarray(rows)
-    tracer = PathTracer(placement.scene, placement.caster, layers_of, sky, later)
+    tracer = PathTracer(placement.scene, placement.caster, layers_of, sky, later, scattering)
     seen = tracer.maps.at_primary_hits(placement.caster, placement.hits)
     sizes = _pass_sizes(n_samples)
     halves, counts = np.zeros((2, len(rows), 2, 3)), np.zeros(2, int)

@@ -201,11 +201,11 @@ def curves_of(each: StillLayer) -> tuple[NDArray[np.float64], ...]:
 
 def view_factors(hits: PrimaryHits, rows: NDArray[np.integer], each: StillLayer) -> NDArray[np.float64]:
     """f_q f_o(theta_o), times texture and weight, (p, 3)."""
-    view, factor = each.layer.model.view_factor, each.factor(hits, rows)
+    factor = each.factor(hits, rows)
     seen = np.tile(each.layer.scale(), (len(rows), 1))
-    if view is not None:
+    if each.layer.has_view_curve:
         cosine = np.einsum("pc,pc->p", hits.normal[rows], hits.wo[rows], dtype=np.float64)
-        seen *= each.layer.curve(view.name)(np.arccos(np.clip(cosine, 0.0, 1.0)))
+        seen *= each.layer.view_curve(np.arccos(np.clip(cosine, 0.0, 1.0)))
     return seen if factor is None else seen * factor
 
 

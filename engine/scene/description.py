@@ -201,11 +201,12 @@ class EnvironmentDescription(_Description):
 
 class LayerDescription(_Description):
     """One layer of a material: its model, an optional name, the model's parameters as in the file, the name of a layer
-    that it shares its curves with, and its texture and weight map."""
+    that it shares its curves with, of one that lies on it, and its texture and weight map."""
 
     model: Text
     name: Name | None = None
     follows: Name | None = None
+    under: Name | None = None
     maps: Maps = LayerMaps()
     parameters: dict[str, Parameter] = Field(default_factory=dict)
 
@@ -214,7 +215,7 @@ class LayerDescription(_Description):
     def _gather_parameters(cls, data: Any) -> Any:
         if not isinstance(data, dict) or "parameters" in data:
             return data
-        own = {key: value for key, value in data.items() if key in ("model", "name", "follows")}
+        own = {key: value for key, value in data.items() if key in ("model", "name", "follows", "under")}
         maps = {key: value for key, value in data.items() if key in map_fields()}
         rest = {key: value for key, value in data.items() if key not in own and key not in maps}
         return own | {"maps": _maps(maps), "parameters": rest}

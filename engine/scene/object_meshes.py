@@ -184,8 +184,8 @@ def _material(item: ObjectDescription, part: ImportedPart) -> dict[str, object]:
 def _layers(part: ImportedPart, file: str) -> tuple[LayerDescription, ...]:
     """A part's layers with images named from the scene's folder."""
     return tuple(
-        layer if not layer.maps.texture
-        else layer.model_copy(update={"maps": replace(layer.maps, texture=_image_name(file, layer.maps.texture))})
+        layer if layer.maps.is_plain
+        else layer.model_copy(update={"maps": layer.maps.with_files(lambda name: _image_name(file, name))})
         for layer in part.layers
     )  # fmt: skip
 

@@ -31,7 +31,7 @@ from engine.core.errors import LoadError
 from engine.light import resampling
 from engine.light.radiance_files import read_radiance_image
 from engine.light.resampling import block_means
-from engine.material.layer_maps import Space
+from engine.material.layer_maps import Channel, Space
 
 MAX_IMAGE_BYTES = 1 << 30
 MAX_SIDE = 16_384
@@ -66,9 +66,23 @@ def read_texture(data: bytes, file: Path | str, space: Space = "", report: Repor
     return np.repeat(pixels, 3, axis=2) if pixels.shape[2] == 1 else pixels
 
 
-def read_weight(data: bytes, file: Path | str, report: ReportNote = ignore_note) -> Image:
-    """A grey image of shares in [0, 1], (H, W, 1), row 0 on top; of a colour image its luminance."""
-    return np.minimum(read_image(data, file, grey_shares, report), np.float32(1.0))
+def read_weight(data: bytes, file: Path | str, report: ReportNote = ignore_note, channel: Channel = "grey") -> Image:
+    """Shares in [0, 1] from a channel of an image, (H, W, 1), row 0 on top, linear. grey: the luminance of a colour
+    image; a: its opacity, 1 of an image that has none, and of OpenEXR images; max: the largest of its colours, those of
+    8 bits decoded by sRGB."""
+
+    def shares(values: Values) -> Image:
+        if channel == "grey":
+            return grey_shares(values)
+        if channel == "max":
+            return _shares(values, as_srgb=values.dtype == np.uint8).max(axis=2, keepdims=True)
+        found = _shares(values, as_srgb=False)
+        place = min("rgb".index(channel), found.shape[2] - 1)
+        return found[..., place : place + 1]
+
+    if channel == "a":
+        return read_opacity(data, file, report) if has_alpha(data, file) else np.ones((1, 1, 1), np.float32)
+    return np.minimum(read_image(data, file, shares, report), np.float32(1.0))
 
 
 def read_opacity(data: bytes, file: Path | str, report: ReportNote = ignore_note) -> Image:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from engine.core.errors import LoadError
 from engine.core.safe_files import local_path, read_regular_file, resolve_inside
 from engine.material.bumps import Bumps
-from engine.material.layer_maps import Images, Space, split_image_name
+from engine.material.layer_maps import Channel, Images, Space, split_image_name
 from engine.material.opacity import Opacity
 from engine.texture.pyramid import Pyramid, make_pyramid
 from engine.texture.texture_files import (
@@ -43,7 +43,7 @@ class TextureStore:
     def __init__(self, scene_file: Path) -> None:
         """scene_file: errors name it, and names are relative to its folder."""
         self._scene_file = scene_file
-        self._kept: OrderedDict[tuple[str, str, Space, float], tuple[Stamp, Pyramid]] = OrderedDict()
+        self._kept: OrderedDict[tuple[str, str, Space, float, Channel], tuple[Stamp, Pyramid]] = OrderedDict()
         self._lock = Lock()
         self._notes: list[str] = []
         # Readers of files with several images, during loading.
@@ -57,7 +57,7 @@ class TextureStore:
 
     def weight(self, images: Images) -> Pyramid | None:
         """Shares of the weight map; None if there is none. Raises LoadError."""
-        return self._pyramid("weight", images.weight, "") if images.weight else None
+        return self._pyramid("weight", images.weight, "", channel=images.weight_channel) if images.weight else None
 
     def slopes(self, bumps: Bumps) -> Pyramid | None:
         """Slopes along u and v of a normal or a bump map; None if there is none. Raises LoadError."""
@@ -99,8 +99,8 @@ class TextureStore:
             notes, self._notes[:] = tuple(self._notes), []
         return notes
 
-    def _pyramid(self, what: str, name: str, space: Space, degrees: float = 0.0) -> Pyramid:
-        key = (what, name, space, degrees)
+    def _pyramid(self, what: str, name: str, space: Space, degrees: float = 0.0, channel: Channel = "grey") -> Pyramid:
+        key = (what, name, space, degrees, channel)
         path, number = self._place(what, name)
         stamp = _stamp(path)
         with self._lock:
@@ -110,6 +110,7 @@ class TextureStore:
                 pyramid = make_pyramid(
                     read_texture(data, shown, space, self._notes.append) if space
                     else read_directions(data, shown, degrees, self._notes.append) if degrees
+                    else read_weight(data, shown, self._notes.append, channel) if what == "weight"
                     else _READ[what](data, shown, report=self._notes.append)
                 )  # fmt: skip
                 self._kept[key] = stamp, pyramid
@@ -144,7 +145,7 @@ class TextureStore:
 
 
 _READ: dict[str, Callable[..., Image]] = {
-    "texture": read_texture, "weight": read_weight, "normal_map": read_normal_map, "bump_map": read_heights,
+    "texture": read_texture, "normal_map": read_normal_map, "bump_map": read_heights,
     "flipped_normal_map": partial(read_normal_map, flip_green=True), "opacity_map": read_opacity,
 }  # fmt: skip
 

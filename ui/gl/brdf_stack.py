@@ -11,8 +11,9 @@ Their GLSL is brdf(wi, wo) in 1/sr and brdf_cosine(wi, wo) = brdf cos_i, of loca
 Each layer is f_q rho_q f_o f_A f_B [BenArtzi07, eq. 3.1]: its strength f_q and the numbers of its quotient are
 uniforms, its curves rows of a texture (shaders/brdf/curves.glsl); angles and rho_q cos_i are translated by
 `python_to_glsl` from the functions that the worker compiles. A measured layer also has a quotient for each channel, of
-a table in a texture (`measured_source`). The text depends only on the models, in their order, and on which of them
-share a table: no edit compiles a shader, nor does a table that comes.
+a table in a texture (`measured_source`). The text depends only on the models, in their order, on which of them
+have a curve over the view, and on which share a table: an edit of a curve compiles no shader, nor does a table that
+comes.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ import inspect
 from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import moderngl
 import numpy as np
@@ -30,7 +31,7 @@ from numpy.typing import NDArray
 from engine.material import kinds
 from engine.material.layer import Layer
 from engine.material.measured import MeasuredModel
-from engine.material.model import Factor, Model
+from engine.material.model import Model
 from ui.gl.gpu_memory import TextureMemory, read_texture
 from ui.gl.measured_tables import (
     ANGLES,
@@ -54,26 +55,35 @@ OWN_NUMBER = 1 + max(kinds.LAMBERT, kinds.PHONG, kinds.BLINN_PHONG, kinds.COOK_T
                      kinds.ASHIKHMIN_SHIRLEY, kinds.ASHIKHMIN_SHIRLEY_RATIO)  # fmt: skip
 
 
-def curves_of(model: Model) -> tuple[Factor, ...]:
-    """All factors of a model, in the order of its rows in the texture of curves."""
-    return model.factors if model.view_factor is None else (*model.factors, model.view_factor)
+class LayerShape(NamedTuple):
+    """What the text of a layer depends on: its model, whether f_o is anything but 1, and the index of its table among
+    those of all layers, None where it has none."""
 
+    model: Model
+    has_view_curve: bool
+    slot: int | None
 
-def rows_of(model: Model) -> int:
-    """How many rows of the texture of curves a layer of this model has."""
-    return len(curves_of(model)) + (n_factor_rows(model) if isinstance(model, MeasuredModel) else 0)
+    @property
+    def angles(self) -> tuple[int, ...]:
+        """The angles of its curves (`kinds`), in the order of its rows in the texture of curves; f_o comes last."""
+        return (*(factor.gamma for factor in self.model.factors), *([kinds.THETA_O] if self.has_view_curve else []))
+
+    @property
+    def n_rows(self) -> int:
+        """How many rows of the texture of curves it has."""
+        return len(self.angles) + (n_factor_rows(self.model) if isinstance(self.model, MeasuredModel) else 0)
 
 
 @lru_cache(maxsize=64)
-def brdf_source(models: tuple[Model, ...], slots: tuple[int | None, ...]) -> str:
-    """The text for `#include "generated/brdf.glsl"`. slots: of each layer the index of its table among those of all
-    layers, None where it has none. Raises Untranslatable."""
+def brdf_source(shapes: tuple[LayerShape, ...]) -> str:
+    """The text for `#include "generated/brdf.glsl"`. Raises Untranslatable."""
     translation, layers, row = Translation(), [], 0
+    slots = [shape.slot for shape in shapes]
     slots_there = sorted({slot for slot in slots if slot is not None})
     values = [_value(translation, slot) for slot in slots_there]
-    for place, (model, slot) in enumerate(zip(models, slots, strict=True)):
-        layers.append(_layer(translation, place, model, row, slot))
-        row += rows_of(model)
+    for place, shape in enumerate(shapes):
+        layers.append(_layer(translation, place, shape, row))
+        row += shape.n_rows
     total = " + ".join(_call(place, slot) for place, slot in enumerate(slots)) or "vec3(0.0)"
     looked_up = [f"    Measured m{slot} = value_{slot}(wi, wo);" for slot in slots_there]
     return "\n".join([
@@ -87,17 +97,17 @@ def _call(place: int, slot: int | None) -> str:
     return f"layer_{place}(wi, wo)" if slot is None else f"layer_{place}(m{slot}, wi, wo)"
 
 
-def _layer(translation: Translation, place: int, model: Model, row: int, slot: int | None) -> str:
+def _layer(translation: Translation, place: int, shape: LayerShape, row: int) -> str:
     """f_q rho_q cos_i f_A f_B f_o of one layer, whose first curve is in that row."""
-    numbers, curves = f"quotient_parameters_{place}", curves_of(model)
+    numbers, model, slot = f"quotient_parameters_{place}", shape.model, shape.slot
     terms = [f"strength_{place}", f"{_quotient(translation, model)}({numbers}, {PAIR})"]
     measured, given = [], ""
     if isinstance(model, MeasuredModel) and slot is not None:
-        angles = [ANGLES[factor.gamma] for factor in curves]
-        measured, given = [quotient_text(model, place, row + len(curves))], "Measured m, "
+        angles = [ANGLES[gamma] for gamma in shape.angles]
+        measured, given = [quotient_text(model, place, row + len(angles))], "Measured m, "
         terms.append(f"measured_{place}(m)")
     else:
-        angles = [_angle(translation, factor.gamma, numbers) for factor in curves]
+        angles = [_angle(translation, gamma, numbers) for gamma in shape.angles]
     terms += [f"curve_at({row + further}, {angle})" for further, angle in enumerate(angles)]
     return "\n".join([
         f"uniform vec3 strength_{place};", f"uniform mat2x4 {numbers};", *measured,
@@ -189,7 +199,9 @@ class BrdfStack:
     @property
     def source(self) -> dict[str, str]:
         """The text that a program includes. Raises Untranslatable."""
-        return {"generated/brdf.glsl": brdf_source(tuple(layer.model for layer in self.layers), self._slots()[0])}
+        shapes = [LayerShape(layer.model, layer.has_view_curve, slot)
+                  for layer, slot in zip(self.layers, self._slots()[0], strict=True)]  # fmt: skip
+        return {"generated/brdf.glsl": brdf_source(tuple(shapes))}
 
     def textures(self) -> dict[str, moderngl.Texture | moderngl.TextureArray]:
         """The textures of that program, by their uniforms' names."""
@@ -239,5 +251,7 @@ class BrdfStack:
 
 def _uploaded_rows(layer: Layer) -> list[NDArray[np.float64]]:
     """The curves of a layer, and those that its quotient is computed from, (N_SAMPLES, 3) each."""
-    curves = [layer.curve(factor.name)(SAMPLED_AT) for factor in curves_of(layer.model)]
+    curves = [layer.curve(factor.name)(SAMPLED_AT) for factor in layer.model.factors]
+    if layer.has_view_curve:
+        curves.append(layer.view_curve(SAMPLED_AT))
     return curves + factor_rows(layer, SAMPLED_AT)

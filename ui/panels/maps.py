@@ -13,7 +13,7 @@ from app.document.document import ObjectState
 from app.operators.registry import keys_of
 from engine.material.bumps import BUMP_HEIGHT, BUMP_REPEATS, BUMP_STRENGTH, TANGENT_ANGLE, TANGENT_RANGE
 from engine.material.layer import object_of
-from engine.material.layer_maps import SPACES, TEXTURE_SCALE, TEXTURE_SPACE, TEXTURE_STRENGTH, LayerMaps
+from engine.material.layer_maps import SPACES, TEXTURE_SCALE, TEXTURE_SPACE, TEXTURE_STRENGTH, WEIGHT_CHANNEL, LayerMaps
 from engine.material.opacity import OPACITY_CUTOFF, OPACITY_FACTOR, OPACITY_MODE
 from engine.material.parameters import Parameter
 from ui import theme as look
@@ -58,7 +58,12 @@ def draw(context: PanelContext, key: str, maps: LayerMaps, width: float) -> list
         actions += rows.draw(context, strength, width)
     if maps.texture:
         actions += _repeats(context, key, maps, width)
-    actions += _image(context, key, "weight", maps, width) + paint.draw(context, key, maps, width)
+    actions += _image(context, key, "weight", maps, width)
+    if maps.weight and maps.weight_channel != WEIGHT_CHANNEL.default:
+        make = partial(SetMap, key, WEIGHT_CHANNEL.name)
+        channel = rows.Row(WEIGHT_CHANNEL, maps.weight_channel, make, "material.weight_channel", WEIGHT_CHANNEL.default)
+        actions += rows.draw(context, channel, width)
+    actions += paint.draw(context, key, maps, width)
     if context.map_refusal:
         widgets.caption(context.map_refusal)
     return actions

@@ -7,12 +7,13 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 from imgui_bundle import imgui
 
-from app.document.commands.layers import SetFresnelTerm, SetModel, SetParameter
+from app.document.commands.layers import SetFresnelTerm, SetModel, SetParameter, SetUnder
 from app.document.commands.light import EMISSION, STRENGTH, SetEmission, emission_of
 from app.document.document import RGB, ObjectState, Selection
-from app.document.linked_layers import linked_indices
+from app.document.linked_layers import linked_indices, possible_covers
 from app.files.materials import describe_measurement
 from app.system.lazy_import import import_named
 from engine.material import MODELS, Layer, Parameter
@@ -31,6 +32,8 @@ LARGEST_LABEL = 136.0
 IMAGES_HINT = (
     "A texture that multiplies the layer, a map of how much of it there is, and the object's bumps and opacity."
 )
+UNDER_HINT = "The layer that lies on this one, a clear coat or a sheen: what it reflects is lost to this one."
+ANGLES_OF_NOTE = np.radians([0.0, 80.0])
 FRESNEL_HINT = (
     "A second, additive layer of the same curves, edited once, that rises towards grazing angles: the colour becomes "
     "R, what is reflected head-on, and the rest comes at grazing angles."
@@ -67,6 +70,7 @@ def _material(context: PanelContext) -> list[Action]:
     actions += _model(context, selection.key, layer, width)
     for parameter in layer.parameter_table:
         actions += _parameter(context, selection.key, layer, parameter, width)
+    actions += _under(context, selection.key, state, layer, width)
     if shows_tangent:
         actions += maps.draw_tangent(context, state, width)
     if _shows_images(context, layer):
@@ -76,11 +80,35 @@ def _material(context: PanelContext) -> list[Action]:
     if shows_opacity:
         actions += maps.draw_opacity(context, state, width)
     imgui.end_disabled()
+    if note := _cover_note(layer):
+        widgets.caption(note)
     if note := _sharing_note(state, selection.layer):
         widgets.caption(note)
     if context.status.material_note:
         widgets.caption(context.status.material_note)
     return actions
+
+
+def _under(context: PanelContext, key: str, state: ObjectState, layer: Layer, width: float) -> list[Action]:
+    """The choice of the layer that lies on this one, where the object has any that can."""
+    names = ("", *possible_covers(state.layers, layer))
+    if len(names) == 1 or layer.rises:
+        return []
+    titles = {each.name: each.title for each in state.layers}
+    choices = [widgets.Choice(titles.get(name, "Nothing"), "", name) for name in names]
+    widgets.label(context, "Under", width, rows.WIDE_CONTROL)
+    chosen = names.index(layer.under) if layer.under in names else 0
+    picked = widgets.choose(context, "material.under", choices, [chosen], UNDER_HINT)
+    return [] if picked is None else [SetUnder(key, names[picked])]
+
+
+def _cover_note(layer: Layer) -> str:
+    """What the layers above take from this one."""
+    above = [cover.title for cover in layer.covers if cover.visible]
+    if not above:
+        return ""
+    facing, slanted = 100.0 * (1.0 - layer.uncovered_share(ANGLES_OF_NOTE))
+    return f"{' and '.join(above)} on it takes {facing:.0f} % of it, seen head-on, and {slanted:.0f} % at 80°."
 
 
 def _sharing_note(state: ObjectState, index: int) -> str:

@@ -26,6 +26,7 @@ from app.document.commands.layers import (
     SetMaterial,
     SetModel,
     SetParameter,
+    SetUnder,
     SetVisible,
 )
 from app.document.commands.light import SetEmission, SetEnvironment, SetIntensity, SetMapping, SetRotation
@@ -35,7 +36,7 @@ from app.document.commands.poses import AddDeformer, MoveDeformer, RemoveDeforme
 
 EditCommand = (
     SetParameter | SetModel | SetOperators | AddOperator | ReplaceOperator | RemoveOperator | MoveOperator
-    | MuteOperator | CollapseOperators | ResetCurve | SetVisible | SetFrozen | SetFresnelTerm | SetEditable
+    | MuteOperator | CollapseOperators | ResetCurve | SetVisible | SetFrozen | SetFresnelTerm | SetUnder | SetEditable
     | SetBumps | SetOpacity
     | SetMap | Paint | BlendByMap | ClearMap | SetMaterial | AddLayers | RemoveLayer | SetRotation
     | SetIntensity | SetEnvironment | SetMapping | SetEmission | SetFirstBands | SetPose | AddDeformer | SetDeformer

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from app.document.document import Document, ObjectState, all_factors, resolve, split_key
-from app.document.linked_layers import Layers, linked_indices, with_fresnel, without_fresnel
+from app.document.linked_layers import Layers, linked_indices, possible_covers, with_fresnel, without_fresnel
 from app.document.named_files import with_scene_names
 from engine.core.errors import InsituError
 from engine.curve.operators import Edit, collapse
@@ -117,6 +117,26 @@ class SetFresnelTerm:
 
 
 @dataclass(frozen=True)
+class SetUnder:
+    """Put a layer under another one of its object, which dims it by what it reflects itself; "": under none."""
+
+    key: str
+    cover: str
+
+    @property
+    def label(self) -> str:
+        return f"{self.key} under {self.cover or 'nothing'}"
+
+    def apply(self, document: Document) -> Document:
+        layer = editable_layer(document, self.key)
+        choices = possible_covers(document.object(split_key(document, self.key)[0]).layers, layer)
+        if self.cover and self.cover not in choices:
+            there = ", ".join(choices) or "none; add a clear coat or a sheen"
+            raise InsituError(f"{self.key} cannot lie under {self.cover!r}; layers that can: {there}")
+        return document.with_layer(self.key, layer.replace(under=self.cover))
+
+
+@dataclass(frozen=True)
 class SetEditable:
     """Declare an object editable, or fixed."""
 
@@ -153,7 +173,8 @@ class SetMaterial:
 
 @dataclass(frozen=True)
 class AddLayers:
-    """Add layers on top of an object's; those whose name is taken get another."""
+    """Add layers on top of an object's; those whose name is taken get another. Layers that lie under nothing lie under
+    the last one added that can cover them."""
 
     object: str
     layers: Layers
@@ -167,7 +188,9 @@ class AddLayers:
         if len(state.layers) + len(self.layers) > MAX_LAYERS:
             raise InsituError(f"{self.object} has {len(state.layers)} layers; it can have {MAX_LAYERS}")
         added = with_scene_names(_renamed(self.layers, state.layers), document.source)
-        return document.with_object(replace(state, layers=(*state.layers, *added)))
+        cover = next((layer.name for layer in reversed(added) if layer.model.is_cover), "")
+        beneath = tuple(layer if layer.under else layer.replace(under=cover) for layer in state.layers)
+        return document.with_object(replace(state, layers=(*beneath, *added)))
 
 
 @dataclass(frozen=True)
@@ -192,7 +215,10 @@ class RemoveLayer:
         kept = tuple(each for each in layers if each is not layers[index] and not (each.rises and each in followers))
         if not kept:
             raise InsituError(f"{self.key} is the only layer of {name}; give the object another material instead")
-        return document.with_object(replace(state, layers=_with_new_leader(kept, layers[index].name, followers)))
+        uncovered = tuple(
+            each.replace(under=layers[index].under) if each.under == layers[index].name else each for each in kept
+        )
+        return document.with_object(replace(state, layers=_with_new_leader(uncovered, layers[index].name, followers)))
 
 
 def new_layer(model: str) -> Layer:
@@ -267,5 +293,8 @@ def _renamed(layers: Layers, there: Sequence[Layer]) -> Layers:
         names[layer.name] = next(name for name in options if name not in taken)
         taken.add(names[layer.name])
     return tuple(
-        layer.replace(name=names[layer.name], follows=names.get(layer.follows, ""), frozen=False) for layer in layers
+        layer.replace(
+            name=names[layer.name], follows=names.get(layer.follows, ""), under=names.get(layer.under, ""), frozen=False
+        )
+        for layer in layers
     )

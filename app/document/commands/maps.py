@@ -85,8 +85,8 @@ class BlendByMap:
     def apply(self, document: Document) -> Document:
         maps, layer = document.layer(self.key).maps, editable_layer(document, self.other)
         theirs = replace(
-            layer.maps, weight=maps.weight, weight_start=maps.weight_start, strokes=maps.strokes,
-            weight_invert=not maps.weight_invert,
+            layer.maps, weight=maps.weight, weight_channel=maps.weight_channel, weight_start=maps.weight_start,
+            strokes=maps.strokes, weight_invert=not maps.weight_invert,
         )  # fmt: skip
         return document.with_layer(self.other, layer.replace(maps=theirs))
 
@@ -125,12 +125,12 @@ def without_strokes(layers: Layers) -> Layers:
     )  # fmt: skip
 
 
-def _map_of(layer: Layer) -> tuple[str, float, Strokes]:
-    return layer.maps.weight, layer.maps.weight_start, layer.maps.strokes
+def _map_of(layer: Layer) -> tuple[str, str, float, Strokes]:
+    return layer.maps.weight, layer.maps.weight_channel, layer.maps.weight_start, layer.maps.strokes
 
 
 def _without_weight(maps: LayerMaps) -> LayerMaps:
-    return replace(maps, weight="", weight_start=1.0, weight_invert=False, strokes=Strokes())
+    return replace(maps, weight="", weight_channel="grey", weight_start=1.0, weight_invert=False, strokes=Strokes())
 
 
 @dataclass(frozen=True)

@@ -26,6 +26,7 @@ Float64Array = NDArray[np.float64]
 Coefficients = Mapping[str, Float64Array]
 
 N_VIEW_SAMPLES = 256
+_VIEW = ""  # the key of f_o, which the model's own view factor is a part of
 
 
 class Curves:
@@ -85,12 +86,10 @@ class Curves:
         return layer_state(document, key, tuple(bands.values()), self._means(key, layer))
 
     def view_curve(self, document: Document, key: str) -> Float64Array:
-        """f_o at 256 angles from 0 to π/2, (256,3); ones for a layer whose model has no view factor."""
+        """f_o at 256 angles from 0 to π/2, (256,3); ones for a layer that has none."""
         layer = document.layer(key)
-        factor = layer.model.view_factor
-        name = "" if factor is None else factor.name
-        known = self._cached_curve(key, layer, name, N_VIEW_SAMPLES)
-        return self._store_curve(key, layer, name, view_curve_of(layer) if known is None else known)
+        known = self._cached_curve(key, layer, _VIEW, N_VIEW_SAMPLES)
+        return self._store_curve(key, layer, _VIEW, view_curve_of(layer) if known is None else known)
 
     def gain(self, document: Document, key: str) -> Float64Array:
         """f_q of a layer, (3,)."""
@@ -135,18 +134,17 @@ def picture_identity(model: str, quotient_parameters: Sequence[float]) -> tuple[
 
 def view_curve_of(layer: Layer) -> Float64Array:
     """f_o at 256 angles from 0 to π/2, (256,3)."""
-    factor = layer.model.view_factor
-    if factor is None:
-        return np.ones((N_VIEW_SAMPLES, 3))
-    return layer.curve(factor.name)(np.linspace(0.0, HALF_PI, N_VIEW_SAMPLES))
+    return layer.view_curve(np.linspace(0.0, HALF_PI, N_VIEW_SAMPLES))
 
 
 def _same_curve(before: Layer, layer: Layer, factor: str) -> bool:
-    """Whether two layers agree in all that makes this curve: model, operators, and the parameters that drive it."""
+    """Whether two layers agree in all that makes this curve: model, operators, and the parameters that drive it; f_o
+    also in what lies on them."""
     if before.model is not layer.model:
         return False
-    if not factor:
-        return True
+    if factor == _VIEW:
+        view = layer.model.view_factor
+        return before.covers == layer.covers and (view is None or _same_curve(before, layer, view.name))
     part = _part_of(layer.model, factor)
     driving = [parameter.name for parameter in layer.model.parameters if part in parameter.drives]
     old, new = before.values, layer.values

@@ -89,8 +89,7 @@ def _common_bands(
 def equivalent_albedo(layer: Layer, bands: tuple[int, ...]) -> NDArray[np.float64]:
     """d (3,) ≥ 0 of a layer with its curves on this many bands; above 1 the surface creates energy."""
     e, curves = _bands_and_curves(layer, bands)
-    view = layer.model.view_factor
-    seen = np.ones((2, 3)) if view is None else layer.curve(view.name)(np.linspace(0.0, np.pi / 2, N_VIEW_SAMPLES))
+    seen = layer.view_curve(np.linspace(0.0, np.pi / 2, N_VIEW_SAMPLES if layer.has_view_curve else 2))
     return albedo_of(e, curves, layer.scale(), seen)
 
 

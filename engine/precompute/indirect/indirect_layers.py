@@ -80,9 +80,7 @@ def indirect_layer(
     mean (3,): of its texture and weight map over the surface; None if unknown, in which case the maps are ignored.
     """
     share = np.broadcast_to(np.asarray(1.0 if mean is None else mean, np.float64), 3)
-    view = layer.model.view_factor
-    angles = np.linspace(0.0, np.pi / 2, N_VIEW_SAMPLES)
-    seen = np.ones((N_VIEW_SAMPLES, 3)) if view is None else layer.curve(view.name)(angles)
+    seen = layer.view_curve(np.linspace(0.0, np.pi / 2, N_VIEW_SAMPLES))
     at_second = tuple(n if second is None else min(n, second) for n in bands)
     q = layer.quotient_parameters()
     towards_camera = _coefficients(layer, bands)

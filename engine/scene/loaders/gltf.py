@@ -95,7 +95,7 @@ def _part(bound: list[Bound], material: PartMaterial, skeleton: Skeleton | None)
     mesh, layers, bumps = join_meshes([mesh for mesh, _ in bound]), material.layers, material.bumps
     opacity = material.opacity
     if mesh.uvs is None:
-        layers, bumps = tuple(without_images(layer) for layer in layers), NO_BUMPS
+        layers, bumps = without_images(layers), NO_BUMPS
         opacity = replace(opacity, opacity_map="")
     rig = None
     if skeleton is not None:

@@ -1,18 +1,10 @@
-"""glTF metallic-roughness as layers: a Lambert layer and a rough conductor.
+"""Materials of a glTF file: what its JSON says, read as a `PbrMaterial`, whose layers `pbr_layers` makes; emission,
+normal map, and what is not shown of it.
 
-The glossy layer's reflectance at normal incidence is F0 = 0.04 (1 − m) + m · base colour, its width α = roughness²
-[glTF20, B]. A conductor's curve needs an index: η and k follow from F0 by [Gulbrandsen14],
-
-    n_min = (1 − F0)/(1 + F0),  n_max = (1 + √F0)/(1 − √F0),  η = g n_min + (1 − g) n_max,
-    k² = ((η + 1)² F0 − (η − 1)²)/(1 − F0),
-
-with the edge tint g = metalness: a dielectric gets k = 0 and the true index 1.5, a metal one that stays bright. The
-value 0.04 belongs to index 1.5; KHR_materials_ior and KHR_materials_specular change it.
-
-A texture of the base colour and vertex colours multiply the layers that have it. A partial metal becomes the mixture
-that glTF defines, (1 − m) times the dielectric and m times the metal, because only the metal has the texture's colours.
-A metallic-roughness texture is replaced by its means: a layer has the same curve everywhere. Images are named `#N`
-here, the Nth of the file; the caller, who knows the file's name, prepends it.
+KHR_materials_pbrSpecularGlossiness is the dielectric whose F0 is the specular colour, as KHR_materials_specular
+converts it. Textures of colours and of strengths multiply layers. A texture of roughness or of metalness is replaced by
+its mean: a layer has the same curve everywhere. Images are named `#N` here, the Nth of the file; the caller, who knows
+the file's name, prepends it.
 
 An image that is unavailable (in a format of an extension, mapped by a second set of coordinates, too large relative to
 the file together with those before it, or missing) is skipped with a note: the material's factors replace it. Images
@@ -28,18 +20,21 @@ import numpy as np
 
 from engine.core.errors import LoadError
 from engine.material.bumps import BUMP_STRENGTH, NO_BUMPS, Bumps
-from engine.material.layer_maps import MAX_REPEATS, LayerMaps, TextureTransform, Wrap
+from engine.material.layer_maps import IDENTITY_TRANSFORM, MAX_REPEATS, Channel, LayerMaps, TextureTransform, Wrap
 from engine.material.opacity import OPAQUE, Mode, Opacity
 from engine.scene.description import MAX_RADIANCE, LayerDescription
 from engine.scene.loaders.gltf_file import JsonObject, image_bytes
-from engine.texture.texture_files import has_alpha, image_size, read_texture, reduction
+from engine.scene.loaders.pbr_layers import (
+    RGB,
+    WHITE,
+    Coat,
+    PbrMaterial,
+    SheenCoat,
+    WeightImage,
+    pbr_layers,
+)
+from engine.texture.texture_files import has_alpha, image_size, read_texture, read_weight, reduction
 
-_DIELECTRIC = 0.04
-_SMOOTHEST = 0.01
-_BRIGHTEST = 0.98
-_MIXED = 0.02  # metalness this close to 0 or 1 counts as that
-RGB = tuple[float, float, float]
-NO_MAPS = LayerMaps()
 # The material of objects without one.
 GREY = (LayerDescription(model="lambert", parameters={"albedo": (0.5, 0.5, 0.5)}),)
 # That of objects whose vertices have colours.
@@ -73,38 +68,121 @@ def read_material(fields: JsonObject, images: GltfImages, is_coloured: bool = Fa
     """Read a material as layers; values outside their range are clamped, with a note. is_coloured: whether meshes that
     have it have vertex colours, which multiply the base colour [glTF20, 3.9.2]."""
     notes: list[str] = []
+    extensions = fields.child("extensions")
+    if extensions.has("KHR_materials_pbrSpecularGlossiness"):
+        colours, name = extensions.child("KHR_materials_pbrSpecularGlossiness"), "diffuse"
+        material = _specular_glossiness(colours, images, notes)
+    else:
+        colours, name = fields.child("pbrMetallicRoughness"), "baseColor"
+        material = _metallic_roughness(fields, images, notes)
+    opacity = _opacity(fields, colours, name, images, is_coloured)
+    material = replace(
+        material, base_texture=replace(material.base_texture, vertex_colours=is_coloured), sheen=_sheen(extensions.child("KHR_materials_sheen"), images, notes),
+        coat=_coat(extensions.child("KHR_materials_clearcoat"), images, notes),
+    )  # fmt: skip
+    emission = _emission(fields)
+    notes += [f"{words} are not shown" for key, words in _NOT_SHOWN.items() if fields.has(key)]
+    emits = any(emission) and not fields.has("emissiveTexture")
+    bumps = _bumps(fields.child("normalTexture"), images, notes) if fields.has("normalTexture") else NO_BUMPS
+    return PartMaterial(pbr_layers(material), emission if emits else None, tuple(notes), bumps, opacity)
+
+
+def _metallic_roughness(fields: JsonObject, images: GltfImages, notes: list[str]) -> PbrMaterial:
+    """The core material with KHR_materials_ior and KHR_materials_specular."""
     pbr = fields.child("pbrMetallicRoughness")
-    base_colour = pbr.numbers("baseColorFactor", 4, (1.0,) * 4)
-    red, green, blue, _ = (pbr.clamped(v, "baseColorFactor") for v in base_colour)
+    red, green, blue, _ = (pbr.clamped(v, "baseColorFactor") for v in pbr.numbers("baseColorFactor", 4, (1.0,) * 4))
     metallic = pbr.clamped(pbr.number("metallicFactor", 1.0), "metallicFactor")
     roughness = pbr.clamped(pbr.number("roughnessFactor", 1.0), "roughnessFactor")
     if pbr.has("metallicRoughnessTexture"):
         _, rough_mean, metal_mean = images.mean(pbr.child("metallicRoughnessTexture"), notes)
         metallic, roughness = metallic * metal_mean, roughness * rough_mean
-    texture = images.use(pbr.child("baseColorTexture"), notes) if pbr.has("baseColorTexture") else None
-    emission = _emission(fields)
-    notes += [f"{words} are not shown" for key, words in _NOT_SHOWN.items() if fields.has(key)]
-    emits = any(emission) and not fields.has("emissiveTexture")
-    base, facing = (red, green, blue), _facing_reflectance(fields.child("extensions"))
-    layers = metallic_roughness_layers(base, metallic, roughness, facing, _maps(texture, is_coloured))
-    bumps = _bumps(fields.child("normalTexture"), images, notes) if fields.has("normalTexture") else NO_BUMPS
-    opacity = _opacity(fields, texture, images, is_coloured)
-    return PartMaterial(layers, emission if emits else None, tuple(notes), bumps, opacity)
+    specular = fields.child("extensions").child("KHR_materials_specular")
+    texture = images.maps(specular, "specularColorTexture", notes)
+    return PbrMaterial(
+        base=(red, green, blue),
+        metallic=metallic,
+        roughness=roughness,
+        base_texture=images.maps(pbr, "baseColorTexture", notes),
+        facing=_facing_reflectance(fields.child("extensions"), specular),
+        specular=specular.clamped(specular.number("specularFactor", 1.0), "specularFactor"),
+        facing_texture=texture,
+        facing_image=_largest(texture),
+        specular_image=images.weight(specular, "specularTexture", "a", notes),
+    )
 
 
-def _opacity(fields: JsonObject, texture: TextureUse | None, images: GltfImages, is_coloured: bool) -> Opacity:
-    """The opacity of a material [glTF20, 3.9.4]: the factor of the base colour times its texture's alpha and that of
-    vertex colours."""
-    name = fields.text("alphaMode") or "OPAQUE"
-    mode = _ALPHA_MODES.get(name, "opaque")
-    if name not in _ALPHA_MODES:
-        fields.note("alphaMode", name, "taken as OPAQUE")
+def _facing_reflectance(extensions: JsonObject, specular: JsonObject) -> RGB:
+    """F0 of a dielectric before its strength: ((n − 1)/(n + 1))² times the colour of its reflection, at most 1."""
+    ior = extensions.child("KHR_materials_ior")
+    index = ior.number("ior", 1.5)
+    if index != 0.0:
+        index = ior.clamped(index, "ior", 1.0, 20.0)
+    facing = 1.0 if index == 0.0 else ((index - 1.0) / (index + 1.0)) ** 2
+    given = specular.numbers("specularColorFactor", 3, WHITE)
+    colour = [specular.clamped(v, "specularColorFactor", 0.0, math.inf) for v in given]
+    return _rgb(tuple(min(facing * c, 1.0) for c in colour))
+
+
+def _specular_glossiness(fields: JsonObject, images: GltfImages, notes: list[str]) -> PbrMaterial:
+    """The archived material: a dielectric whose F0 is its specular colour, with roughness 1 − glossiness."""
+    red, green, blue, _ = (fields.clamped(v, "diffuseFactor") for v in fields.numbers("diffuseFactor", 4, (1.0,) * 4))
+    facing = _rgb(tuple(fields.clamped(v, "specularFactor") for v in fields.numbers("specularFactor", 3, WHITE)))
+    glossiness = fields.clamped(fields.number("glossinessFactor", 1.0), "glossinessFactor")
+    texture = images.maps(fields, "specularGlossinessTexture", notes)
+    if texture.texture:
+        glossiness *= images.mean_alpha(fields.child("specularGlossinessTexture"), notes)
+    return PbrMaterial(
+        (red, green, blue), 0.0, 1.0 - glossiness, images.maps(fields, "diffuseTexture", notes), facing,
+        facing_texture=texture, facing_image=_largest(texture),
+    )  # fmt: skip
+
+
+def _sheen(fields: JsonObject, images: GltfImages, notes: list[str]) -> SheenCoat | None:
+    given = fields.numbers("sheenColorFactor", 3, (0.0, 0.0, 0.0))
+    colour = _rgb(tuple(fields.clamped(v, "sheenColorFactor") for v in given))
+    if not any(colour):
+        return None
+    roughness = fields.clamped(fields.number("sheenRoughnessFactor", 0.0), "sheenRoughnessFactor")
+    if fields.has("sheenRoughnessTexture"):
+        roughness *= images.mean_alpha(fields.child("sheenRoughnessTexture"), notes)
+    texture = images.maps(fields, "sheenColorTexture", notes)
+    return SheenCoat(colour, roughness, texture, _largest(texture))
+
+
+def _coat(fields: JsonObject, images: GltfImages, notes: list[str]) -> Coat | None:
+    strength = fields.clamped(fields.number("clearcoatFactor", 0.0), "clearcoatFactor")
+    if not strength:
+        return None
+    roughness = fields.clamped(fields.number("clearcoatRoughnessFactor", 0.0), "clearcoatRoughnessFactor")
+    if fields.has("clearcoatRoughnessTexture"):
+        roughness *= images.mean(fields.child("clearcoatRoughnessTexture"), notes)[1]
+    if fields.has("clearcoatNormalTexture"):
+        notes.append("a clear coat has the normals of what lies under it, not its own")
+    return Coat(strength, roughness, image=images.weight(fields, "clearcoatTexture", "r", notes))
+
+
+def _largest(maps: LayerMaps) -> WeightImage | None:
+    """The largest channel of a colour texture as a share; None where there is none, or where it does not lie in plain
+    texture coordinates, as weight maps do: the share counts as 1 there."""
+    is_plain = bool(maps.texture) and LayerMaps(maps.texture, maps.texture_space) == maps
+    return WeightImage(maps.texture, "max") if is_plain else None
+
+
+def _opacity(fields: JsonObject, colours: JsonObject, name: str, images: GltfImages, is_coloured: bool) -> Opacity:
+    """The opacity of a material [glTF20, 3.9.4]: that of the base colour, of its texture and of vertex colours; the
+    first two are called `name` in colours."""
+    given = fields.text("alphaMode") or "OPAQUE"
+    mode = _ALPHA_MODES.get(given, "opaque")
+    if given not in _ALPHA_MODES:
+        fields.note("alphaMode", given, "taken as OPAQUE")
     if mode == "opaque":
         return OPAQUE
-    pbr = fields.child("pbrMetallicRoughness")
-    factor = pbr.clamped(pbr.numbers("baseColorFactor", 4, (1.0,) * 4)[3], "baseColorFactor")
+    key = f"{name}Factor"
+    factor = colours.clamped(colours.numbers(key, 4, (1.0,) * 4)[3], key)
     cutoff = fields.clamped(fields.number("alphaCutoff", 0.5), "alphaCutoff")
     opacity = Opacity(mode, cutoff, factor, opacity_vertices=is_coloured)
+    key = f"{name}Texture"
+    texture = images.use(colours.child(key), []) if colours.has(key) else None
     if texture is None or not images.has_alpha(texture.image):
         return opacity
     return replace(
@@ -112,6 +190,16 @@ def _opacity(fields: JsonObject, texture: TextureUse | None, images: GltfImages,
         opacity_offset=texture.transform.offset, opacity_rotation=texture.transform.rotation,
         opacity_wrap=texture.transform.wrap,
     )  # fmt: skip
+
+
+def without_images(layers: tuple[LayerDescription, ...]) -> tuple[LayerDescription, ...]:
+    """The layers on a mesh without texture coordinates, all images white: what an inverted weight map leaves of white is
+    nothing; vertex colours remain."""
+    return tuple(
+        layer.model_copy(update={"maps": LayerMaps(vertex_colours=layer.maps.vertex_colours)})
+        for layer in layers
+        if not layer.maps.weight_invert
+    )
 
 
 def _emission(fields: JsonObject) -> RGB:
@@ -139,82 +227,6 @@ def _bumps(info: JsonObject, images: GltfImages, notes: list[str]) -> Bumps:
         f"#{used.image}", bump_strength=strength, bump_repeats=used.scale, bump_offset=used.transform.offset,
         bump_wrap=used.transform.wrap,
     )  # fmt: skip
-
-
-def metallic_roughness_layers(
-    base: RGB, metallic: float, roughness: float, facing: RGB = (_DIELECTRIC,) * 3, maps: LayerMaps = NO_MAPS
-) -> tuple[LayerDescription, ...]:
-    """Layers for a linear base colour, a metalness and a roughness in [0, 1]; facing: F0 of the dielectric part; maps:
-    what multiplies the base colour."""
-    if maps.is_plain:
-        reflectance = _rgb(tuple(f * (1 - metallic) + c * metallic for f, c in zip(facing, base, strict=True)))
-        glossy: list[LayerDescription] = [_glossy(reflectance, metallic, roughness)]
-    else:
-        glossy = []
-        metallic = 0.0 if metallic < _MIXED else 1.0 if metallic > 1.0 - _MIXED else metallic
-        mixed = 0.0 < metallic < 1.0
-        if metallic < 1.0:
-            glossy.append(_glossy(facing, 0.0, roughness, 1.0 - metallic, "coat" if mixed else None))
-        if metallic > 0.0:
-            glossy.append(_glossy(base, 1.0, roughness, metallic, "metal" if mixed else None, maps))
-    diffuse = _rgb(tuple((1 - metallic) * (1 - max(facing)) * c for c in base))
-    if not any(diffuse):
-        return tuple(glossy)
-    return (LayerDescription(model="lambert", maps=maps, parameters={"albedo": diffuse}), *glossy)
-
-
-def _glossy(
-    reflectance: RGB, tint: float, roughness: float, scale: float = 1.0, name: str | None = None,
-    maps: LayerMaps = NO_MAPS,
-) -> LayerDescription:  # fmt: skip
-    """A rough conductor with this reflectance at normal incidence."""
-    indices = [conductor_index(f0, tint) for f0 in reflectance]
-    parameters = {
-        "distribution": "ggx",
-        "alpha": max(roughness**2, _SMOOTHEST),
-        "eta": tuple(eta for eta, _ in indices),
-        "k": tuple(k for _, k in indices),
-        "scale": scale,
-    }
-    return LayerDescription(model="rough_conductor", name=name, maps=maps, parameters=parameters)
-
-
-def _maps(texture: TextureUse | None, is_coloured: bool) -> LayerMaps:
-    """The maps of the base colour: its texture, and vertex colours."""
-    if texture is None:
-        return LayerMaps(vertex_colours=is_coloured)
-    own = texture.transform
-    return LayerMaps(
-        f"#{texture.image}", "srgb", texture.scale, texture_offset=own.offset, texture_rotation=own.rotation,
-        texture_wrap=own.wrap, vertex_colours=is_coloured,
-    )  # fmt: skip
-
-
-def without_images(layer: LayerDescription) -> LayerDescription:
-    """The layer on a mesh without texture coordinates: of its maps, vertex colours remain."""
-    return layer.model_copy(update={"maps": LayerMaps(vertex_colours=layer.maps.vertex_colours)})
-
-
-def _facing_reflectance(extensions: JsonObject) -> RGB:
-    """F0 of a dielectric: ((n − 1)/(n + 1))² times the colour and the strength of its reflection."""
-    ior, specular = extensions.child("KHR_materials_ior"), extensions.child("KHR_materials_specular")
-    index = ior.number("ior", 1.5)
-    if index != 0.0:
-        index = ior.clamped(index, "ior", 1.0, 20.0)
-    facing = 1.0 if index == 0.0 else ((index - 1.0) / (index + 1.0)) ** 2
-    strength = specular.clamped(specular.number("specularFactor", 1.0), "specularFactor")
-    given = specular.numbers("specularColorFactor", 3, (1.0, 1.0, 1.0))
-    colour = [specular.clamped(v, "specularColorFactor", 0.0, math.inf) for v in given]
-    return _rgb(tuple(min(facing * c, 1.0) * strength for c in colour))
-
-
-def conductor_index(f0: float, tint: float) -> tuple[float, float]:
-    """(η, k) of a conductor with reflectance f0 at normal incidence [Gulbrandsen14, eq. 1-4]; f0 is clamped to 0.98."""
-    f0 = min(max(f0, 0.0), _BRIGHTEST)
-    root = math.sqrt(f0)
-    eta = tint * (1 - f0) / (1 + f0) + (1 - tint) * (1 + root) / (1 - root)
-    squared = ((eta + 1) ** 2 * f0 - (eta - 1) ** 2) / (1 - f0)
-    return eta, math.sqrt(squared) if squared > 1e-12 else 0.0  # for a dielectric, rounding leaves about 1e-16
 
 
 def _rgb(values: tuple[float, ...]) -> RGB:
@@ -279,6 +291,35 @@ class GltfImages:
                 sampler.note(key, number, "taken as repeating")
             found.append(wrap or "repeat")
         return found[0], found[1]
+
+    def maps(self, fields: JsonObject, key: str, notes: list[str]) -> LayerMaps:
+        """A colour texture, decoded by sRGB, as what multiplies a layer; nothing if it cannot be shown."""
+        used = self.use(fields.child(key), notes) if fields.has(key) else None
+        if used is None:
+            return LayerMaps()
+        own = used.transform
+        return LayerMaps(
+            f"#{used.image}", "srgb", used.scale, texture_offset=own.offset, texture_rotation=own.rotation,
+            texture_wrap=own.wrap,
+        )  # fmt: skip
+
+    def weight(self, fields: JsonObject, key: str, channel: Channel, notes: list[str]) -> WeightImage | None:
+        """A channel of a texture as a share; None if it cannot be shown."""
+        used = self.use(fields.child(key), notes) if fields.has(key) else None
+        if used is None:
+            return None
+        if used.scale != (1.0, 1.0) or used.transform != IDENTITY_TRANSFORM:
+            notes.append("a texture of a strength is laid out without its transform, and repeated")
+        return WeightImage(f"#{used.image}", channel)
+
+    def mean_alpha(self, info: JsonObject, notes: list[str]) -> float:
+        """Mean of an image's opacity; 1 if it is unavailable."""
+        image = self._image(info, notes)
+        if image is None:
+            return 1.0
+        shares = read_weight(image_bytes(self._root, self._binary, image), f"{self._root.file}#{image}", channel="a")
+        notes.append("of a texture of gloss the mean is shown")
+        return float(shares.mean(dtype=np.float64))
 
     def mean(self, info: JsonObject, notes: list[str]) -> tuple[float, float, float]:
         """Mean of an image of numbers, not of colours; 1 if it is unavailable."""

@@ -27,7 +27,7 @@ from engine.material.bumps import BUMP_STRENGTH, DEFAULT_HEIGHT, NO_BUMPS, Bumps
 from engine.material.layer_maps import LayerMaps, Wrap
 from engine.material.opacity import OPAQUE, Opacity
 from engine.scene.description import MAX_RADIANCE, LayerDescription
-from engine.scene.loaders.gltf_materials import metallic_roughness_layers
+from engine.scene.loaders.pbr_layers import metallic_roughness_layers
 from engine.scene.loaders.model import RGB, ImportedPart, UnshownProperty
 from engine.scene.loaders.mtl import MtlImage, MtlMaterial, parse_library
 from engine.scene.mesh import Mesh

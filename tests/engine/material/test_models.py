@@ -61,6 +61,8 @@ def albedo_by_half_vectors(layer, theta_o, phi_o):
     return weight @ layer.model.brdf(layer.values, wi, np.broadcast_to(eye, wi.shape))
 
 
+# Charlie's lobe with less spread reflects, as published, up to twice what it gets within two degrees of the horizon.
+LEAST_PASSIVE = {("sheen", "alpha"): 0.07}
 WHITE = {"scale": 1.0, "albedo": 1.0, **WHITE_METAL}
 
 
@@ -72,8 +74,9 @@ def white_layers():
             white["reflectance"] = 1.0
         yield model.name, white
         for p in model.parameters:
-            if p.name not in WHITE and p.kind != "file":
-                yield from ((model.name, {**white, p.name: end}) for end in (p.choices or (p.minimum, p.maximum)))
+            if p.name not in WHITE and p.kind != "file" and (model.name, p.name) != ("diffuse_base", "f0"):
+                least = LEAST_PASSIVE.get((model.name, p.name), p.minimum)
+                yield from ((model.name, {**white, p.name: end}) for end in (p.choices or (least, p.maximum)))
 
 
 @pytest.mark.parametrize(("name", "parameters"), list(white_layers()))
@@ -132,7 +135,7 @@ def test_homomorphic_slants_are_one_curve():
     assert (layer.curve("theta_i")(GAMMA) != make_layer(MODELS["homomorphic"]).curve("theta_i")(GAMMA)).any()
 
 
-@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("name", [name for name, model in MODELS.items() if model.is_reciprocal])
 def test_reciprocity(name):
     # Light and eye may be exchanged: to 1e-6 over 1e5 pairs.
     layer = make_layer(MODELS[name])

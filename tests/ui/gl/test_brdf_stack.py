@@ -14,12 +14,13 @@ import moderngl
 import numpy as np
 import pytest
 
+from app.document.document import all_factors
 from engine.curve.operators import Operator
 from engine.material import MODELS, kinds, make_layer
 from engine.material._kernels import gamma
 from engine.material.layer import Layer
 from tests.engine.material.test_kernels import all_gammas, all_quotients, hemisphere
-from ui.gl.brdf_stack import BrdfStack, curves_of
+from ui.gl.brdf_stack import BrdfStack
 from ui.gl.gpu_memory import TextureMemory
 from ui.gl.program import Passes
 
@@ -62,7 +63,7 @@ def by_curves(layer: Layer, wi: np.ndarray, wo: np.ndarray) -> np.ndarray:
     """f_q rho_q f_o f_A f_B with the final curves, by the worker's kernels."""
     model, q = layer.model, layer.quotient_parameters()
     product = layer.scale() * (all_quotients(model.number, q, wi, wo) / wi[:, 2])[:, None]
-    for factor in curves_of(model):
+    for factor in (*model.factors, *((model.view_factor,) if model.view_factor else ())):
         angle = all_gammas(factor.gamma, q, wi, wo)
         product = product * layer.curve(factor.name)(np.minimum(angle, math.pi / 2)) * (angle <= math.pi / 2)[:, None]
     return product
@@ -72,7 +73,7 @@ def edited(layer: Layer) -> Layer:
     """The layer with a bump and a raised end on every curve, in two channels of three, that no parameter could make."""
     bump = Operator("amplify", "y", 0.05, 0.4, 0.6, 1.2, magnitude=0.7, channels=(True, True, False))
     lift = Operator("translate", "y", 0.3, 0.8, math.pi / 2, math.pi / 2, magnitude=0.05, channels=(False, True, True))
-    for factor in curves_of(layer.model):
+    for factor in all_factors(layer.model):
         layer = layer.with_operators(factor.name, [bump, lift])
     return layer
 

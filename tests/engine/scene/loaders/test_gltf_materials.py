@@ -17,7 +17,7 @@ from engine.material.bumps import Bumps
 from engine.material.layer_maps import LayerMaps
 from engine.material.opacity import OPAQUE, Opacity
 from engine.scene.loaders.gltf import ImportedModel, read_glb
-from engine.scene.loaders.gltf_materials import conductor_index, metallic_roughness_layers
+from engine.scene.loaders.pbr_layers import metallic_roughness_layers
 from engine.scene.map_sampler import look_up_images
 from engine.scene.scene_loader import load_scene
 from engine.scene.surface_uvs import uvs_at
@@ -25,32 +25,19 @@ from tests.engine.scene.conftest import TOY
 from tests.scene_text import placed
 
 
-def normal_reflectance(eta: float, k: float) -> float:
-    """Fresnel at normal incidence: ((η − 1)² + k²) / ((η + 1)² + k²)."""
-    return ((eta - 1) ** 2 + k**2) / ((eta + 1) ** 2 + k**2)
-
-
-@pytest.mark.parametrize("tint", [0.0, 0.3, 1.0])
-@pytest.mark.parametrize("f0", [0.0, 0.04, 0.5, 0.95, 0.98])
-def test_the_index_gives_back_the_reflectance(f0, tint):
-    assert normal_reflectance(*conductor_index(f0, tint)) == pytest.approx(f0, abs=1e-9)
-
-
-def test_a_dielectric_is_glass_and_white_metal_stays_finite():
-    assert conductor_index(0.04, 0.0) == pytest.approx((1.5, 0.0))  # (0.5 / 2.5)² = 0.04
-    eta, k = conductor_index(1.0, 1.0)
-    assert np.isfinite([eta, k]).all() and normal_reflectance(eta, k) == pytest.approx(0.98)
-
-
-def test_metal_has_no_diffuse_layer_and_plastic_has_both():
+def test_metal_is_one_gloss_and_plastic_has_a_base_under_it() -> None:
     (metal,) = metallic_roughness_layers((0.9, 0.6, 0.2), 1.0, 0.5)
-    assert metal.model == "rough_conductor" and metal.parameters["alpha"] == 0.25
-    plastic = metallic_roughness_layers((0.9, 0.6, 0.2), 0.0, 0.0)
-    assert [layer.model for layer in plastic] == ["lambert", "rough_conductor"]
-    # what the coat reflects at normal incidence, 4 %, is missing below it
-    assert plastic[0].parameters["albedo"] == pytest.approx((0.864, 0.576, 0.192))
-    assert plastic[1].parameters["k"] == (0.0, 0.0, 0.0)
-    assert plastic[1].parameters["alpha"] == 0.01  # a mirror is kept just rough enough to be sampled
+    assert metal.model == "microfacet" and metal.parameters["alpha"] == 0.25
+    assert metal.parameters["f0"] == (0.9, 0.6, 0.2) and metal.parameters["f90"] == 1.0
+    base, gloss = metallic_roughness_layers((0.9, 0.6, 0.2), 0.0, 0.0)
+    # What the gloss reflects, 4 % head-on and all at grazing angles, is missing below it: both have one F0 and F90.
+    assert base.model == "diffuse_base" and base.parameters["albedo"] == (0.9, 0.6, 0.2)
+    assert base.follows == gloss.name and base.parameters["f0"] == gloss.parameters["f0"] == (0.04,) * 3
+    assert gloss.parameters["alpha"] == 0.01  # a mirror is kept just rough enough to be sampled
+    # Of half a metal F0 is half of either, and the base is half as bright.
+    base, gloss = metallic_roughness_layers((0.9, 0.6, 0.2), 0.5, 0.5)
+    assert gloss.parameters["f0"] == pytest.approx((0.47, 0.32, 0.12)) and gloss.parameters["f90"] == 1.0
+    assert base.parameters["albedo"] == (0.45, 0.3, 0.1) and base.follows is None
 
 
 @pytest.mark.parametrize("metallic", [0.0, 0.5, 1.0])
@@ -122,8 +109,8 @@ def test_a_base_colour_texture_lies_as_in_the_file(
     scene = load_scene(scene_file(TOY))
     (toy,) = scene.description.objects
     base, coat = toy.layers
-    assert base.model == "lambert" and base.maps == LayerMaps("model.glb#0", "srgb")
-    assert base.parameters["albedo"] == pytest.approx((0.48, 0.24, 0.96))  # 4 % are the coat's
+    assert base.model == "diffuse_base" and base.maps == LayerMaps("model.glb#0", "srgb")
+    assert base.parameters["albedo"] == pytest.approx((0.5, 0.25, 1.0))
     assert coat.maps.is_plain  # what glass reflects has no colour
     # A quarter and three quarters of the way up: v grows upwards here.
     uv = uvs_at(scene, np.zeros(2, int), np.zeros(2), np.array([0.25, 0.75]))
@@ -153,14 +140,18 @@ def test_a_normal_texture_turns_normals_as_the_file_means_it(
 
 
 def test_a_metal_has_the_texture_and_half_a_metal_is_both(read: Callable[..., ImportedModel]) -> None:
-    def layers(metallic: float) -> list[tuple[str, float, bool]]:
+    def layers(metallic: float) -> list[tuple[str | None, float, float, bool]]:
+        """Name, F0 and F90 in red, and whether it has the texture."""
         pbr = {"baseColorTexture": {"index": 0}, "metallicFactor": metallic}
         (part,) = read(material={"pbrMetallicRoughness": pbr}).parts
-        return [(each.model, each.parameters.get("scale", 1.0), not each.maps.is_plain) for each in part.layers]
+        return [(each.name, round(each.parameters["f0"][0], 9), each.parameters["f90"], not each.maps.is_plain)
+                for each in part.layers]  # fmt: skip
 
-    assert layers(1.0) == [("rough_conductor", 1.0, True)]
-    assert layers(0.0) == [("lambert", 1.0, True), ("rough_conductor", 1.0, False)]
-    assert layers(0.25) == [("lambert", 1.0, True), ("rough_conductor", 0.75, False), ("rough_conductor", 0.25, True)]
+    # Of a metal, F0 + (1 - F0) r = F0 (1 - r) + r: the texture multiplies the first term alone.
+    assert layers(1.0) == [("gloss", 0.0, 1.0, False), ("metal", 1.0, 0.0, True)]
+    assert layers(0.0) == [("base", 0.04, 1.0, True), ("gloss", 0.04, 1.0, False)]
+    half = [("base", 0.04, 1.0, True), ("gloss", 0.03, 1.0, False), ("metal", 1.0, 0.0, True)]
+    assert layers(0.25) == half
 
 
 def test_of_numbers_the_means_count(read: Callable[..., ImportedModel]) -> None:
@@ -170,21 +161,72 @@ def test_of_numbers_the_means_count(read: Callable[..., ImportedModel]) -> None:
     base, glossy = model.parts[0].layers
     # Roughness 0.5 · (0.2 + 0.6) / 2, metalness 0.4: not decoded, they are no colours.
     assert glossy.parameters["alpha"] == pytest.approx(0.2**2)
-    assert base.parameters["albedo"] == pytest.approx((0.6 * 0.96,) * 3)
+    assert base.parameters["albedo"] == pytest.approx((0.6,) * 3)
     assert model.notes == ("of a metallic-roughness texture the means are shown",)
 
 
+def with_extensions(read: Callable[..., ImportedModel], **extensions: dict[str, Any]) -> dict[str | None, Any]:
+    """The layers, by name, of a red dielectric of roughness 0.3 with these extensions, without KHR_materials_."""
+    pbr = {"baseColorFactor": [0.8, 0.2, 0.1, 1.0], "metallicFactor": 0, "roughnessFactor": 0.3}
+    named = {f"KHR_materials_{name}": values for name, values in extensions.items()}
+    (part,) = read(material={"pbrMetallicRoughness": pbr, "extensions": named}).parts
+    return {layer.name: layer for layer in part.layers}
+
+
 def test_index_and_specular_extensions_change_what_glass_reflects(read: Callable[..., ImportedModel]) -> None:
-    extensions = {"KHR_materials_ior": {"ior": 2.0}, "KHR_materials_specular": {"specularFactor": 0.5}}
-    pbr = {"metallicFactor": 0, "roughnessFactor": 0.3}
-    (part,) = read(material={"pbrMetallicRoughness": pbr, "extensions": extensions}).parts
-    base, coat = part.layers
-    facing = 0.5 / 9  # half of (1 / 3)²
-    eta, k = coat.parameters["eta"][0], coat.parameters["k"][0]
-    assert ((eta - 1) ** 2 + k**2) / ((eta + 1) ** 2 + k**2) == pytest.approx(facing)
-    assert base.parameters["albedo"] == pytest.approx((1 - facing,) * 3)
+    layers = with_extensions(read, ior={"ior": 2.0}, specular={"specularFactor": 0.5})
+    for name in ("base", "gloss"):
+        # Half of (1 / 3)² head-on, half of all at grazing angles.
+        assert layers[name].parameters["f0"] == pytest.approx((0.5 / 9,) * 3)
+        assert layers[name].parameters["f90"] == 0.5
+    layers = with_extensions(read, ior={"ior": 0.0}, specular={"specularColorFactor": [0.5, 2.0, 0.1]})
+    assert layers["gloss"].parameters["f0"] == (0.5, 1.0, 0.1)  # at most 1 before the strength
     model = read(material={"extensions": {"KHR_materials_ior": {"ior": 0.5}}})
     assert model.notes == ("materials 0: extensions: KHR_materials_ior: ior = 0.5, taken as 1",)
+
+
+def test_a_specular_texture_is_a_share_and_a_specular_colour_a_texture(read: Callable[..., ImportedModel]) -> None:
+    layers = with_extensions(read, specular={"specularTexture": {"index": 0}})
+    shares = {name: (layer.maps.weight, layer.maps.weight_channel, layer.maps.weight_invert)
+              for name, layer in layers.items()}  # fmt: skip
+    assert shares == {"base": ("#0", "a", False), "bare base": ("#0", "a", True), "gloss": ("#0", "a", False)}
+    assert layers["bare base"].parameters["f90"] == 0.0  # nothing is taken from it
+    layers = with_extensions(read, specular={"specularColorTexture": {"index": 0}})
+    assert layers["facing gloss"].maps == LayerMaps("#0", "srgb") and layers["facing gloss"].parameters["f90"] == 0.0
+    assert layers["gloss"].maps.is_plain and layers["gloss"].parameters["f0"] == (0.0, 0.0, 0.0)
+    assert layers["base"].maps == LayerMaps(weight="#0", weight_channel="max")
+
+
+def test_a_coat_and_a_sheen_lie_on_what_is_beneath(read: Callable[..., ImportedModel]) -> None:
+    coat = {"clearcoatFactor": 0.7, "clearcoatRoughnessFactor": 0.5}
+    sheen = {"sheenColorFactor": [0.4, 0.5, 0.6], "sheenRoughnessFactor": 0.5}
+    layers = with_extensions(read, clearcoat=coat, sheen=sheen)
+    assert {name: layer.under for name, layer in layers.items()} == {
+        "base": "sheen", "gloss": "sheen", "sheen": "coat", "coat": None
+    }  # fmt: skip
+    assert layers["coat"].parameters == {"alpha": 0.25, "ior": 1.5, "scale": 0.7}
+    assert layers["sheen"].parameters == {"alpha": 0.25, "scale": (0.4, 0.5, 0.6)}
+    layers = with_extensions(read, clearcoat={**coat, "clearcoatTexture": {"index": 0}})
+    covered = {name: (layer.under, layer.maps.weight_channel, layer.maps.weight_invert)
+               for name, layer in layers.items()}  # fmt: skip
+    assert covered == {
+        "base": ("coat", "r", False), "bare base": (None, "r", True), "gloss": ("coat", "r", False),
+        "bare gloss": (None, "r", True), "coat": (None, "r", False),
+    }  # fmt: skip
+    assert with_extensions(read, clearcoat={}, sheen={}).keys() == {"base", "gloss"}
+
+
+def test_specular_glossiness_is_a_dielectric_of_any_reflectance(read: Callable[..., ImportedModel]) -> None:
+    old = {"diffuseFactor": [0.5, 0.4, 0.3, 1.0], "specularFactor": [0.2, 0.3, 0.4], "glossinessFactor": 0.8}
+    (part,) = read(material={"extensions": {"KHR_materials_pbrSpecularGlossiness": old}}).parts
+    base, gloss = part.layers
+    assert base.parameters["albedo"] == (0.5, 0.4, 0.3)
+    assert gloss.parameters["f0"] == (0.2, 0.3, 0.4) and gloss.parameters["alpha"] == pytest.approx(0.2**2)
+    old |= {"specularFactor": [1.0, 1.0, 1.0], "specularGlossinessTexture": {"index": 0}}
+    (part,) = read(material={"extensions": {"KHR_materials_pbrSpecularGlossiness": old}}).parts
+    # Where the texture is white nothing is left of the base; it is there by what the texture lacks of white.
+    assert [layer.name for layer in part.layers] == ["bare base", "facing gloss", "gloss"]
+    assert part.layers[0].maps == LayerMaps(weight="#0", weight_channel="max", weight_invert=True)
 
 
 def test_images_may_be_files_beside_it(
@@ -343,6 +385,12 @@ def test_a_texture_without_coordinates_is_left_out(textured: Glb, glb_file: Call
     del tree["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_0"]
     (part,) = read_glb(glb_file(tree, binary)).parts
     assert part.mesh.uvs is None and all(layer.maps.is_plain for layer in part.layers)
+    # A share by an image is all of it then, and nothing of the inverted one.
+    tree["materials"] = [
+        {"extensions": {"KHR_materials_clearcoat": {"clearcoatFactor": 1, "clearcoatTexture": {"index": 0}}}}
+    ]
+    (part,) = read_glb(glb_file(tree, binary)).parts
+    assert [(layer.name, layer.under) for layer in part.layers] == [("gloss", "coat"), ("coat", None)]
 
 
 @pytest.mark.parametrize("name", ["CesiumMan", "Fox"])

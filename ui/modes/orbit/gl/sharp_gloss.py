@@ -9,7 +9,7 @@ import moderngl
 from engine.material.layer import Layer
 from engine.material.measured import MeasuredModel
 from engine.realtime.core.gpu_parts import OrbitTerm
-from ui.gl.brdf_stack import BrdfStack, brdf_source
+from ui.gl.brdf_stack import BrdfStack, LayerShape, brdf_source
 from ui.gl.gpu_memory import TextureMemory
 from ui.gl.program import Passes
 from ui.gl.python_to_glsl import Untranslatable
@@ -57,7 +57,7 @@ def _has_formula(layers: Sequence[Layer]) -> bool:
     if any(isinstance(layer.model, MeasuredModel) for layer in layers):
         return False
     try:
-        brdf_source(tuple(layer.model for layer in layers), (None,) * len(layers))
+        brdf_source(tuple(LayerShape(layer.model, layer.has_view_curve, None) for layer in layers))
     except Untranslatable:
         return False
     return True

@@ -1,0 +1,265 @@
+"""What glTF's materials look like here, against paths whose BRDF is the specification's own formula, at full resolution
+of the textures: `python -m benchmarks.gltf_materials MUSEUM.exr [CASE ...]` prints the table of docs/accuracy.md.
+
+Each case is a GLB file that is read as any other: a sphere with factors alone, and a quad with a texture of each
+colour and strength, seen obliquely, under an environment and under a lamp. The judge (`engine.reference.gltf_brdf`)
+gets factors and textures, not layers; its picture of the quad has 3 x 3 rays a pixel.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import shutil
+import struct
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from app.measure.subject import Errors, box_averaged, errors
+from app.project.project import Project, open_project
+from app.stills.stills import render_picture
+from engine.core.generators import run_to_end
+from engine.material import MODELS, kinds, make_layer
+from engine.material.layer import Layer
+from engine.material.layer_maps import Channel, LayerMaps
+from engine.precompute.direct.pipeline import Placement
+from engine.precompute.indirect.sampling_settings import BounceSeries
+from engine.reference.gltf_brdf import GltfInputs, gltf_brdf
+from engine.reference.path_lobes import Scattering
+from engine.reference.path_tracer import trace_paths
+from engine.scene.object_meshes import quad, sphere
+
+FINER = 3  # rays of the judge along each side of a pixel of the quad
+SIDE = 32
+N_SAMPLES = {"sphere": 1024, "quad": 128}
+
+
+@dataclass(frozen=True)
+class Texture:
+    """A texture of a case: the input that it multiplies, and the channel that it has; "" for a colour."""
+
+    name: str
+    channel: Channel | None = None
+
+
+@dataclass(frozen=True)
+class Case:
+    """material: of the file, without textures; inputs: what the judge makes of the factors; textures: by the place of
+    their key in the file, such as "pbrMetallicRoughness.baseColorTexture"."""
+
+    material: Mapping[str, Any]
+    inputs: GltfInputs
+    textures: Mapping[str, Texture] = field(default_factory=dict)
+
+
+def _material(metallic: float = 0.0, roughness: float = 0.4, **extensions: Mapping[str, Any]) -> dict[str, Any]:
+    pbr = {"baseColorFactor": [0.7, 0.4, 0.2, 1.0], "metallicFactor": metallic, "roughnessFactor": roughness}
+    return {
+        "pbrMetallicRoughness": pbr,
+        "extensions": {f"KHR_materials_{name}": values for name, values in extensions.items()},
+    }
+
+
+_INPUTS = GltfInputs(base_color=(0.7, 0.4, 0.2), roughness=0.4)
+_BASE = {"pbrMetallicRoughness.baseColorTexture": Texture("base_color")}
+CASES: Mapping[str, Case] = {
+    "core, plastic": Case(_material(), _INPUTS, _BASE),
+    "core, metal": Case(_material(1.0), replace(_INPUTS, metallic=1.0), _BASE),
+    "core, half a metal": Case(_material(0.5), replace(_INPUTS, metallic=0.5), _BASE),
+    "clearcoat": Case(
+        _material(0.0, 0.8, clearcoat={"clearcoatFactor": 1.0, "clearcoatRoughnessFactor": 0.3}),
+        replace(_INPUTS, roughness=0.8, clearcoat=1.0, clearcoat_roughness=0.3),
+        {**_BASE, "extensions.KHR_materials_clearcoat.clearcoatTexture": Texture("clearcoat", "r")},
+    ),
+    "sheen": Case(
+        _material(0.0, 0.8, sheen={"sheenColorFactor": [0.8, 0.8, 0.8], "sheenRoughnessFactor": 0.5}),
+        replace(_INPUTS, roughness=0.8, sheen_color=(0.8, 0.8, 0.8), sheen_roughness=0.5),
+        {**_BASE, "extensions.KHR_materials_sheen.sheenColorTexture": Texture("sheen_color")},
+    ),
+    "specular": Case(
+        _material(0.0, 0.3, specular={"specularFactor": 0.8, "specularColorFactor": [1.0, 0.6, 0.3]}),
+        replace(_INPUTS, roughness=0.3, specular=0.8, specular_color=(1.0, 0.6, 0.3)),
+        {**_BASE, "extensions.KHR_materials_specular.specularTexture": Texture("specular", "a")},
+    ),
+    "specular colour, ior": Case(
+        _material(0.0, 0.3, specular={"specularColorFactor": [1.0, 1.0, 1.0]}, ior={"ior": 2.4}),
+        replace(_INPUTS, roughness=0.3, ior=2.4),
+        {**_BASE, "extensions.KHR_materials_specular.specularColorTexture": Texture("specular_color")},
+    ),
+    "specular-glossiness": Case(
+        {"extensions": {"KHR_materials_pbrSpecularGlossiness": {
+            "diffuseFactor": [0.5, 0.3, 0.2, 1.0], "specularFactor": [0.6, 0.6, 0.6], "glossinessFactor": 0.6,
+        }}},
+        GltfInputs(base_color=(0.5, 0.3, 0.2), roughness=0.4, ior=0.0, specular_color=(0.6, 0.6, 0.6)),
+        {"extensions.KHR_materials_pbrSpecularGlossiness.diffuseTexture": Texture("base_color"),
+         "extensions.KHR_materials_pbrSpecularGlossiness.specularGlossinessTexture": Texture("specular_color")},
+    ),
+}  # fmt: skip
+LIGHTS = ("environment", "lamp")
+
+
+class AuthoredScattering(Scattering):
+    """The judge's BRDF. Of the layers the first ones have the textures, one each; sampling follows the others."""
+
+    def __init__(self, layers: Sequence[Layer], case: Case, n_textures: int) -> None:
+        super().__init__(layers[n_textures:])
+        self._inputs, self._names = case.inputs, [each.name for each in case.textures.values()][:n_textures]
+
+    def evaluate(
+        self, wi: NDArray[np.float64], wo: NDArray[np.float64], factors: NDArray[np.floating] | None = None
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        value, pdf = super().evaluate(wi, wo)
+        values = {}
+        for k, name in enumerate(self._names):
+            assert factors is not None
+            factor = np.asarray(getattr(self._inputs, name))
+            values[name] = factor * (factors[:, k] if factor.ndim else factors[:, k, 0])
+        value = gltf_brdf(replace(self._inputs, **values), wi, wo) * np.maximum(wi[:, 2:], 0.0)
+        value[wi[:, 2] <= kinds.GRAZING] = 0.0
+        return value, pdf
+
+
+def measure(case: Case, shape: str, light: str, environment: Path, folder: Path) -> Errors:
+    """The error of our picture against the judge's, over the pixels that the object covers."""
+    project = _project(case, shape, light, environment, folder)
+    ours = render_picture(project, lambda _: None, series=BounceSeries(1))
+    truth = _judged(case, shape, project)
+    hits = Placement(project.scene).hits
+    begin, end = hits.object_ranges[0]
+    counts = np.bincount(hits.pixel[begin:end], minlength=ours.shape[0] * ours.shape[1])
+    seen = counts.reshape(ours.shape[:2]) > 0
+    if shape == "quad":  # pixels whose neighbours are covered, too: the judge's rays are all over them
+        seen &= np.logical_and.reduce([np.roll(seen, by, axis) for axis in (0, 1) for by in (-1, 1)])
+    return errors(ours[seen], truth[seen])
+
+
+def _judged(case: Case, shape: str, project: Project) -> NDArray[np.floating]:
+    """The judge's picture at the project's resolution."""
+    finer = FINER if shape == "quad" else 1
+    camera, side = project.scene.description.camera, project.scene.resolution[0]
+    placement = Placement(project.scene.from_camera(camera, (side * finer,) * 2), None, 0)
+    textures = list(case.textures.items()) if shape == "quad" else []
+    maps = [_texture_maps(k, texture) for k, (_, texture) in enumerate(textures)]
+    painted = [make_layer(MODELS["lambert"]).replace(maps=each) for each in maps]
+    layers_of = {i: (*painted, *[layer for j, layer in project.indexed_layers if j == i]) for i in (0,)}
+
+    def scattering(layers: Sequence[Layer]) -> Scattering:
+        return AuthoredScattering(layers, case, len(textures)) if layers else Scattering(())
+
+    found = run_to_end(trace_paths(placement, layers_of, project.sky, 1, N_SAMPLES[shape], scattering=scattering))
+    picture = np.zeros((side * finer * side * finer, 3))
+    picture[placement.hits.pixel] = found.radiance
+    return box_averaged(picture.reshape(side * finer, side * finer, 3), finer)
+
+
+def _texture_maps(k: int, texture: Texture) -> LayerMaps:
+    name = f"model.glb#{k}"
+    return (
+        LayerMaps(name, "srgb") if texture.channel is None else LayerMaps(weight=name, weight_channel=texture.channel)
+    )
+
+
+def _project(case: Case, shape: str, light: str, environment: Path, folder: Path) -> Project:
+    """The scene of one picture, its object first, written to a folder and opened."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "model.glb").write_bytes(_glb(case, shape))
+    eye = "[0.0, 0.0, 1.6]" if shape == "sphere" else "[0.0, -1.0, 0.75]"
+    text = (
+        f"version = 1\nbounces = 1\n[camera]\nposition = {eye}\ntarget = [0, 0, 0]\nfov_y = 38\n"
+        f'resolution = [{SIDE}, {SIDE}]\n[[object]]\nname = "it"\nmesh = "model.glb"\n'
+    )
+    if light == "lamp":  # a square above, to the left and in front
+        text += '[[object]]\nname = "lamp"\nprimitive = "quad"\nemission = [12, 12, 12]\n'
+        text += f"transform = [{_facing((-1.2, 1.2, 1.2), 0.8)}, 0, 0, 0, 1]\n"
+    else:
+        shutil.copyfile(environment, folder / f"light{environment.suffix}")
+        text += f'[environment]\nfile = "light{environment.suffix}"\n'
+    (folder / "scene.toml").write_text(text, encoding="utf-8")
+    return open_project(str(folder / "scene.toml")).with_settings(n_edge_rays=0)
+
+
+def _facing(place: tuple[float, float, float], side: float) -> str:
+    """The transform of the unit square at a place, facing the origin."""
+    z = -np.array(place) / np.linalg.norm(place)
+    x = np.cross([0.0, 1.0, 0.0], z)
+    x /= np.linalg.norm(x)
+    y = np.cross(z, x)
+    return ", ".join(f"{v:.6f}" for v in np.column_stack([side * x, side * y, side * z, place]).ravel())
+
+
+def _glb(case: Case, shape: str) -> bytes:
+    """The case as a GLB file: of the quad with its textures, of the sphere without."""
+    mesh = sphere() if shape == "sphere" else quad()
+    corners = mesh.triangles.ravel()
+    assert mesh.normals is not None and mesh.uvs is not None
+    uvs = mesh.uvs.reshape(-1, 2) * [1.0, -1.0] + [0.0, 1.0]  # v grows downwards there
+    parts = [mesh.vertices[corners].astype("<f4"), mesh.normals[corners].astype("<f4"), uvs.astype("<f4")]
+    material = json.loads(json.dumps(case.material))
+    textures = list(case.textures.items()) if shape == "quad" else []
+    for k, (path, _) in enumerate(textures):
+        *above, key = path.split(".")
+        there = material
+        for name in above:
+            there = there.setdefault(name, {})
+        there[key] = {"index": k}
+    images = [_png(k) for k in range(len(textures))]
+    chunks = [each.tobytes() for each in parts] + images
+    binary, views = b"", []
+    for chunk in chunks:
+        views.append({"buffer": 0, "byteOffset": len(binary), "byteLength": len(chunk)})
+        binary += chunk + b"\0" * (-len(chunk) % 4)
+    accessors = [
+        {"bufferView": k, "componentType": 5126, "count": len(part), "type": f"VEC{part.shape[1]}"}
+        for k, part in enumerate(parts)
+    ]
+    low, high = parts[0].min(axis=0).tolist(), parts[0].max(axis=0).tolist()
+    accessors[0] |= {"min": low, "max": high}
+    attributes = {"POSITION": 0, "NORMAL": 1, "TEXCOORD_0": 2}
+    tree = {
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": attributes, "material": 0}]}], "materials": [material],
+        "textures": [{"source": k} for k in range(len(images))],
+        "images": [{"bufferView": len(parts) + k, "mimeType": "image/png"} for k in range(len(images))],
+        "accessors": accessors, "bufferViews": views, "buffers": [{"byteLength": len(binary)}],
+    }  # fmt: skip
+    text = json.dumps({key: value for key, value in tree.items() if value}).encode()
+    text += b" " * (-len(text) % 4)
+    body = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(binary), b"BIN\0") + binary
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body
+
+
+def _png(seed: int) -> bytes:
+    """A texture of 64 x 64 texels with colours, opacity, edges and a slope; another for each seed."""
+    generator, side = np.random.default_rng(seed), 64
+    tiles = generator.integers(40, 256, (8, 8, 4)).repeat(8, axis=0).repeat(8, axis=1)
+    slope = np.linspace(0.4, 1.0, side)[:, None, None]
+    buffer = io.BytesIO()
+    Image.fromarray((tiles * slope).astype(np.uint8), "RGBA").save(buffer, "PNG")
+    return buffer.getvalue()
+
+
+def main() -> None:
+    environment, names = Path(sys.argv[1]), sys.argv[2:] or list(CASES)
+    print("| material | sphere, environment | sphere, lamp | textured quad, environment | textured quad, lamp |")
+    print("| --- | --- | --- | --- | --- |")
+    with tempfile.TemporaryDirectory() as folder:
+        for name in names:
+            found = [
+                measure(CASES[name], shape, light, environment, Path(folder, f"{shape}-{light}"))
+                for shape in ("sphere", "quad")
+                for light in LIGHTS
+            ]
+            row = [f"{100 * each.rmse:.2f} % ({100 * each.mean:+.2f} %)" for each in found]
+            print(f"| {name} | {' | '.join(row)} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,198 @@
+"""A metallic-roughness material and its extensions as layers [glTF20, B; KHR_materials_specular, _clearcoat, _sheen].
+
+With base colour b(u, v), metalness m, the dielectric's F0 = f, specular strength w, r = (1 - cos theta_d)^5 and the
+microfacets' D G / (4 cos cos) = S, the specification's sum is
+
+    (1 - m) [(1 - w max(f + (1 - f) r)) b / pi + w (f + (1 - f) r) S] + m [b + (1 - b) r] S,
+
+and linear in b and in w, so that an image of either multiplies a layer: without images there are a diffuse base and one
+gloss with F0 = (1 - m) w f + m b and F90 = (1 - m) w + m; where b of a metal is an image, the metal's b (1 - r) S is a
+layer of its own; where f is one, so is its f (1 - r) S.
+
+A coat or a sheen takes the share c(u, v) E(theta_o) from all beneath (`Layer.under`). Where c is an image, each layer
+beneath is two: 1 - c of it bare and c of it covered, with shared curves. In the same way the base under an image of f
+is two layers, of which one has no f. A layer has one image of its share: where it would need two, the second counts as
+white.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+from engine.material.layer_maps import Channel, LayerMaps
+from engine.scene.description import LayerDescription
+
+RGB = tuple[float, float, float]
+Layers = tuple[LayerDescription, ...]
+DIELECTRIC = 0.04
+WHITE: RGB = (1.0, 1.0, 1.0)
+BLACK: RGB = (0.0, 0.0, 0.0)
+SMOOTHEST = 0.01  # the least α: a mirror is kept just rough enough to be sampled
+LEAST_SHEEN = 0.01
+_BRIGHTEST = 0.999  # F0 of the gloss on a base: more leaves nothing of it
+_MIXED = 0.02  # metalness this close to 0 or 1 counts as that
+
+
+@dataclass(frozen=True)
+class WeightImage:
+    """An image whose channel is a share; see `LayerMaps.weight`."""
+
+    file: str
+    channel: Channel
+
+
+@dataclass(frozen=True)
+class Coat:
+    """A clear coat: its strength and roughness in [0, 1], its index of refraction, and the image of its strength."""
+
+    strength: float
+    roughness: float = 0.0
+    ior: float = 1.5
+    image: WeightImage | None = None
+
+
+@dataclass(frozen=True)
+class SheenCoat:
+    """A sheen: its colour and roughness in [0, 1], the image of its colour, and that of the largest of its channels."""
+
+    colour: RGB
+    roughness: float = 0.0
+    texture: LayerMaps = LayerMaps()
+    image: WeightImage | None = None
+
+
+@dataclass(frozen=True)
+class PbrMaterial:
+    """base: linear colour; metallic, roughness in [0, 1]; facing: F0 of the dielectric part, at most 1, before its
+    strength `specular`. Images that multiply base and facing, the largest channel of the latter, and the strength."""
+
+    base: RGB = WHITE
+    metallic: float = 1.0
+    roughness: float = 1.0
+    base_texture: LayerMaps = LayerMaps()
+    facing: RGB = (DIELECTRIC,) * 3
+    specular: float = 1.0
+    facing_texture: LayerMaps = LayerMaps()
+    facing_image: WeightImage | None = None
+    specular_image: WeightImage | None = None
+    sheen: SheenCoat | None = None
+    coat: Coat | None = None
+
+
+def pbr_layers(material: PbrMaterial) -> Layers:
+    """The layers of a material, what lies beneath first."""
+    metallic = material.metallic
+    metallic = 0.0 if metallic < _MIXED else 1.0 if metallic > 1.0 - _MIXED else metallic
+    layers: Layers = (*_diffuse(material, metallic), *_gloss(material, metallic))
+    if material.sheen is not None and any(material.sheen.colour):
+        layers = _covered(layers, _sheen(material.sheen), material.sheen.image)
+    if material.coat is not None and material.coat.strength > 0.0:
+        layers = _covered(layers, _coat(material.coat), material.coat.image)
+    return layers
+
+
+def metallic_roughness_layers(base: RGB, metallic: float, roughness: float, facing: RGB = (DIELECTRIC,) * 3) -> Layers:
+    """Layers for a linear base colour, a metalness and a roughness in [0, 1]; facing: F0 of the dielectric part."""
+    return pbr_layers(PbrMaterial(base, metallic, roughness, facing=facing))
+
+
+def _diffuse(material: PbrMaterial, metallic: float) -> list[LayerDescription]:
+    """(1 - m) (1 - max F) b / pi. Where F = w (f + (1 - f) r) has an image, 1 - max F is the same under all of it where
+    the image is white, and under what is left of it where it is black."""
+    albedo, texture, w = _scaled(material.base, 1.0 - metallic), material.base_texture, material.specular
+    if not any(albedo):
+        return []
+
+    def base(name: str, facing: RGB, f90: float, maps: LayerMaps, follows: str | None = None) -> LayerDescription:
+        parameters = {"albedo": albedo, "f0": facing, "f90": f90}
+        return LayerDescription(model="diffuse_base", name=name, follows=follows, maps=maps, parameters=parameters)
+
+    facing = _scaled(material.facing, w)
+    if material.specular_image is not None:
+        white = base("base", facing, w, _weighted(texture, material.specular_image))
+        return [white, base("bare base", BLACK, 0.0, _weighted(texture, material.specular_image, inverted=True))]
+    if material.facing_image is not None:
+        black = base("bare base", BLACK, w, _weighted(texture, material.facing_image, inverted=True))
+        white = base("base", facing, w, _weighted(texture, material.facing_image))
+        return [black] if min(max(facing), w) > _BRIGHTEST else [white, black]
+    return [base("base", facing, w, texture, "gloss" if metallic == 0.0 else None)]
+
+
+def _gloss(material: PbrMaterial, metallic: float) -> list[LayerDescription]:
+    """The layers of microfacets; see the module."""
+    alpha, w = max(material.roughness**2, SMOOTHEST), material.specular * (1.0 - metallic)
+
+    def layer(name: str, f0: RGB, f90: float, maps: LayerMaps, scale: RGB = WHITE) -> LayerDescription:
+        parameters = {"alpha": alpha, "f0": f0, "f90": f90, "scale": scale}
+        return LayerDescription(model="microfacet", name=name, maps=maps, parameters=parameters)
+
+    plain, image = LayerMaps(), material.specular_image
+    weights = plain if image is None else _weighted(plain, image)
+    metal = _scaled(material.base, metallic)
+    is_painted = metallic > 0.0 and not material.base_texture.is_plain
+    found = []
+    if material.facing_texture.is_plain:
+        dielectric, rim = _scaled(material.facing, w), w
+    else:
+        facing_maps = material.facing_texture if image is None else _weighted(material.facing_texture, image)
+        found.append(layer("facing gloss", WHITE, 0.0, facing_maps, _scaled(material.facing, w)))
+        dielectric, rim = BLACK, w
+    if image is None:
+        f0 = dielectric if is_painted else _sum(dielectric, metal)
+        found.append(layer("gloss", f0, rim + metallic, plain))
+    else:
+        if w > 0.0:
+            found.append(layer("gloss", dielectric, rim, weights))
+        if metallic > 0.0:
+            f0 = BLACK if is_painted else metal
+            found.append(layer("rim" if is_painted else "metal", f0, metallic, plain))
+    if is_painted:
+        found.append(layer("metal", WHITE, 0.0, material.base_texture, metal))
+    return found
+
+
+def _sheen(sheen: SheenCoat) -> LayerDescription:
+    parameters = {"alpha": max(sheen.roughness**2, LEAST_SHEEN), "scale": sheen.colour}
+    return LayerDescription(model="sheen", name="sheen", maps=sheen.texture, parameters=parameters)
+
+
+def _coat(coat: Coat) -> LayerDescription:
+    maps = LayerMaps() if coat.image is None else _weighted(LayerMaps(), coat.image)
+    parameters = {"alpha": max(coat.roughness**2, SMOOTHEST), "ior": coat.ior, "scale": coat.strength}
+    return LayerDescription(model="clearcoat", name="coat", maps=maps, parameters=parameters)
+
+
+def _covered(layers: Iterable[LayerDescription], cover: LayerDescription, image: WeightImage | None) -> Layers:
+    """The layers beneath a cover, and the cover. Where the cover's share is an image, a layer that has no such image is
+    two."""
+    found: list[LayerDescription] = []
+    for layer in layers:
+        beneath = layer if layer.under else layer.model_copy(update={"under": cover.name})
+        if image is None or layer.maps.weight:
+            found.append(beneath)
+            continue
+        bare = layer.model_copy(
+            update={
+                "name": f"bare {layer.name}", "follows": layer.follows or layer.name,
+                "under": f"bare {layer.under}" if layer.under else None,
+                "maps": _weighted(layer.maps, image, inverted=True),
+            }
+        )  # fmt: skip
+        found += [beneath.model_copy(update={"maps": _weighted(layer.maps, image)}), bare]
+    return (*found, cover)
+
+
+def _weighted(maps: LayerMaps, image: WeightImage, inverted: bool = False) -> LayerMaps:
+    """The maps with an image as weight, or with one minus it."""
+    return replace(maps, weight=image.file, weight_channel=image.channel, weight_invert=inverted)
+
+
+def _scaled(colour: RGB, factor: float) -> RGB:
+    red, green, blue = colour
+    return red * factor, green * factor, blue * factor
+
+
+def _sum(one: RGB, other: RGB) -> RGB:
+    red, green, blue = (a + b for a, b in zip(one, other, strict=True))
+    return red, green, blue

@@ -1,0 +1,134 @@
+"""Layers under a coat or a sheen: who lies under whom follows every edit of the layers, undo, files and copies."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.document.commands.layers import (
+    AddLayers,
+    RemoveLayer,
+    SetModel,
+    SetParameter,
+    SetUnder,
+    SetVisible,
+    new_layer,
+)
+from app.document.document import Document
+from app.document.view_state import ViewState
+from app.files.materials import copy_layer, copy_material, load_material, save_material
+from app.files.session import load_session, save_session
+from app.project.project import set_path
+from engine.core.errors import InsituError, LoadError
+from tests.app.document.test_linked_layers import opened
+
+GLOSS = {"model": "microfacet", "name": "gloss", "under": "fuzz"}
+FUZZ = {"model": "sheen", "name": "fuzz", "under": "coat"}
+COAT = {"model": "clearcoat", "name": "coat"}
+
+
+@pytest.fixture
+def stack() -> Document:
+    return opened(GLOSS, FUZZ, COAT)
+
+
+def covers(document: Document, key: str) -> list[str]:
+    return [cover.name for cover in document.layer(key).covers]
+
+
+def test_covers_are_all_layers_above_with_their_present_values(stack: Document) -> None:
+    assert covers(stack, "pot.gloss") == ["fuzz", "coat"]
+    assert covers(stack, "pot.fuzz") == ["coat"] and covers(stack, "pot.coat") == covers(stack, "pot.base") == []
+    found = SetParameter("pot.coat", "scale", 0.25).apply(stack)
+    assert found.layer("pot.gloss").covers[1].values["scale"] == 0.25
+    # Head-on the coat takes 0.25 · 0.04.
+    head_on = found.layer("pot.fuzz").view_curve(np.zeros(1))[0, 0]
+    assert head_on == pytest.approx(0.99)
+    assert SetParameter("pot.coat", "scale", 1.0).apply(found) == stack
+
+
+def test_unchanged_layers_stay_the_same_objects(stack: Document) -> None:
+    found = SetParameter("pot.gloss", "alpha", 0.5).apply(stack)
+    assert all(found.layer(key) is stack.layer(key) for key in ("pot.base", "pot.fuzz", "pot.coat"))
+
+
+def test_a_removed_cover_hands_on_what_lay_under_it(stack: Document) -> None:
+    found = RemoveLayer("pot.fuzz").apply(stack)
+    assert found.layer("pot.gloss").under == "coat" and covers(found, "pot.gloss") == ["coat"]
+    assert covers(RemoveLayer("pot.coat").apply(found), "pot.gloss") == []
+    assert covers(SetVisible("pot.coat", False).apply(stack), "pot.gloss") == ["fuzz", "coat"]  # it takes nothing then
+    assert covers(SetModel("pot.coat", "phong").apply(stack), "pot.gloss") == ["fuzz"]
+
+
+def test_an_added_coat_covers_what_lies_under_nothing(stack: Document) -> None:
+    bare = opened({"model": "microfacet", "name": "gloss"})
+    found = AddLayers("pot", (new_layer("clearcoat"),)).apply(bare)
+    assert covers(found, "pot.base") == covers(found, "pot.gloss") == ["clearcoat"]
+    assert covers(AddLayers("pot", (new_layer("phong"),)).apply(stack), "pot.base") == []
+    # A second coat gets another name, and lies on the first: that lay under nothing.
+    twice = AddLayers("pot", (new_layer("clearcoat"),)).apply(found)
+    assert covers(twice, "pot.gloss") == ["clearcoat", "clearcoat 2"]
+
+
+def test_only_a_cover_can_be_chosen_and_none_that_lies_beneath(stack: Document) -> None:
+    assert covers(SetUnder("pot.gloss", "coat").apply(stack), "pot.gloss") == ["coat"]
+    assert covers(SetUnder("pot.gloss", "").apply(stack), "pot.gloss") == []
+    for key, cover in (("pot.coat", "fuzz"), ("pot.coat", "coat"), ("pot.fuzz", "gloss"), ("pot.gloss", "nothing")):
+        with pytest.raises(InsituError, match="cannot lie under"):
+            SetUnder(key, cover).apply(stack)
+    assert covers(set_path(stack, "pot.base.under", "fuzz").apply(stack), "pot.base") == ["fuzz", "coat"]
+
+
+@pytest.mark.parametrize(
+    ("layers", "found"),
+    [
+        (({**GLOSS, "under": "varnish"}, FUZZ, COAT), "varnish"),
+        (({**COAT, "under": "coat"},), "coat"),
+        (({**FUZZ, "under": "coat"}, {**COAT, "under": "fuzz"}), "(coat|fuzz)"),
+        (({**GLOSS, "under": "base"},), "base"),
+    ],
+)
+def test_files_that_name_no_cover_are_refused(layers: tuple[dict[str, object], ...], found: str) -> None:
+    with pytest.raises(LoadError, match=rf"under = {found}.*another layer of the model"):
+        opened(*layers)
+
+
+def test_sessions_and_materials_bring_it_back(stack: Document, tmp_path: Path) -> None:
+    found = SetParameter("pot.coat", "scale", 0.25).apply(stack)
+    saved = save_session(tmp_path / "mine", found, ViewState())
+    assert load_session(saved).document.object("pot").layers == found.object("pot").layers
+    save_material(tmp_path / "m.toml", copy_material(found, "pot"))
+    assert load_material(tmp_path / "m.toml").layers == found.object("pot").layers
+    (alone,) = copy_layer(found, "pot.gloss").layers
+    assert alone.under == "" and alone.covers == ()
+
+
+def test_random_edits_keep_covers_consistent(stack: Document) -> None:
+    """Whatever the order: each layer's covers are those that its names lead to, with equal values, and no cycle."""
+    generator, document = np.random.default_rng(3), stack
+    for _ in range(300):
+        layers = document.object("pot").layers
+        key = f"pot.{generator.integers(len(layers))}"
+        cover = layers[generator.integers(len(layers))].name
+        edits = [
+            SetUnder(key, cover), SetUnder(key, ""), RemoveLayer(key), SetParameter(key, "scale", 0.5),
+            SetModel(key, str(generator.choice(["clearcoat", "sheen", "lambert"]))), SetVisible(key, False),
+            AddLayers("pot", (new_layer(str(generator.choice(["clearcoat", "sheen", "phong"]))),)),
+        ]  # fmt: skip
+        command = edits[generator.integers(len(edits))]
+        if len(layers) > 8 and isinstance(command, AddLayers):
+            continue
+        try:
+            document = command.apply(document)
+        except InsituError:
+            continue
+        layers = document.object("pot").layers
+        by_name = {layer.name: layer for layer in reversed(layers) if layer.model.is_cover}  # of equal names the first
+        for layer in layers:
+            names, above = [], layer.under
+            while above in by_name:
+                names.append(above)
+                above = by_name[above].under
+                assert len(names) <= len(layers), "a cycle"
+            assert [each.name for each in layer.covers] == names
+            assert all(each.parameters == by_name[each.name].parameters for each in layer.covers)
