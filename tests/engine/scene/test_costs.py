@@ -100,9 +100,9 @@ def n_decoded(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     decoded: list[int] = []
     read = texture_files._integers
 
-    def note(opened: Any) -> Any:
+    def note(*given: Any) -> Any:
         decoded.append(1)
-        return read(opened)
+        return read(*given)
 
     monkeypatch.setattr(texture_files, "_integers", note)
     return decoded
