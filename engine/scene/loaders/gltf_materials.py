@@ -193,8 +193,8 @@ def _opacity(fields: JsonObject, colours: JsonObject, name: str, images: GltfIma
 
 
 def without_images(layers: tuple[LayerDescription, ...]) -> tuple[LayerDescription, ...]:
-    """The layers on a mesh without texture coordinates, all images white: what an inverted weight map leaves of white is
-    nothing; vertex colours remain."""
+    """The layers on a mesh without texture coordinates, all images white: what an inverted weight map leaves of white
+    is nothing; vertex colours remain."""
     return tuple(
         layer.model_copy(update={"maps": LayerMaps(vertex_colours=layer.maps.vertex_colours)})
         for layer in layers
