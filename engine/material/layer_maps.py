@@ -100,10 +100,10 @@ class LayerMaps:
     """The images of one layer. Names are files: relative to the scene's folder, or full paths that the user chose.
 
     texture: empty for none. texture_space: its colour space; empty: sRGB for 8 bits, else linear. texture_scale: how
-    often it repeats along u and v; texture_strength: 0 has no effect. vertex_colours: whether the colours of the mesh's
-    vertices multiply the texture, or are it where there is none. weight: an image whose `weight_channel` is the share of
-    the layer, linear except for "max"; empty for none. weight_invert: one minus that share. weight_start: the share if
-    there is no such image. strokes: painted on either, and inverted with it, so that inversion needs no new samples.
+    often it repeats along u and v; texture_strength: 0 has no effect. vertex_colours: whether colours of the mesh's
+    vertices multiply the texture, or are it where there is none. weight: an image whose `weight_channel` is the share
+    of the layer, linear except for "max"; empty for none. weight_invert: one minus that share. weight_start: the share
+    if there is no such image. strokes: painted on either, and inverted with it, so that inversion needs no new samples.
     texture_offset, texture_rotation, texture_wrap: see `TextureTransform`.
     """
 

@@ -77,9 +77,11 @@ def read_material(fields: JsonObject, images: GltfImages, is_coloured: bool = Fa
         material = _metallic_roughness(fields, images, notes)
     opacity = _opacity(fields, colours, name, images, is_coloured)
     material = replace(
-        material, base_texture=replace(material.base_texture, vertex_colours=is_coloured), sheen=_sheen(extensions.child("KHR_materials_sheen"), images, notes),
+        material,
+        base_texture=replace(material.base_texture, vertex_colours=is_coloured),
+        sheen=_sheen(extensions.child("KHR_materials_sheen"), images, notes),
         coat=_coat(extensions.child("KHR_materials_clearcoat"), images, notes),
-    )  # fmt: skip
+    )
     emission = _emission(fields)
     notes += [f"{words} are not shown" for key, words in _NOT_SHOWN.items() if fields.has(key)]
     emits = any(emission) and not fields.has("emissiveTexture")

@@ -27,9 +27,9 @@ from engine.material.bumps import BUMP_STRENGTH, DEFAULT_HEIGHT, NO_BUMPS, Bumps
 from engine.material.layer_maps import LayerMaps, Wrap
 from engine.material.opacity import OPAQUE, Opacity
 from engine.scene.description import MAX_RADIANCE, LayerDescription
-from engine.scene.loaders.pbr_layers import metallic_roughness_layers
 from engine.scene.loaders.model import RGB, ImportedPart, UnshownProperty
 from engine.scene.loaders.mtl import MtlImage, MtlMaterial, parse_library
+from engine.scene.loaders.pbr_layers import PbrMaterial, pbr_layers
 from engine.scene.mesh import Mesh
 from engine.texture.texture_files import MAX_IMAGE_BYTES, is_image, read_texture
 
@@ -185,9 +185,7 @@ def _metallic_roughness(material: MtlMaterial, base: RGB, maps: LayerMaps) -> tu
         metallic = material.number("ka", 0.0) if material.number("illum", 2.0, 0.0, 10.0) == _MIRRORS else 0.0
         roughness = 1.0 - math.sqrt(material.number("ns", 250.0, 0.0, 1000.0) / 1000.0)
         facing = _scaled(material.colour("ks", 0.5), 0.08)
-    tinted = ("lambert", "rough_conductor") if metallic > 0.5 else ("lambert",)
-    layers = metallic_roughness_layers(base, metallic, roughness, facing)
-    return tuple(layer.model_copy(update={"maps": maps}) if layer.model in tinted else layer for layer in layers)
+    return pbr_layers(PbrMaterial(base, metallic, roughness, maps, facing))
 
 
 def _unshown_keys(material: MtlMaterial) -> dict[str, str]:

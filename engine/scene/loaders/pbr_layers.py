@@ -92,11 +92,6 @@ def pbr_layers(material: PbrMaterial) -> Layers:
     return layers
 
 
-def metallic_roughness_layers(base: RGB, metallic: float, roughness: float, facing: RGB = (DIELECTRIC,) * 3) -> Layers:
-    """Layers for a linear base colour, a metalness and a roughness in [0, 1]; facing: F0 of the dielectric part."""
-    return pbr_layers(PbrMaterial(base, metallic, roughness, facing=facing))
-
-
 def _diffuse(material: PbrMaterial, metallic: float) -> list[LayerDescription]:
     """(1 - m) (1 - max F) b / pi. Where F = w (f + (1 - f) r) has an image, 1 - max F is the same under all of it where
     the image is white, and under what is left of it where it is black."""

@@ -17,7 +17,7 @@ from engine.material.bumps import Bumps
 from engine.material.layer_maps import LayerMaps
 from engine.material.opacity import OPAQUE, Opacity
 from engine.scene.loaders.gltf import ImportedModel, read_glb
-from engine.scene.loaders.pbr_layers import metallic_roughness_layers
+from engine.scene.loaders.pbr_layers import PbrMaterial, pbr_layers
 from engine.scene.map_sampler import look_up_images
 from engine.scene.scene_loader import load_scene
 from engine.scene.surface_uvs import uvs_at
@@ -26,16 +26,16 @@ from tests.scene_text import placed
 
 
 def test_metal_is_one_gloss_and_plastic_has_a_base_under_it() -> None:
-    (metal,) = metallic_roughness_layers((0.9, 0.6, 0.2), 1.0, 0.5)
+    (metal,) = pbr_layers(PbrMaterial((0.9, 0.6, 0.2), 1.0, 0.5))
     assert metal.model == "microfacet" and metal.parameters["alpha"] == 0.25
     assert metal.parameters["f0"] == (0.9, 0.6, 0.2) and metal.parameters["f90"] == 1.0
-    base, gloss = metallic_roughness_layers((0.9, 0.6, 0.2), 0.0, 0.0)
+    base, gloss = pbr_layers(PbrMaterial((0.9, 0.6, 0.2), 0.0, 0.0))
     # What the gloss reflects, 4 % head-on and all at grazing angles, is missing below it: both have one F0 and F90.
     assert base.model == "diffuse_base" and base.parameters["albedo"] == (0.9, 0.6, 0.2)
     assert base.follows == gloss.name and base.parameters["f0"] == gloss.parameters["f0"] == (0.04,) * 3
     assert gloss.parameters["alpha"] == 0.01  # a mirror is kept just rough enough to be sampled
     # Of half a metal F0 is half of either, and the base is half as bright.
-    base, gloss = metallic_roughness_layers((0.9, 0.6, 0.2), 0.5, 0.5)
+    base, gloss = pbr_layers(PbrMaterial((0.9, 0.6, 0.2), 0.5, 0.5))
     assert gloss.parameters["f0"] == pytest.approx((0.47, 0.32, 0.12)) and gloss.parameters["f90"] == 1.0
     assert base.parameters["albedo"] == (0.45, 0.3, 0.1) and base.follows is None
 
@@ -44,7 +44,7 @@ def test_metal_is_one_gloss_and_plastic_has_a_base_under_it() -> None:
 @pytest.mark.parametrize("roughness", [0.0, 1.0])
 @pytest.mark.parametrize("base", [(0.0, 0.0, 0.0), (1.0, 0.5, 0.0), (1.0, 1.0, 1.0)])
 def test_every_material_is_within_the_models_ranges(base, roughness, metallic):
-    for layer in metallic_roughness_layers(base, metallic, roughness):
+    for layer in pbr_layers(PbrMaterial(base, metallic, roughness)):
         accepted = validate_parameters(MODELS[layer.model], layer.parameters, "model.glb")
         assert set(layer.parameters) <= set(accepted)  # otherwise the call has raised
 

@@ -68,17 +68,17 @@ def test_blenders_numbers_are_metallic_roughness(material: Callable[[str], Impor
     head = "# Blender 4.2.0 MTL File: 'a.blend'\n# www.blender.org\n\nnewmtl red\nNs 250.0\nKa 1 1 1\nKd 0.8 0.1 0.1\n"
     diffuse, glossy = material(head + "Ks 0.5 0.5 0.5\nNi 1.5\nd 1.0\nillum 2\n").layers
     assert glossy.parameters["alpha"] == pytest.approx(0.5**4**0.5)  # roughness 1 − √(250 / 1000) = 1/2, squared
-    assert glossy.parameters["eta"] == pytest.approx((1.5,) * 3)  # F0 = 0.08 · 0.5 = 0.04
-    assert diffuse.parameters["albedo"] == pytest.approx((0.96 * 0.8, 0.96 * 0.1, 0.96 * 0.1))
+    assert glossy.parameters["f0"] == pytest.approx((0.04,) * 3)  # 0.08 · 0.5
+    assert diffuse.parameters["albedo"] == pytest.approx((0.8, 0.1, 0.1)) and diffuse.follows == glossy.name
     (metal,) = material(head + "Ks 0.5 0.5 0.5\nillum 3\n").layers
-    assert metal.model == "rough_conductor"
+    assert metal.model == "microfacet" and metal.parameters["f0"][0] > 0.5
 
 
 def test_the_physically_based_extension(material: Callable[[str], ImportedPart]) -> None:
     diffuse, glossy = material("newmtl red\nKd 0.5 0.5 0.5\nPr 0.3\nPm 0\nNi 2\n").layers
-    assert glossy.parameters["alpha"] == pytest.approx(0.09) and glossy.parameters["eta"] == pytest.approx((2.0,) * 3)
+    assert glossy.parameters["alpha"] == pytest.approx(0.09) and glossy.parameters["f0"] == pytest.approx((1 / 9,) * 3)
     (metal,) = material("newmtl red\nKd 1 0.8 0.3\nPr 0.3\nPm 1\n").layers
-    assert metal.model == "rough_conductor"
+    assert metal.model == "microfacet" and metal.parameters["f0"][0] > 0.5
 
 
 def test_images_with_their_options_and_names_of_other_systems(
