@@ -35,7 +35,7 @@ from engine.precompute.indirect.sampling_settings import BounceSeries
 from engine.reference.gltf_brdf import GltfInputs, gltf_brdf
 from engine.reference.path_lobes import Scattering
 from engine.reference.path_tracer import trace_paths
-from engine.scene.object_meshes import quad, sphere
+from engine.scene.primitives import quad, sphere
 
 FINER = 3  # rays of the judge along each side of a pixel of the quad
 SIDE = 32

@@ -115,7 +115,7 @@ def _view_angles() -> Float64Array:
 
 def _half_angles() -> Float64Array:
     """Middles of even parts of [0, pi/2]."""
-    return (np.arange(_N_THETA) + 0.5) * (0.5 * math.pi / _N_THETA)
+    return np.asarray((np.arange(_N_THETA) + 0.5) * (0.5 * math.pi / _N_THETA))
 
 
 @lru_cache(maxsize=16)
