@@ -94,6 +94,16 @@ CASES: Mapping[str, Case] = {
         replace(_INPUTS, roughness=0.3, ior=2.4),
         {**_BASE, "extensions.KHR_materials_specular.specularColorTexture": Texture("specular_color")},
     ),
+    "iridescence, plastic": Case(
+        _material(0.0, 0.3, iridescence={"iridescenceFactor": 1.0, "iridescenceThicknessMaximum": 450.0}),
+        replace(_INPUTS, roughness=0.3, iridescence=1.0, iridescence_thickness=450.0),
+        {**_BASE, "extensions.KHR_materials_iridescence.iridescenceTexture": Texture("iridescence", "r")},
+    ),
+    "iridescence, metal": Case(
+        _material(1.0, 0.3, iridescence={"iridescenceFactor": 0.8, "iridescenceIor": 1.8}),
+        replace(_INPUTS, metallic=1.0, roughness=0.3, iridescence=0.8, iridescence_ior=1.8),
+        {"extensions.KHR_materials_iridescence.iridescenceTexture": Texture("iridescence", "r")},
+    ),
     "specular-glossiness": Case(
         {"extensions": {"KHR_materials_pbrSpecularGlossiness": {
             "diffuseFactor": [0.5, 0.3, 0.2, 1.0], "specularFactor": [0.6, 0.6, 0.6], "glossinessFactor": 0.6,

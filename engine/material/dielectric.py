@@ -132,16 +132,25 @@ class DiffuseBase(Model):
     factors = (BENEATH,)
     parameters = (ALBEDO, *(dataclasses.replace(each, drives=("A",)) for each in (F0, F90)))
 
+    def fresnel(self, params: Parameters, cosine: Float64Array) -> Float64Array:
+        """F of the gloss (N, 3) at cosines of theta_d (N,)."""
+        return schlick_curve(channels(params, "f0"), number(params, "f90"), cosine)
+
     def generate(self, factor_name: str, params: Parameters, gamma: Float64Array) -> Float64Array:
         self.factor(factor_name)
-        return grey(_let_through(params, np.cos(gamma)))
+        return grey(self._let_through(params, np.cos(gamma)))
 
     def scale(self, params: Parameters) -> Float64Array:
         return channels(params, "albedo")
 
     def brdf(self, params: Parameters, wi: Float64Array, wo: Float64Array) -> Float64Array:
         d = directions(wi, wo)
-        return channels(params, "albedo") * np.where(d.above, _let_through(params, d.cos_d) / math.pi, 0.0)[:, None]
+        let_through = np.where(d.above, self._let_through(params, d.cos_d), 0.0)
+        return channels(params, "albedo") / math.pi * let_through[:, None]
+
+    def _let_through(self, params: Parameters, cosine: Float64Array) -> Float64Array:
+        """1 - max F, (N,)."""
+        return np.clip(1.0 - self.fresnel(params, cosine).max(axis=1), 0.0, 1.0)
 
 
 class Clearcoat(Model):
@@ -183,11 +192,6 @@ def schlick_curve(f0: Float64Array, f90: float, cosine: Float64Array) -> Float64
     """F0 + (F90 - F0)(1 - cosine)^5, (N, 3), for F0 (3,) and cosines (N,)."""
     rise = np.clip(1.0 - cosine, 0.0, 1.0)[:, None] ** 5
     return np.asarray(f0 + (f90 - f0) * rise)
-
-
-def _let_through(params: Parameters, cosine: Float64Array) -> Float64Array:
-    """1 - max F, (N,)."""
-    return np.asarray(1.0 - schlick_curve(channels(params, "f0"), number(params, "f90"), cosine).max(axis=1))
 
 
 def _coat_fresnel(params: Parameters, cosine: Float64Array) -> Float64Array:

@@ -28,6 +28,7 @@ from engine.scene.loaders.pbr_layers import (
     RGB,
     WHITE,
     Coat,
+    Film,
     PbrMaterial,
     SheenCoat,
     WeightImage,
@@ -79,6 +80,7 @@ def read_material(fields: JsonObject, images: GltfImages, is_coloured: bool = Fa
     material = replace(
         material,
         base_texture=replace(material.base_texture, vertex_colours=is_coloured),
+        film=_film(extensions.child("KHR_materials_iridescence"), images, notes),
         sheen=_sheen(extensions.child("KHR_materials_sheen"), images, notes),
         coat=_coat(extensions.child("KHR_materials_clearcoat"), images, notes),
     )
@@ -137,6 +139,22 @@ def _specular_glossiness(fields: JsonObject, images: GltfImages, notes: list[str
         (red, green, blue), 0.0, 1.0 - glossiness, images.maps(fields, "diffuseTexture", notes), facing,
         facing_texture=texture, facing_image=_largest(texture),
     )  # fmt: skip
+
+
+def _film(fields: JsonObject, images: GltfImages, notes: list[str]) -> Film | None:
+    strength = fields.clamped(fields.number("iridescenceFactor", 0.0), "iridescenceFactor")
+    if not strength:
+        return None
+    thickness = fields.clamped(
+        fields.number("iridescenceThicknessMaximum", 400.0), "iridescenceThicknessMaximum", 0.0, 5000.0
+    )
+    if fields.has("iridescenceThicknessTexture"):
+        key = "iridescenceThicknessMinimum"
+        least = fields.clamped(fields.number(key, 100.0), key, 0.0, 5000.0)
+        share = images.mean(fields.child("iridescenceThicknessTexture"), notes)[1]
+        thickness = least + share * (thickness - least)
+    ior = fields.clamped(fields.number("iridescenceIor", 1.3), "iridescenceIor", 1.0, 5.0)
+    return Film(strength, ior, thickness, images.weight(fields, "iridescenceTexture", "r", notes))
 
 
 def _sheen(fields: JsonObject, images: GltfImages, notes: list[str]) -> SheenCoat | None:
@@ -334,7 +352,7 @@ class GltfImages:
             pixels = read_texture(image_bytes(self._root, self._binary, image), name, "linear")
             red, green, blue = pixels.reshape(-1, 3).mean(axis=0, dtype=np.float64).tolist()
             self._means[image] = red, green, blue
-        notes.append("of a metallic-roughness texture the means are shown")
+        notes.append("of a texture of numbers, as of roughness and metalness, the means are shown")
         return self._means[image]
 
     def _image(self, info: JsonObject, notes: list[str]) -> int | None:

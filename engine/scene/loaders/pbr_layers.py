@@ -63,6 +63,16 @@ class SheenCoat:
 
 
 @dataclass(frozen=True)
+class Film:
+    """A thin film: its strength in [0, 1], index of refraction and thickness in nm, and the image of its strength."""
+
+    strength: float
+    ior: float = 1.3
+    thickness: float = 400.0
+    image: WeightImage | None = None
+
+
+@dataclass(frozen=True)
 class PbrMaterial:
     """base: linear colour; metallic, roughness in [0, 1]; facing: F0 of the dielectric part, at most 1, before its
     strength `specular`. Images that multiply base and facing, the largest channel of the latter, and the strength."""
@@ -76,6 +86,7 @@ class PbrMaterial:
     facing_texture: LayerMaps = LayerMaps()
     facing_image: WeightImage | None = None
     specular_image: WeightImage | None = None
+    film: Film | None = None
     sheen: SheenCoat | None = None
     coat: Coat | None = None
 
@@ -84,7 +95,10 @@ def pbr_layers(material: PbrMaterial) -> Layers:
     """The layers of a material, what lies beneath first."""
     metallic = material.metallic
     metallic = 0.0 if metallic < _MIXED else 1.0 if metallic > 1.0 - _MIXED else metallic
-    layers: Layers = (*_diffuse(material, metallic), *_gloss(material, metallic))
+    if material.film is None:
+        layers: Layers = (*_diffuse(material, metallic), *_gloss(material, metallic))
+    else:
+        layers = _iridescent(material, metallic, material.film)
     if material.sheen is not None and any(material.sheen.colour):
         layers = _covered(layers, _sheen(material.sheen), material.sheen.image)
     if material.coat is not None and material.coat.strength > 0.0:
@@ -145,6 +159,36 @@ def _gloss(material: PbrMaterial, metallic: float) -> list[LayerDescription]:
     if is_painted:
         found.append(layer("metal", WHITE, 0.0, material.base_texture, metal))
     return found
+
+
+def _iridescent(material: PbrMaterial, metallic: float, film: Film) -> Layers:
+    """Base, dielectric and metal under a film, whose curve is linear in neither: they are layers of their own. A
+    texture of the metal multiplies the film's colours; images of the dielectric's F0 and strength count as white."""
+    alpha, w = max(material.roughness**2, SMOOTHEST), material.specular
+    facing = _scaled(material.facing, w)
+
+    def layers(film_share: float, bare: bool = False) -> Layers:
+        shown = {"film": film_share, "film_ior": film.ior, "thickness": film.thickness}
+
+        def layer(
+            model: str, name: str, maps: LayerMaps, follows: str | None = None, **own: object
+        ) -> LayerDescription:
+            if bare:
+                name, follows = f"bare {name}", follows and f"bare {follows}"
+            maps = maps if film.image is None else _weighted(maps, film.image, bare)
+            return LayerDescription(model=model, name=name, follows=follows, maps=maps, parameters={**own, **shown})
+
+        found, texture, plain = [], material.base_texture, LayerMaps()
+        if metallic < 1.0:
+            albedo, share = _scaled(material.base, 1.0 - metallic), _scaled(WHITE, 1.0 - metallic)
+            found.append(layer("thin_film_base", "base", texture, "gloss", albedo=albedo, f0=facing, f90=w))
+            found.append(layer("thin_film", "gloss", plain, alpha=alpha, f0=facing, f90=w, scale=share))
+        if metallic > 0.0:
+            share = _scaled(WHITE, metallic)
+            found.append(layer("thin_film", "metal", texture, alpha=alpha, f0=material.base, f90=1.0, scale=share))
+        return tuple(found)
+
+    return layers(film.strength) if film.image is None else (*layers(film.strength), *layers(0.0, bare=True))
 
 
 def _sheen(sheen: SheenCoat) -> LayerDescription:

@@ -10,7 +10,7 @@ from engine.curve.operators import Operator
 from engine.material import MODELS, make_layer
 from engine.material.layer import Layer, evaluate_by_curves, evaluate_layers
 from engine.reference.gltf_brdf import GltfInputs, gltf_brdf
-from engine.scene.loaders.pbr_layers import Coat, PbrMaterial, SheenCoat, WeightImage, pbr_layers
+from engine.scene.loaders.pbr_layers import Coat, Film, PbrMaterial, SheenCoat, WeightImage, pbr_layers
 from tests.engine.material.test_models import hemisphere
 
 CASES = {
@@ -24,6 +24,15 @@ CASES = {
     "weak coloured gloss": (
         PbrMaterial((0.4, 0.4, 0.4), 0.0, 0.3, facing=(0.04, 0.02, 0.01), specular=0.5),
         GltfInputs((0.4, 0.4, 0.4), 0.0, 0.3, specular=0.5, specular_color=(1.0, 0.5, 0.25)),
+    ),
+    "oil on plastic": (
+        PbrMaterial((0.6, 0.3, 0.1), 0.0, 0.3, film=Film(0.7, 1.4, 450.0)),
+        GltfInputs((0.6, 0.3, 0.1), 0.0, 0.3, iridescence=0.7, iridescence_ior=1.4, iridescence_thickness=450.0),
+    ),
+    "half a metal under a film": (
+        PbrMaterial((0.5, 0.3, 0.1), 0.4, 0.4, specular=0.8, film=Film(1.0, 1.8, 300.0)),
+        GltfInputs((0.5, 0.3, 0.1), 0.4, 0.4, specular=0.8, iridescence=1.0, iridescence_ior=1.8,
+                   iridescence_thickness=300.0),
     ),
     "lacquer": (
         PbrMaterial((0.6, 0.1, 0.1), 0.0, 0.6, coat=Coat(0.8, 0.3)),

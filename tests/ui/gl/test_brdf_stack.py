@@ -138,3 +138,15 @@ def test_gamma_is_the_same_angle_in_both(stack: BrdfStack) -> None:
     angle = np.array([gamma(kinds.THETA_R, np.zeros(8), *i, *o) for i, o in zip(wi, wo, strict=True)])
     clear = np.abs(angle - 0.5) > 0.002  # a step is a ramp of 2 thousandths of a radian at most
     assert ((stack.evaluate(wi, wo)[:, 0] > 0.0) == (angle < 0.5))[clear].all()
+
+
+def test_parity_under_a_coat(stack: BrdfStack, pairs: tuple[np.ndarray, np.ndarray]) -> None:
+    # A layer without a view factor of its own, and one with it, under a coat: the shader has what the coat leaves.
+    coat = make_layer(MODELS["clearcoat"], {"scale": 0.8})
+    beneath = (make_layer(MODELS["microfacet"]), make_layer(MODELS["lambert"]))
+    layers = (*(layer.replace(under=coat.name, covers=(coat,)) for layer in beneath), coat)
+    wi, wo = (each[::10] for each in pairs)
+    stack.set_layers(layers)
+    expected = sum(each.brdf(wi, wo) for each in layers)
+    assert difference(expected, sum(each.brdf(wi, wo) for each in (*beneath, coat))) > 0.01  # the coat takes something
+    assert difference(stack.evaluate(wi, wo), expected) <= LARGEST_DIFFERENCE

@@ -162,7 +162,7 @@ def test_of_numbers_the_means_count(read: Callable[..., ImportedModel]) -> None:
     # Roughness 0.5 · (0.2 + 0.6) / 2, metalness 0.4: not decoded, they are no colours.
     assert glossy.parameters["alpha"] == pytest.approx(0.2**2)
     assert base.parameters["albedo"] == pytest.approx((0.6,) * 3)
-    assert model.notes == ("of a metallic-roughness texture the means are shown",)
+    assert model.notes == ("of a texture of numbers, as of roughness and metalness, the means are shown",)
 
 
 def with_extensions(read: Callable[..., ImportedModel], **extensions: dict[str, Any]) -> dict[str | None, Any]:
@@ -214,6 +214,21 @@ def test_a_coat_and_a_sheen_lie_on_what_is_beneath(read: Callable[..., ImportedM
         "bare gloss": (None, "r", True), "coat": (None, "r", False),
     }  # fmt: skip
     assert with_extensions(read, clearcoat={}, sheen={}).keys() == {"base", "gloss"}
+
+
+def test_a_thin_film_colours_gloss_and_base(read: Callable[..., ImportedModel]) -> None:
+    film = {"iridescenceFactor": 0.8, "iridescenceIor": 1.6, "iridescenceThicknessMaximum": 300}
+    layers = with_extensions(read, iridescence=film)
+    shown = {"film": 0.8, "film_ior": 1.6, "thickness": 300.0}
+    assert [(each.model, each.follows) for each in layers.values()] == [
+        ("thin_film_base", "gloss"),
+        ("thin_film", None),
+    ]
+    assert all(each.parameters.items() >= shown.items() for each in layers.values())
+    layers = with_extensions(read, iridescence={**film, "iridescenceTexture": {"index": 0}})
+    assert {name: (each.maps.weight_invert, each.parameters["film"]) for name, each in layers.items()} == {
+        "base": (False, 0.8), "gloss": (False, 0.8), "bare base": (True, 0.0), "bare gloss": (True, 0.0)
+    }  # fmt: skip
 
 
 def test_specular_glossiness_is_a_dielectric_of_any_reflectance(read: Callable[..., ImportedModel]) -> None:
