@@ -113,6 +113,11 @@ class RayCaster:
         self._holed = _Bvh(local, faces[self._passable]) if len(self._passable) else None
 
     @property
+    def blends(self) -> bool:
+        """Whether some rays pass a surface at random, so that those around a ray say nothing of it."""
+        return self._cutouts is not None and self._cutouts.blends
+
+    @property
     def offset(self) -> float:
         """Distance by which `offset_origins` lifts a point, in metres: 32 ε max|p| over the scene."""
         return self._offset
@@ -212,8 +217,7 @@ class RayCaster:
 
     def _chances(self, origins: Float32Array, directions: Float32Array) -> Float32Array:
         """The chances of rays (R,); where none count, zeros."""
-        blends = self._cutouts is not None and self._cutouts.blends
-        return _hashed(origins, directions) if blends else np.zeros(len(origins), np.float32)
+        return _hashed(origins, directions) if self.blends else np.zeros(len(origins), np.float32)
 
     def offset_origins(self, points: npt.NDArray, geometric_normals: npt.NDArray) -> Float32Array:
         """Lift points (P, 3) off their surface along its normal (P, 3), far enough for a ray not to hit it again.

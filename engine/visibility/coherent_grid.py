@@ -31,7 +31,15 @@ from engine.scene.primary_hits import PrimaryHits
 from engine.scene.raycaster import RayCaster
 from engine.sphere.geodesic import geodesic
 from engine.visibility import _kernels as kernels
-from engine.visibility.point_visibility import BLOCK, VISIBILITY_LEVEL, Guess, Visibility, evaluate_block, horizons
+from engine.visibility.point_visibility import (
+    BLOCK,
+    VISIBILITY_LEVEL,
+    Guess,
+    Visibility,
+    evaluate_block,
+    guess_nothing,
+    horizons,
+)
 
 COARSEST_STEP = 16
 AT_ONCE = 8
@@ -173,7 +181,8 @@ def coherent_visibility(
             def evaluate(
                 block: slice, step: GridStep = step, rows: np.ndarray = rows, informers: np.ndarray = informers
             ) -> tuple[int, int]:
-                guess = prediction.guess_by(informers[block], step)
+                # Where rays pass at random, neighbours that agree would make the more frequent answer the only one.
+                guess = guess_nothing(visibility) if caster.blends else prediction.guess_by(informers[block], step)
                 return evaluate_block(hits, caster, visibility, rows[block], guess)
 
             for block, count in zip(blocks, map_ahead(threads, evaluate, blocks, AT_ONCE), strict=True):

@@ -199,14 +199,20 @@ def _trace(
     return caster.occluded(origin, direction, distance if targets.finite else None)
 
 
+def guess_nothing(visibility: Visibility) -> Guess:
+    """The guess after which every target above the horizon is traced."""
+
+    def guess(rows: np.ndarray, horizon: np.ndarray, todo: np.ndarray, doubt: np.ndarray) -> None:
+        visibility.bits[rows] = 0
+        todo[:] = horizon
+
+    return guess
+
+
 def evaluate_rows(points: SurfacePoints, caster: RayCaster, visibility: Visibility, rows: np.ndarray) -> None:
     """Traces every target above the horizon of the rows that are not done yet."""
     rows = np.asarray(rows[~visibility.done[rows]], np.int32)  # kernels are compiled for int32
-
-    def everything(block: np.ndarray, horizon: np.ndarray, todo: np.ndarray, doubt: np.ndarray) -> None:
-        visibility.bits[block] = 0
-        todo[:] = horizon
-
+    everything = guess_nothing(visibility)
     for i in range(0, len(rows), BLOCK):
         traced, possible = evaluate_block(points, caster, visibility, rows[i : i + BLOCK], everything)
         visibility.rays.traced += traced

@@ -90,15 +90,22 @@ def _trace_batch(points: ShadingPoints, caster: RayCaster, which: NDArray[np.int
     origins, directions = np.empty((2, n * N_UPPER // 4, 3), np.float32)
     kernels.first_rays(which, lifted, frames, way4, origins, directions)
     middle = ~caster.occluded(origins, directions).reshape(n, -1)
-    requested = np.empty_like(middle)
-    origins, directions = np.empty((2, 3 * kernels.differing(middle, around3, requested), 3), np.float32)
+    requested, n_requested = _doubtful(middle, around3, caster.blends)
+    origins, directions = np.empty((2, 3 * n_requested, 3), np.float32)
     kernels.more_rays(which, requested, lifted, frames, way4, 3, origins, directions)
     free = np.empty((n, N_UPPER), bool)
     kernels.spread(middle, requested, caster.occluded(origins, directions), free)
-    requested = np.empty_like(free)
-    origins, directions = np.empty((2, 4 * kernels.differing(free, beside4, requested), 3), np.float32)
+    requested, n_requested = _doubtful(free, beside4, caster.blends)
+    origins, directions = np.empty((2, 4 * n_requested, 3), np.float32)
     kernels.more_rays(which, requested, lifted, frames, way5, 4, origins, directions)
     kernels.pack(free, requested, caster.occluded(origins, directions), which, bits)
+
+
+def _doubtful(free: NDArray[np.bool_], neighbours: NDArray[np.int32], blends: bool) -> tuple[NDArray[np.bool_], int]:
+    """Which flags (N, T) differ from one of their neighbours' (T, k), and their number; all where rays pass at random,
+    because then neighbours that agree would make the more frequent answer the only one."""
+    requested = np.ones_like(free)
+    return requested, free.size if blends else kernels.differing(free, neighbours, requested)
 
 
 @lru_cache(maxsize=1)

@@ -196,7 +196,7 @@ def appearance_part(
     light, backdrop = of.bands, of.backdrop
     order = light.table.shape[2]
     whole = [np.concatenate([each.harmonics, each.table.reshape(-1, 3)]) for each in of.lights.values()]
-    lights = np.array(whole, np.float32).reshape(len(whole), -1, 3)
+    lights = np.array(whole, np.float32).reshape(len(whole), len(light.harmonics) + light.table.size // 3, 3)
     added = np.zeros((0, 3), np.float32) if of.added is None else of.added
     gloss = np.array(rows, np.float32) if rows else np.zeros((0, 2, 3 * order + 1), np.float32)
     cosine = (clamped_cosine(order) / np.pi).astype(np.float32)
