@@ -84,8 +84,6 @@ def _describe_ending(ending: str) -> str:
         return "a measured BRDF, a material of its own; open a scene and import it onto an object there (File menu)"
     if ending in PICTURE_ENDINGS:
         return "a picture; open a scene and give it to a layer as its texture there (material panel)"
-    if ending == ".gltf":
-        return "glTF in several files, expected one: export it as .glb"
     return f"{'no file that is known' if ending else 'a file without an ending'}, expected {EXPECTED}"
 
 

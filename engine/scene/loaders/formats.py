@@ -16,6 +16,7 @@ from engine.scene.mesh import MESH_ENDINGS
 # The module, in this package, and its function, from a path to an `ImportedModel`.
 _READERS = {
     ".glb": ("gltf", "read_glb"),
+    ".gltf": ("gltf", "read_glb"),
     ".obj": ("obj", "read_obj"),
     ".ply": ("ply", "read_ply"),
     ".off": ("off", "read_off"),

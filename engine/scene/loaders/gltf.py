@@ -1,37 +1,42 @@
-"""Geometry and materials of a GLB file: every triangle under its node's transform, sorted by material.
+"""Geometry, materials and cameras of a glTF file (.glb or .gltf): every triangle under its node's transform, sorted by
+material.
 
 The accessors are checked and read here, not by trimesh or pygltflib, which accept invalid files (see `mesh`): counts,
-offsets and strides are checked against the binary chunk, indices against the vertices. Nodes must form a forest of
-bounded depth. The result is the mesh at rest, under its skin and the default weights of its morph targets; if the file
-has animations, each part has a rig that describes them (`gltf_rig`). `gltf_materials` reads the materials.
+offsets and strides are checked against the buffers, indices against the vertices. Nodes must form a forest of bounded
+depth. The result is the mesh at rest, under its skin and the default weights of its morph targets; if the file has
+animations, each part has a rig that describes them (`gltf_rig`). `gltf_materials` reads the materials.
 
 Errors other than lengths and indices are repaired or skipped with a note, as in other programs: a normal that is not
-finite is computed, a node with scale 0 shows nothing. A mesh without normals is flat [glTF20, 3.7.2.1].
+finite is computed, a node with two scales of 0 shows nothing. A mesh without normals is flat [glTF20, 3.7.2.1]. What
+nothing here asks for is listed as not shown (`gltf_unshown`); a file is refused only where its triangles cannot be
+read.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from urllib.parse import unquote
 
 import numpy as np
 import numpy.typing as npt
 
 from engine.core.errors import LoadError
-from engine.core.safe_files import read_regular_file, resolve_inside
 from engine.material.bumps import NO_BUMPS
-from engine.scene.loaders.gltf_file import FLOATS, INTEGERS, SHARES, GltfFile, JsonObject, parse_glb
+from engine.scene.loaders.gltf_buffers import open_gltf
+from engine.scene.loaders.gltf_cameras import read_cameras
+from engine.scene.loaders.gltf_file import INTEGERS, SHARES, GltfFile
+from engine.scene.loaders.gltf_json import JsonObject
 from engine.scene.loaders.gltf_materials import COLOURED, GREY, GltfImages, PartMaterial, read_material, without_images
-from engine.scene.loaders.gltf_nodes import MeshNode, placed_meshes
+from engine.scene.loaders.gltf_nodes import MeshNode, placed_meshes, scene_nodes
 from engine.scene.loaders.gltf_rig import PrimitiveRig, RigReader
+from engine.scene.loaders.gltf_unshown import unknown_requirements, unshown_properties
 from engine.scene.loaders.model import ImportedModel, ImportedPart
 from engine.scene.mesh import (
     MAX_COORDINATE,
-    MAX_MESH_BYTES,
     MAX_UV,
     Float64Array,
     Mesh,
+    face_normals,
     join_meshes,
     normalize,
     smooth_normals,
@@ -42,38 +47,28 @@ from engine.scene.rig import Binding, Rig, Skeleton, join_bindings
 
 Bound = tuple[Mesh, Binding | None]
 
-MAX_COUNT = 2**31 - 1
 # Limit of vertices and faces of all copies that nodes make of meshes, plus one for every byte: small files must not
 # cost much.
 MOST_COPIED = 1_000_000
-_HARMLESS = ("KHR_materials_", "KHR_texture_", "KHR_lights_")
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
+_GEOMETRY = ("attributes", "indices", "targets", "mode", "extensions")
 
 
 def read_glb(path: Path) -> ImportedModel:
-    """Read a GLB file; raises LoadError naming the place and what was expected there."""
-    root, binary = parse_glb(read_regular_file(path, MAX_MESH_BYTES), path)
-    _check_extensions(root)
-    _check_uris(root, binary)
-    file = GltfFile(
-        path,
-        binary,
-        root.children("bufferViews"),
-        root.children("accessors"),
-        root.children("meshes"),
-        root.children("nodes"),
-        len(root.children("materials")),
-    )
+    """Read a glTF file, .glb or .gltf; raises LoadError naming the place and what was expected there."""
+    root, buffers = open_gltf(path)
+    file = GltfFile.of(root, buffers)
     rigs = RigReader(file, root)
     copies, skipped = _Copies(file, rigs), 0
-    for mesh_index, placed in placed_meshes(file, root).items():
+    nodes = scene_nodes(file, root)
+    for mesh_index, placed in placed_meshes(file, nodes).items():
         for primitive in file.meshes[mesh_index].children("primitives"):
             skipped += 0 if copies.take(primitive, placed) else len(placed)
-    by_material = copies.by_material()
+    by_material = _with_area(copies.by_material(), root)
     if not by_material:
         why = f": {next(iter(root.notes))}" if root.notes else ""
         raise LoadError(path, "faces", 0, f"at least one mesh of triangles in the scene{why}")
-    images = GltfImages(root, binary)
+    images = GltfImages(root, buffers)
     described = root.children("materials")
     used = {
         k: read_material(described[k], images, coloured) if k >= 0 else PartMaterial(COLOURED if coloured else GREY)
@@ -83,8 +78,24 @@ def read_glb(path: Path) -> ImportedModel:
     if root.children("animations"):
         skeleton = rigs.skeleton(b for bound in by_material.values() for _, b in bound if b is not None)
     parts = [_part(by_material[k], material, skeleton) for k, material in used.items()]
+    low, high = (end([end(part.mesh.vertices, axis=0) for part in parts], axis=0) for end in (np.min, np.max))
+    cameras = read_cameras(file, nodes, (low + high) / 2.0)
     notes = [*root.notes, *_notes(list(used.values()), skipped), *rigs.notes]
-    return ImportedModel(tuple(parts), tuple(notes))
+    return ImportedModel(tuple(parts), tuple(notes), cameras, unshown_properties(root))
+
+
+def _with_area(by_material: dict[int, list[Bound]], root: JsonObject) -> dict[int, list[Bound]]:
+    """What has faces with an area, if anything has: it is shown without the rest, with a note."""
+    solid = {k: bound for k, bound in by_material.items() if any(_has_area(mesh) for mesh, _ in bound)}
+    if solid:
+        for k in by_material.keys() - solid.keys():
+            root.note(f"faces of material {k}", "none with an area", "left out")
+    return solid or by_material
+
+
+def _has_area(mesh: Mesh) -> bool:
+    """Whether any face has an area; a few tell it of nearly all meshes."""
+    return any(face_normals(mesh.vertices, faces)[1].any() for faces in (mesh.triangles[:100], mesh.triangles))
 
 
 def _part(bound: list[Bound], material: PartMaterial, skeleton: Skeleton | None) -> ImportedPart:
@@ -110,38 +121,6 @@ def _with_flat_normals(mesh: Mesh, binding: Binding | None) -> Bound:
     return facets, None if binding is None else binding.select_vertices(vertices)
 
 
-def _check_extensions(root: JsonObject) -> None:
-    """Reject files that require an extension that changes geometry or the format of images."""
-    required = root.values.get("extensionsRequired", [])
-    if not isinstance(required, list):
-        raise root.error("extensionsRequired", required, "a list")
-    for name in required:
-        if not isinstance(name, str) or not name.startswith(_HARMLESS) or name == "KHR_texture_basisu":
-            expected = "no required extension of geometry or image files (no Draco, no meshopt, no Basis)"
-            raise root.error("extensionsRequired", name, expected)
-
-
-def _check_uris(root: JsonObject, binary: bytes) -> None:
-    """Check that the one buffer is the file's own binary chunk, and that image files are inside the file's folder."""
-    for i, buffer in enumerate(root.children("buffers")):
-        uri = buffer.text("uri")
-        if uri is not None:
-            if not uri.startswith("data:"):
-                resolve_inside(root.file.parent, uri, root.file, f"{buffer.place}: uri")
-            raise buffer.error("uri", uri, "none: the file's own binary chunk")
-        length = buffer.integer("byteLength", 1, MAX_COUNT)
-        if i or length > len(binary):
-            raise buffer.error(
-                "byteLength",
-                f"{length} in a binary chunk truncated at byte {len(binary)}" if not i else "a second buffer",
-                f"one buffer of at most {len(binary)} bytes",
-            )
-    for image in root.children("images"):
-        uri = image.text("uri")
-        if uri is not None and not uri.startswith("data:"):
-            resolve_inside(root.file.parent, unquote(uri), root.file, f"{image.place}: uri")
-
-
 class _Copies:
     """The triangles of a file by material: each primitive is read once, and placed once for all its copies, whose
     number is limited relative to the file's size; and their bindings, if something moves them."""
@@ -149,25 +128,30 @@ class _Copies:
     def __init__(self, file: GltfFile, rigs: RigReader) -> None:
         self._file, self._rigs = file, rigs
         self._read: dict[str, tuple[Mesh, PrimitiveRig | None] | None] = {}
+        self._first: dict[str, JsonObject] = {}
         self._placed: dict[tuple[int, str], list[MeshNode]] = {}
-        self._most, self._n = MOST_COPIED + len(file.binary), 0
+        self._n = 0
 
     def take(self, primitive: JsonObject, placed: list[MeshNode]) -> bool:
         """Read a primitive and record the places of its copies; returns False for points and lines, which are
         skipped."""
         if primitive.integer("mode", 0, 6, _TRIANGLES) < _TRIANGLES:
+            primitive.leave_out("mode", "points and lines are not drawn")
             return False
-        made_of = repr([primitive.values.get(key) for key in ("attributes", "indices", "targets", "mode")])
+        made_of = repr([primitive.values.get(key) for key in _GEOMETRY])
         if made_of not in self._read:
             mesh = _read_primitive(self._file, primitive)
             attached = self._rigs.attached(primitive, len(mesh.vertices), placed) if mesh else None
             self._read[made_of] = (mesh, attached) if mesh else None
+            self._first[made_of] = primitive
+        primitive.read_like(self._first[made_of])
         read = self._read[made_of]
         if read is None:
             return True
         self._n += (len(read[0].vertices) + len(read[0].triangles)) * len(placed)
-        if self._n > self._most:
-            expected = f"at most {self._most} in a file of this size"
+        most = MOST_COPIED + self._file.buffers.n_bytes
+        if self._n > most:
+            expected = f"at most {most} in a file of this size"
             raise primitive.error("vertices and faces of all copies", self._n, expected)
         material = primitive.integer("material", -1, self._file.n_materials - 1, -1)
         self._placed.setdefault((material, made_of), []).extend(placed)
@@ -188,10 +172,11 @@ def _read_primitive(file: GltfFile, primitive: JsonObject) -> Mesh | None:
     attributes = primitive.child("attributes")
     if not attributes.has("POSITION"):
         raise attributes.error("POSITION", "nothing", "an accessor of positions")
-    vertices = file.read(attributes, "POSITION", "VEC3", FLOATS).astype(np.float64)
+    _check_positions(file, attributes)
+    vertices = file.read_floats(attributes, "POSITION", "VEC3")
     normals = None
     if attributes.has("NORMAL"):
-        normals = file.read(attributes, "NORMAL", "VEC3", FLOATS).astype(np.float64)
+        normals = file.read_floats(attributes, "NORMAL", "VEC3")
         if len(normals) != len(vertices):
             raise attributes.error("NORMAL", f"{len(normals)} normals", f"{len(vertices)}, as there are positions")
     if primitive.has("indices"):
@@ -219,6 +204,16 @@ def _read_primitive(file: GltfFile, primitive: JsonObject) -> Mesh | None:
     colours = _read_colours(file, attributes, len(vertices), triangles)
     mesh = Mesh(vertices, triangles, normals, uvs, tangents, colours)
     return validate_mesh(mesh, file.path, f"{primitive.place}: ")
+
+
+def _check_positions(file: GltfFile, attributes: JsonObject) -> None:
+    """Refuse positions that are nowhere in the file, as where an unknown extension has them."""
+    accessor = file.accessors[attributes.integer("POSITION", 0, len(file.accessors) - 1)]
+    if not accessor.has("bufferView") and not accessor.has("sparse") and not file.is_decoded(attributes, "POSITION"):
+        unknown = unknown_requirements(file.root)
+        if unknown:
+            raise file.root.error("extensionsRequired", unknown[0], "extensions of geometry that Insitu knows")
+        raise accessor.error("bufferView", "nothing", "a view of positions")
 
 
 def _triangles(primitive: JsonObject, corners: npt.NDArray[np.int64]) -> npt.NDArray[np.int32]:
@@ -255,12 +250,11 @@ def _read_uvs(
     """Texture coordinates of the corners, (T, 3, 2), v flipped to grow upwards: in glTF it grows downwards."""
     if not attributes.has("TEXCOORD_0"):
         return None
-    values = file.read(attributes, "TEXCOORD_0", "VEC2", SHARES)
+    values = file.read_floats(attributes, "TEXCOORD_0", "VEC2")
     if len(values) != n_vertices:
         found = f"{len(values)} texture coordinates"
         raise attributes.error("TEXCOORD_0", found, f"{n_vertices}, as there are positions")
-    scale = 1.0 if values.dtype.kind == "f" else 1.0 / np.iinfo(values.dtype).max
-    uvs = values.astype(np.float32) * np.float32(scale)
+    uvs = values.astype(np.float32)
     uvs[:, 1] = np.float32(1.0) - uvs[:, 1]
     is_usable = np.abs(uvs) <= MAX_UV
     if not is_usable.all():
@@ -305,7 +299,7 @@ def _read_tangents(
     direction."""
     if not attributes.has("TANGENT"):
         return None
-    values = file.read(attributes, "TANGENT", "VEC4", FLOATS)
+    values = file.read_floats(attributes, "TANGENT", "VEC4")
     if len(values) != n_vertices:
         raise attributes.error("TANGENT", f"{len(values)} tangents", f"{n_vertices}, as there are positions")
     is_usable = np.isfinite(values).all(axis=1)

@@ -23,7 +23,8 @@ from engine.material.bumps import BUMP_STRENGTH, NO_BUMPS, Bumps
 from engine.material.layer_maps import IDENTITY_TRANSFORM, MAX_REPEATS, Channel, LayerMaps, TextureTransform, Wrap
 from engine.material.opacity import OPAQUE, Mode, Opacity
 from engine.scene.description import MAX_RADIANCE, LayerDescription
-from engine.scene.loaders.gltf_file import JsonObject, image_bytes
+from engine.scene.loaders.gltf_buffers import GltfBuffers
+from engine.scene.loaders.gltf_json import JsonObject
 from engine.scene.loaders.pbr_layers import (
     RGB,
     WHITE,
@@ -268,14 +269,14 @@ class TextureUse:
 class GltfImages:
     """The images of one file."""
 
-    def __init__(self, root: JsonObject, binary: bytes) -> None:
-        self._root, self._binary = root, binary
+    def __init__(self, root: JsonObject, buffers: GltfBuffers) -> None:
+        self._root, self._buffers = root, buffers
         self._textures, self._images = root.children("textures"), root.children("images")
         self._samplers = root.children("samplers")
         self._means: dict[int, tuple[float, float, float]] = {}
         self._first_of: dict[str, int] = {}
         self._usable: dict[int, tuple[int | None, str]] = {}
-        self._pixels_left = MOST_PIXELS + PIXELS_A_BYTE * len(binary)
+        self._pixels_left = MOST_PIXELS + PIXELS_A_BYTE * buffers.n_bytes
 
     def use(self, info: JsonObject, notes: list[str]) -> TextureUse | None:
         """Read a material's texture, None if it cannot be shown; the reason becomes a note."""
@@ -296,7 +297,7 @@ class GltfImages:
 
     def has_alpha(self, image: int) -> bool:
         """Whether an image that can be read has alpha."""
-        return has_alpha(image_bytes(self._root, self._binary, image), f"{self._root.file}#{image}")
+        return has_alpha(self._buffers.image(image), f"{self._root.file}#{image}")
 
     def _wrap(self, texture: JsonObject) -> tuple[Wrap, Wrap]:
         """How a texture's sampler continues the image beyond its edges."""
@@ -305,7 +306,7 @@ class GltfImages:
         sampler = self._samplers[texture.integer("sampler", 0, len(self._samplers) - 1)]
         found: list[Wrap] = []
         for key in ("wrapS", "wrapT"):
-            number = sampler.values.get(key, _REPEAT)
+            number = sampler.raw(key, _REPEAT)
             wrap = _WRAPS.get(number) if isinstance(number, int) else None
             if wrap is None:
                 sampler.note(key, number, "taken as repeating")
@@ -337,7 +338,7 @@ class GltfImages:
         image = self._image(info, notes)
         if image is None:
             return 1.0
-        shares = read_weight(image_bytes(self._root, self._binary, image), f"{self._root.file}#{image}", channel="a")
+        shares = read_weight(self._buffers.image(image), f"{self._root.file}#{image}", channel="a")
         notes.append("of a texture of gloss the mean is shown")
         return float(shares.mean(dtype=np.float64))
 
@@ -349,7 +350,7 @@ class GltfImages:
         if image not in self._means:
             name = f"{self._root.file}#{image}"
             # A mean needs no mapping.
-            pixels = read_texture(image_bytes(self._root, self._binary, image), name, "linear")
+            pixels = read_texture(self._buffers.image(image), name, "linear")
             red, green, blue = pixels.reshape(-1, 3).mean(axis=0, dtype=np.float64).tolist()
             self._means[image] = red, green, blue
         notes.append("of a texture of numbers, as of roughness and metalness, the means are shown")
@@ -375,12 +376,12 @@ class GltfImages:
 
     def _examined(self, image: int) -> tuple[int | None, str]:
         """The first image with these bytes, if it can be read; else None and the reason."""
-        where = [self._images[image].values.get(key) for key in ("bufferView", "uri")]
+        where = [self._images[image].raw(key) for key in ("bufferView", "uri")]
         first = self._first_of.setdefault(repr(where), image)
         if first != image:
             return self._usable[first]
         try:
-            size = image_size(image_bytes(self._root, self._binary, image), f"{self._root.file}#{image}")
+            size = image_size(self._buffers.image(image), f"{self._root.file}#{image}")
         except LoadError as error:
             return None, f"image {image} is not shown: {error.reason}"
         if size is None:

@@ -1,41 +1,46 @@
-"""The nodes of a GLB file: a forest of bounded depth, and the transforms of their meshes."""
+"""The nodes of a glTF file: a forest of bounded depth, and the transforms of their meshes and of instances of these."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from engine.core.errors import LoadError
-from engine.scene.description import check_transform
-from engine.scene.loaders.gltf_file import GltfFile, JsonObject
+from engine.core.errors import LoadError, printable_name
+from engine.scene.loaders.gltf_file import GltfFile
+from engine.scene.loaders.gltf_json import JsonObject
 
 Float64Array = npt.NDArray[np.float64]
 
 MAX_DEPTH = 256
+LONGEST_NAME = 64
+INSTANCING = "EXT_mesh_gpu_instancing"
+_IDENTITY = np.eye(4)
 _TRANSFORM = ("matrix", "translation", "rotation", "scale")
+# The areas of a transform's faces, relative to the square of its longest axis, below which it leaves no face an area.
+_FLATTEST = 1e-12
 
 
 class MeshNode(NamedTuple):
-    """A node that has a mesh, its matrix (4, 4) to the file's frame, and whether that is degenerate."""
+    """A node's place, or that of one instance of its mesh: its matrix (4, 4) to the file's frame, whether that leaves
+    no face an area, and the instance's matrix to the node's frame, None for the node itself."""
 
     node: int
     matrix: Float64Array
     is_flat: bool = False
+    instance: Float64Array | None = None
 
 
-def placed_meshes(file: GltfFile, root: JsonObject) -> dict[int, list[MeshNode]]:
-    """For every mesh in the scene the nodes that have it."""
-    children = [node.indices("children", len(file.nodes)) for node in file.nodes]
-    parents = _parents(file, children)
-    stack = [(k, np.eye(4), False, 0) for k in reversed(_roots(file, root, parents))]
-    placed: dict[int, list[MeshNode]] = {}
-    reached = 0
+def scene_nodes(file: GltfFile, root: JsonObject) -> list[MeshNode]:
+    """All nodes of the scene that is shown."""
+    parents = parents_of(file)
+    stack = [(k, _IDENTITY, False, 0) for k in reversed(_roots(file, root, parents))]
+    found: list[MeshNode] = []
     while stack:
         k, above, is_flat, depth = stack.pop()
-        reached += 1
-        if depth > MAX_DEPTH or reached > len(file.nodes):
+        if depth > MAX_DEPTH or len(found) >= len(file.nodes):
             raise LoadError(
                 file.path,
                 f"nodes {k}: depth",
@@ -46,23 +51,68 @@ def placed_meshes(file: GltfFile, root: JsonObject) -> dict[int, list[MeshNode]]
         matrix = above
         if not node.values.keys().isdisjoint(_TRANSFORM):
             matrix = _finite(above @ node_matrix(node), node)
-            is_flat = check_transform((*matrix.reshape(-1)[:12].tolist(), 0.0, 0.0, 0.0, 1.0)) is not None
+            is_flat = bool(_are_flat(matrix[None])[0])
+        found.append(MeshNode(k, matrix, is_flat))
+        if node.has("children"):
+            children = node.indices("children", len(file.nodes))
+            stack += [(child, matrix, is_flat, depth + 1) for child in reversed(children)]
+        elif not node.has("mesh"):
+            node.mark_read()  # the scene has it, even if it only has a name
+    return found
+
+
+def placed_meshes(file: GltfFile, nodes: Iterable[MeshNode]) -> dict[int, list[MeshNode]]:
+    """For every mesh the nodes that have it, or their instances of it."""
+    placed: dict[int, list[MeshNode]] = {}
+    for each in nodes:
+        node = file.nodes[each.node]
         if node.has("mesh"):
-            at = MeshNode(k, matrix, is_flat)
-            placed.setdefault(node.integer("mesh", 0, len(file.meshes) - 1), []).append(at)
-        stack += [(child, matrix, is_flat, depth + 1) for child in reversed(children[k])]
+            mesh = placed.setdefault(node.integer("mesh", 0, len(file.meshes) - 1), [])
+            instancing = node.child("extensions").child(INSTANCING) if node.has("extensions") else None
+            mesh += _instances(file, each, instancing) if instancing and instancing.values else [each]
     return placed
+
+
+def _instances(file: GltfFile, placed: MeshNode, extension: JsonObject) -> list[MeshNode]:
+    """The instances of a node's mesh, each translation · rotation · scale in the node's frame
+    [EXT_mesh_gpu_instancing]."""
+    attributes = extension.child("attributes")
+    given = [key for key in ("TRANSLATION", "ROTATION", "SCALE") if attributes.has(key)]
+    if not given:
+        return [placed]
+    rows = {}
+    for key in given:
+        is_rotation = key == "ROTATION"
+        rows[key] = file.read_floats(attributes, key, "VEC4" if is_rotation else "VEC3")
+        if not (np.abs(rows[key]) <= 1e9).all() or len(rows[key]) != len(rows[given[0]]):
+            raise attributes.error(
+                key, f"{len(rows[key])} rows", f"{len(rows[given[0]])} of finite numbers up to 1e+09"
+            )
+        if is_rotation and not (np.linalg.norm(rows[key], axis=1) > 1e-6).all():
+            raise attributes.error(key, "a quaternion of length 0", "unit quaternions")
+    n = len(rows[given[0]])
+    matrices = matrices_of(
+        rows.get("TRANSLATION", np.zeros((n, 3))),
+        rows.get("ROTATION", np.tile([0.0, 0.0, 0.0, 1.0], (n, 1))),
+        rows.get("SCALE", np.ones((n, 3))),
+    )
+    world = _finite(placed.matrix @ matrices, file.nodes[placed.node])
+    return list(map(MeshNode, [placed.node] * n, world, _are_flat(world).tolist(), matrices))
+
+
+def _are_flat(matrices: Float64Array) -> npt.NDArray[np.bool_]:
+    """Which transforms (N, 4, 4) leave no face an area: at most one axis has a length. With two, solids become flat
+    shapes, which are seen."""
+    axes = matrices[:, :3, :3].swapaxes(1, 2)
+    areas = np.linalg.norm(np.cross(axes, axes[:, [1, 2, 0]]), axis=2).max(axis=1)
+    return areas <= _FLATTEST * (axes**2).sum(axis=2).max(axis=1)
 
 
 def parents_of(file: GltfFile) -> dict[int, int]:
     """The parent of each node that has one."""
-    return _parents(file, [node.indices("children", len(file.nodes)) for node in file.nodes])
-
-
-def _parents(file: GltfFile, children: list[list[int]]) -> dict[int, int]:
     parents: dict[int, int] = {}
-    for k, below in enumerate(children):
-        for child in below:
+    for k, node in enumerate(file.nodes):
+        for child in node.aside().indices("children", len(file.nodes)) if node.has("children") else ():
             if child in parents or child == k:
                 raise LoadError(
                     file.path,
@@ -78,7 +128,12 @@ def _roots(file: GltfFile, root: JsonObject, parents: dict[int, int]) -> list[in
     """The top nodes of the scene that is shown."""
     scenes = root.children("scenes")
     if scenes:
-        roots = scenes[root.integer("scene", 0, len(scenes) - 1, 0)].indices("nodes", len(file.nodes))
+        shown = root.integer("scene", 0, len(scenes) - 1, 0)
+        roots = scenes[shown].indices("nodes", len(file.nodes))
+        for k, scene in enumerate(scenes):
+            if k != shown:
+                name = printable_name(scene.text("name") or f"scene {k}", LONGEST_NAME)
+                scene.leave_out("nodes", f"the scene {name!r} is not shown: the file opens with another")
     else:
         roots = [k for k in range(len(file.nodes)) if k not in parents]
     for k in roots:
@@ -114,23 +169,32 @@ def node_parts(node: JsonObject) -> tuple[Float64Array, Float64Array, Float64Arr
 
 def matrix_of(translation: Float64Array, rotation: Float64Array, scale: Float64Array) -> Float64Array:
     """Translation · rotation · scale (4, 4), with a quaternion of any length except 0."""
-    x, y, z, w = rotation.tolist()
-    s = 2.0 / (x * x + y * y + z * z + w * w)
-    matrix = np.eye(4)
-    matrix[:3, :3] = [
-        [1 - s * (y * y + z * z), s * (x * y - z * w), s * (x * z + y * w)],
-        [s * (x * y + z * w), 1 - s * (x * x + z * z), s * (y * z - x * w)],
-        [s * (x * z - y * w), s * (y * z + x * w), 1 - s * (x * x + y * y)],
-    ]
-    matrix[:3, :3] *= scale
-    matrix[:3, 3] = translation
-    return matrix
+    return matrices_of(translation[None], rotation[None], scale[None])[0]
+
+
+def matrices_of(translations: Float64Array, rotations: Float64Array, scales: Float64Array) -> Float64Array:
+    """The same of several, (N, 4, 4) from (N, 3), (N, 4) and (N, 3)."""
+    x, y, z, w = rotations.T
+    s = 2.0 / (rotations**2).sum(axis=1)
+    matrices = np.zeros((len(rotations), 4, 4))
+    matrices[:, :3, :3] = np.array(
+        [
+            [1 - s * (y * y + z * z), s * (x * y - z * w), s * (x * z + y * w)],
+            [s * (x * y + z * w), 1 - s * (x * x + z * z), s * (y * z - x * w)],
+            [s * (x * z - y * w), s * (y * z + x * w), 1 - s * (x * x + y * y)],
+        ]
+    ).transpose(2, 0, 1)
+    matrices[:, :3, :3] *= scales[:, None]
+    matrices[:, :3, 3] = translations
+    matrices[:, 3, 3] = 1.0
+    return matrices
 
 
 def _finite(matrix: Float64Array, node: JsonObject) -> Float64Array:
-    """Check that a matrix is affine and its entries are of a usable size."""
-    if not (np.abs(matrix) <= 1e9).all() or np.abs(matrix[3] - (0, 0, 0, 1)).max() > 1e-6:
-        raise node.error("transform", matrix.reshape(-1).tolist(), "an affine matrix with entries up to 1e+09")
+    """Check that a matrix, or each of several (..., 4, 4), is affine and its entries are of a usable size."""
+    if not (np.abs(matrix) <= 1e9).all() or np.abs(matrix[..., 3, :] - (0, 0, 0, 1)).max() > 1e-6:
+        found = matrix.reshape(-1)[:16].tolist()
+        raise node.error("transform", found, "an affine matrix with entries up to 1e+09")
     return matrix
 
 

@@ -1,4 +1,4 @@
-"""Skins, morph targets and animations of a GLB file, in the form of `engine.scene.rig`, and the meshes at rest.
+"""Skins, morph targets and animations of a glTF file, in the form of `engine.scene.rig`, and the meshes at rest.
 
 An invalid rig does not invalidate its mesh: a skin or an animation that cannot be read is skipped, and the reason
 becomes a note.
@@ -16,7 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.core.errors import LoadError, printable_name
-from engine.scene.loaders.gltf_file import ANY_SHARES, FLOATS, SHARES, GltfFile, JsonObject
+from engine.scene.loaders.gltf_file import FLOATS, QUANTIZED, SHARES, GltfFile
+from engine.scene.loaders.gltf_json import JsonObject
 from engine.scene.loaders.gltf_nodes import MAX_DEPTH, MeshNode, WorldMatrices, node_matrix, node_parts, parents_of
 from engine.scene.mesh import Mesh, place_copies
 from engine.scene.rig import INTERPOLATIONS, PATHS, Binding, Clip, Morph, Skeleton, Track, rest_mesh
@@ -51,7 +52,7 @@ class RigReader:
         self._skins = root.children("skins")
         self._is_animated = bool(root.children("animations"))
         self._maps: dict[int, tuple[npt.NDArray[np.int32], Float64Array]] = {}
-        self._left = MOST_NUMBERS + len(file.binary)
+        self._spent = 0
         self._notes: dict[str, None] = {}
 
     @cached_property
@@ -90,7 +91,7 @@ class RigReader:
                     found.append(bound)
                 elif each.is_flat:
                     node = self._file.nodes[each.node]
-                    node.note("transform", "flat, as a scale of 0", "its mesh is not shown")
+                    node.note("transform", "flat, as two scales of 0", "its mesh is not shown")
                 else:
                     rigid.append(each)
             if rigid:
@@ -171,6 +172,7 @@ class RigReader:
         for i, animation in enumerate(self._root.children("animations")):
             tracks = self._try(animation.place, lambda a=animation: self._tracks(a, nodes))  # type: ignore[misc]
             if tracks is None:
+                animation.leave_out("channels", "an animation that is not played: it cannot be read")
                 continue
             name = own = printable_name(animation.text("name") or "", LONGEST_NAME) or f"animation {i}"
             while name in taken:
@@ -187,9 +189,11 @@ class RigReader:
             target = channel.child("target")
             path = target.text("path")
             if not target.has("node") or path not in (*PATHS, "weights"):
-                continue  # an extension's channel, which is ignored without it
+                channel.leave_out("target", "a property that does not move: only nodes and morph targets do")
+                continue
             node = target.integer("node", 0, len(self._file.nodes) - 1)
             if node not in nodes:
+                channel.leave_out("target", "a node that does not move: no mesh hangs from it")
                 continue
             if (node, path) in taken:
                 raise channel.error("target", f"{path} of nodes {node} a second time", "each once")
@@ -210,7 +214,7 @@ class RigReader:
         if not np.isfinite(times).all() or (times < 0.0).any() or (np.diff(times) <= 0.0).any():
             raise sampler.error("input", "times that do not ascend from 0", "finite ascending seconds")
         kind = {3: "VEC3", 4: "VEC4"}[width] if path != "weights" else "SCALAR"
-        components = FLOATS if path in ("translation", "scale") else ANY_SHARES
+        components = FLOATS if path in ("translation", "scale") else QUANTIZED
         values = self._file.read_shares(sampler, "output", kind, components)
         shape = (len(times), 3, width) if interpolation == "CUBICSPLINE" else (len(times), width)
         if values.size != np.prod(shape):
@@ -238,6 +242,7 @@ class RigReader:
             return ()
         mesh = self._file.meshes[node.integer("mesh", 0, len(self._file.meshes) - 1)]
         owner, none = node if node.has("weights") else mesh, (0.0,) * count
+        mesh.mark_read("weights")  # a node's own replace them
         return self._try(owner.place, lambda: owner.numbers("weights", count, none)) or none
 
     def _influences(self, primitive: JsonObject, n_vertices: int) -> tuple[npt.NDArray[np.int32], Float64Array] | None:
@@ -276,7 +281,7 @@ class RigReader:
     def _offsets(self, target: JsonObject, key: str, n_vertices: int) -> Float64Array | None:
         if not target.has(key):
             return None
-        offsets = self._file.read(target, key, "VEC3", FLOATS).astype(np.float64)
+        offsets = self._file.read_floats(target, key, "VEC3")
         if len(offsets) != n_vertices or not (np.abs(offsets) <= 1e9).all():
             raise target.error(key, f"{len(offsets)} offsets", f"{n_vertices} finite ones, as there are positions")
         return offsets
@@ -329,11 +334,12 @@ class RigReader:
         self._notes[line] = None
 
     def _spend_numbers(self, count: int, owner: JsonObject, key: str) -> int:
-        """Subtract from the limit of numbers and check that it is not exceeded."""
-        self._left -= count
-        if self._left < 0:
+        """Check that these numbers do not exceed the limit; returns how many are left."""
+        self._spent += count
+        left = MOST_NUMBERS + self._file.buffers.n_bytes - self._spent
+        if left < 0:
             raise owner.error(key, f"{count} numbers more", "fewer in a file of this size")
-        return self._left
+        return left
 
 
 def _place_copies_at_nodes(mesh: Mesh, placed: list[MeshNode]) -> Binding:
@@ -341,6 +347,8 @@ def _place_copies_at_nodes(mesh: Mesh, placed: list[MeshNode]) -> Binding:
     nodes = np.array([each.node for each in placed], np.int32)
     bones = np.repeat(np.arange(len(placed), dtype=np.int32), len(mesh.vertices))[:, None]
     maps = np.broadcast_to(np.eye(4), (len(placed), 4, 4))
+    if any(each.instance is not None for each in placed):
+        maps = np.stack([np.eye(4) if each.instance is None else each.instance for each in placed])
     places = np.tile(mesh.vertices, (len(placed), 1))
     normals = np.tile(_or_zero(mesh.normals, len(mesh.vertices)), (len(placed), 1))
     return Binding(nodes, maps, bones, np.ones(bones.shape), places, normals)

@@ -33,10 +33,11 @@ class ImportedPart:
 
 @dataclass(frozen=True)
 class ImportedCamera:
-    """A camera of the file; its name is empty if it has none."""
+    """A camera of the file. aspect: the picture's width by its height, None if the file does not say it."""
 
     name: str
     camera: Camera
+    aspect: float | None = None
 
 
 @dataclass(frozen=True)

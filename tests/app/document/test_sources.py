@@ -18,7 +18,7 @@ def touch(folder: Path, name: str) -> str:
 def test_scenes_meshes_and_sessions_by_their_endings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     assert source_of("cornell") == Source("cornell")
-    for name in ("a.toml", "a.PLY", "a.obj", "a.glb", "a.stl", "a.off", "a.3MF", "a.zip"):
+    for name in ("a.toml", "a.PLY", "a.obj", "a.glb", "a.gltf", "a.stl", "a.off", "a.3MF", "a.zip"):
         touch(tmp_path, name)
         assert source_of(name) == Source(str(tmp_path / name))  # relative to where we are
     touch(tmp_path, "a.insitu")
@@ -37,8 +37,7 @@ def test_light_opens_the_default_scene(tmp_path: Path, name: str) -> None:
         ("gold.brdf", "a measured BRDF"),
         ("gold.bsdf", "a measured BRDF"),
         ("face.png", "a picture; open a scene and give it to a layer as its texture"),
-        ("toy.gltf", "glTF in several files, expected one: export it as .glb"),
-        ("toy.fbx", "no file that is known, expected a scene (.toml), a session (.insitu), a mesh (.glb, .obj"),
+        ("toy.fbx", "no file that is known, expected a scene (.toml), a session (.insitu), a mesh (.glb, .gltf"),
         ("toy", "a file without an ending, expected a scene"),
     ],
 )

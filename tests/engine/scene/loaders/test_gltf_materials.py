@@ -254,9 +254,8 @@ def test_images_may_be_files_beside_it(
     scene = load_scene(scene_file(TOY))
     assert scene.description.objects[0].layers[0].maps.texture == "model.glb#0"
     tree["images"] = [{"uri": "../secret.png"}]
-    glb_file(tree, binary)
-    with pytest.raises(LoadError, match="outside the scene folder"):
-        read_glb(path)
+    (note,) = read_glb(glb_file(tree, binary)).notes
+    assert "image 0 is not shown: images 0: uri = ../secret.png (outside the scene folder)" in note
 
 
 @pytest.mark.parametrize(
@@ -388,9 +387,7 @@ def test_samplers_clamp_and_mirror(read: Callable[..., ImportedModel]) -> None:
     assert normal.parts[0].bumps == Bumps("#0", bump_wrap=("clamp", "repeat"))
 
 
-def test_files_that_need_what_is_not_read_are_refused(read: Callable[..., ImportedModel]) -> None:
-    with pytest.raises(LoadError, match="extensionsRequired = KHR_texture_basisu, expected no required extension"):
-        read(extensionsRequired=["KHR_texture_basisu"])
+def test_textures_that_are_not_there_are_refused(read: Callable[..., ImportedModel]) -> None:
     with pytest.raises(LoadError, match="index = 7, expected an integer from 0 to 0"):
         read(material={"pbrMetallicRoughness": {"baseColorTexture": {"index": 7}}})
 
