@@ -202,6 +202,84 @@ def objs(_: Path) -> list[bytes]:
     ]
 
 
+def mtls(folder: Path) -> list[bytes]:
+    """Of the format, the extension and Blender's; with images beside them."""
+    from PIL import Image
+
+    Image.new("RGB", (4, 4), (128, 128, 255)).save(folder / "n.png")
+    plain = "newmtl red\nKa 1 1 1\nKd .8 .5 .2\nKs 0.5 0.5 0.5\nNs 96.078\nd 0.5\nillum 2\nKe 1 0 0\n"
+    images = "map_Kd -s 2 2 1 -o 0.5 0 -clamp on n.png\nmap_Bump -bm 0.5 n.png\nmap_d n.png\nmap_Ns a\\n.png\n"
+    extended = "newmtl red\nKd 1 1 1\nPr 0.5\nPm 1.0\nPs 0.1\nNi 1.45\nTr 0.25\nnorm n.png\n"
+    return [(head + plain + images).encode() for head in ("", "# Blender 4.2 MTL File\n")] + [extended.encode()]
+
+
+def read_library(path: Path) -> None:
+    card = "v 0 0 0\nv 1 0 0\nv 1 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nusemtl red\nf 1/1 2/2 3/3\n"
+    path.with_suffix(".obj").write_text(f"mtllib {path.name}\n{card}")
+    mtls(path.parent)
+    read_mesh_file(path.with_suffix(".obj"))
+
+
+def stls(_: Path) -> list[bytes]:
+    from tests.engine.scene.loaders.test_stl import binary, text
+
+    coloured = [31 << 10 | 0x8000, 31 | 0x8000, 0, 0]
+    return [text().encode(), (text(name="") * 2).encode(), binary(header=b"x"), binary(coloured, b"COLOR=abcd")]
+
+
+def offs(_: Path) -> list[bytes]:
+    from tests.engine.scene.loaders.test_off import PLACES
+
+    plain = "OFF\n# a square\n4 2 0\n" + PLACES + "4 0 1 2 3\n3 0 1 3 255 0 128\n"
+    rows = "".join(f"{place} 0 0 1 255 0 128 255 0.5 1\n" for place in PLACES.splitlines())
+    return [plain.encode(), ("STCNOFF\n4 1 0\n" + rows + "4 0 1 2 3\n").encode()]
+
+
+def models(_: Path) -> list[bytes]:
+    """The XML in a 3MF file, which damage to the archive would hardly ever reach."""
+    from tests.engine.scene.loaders.test_threemf import mesh, model
+
+    groups = '<basematerials id="5"><base name="a" displaycolor="#F00000"/></basematerials>'
+    groups += '<m:colorgroup id="6"><m:color color="#00FF0080"/><m:color color="#0000FF"/></m:colorgroup>'
+    own = mesh("", 'pid="6" p1="0" p2="1" p3="0"', 'p1="0"', 'pid="6" p1="1"')
+    parts = '<components><component objectid="1" transform="1 0 0 0 1 0 0 0 1 2 3 4"/></components>'
+    found = f'{groups}<object id="1" pid="5" pindex="0" name="a">{own}</object><object id="2">{parts}</object>'
+    return [model(found, '<item objectid="2" partnumber="7"/><item objectid="1"/>').encode()]
+
+
+def read_model(path: Path) -> None:
+    from tests.engine.scene.loaders.test_threemf import packed
+
+    file = path.with_suffix(".3mf")
+    file.write_bytes(packed(path.read_bytes()))
+    read_mesh_file(file)
+
+
+def archives(folder: Path) -> list[bytes]:
+    import zipfile
+
+    found = []
+    for compression in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        with zipfile.ZipFile(folder / "seed.zip", "w", compression) as archive:
+            for name, data in (("deep/a.obj", objs(folder)[0]), ("deep/a.mtl", mtls(folder)[0]), ("readme", b"hello")):
+                archive.writestr(name, data)
+        found.append((folder / "seed.zip").read_bytes())
+    return found
+
+
+def read_archive(path: Path) -> None:
+    """All files of an archive, and its scene unpacked."""
+    import os
+
+    from app.document.scene_files import unpacked_scene_file
+    from engine.core.zip_files import ZipArchive
+
+    archive = ZipArchive(path.read_bytes(), path)
+    assert all(".." not in name.split("/") and not name.startswith("/") for name in archive.names)
+    os.environ["INSITU_CACHE"] = str(path.parent / "cache")
+    read_mesh_file(unpacked_scene_file(str(path)))
+
+
 def glbs(_: Path) -> list[bytes]:
     """A triangle with a texture, skinned bars that an animation bends, one of them with a morph target."""
     from tests.engine.scene.conftest import pack_glb
@@ -459,6 +537,11 @@ FORMATS = {
     "table": Format("a.csv", curve_tables, read_curve_table, is_text=True),
     "ply": Format("a.ply", plys, read_mesh_file),
     "obj": Format("a.obj", objs, read_mesh_file, is_text=True),
+    "mtl": Format("a.mtl", mtls, read_library, is_text=True),
+    "stl": Format("a.stl", stls, read_mesh_file),
+    "off": Format("a.off", offs, read_mesh_file, is_text=True),
+    "3mf": Format("a.model", models, read_model, is_text=True),
+    "zip": Format("a.zip", archives, read_archive),
     "glb": Format("a.glb", glbs, read_glb_file, repaired=repaired_glb),
     "exr": Format("a.exr", exrs, read_light),
     "hdr": Format("a.hdr", hdrs, read_light),
