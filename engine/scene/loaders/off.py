@@ -64,7 +64,8 @@ def read_off(file: Path) -> ImportedModel:
 def _read_header(data: bytes, file: Path) -> tuple[bool, bool, Rows]:
     """Whether vertices have texture coordinates and normals; and the words of each line that has some."""
     text = data.decode("utf-8", "replace")
-    rows = [(i, words) for i, line in enumerate(text.split("\n"), 1) if (words := line.partition("#")[0].split())]
+    lines = (line.partition("#")[0] if "#" in line else line for line in text.split("\n"))
+    rows = [(i, words) for i, line in enumerate(lines, 1) if (words := line.split())]
     kind = _HEADER.fullmatch(rows[0][1][0]) if rows else None
     if kind is None:
         raise LoadError(file, "first word", rows[0][1][0] if rows else "nothing", "OFF")
@@ -115,6 +116,7 @@ def _read_faces(
     lengths: list[int] = []
     shares = np.ones((len(rows), 4))
     coloured, n_indexed = False, 0
+    known: dict[str, int] = {}  # indices that were checked
     for k, (number, words) in enumerate(rows):
         count = int(words[0]) if words[0].isascii() and words[0].isdecimal() and len(words[0]) < 10 else 0
         own = words[1 : count + 1]
@@ -123,9 +125,12 @@ def _read_faces(
                 file, f"line {number}", " ".join(words[:16]), "a number of corners from 3, and as many indices"
             )
         for word in own:
-            if not (word.isascii() and word.isdecimal() and len(word) < 10 and int(word) < n_vertices):
-                raise LoadError(file, f"line {number}", word, f"indices from 0 to {n_vertices - 1}")
-            corners.append(int(word))
+            vertex = known.get(word)
+            if vertex is None:
+                if not (word.isascii() and word.isdecimal() and len(word) < 10 and int(word) < n_vertices):
+                    raise LoadError(file, f"line {number}", word, f"indices from 0 to {n_vertices - 1}")
+                vertex = known[word] = int(word)
+            corners.append(vertex)
         lengths.append(count)
         colour = words[count + 1 :]
         n_indexed += len(colour) == 1

@@ -4,10 +4,10 @@ A base material becomes a part of its name in its colour, which is sRGB; triangl
 object's name, with colours at their corners where these are of a group of colours. Faces are flat: the format has no
 normals. Textures and mixtures are listed as not shown.
 
-The reader is our own, because trimesh 5.2 reads what such files do not say (`test_trimesh` shows each): it gives every
-component of another model all of that model's objects, and mixes those of equal numbers in two models, as slicers write
-them today; it keeps one of several copies with the same part number; and it drops units, materials and colours. XML is
-read by expat without building a tree; a document type, in which entities would be declared, is refused.
+The reader is our own. Of files as slicers write them, each object in a model of its own, trimesh 5.2 (with lxml 6.1 and
+networkx 3.6) places nothing, and takes all objects of a model for the one that is named; of copies with one part number
+it keeps one; and it drops materials and colours. XML is read by expat without building a tree; a document type,
+in which entities would be declared, is refused.
 """
 
 from __future__ import annotations

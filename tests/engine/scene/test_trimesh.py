@@ -68,6 +68,37 @@ def test_binary_ply_files_hold_polygons_of_different_size(tmp_path: Path) -> Non
         theirs(path)
 
 
+def test_an_off_file_loses_faces_colours_and_concave_outlines(tmp_path: Path) -> None:
+    cut = written(tmp_path, "cut.off", "OFF\n4 2 0\n" + CORNERS + "3 0 1 2\n")
+    assert len(theirs(cut)) == 1
+    with pytest.raises(LoadError, match="4 vertices and 2 faces"):
+        read_mesh(cut)
+    coloured = written(tmp_path, "c.off", "COFF\n4 1 0\n" + CORNERS.replace("\n", " 255 0 0 255\n") + "3 0 1 2\n")
+    assert trimesh.load(coloured, process=False).visual.kind is None and read_mesh(coloured).colours is not None
+    outline = "OFF\n6 1 0\n0 0 0\n2 0 0\n2 1 0\n1 1 0\n1 2 0\n0 2 0\n6 1 2 3 4 5 0\n"  # an L of area 3
+    concave = written(tmp_path, "L.off", outline)
+    assert trimesh.load(concave, process=False).area > 3.5
+    a, b, c = (mesh := read_mesh(concave)).vertices[mesh.triangles].transpose(1, 0, 2)
+    assert np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2 == pytest.approx(3.0)
+
+
+def test_facets_of_an_stl_text_are_lost_or_mixed(tmp_path: Path) -> None:
+    """What our checks before it refuse."""
+    facet = "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n"
+    solid = f"solid a\n{facet}{facet}endsolid a\n"
+    cut = written(tmp_path, "cut.stl", solid + f"solid b\n{facet}")
+    assert len(theirs(cut)) == 2  # the second solid is left out
+    mixed = solid.replace("vertex 0 1 0\n", "", 1).replace("vertex 0 0 0\n", "vertex 0 0 0\nvertex 5 5 5\n", 1)
+    mixed = mixed.replace("vertex 5 5 5\n", "").replace(
+        "endloop\nendfacet\nendsolid", "vertex 5 5 5\nendloop\nendfacet\nendsolid"
+    )
+    shifted = written(tmp_path, "mixed.stl", mixed)  # two vertices in one facet, four in the other
+    assert len(theirs(shifted)) == 2
+    for path in (cut, shifted):
+        with pytest.raises(LoadError, match="an end for each solid|expected three vertices"):
+            read_mesh(path)
+
+
 @pytest.mark.parametrize("face", ["3 0 1 1.5", "1000000000 0 1 2", "3 0 1 2 3"])
 def test_faulty_ply_rows_are_taken_without_a_word(tmp_path: Path, face: str) -> None:
     path = written(tmp_path, "a.ply", PLY.format("ascii", 1) + CORNERS + face + "\n")
