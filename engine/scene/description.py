@@ -59,6 +59,12 @@ def _name(value: object) -> str:
     return value
 
 
+def valid_name(text: str, otherwise: str = "mesh") -> str:
+    """A name that a file gives, as one that an object can have; otherwise: where nothing is left of it."""
+    name = "".join("_" if c in ".\"'[]=" or not c.isprintable() else c for c in text).strip()
+    return name[:48].strip() or otherwise
+
+
 def _parameter(value: object) -> ParameterValue:
     """A layer's parameter from TOML, lists as tuples."""
     if isinstance(value, (bool, str)):

@@ -35,7 +35,7 @@ class ImportedObject:
 class ImportReport:
     """What the files of a scene contain.
 
-    files: all that were read, the opened one first; lights: emitters, and the environment; animations, cameras,
+    files: all that were read, the opened one first; lights: emitters, the environment, its suns; animations, cameras,
     textures: their names; notes: what was repaired or left out, a line each; unshown: properties that the picture does
     not show, or shows in part.
     """
@@ -109,9 +109,10 @@ def report_scene(scene: Scene) -> ImportReport:
     materials = [
         scene.material_names[i] or " + ".join(layer.name or layer.model for layer in described[i].layers) for i in own
     ]
-    lights = [described[i].name for i in own if described[i].emits]
-    if scene.description.environment is not None and not is_mesh:
-        lights.append("environment")
+    lights, environment = [each.name for each in described if each.emits], scene.description.environment
+    if environment is not None:
+        lights += [] if is_mesh else ["environment"]
+        lights += [f"sun {k + 1}" for k in range(len(environment.suns))]
     images: list[str] = []
     for i in own:
         for layer in described[i].layers:

@@ -24,6 +24,7 @@ import numpy as np
 
 from engine.core.errors import LoadError
 from engine.core.safe_files import resolve_inside
+from engine.light.suns import Sun
 from engine.material.opacity import OPAQUE
 from engine.scene.builtin import ASSETS
 from engine.scene.description import (
@@ -36,12 +37,14 @@ from engine.scene.description import (
     LayerDescription,
     ObjectDescription,
     SceneDescription,
+    valid_name,
 )
 from engine.scene.loaders.formats import read_model
 from engine.scene.loaders.gltf_materials import COLOURED, GREY
 from engine.scene.loaders.model import ImportedModel, ImportedPart
 from engine.scene.mesh import Mesh, join_meshes, with_flat_normals, with_normals
 from engine.scene.primitives import PRIMITIVES, quad
+from engine.scene.punctual_lights import lamps_of, suns_of
 from engine.scene.rig import Rig, join_bindings
 
 _NUMBERED = (".glb", ".gltf")
@@ -61,13 +64,14 @@ _GAP = 1e-4  # in radii, below the mesh: faces in the floor's plane stay visible
 @dataclass(frozen=True)
 class ObjectMesh:
     """An object's description, with layers, its mesh in its own frame, and its rig, if anything moves it. model: what
-    its file contains; material: the name of its material there."""
+    its file contains; material: the name of its material there; suns: those that its file brings, in the world."""
 
     description: ObjectDescription
     mesh: Mesh
     rig: Rig | None = None
     model: ImportedModel | None = None
     material: str = ""
+    suns: tuple[Sun, ...] = ()
 
     @property
     def unread(self) -> str:
@@ -136,6 +140,20 @@ def _objects_of(item: ObjectDescription, model: ImportedModel, path: Path, taken
         if len(chosen) > 1:
             own |= {"name": free_name(_part_name(item, part, k), taken), "part": k}
         items.append(ObjectMesh(item.model_copy(update=own), part.mesh, part.rig, model, part.name))
+    return items if item.part is not None or not model.lights else _with_lamps(items, item, model, taken)
+
+
+def _with_lamps(
+    items: list[ObjectMesh], item: ObjectDescription, model: ImportedModel, taken: set[str]
+) -> list[ObjectMesh]:
+    """The objects of a file with those of its lights; its suns are the first object's."""
+    matrix = np.reshape(item.transform, (4, 4)).astype(np.float64)
+    places = np.concatenate([part.mesh.vertices[np.unique(part.mesh.triangles)] for part in model.parts])
+    low, high = places.min(axis=0), places.max(axis=0)
+    for lamp in lamps_of(model.lights, matrix, (low + high) / 2.0, float(np.linalg.norm(high - low)) / 2.0):
+        named = lamp.model_copy(update={"name": free_name(lamp.name, taken)})
+        items.append(ObjectMesh(named, PRIMITIVES[str(lamp.primitive)]()))
+    items[0] = replace(items[0], suns=suns_of(model.lights, matrix))
     return items
 
 
@@ -222,7 +240,9 @@ def load_mesh_scene(path: Path, up: Literal["y", "z"] = "y") -> MeshScene:
     items, notes = object_meshes(_describe_scene(path, [item], np.zeros(3), 1.0), path.parent, path)
     if len(items) >= MAX_OBJECTS:
         raise LoadError(path, "materials", len(items), f"at most {MAX_OBJECTS - 1}")
-    places = np.concatenate([item.mesh.vertices[np.unique(item.mesh.triangles)] for item in items])
+    places = np.concatenate(
+        [item.mesh.vertices[np.unique(item.mesh.triangles)] for item in items if item.description.mesh is not None]
+    )
     places = places @ np.reshape(turn, (4, 4))[:3, :3].T
     low, high = places.min(axis=0), places.max(axis=0)
     centre = (low + high) / 2.0
@@ -255,9 +275,3 @@ def _floor(name: str, centre: np.ndarray, height: float, radius: float) -> Objec
     side, (x, _, z) = _FLOOR_SIDE * radius, centre.tolist()
     transform = (side, 0.0, 0.0, x, 0.0, 0.0, side, height - _GAP * radius, 0.0, -side, 0.0, z, 0.0, 0.0, 0.0, 1.0)
     return ObjectDescription(name=name, primitive="quad", transform=transform, layer=(FLOOR,))
-
-
-def valid_name(text: str) -> str:
-    """A name from a file, reduced to a valid object name."""
-    name = "".join("_" if c in ".\"'[]=" or not c.isprintable() else c for c in text).strip()
-    return name[:48].strip() or "mesh"

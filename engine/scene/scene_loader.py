@@ -19,12 +19,21 @@ import numpy.typing as npt
 
 from engine.core.errors import LoadError
 from engine.core.safe_files import record_files, resolve_inside
+from engine.light.suns import Sun
+from engine.light.triangle_lights import turned
 from engine.material.bumps import Bumps
 from engine.material.layer_maps import Images, split_image_name
 from engine.material.opacity import Opacity
 from engine.scene.bump_normals import BumpNormals
 from engine.scene.cutouts import Cutouts, scene_cutouts
-from engine.scene.description import Camera, SceneDescription, load_description
+from engine.scene.description import (
+    MAX_SUNS,
+    Camera,
+    EnvironmentDescription,
+    SceneDescription,
+    SunDescription,
+    load_description,
+)
 from engine.scene.loaders.model import ImportedCamera, UnshownProperty
 from engine.scene.mesh import MESH_ENDINGS, Mesh, face_normals, join_meshes, place_copies, select_faces, with_normals
 from engine.scene.mesh_defects import find_defects
@@ -211,6 +220,7 @@ def _assemble(
 ) -> Scene:  # fmt: skip
     """Build the arrays of objects that were read; the description takes over their final form."""
     placed, place_notes = _place_all(items, path)
+    description = _with_suns(description, [sun for item in items for sun in item.suns])
     description = description.model_copy(update={"objects": tuple(item.description for item in items)})
     origin = _find_origin(placed, path)
     vertices, placed, lost_notes = _round_all(placed, origin, items, path)
@@ -252,6 +262,27 @@ def _assemble(
     _load_maps(scene)
     shrunk = scene.textures.take_notes()
     return replace(scene, notes=(*scene.notes, *shrunk)) if shrunk else scene
+
+
+def _with_suns(description: SceneDescription, suns: Sequence[Sun]) -> SceneDescription:
+    """The scene with these suns, whose directions are those of the world, in its environment: a black one if it has
+    none."""
+    if not suns:
+        return description
+    environment = description.environment
+    if environment is None or environment.scale == 0.0:
+        environment = EnvironmentDescription(radiance=(0.0, 0.0, 0.0))
+    in_map = turned(np.array([sun.direction for sun in suns]), -environment.rotation)
+    added = tuple(
+        SunDescription(
+            direction=tuple(towards),
+            irradiance=tuple(np.divide(sun.irradiance, environment.scale)),
+            diameter=sun.diameter,
+        )
+        for sun, towards in zip(suns, in_map.tolist(), strict=True)
+    )
+    lit = environment.model_copy(update={"suns": (*environment.suns, *added)[:MAX_SUNS]})
+    return description.model_copy(update={"environment": lit})
 
 
 def _load_maps(scene: Scene) -> None:

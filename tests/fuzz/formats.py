@@ -281,8 +281,9 @@ def read_archive(path: Path) -> None:
 
 
 def glbs(_: Path) -> list[bytes]:
-    """A triangle with a texture, skinned bars that an animation bends, one of them with a morph target."""
+    """A triangle with a texture, skinned bars that an animation bends, one of them with a morph target, and lights."""
     from tests.engine.scene.conftest import pack_glb
+    from tests.engine.scene.loaders.test_gltf_lights import lights_glb
     from tests.engine.scene.loaders.test_gltf_rig import Bar
     from tests.engine.scene.test_costs import png, textured
 
@@ -304,7 +305,8 @@ def glbs(_: Path) -> list[bytes]:
     moving.move(1, "translation", [0, 1], [[0, 1, 0]] * 6, "CUBICSPLINE")
     for each in (bar, moving):
         each.tree["buffers"] = [{"byteLength": len(each.binary)}]
-    return [pack_glb(*card), pack_glb(bar.tree, bar.binary), pack_glb(moving.tree, moving.binary)]
+    lit = lights_glb([{"type": "spot", "range": 2, "spot": {"outerConeAngle": 0.5}}, {"type": "directional"}], [{}, {}])
+    return [pack_glb(*card), pack_glb(bar.tree, bar.binary), pack_glb(moving.tree, moving.binary), lit]
 
 
 def read_glb_file(path: Path) -> None:

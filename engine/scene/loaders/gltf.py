@@ -26,6 +26,7 @@ from engine.scene.loaders.gltf_buffers import open_gltf
 from engine.scene.loaders.gltf_cameras import read_cameras
 from engine.scene.loaders.gltf_file import INTEGERS, SHARES, GltfFile
 from engine.scene.loaders.gltf_json import JsonObject
+from engine.scene.loaders.gltf_lights import CONVERTED, read_lights
 from engine.scene.loaders.gltf_materials import COLOURED, GREY, GltfImages, PartMaterial, read_material, without_images
 from engine.scene.loaders.gltf_nodes import MeshNode, placed_meshes, scene_nodes
 from engine.scene.loaders.gltf_rig import PrimitiveRig, RigReader
@@ -79,9 +80,9 @@ def read_glb(path: Path) -> ImportedModel:
         skeleton = rigs.skeleton(b for bound in by_material.values() for _, b in bound if b is not None)
     parts = [_part(by_material[k], material, skeleton) for k, material in used.items()]
     low, high = (end([end(part.mesh.vertices, axis=0) for part in parts], axis=0) for end in (np.min, np.max))
-    cameras = read_cameras(file, nodes, (low + high) / 2.0)
-    notes = [*root.notes, *_notes(list(used.values()), skipped), *rigs.notes]
-    return ImportedModel(tuple(parts), tuple(notes), cameras, unshown_properties(root))
+    cameras, lights = read_cameras(file, nodes, (low + high) / 2.0), read_lights(file, nodes)
+    notes = [*root.notes, *_notes(list(used.values()), skipped), *rigs.notes, *([CONVERTED] if lights else [])]
+    return ImportedModel(tuple(parts), tuple(notes), cameras, unshown_properties(root), lights=lights)
 
 
 def _with_area(by_material: dict[int, list[Bound]], root: JsonObject) -> dict[int, list[Bound]]:

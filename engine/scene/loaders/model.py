@@ -6,6 +6,7 @@ Every reader returns an `ImportedModel` (`formats.read_model`), in the file's ow
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 from engine.material.bumps import NO_BUMPS, Bumps
 from engine.material.opacity import OPAQUE, Opacity
@@ -41,6 +42,20 @@ class ImportedCamera:
 
 
 @dataclass(frozen=True)
+class ImportedLight:
+    """A light without size. intensity: RGB, W/sr, of a directional one the irradiance in W/m²; direction: unit, in
+    which its light goes; inner, outer: half angles of a spot's cone, radians. The name is one for an object."""
+
+    name: str
+    kind: Literal["point", "spot", "directional"]
+    intensity: RGB
+    position: RGB = (0.0, 0.0, 0.0)
+    direction: RGB = (0.0, 0.0, -1.0)
+    inner: float = 0.0
+    outer: float = 0.0
+
+
+@dataclass(frozen=True)
 class UnshownProperty:
     """A property that the picture does not show, or shows in part.
 
@@ -55,11 +70,12 @@ class UnshownProperty:
 
 @dataclass(frozen=True)
 class ImportedModel:
-    """Parts, one for each material in use; notes on what was repaired or left out; cameras; properties that are not
-    shown. unread: the names of materials that are not read, empty if there are none."""
+    """Parts, one for each material in use; notes on what was repaired or left out; cameras; lights; properties that are
+    not shown. unread: the names of materials that are not read, empty if there are none."""
 
     parts: tuple[ImportedPart, ...]
     notes: tuple[str, ...] = ()
     cameras: tuple[ImportedCamera, ...] = ()
     unshown: tuple[UnshownProperty, ...] = ()
     unread: str = ""
+    lights: tuple[ImportedLight, ...] = ()
