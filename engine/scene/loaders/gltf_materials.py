@@ -136,6 +136,7 @@ def _specular_glossiness(fields: JsonObject, images: GltfImages, notes: list[str
     texture = images.maps(fields, "specularGlossinessTexture", notes)
     if texture.texture:
         glossiness *= images.mean_alpha(fields.child("specularGlossinessTexture"), notes)
+        fields.not_shown("specularGlossinessTexture", "the surface has its mean glossiness everywhere")
     return PbrMaterial(
         (red, green, blue), 0.0, 1.0 - glossiness, images.maps(fields, "diffuseTexture", notes), facing,
         facing_texture=texture, facing_image=_largest(texture),
@@ -153,6 +154,7 @@ def _film(fields: JsonObject, images: GltfImages, notes: list[str]) -> Film | No
         key = "iridescenceThicknessMinimum"
         least = fields.clamped(fields.number(key, 100.0), key, 0.0, 5000.0)
         share = images.mean(fields.child("iridescenceThicknessTexture"), notes)[1]
+        fields.not_shown("iridescenceThicknessTexture", "the film has its mean thickness everywhere")
         thickness = least + share * (thickness - least)
     ior = fields.clamped(fields.number("iridescenceIor", 1.3), "iridescenceIor", 1.0, 5.0)
     return Film(strength, ior, thickness, images.weight(fields, "iridescenceTexture", "r", notes))
@@ -166,6 +168,7 @@ def _sheen(fields: JsonObject, images: GltfImages, notes: list[str]) -> SheenCoa
     roughness = fields.clamped(fields.number("sheenRoughnessFactor", 0.0), "sheenRoughnessFactor")
     if fields.has("sheenRoughnessTexture"):
         roughness *= images.mean_alpha(fields.child("sheenRoughnessTexture"), notes)
+        fields.not_shown("sheenRoughnessTexture", "the sheen has its mean roughness everywhere")
     texture = images.maps(fields, "sheenColorTexture", notes)
     return SheenCoat(colour, roughness, texture, _largest(texture))
 
@@ -177,8 +180,9 @@ def _coat(fields: JsonObject, images: GltfImages, notes: list[str]) -> Coat | No
     roughness = fields.clamped(fields.number("clearcoatRoughnessFactor", 0.0), "clearcoatRoughnessFactor")
     if fields.has("clearcoatRoughnessTexture"):
         roughness *= images.mean(fields.child("clearcoatRoughnessTexture"), notes)[1]
+        fields.not_shown("clearcoatRoughnessTexture", "the coat has its mean roughness everywhere")
     if fields.has("clearcoatNormalTexture"):
-        notes.append("a clear coat has the normals of what lies under it, not its own")
+        fields.not_shown("clearcoatNormalTexture", "the coat has the normals of what lies under it")
     return Coat(strength, roughness, image=images.weight(fields, "clearcoatTexture", "r", notes))
 
 
@@ -243,7 +247,7 @@ def _bumps(info: JsonObject, images: GltfImages, notes: list[str]) -> Bumps:
     if "directx" in images.name(used.image).lower():
         notes.append("a normal map is for DirectX by its name: if relief looks pressed in, flip its green channel")
     if used.transform.rotation != 0.0:
-        notes.append("the rotation of a normal map is not shown")
+        info.not_shown("KHR_texture_transform.rotation", "relief runs along the image's own axes")
     return Bumps(
         f"#{used.image}", bump_strength=strength, bump_repeats=used.scale, bump_offset=used.transform.offset,
         bump_wrap=used.transform.wrap,
