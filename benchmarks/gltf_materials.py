@@ -124,8 +124,9 @@ class AuthoredScattering(Scattering):
         self._inputs, self._names = case.inputs, [each.name for each in case.textures.values()][:n_textures]
 
     def evaluate(
-        self, wi: NDArray[np.float64], wo: NDArray[np.float64], factors: NDArray[np.floating] | None = None
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        self, wi: NDArray[np.float64], wo: NDArray[np.float64], factors: NDArray[np.floating] | None = None,
+        texels: NDArray[np.float64] | None = None,
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:  # fmt: skip
         value, pdf = super().evaluate(wi, wo)
         values = {}
         for k, name in enumerate(self._names):

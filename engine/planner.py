@@ -87,7 +87,8 @@ PRECISION_REASON = "each coefficient's plane has its own scale, so half floats h
 class LayerPlan:
     """One layer: bands (J,) or (J, K) of its one or two factors, and the reason for each number.
 
-    editable: whether the bands are stored; of other layers only the picture is.
+    editable: whether the bands are stored; of other layers only the picture is. is_node: whether it is one of the
+    further nodes of a layer, whose bands are those of that layer's lines.
     """
 
     key: str
@@ -96,6 +97,7 @@ class LayerPlan:
     factors: tuple[str, ...]
     bands: tuple[int, ...]
     reasons: tuple[str, ...]
+    is_node: bool = False
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -131,7 +133,8 @@ class Plan:
 
     bounces: None until a pilot has determined it (`engine.render.bounce_plan`); n_rays: rays per sample set of indirect
     light, 0 for as many as required (`engine.precompute.indirect.ray_budget`); n_edge_rays: one of
-    `engine.settings.EDGE_RAYS`; is_still: the result is not edited afterwards.
+    `engine.settings.EDGE_RAYS`; is_still: the result is not edited afterwards; nodes: the number of nodes of each
+    parameter map, in words, "" where there is none.
     """
 
     layers: tuple[LayerPlan, ...]
@@ -139,6 +142,7 @@ class Plan:
     reasons: Mapping[str, str]
     cost: Cost | None = None
     is_still: bool = False
+    nodes: str = ""
 
     @property
     def n_edge_rays(self) -> int:
@@ -276,7 +280,7 @@ def edge_reason(n_rays: int) -> str:
 
 def plan_lines(plan: Plan) -> Iterator[tuple[str, str, str]]:
     """(line, value, reason) for all lines of the plan, as shown to the user, who may override them."""
-    for layer in plan.layers:
+    for layer in (each for each in plan.layers if not each.is_node):
         for factor, n_bands, reason in zip(layer.factors, layer.bands, layer.reasons, strict=True):
             yield f"{layer.key}.{factor}", f"{n_bands} bands" + ("" if layer.editable else ", not stored"), reason
     settings = plan.settings
@@ -289,6 +293,8 @@ def plan_lines(plan: Plan) -> Iterator[tuple[str, str, str]]:
         "rays": _rays_text(settings),
         "edges": f"{plan.n_edge_rays} rays a pixel" if plan.n_edge_rays else "off",
     }
+    if plan.nodes:
+        values["nodes"] = plan.nodes
     for line, value in values.items():
         yield line, f"{value:,}" if isinstance(value, int) else value, plan.reasons[line]
 
@@ -302,7 +308,7 @@ def _rays_text(settings: RenderSettings) -> str:
 def _plan_layer(key: str, layer: Layer, editable: bool, still: bool) -> LayerPlan:
     """The plan of one layer: at least `EDITABLE_BANDS` for each curve, more for a narrow one."""
     if still:
-        return _plan_still_layer(key, layer)
+        return replace(_plan_still_layer(key, layer), is_node=layer.is_further_node)
     counts = band_counts(layer)
     reasons = []
     for factor in layer.model.factors:
@@ -314,7 +320,8 @@ def _plan_layer(key: str, layer: Layer, editable: bool, still: bool) -> LayerPla
             enough = deviation <= tolerance_of(layer, factor.name)
             what = "the curve's own bandwidth" if enough else "the most there are"
             reasons.append(f"{what}, {100 * deviation:.2f} % error")
-    return LayerPlan(key, layer.model.name, editable, tuple(counts), tuple(counts.values()), tuple(reasons))
+    factors, bands = tuple(counts), tuple(counts.values())
+    return LayerPlan(key, layer.model.name, editable, factors, bands, tuple(reasons), layer.is_further_node)
 
 
 def _plan_still_layer(key: str, layer: Layer) -> LayerPlan:

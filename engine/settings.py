@@ -4,9 +4,10 @@ View, plan, requests and stills hold `RenderSettings`. `SETTINGS` has what is kn
 validation of sessions and of the view, options of the command line, the lines of the plan, and the reference.
 
 A *line* of a plan is what the user may override of it, by name. "lights", "patches", "bounces", "sphere", "precision",
-"rays" and "edges" apply to the whole picture; "points" and "coefficients" belong to Orbit, "transfer_rays", "lobes" and
-"gloss_rows" to Deform. "teapot.1.theta_h" is the number of bands of one curve, by its layer's key and its name.
-`engine.planner` determines which of them a scene has. This module imports little, because the window's process uses it.
+"rays", "edges" and "nodes" apply to the whole picture; "points" and "coefficients" belong to Orbit, "transfer_rays",
+"lobes" and "gloss_rows" to Deform. "teapot.1.theta_h" is the number of bands of one curve, by its layer's key and its
+name. `engine.planner` determines which of them a scene has. This module imports little, because the window's process
+uses it.
 """
 
 from __future__ import annotations
@@ -103,7 +104,9 @@ class RenderSettings:
     the second of at most second_bands bands a curve (1: by albedo; None: as many as it has). keeps_sphere: compute and
     store visibility in all directions, otherwise only that of the lights. precision: of transport on the graphics card.
     n_hemisphere_rays: rays per sample set of indirect light (`engine.precompute.indirect.sampling_settings`).
-    n_edge_rays: rays through a pixel at an edge (`engine.scene.edges`); 0: only through its centre. Orbit has n_points
+    n_edge_rays: rays through a pixel at an edge (`engine.scene.edges`); 0: only through its centre. n_map_nodes: layers
+    that stand for one with a parameter map (`engine.material.parameter_nodes`), None for as many as are planned. Orbit
+    has n_points
     beside the meshes' own, and stores n_coefficients of light at each; Deform traces n_rays from each of its points and
     fits n_lobes, and n_gloss_rows for each glossy layer, None for as many as a pilot finds. lighting: of Placement,
     which the view chooses; under simple light there is one bounce. overridden: the lines of the plan that the user has
@@ -140,6 +143,10 @@ class RenderSettings:
     precision: Precision = _setting(
         "half", "of transport on the graphics card", ("half", "float"), line="precision", label="Transport"
     )
+    n_map_nodes: int | None = _setting(
+        None, "nodes of each parameter that varies over a surface", _up_to(2, 6), as_required=(None,),
+        option="--nodes", line="nodes", label="Map nodes", is_saved=False,
+    )  # fmt: skip
     n_points: int = _setting(
         40_000, "beside the meshes' own, where light bends between these", _up_to(0, 200_000),
         line="points", label="Points", choices=(0, 2000, 10_000, 40_000, 100_000), mode="orbit",

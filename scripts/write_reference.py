@@ -40,7 +40,7 @@ from app.operators.registry import GROUPS, MENUS, OPERATORS, Menu, keys_of, list
 from app.operators.script import ScriptRecord, StepRecord
 from engine.material import MODELS
 from engine.material.bumps import Bumps
-from engine.material.layer_maps import LayerMaps
+from engine.material.layer_maps import LayerMaps, map_fields
 from engine.material.opacity import Opacity
 from engine.material.parameters import Parameter
 from engine.scene import surface_kinds
@@ -127,7 +127,7 @@ def _format(title: str, tables: Tables, meanings: Mapping[str, Any]) -> str:
             own = meanings["LayerMaps"]
             rows += [
                 (f"`{each.name}`", _kind_of(type(each.default)), _default_of(each.default), own[each.name])
-                for each in dataclasses.fields(LayerMaps)
+                for each in dataclasses.fields(LayerMaps) if each.name in map_fields()
             ]  # fmt: skip
         blocks += [f"## {place}", meanings.get(model.__name__, {}).get("about", "")]
         blocks.append(_table(("key", "value", "default", "meaning"), rows))

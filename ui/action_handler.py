@@ -18,7 +18,7 @@ from imgui_bundle import imgui
 
 from app.document.commands import EditCommand, SetBumps, SetOpacity, SetSurface
 from app.document.commands.light import set_environment_file
-from app.document.commands.maps import SetMap, without_strokes
+from app.document.commands.maps import SetMap, SetParameterMap, without_strokes
 from app.document.linked_layers import Layers
 from app.document.named_files import IMAGE_SUFFIXES, image_name, with_full_names
 from app.document.scene_files import split_axis
@@ -309,6 +309,9 @@ class ActionHandler:
             self._editor.do(SetSurface(key, kind, ((value, file),)))
         elif name == "opacity_map":
             self._editor.do(SetOpacity(key, name, file))
+        elif name == "parameter_map":
+            layer, _, parameter = key.rpartition(".")
+            self._editor.do(SetParameterMap(layer, parameter, file))
         else:
             self._editor.do(SetBumps(key, name, file) if name in BUMP_IMAGES else SetMap(key, name, file))
 

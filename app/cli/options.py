@@ -85,6 +85,7 @@ Series = Annotated[
     ),
 ]
 Edges = Annotated[int | None, setting_option("n_edge_rays")]
+Nodes = Annotated[int | None, setting_option("n_map_nodes")]
 Override = Annotated[
     list[str] | None,
     typer.Option("--override", metavar="LINE=VALUE", help="Override a line of `insitu plan`: teapot.1.theta_h=64."),

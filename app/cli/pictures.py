@@ -19,6 +19,7 @@ from app.cli.options import (
     Bounces,
     Edges,
     Lights,
+    Nodes,
     Override,
     Patches,
     Resolution,
@@ -75,6 +76,7 @@ def render(
     time_: Time = None,
     reference: Annotated[bool, typer.Option("--reference", help="By brute force instead of transport: slow.")] = False,
     edges: Edges = None,
+    nodes: Nodes = None,
     overrides: Override = None,
     samples: Samples = None,
     view: ViewName = None,
@@ -121,7 +123,7 @@ def render(
     if (turntable is not None or frames is not None) and mode is not StillMode.PLACEMENT and accuracy is not None:
         many = "--turntable" if frames is None else "--frames"
         raise InsituError(f"--accuracy {accuracy:g} {many}: expected --mode placement, or one picture")
-    own = () if edges is None else (("n_edge_rays", edges),)
+    own = tuple((name, n) for name, n in (("n_edge_rays", edges), ("n_map_nodes", nodes)) if n is not None)
     words = ProjectSpec(oriented(scene, up), resolution, tuple(values), camera, own, tuple(planned.items()))
     if turntable is not None or frames is not None:
         from app.stills.frame_sequence import Frames
@@ -191,8 +193,8 @@ def _check_lines(planned: Mapping[str, Any], mode: StillMode, reference: bool) -
         raise InsituError(f"--override {next(iter(planned))} --reference: expected one of them")
     for line in planned:
         own = MODE_LINES.get(mode.value)
-        if own is not None and line not in ("bounces", *own):
-            expected = ", ".join(("bounces", *own))
+        if own is not None and line not in ("bounces", "nodes", *own):
+            expected = ", ".join(("bounces", "nodes", *own))
             raise InsituError(f"--override {line} --mode {mode.value}: expected a line that it goes by: {expected}")
         if own is None and any(line in lines for lines in MODE_LINES.values()):
             needed = next(mode for mode, lines in MODE_LINES.items() if line in lines)

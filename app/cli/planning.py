@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 from app.cli.precompute import ActualCost
+from app.document.node_layers import node_counts, nodes_reason
 from app.project.project import Project
 from app.stills.stills import chosen_bounces
 from app.system.memory import gib
@@ -47,6 +48,9 @@ def plan_project(
     plan = replace(plan, settings=settings, reasons={**plan.reasons, "bounces": reason})
     plan = run_to_end(with_light_budget(placement, planned_layers, sky, plan))
     spent = opening_seconds + time.process_time() - started  # carrying it out runs the same trials
+    if nodes := node_counts(project.document, project.statistics, project.n_map_nodes):
+        text = ", ".join(f"{each.n_nodes}" for each in nodes)
+        plan = replace(plan, nodes=text, reasons={"nodes": nodes_reason(nodes), **plan.reasons})
     return run_to_end(estimate_cost(placement, planned_layers, sky, plan, spent_seconds=spent), report)
 
 

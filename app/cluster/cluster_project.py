@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from app.document.node_layers import channel_images
 from app.document.scene_state import scene_state
 from app.messages.worker_messages import OpenScene, SetCamera
 from app.project.project import Project, ProjectSpec
@@ -83,6 +84,7 @@ def _read_inputs(project: Project) -> None:
     images = [layer.maps.images for _, layer in document.layers()]
     images += [Images(weight=name) for _, surface in document.new_surfaces for _, name in surface.files]
     project.scene.textures.load(
-        images, [bumps for _, bumps in document.new_bumps], [own for _, own in document.new_opacities]
-    )
+        images, [bumps for _, bumps in document.new_bumps], [own for _, own in document.new_opacities],
+        channel_images(document),
+    )  # fmt: skip
     assert project.sky  # which reads its environment

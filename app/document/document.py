@@ -6,8 +6,8 @@ undo restores bit by bit. Geometry and camera are not here: they are the scene's
 model with change signals, which undo, the journal and the worker would each have to guard.
 
 Names: a layer's *key* is ``"object.index"``; a *path* names anything that can be set, written with the layer's index or
-its name: ``"teapot"``, ``"teapot.1"``, ``"teapot.coat.theta_h"``, ``"teapot.1.alpha"``, ``"teapot.bend"``,
-``"bat.time"``, ``"bat.membrane.translucency"``, ``"lamp.emission"``, ``"light.rotation"``.
+its name: ``"teapot"``, ``"teapot.1"``, ``"teapot.coat.theta_h"``, ``"teapot.1.alpha"``, ``"teapot.1.alpha_map"``,
+``"teapot.bend"``, ``"bat.time"``, ``"bat.membrane.translucency"``, ``"lamp.emission"``, ``"light.rotation"``.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from engine.material.layer import Layer, object_of
 from engine.material.layer_maps import map_fields
 from engine.material.model import Factor, Model
 from engine.material.opacity import OPAQUE, Opacity, OpacityByObject, opacity_fields
+from engine.material.parameter_maps import MAPPED_KINDS
 from engine.realtime.deformers import KINDS
 from engine.realtime.zonal_harmonics.pose import Deformation, Moment, Motion, Poses, without_identity
 from engine.scene.description import ObjectDescription, SceneDescription
@@ -41,6 +42,7 @@ Kind = Literal[
     "factor",
     "parameter",
     "map",
+    "parameter_map",
     "switch",
     "deformer",
     "time",
@@ -259,6 +261,7 @@ SURFACE = "surface"
 EMISSION = "emission"
 FRESNEL_TERM = "fresnel_term"
 UNDER = "under"
+MAP_SUFFIX = "_map"  # of the path to the map of a parameter: "teapot.1.alpha_map"
 LIGHT_FIELDS = ("rotation", "intensity", "environment", "mapping")
 
 
@@ -323,6 +326,9 @@ def _resolve_in_layer(state: ObjectState, index: int, name: str) -> Target:
         return Target("parameter", state.name, index, name)
     if name in map_fields():
         return Target("map", state.name, index, name)
+    own = name.removesuffix(MAP_SUFFIX)
+    if own != name and any(own == each.name and each.kind in MAPPED_KINDS for each in layer.model.parameters):
+        return Target("parameter_map", state.name, index, own)
     raise _unknown(f"curve or parameter of {layer_key(state.name, index)}", name, [*factors, *parameters])
 
 

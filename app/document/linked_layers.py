@@ -30,6 +30,7 @@ from engine.material import MODELS
 from engine.material.layer import Layer
 from engine.material.layer_maps import map_values
 from engine.material.model import channels, validate_parameters
+from engine.material.parameter_maps import parameter_maps_from
 from engine.material.parameters import FRESNEL, Parameter, ParameterError
 from engine.scene.description import LayerDescription
 
@@ -185,11 +186,12 @@ def _plain(file: str, key: str, described: LayerDescription) -> Layer:
     model = MODELS[described.model]
     try:
         values = validate_parameters(model, described.parameters, file)
-    except LoadError as error:
+        parameter_maps = parameter_maps_from(model.parameters, described.parameter_maps)
+    except (LoadError, ParameterError) as error:
         raise LoadError(file, f"{key}: {error.what}", error.value, error.expected) from None
     return Layer(
         model, described.name or model.name, tuple(values.items()), follows=described.follows or "",
-        maps=described.maps, under=described.under or "",
+        maps=described.maps, parameter_maps=parameter_maps, under=described.under or "",
     )  # fmt: skip
 
 
@@ -220,7 +222,7 @@ def _two_terms(file: str, key: str, described: LayerDescription, lead: Layer | N
     assert lead is not None
     if lead.fresnel is not None:
         raise LoadError(file, f"{key}.follows", lead.name, "a layer that has no Fresnel term yet")
-    given = described.parameters | map_values(described.maps)
+    given = described.parameters | map_values(described.maps) | described.parameter_maps
     unknown = next((name for name in given if name != FRESNEL.name), None)
     if unknown is not None:
         raise LoadError(file, f"{key}: {unknown}", given[unknown], f"only {FRESNEL.name}")

@@ -19,6 +19,7 @@ from engine.core.safe_files import resolved
 from engine.material.layer import Layer
 from engine.material.layer_maps import split_image_name
 from engine.material.measured import HIGHLIGHT_MODELS
+from engine.material.parameter_maps import with_map_files
 from engine.measured.measurement import Measurement
 from engine.scene.builtin import builtin_environments
 
@@ -106,13 +107,13 @@ def _with_image_names(layers: Layers, new_name: Callable[[str], str]) -> Layers:
 
     def renamed(name: str) -> str:
         file, number = split_image_name(name)
-        return "" if not name else new_name(file) if number is None else f"{new_name(file)}#{number}"
+        return new_name(file) if number is None else f"{new_name(file)}#{number}"
 
     return tuple(
-        layer if layer.maps.is_plain
-        else layer.replace(maps=replace(
-            layer.maps, texture=renamed(layer.maps.texture), weight=renamed(layer.maps.weight)
-        ))
+        layer if layer.maps.is_plain and not layer.parameter_maps
+        else layer.replace(
+            maps=layer.maps.with_files(renamed), parameter_maps=with_map_files(layer.parameter_maps, renamed)
+        )
         for layer in layers
     )  # fmt: skip
 
@@ -146,7 +147,7 @@ def _names(state: ObjectState) -> Iterator[str]:
     images += [state.own_opacity.opacity_map, state.opacity.opacity_map]
     images += [name for surface in (state.own_surface, state.surface) for _, name in surface.files]
     for layer in state.layers:
-        images += [layer.maps.texture, layer.maps.weight]
+        images += [layer.maps.texture, layer.maps.weight, *(each.image.file for each in layer.parameter_maps)]
         measurement = measurement_in(layer)
         if measurement is not None:
             yield measurement.file

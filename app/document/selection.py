@@ -108,7 +108,8 @@ def solo_layer(document: Document, view: ViewState) -> str | None:
 
 
 def is_layer_visible(document: Document, view: ViewState, key: str) -> bool:
-    """Whether the picture shows a layer. A hidden layer that is shown alone is visible, its Fresnel term with it."""
+    """Whether the picture shows a layer. A hidden layer that is shown alone is visible, with its Fresnel term and its
+    nodes."""
     solo = None if view.solo is None else solo_layer(document, view)
     if solo is None:
         return document.is_visible(key)
@@ -117,4 +118,5 @@ def is_layer_visible(document: Document, view: ViewState, key: str) -> bool:
         return document.is_visible(key)
     state, chosen = document.object(name), document.layer(solo)
     layer = state.layers[index]
-    return state.visible and (key == solo or (layer.rises and layer.follows == chosen.name))
+    is_part = layer.node_of == chosen.name or (layer.rises and layer.follows == chosen.name)
+    return state.visible and (key == solo or is_part)

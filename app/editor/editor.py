@@ -27,6 +27,7 @@ from app.document.timeline import Player
 from app.document.view_state import OpenPanel, SetView, ViewCommand, ViewState
 from app.editor.camera_history import CameraHistory
 from app.editor.exchange import FileExchange
+from app.editor.node_controller import NodeController
 from app.editor.scene_controller import Opening, SceneController
 from app.editor.table_controller import TableController
 from app.files.journal import Journal, Recovery, SessionStore
@@ -34,6 +35,7 @@ from app.messages.editor_status import Status, StatusMetrics
 from app.messages.picture_events import PictureEvent
 from app.messages.worker_messages import (
     CancelRequests,
+    ChannelsRead,
     CurveTableRead,
     FilesWritten,
     MeasurementsRead,
@@ -89,6 +91,7 @@ class Editor:
         self._keeper = SessionStore(journal)
         self.exchange = FileExchange(self, client.send)
         self.tables = TableController(client.send)
+        self.nodes = NodeController(self)
         self.scenes = SceneController(self, self._keeper)
         self.camera_history = CameraHistory(self, self.scenes.tracing)
         self.player = Player(self)
@@ -105,6 +108,10 @@ class Editor:
     def document(self) -> Document:
         """The document as it is now."""
         return self.history.document
+
+    def with_nodes(self, document: Document) -> Document:
+        """The document that pictures of a document are made of, see `app.document.node_layers`."""
+        return self.nodes.with_nodes(document)
 
     @property
     def scene_is_open(self) -> bool:
@@ -287,6 +294,7 @@ class Editor:
         """Stop the worker; delivered pictures stay on screen, until `resume_work` or an edit that requires new work."""
         self._cancelled = self._client.send(CancelRequests())
         self.controller.cancelled()
+        self.nodes.lose_request()
         self.exchange.cancel()
         self.scenes.give_up()
         self.metrics.progress = None
@@ -314,7 +322,8 @@ class Editor:
         if self.scene_is_open:
             view = effective_view(self.view, self.document)
             self.scenes.update(now, view)
-            made_of = self.document, view
+            self.nodes.request_missing(self.document)
+            made_of = self.with_nodes(self.document), view
             update = partial(self.controller.update, now, *made_of)
             events = events + run("The update after an edit", update, none, made_of)
             run("The journal", partial(self._autosave, now), None, made_of)
@@ -334,6 +343,7 @@ class Editor:
     def reload_images(self, key: str) -> None:
         """Read the images of a layer again after another program has changed them."""
         self.controller.reload_images(key)
+        self.nodes.reload(self.document, key)
 
     @property
     def response_arriving(self) -> bool:
@@ -348,7 +358,7 @@ class Editor:
         planned_edges = 0 if opened is None else planned_edge_rays(opened.description)
         status = replace(
             status, is_away=self.scenes.tracing.is_away, planned_edges=planned_edges,
-            changed_files=self.scenes.watch.changed,
+            changed_files=self.scenes.watch.changed, map_nodes=self.nodes.counts(self.document),
         )  # fmt: skip
         return self.controller.status(status)
 
@@ -374,6 +384,8 @@ class Editor:
             case TableFetched():
                 self.metrics.progress = None
                 self.tables.receive(response)
+            case ChannelsRead():
+                self.nodes.receive(response)
             case FilesWritten():
                 self.metrics.progress = None
                 self.notify("; ".join((f"written {response.path}", *response.notes)))
@@ -419,6 +431,7 @@ class Editor:
         if self.tables.receive_failure(response):
             return
         self.exchange.cancel(response.id)
+        self.nodes.receive_failure(response.id, response.line)
         self.controller.receive(response)
         self.scenes.take_failure(response)
         self.notify(response.line, True)

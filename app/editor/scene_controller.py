@@ -25,6 +25,7 @@ from app.document.sources import source_of
 from app.document.timeline import visible_poses
 from app.document.view_state import Viewpoint, ViewState
 from app.editor.camera_history import CameraHistory
+from app.editor.node_controller import NodeController
 from app.editor.view_controller import TracedView, ViewController, describe_empty_frame
 from app.files.journal import Recovery, SessionStore
 from app.files.session import Session, fit_session, load_session, session_notes
@@ -142,6 +143,7 @@ class SceneHost(Protocol):
     metrics: StatusMetrics
     controller: ModeController
     camera_history: CameraHistory
+    nodes: NodeController
     resolution: tuple[int, int] | None
 
     @property
@@ -155,6 +157,8 @@ class SceneHost(Protocol):
     def notify(self, text: str, is_error: bool = False) -> None: ...
 
     def do(self, command: EditCommand) -> str | None: ...
+
+    def with_nodes(self, document: Document) -> Document: ...
 
     def select(self, path: str | Selection | None) -> str | None: ...
 
@@ -244,7 +248,7 @@ class SceneController:
         picture."""
         if self.opened is None:
             return []
-        controller.scene_opened(replace(self.opened, document=self._host.document))
+        controller.scene_opened(replace(self.opened, document=self._host.with_nodes(self._host.document)))
         if self._opening is not None:
             controller.scene_closed()
         elif self.tracing.is_away:
@@ -279,7 +283,8 @@ class SceneController:
         host = self._host
         host.picture_voided(self.opened.notes)
         host.view = host.view.from_viewpoint(host.view.viewpoint)  # the camera may have moved on
-        host.controller.view_traced(self._view_traced(replace(self.opened, document=host.document), response))
+        scene = replace(self.opened, document=host.with_nodes(host.document))
+        host.controller.view_traced(self._view_traced(scene, response))
         host.document_changed()
         if self.tracing.has_resized:
             width, height = self.tracing.traced.resolution or host.camera_history.own_resolution
@@ -312,6 +317,7 @@ class SceneController:
         self._note_files(description, opened)
         host.view = host.view.for_scene(description)
         host.history = History(described)
+        host.nodes.scene_opened(opened.channels)
         self._keeper.set_document(described, host.view)
         kept = "; the unsaved edits before it can be recovered at the next start" if left_unsaved else ""
         said = opening.fallback_reason or f"opened {description.name}{kept}"
@@ -322,7 +328,8 @@ class SceneController:
         self.add_files(files_of_document(host.document) | ({opening.session_path} if opening.session_path else set()))
         host.view = host.view.from_viewpoint(self.tracing.adopt_resolution(host.camera_history.own_resolution))
         host.camera_history.reset_history()
-        scene = OpenedScene(0, opened.planned, description, described, host.document, opened.notes)
+        pictured = host.with_nodes(host.document)
+        scene = OpenedScene(0, opened.planned, description, described, pictured, opened.notes)
         host.controller.scene_opened(self._view_traced(scene, response))
         if host.view.selected is None:
             host.select(initial_selection(host.document))

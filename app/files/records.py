@@ -43,6 +43,7 @@ from engine.material.bumps import Bumps, bumps_of_parts
 from engine.material.layer import Layer
 from engine.material.layer_maps import LayerMaps, map_values
 from engine.material.opacity import Opacity, opacity_of_parts
+from engine.material.parameter_maps import parameter_map_table
 from engine.material.parameters import FRESNEL, ParameterError, Value
 from engine.measured.measurement import Measurement
 from engine.realtime.zonal_harmonics.pose import MAX_GROWTH, Deformation, largest_growth
@@ -138,6 +139,7 @@ class LayerRecord(StrictModel):
     visible: Flag = True
     frozen: Flag = False
     maps: Maps = LayerMaps()
+    parameter_maps: dict[str, dict[str, Any]] = Field(default_factory=dict)
     values: dict[str, Parameter] = Field(default_factory=dict)
     curves: tuple[CurveRecord, ...] = Field(default=(), alias="curve", max_length=8)
 
@@ -345,6 +347,7 @@ def layers_of(file: str, name: str, records: Sequence[LayerRecord]) -> Layers:
             follows=each.follows,
             under=each.under,
             maps=each.maps,
+            parameter_maps=each.parameter_maps,
             parameters=each.values,
         )
         for each in records
@@ -373,7 +376,11 @@ def with_curves(file: str, key: str, layer: Layer, curves: Sequence[CurveRecord]
 
 def description_of(layer: Layer, folder: Path | None = None) -> dict[str, Any]:
     """A layer without its edits as a scene file in that folder has it: an inline table's keys and values."""
-    return _named(layer) | _written(layer, folder) | _maps(layer)
+    parameter_maps = _parameter_maps(layer)
+    return (
+        _named(layer) | _written(layer, folder) | _maps(layer)
+        | ({"parameter_maps": parameter_maps} if parameter_maps else {})
+    )  # fmt: skip
 
 
 def layer_lines(layers: Layers, table: str, folder: Path | None = None) -> Iterator[str]:
@@ -383,6 +390,8 @@ def layer_lines(layers: Layers, table: str, folder: Path | None = None) -> Itera
         yield from toml_lines({**_named(layer), "visible": layer.visible, "frozen": layer.frozen})
         if maps := _maps(layer):
             yield f"maps = {toml_value(maps)}"
+        if parameter_maps := _parameter_maps(layer):
+            yield f"parameter_maps = {toml_value(parameter_maps)}"
         yield f"[{table}.values]"
         yield from toml_lines(_written(layer, folder))
         for factor, operators in () if layer.rises else layer.edits:
@@ -407,6 +416,11 @@ def _named(layer: Layer) -> dict[str, str | None]:
 def _maps(layer: Layer) -> dict[str, Any]:
     """The records of its images; empty for a Fresnel term, which has those of its layer."""
     return {} if layer.rises else map_values(layer.maps)
+
+
+def _parameter_maps(layer: Layer) -> dict[str, Any]:
+    """The tables of the maps of its parameters; empty for a Fresnel term, as above."""
+    return {} if layer.rises else {each.parameter: parameter_map_table(each) for each in layer.parameter_maps}
 
 
 def _written(layer: Layer, folder: Path | None) -> dict[str, Any]:

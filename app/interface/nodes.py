@@ -39,6 +39,7 @@ from engine.material.bumps import bump_fields
 from engine.material.layer import Layer
 from engine.material.layer_maps import map_fields
 from engine.material.opacity import opacity_fields
+from engine.material.parameter_maps import parameter_map_table
 from engine.realtime.deformers import KINDS
 from engine.scene.camera_moves import orbit_camera
 from engine.scene.description import Camera
@@ -373,6 +374,9 @@ def value_at(document: Document, path: str) -> Any:
                 return layer.values[name]
             case "map":
                 return getattr(layer.maps, name)
+            case "parameter_map":
+                own = layer.parameter_map(name)
+                return None if own is None else parameter_map_table(own)
             case "switch" if name in ("visible", "frozen", UNDER):
                 return getattr(layer, name)
             case "switch":

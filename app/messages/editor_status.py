@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from app.document.node_layers import NodeCount
 from app.messages.worker_messages import Progress
 from app.system.memory import resident_megabytes
 from engine.core.errors import first_notes, plain_line
@@ -36,9 +37,9 @@ class Status:
     shown, where a mode shows those of two; else empty. ``is_away``: whether the view has moved on from the one that was
     traced last. ``is_held``: whether the picture is still that of an earlier document, until one of the present is as
     good. ``compared_exact``: whether side A of a comparison is. ``stopped``: whether the user stopped what is missing.
-    ``planned_edges`` are the rays through a pixel at an edge that the scene requires. ``changed_files`` are files of
-    the scene that other programs have written since they were read. ``message`` is the last event, ``is_error`` whether
-    it is an error; ``message_number`` counts them.
+    ``planned_edges`` are the rays through a pixel at an edge that the scene requires, ``map_nodes`` the nodes of its
+    parameter maps. ``changed_files`` are files of the scene that other programs have written since they were read.
+    ``message`` is the last event, ``is_error`` whether it is an error; ``message_number`` counts them.
     """
 
     worker_alive: bool = True
@@ -64,6 +65,7 @@ class Status:
     compared_exact: bool = True
     is_away: bool = False
     is_held: bool = False
+    map_nodes: tuple[NodeCount, ...] = ()
     message: str = ""
     is_error: bool = False
     message_number: int = 0

@@ -27,7 +27,9 @@ if TYPE_CHECKING:
     from engine.curve.tables import TabulatedCurve
     from engine.material.bumps import BumpsByObject
     from engine.material.layer import Layer
+    from engine.material.layer_maps import ChannelImage
     from engine.material.opacity import OpacityByObject
+    from engine.material.parameter_maps import ChannelStatistics
     from engine.measured.measurement import Measurement
     from engine.realtime.zonal_harmonics.pose import Poses
     from engine.scene.description import Camera
@@ -127,6 +129,16 @@ class ReadMeasured(Request):
 
 
 @dataclass(frozen=True)
+class ReadChannels(Request):
+    """Read images of parameter maps of the open scene, for their statistics; answered by `ChannelsRead`."""
+
+    built_on = (OpenScene,)
+    priority = 3
+
+    images: tuple[ChannelImage, ...]
+
+
+@dataclass(frozen=True)
 class ReadCurveTable(Request):
     """Read the table of a curve from a file or, where there is `text`, from that; `name`: the file, or what to call the
     text. Answered by `CurveTableRead`."""
@@ -198,7 +210,8 @@ class SceneOpened(Response):
     a session that differ, with their measurements, the number of bands of each curve, by factor; planned here because
     it takes longer than the window may be blocked. `boxes` (M, 2, 3): the least and the largest corner of each object
     in the world, NaN where it has no surface. `animations`: each object's. `files`: those the scene was read from, each
-    with its stamp then. `report`: what they contain, and what of it is not shown.
+    with its stamp then. `report`: what they contain, and what of it is not shown. `channels`: statistics of the images
+    of parameter maps, the scene's and the request's.
     """
 
     description: str
@@ -209,6 +222,7 @@ class SceneOpened(Response):
     animations: tuple[Animations, ...] = ()
     files: Mapping[str, FileStamp] = field(default_factory=dict)
     report: ImportReport = ImportReport()
+    channels: Mapping[ChannelImage, ChannelStatistics] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,6 +246,15 @@ class CurveTableRead(Response):
     """The table of a `ReadCurveTable`."""
 
     table: TabulatedCurve
+
+
+@dataclass(frozen=True)
+class ChannelsRead(Response):
+    """The statistics of the images of a `ReadChannels`; refused: of those that cannot be read, one line that says
+    why."""
+
+    statistics: Mapping[ChannelImage, ChannelStatistics]
+    refused: Mapping[ChannelImage, str]
 
 
 @dataclass(frozen=True, eq=False)

@@ -53,6 +53,9 @@ class EditorServices(Protocol):
     def notify_once(self, note: str) -> None:
         """Show a line the first time it comes up in a scene; does nothing where it is empty."""
 
+    def with_nodes(self, document: Document) -> Document:
+        """The document that pictures of a document are made of, see `app.document.node_layers`."""
+
     def document_changed(self) -> None:
         """Report that the controller itself has taken something out of the document."""
 
@@ -60,7 +63,8 @@ class EditorServices(Protocol):
 @dataclass(frozen=True, eq=False)
 class OpenedScene:
     """The scene that the worker has open: the number of its traced view, what was planned of its layers, what its file
-    says, the document that this describes, and the document as it is now; notes: warnings about the scene."""
+    says, the document that this describes, and the one that pictures are made of now; notes: warnings about the
+    scene."""
 
     view_id: int
     planned: tuple[tuple[Layer, dict[str, int]], ...]
@@ -108,7 +112,7 @@ class ModeController(Protocol):
 
     def update(self, now: float, document: Document, view: ViewState) -> list[PictureEvent]:
         """Request what is missing; once a frame. Returns what the picture is to follow. now: seconds of a steady
-        clock."""
+        clock; document: the one that pictures are made of."""
         return []
 
     def receive(self, response: Response) -> list[PictureEvent]:

@@ -28,7 +28,7 @@ from app.document.commands.light import (
     emission_of,
     set_environment_file,
 )
-from app.document.commands.maps import SetBumps, SetMap, SetOpacity, surface_named
+from app.document.commands.maps import SetBumps, SetMap, SetOpacity, SetParameterMap, surface_named
 from app.document.commands.plan import FIRST_BANDS, active_overrides, override_from_value, set_first_bands
 from app.document.commands.poses import with_amounts, with_time
 from app.document.document import (
@@ -47,6 +47,7 @@ from app.document.document import (
     resolve,
 )
 from app.document.named_files import document_with_measurements, files_of_document, layers_of_document, unread_files
+from app.document.node_layers import Statistics, channel_images, with_node_layers
 from app.document.scene_files import is_archive, split_axis, unpacked_scene_file, with_axis
 from app.document.sources import find_source, likely_mapping, source_of
 from app.document.view_state import Viewpoint
@@ -97,10 +98,26 @@ class Project:
         """The distant light; loads the environment, once."""
         return sky_of(self.scene, self.document.light)
 
+    @cached_property
+    def statistics(self) -> Statistics:
+        """The statistics of all images of parameter maps. Raises LoadError."""
+        textures = self.scene.textures
+        return {image: textures.channel_statistics(image) for image in channel_images(self.document)}
+
+    @property
+    def n_map_nodes(self) -> int | None:
+        """The number of nodes of each parameter map, None for as many as are planned."""
+        return self.settings.with_lines(dict(self.document.overrides)).n_map_nodes
+
+    @cached_property
+    def picture_document(self) -> Document:
+        """The document that pictures are made of (`app.document.node_layers`)."""
+        return with_node_layers(self.document, self.statistics, self.n_map_nodes)
+
     @property
     def layers(self) -> dict[str, Layer]:
-        """The layers that reflect, by key: all but those of emitters and of hidden objects."""
-        return dict(reflecting_layers(self.document))
+        """The layers that pictures are made of, by key: all but those of emitters and of hidden objects."""
+        return dict(reflecting_layers(self.picture_document))
 
     @property
     def indexed_layers(self) -> tuple[tuple[int, Layer], ...]:
@@ -119,7 +136,7 @@ class Project:
         n_edge_rays, n_hemisphere_rays = self.settings.n_edge_rays, self.settings.n_hemisphere_rays
         edges: dict[str, LineValue] = {} if n_edge_rays is None else {"edges": n_edge_rays}
         rays: dict[str, LineValue] = {"rays": n_hemisphere_rays} if n_hemisphere_rays else {}
-        return edges | rays | active_overrides(self.document)
+        return edges | rays | active_overrides(self.picture_document)
 
     @property
     def chosen_bounces(self) -> int | None:
@@ -321,6 +338,8 @@ def set_path(document: Document, path: str, value: Any) -> EditCommand:
         return SetParameter(target.key, target.name, value)
     if target.kind == "map" and target.key is not None and target.name is not None:
         return SetMap(target.key, target.name, value)
+    if target.kind == "parameter_map" and target.key is not None and target.name is not None:
+        return SetParameterMap(target.key, target.name, value)
     if target.kind == "bumps" and target.name is not None:
         return SetBumps(target.object, target.name, value)
     if target.kind == "opacity" and target.name is not None:

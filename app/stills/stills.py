@@ -13,6 +13,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from app.document.document import reflecting_layers
 from app.project.project import Project
 from app.system.atomic import make_folder_of, require_place, save_file
 from app.system.memory import orbit_bytes, orbit_slice_bytes
@@ -228,8 +229,10 @@ def prepared_deform(
 
 
 def _reference(placement: Placement, project: Project, n_bounces: int, n_samples: int | None) -> Steps:
-    layers, sky = layers_by_object(project), project.sky
-    if n_bounces == 1 and n_samples is None:
+    # With the parameters of each hit where they vary, not their nodes; only paths look them up.
+    layers, sky = layers_by_object(project, dict(reflecting_layers(project.document))), project.sky
+    vary = any(layer.parameter_maps for own in layers.values() for layer in own)
+    if n_bounces == 1 and n_samples is None and not vary:
         return render_reference(placement, layers, sky, REFERENCE_PATCHES, REFERENCE_LEVEL)
     return render_paths(placement, layers, sky, n_bounces, n_samples or N_SAMPLES)
 
@@ -266,10 +269,10 @@ def picture_bytes(path: Path, radiance: NDArray[np.float32], view: ToneMapping =
     return png_bytes(radiance, tone_mapping=view) if is_png else exr_bytes(radiance, comment)
 
 
-def layers_by_object(project: Project) -> Mapping[int, tuple[Layer, ...]]:
-    """The layers of each object, by its index in the scene."""
+def layers_by_object(project: Project, layers: Mapping[str, Layer] | None = None) -> Mapping[int, tuple[Layer, ...]]:
+    """The layers of each object, by its index in the scene; layers: by key, None for those of pictures."""
     names = project.object_names
-    layers = project.layers
+    layers = project.layers if layers is None else layers
     return {
         index: tuple(layer for key, layer in layers.items() if object_of(key) == name)
         for index, name in enumerate(names)

@@ -26,11 +26,13 @@ from app.messages.worker_messages import (
 )
 from app.project.project import Project
 from app.system.atomic import set_inputs
-from engine.core.errors import InsituError
+from engine.core.errors import InsituError, LoadError
 from engine.core.generators import map_steps
 from engine.core.safe_files import resolve_inside
 from engine.curve.table_text import load_table, parse_table
 from engine.material.layer import Layer
+from engine.material.layer_maps import ChannelImage
+from engine.material.parameter_maps import ChannelStatistics
 from engine.measured.measurement import Measurement
 from engine.measured.tables import ArrayStore, is_table_loaded, read_measurement, table_of
 from engine.planner import band_counts
@@ -70,6 +72,19 @@ def read_curve_table(request: ReadCurveTable) -> Generator[Response | None, None
         yield CurveTableRead(load_table(Path(request.name)))
     else:
         yield CurveTableRead(parse_table(request.text.encode(errors="replace"), request.name))
+
+
+def read_channels(
+    scene: Scene, images: Iterable[ChannelImage]
+) -> tuple[dict[ChannelImage, ChannelStatistics], dict[ChannelImage, str]]:
+    """The statistics of images, and of those that cannot be read the reason, in one line."""
+    found, refused = {}, {}
+    for image in images:
+        try:
+            found[image] = scene.textures.channel_statistics(image)
+        except LoadError as error:
+            refused[image] = " ".join(str(error).split())
+    return found, refused
 
 
 def described_paths(names: Iterable[str], folder: Path, scene: Path) -> dict[str, Path]:

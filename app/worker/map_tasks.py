@@ -48,7 +48,7 @@ class MapTasks:
         try:
             begun = self._work(sampler, i_object, images)
             seen = begun.canvas.paint(images.strokes)
-            pyramids = {"texture": textures.texture(images), "weight": textures.weight(images)}
+            pyramids = {"texture": textures.texture(images.without_node), "weight": textures.weight(images)}
         except LoadError as error:
             return MapsRefused(key, images, " ".join(str(error).split()))
         samples = begun.unpainted.copy()

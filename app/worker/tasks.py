@@ -19,11 +19,14 @@ import numpy as np
 
 from app.document.document import LightState, document_from_description
 from app.document.named_files import document_with_measurements, layers_of_document, unread_files, with_measurements
+from app.document.node_layers import channel_images, with_node_layers
 from app.document.scene_files import files_of_scene, split_axis, unpacked_scene_file
 from app.messages.worker_messages import (
+    ChannelsRead,
     FetchTable,
     OpenScene,
     Progress,
+    ReadChannels,
     ReadCurveTable,
     ReadMeasured,
     Request,
@@ -44,6 +47,7 @@ from app.worker.executor import Executor, LocalExecutor
 from app.worker.file_tasks import (
     described_paths,
     fetch_table,
+    read_channels,
     read_curve_table,
     read_files,
     read_for,
@@ -219,6 +223,7 @@ class RequestDispatcher:
             SetCamera: self._set_camera,
             ReadMeasured: lambda request: read_for(request, self.context.store),
             ReadCurveTable: read_curve_table,
+            ReadChannels: self._read_channels,
             FetchTable: lambda request: fetch_table(request, self.context.store),
             WriteFiles: self._write,
         }
@@ -242,11 +247,22 @@ class RequestDispatcher:
         files = {str(path): file_stamp(path) for path in read}
         self.context.load(scene, request.id)
         description = scene.description.model_dump_json(by_alias=True)
-        own = layers_of_document(document_with_measurements(document, measurements))
+        wanted = dict.fromkeys(each.image for layer in request.layers for each in layer.parameter_maps)
+        channels, _ = read_channels(scene, (*channel_images(document), *wanted))
+        document = document_with_measurements(document, measurements)
+        own = layers_of_document(with_node_layers(document, channels))
         layers = [*own, *(layer for layer in with_measurements(request.layers, measurements) if layer not in own)]
         planned = tuple(chain.from_iterable(work.plan(layers) for work in self._workers))
         yield SceneOpened(
-            description, scene.notes, measurements, planned, scene.bounds, scene.animations, files, report_scene(scene)
+            description,
+            scene.notes,
+            measurements,
+            planned,
+            scene.bounds,
+            scene.animations,
+            files,
+            report_scene(scene),
+            channels,
         )
 
     def _set_camera(self, request: SetCamera) -> Steps:
@@ -257,6 +273,9 @@ class RequestDispatcher:
         placement = self.context.open_placement
         flaws = tuple(" ".join(str(error).split()) for error in placement.scene.surface_flaws.values())
         yield ViewTraced(picture_frame(placement.hits, placement.scene.camera_position), flaws)
+
+    def _read_channels(self, request: ReadChannels) -> Steps:
+        yield ChannelsRead(*read_channels(self.context.open_placement.scene, request.images))
 
     def _write(self, request: WriteFiles) -> Steps:
         if request.document is None:

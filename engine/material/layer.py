@@ -20,6 +20,7 @@ from engine.material import kinds
 from engine.material.layer_maps import LayerMaps
 from engine.material.microfacet import rise
 from engine.material.model import Model, channels, find_parameter, ones
+from engine.material.parameter_maps import ParameterMap, ParameterMaps
 from engine.material.parameters import FRESNEL, Parameter, Value
 
 Float64Array = NDArray[np.float64]
@@ -69,6 +70,9 @@ class Layer:
     `edits`: for each edited curve its name and operators, lowest first; curves without operators are omitted. `frozen`:
     the layer's curves cannot be edited. `follows`: the name of a layer of the same object with which it shares its
     curves. `maps`: the images that multiply it, pixel by pixel; the model's formula does not depend on them.
+    `parameter_maps`: parameters that vary over the surface, each at most once; pictures are made of the layer's nodes
+    (`engine.material.parameter_nodes`), which have none. `node_of`: the name of the layer that it is a node of, "" for
+    all layers that the user sees.
 
     `under`: the name of a layer of the same object that lies directly on this one, "" for none; `covers`: all layers
     that lie on it, the nearest first. Each takes its directional albedo E(theta_o) from what is beneath:
@@ -91,6 +95,8 @@ class Layer:
     maps: LayerMaps = LayerMaps()
     under: str = ""
     covers: tuple[Layer, ...] = ()
+    parameter_maps: ParameterMaps = ()
+    node_of: str = ""
 
     @property
     def title(self) -> str:
@@ -100,6 +106,11 @@ class Layer:
         if number.isdecimal() and name in known:  # the second of its kind
             return f"{known[name]} {number}"
         return known.get(self.name, self.name)
+
+    @property
+    def is_further_node(self) -> bool:
+        """Whether it is a node that is not in the place of the layer that the user sees."""
+        return bool(self.node_of) and self.name != self.node_of
 
     @property
     def parameter_table(self) -> tuple[Parameter, ...]:
@@ -181,6 +192,16 @@ class Layer:
             return np.ones(3)
         return 1.0 - fresnel if self.rises else fresnel
 
+    def with_parameter_map(self, map_: ParameterMap | None, name: str) -> Layer:
+        """The layer with the map of one parameter, or (None) without."""
+        others = (each for each in self.parameter_maps if each.parameter != name)
+        maps = (*others, *([] if map_ is None else [map_]))
+        return self.replace(parameter_maps=tuple(sorted(maps, key=lambda each: each.parameter)))
+
+    def parameter_map(self, name: str) -> ParameterMap | None:
+        """The map of a parameter; None for one that is the same everywhere."""
+        return next((each for each in self.parameter_maps if each.parameter == name), None)
+
     def replace(self, **changes: Any) -> Layer:
         """The layer with some fields changed."""
         return dataclasses.replace(self, **changes)
@@ -202,17 +223,26 @@ class Layer:
 
     def with_curves_of(self, other: Layer) -> Layer:
         """This layer with another's curves: the operators of curves that both models have, and the parameters that
-        drive curves in both tables alike; everything if it is the second term of the other. Returns itself if nothing
-        differs."""
+        drive curves in both tables alike, and their maps; everything if it is the second term of the other. Returns
+        itself if nothing differs."""
         if self.rises or other.rises:
-            shared = self.replace(model=other.model, parameters=other.parameters, edits=other.edits, maps=other.maps)
+            shared = self.replace(
+                model=other.model, parameters=other.parameters, edits=other.edits, maps=other.maps,
+                parameter_maps=other.parameter_maps,
+            )  # fmt: skip
             return self if shared == self else shared
         curves = self.model.curve_names & other.model.curve_names
         edits = {name: operators for name, operators in self.edits if name not in curves}
         edits |= {name: operators for name, operators in other.edits if name in curves}
         driving = self.model.driving_parameters & other.model.driving_parameters
         values = self.values | {p.name: other.values[p.name] for p in driving}
-        shared = self.replace(parameters=tuple(values.items()), edits=tuple(sorted(edits.items())))
+        names = {p.name for p in driving}
+        maps = [each for each in self.parameter_maps if each.parameter not in names]
+        maps += [each for each in other.parameter_maps if each.parameter in names]
+        shared = self.replace(
+            parameters=tuple(values.items()), edits=tuple(sorted(edits.items())),
+            parameter_maps=tuple(sorted(maps, key=lambda each: each.parameter)),
+        )  # fmt: skip
         return self if shared == self else shared
 
 

@@ -10,6 +10,10 @@ multiply t where the layer says so [glTF20, 3.9.2]. The map is an image or unifo
 painted on it (`engine.material.strokes`). No transport depends on it: the images are sampled once for each pixel, and
 only the few numbers here change during a drag. For further bounces the factor's mean over the surface multiplies the
 layer's albedo, and its mean over a part of the surface that of the irradiance cache record.
+
+A node, one of several layers that stand for a layer with a parameter that varies over the surface
+(`engine.material.parameter_nodes`), has a further weight: a function of one channel of an image. Texels are mapped to
+weights before they are filtered, because the blend is linear in weights and in nothing else.
 """
 
 from __future__ import annotations
@@ -96,6 +100,44 @@ IDENTITY_TRANSFORM = TextureTransform()
 
 
 @dataclass(frozen=True)
+class ChannelImage:
+    """One channel of an image, read as that of a weight map, and its mapping to a surface. file: as in `LayerMaps`;
+    repeats: along u and v, before the transform."""
+
+    file: str
+    channel: Channel = "grey"
+    repeats: tuple[float, float] = (1.0, 1.0)
+    transform: TextureTransform = IDENTITY_TRANSFORM
+
+    @property
+    def mapping(self) -> tuple[tuple[float, float], TextureTransform]:
+        return self.repeats, self.transform
+
+
+@dataclass(frozen=True)
+class ChannelWeight:
+    """A weight for each texel of an image: piecewise linear in its channel, and constant beyond the first and the last
+    of the `knots`, which ascend. weights: at the knots, possibly below 0; hats: other weights, never below 0, which
+    reflect as much in all; they serve further bounces."""
+
+    image: ChannelImage
+    knots: tuple[float, ...]
+    weights: tuple[float, ...]
+    hats: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class NodeImages:
+    """The part of a node's images that other layers do not have: its weights, the product of which counts; and of its
+    texture strength and mapping, which are in the samples."""
+
+    weights: tuple[ChannelWeight, ...]
+    strength: float = 1.0
+    texture_mapping: tuple[tuple[float, float], TextureTransform] = ((1.0, 1.0), IDENTITY_TRANSFORM)
+    uses_hats: bool = False
+
+
+@dataclass(frozen=True)
 class LayerMaps:
     """The images of one layer. Names are files: relative to the scene's folder, or full paths that the user chose.
 
@@ -104,7 +146,8 @@ class LayerMaps:
     vertices multiply the texture, or are it where there is none. weight: an image whose `weight_channel` is the share
     of the layer, linear except for "max"; empty for none. weight_invert: one minus that share. weight_start: the share
     if there is no such image. strokes: painted on either, and inverted with it, so that inversion needs no new samples.
-    texture_offset, texture_rotation, texture_wrap: see `TextureTransform`.
+    texture_offset, texture_rotation, texture_wrap: see `TextureTransform`. node_weights: of a node, never in a file;
+    they are sampled together with the texture at its strength, so that `factor` and shaders know only of a texture.
     """
 
     texture: str = ""
@@ -120,11 +163,12 @@ class LayerMaps:
     texture_wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")
     vertex_colours: bool = False
     weight_channel: Channel = "grey"
+    node_weights: tuple[ChannelWeight, ...] = ()
 
     @property
     def is_plain(self) -> bool:
-        """Whether there are neither texture nor vertex colours nor weight map."""
-        return not (self.is_tinted or self.has_weight)
+        """Whether nothing multiplies the layer."""
+        return not (self.is_tinted or self.has_weight or self.node_weights)
 
     @property
     def is_tinted(self) -> bool:
@@ -139,7 +183,12 @@ class LayerMaps:
     @property
     def is_of_files(self) -> bool:
         """Whether there is an image, which needs texture coordinates."""
-        return bool(self.texture or self.weight)
+        return bool(self.texture or self.weight or self.node_weights)
+
+    @property
+    def sampled_strength(self) -> float:
+        """The strength with which samples of the texture count: those of a node include it."""
+        return 1.0 if self.node_weights else self.texture_strength
 
     @property
     def inverts(self) -> bool:
@@ -151,15 +200,19 @@ class LayerMaps:
         """The part that determines samples: maps with equal images differ in numbers alone."""
         start = 1.0 if self.weight else self.weight_start
         channel = self.weight_channel if self.weight else "grey"
-        plain = Images(
+        images = Images(
             weight=self.weight, weight_channel=channel, weight_start=start, strokes=self.strokes,
             vertex_colours=self.vertex_colours,
         )  # fmt: skip
-        if not self.texture:
-            return plain
-        transform = TextureTransform(self.texture_rotation, self.texture_offset, self.texture_wrap)
-        own = {name: getattr(self, name) for name in ("texture", "texture_space", "texture_scale")}
-        return dataclasses.replace(plain, texture_transform=transform, **own)
+        if self.texture:
+            transform = TextureTransform(self.texture_rotation, self.texture_offset, self.texture_wrap)
+            own = {name: getattr(self, name) for name in ("texture", "texture_space", "texture_scale")}
+            images = dataclasses.replace(images, texture_transform=transform, **own)
+        return images.with_node(self.node_weights, self.texture_strength) if self.node_weights else images
+
+    def with_node_weight(self, weight: ChannelWeight) -> LayerMaps:
+        """The maps of a node with one more weight."""
+        return dataclasses.replace(self, node_weights=(*self.node_weights, weight))
 
     def with_files(self, renamed: Callable[[str], str]) -> LayerMaps:
         """The maps with other names of their images."""
@@ -168,7 +221,7 @@ class LayerMaps:
 
     def factor(self, texture: NDArray[np.floating], weight: NDArray[np.floating]) -> NDArray[np.floating]:
         """The factor (N, 3) for texels (N, 3) and weights (N,)."""
-        tinted = 1.0 + self.texture_strength * (texture - 1.0)
+        tinted = 1.0 + self.sampled_strength * (texture - 1.0)
         return np.asarray(tinted * (1.0 - weight if self.inverts else weight)[..., None])
 
 
@@ -185,11 +238,36 @@ class Images:
     texture_transform: TextureTransform = IDENTITY_TRANSFORM
     vertex_colours: bool = False
     weight_channel: Channel = "grey"
+    node: NodeImages | None = None
 
     @property
     def is_of_files(self) -> bool:
         """Whether there is an image, which needs texture coordinates."""
-        return bool(self.texture or self.weight)
+        return bool(self.texture or self.weight or self.node)
+
+    def with_node(self, weights: tuple[ChannelWeight, ...], strength: float) -> Images:
+        """The images with a node's weights, in the mapping that they share with the texture; where mappings differ,
+        with none: then all are resampled in texture coordinates."""
+        own = self.texture_scale, self.texture_transform
+        mappings = {each.image.mapping for each in weights} | ({own} if self.texture else set())
+        scale, transform = mappings.pop() if len(mappings) == 1 else ((1.0, 1.0), IDENTITY_TRANSFORM)
+        node = NodeImages(weights, strength, own)
+        return dataclasses.replace(self, texture_scale=scale, texture_transform=transform, node=node)
+
+    @property
+    def without_node(self) -> Images:
+        """The layer's own images."""
+        if self.node is None:
+            return self
+        scale, transform = self.node.texture_mapping
+        return dataclasses.replace(self, texture_scale=scale, texture_transform=transform, node=None)
+
+    @property
+    def for_bounces(self) -> Images:
+        """The images for all but the camera: of a node with weights that are never below 0, as albedos are not."""
+        if self.node is None:
+            return self
+        return dataclasses.replace(self, node=dataclasses.replace(self.node, uses_hats=True))
 
     @property
     def has_weight(self) -> bool:
@@ -221,12 +299,13 @@ def factor_of_means(
     """The mean of the factor (..., 3) from means of the texture (..., 3), the weight map (...) and their product."""
     if maps.inverts:
         weight, both = 1.0 - weight, texture - both
-    return np.asarray((1.0 - maps.texture_strength) * weight[..., None] + maps.texture_strength * both, np.float64)
+    strength = maps.sampled_strength
+    return np.asarray((1.0 - strength) * weight[..., None] + strength * both, np.float64)
 
 
 def map_fields() -> tuple[str, ...]:
     """The names of `LayerMaps`' parts in scenes, sessions and paths."""
-    return tuple(field.name for field in dataclasses.fields(LayerMaps))
+    return tuple(field.name for field in dataclasses.fields(LayerMaps) if field.name in _ACCEPTED)
 
 
 def set_map_field(maps: LayerMaps, name: str, value: object) -> LayerMaps:

@@ -17,6 +17,8 @@ from engine.light.environment import LUMINANCE
 from engine.material import _kernels as kernels
 from engine.material import kinds
 from engine.material.layer import Layer, evaluate_layer, evaluate_layers
+from engine.material.layer_maps import ChannelImage
+from engine.reference.texel_parameters import evaluate_layers_by_texel
 
 Float64Array = NDArray[np.float64]
 
@@ -126,10 +128,15 @@ def _profile(layer: Layer, mirror: bool, vectors: Float64Array) -> Float64Array:
 class Scattering:
     """The reflection of an object's visible layers, and sampling of directions for it."""
 
-    def __init__(self, layers: Sequence[Layer]) -> None:
+    def __init__(
+        self, layers: Sequence[Layer], sampled: Sequence[Layer] | None = None, images: Sequence[ChannelImage] = ()
+    ) -> None:
+        """sampled: the layers whose lobes directions follow, None for the same; images: those that parameter maps of
+        the layers read."""
         self.layers = tuple(layer for layer in layers if layer.visible)
+        self._images = tuple(images)
         strengths: list[tuple[float, Lobe | None]] = [(_LEAST_SHARE, None)]
-        for layer in self.layers:
+        for layer in self.layers if sampled is None else (each for each in sampled if each.visible):
             lobe = make_lobe(layer)
             strengths.append((_strength(layer, lobe), lobe))
         self._lobes = [lobe for _, lobe in strengths if lobe is not None]
@@ -143,16 +150,22 @@ class Scattering:
         return bool(self.layers)
 
     def evaluate(
-        self, wi: Float64Array, wo: Float64Array, factors: NDArray[np.floating] | None = None
-    ) -> tuple[Float64Array, Float64Array]:
+        self, wi: Float64Array, wo: Float64Array, factors: NDArray[np.floating] | None = None,
+        texels: Float64Array | None = None,
+    ) -> tuple[Float64Array, Float64Array]:  # fmt: skip
         """Evaluate ρ cosθ (N, 3) for local directions, and the density (N,) of sampling wi; both 0 below the horizon.
 
-        factors (N, K, 3): factors of the first K layers; sampling ignores them.
+        factors (N, K, 3): factors of the first K layers, texels (N, T): values of the first images; sampling ignores
+        them.
         """
         value, pdf = np.zeros((len(wi), 3)), np.zeros(len(wi))
         above = np.flatnonzero(wi[:, 2] > kinds.GRAZING)
         wi, wo = wi[above], wo[above]
-        value[above] = evaluate_layers(self.layers, wi, wo, None if factors is None else factors[above])
+        own = None if factors is None else factors[above]
+        if self._images and own is not None and texels is not None:
+            value[above] = evaluate_layers_by_texel(self.layers, self._images, wi, wo, own, texels[above])
+        else:
+            value[above] = evaluate_layers(self.layers, wi, wo, own)
         pdf[above] = self._shares[0] / math.pi * wi[:, 2]
         for share, lobe in zip(self._shares[1:], self._lobes, strict=True):
             pdf[above] += share * lobe.pdf(wi, wo)

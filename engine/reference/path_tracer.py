@@ -27,6 +27,7 @@ from engine.precompute.direct.pipeline import Placement, SkyState
 from engine.precompute.indirect.sampling_settings import MOST_BOUNCES
 from engine.reference.path_lights import EmitterLight, LightSamples, PathLight, SkyLight
 from engine.reference.path_lobes import N_NUMBERS, Scattering
+from engine.reference.texel_parameters import PixelTexels, TexelParameters, sampling_layers
 from engine.scene.map_sampler import MapFactors
 from engine.scene.primary_hits import PrimaryHits, emission_towards, object_ids, shading_frames
 from engine.scene.raycaster import RayCaster
@@ -60,7 +61,8 @@ class PathEstimate:
 @dataclass(frozen=True, eq=False)
 class _Vertices:
     """Path vertices on reflecting surfaces, named as in `PrimaryHits`, (N, 3) float64; the horizon is expressed in
-    their frames; objects (N,); factors (N, K, 3) of the layers' textures and weight maps."""
+    their frames; objects (N,); factors (N, K, 3) of the layers' textures and weight maps; texels (N, T): values of
+    the images of their parameter maps."""
 
     objects: Rows
     position: Float64Array
@@ -70,6 +72,7 @@ class _Vertices:
     frame: Float64Array
     wo: Float64Array
     factors: NDArray[np.float32]
+    texels: Float64Array
 
     def origins(self, wi: Float64Array) -> NDArray[np.float32]:
         """Origins of rays along wi (N, 3): on the side of the surface to which they leave."""
@@ -94,7 +97,8 @@ class PathTracer:
         scattering: Callable[[Sequence[Layer]], Scattering] = Scattering,
     ) -> None:  # fmt: skip
         """layers_of: at the first bounce; later: at the second, the third …, each also at all that follow it;
-        scattering: what an object's layers reflect, another for another BRDF of the same images."""
+        scattering: what an object's layers reflect, another for another BRDF of the same images. Layers that have
+        parameter maps are evaluated with their values at each hit, see `texel_parameters`."""
         self._scene, self._caster = scene, caster
         self._emitters = EmitterLight(scene)
         self._sky = SkyLight(sky) if sky.environment is not None else None
@@ -104,7 +108,16 @@ class PathTracer:
         self._lights += [self._sky] if self._sky is not None else []
         stages = [layers_of, *later]
         n_objects = len(scene.emission)
-        self._scattering = [[scattering(each.get(i, ())) for i in range(n_objects)] for each in stages]
+        self._texels = [TexelParameters(scene, each) for each in stages]
+        self._scattering = [
+            [
+                Scattering(layers, sampling_layers(scene, layers), images)
+                if (images := texels.images(i))
+                else scattering(layers)
+                for i, layers in ((i, each.get(i, ())) for i in range(n_objects))
+            ]
+            for each, texels in zip(stages, self._texels, strict=True)
+        ]
         self._maps = [MapFactors(scene, each) for each in stages]
         # The last one is -1, the background.
         able = [any(each[i].reflects for each in self._scattering) for i in range(n_objects)]
@@ -114,6 +127,11 @@ class PathTracer:
     def maps(self) -> MapFactors:
         """The textures and weight maps at the first bounce."""
         return self._maps[0]
+
+    @property
+    def texels(self) -> TexelParameters:
+        """The images of parameter maps at the first bounce."""
+        return self._texels[0]
 
     def follow(self, start: _Vertices, numbers: Float64Array) -> Float64Array:
         """Trace one path from each of the first vertices, with random numbers (N, bounces, 11); return the radiance
@@ -200,8 +218,10 @@ class PathTracer:
         # Paths continue where rays hit reflecting surfaces.
         rows = np.flatnonzero(self._reflecting[ids]) if on else np.zeros(0, np.int64)
         frames = shading_frames(self._scene, self._caster, found, ids, rows, -directions[rows])
-        maps = self._maps[min(stage + 1, len(self._maps) - 1)]
-        return path[rows], _vertices(ids[rows], frames, maps.at_path_vertices(found, ids, rows)), weight[rows]
+        following = min(stage + 1, len(self._maps) - 1)
+        factors = self._maps[following].at_path_vertices(found, ids, rows)
+        texels = self._texels[following].at_path_vertices(found, ids, rows)
+        return path[rows], _vertices(ids[rows], frames, factors, texels), weight[rows]
 
     def _evaluate(
         self, stage: int, vertices: _Vertices, wi: Float64Array, wo: Float64Array
@@ -210,7 +230,7 @@ class PathTracer:
         for i in np.unique(vertices.objects):
             rows = np.flatnonzero(vertices.objects == i)
             value[rows], pdf[rows] = self._scattering[stage][int(i)].evaluate(
-                wi[rows], wo[rows], vertices.factors[rows]
+                wi[rows], wo[rows], vertices.factors[rows], vertices.texels[rows]
             )
         value[np.einsum("ni,ni->n", wi, vertices.horizon) <= 0.0] = 0.0
         return value, pdf
@@ -280,13 +300,14 @@ def _trace(
     rows = np.arange(len(placement.hits.pixel)) if rows is None else np.asarray(rows)
     tracer = PathTracer(placement.scene, placement.caster, layers_of, sky, later, scattering)
     seen = tracer.maps.at_primary_hits(placement.caster, placement.hits)
+    texels = tracer.texels.in_pixels(placement.caster, placement.hits)
     sizes = _pass_sizes(n_samples)
     halves, counts = np.zeros((2, len(rows), 2, 3)), np.zeros(2, int)
     for i_pass, n in enumerate(sizes):
         progress = _progress(halves[:, :, 1], counts, n_samples)
         blocks = np.array_split(np.arange(len(rows)), max(1, -(-len(rows) * n // _BATCH)))
         points = _sobol_points(n, n_bounces, (seed, i_pass))
-        work = _pass_work(placement.hits, seen, rows, tracer, points, (seed, i_pass))
+        work = _pass_work(placement.hits, seen, texels, rows, tracer, points, (seed, i_pass))
         with pool() as threads:
             for i in range(0, len(blocks), n_threads()):
                 group = list(enumerate(blocks))[i : i + n_threads()]
@@ -325,8 +346,8 @@ def _pass_sizes(n_samples: int) -> list[int]:
 
 
 def _pass_work(
-    hits: PrimaryHits, factors: NDArray[np.float32], rows: Rows, tracer: PathTracer, points: NDArray[np.uint32],
-    seed: tuple[int, int],
+    hits: PrimaryHits, factors: NDArray[np.float32], texels: PixelTexels, rows: Rows, tracer: PathTracer,
+    points: NDArray[np.uint32], seed: tuple[int, int],
 ) -> Callable[[tuple[int, Rows]], Float64Array]:  # fmt: skip
     """Return a function that sums one pass's samples, (p, 2, 3), for a numbered block of the rows."""
     objects = hits.objects.astype(np.int64)
@@ -336,16 +357,19 @@ def _pass_work(
         i_block, places = block
         own = np.repeat(rows[places], n)
         names = ("position", "offset_position", "horizon", "normal", "geometric_normal", "tangent", "wo")
-        start = _vertices(objects[own], {name: getattr(hits, name)[own] for name in names}, factors[own])
         generator = np.random.default_rng((*seed, 1 + i_block))
         shifts = generator.integers(1 << 32, size=(len(places), 1, *points.shape[1:]), dtype=np.uint32)
+        seen = texels.sample(own, generator.random((len(own), 2)))
+        start = _vertices(objects[own], {name: getattr(hits, name)[own] for name in names}, factors[own], seen)
         numbers: Float64Array = ((points ^ shifts) * np.float64(2.0**-32)).reshape(-1, *points.shape[1:])
         return tracer.follow(start, numbers).reshape(len(places), n, 2, 3).sum(axis=1)
 
     return work
 
 
-def _vertices(objects: Rows, fields: Mapping[str, NDArray[np.float32]], factors: NDArray[np.float32]) -> _Vertices:
+def _vertices(
+    objects: Rows, fields: Mapping[str, NDArray[np.float32]], factors: NDArray[np.float32], texels: Float64Array
+) -> _Vertices:
     exact = {name: field.astype(np.float64) for name, field in fields.items()}
     frame = local_frames(exact["tangent"], exact["normal"])
     return _Vertices(
@@ -357,6 +381,7 @@ def _vertices(objects: Rows, fields: Mapping[str, NDArray[np.float32]], factors:
         frame=frame,
         wo=exact["wo"],
         factors=factors,
+        texels=texels,
     )
 
 

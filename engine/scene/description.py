@@ -207,13 +207,15 @@ class EnvironmentDescription(_Description):
 
 class LayerDescription(_Description):
     """One layer of a material: its model, an optional name, the model's parameters as in the file, the name of a layer
-    that it shares its curves with, of one that lies on it, and its texture and weight map."""
+    that it shares its curves with, of one that lies on it, its texture and weight map, and the maps of its parameters
+    by name, as tables (`engine.material.parameter_maps`)."""
 
     model: Text
     name: Name | None = None
     follows: Name | None = None
     under: Name | None = None
     maps: Maps = LayerMaps()
+    parameter_maps: dict[str, dict[str, Any]] = Field(default_factory=dict)
     parameters: dict[str, Parameter] = Field(default_factory=dict)
 
     @model_validator(mode="before")
@@ -221,7 +223,8 @@ class LayerDescription(_Description):
     def _gather_parameters(cls, data: Any) -> Any:
         if not isinstance(data, dict) or "parameters" in data:
             return data
-        own = {key: value for key, value in data.items() if key in ("model", "name", "follows", "under")}
+        named = ("model", "name", "follows", "under", "parameter_maps")
+        own = {key: value for key, value in data.items() if key in named}
         maps = {key: value for key, value in data.items() if key in map_fields()}
         rest = {key: value for key, value in data.items() if key not in own and key not in maps}
         return own | {"maps": _maps(maps), "parameters": rest}
@@ -266,8 +269,8 @@ class ObjectDescription(_Description):
     def is_of_files(self) -> bool:
         """Whether it has images, which need texture coordinates."""
         own = self.deform.is_mapped or bool(self.deform.files)
-        own = own or bool(self.opacity.opacity_map)
-        return own or bool(self.bumps.files) or any(layer.maps.is_of_files for layer in self.layers)
+        own = own or bool(self.opacity.opacity_map) or bool(self.bumps.files)
+        return own or any(layer.maps.is_of_files or layer.parameter_maps for layer in self.layers)
 
     @property
     def emits(self) -> bool:

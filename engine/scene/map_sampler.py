@@ -89,7 +89,8 @@ def spread_points(
     scene: Scene, i_object: int, images: Images, texture: Pyramid | None, weight: Pyramid | None
 ) -> SpreadPoints:
     """Points that each represent an equal part of the object's area, where it is there, and a share of the images,
-    without strokes."""
+    without strokes: for means, by which light is reflected further, so that `texture` is that of
+    `Images.for_bounces`."""
     begin, end = scene.triangle_ranges[i_object]
     corners = scene.vertices[scene.triangles[begin:end]].astype(np.float64)
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
@@ -151,9 +152,9 @@ class MapSampler:
         if weight is not None:
             shares = self._samples(i_object, (weight,), weight, (1.0, 1.0))[:, 0]
         if images.vertex_colours:
-            found = self._found(i_object)
-            colours = colours * colours_at(scene, found.triangle, found.u, found.v)[:, :3]
-        spread = spread_points(scene, i_object, images, texture, weight)
+            hit = self._found(i_object)
+            colours = colours * colours_at(scene, hit.triangle, hit.u, hit.v)[:, :3]
+        spread = spread_points(scene, i_object, images, scene.textures.texture(images.for_bounces), weight)
         return Canvas(
             MapSamples(colours, shares, spread.means(spread.weight)), self._hits, i_object, spread, scene.origin
         )
@@ -163,12 +164,16 @@ class MapSampler:
     ) -> NDArray[np.float32]:
         key = (i_object, *of)
         if key not in self._sampled:
-            if i_object not in self._footprints:
-                self._footprints = {i_object: self._trace_footprints(i_object)}
-            uv, across, down = (sides * np.array(scale) for sides in self._footprints[i_object])
+            uv, across, down = (sides * np.array(scale) for sides in self.footprints(i_object))
             self._sampled = dict(list(self._sampled.items())[1 - _MOST_CACHED :])
             self._sampled[key] = pyramid.over(uv, across, down)
         return self._sampled[key]
+
+    def footprints(self, i_object: int) -> tuple[Float64Array, Float64Array, Float64Array]:
+        """Texture coordinates and footprints of an object's hits, see `pixel_footprints`; of the last object cached."""
+        if i_object not in self._footprints:
+            self._footprints = {i_object: self._trace_footprints(i_object)}
+        return self._footprints[i_object]
 
     def _trace_footprints(self, i_object: int) -> tuple[Float64Array, Float64Array, Float64Array]:
         """Texture coordinates and footprints of an object's hits, see `pixel_footprints`."""
@@ -213,7 +218,8 @@ def mean_factor(scene: Scene, i_object: int, maps: LayerMaps) -> Float64Array:
     if maps.is_plain:
         return np.ones(3)
     images = maps.images
-    spread = spread_points(scene, i_object, images, scene.textures.texture(images), scene.textures.weight(images))
+    textures = scene.textures
+    spread = spread_points(scene, i_object, images, textures.texture(images.for_bounces), textures.weight(images))
     weight = spread.weight
     if images.strokes:
         weight = PaintedPoints(weight, spread.position, spread.normal).weights(images.strokes.about(scene.origin))

@@ -202,8 +202,12 @@ def _material(item: ObjectDescription, part: ImportedPart) -> dict[str, object]:
 def _layers(part: ImportedPart, file: str) -> tuple[LayerDescription, ...]:
     """A part's layers with images named from the scene's folder."""
     return tuple(
-        layer if layer.maps.is_plain
-        else layer.model_copy(update={"maps": layer.maps.with_files(lambda name: _image_name(file, name))})
+        layer.model_copy(update={
+            "maps": layer.maps.with_files(lambda name: _image_name(file, name)),
+            "parameter_maps": {
+                name: table | {"map": _image_name(file, table["map"])} for name, table in layer.parameter_maps.items()
+            },
+        })
         for layer in part.layers
     )  # fmt: skip
 

@@ -22,7 +22,7 @@ from engine.core.safe_files import record_files, resolve_inside
 from engine.light.suns import Sun
 from engine.light.triangle_lights import turned
 from engine.material.bumps import Bumps
-from engine.material.layer_maps import Images, split_image_name
+from engine.material.layer_maps import ChannelImage, Images, split_image_name
 from engine.material.opacity import Opacity
 from engine.scene.bump_normals import BumpNormals
 from engine.scene.cutouts import Cutouts, scene_cutouts
@@ -290,13 +290,17 @@ def _load_maps(scene: Scene) -> None:
 
     A scene file may name only files in its folder; only the user may choose full paths.
     """
-    wanted, bumps, opacities = [], [], []
+    wanted, bumps, opacities, channels = [], [], [], []
     for described in scene.description.objects:
         for maps in (layer.maps for layer in described.layers if not layer.maps.is_plain):
             for what, name in (("texture", maps.texture), ("weight", maps.weight)):
                 if name:
                     resolve_inside(scene.folder, split_image_name(name)[0], scene.file, what)
             wanted.append(maps.images)
+        for name, table in (item for layer in described.layers for item in layer.parameter_maps.items()):
+            file = str(table.get("map", ""))
+            resolve_inside(scene.folder, split_image_name(file)[0], scene.file, f"{name} map")
+            channels.append(ChannelImage(file))
         for what, name in described.deform.files:
             resolve_inside(scene.folder, name, scene.file, what)
             wanted.append(Images(weight=name))
@@ -307,7 +311,7 @@ def _load_maps(scene: Scene) -> None:
             for what, name in described.bumps.files:
                 resolve_inside(scene.folder, split_image_name(name)[0], scene.file, what)
             bumps.append(described.bumps)
-    scene.textures.load(wanted, bumps, opacities)
+    scene.textures.load(wanted, bumps, opacities, channels)
 
 
 def _place_all(items: Sequence[ObjectMesh], path: Path) -> tuple[list[Mesh], list[str]]:

@@ -63,7 +63,7 @@ class ImageExporter:
             self.strokes += (images.strokes.about(self._origin),)
             self._n_strokes += len(images.strokes.strokes)
         return ExportedMaps(
-            self.image(self._store.texture(images)), images.texture_scale, maps.texture_strength,
+            self.image(self._store.texture(images)), images.texture_scale, maps.sampled_strength,
             images.vertex_colours, self.image(self._store.weight(images)), images.weight_start, maps.inverts,
             (first, self._n_strokes),
         )  # fmt: skip

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable, Iterable
 from functools import partial
+from itertools import zip_longest
 from pathlib import Path
 from threading import Lock
 
@@ -18,8 +19,10 @@ from numpy.typing import NDArray
 from engine.core.errors import LoadError
 from engine.core.safe_files import local_path, read_regular_file, resolve_inside
 from engine.material.bumps import Bumps
-from engine.material.layer_maps import Channel, Images, Space, split_image_name
+from engine.material.layer_maps import Channel, ChannelImage, Images, Space, split_image_name
 from engine.material.opacity import Opacity
+from engine.material.parameter_maps import ChannelStatistics, channel_statistics
+from engine.texture.node_images import blend_node_images
 from engine.texture.pyramid import Pyramid, make_pyramid
 from engine.texture.texture_files import (
     MAX_IMAGE_BYTES,
@@ -44,13 +47,18 @@ class TextureStore:
         """scene_file: errors name it, and names are relative to its folder."""
         self._scene_file = scene_file
         self._kept: OrderedDict[tuple[str, str, Space, float, Channel], tuple[Stamp, Pyramid]] = OrderedDict()
+        # Textures of nodes, with the images that they were made of; statistics with theirs.
+        self._nodes: OrderedDict[Images, tuple[tuple[Pyramid, ...], Pyramid]] = OrderedDict()
+        self._statistics: dict[ChannelImage, tuple[Pyramid, ChannelStatistics]] = {}
         self._lock = Lock()
         self._notes: list[str] = []
         # Readers of files with several images, during loading.
         self._files: dict[Path, Callable[[int], bytes]] | None = None
 
     def texture(self, images: Images) -> Pyramid | None:
-        """Linear RGB of the texture; None if there is none. Raises LoadError."""
+        """Linear RGB of the texture, of a node times its weight; None if there is none. Raises LoadError."""
+        if images.node is not None:
+            return self._node_texture(images)
         if not images.texture:
             return None
         return self._pyramid("texture", images.texture, images.texture_space).with_transform(images.texture_transform)
@@ -58,6 +66,17 @@ class TextureStore:
     def weight(self, images: Images) -> Pyramid | None:
         """Shares of the weight map; None if there is none. Raises LoadError."""
         return self._pyramid("weight", images.weight, "", channel=images.weight_channel) if images.weight else None
+
+    def channel_statistics(self, image: ChannelImage) -> ChannelStatistics:
+        """The statistics of one channel of an image of numbers. Raises LoadError."""
+        pyramid = self.numbers(image)
+        with self._lock:
+            known, statistics = self._statistics.get(image, (None, None))
+        if statistics is None or known is not pyramid:
+            statistics = channel_statistics(pyramid.levels[0])
+            with self._lock:
+                self._statistics[image] = pyramid, statistics
+        return statistics
 
     def slopes(self, bumps: Bumps) -> Pyramid | None:
         """Slopes along u and v of a normal or a bump map; None if there is none. Raises LoadError."""
@@ -78,7 +97,10 @@ class TextureStore:
             return None
         return self._pyramid("opacity_map", opacity.opacity_map, "").with_transform(opacity.transform)
 
-    def load(self, wanted: Iterable[Images], bumps: Iterable[Bumps] = (), opacities: Iterable[Opacity] = ()) -> None:
+    def load(
+        self, wanted: Iterable[Images], bumps: Iterable[Bumps] = (), opacities: Iterable[Opacity] = (),
+        channels: Iterable[ChannelImage] = (),
+    ) -> None:  # fmt: skip
         """Read named images that are not loaded yet, a file of several images once. Raises LoadError."""
         self._files = {}
         try:
@@ -90,8 +112,30 @@ class TextureStore:
                 self.directions(each)
             for opacity in opacities:
                 self.opacity(opacity)
+            for channel in channels:
+                self.numbers(channel)
         finally:
             self._files = None
+
+    def numbers(self, image: ChannelImage) -> Pyramid:
+        """A channel of an image, in its mapping. Raises LoadError."""
+        return self._pyramid("weight", image.file, "", channel=image.channel).with_transform(image.transform)
+
+    def _node_texture(self, images: Images) -> Pyramid:
+        """The texture of a node: see `blend_node_images`. It is made anew where an image was."""
+        images = images.without_strokes
+        assert images.node is not None
+        own = self.texture(images.without_node)
+        sources = [] if own is None else [own]
+        sources += [self.numbers(each.image) for each in images.node.weights]
+        with self._lock:
+            known, pyramid = self._nodes.pop(images, ((), None))
+            if pyramid is None or any(a is not b for a, b in zip_longest(known, sources)):
+                pyramid = blend_node_images(images, own, sources[-len(images.node.weights) :])
+            self._nodes[images] = tuple(sources), pyramid
+            while len(self._nodes) > 1 and sum(each.n_bytes for _, each in self._nodes.values()) > MOST_BYTES:
+                self._nodes.popitem(last=False)
+        return pyramid
 
     def take_notes(self) -> tuple[str, ...]:
         """Notes on images that were read since the last call: which are shown at reduced size."""

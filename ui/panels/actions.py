@@ -118,8 +118,8 @@ class OpenFile:
 
 @dataclass(frozen=True)
 class AskFile:
-    """Open the file dialog, which does not stop the picture; for an image of the layer `key`, or for bumps, opacity and
-    surfaces of the object `key`."""
+    """Open the file dialog, which does not stop the picture; for an image of the layer `key`, for bumps, opacity and
+    surfaces of the object `key`, or for a map of the parameter `key`."""
 
     purpose: str
     key: str = ""
@@ -127,8 +127,8 @@ class AskFile:
 
 @dataclass(frozen=True)
 class OpenImage:
-    """Make a file the "texture" or the "weight" of a layer, or the "normal_map", the "bump_map", the
-    "tangent_map", the "opacity_map", or one of `SURFACE_IMAGES` of an object."""
+    """Make a file the "texture" or the "weight" of a layer, the "normal_map", the "bump_map", the "tangent_map", the
+    "opacity_map", or one of `SURFACE_IMAGES` of an object, or the "parameter_map" of a parameter, by its path."""
 
     path: Path
     key: str

@@ -22,7 +22,7 @@ from engine.material.measured import HIGHLIGHT_MODELS
 from engine.material.opacity import OPAQUE
 from engine.material.parameters import INDICES, Value, index_of_reflectance, reflectance_of_index
 from engine.measured.measurement import Measurement
-from ui.panels import maps, rows, widgets
+from ui.panels import maps, parameter_maps, rows, widgets
 from ui.panels.actions import Action, SetPanel
 from ui.panels.brdf import is_anisotropic
 from ui.panels.context import PanelContext
@@ -30,7 +30,7 @@ from ui.theme import Icon
 
 LARGEST_LABEL = 136.0
 IMAGES_HINT = (
-    "A texture that multiplies the layer, a map of how much of it there is, and the object's bumps and opacity."
+    "A texture that multiplies the layer, maps of its parameters and of its weight, and the object's bumps and opacity."
 )
 UNDER_HINT = "The layer that lies on this one, a clear coat or a sheen: what it reflects is lost to this one."
 ANGLES_OF_NOTE = np.radians([0.0, 80.0])
@@ -141,7 +141,7 @@ def _heading(context: PanelContext, selection: Selection, layer: Layer, editable
 
 
 def _shows_images(context: PanelContext, layer: Layer) -> bool:
-    return context.state.shows_images or not layer.maps.is_plain
+    return context.state.shows_images or not layer.maps.is_plain or bool(layer.parameter_maps)
 
 
 def _switches(context: PanelContext, key: str, layer: Layer) -> list[Action]:
@@ -193,7 +193,11 @@ def _parameter(context: PanelContext, key: str, layer: Layer, parameter: Paramet
     row = rows.Row(
         parameter, value, partial(SetParameter, key, parameter.name), f"material.{parameter.name}", own, note=later
     )
+    if map_ := layer.parameter_map(parameter.name):
+        return parameter_maps.draw(context, key, parameter, map_, width)
     actions = rows.draw(context, row, width)
+    if context.state.shows_images and parameter_maps.can_vary(layer, parameter):
+        actions += parameter_maps.draw_button(context, key, parameter, width)
     index = INDICES.get(parameter.name)
     if index is None:
         return actions

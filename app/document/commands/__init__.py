@@ -30,15 +30,23 @@ from app.document.commands.layers import (
     SetVisible,
 )
 from app.document.commands.light import SetEmission, SetEnvironment, SetIntensity, SetMapping, SetRotation
-from app.document.commands.maps import BlendByMap, ClearMap, Paint, SetBumps, SetMap, SetOpacity, SetSurface
+from app.document.commands.maps import (
+    BlendByMap,
+    ClearMap,
+    Paint,
+    SetBumps,
+    SetMap,
+    SetOpacity,
+    SetParameterMap,
+    SetSurface,
+)
 from app.document.commands.plan import OverrideLine, SetFirstBands
 from app.document.commands.poses import AddDeformer, MoveDeformer, RemoveDeformer, SetDeformer, SetPose, SetTime
 
 EditCommand = (
     SetParameter | SetModel | SetOperators | AddOperator | ReplaceOperator | RemoveOperator | MoveOperator
     | MuteOperator | CollapseOperators | ResetCurve | SetVisible | SetFrozen | SetFresnelTerm | SetUnder | SetEditable
-    | SetBumps | SetOpacity
-    | SetMap | Paint | BlendByMap | ClearMap | SetMaterial | AddLayers | RemoveLayer | SetRotation
-    | SetIntensity | SetEnvironment | SetMapping | SetEmission | SetFirstBands | SetPose | AddDeformer | SetDeformer
-    | MoveDeformer | RemoveDeformer | SetTime | SetSurface | OverrideLine
+    | SetBumps | SetOpacity | SetMap | SetParameterMap | Paint | BlendByMap | ClearMap | SetMaterial | AddLayers
+    | RemoveLayer | SetRotation | SetIntensity | SetEnvironment | SetMapping | SetEmission | SetFirstBands | SetPose
+    | AddDeformer | SetDeformer | MoveDeformer | RemoveDeformer | SetTime | SetSurface | OverrideLine
 )  # fmt: skip

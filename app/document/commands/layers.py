@@ -16,6 +16,7 @@ from engine.core.errors import InsituError
 from engine.curve.operators import Edit, collapse
 from engine.material import MODELS
 from engine.material.layer import Layer, make_layer
+from engine.material.parameter_maps import maps_that_fit
 from engine.measured.measurement import Measurement
 
 MAX_LAYERS = 64
@@ -64,7 +65,9 @@ class SetModel:
         names = {factor.name for factor in all_factors(model)}
         edits = tuple((factor, operators) for factor, operators in layer.edits if factor in names)
         name = model.name if layer.name == layer.model.name else layer.name
-        return document.with_layer(key, layer.replace(model=model, name=name, parameters=values, edits=edits))
+        maps = maps_that_fit(layer.parameter_maps, model.parameters)
+        changed = layer.replace(model=model, name=name, parameters=values, edits=edits, parameter_maps=maps)
+        return document.with_layer(key, changed)
 
 
 @dataclass(frozen=True)

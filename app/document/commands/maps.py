@@ -1,6 +1,6 @@
-"""Edits of a layer's texture and weight map (`engine.material.layer_maps`), strokes painted on it among them, and of
-the surface below all layers: normal or bump map (`engine.material.bumps`), opacity (`engine.material.opacity`),
-settings for Deform (`engine.scene.surface_kinds`).
+"""Edits of a layer's texture and weight map (`engine.material.layer_maps`), strokes painted on it among them, of the
+maps of its parameters (`engine.material.parameter_maps`), and of the surface below all layers: normal or bump map
+(`engine.material.bumps`), opacity (`engine.material.opacity`), settings for Deform (`engine.scene.surface_kinds`).
 
 Layers of one object with the same weight map, some of them with it inverted, are blended by it: they are painted
 together, or the first stroke would separate them. A stroke's value is meant for the selected layer; where that has the
@@ -9,6 +9,7 @@ map inverted, one minus it is painted.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -19,7 +20,9 @@ from engine.core.errors import InsituError, LoadError
 from engine.material.bumps import set_bump_field
 from engine.material.layer import Layer
 from engine.material.layer_maps import LayerMaps, set_map_field
+from engine.material.model import find_parameter
 from engine.material.opacity import set_opacity_field
+from engine.material.parameter_maps import parameter_map_from, parameter_map_table
 from engine.material.strokes import MAX_DABS, MAX_STROKES, Stroke, Strokes
 from engine.scene.surface_kinds import SURFACES, surface_with
 
@@ -41,6 +44,34 @@ class SetMap:
     def apply(self, document: Document) -> Document:
         layer = editable_layer(document, self.key)
         return document.with_layer(self.key, layer.replace(maps=set_map_field(layer.maps, self.name, self.value)))
+
+
+@dataclass(frozen=True)
+class SetParameterMap:
+    """Let a parameter vary over the surface, by an image: its file, or a table as in a scene's file
+    (`engine.material.parameter_maps.parameter_map_from`), of which what is not given stays as it is; None, or a file's
+    name of "": the parameter is the same everywhere again."""
+
+    key: str
+    parameter: str
+    table: Any
+
+    @property
+    def label(self) -> str:
+        return f"{self.key} {self.parameter} map"
+
+    def apply(self, document: Document) -> Document:
+        layer = editable_layer(document, self.key)
+        parameter = find_parameter(layer.model.name, layer.model.parameters, self.parameter)
+        if self.table is None or self.table == "":
+            return document.with_layer(self.key, layer.with_parameter_map(None, self.parameter))
+        before = layer.parameter_map(self.parameter)
+        kept = {} if before is None else parameter_map_table(before)
+        table = {"map": self.table} if isinstance(self.table, str) else self.table
+        if isinstance(table, Mapping):
+            table = kept | dict(table)
+        new = parameter_map_from(parameter, table)
+        return document.with_layer(self.key, layer.with_parameter_map(new, self.parameter))
 
 
 @dataclass(frozen=True)

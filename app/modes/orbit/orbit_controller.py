@@ -273,7 +273,7 @@ class OrbitController(ModeController):
             return False
         is_of_view = (shown.viewpoint, shown.poses) == (state.content.viewpoint, state.content.poses)
         is_ready = preparation.is_ready and preparation.requested == state.desired
-        document = self._services.history.document
+        document = self._services.with_nodes(self._services.history.document)
         has_followed = state.has_followed(document, effective_view(self._services.view, document))
         return is_of_view and is_ready and shown.made_of == preparation.ready and has_followed
 

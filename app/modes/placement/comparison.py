@@ -183,7 +183,7 @@ class Comparison:
                 view_curve_of(layer),
                 compared.is_visible(key),
                 self._pictures[key] if key in differing else None,
-                (self._samples(key, layer.maps), layer.maps.texture_strength, layer.maps.inverts),
+                (self._samples(key, layer.maps), layer.maps.sampled_strength, layer.maps.inverts),
             )
             for key, layer in compared.layers()
         }

@@ -31,7 +31,7 @@ class DrawnPicture:
 
     @property
     def _present(self) -> Document:
-        return self._services.history.document
+        return self._services.with_nodes(self._services.history.document)
 
     @property
     def document(self) -> Document:

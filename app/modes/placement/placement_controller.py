@@ -76,7 +76,7 @@ from app.modes.placement.placement_status import (
 )
 from app.modes.placement.transport_controller import TransportController
 from engine.core.clamping import TOO_BRIGHT
-from engine.material.layer import Layer
+from engine.material.layer import Layer, object_of
 from engine.settings import AS_PLANNED
 
 
@@ -158,7 +158,10 @@ class PlacementController(ModeController):
         self._transport.hand_released()
 
     def reload_images(self, key: str) -> None:
-        self.maps.reload(key, self._document.layer(key).maps)
+        chosen = self._document.layer(key)
+        for each, layer in self._document.layers():
+            if each == key or (object_of(each) == object_of(key) and layer.node_of == chosen.name):
+                self.maps.reload(each, layer.maps)
         self._report.picture_changed()
         self.idle.images_changed()
 
@@ -178,7 +181,7 @@ class PlacementController(ModeController):
 
     @property
     def _document(self) -> Document:
-        return self._services.history.document
+        return self._services.with_nodes(self._services.history.document)
 
     @property
     def _view(self) -> ViewState:
@@ -263,8 +266,9 @@ class PlacementController(ModeController):
     def _compare(self, now: float, document: Document, view: ViewState) -> list[PictureEvent]:
         """Follow the choice of side A, and refine its picture; returns the events."""
         exact = self._picture_state in ("finished", "exact")
-        if view.compare is not self._comparison.document:
-            self._comparison.begin(view.compare, exact and view.compare is document)
+        compared = None if view.compare is None else self._services.with_nodes(view.compare)
+        if compared is not self._comparison.document:
+            self._comparison.begin(compared, exact and compared is document)
         settings = view.settings.of_light
         return self._comparison.update(now, document, self._transport, settings, exact, self.indirect.picture.is_shown)
 

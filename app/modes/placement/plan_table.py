@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from app.document.document import Document, reflecting_layers
+from app.document.document import Document, reflecting_layers, with_display_names
+from app.document.node_layers import nodes_reason
 from app.document.view_state import ViewState
 from app.messages.editor_status import Status, duration
 from app.modes.deform.deform_status import DeformStatus
@@ -117,6 +118,9 @@ def _common_lines(document: Document, view: ViewState, status: Status) -> Iterat
     chosen = view.settings.n_edge_rays
     n_rays = status.planned_edges if chosen is None else chosen
     yield _setting_line(document, "edges", n_rays, edge_reason(n_rays) if chosen is None else BY_USER, EDGES)
+    if counts := status.map_nodes:
+        numbers = ", ".join(f"{each.n_nodes}" for each in counts)
+        yield _setting_line(document, "nodes", numbers, with_display_names(document, nodes_reason(counts)))
 
 
 def _mode_lines(document: Document, view: ViewState) -> Iterator[PlanTableRow]:

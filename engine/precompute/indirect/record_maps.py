@@ -131,7 +131,7 @@ class RecordMaps:
         Also None if a map cannot be read: its mean, known from before, then applies everywhere."""
         if layer.maps.is_plain:
             return None
-        images = layer.maps.images.without_strokes
+        images = layer.maps.images.without_strokes.for_bounces
         try:
             places = self._cached.pop((layer.i_object, images), None)
             if places is None:

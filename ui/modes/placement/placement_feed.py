@@ -78,7 +78,7 @@ class MapFeed:
         """Follow a layer's numbers in the document; there is nothing to invert before there is a weight."""
         shown = self._newest.get(key)
         inverts = maps.weight_invert and shown is not None and shown.has_weight
-        self._renderer.set_map_numbers(key, maps.texture_strength, inverts)
+        self._renderer.set_map_numbers(key, maps.sampled_strength, inverts)
 
     def clear(self) -> None:
         """Drop all: another scene is open."""
@@ -139,7 +139,7 @@ class PlacementFeed(PictureSource):
         return self._maps.thumbnails(key)
 
     def map_refusal(self, editor: Editor, key: str) -> str | None:
-        return _controller(editor).maps.refusal(key, editor.document.layer(key).maps)
+        return _controller(editor).maps.refusal(key, editor.with_nodes(editor.document).layer(key).maps)
 
     def still(self, editor: Editor) -> ViewportStill | None:
         frame = self.renderer.frame
@@ -235,7 +235,7 @@ class PlacementFeed(PictureSource):
         self._end_plain(editor, document)
         shades_plainly = self._shade_headlight(editor, document)
         self._is_shaded = self._is_shaded or not shades_plainly
-        if document is editor.document or document is not self._followed:
+        if document is editor.with_nodes(editor.document) or document is not self._followed:
             self._follow_environment(document)
             self._follow_emitters(document)
             self._follow_layers(editor, document)

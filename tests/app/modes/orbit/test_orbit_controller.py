@@ -10,7 +10,7 @@ import pytest
 
 from app.document.commands.layers import SetParameter
 from app.document.commands.light import SetRotation
-from app.document.document import document_from_description
+from app.document.document import Document, document_from_description
 from app.document.history import History
 from app.document.view_state import ViewState
 from app.messages.editor_status import Status, StatusMetrics
@@ -74,6 +74,9 @@ class Table:
     def notify(self, text: str, is_error: bool = False) -> None: ...
 
     def notify_once(self, note: str) -> None: ...
+
+    def with_nodes(self, document: Document) -> Document:
+        return document
 
     def document_changed(self) -> None:
         self.controller.edited()
