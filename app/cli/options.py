@@ -76,6 +76,9 @@ Rotation = Annotated[float | None, typer.Option("--rotation", help="Of the envir
 Time = Annotated[
     float | None, typer.Option("--time", metavar="SECONDS", help="Time in the scene's animation; it repeats.")
 ]
+Variant = Annotated[
+    str | None, typer.Option("--variant", metavar="NAME", help="A variant of the scene's materials, as in its file.")
+]
 # Path tracing follows more bounces than the view shows.
 Bounces = Annotated[int | None, setting_option("n_bounces", most=MOST_BOUNCES)]
 Series = Annotated[
@@ -114,12 +117,13 @@ def lines(overrides: list[str] | None) -> dict[str, Any]:
 
 
 def assignments(
-    values: list[str] | None, rotation: float | None = None, time: float | None = None
+    values: list[str] | None, rotation: float | None = None, time: float | None = None, variant: str | None = None
 ) -> list[tuple[str, Any]]:
-    """Path and value of each assignment."""
+    """Path and value of each assignment; the variant first, whose layers others may change."""
     given = [parse_assignment(text) for text in values or ()]
     own = {"light.rotation": rotation, "time": time}
-    return [*given, *((path, value) for path, value in own.items() if value is not None)]
+    first = [] if variant is None else [("variant", variant)]
+    return [*first, *given, *((path, value) for path, value in own.items() if value is not None)]
 
 
 Report = Callable[[float, str], None]

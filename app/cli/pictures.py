@@ -32,6 +32,7 @@ from app.cli.options import (
     Time,
     Up,
     Values,
+    Variant,
     ViewName,
     assignments,
     lines,
@@ -74,6 +75,7 @@ def render(
     resolution: Resolution = None,
     rotation: Rotation = None,
     time_: Time = None,
+    variant: Variant = None,
     reference: Annotated[bool, typer.Option("--reference", help="By brute force instead of transport: slow.")] = False,
     edges: Edges = None,
     nodes: Nodes = None,
@@ -119,7 +121,7 @@ def render(
         raise InsituError("--override precision: a still is made in single floats, expected another line of the plan")
     if samples is not None and not reference:
         raise InsituError(f"--samples {samples}: transport takes no samples, expected --reference as well")
-    values = assignments(set_, rotation, time_)
+    values = assignments(set_, rotation, time_, variant)
     if (turntable is not None or frames is not None) and mode is not StillMode.PLACEMENT and accuracy is not None:
         many = "--turntable" if frames is None else "--frames"
         raise InsituError(f"--accuracy {accuracy:g} {many}: expected --mode placement, or one picture")
@@ -249,6 +251,7 @@ def screenshot(
     scale: Annotated[float, typer.Option("--scale", min=0.5, max=4.0, help="1 is 96 dots per inch.")] = 1.0,
     resolution: Resolution = None,
     view: ViewName = None,
+    variant: Variant = None,
 ) -> int:
     """Take a picture of the whole editor window; no display is needed."""
     from app.operators.script import Step, load_script
@@ -261,6 +264,8 @@ def screenshot(
             check_output(step.value, (".png",))
     if problem := state_problem():
         print_error(problem)  # the user's own materials are missing; the picture is made
+    if variant is not None:
+        steps = (Step("set", {"variant": variant}), *steps)
     if view is not None:
         steps = (Step("view", find_view(view)), *steps)
     frontend: Frontend = context.obj

@@ -87,7 +87,7 @@ class ObjectState:
     object that the scene declares fixed. Its ``deformations`` apply one after another, to its pose by its file's
     animation at a ``moment``; None: to its rest pose. ``animations`` are those of its file. ``new_bumps`` replace the
     ``own_bumps`` of the scene's file, ``new_opacity`` its ``own_opacity``, ``new_surface`` its ``own_surface``, which
-    only Deform draws.
+    only Deform draws. ``variants`` are the layers that its file gives it by the names of the scene's variants.
     """
 
     name: str
@@ -105,6 +105,7 @@ class ObjectState:
     new_opacity: Opacity | None = None
     own_surface: DeformSurface = NO_SURFACE
     new_surface: DeformSurface | None = None
+    variants: tuple[tuple[str, tuple[Layer, ...]], ...] = ()
 
     @property
     def motion_stack(self) -> Motion:
@@ -214,6 +215,19 @@ class Document:
         return state.frozen or any(state.layers[i].frozen for i in linked_indices(state.layers, index))
 
     @property
+    def variants(self) -> tuple[str, ...]:
+        """The names of the scene's variants: materials of several objects that its file gives together."""
+        return tuple(dict.fromkeys(name for state in self.objects for name, _ in state.variants))
+
+    @property
+    def variant(self) -> str:
+        """The variant whose materials all its objects have, "" for none."""
+        for name in self.variants:
+            if all(dict(state.variants).get(name, state.layers) == state.layers for state in self.objects):
+                return name
+        return ""
+
+    @property
     def poses(self) -> Poses:
         """The poses of all objects that are not as the scene's file has them, by name."""
         return without_identity([(state.name, state.motion_stack) for state in self.objects])
@@ -261,6 +275,7 @@ SURFACE = "surface"
 EMISSION = "emission"
 FRESNEL_TERM = "fresnel_term"
 UNDER = "under"
+VARIANT = "variant"
 MAP_SUFFIX = "_map"  # of the path to the map of a parameter: "teapot.1.alpha_map"
 LIGHT_FIELDS = ("rotation", "intensity", "environment", "mapping")
 
@@ -386,6 +401,9 @@ def _object_state(source: str, described: ObjectDescription) -> ObjectState:
     return ObjectState(
         described.name, layers, emission, described.editable, own_bumps=described.bumps,
         own_opacity=described.opacity, own_surface=described.deform,
+        variants=tuple(
+            (each.name, layers_from_descriptions(source, described.name, each.layers)) for each in described.variants
+        ),
     )  # fmt: skip
 
 

@@ -17,6 +17,7 @@ from app.document.commands.layers import (
     SetMaterial,
     SetParameter,
     SetUnder,
+    SetVariant,
     SetVisible,
 )
 from app.document.commands.light import (
@@ -39,6 +40,7 @@ from app.document.document import (
     SCENE_ENVIRONMENT,
     TIME,
     UNDER,
+    VARIANT,
     Document,
     LightState,
     Target,
@@ -330,6 +332,10 @@ def set_path(document: Document, path: str, value: Any) -> EditCommand:
         return set_first_bands(value)
     if path == TIME and all(state.name != TIME for state in document.objects):
         return with_time(value)
+    if path == VARIANT and all(state.name != VARIANT for state in document.objects):
+        if not isinstance(value, str):
+            raise LoadError(path, "value", value, "the name of a variant of the scene")
+        return SetVariant(value)
     by_index = _set_by_index(document, path, value)
     if by_index is not None:
         return by_index

@@ -37,6 +37,7 @@ SCENE_VERSION = 1
 MAX_SCENE_BYTES = 16 * 2**20
 MAX_BOUNCES = 8
 MAX_OBJECTS = 4096
+MAX_VARIANTS = 64
 MAX_RESOLUTION = 16384
 MAX_COORDINATE = 1e9
 MAX_SUNS = 16
@@ -230,6 +231,13 @@ class LayerDescription(_Description):
         return own | {"maps": _maps(maps), "parameters": rest}
 
 
+class VariantDescription(_Description):
+    """Another material of an object, by the name of the scene's variant to which it belongs."""
+
+    name: Text
+    layers: tuple[LayerDescription, ...] = Field(alias="layer", min_length=1, max_length=64)
+
+
 class ObjectDescription(_Description):
     """An object in the scene: geometry, transform, material, and the radiance that it emits from its front."""
 
@@ -245,6 +253,7 @@ class ObjectDescription(_Description):
     opacity: OpacityTable = OPAQUE
     deform: DeformSurface = NO_SURFACE
     layers: tuple[LayerDescription, ...] = Field(default=(), alias="layer", max_length=64)
+    variants: tuple[VariantDescription, ...] = Field(default=(), alias="variant", max_length=MAX_VARIANTS)
 
     @model_validator(mode="before")
     @classmethod
@@ -263,6 +272,8 @@ class ObjectDescription(_Description):
         names = [layer.name for layer in self.layers if layer.name is not None]
         if len(set(names)) < len(names):
             raise ValueError("layer: layer names that differ")
+        if len({variant.name for variant in self.variants}) < len(self.variants):
+            raise ValueError("variant: names that differ")
         return self
 
     @property

@@ -37,6 +37,7 @@ from engine.scene.description import (
     LayerDescription,
     ObjectDescription,
     SceneDescription,
+    VariantDescription,
     valid_name,
 )
 from engine.scene.loaders.formats import read_model
@@ -193,13 +194,16 @@ def _material(item: ObjectDescription, part: ImportedPart) -> dict[str, object]:
     opacity = item.opacity
     if opacity == OPAQUE:
         opacity = replace(part.opacity, opacity_map=_image_name(str(item.mesh), part.opacity.opacity_map))
+    variants = tuple(
+        VariantDescription(name=name, layer=_layers(layers, str(item.mesh))) for name, layers in part.variants
+    )
     return {
-        "layers": _layers(part, str(item.mesh)), "emission": part.emission, "bumps": bumps, "opacity": opacity,
-        "smooth": item.smooth and part.smooth,
+        "layers": _layers(part.layers, str(item.mesh)), "variants": variants, "emission": part.emission,
+        "bumps": bumps, "opacity": opacity, "smooth": item.smooth and part.smooth,
     }  # fmt: skip
 
 
-def _layers(part: ImportedPart, file: str) -> tuple[LayerDescription, ...]:
+def _layers(layers: tuple[LayerDescription, ...], file: str) -> tuple[LayerDescription, ...]:
     """A part's layers with images named from the scene's folder."""
     return tuple(
         layer.model_copy(update={
@@ -208,7 +212,7 @@ def _layers(part: ImportedPart, file: str) -> tuple[LayerDescription, ...]:
                 name: table | {"map": _image_name(file, table["map"])} for name, table in layer.parameter_maps.items()
             },
         })
-        for layer in part.layers
+        for layer in layers
     )  # fmt: skip
 
 

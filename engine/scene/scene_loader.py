@@ -292,12 +292,14 @@ def _load_maps(scene: Scene) -> None:
     """
     wanted, bumps, opacities, channels = [], [], [], []
     for described in scene.description.objects:
-        for maps in (layer.maps for layer in described.layers if not layer.maps.is_plain):
+        every = [*described.layers, *(layer for variant in described.variants for layer in variant.layers)]
+        for maps in (layer.maps for layer in every):
             for what, name in (("texture", maps.texture), ("weight", maps.weight)):
                 if name:
                     resolve_inside(scene.folder, split_image_name(name)[0], scene.file, what)
-            wanted.append(maps.images)
-        for name, table in (item for layer in described.layers for item in layer.parameter_maps.items()):
+        # Textures and weights of other variants are read when these are chosen.
+        wanted += [layer.maps.images for layer in described.layers if not layer.maps.is_plain]
+        for name, table in (item for layer in every for item in layer.parameter_maps.items()):
             file = str(table.get("map", ""))
             resolve_inside(scene.folder, split_image_name(file)[0], scene.file, f"{name} map")
             channels.append(ChannelImage(file))

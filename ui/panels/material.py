@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from imgui_bundle import imgui
 
-from app.document.commands.layers import SetFresnelTerm, SetModel, SetParameter, SetUnder
+from app.document.commands.layers import SetFresnelTerm, SetModel, SetParameter, SetUnder, SetVariant
 from app.document.commands.light import EMISSION, STRENGTH, SetEmission, emission_of
 from app.document.document import RGB, ObjectState, Selection
 from app.document.linked_layers import linked_indices, possible_covers
@@ -32,6 +32,9 @@ LARGEST_LABEL = 136.0
 IMAGES_HINT = (
     "A texture that multiplies the layer, maps of its parameters and of its weight, and the object's bumps and opacity."
 )
+VARIANT_HINT = (
+    "The materials that the scene's file gives all its objects under one name. Edits of materials are replaced."
+)
 UNDER_HINT = "The layer that lies on this one, a clear coat or a sheen: what it reflects is lost to this one."
 ANGLES_OF_NOTE = np.radians([0.0, 80.0])
 FRESNEL_HINT = (
@@ -47,13 +50,14 @@ def draw(context: PanelContext) -> list[Action]:
 
 
 def _material(context: PanelContext) -> list[Action]:
-    selection = context.view.selected
+    selection, actions = context.view.selected, _variant(context)
     if selection is None:
         imgui.text_disabled("Nothing selected")
         widgets.caption("Click an object in the picture, or a layer in the list.")
-        return []
+        return actions
     state = context.document.object(selection.object)
-    actions = [] if state.emission is None else _emission(context, state, state.emission)
+    if state.emission is not None:
+        actions += _emission(context, state, state.emission)
     if state.is_lamp:
         return actions
     if state.emits:
@@ -87,6 +91,18 @@ def _material(context: PanelContext) -> list[Action]:
     if context.status.material_note:
         widgets.caption(context.status.material_note)
     return actions
+
+
+def _variant(context: PanelContext) -> list[Action]:
+    """The choice among the variants of the scene's materials, where its files have some."""
+    names = context.document.variants
+    if not names:
+        return []
+    choices, now = [widgets.Choice(name, "", name) for name in names], context.document.variant
+    widgets.label(context, "Variant", widgets.LABEL_WIDTH, rows.WIDE_CONTROL)
+    chosen = [names.index(now)] if now else []
+    picked = widgets.choose(context, "material.variant", choices, chosen, VARIANT_HINT, now or "Edited")
+    return [] if picked is None else [SetVariant(names[picked])]
 
 
 def _under(context: PanelContext, key: str, state: ObjectState, layer: Layer, width: float) -> list[Action]:

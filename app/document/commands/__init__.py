@@ -27,6 +27,7 @@ from app.document.commands.layers import (
     SetModel,
     SetParameter,
     SetUnder,
+    SetVariant,
     SetVisible,
 )
 from app.document.commands.light import SetEmission, SetEnvironment, SetIntensity, SetMapping, SetRotation
@@ -46,7 +47,7 @@ from app.document.commands.poses import AddDeformer, MoveDeformer, RemoveDeforme
 EditCommand = (
     SetParameter | SetModel | SetOperators | AddOperator | ReplaceOperator | RemoveOperator | MoveOperator
     | MuteOperator | CollapseOperators | ResetCurve | SetVisible | SetFrozen | SetFresnelTerm | SetUnder | SetEditable
-    | SetBumps | SetOpacity | SetMap | SetParameterMap | Paint | BlendByMap | ClearMap | SetMaterial | AddLayers
-    | RemoveLayer | SetRotation | SetIntensity | SetEnvironment | SetMapping | SetEmission | SetFirstBands | SetPose
-    | AddDeformer | SetDeformer | MoveDeformer | RemoveDeformer | SetTime | SetSurface | OverrideLine
+    | SetBumps | SetOpacity | SetMap | SetParameterMap | Paint | BlendByMap | ClearMap | SetMaterial | SetVariant
+    | AddLayers | RemoveLayer | SetRotation | SetIntensity | SetEnvironment | SetMapping | SetEmission | SetFirstBands
+    | SetPose | AddDeformer | SetDeformer | MoveDeformer | RemoveDeformer | SetTime | SetSurface | OverrideLine
 )  # fmt: skip

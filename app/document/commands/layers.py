@@ -175,6 +175,27 @@ class SetMaterial:
 
 
 @dataclass(frozen=True)
+class SetVariant:
+    """Give all objects the materials of one of the scene's variants, by its name."""
+
+    name: str
+
+    @property
+    def label(self) -> str:
+        return f"variant {self.name}"
+
+    def apply(self, document: Document) -> Document:
+        if self.name not in document.variants:
+            there = ", ".join(document.variants) or "none; its files have no variants"
+            raise InsituError(f"there is no variant {self.name!r}; available: {there}")
+        for state in document.objects:
+            layers = dict(state.variants).get(self.name)
+            if layers is not None and layers != state.layers:
+                document = document.with_object(replace(_editable_object(document, state.name), layers=layers))
+        return document
+
+
+@dataclass(frozen=True)
 class AddLayers:
     """Add layers on top of an object's; those whose name is taken get another. Layers that lie under nothing lie under
     the last one added that can cover them."""

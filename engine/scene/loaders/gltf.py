@@ -22,6 +22,7 @@ import numpy.typing as npt
 
 from engine.core.errors import LoadError
 from engine.material.bumps import NO_BUMPS
+from engine.scene.description import MAX_VARIANTS, LayerDescription
 from engine.scene.loaders.gltf_buffers import open_gltf
 from engine.scene.loaders.gltf_cameras import read_cameras
 from engine.scene.loaders.gltf_file import INTEGERS, SHARES, GltfFile
@@ -47,6 +48,8 @@ from engine.scene.mesh import (
 from engine.scene.rig import Binding, Rig, Skeleton, join_bindings
 
 Bound = tuple[Mesh, Binding | None]
+# The material of a primitive, −1 for none, and those that it has in the file's variants, empty where it has one.
+Use = tuple[int, tuple[int, ...]]
 
 # Limit of vertices and faces of all copies that nodes make of meshes, plus one for every byte: small files must not
 # cost much.
@@ -60,7 +63,8 @@ def read_glb(path: Path) -> ImportedModel:
     root, buffers = open_gltf(path)
     file = GltfFile.of(root, buffers)
     rigs = RigReader(file, root)
-    copies, skipped = _Copies(file, rigs), 0
+    variants = _variant_names(root)
+    copies, skipped = _Copies(file, rigs, len(variants)), 0
     nodes = scene_nodes(file, root)
     for mesh_index, placed in placed_meshes(file, nodes).items():
         for primitive in file.meshes[mesh_index].children("primitives"):
@@ -71,26 +75,34 @@ def read_glb(path: Path) -> ImportedModel:
         raise LoadError(path, "faces", 0, f"at least one mesh of triangles in the scene{why}")
     images = GltfImages(root, buffers)
     described = root.children("materials")
-    used = {
-        k: read_material(described[k], images, coloured) if k >= 0 else PartMaterial(COLOURED if coloured else GREY)
-        for k, coloured in ((k, any(m.colours is not None for m, _ in bound)) for k, bound in by_material.items())
-    }
+    read: dict[tuple[int, bool], PartMaterial] = {}
+
+    def material(k: int, is_coloured: bool) -> PartMaterial:
+        if (k, is_coloured) not in read:
+            plain = PartMaterial(COLOURED if is_coloured else GREY)
+            read[k, is_coloured] = read_material(described[k], images, is_coloured) if k >= 0 else plain
+        return read[k, is_coloured]
+
     skeleton = None
     if root.children("animations"):
         skeleton = rigs.skeleton(b for bound in by_material.values() for _, b in bound if b is not None)
-    parts = [_part(by_material[k], material, skeleton) for k, material in used.items()]
+    parts = []
+    for (k, others), bound in by_material.items():
+        is_coloured = any(mesh.colours is not None for mesh, _ in bound)
+        looks = [material(other, is_coloured).layers for other in others]
+        parts.append(_part(bound, material(k, is_coloured), skeleton, tuple(zip(variants, looks, strict=False))))
     low, high = (end([end(part.mesh.vertices, axis=0) for part in parts], axis=0) for end in (np.min, np.max))
     cameras, lights = read_cameras(file, nodes, (low + high) / 2.0), read_lights(file, nodes)
-    notes = [*root.notes, *_notes(list(used.values()), skipped), *rigs.notes, *([CONVERTED] if lights else [])]
+    notes = [*root.notes, *_notes(list(read.values()), skipped), *rigs.notes, *([CONVERTED] if lights else [])]
     return ImportedModel(tuple(parts), tuple(notes), cameras, unshown_properties(root), lights=lights)
 
 
-def _with_area(by_material: dict[int, list[Bound]], root: JsonObject) -> dict[int, list[Bound]]:
+def _with_area(by_material: dict[Use, list[Bound]], root: JsonObject) -> dict[Use, list[Bound]]:
     """What has faces with an area, if anything has: it is shown without the rest, with a note."""
-    solid = {k: bound for k, bound in by_material.items() if any(_has_area(mesh) for mesh, _ in bound)}
+    solid = {use: bound for use, bound in by_material.items() if any(_has_area(mesh) for mesh, _ in bound)}
     if solid:
-        for k in by_material.keys() - solid.keys():
-            root.note(f"faces of material {k}", "none with an area", "left out")
+        for material, _ in by_material.keys() - solid.keys():
+            root.note(f"faces of material {material}", "none with an area", "left out")
     return solid or by_material
 
 
@@ -99,7 +111,20 @@ def _has_area(mesh: Mesh) -> bool:
     return any(face_normals(mesh.vertices, faces)[1].any() for faces in (mesh.triangles[:100], mesh.triangles))
 
 
-def _part(bound: list[Bound], material: PartMaterial, skeleton: Skeleton | None) -> ImportedPart:
+def _variant_names(root: JsonObject) -> list[str]:
+    """The names of the file's variants [glTF20, KHR_materials_variants]; those without, or with another's, get a
+    number."""
+    names: list[str] = []
+    for fields in root.child("extensions").child("KHR_materials_variants").children("variants")[:MAX_VARIANTS]:
+        name = (fields.text("name") or "").strip()[:64]
+        names.append(name if name and name not in names else f"{name or 'variant'} {len(names) + 1}")
+    return names
+
+
+def _part(
+    bound: list[Bound], material: PartMaterial, skeleton: Skeleton | None,
+    variants: tuple[tuple[str, tuple[LayerDescription, ...]], ...] = (),
+) -> ImportedPart:  # fmt: skip
     """Join the meshes of one material; without texture coordinates it has no textures. If some have normals, those
     without get separate vertices for every face, so that they stay flat."""
     if any(mesh.normals is not None for mesh, _ in bound):
@@ -108,12 +133,13 @@ def _part(bound: list[Bound], material: PartMaterial, skeleton: Skeleton | None)
     opacity = material.opacity
     if mesh.uvs is None:
         layers, bumps = without_images(layers), NO_BUMPS
+        variants = tuple((name, without_images(each)) for name, each in variants)
         opacity = replace(opacity, opacity_map="")
     rig = None
     if skeleton is not None:
         rig = Rig(skeleton, join_bindings([binding for _, binding in bound if binding is not None]), np.eye(4))
     is_smooth = mesh.normals is not None
-    return ImportedPart(mesh, layers, material.emission, rig, bumps, opacity, is_smooth)
+    return ImportedPart(mesh, layers, material.emission, rig, bumps, opacity, is_smooth, variants=variants)
 
 
 def _with_flat_normals(mesh: Mesh, binding: Binding | None) -> Bound:
@@ -126,11 +152,11 @@ class _Copies:
     """The triangles of a file by material: each primitive is read once, and placed once for all its copies, whose
     number is limited relative to the file's size; and their bindings, if something moves them."""
 
-    def __init__(self, file: GltfFile, rigs: RigReader) -> None:
-        self._file, self._rigs = file, rigs
+    def __init__(self, file: GltfFile, rigs: RigReader, n_variants: int) -> None:
+        self._file, self._rigs, self._n_variants = file, rigs, n_variants
         self._read: dict[str, tuple[Mesh, PrimitiveRig | None] | None] = {}
         self._first: dict[str, JsonObject] = {}
-        self._placed: dict[tuple[int, str], list[MeshNode]] = {}
+        self._placed: dict[tuple[Use, str], list[MeshNode]] = {}
         self._n = 0
 
     def take(self, primitive: JsonObject, placed: list[MeshNode]) -> bool:
@@ -155,12 +181,23 @@ class _Copies:
             expected = f"at most {most} in a file of this size"
             raise primitive.error("vertices and faces of all copies", self._n, expected)
         material = primitive.integer("material", -1, self._file.n_materials - 1, -1)
-        self._placed.setdefault((material, made_of), []).extend(placed)
+        use = material, self._in_variants(primitive, material)
+        self._placed.setdefault((use, made_of), []).extend(placed)
         return True
 
-    def by_material(self) -> dict[int, list[Bound]]:
-        """All triangles at rest, in the order of the materials, −1 for none, and their bindings."""
-        found: dict[int, list[Bound]] = {}
+    def _in_variants(self, primitive: JsonObject, material: int) -> tuple[int, ...]:
+        """The material in each variant: where none is mapped to it, the primitive's own."""
+        found = [material] * self._n_variants
+        for mapping in primitive.child("extensions").child("KHR_materials_variants").children("mappings"):
+            mapped = mapping.integer("material", 0, self._file.n_materials - 1)
+            for variant in mapping.values.get("variants", []):
+                if isinstance(variant, int) and 0 <= variant < self._n_variants:
+                    found[variant] = mapped
+        return tuple(found) if set(found) != {material} else ()
+
+    def by_material(self) -> dict[Use, list[Bound]]:
+        """All triangles at rest, in the order of the materials, and their bindings."""
+        found: dict[Use, list[Bound]] = {}
         for (material, made_of), placed in self._placed.items():
             read = self._read[made_of]
             if read and (copies := self._rigs.copies(*read, placed)):

@@ -20,7 +20,8 @@ RGB = tuple[float, float, float]
 @dataclass(frozen=True)
 class ImportedPart:
     """All triangles of one material. layers: empty where the file has no material that is read; smooth: whether normals
-    are interpolated, computed where the mesh has none; name: the material's, empty if it has none."""
+    are interpolated, computed where the mesh has none; name: the material's, empty if it has none; variants: the layers
+    by the names of the file's variants, empty where all are the same."""
 
     mesh: Mesh
     layers: tuple[LayerDescription, ...] = ()
@@ -30,6 +31,7 @@ class ImportedPart:
     opacity: Opacity = OPAQUE
     smooth: bool = True
     name: str = ""
+    variants: tuple[tuple[str, tuple[LayerDescription, ...]], ...] = ()
 
 
 @dataclass(frozen=True)

@@ -244,6 +244,31 @@ def test_specular_glossiness_is_a_dielectric_of_any_reflectance(read: Callable[.
     assert part.layers[0].maps == LayerMaps(weight="#0", weight_channel="max", weight_invert=True)
 
 
+def test_variants_are_other_layers_of_a_part(
+    textured: Glb, glb_file: Callable[..., Path], scene_file: Callable[..., Path]
+) -> None:
+    tree, binary = textured
+    colours = {"red": [1, 0, 0, 1], "green": [0, 1, 0, 1], "blue": [0, 0, 1, 1]}
+    tree["materials"] = [
+        {"pbrMetallicRoughness": {"baseColorFactor": each, "metallicFactor": 0}} for each in colours.values()
+    ]
+    tree["materials"][2]["pbrMetallicRoughness"]["baseColorTexture"] = {"index": 0}
+    tree["extensions"] = {"KHR_materials_variants": {"variants": [{"name": "fir"}, {}, {"name": "fir"}]}}
+    primitive = tree["meshes"][0]["primitives"][0]
+    mappings = [{"material": 1, "variants": [0]}, {"material": 2, "variants": [2, 9, "x"]}]
+    primitive["extensions"] = {"KHR_materials_variants": {"mappings": mappings}}
+    (part,) = read_glb(glb_file(tree, binary)).parts
+    assert part.layers[0].parameters["albedo"] == (1.0, 0.0, 0.0)
+    found = [(name, layers[0].parameters["albedo"]) for name, layers in part.variants]
+    # What is mapped to no material has the primitive's own.
+    assert found == [("fir", (0.0, 1.0, 0.0)), ("variant 2", (1.0, 0.0, 0.0)), ("fir 3", (0.0, 0.0, 1.0))]
+    (toy,) = load_scene(scene_file(TOY)).description.objects
+    assert toy.variants[2].layers[0].maps.texture == "model.glb#0"
+    del primitive["extensions"]
+    (part,) = read_glb(glb_file(tree, binary)).parts
+    assert part.variants == ()
+
+
 def test_images_may_be_files_beside_it(
     textured: Glb, glb_file: Callable[..., Path], scene_file: Callable[..., Path]
 ) -> None:
