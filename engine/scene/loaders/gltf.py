@@ -190,9 +190,8 @@ class _Copies:
         found = [material] * self._n_variants
         for mapping in primitive.child("extensions").child("KHR_materials_variants").children("mappings"):
             mapped = mapping.integer("material", 0, self._file.n_materials - 1)
-            for variant in mapping.values.get("variants", []):
-                if isinstance(variant, int) and 0 <= variant < self._n_variants:
-                    found[variant] = mapped
+            for variant in mapping.indices("variants", self._n_variants):
+                found[variant] = mapped
         return tuple(found) if set(found) != {material} else ()
 
     def by_material(self) -> dict[Use, list[Bound]]:

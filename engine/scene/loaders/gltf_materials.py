@@ -86,6 +86,7 @@ def read_material(fields: JsonObject, images: GltfImages, is_coloured: bool = Fa
         coat=_coat(extensions.child("KHR_materials_clearcoat"), images, notes),
     )
     emission = _emission(fields)
+    _list_partly_shown(material, extensions, emits=any(emission))
     notes += [f"{words} are not shown" for key, words in _NOT_SHOWN.items() if fields.has(key)]
     emits = any(emission) and not fields.has("emissiveTexture")
     bumps = _bumps(fields.child("normalTexture"), images, notes) if fields.has("normalTexture") else NO_BUMPS
@@ -101,6 +102,7 @@ def _metallic_roughness(fields: JsonObject, images: GltfImages, notes: list[str]
     if pbr.has("metallicRoughnessTexture"):
         _, rough_mean, metal_mean = images.mean(pbr.child("metallicRoughnessTexture"), notes)
         metallic, roughness = metallic * metal_mean, roughness * rough_mean
+        pbr.not_shown("metallicRoughnessTexture", "gloss and metal do not vary over the surface: the means are shown")
     specular = fields.child("extensions").child("KHR_materials_specular")
     texture = images.maps(specular, "specularColorTexture", notes)
     return PbrMaterial(
@@ -143,9 +145,16 @@ def _specular_glossiness(fields: JsonObject, images: GltfImages, notes: list[str
     )  # fmt: skip
 
 
+def _without_effect(fields: JsonObject) -> None:
+    """Count all of an extension as read, because its factor of 0 leaves nothing of it."""
+    fields.mark_read(*fields.values)
+    fields.log.left_out.update(id(value) for value in fields.values.values())
+
+
 def _film(fields: JsonObject, images: GltfImages, notes: list[str]) -> Film | None:
     strength = fields.clamped(fields.number("iridescenceFactor", 0.0), "iridescenceFactor")
     if not strength:
+        _without_effect(fields)
         return None
     thickness = fields.clamped(
         fields.number("iridescenceThicknessMaximum", 400.0), "iridescenceThicknessMaximum", 0.0, 5000.0
@@ -164,6 +173,7 @@ def _sheen(fields: JsonObject, images: GltfImages, notes: list[str]) -> SheenCoa
     given = fields.numbers("sheenColorFactor", 3, (0.0, 0.0, 0.0))
     colour = _rgb(tuple(fields.clamped(v, "sheenColorFactor") for v in given))
     if not any(colour):
+        _without_effect(fields)
         return None
     roughness = fields.clamped(fields.number("sheenRoughnessFactor", 0.0), "sheenRoughnessFactor")
     if fields.has("sheenRoughnessTexture"):
@@ -176,6 +186,7 @@ def _sheen(fields: JsonObject, images: GltfImages, notes: list[str]) -> SheenCoa
 def _coat(fields: JsonObject, images: GltfImages, notes: list[str]) -> Coat | None:
     strength = fields.clamped(fields.number("clearcoatFactor", 0.0), "clearcoatFactor")
     if not strength:
+        _without_effect(fields)
         return None
     roughness = fields.clamped(fields.number("clearcoatRoughnessFactor", 0.0), "clearcoatRoughnessFactor")
     if fields.has("clearcoatRoughnessTexture"):
@@ -191,6 +202,28 @@ def _largest(maps: LayerMaps) -> WeightImage | None:
     texture coordinates, as weight maps do: the share counts as 1 there."""
     is_plain = bool(maps.texture) and LayerMaps(maps.texture, maps.texture_space) == maps
     return WeightImage(maps.texture, "max") if is_plain else None
+
+
+def _list_partly_shown(material: PbrMaterial, extensions: JsonObject, emits: bool) -> None:
+    """List what the layers of a material cannot have together."""
+    specular, sheen, coat = (
+        extensions.child(f"KHR_materials_{name}") for name in ("specular", "sheen", "clearcoat")
+    )  # fmt: skip
+    has_share = material.specular_image is not None or material.facing_image is not None
+    if material.film is not None:
+        for key in ("specularTexture", "specularColorTexture"):
+            if specular.has(key):
+                specular.not_shown(key, "counts as white under iridescence")
+        has_share = material.film.image is not None
+    if material.sheen is not None and material.sheen.image is not None:
+        if has_share:
+            sheen.not_shown("sheenColorTexture", "sheen takes from layers with another map as if it were white")
+        has_share = True
+    if material.coat is not None:
+        if material.coat.image is not None and has_share:
+            coat.not_shown("clearcoatTexture", "the coat takes from layers with another map as if it were whole")
+        if emits:
+            coat.not_shown("clearcoatFactor", "the coat does not dim what the surface emits")
 
 
 def _opacity(fields: JsonObject, colours: JsonObject, name: str, images: GltfImages, is_coloured: bool) -> Opacity:
@@ -334,7 +367,7 @@ class GltfImages:
         if used is None:
             return None
         if used.scale != (1.0, 1.0) or used.transform != IDENTITY_TRANSFORM:
-            notes.append("a texture of a strength is laid out without its transform, and repeated")
+            fields.not_shown(key, "laid out without its transform, and repeated")
         return WeightImage(f"#{used.image}", channel)
 
     def mean_alpha(self, info: JsonObject, notes: list[str]) -> float:
@@ -343,7 +376,6 @@ class GltfImages:
         if image is None:
             return 1.0
         shares = read_weight(self._buffers.image(image), f"{self._root.file}#{image}", channel="a")
-        notes.append("of a texture of gloss the mean is shown")
         return float(shares.mean(dtype=np.float64))
 
     def mean(self, info: JsonObject, notes: list[str]) -> tuple[float, float, float]:
