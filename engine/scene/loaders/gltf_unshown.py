@@ -141,7 +141,7 @@ def _unread(root: JsonObject) -> Iterator[str]:
             if key == "extensions" and isinstance(value, dict):
                 stack.append((value, place, True))
             elif isinstance(value, dict) and (key in read or (are_extensions and value)):
-                stack.append((value, name, False))
+                stack += [(value, name, False)] if id(value) not in log.left_out else []
             elif key not in read:
                 if (name, value) != ("samplers.magFilter", _LINEAR):
                     yield name
