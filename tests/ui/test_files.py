@@ -197,14 +197,16 @@ def test_a_dropped_measurement_is_the_selected_objects_material(window: Headless
 def test_the_mapping_of_a_probe_can_be_switched(window: HeadlessWindow, tmp_path: Path) -> None:
     editor = window.shell.editor
     with pytest.raises(KeyError):  # the scene's own environment has its mapping in the scene's file
-        window.shell.handle_position("light.mapping.0")
+        window.shell.handle_position("light.mapping")
     probe = tmp_path / "probe.exr"
     probe.write_bytes(exr_head(64, 64))
     window.shell.actor.open(str(probe))
     guessed = editor.document
     assert guessed.light.mapping == "angular"
     window.frames(2)
-    window.click_handle("light.mapping.0")
+    window.click_handle("light.mapping")
+    window.frames(2)
+    window.click_handle("light.mapping.latlong")
     assert editor.document.light.mapping == "latlong"
     assert window.run_until(lambda: _asked_light(editor).mapping == "latlong", 90.0)
     window.key(imgui.Key.z, imgui.Key.mod_ctrl)
@@ -221,7 +223,9 @@ def test_a_panorama_is_no_angular_map(window: HeadlessWindow, tmp_path: Path) ->
     window.frames(2)
     before, steps = editor.document, len(editor.history.undo_steps)
     assert before.light.mapping == "latlong"
-    window.click_handle("light.mapping.1")
+    window.click_handle("light.mapping")
+    window.frames(2)
+    window.click_handle("light.mapping.angular")
     assert editor.document is before and len(editor.history.undo_steps) == steps
     notice = window.shell.state.message
     assert notice is not None and notice.is_error

@@ -103,13 +103,12 @@ def _environment(context: PanelContext) -> list[Action]:
 
 
 def _mapping(context: PanelContext) -> list[Action]:
-    """How the file is read; pressed where it cannot be read so, the status bar says why."""
+    """How the file is read; picked where it cannot be read so, the status bar says why."""
     widgets.label(context, MAPPING.label)
-    choices = list(zip(MAPPING.titles, MAPPING_HINTS, strict=True))
-    chosen = MAPPING.choices.index(context.document.light.mapping)
-    share = max(imgui.get_content_region_avail().x - len(MAPPINGS) + 1.0, 1.0) / len(MAPPINGS) / context.theme.scale
-    pressed = widgets.segments(context, "light.mapping", choices, chosen, least=share)
-    return [] if pressed is None else [SetMapping(MAPPINGS[pressed])]
+    choices = [widgets.Choice(*each) for each in zip(MAPPING.titles, MAPPING_HINTS, MAPPINGS, strict=True)]
+    chosen = MAPPINGS.index(context.document.light.mapping)
+    picked = widgets.choose(context, "light.mapping", choices, [chosen], MAPPING.tooltip)
+    return [] if picked is None else [SetMapping(MAPPINGS[picked])]
 
 
 def _thumbnail(context: PanelContext, width: float, height: float) -> list[Action]:

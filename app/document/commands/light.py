@@ -42,7 +42,7 @@ MAPPING = Parameter(
     "Mapping",
     "How the file is read.",
     choices=MAPPINGS,
-    titles=("Lat-long", "Angular", "Ball", "Cube"),
+    titles=("Lat-long", "Angular map", "Mirroring ball", "Cube map"),
 )
 _AS: dict[Mapping, str] = {
     "latlong": "a lat-long map",
