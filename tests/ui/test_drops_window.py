@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +28,10 @@ def files(tmp_path: Path) -> Path:
     (tmp_path / "notes.txt").touch()
     (tmp_path / "folder").mkdir()
     (tmp_path / "folder.toml").mkdir()
+    (tmp_path / "model").mkdir()
+    (tmp_path / "model" / "thing.ply").write_text(TETRAHEDRON)
+    with zipfile.ZipFile(tmp_path / "model.zip", "w") as archive:
+        archive.writestr("thing.ply", TETRAHEDRON)
     return tmp_path
 
 
@@ -34,18 +39,26 @@ def drop(real: RealWindow, *files: Path) -> None:
     real.events(("move", *real.at("viewport.centre")), ("drop", [str(file) for file in files]))
 
 
-@pytest.mark.parametrize("name", ["scene.toml", "thing.ply"])
-def test_a_scene_is_opened(real: RealWindow, files: Path, name: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "scene"),
+    [
+        ("scene.toml", "scene.toml"),
+        ("thing.ply", "thing.ply"),
+        ("model", "model/thing.ply"),
+        ("model.zip", "model.zip"),
+    ],
+)
+def test_a_scene_is_opened(real: RealWindow, files: Path, name: str, scene: str) -> None:
     real.fresh()
     drop(real, files / name)
-    assert real.ask(OPENED)[-1] == str(files / name) and real.ask("state.pending_action") is None
+    assert real.ask(OPENED)[-1] == str(files / scene) and real.ask("state.pending_action") is None
     real.fresh()
     real.drag("curve.magnitude", by=(0, -20))
     opened = real.ask(OPENED)
     drop(real, files / name)  # edits are asked about first
     assert real.ask("type(state.pending_action).__name__") == "OpenFile" and real.ask(OPENED) == opened
     real.click("button.leave.discard")
-    assert real.ask(OPENED)[-1] == str(files / name) and len(real.ask(OPENED)) == len(opened) + 1
+    assert real.ask(OPENED)[-1] == str(files / scene) and len(real.ask(OPENED)) == len(opened) + 1
 
 
 def test_a_sky_and_a_measurement_are_a_step_each(real: RealWindow, files: Path) -> None:
@@ -61,7 +74,7 @@ def test_a_sky_and_a_measurement_are_a_step_each(real: RealWindow, files: Path) 
 
 @pytest.mark.parametrize(
     ("names", "line"),
-    [(["notes.txt"], "expected a scene"), (["folder"], "expected a scene"), (["folder.toml"], "is a folder"),
+    [(["notes.txt"], "expected a scene"), (["folder"], "expected a scene"), (["folder.toml"], "no scene in it"),
      (["scene.toml", "sky.exr"], "2 files were dropped"), (["gone.hdr"], "there is no such file"), ([], "")],
 )  # fmt: skip
 def test_all_else_is_refused_in_a_line(real: RealWindow, files: Path, names: list[str], line: str) -> None:
