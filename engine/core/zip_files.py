@@ -39,7 +39,7 @@ class ZipArchive:
         total, most = sum(entry.file_size for entry in entries), _most_unpacked(len(data))
         if total > most:
             raise LoadError(file, "size once unpacked", f"{total} bytes", f"at most {most} for an archive of this size")
-        self._entries = {_checked_name(entry, file): entry for entry in entries if not entry.is_dir()}
+        self._entries = {_checked_name(entry, file): entry for entry in entries if entry.filename[-1:] != "/"}
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -82,7 +82,7 @@ def _checked_name(entry: zipfile.ZipInfo, file: Path) -> str:
     """The name of a file in the archive; raises LoadError for one that leads elsewhere, a link and an encrypted one."""
     name = entry.filename.replace("\\", "/")
     parts = name.split("/")
-    is_inside = not name.startswith("/") and ".." not in parts and ":" not in name and name.isprintable()
+    is_inside = name != "" and not name.startswith("/") and ".." not in parts and ":" not in name and name.isprintable()
     if not is_inside or max(map(len, parts)) > _LONGEST_NAME:
         raise LoadError(file, "name in the archive", entry.filename, "a name inside the archive")
     if stat.S_ISLNK(entry.external_attr >> 16):

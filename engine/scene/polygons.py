@@ -1,4 +1,4 @@
-"""Triangulates the polygons of a mesh exactly.
+"""Triangulates the polygons of a mesh exactly, and finds those that repeat another.
 
 A polygon that is star-shaped about its first corner becomes a fan about it, as most files intend. Others are cut by ear
 clipping [Meisters75] in the plane of their Newell normal: a fan would cover area outside, and turn an L of area 3 into
@@ -56,6 +56,40 @@ def triangulate(places: Float64Array, lengths: Int64Array, n_bytes: int) -> Int3
     rest = np.isin(owner, chosen, invert=True)
     triangles = np.concatenate([fans[rest], ears[:found].astype(np.int32)])
     return triangles[np.argsort(np.concatenate([owner[rest], chosen[owners[:found]]]), kind="stable")]
+
+
+def repeated_polygons(vertices: Int64Array, lengths: Int64Array, either_way: bool) -> npt.NDArray[np.bool_]:
+    """Which polygons (N,) have the corners of an earlier one in the same order, or, `either_way`, in any.
+
+    vertices (C,): indices of the corners of all polygons one after the other; lengths (N,). Two cuts of one quad into
+    triangles may share none of these, so that repeats are found before. Polygons are told apart by sums of 64 bits
+    over their corners or their directed edges, so that it does not matter where an outline begins.
+    """
+    if not len(lengths):
+        return np.zeros(0, bool)
+    starts = np.cumsum(lengths) - lengths
+    keys = vertices.astype(np.uint64)
+    if not either_way:
+        after = np.arange(1, len(vertices) + 1)
+        after[starts + lengths - 1] = starts
+        keys = keys * np.uint64(1 << 32) + keys[after]
+    sums = np.add.reduceat(_scrambled(keys), starts) + lengths.astype(np.uint64)
+    repeated = np.ones(len(lengths), bool)
+    repeated[np.unique(sums, return_index=True)[1]] = False
+    return repeated
+
+
+def repeat_notes(n_repeated: int) -> tuple[str, ...]:
+    """A note on polygons that were left out for that, if there were any."""
+    return (f"{n_repeated} faces that repeat another left out",) if n_repeated else ()
+
+
+def _scrambled(keys: npt.NDArray[np.uint64]) -> npt.NDArray[np.uint64]:
+    """Well mixed bits of keys, the same for the same keys [Steele14]."""
+    keys = (keys + np.uint64(1)) * np.uint64(0x9E3779B97F4A7C15)
+    keys = (keys ^ (keys >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    keys = (keys ^ (keys >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return keys ^ (keys >> np.uint64(31))
 
 
 def _fans(lengths: Int64Array) -> tuple[Int32Array, Int64Array]:

@@ -32,7 +32,7 @@ from engine.scene.mesh import (
     with_normals,
     without_unused_vertices,
 )
-from engine.scene.polygons import TooIntricateError, triangulate
+from engine.scene.polygons import TooIntricateError, repeat_notes, repeated_polygons, triangulate
 
 _IGNORED = frozenset("vp o g l p mg usemap maplib lod shadow_obj trace_obj bevel c_interp d_interp".split())
 _MAX_INDEX_DIGITS = 12
@@ -68,6 +68,7 @@ class _Lines:
     material: int = -1
     smoothing: bool = True
     is_smooth: bool = False
+    n_repeated: int = 0
 
 
 def read_obj(file: Path) -> ImportedModel:
@@ -139,11 +140,10 @@ def _read_line(state: _Lines, words: list[str]) -> None:
 
 
 def _notes(state: _Lines) -> tuple[str, ...]:
-    """A note on skipped lines, if there were any."""
-    if not state.unknown:
-        return ()
+    """Notes on skipped lines and repeated faces, if there were any."""
     n = sum(state.unknown.values())
-    return (f"{n} lines of unknown kinds are left out: {_listed(state.unknown)}",)
+    lines = (f"{n} lines of unknown kinds are left out: {_listed(state.unknown)}",) if n else ()
+    return (*lines, *repeat_notes(state.n_repeated))
 
 
 def _listed(names: dict[str, Any]) -> str:
@@ -236,6 +236,10 @@ def _assemble(state: _Lines, n_bytes: int) -> tuple[Mesh, npt.NDArray[np.int32],
         line, found = state.lines[error.polygon], f"{state.lengths[error.polygon]} corners"
         raise LoadError(state.file, f"line {line}", found, "a polygon that is quickly cut into triangles") from None
     polygon = np.searchsorted(np.cumsum(lengths), triangles[:, 0], "right")
+    is_plain = not has_normals and not len(textures)
+    kept = ~repeated_polygons(corners[:, 0], lengths, either_way=is_plain)[polygon]
+    state.n_repeated = len(lengths) - len(np.unique(polygon[kept]))
+    triangles, polygon = triangles[kept], polygon[kept]
     mesh = Mesh(
         positions[keys // width], vertex.astype(np.int32)[triangles], normals[keys % width] if has_normals else None,
         _uvs(textures, corners[:, 2][triangles]), colours=_colours(state, corners[:, 0][triangles]),

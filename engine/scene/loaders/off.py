@@ -19,7 +19,7 @@ from engine.scene.loaders.model import ImportedModel, ImportedPart, UnshownPrope
 from engine.scene.loaders.vertex_colours import linear_colours, vertex_opacity
 from engine.scene.mesh import MAX_MESH_BYTES, Mesh, mend_mesh
 from engine.scene.mesh_defects import describe_holes
-from engine.scene.polygons import TooIntricateError, triangulate
+from engine.scene.polygons import TooIntricateError, repeat_notes, repeated_polygons, triangulate
 
 _HEADER = re.compile(r"(ST)?(C)?(N)?(4)?(n)?OFF")
 Rows = list[tuple[int, list[str]]]
@@ -43,13 +43,16 @@ def read_off(file: Path) -> ImportedModel:
         found = f"{lengths[error.polygon]} vertices"
         raise LoadError(file, f"face {error.polygon}", found, "a polygon that is quickly cut into triangles") from None
     face = np.searchsorted(np.cumsum(lengths), triangles[:, 0], "right")
-    triangles = np.array(corners, np.int32)[triangles]
     normals, colours, uvs = _columns(table, has_normals, has_uvs)
+    is_plain = normals is None and uvs is None
+    repeated = repeated_polygons(np.array(corners), np.array(lengths), either_way=is_plain)
+    triangles, face = np.array(corners, np.int32)[triangles][~repeated[face]], face[~repeated[face]]
     of_corners = None if colours is None else colours[triangles]
     if shares is not None:
         of_corners = np.repeat(shares[face][:, None], 3, axis=1)
     mesh = Mesh(table[:, :3], triangles, normals, None if uvs is None else uvs[triangles], colours=of_corners)
     mesh, notes = mend_mesh(mesh, file)
+    notes += repeat_notes(int(repeated.sum()))
     left = len(rows) - n_vertices - n_faces
     if left:
         notes.append(f"{left} lines after the last face are left out")

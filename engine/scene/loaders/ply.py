@@ -22,7 +22,7 @@ from engine.scene.loaders.model import ImportedModel, ImportedPart, UnshownPrope
 from engine.scene.loaders.ply_rows import COLOURS, CORNERS, Column, Element, Lists, Property, read_ascii, read_binary
 from engine.scene.loaders.vertex_colours import linear_colours, vertex_opacity
 from engine.scene.mesh import MAX_MESH_BYTES, Mesh, mend_mesh
-from engine.scene.polygons import TooIntricateError, triangulate
+from engine.scene.polygons import TooIntricateError, repeat_notes, repeated_polygons, triangulate
 
 _MAX_HEADER = 65536
 _MAX_COUNT = 2**31 - 1
@@ -50,11 +50,12 @@ def read_ply(file: Path) -> ImportedModel:
     vertices = _vectors(columns, _PLACES, file)
     normals = _vectors(columns, _NORMALS, file) if ("vertex", "nx") in columns else None
     triangles, face = _triangles(columns, vertices, len(data), file)
+    kept, n_repeated = _unrepeated(columns, face, is_plain=normals is None and _uvs(columns, triangles) is None)
+    triangles, face = triangles[kept], face[kept]
     mesh = Mesh(vertices, triangles, normals, _uvs(columns, triangles))
     mesh, mended = mend_mesh(replace(mesh, colours=_colours(columns, elements, mesh, face)), file)
-    return ImportedModel(
-        (ImportedPart(mesh, opacity=vertex_opacity(mesh)),), (*notes, *mended), unshown=_unshown(elements)
-    )
+    part = ImportedPart(mesh, opacity=vertex_opacity(mesh))
+    return ImportedModel((part,), (*notes, *mended, *repeat_notes(n_repeated)), unshown=_unshown(elements))
 
 
 def _triangles(
@@ -71,6 +72,15 @@ def _triangles(
     if not triangles:
         raise LoadError(file, "element face", "no list vertex_indices", "a list of vertex indices")
     return np.concatenate(triangles), np.concatenate(owners)
+
+
+def _unrepeated(columns: Columns, face: npt.NDArray[np.int64], is_plain: bool) -> tuple[npt.NDArray[np.bool_], int]:
+    """Which triangles (T,) are of strips, or of faces that repeat no other, and how many faces do."""
+    lists = next((columns["face", name] for name in CORNERS if ("face", name) in columns), None)
+    if not isinstance(lists, Lists):
+        return np.ones(len(face), bool), 0
+    repeated = repeated_polygons(lists.values.astype(np.int64), lists.lengths, either_way=is_plain)
+    return ~np.append(repeated, False)[face], int(repeated.sum())
 
 
 def _uvs(columns: Columns, triangles: npt.NDArray[np.int32]) -> npt.NDArray[np.float32] | None:

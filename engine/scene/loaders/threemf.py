@@ -1,4 +1,4 @@
-"""3MF files [3MF]: the parts that a file builds, in metres with Y up; base materials and groups of colours.
+"""3MF files [ThreeMF]: the parts that a file builds, in metres with Y up; base materials and groups of colours.
 
 A base material becomes a part of its name in its colour, which is sRGB; triangles without one become a part of their
 object's name, with colours at their corners where these are of a group of colours. Faces are flat: the format has no

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from engine.scene.polygons import TooIntricateError, triangulate
+from engine.scene.polygons import TooIntricateError, repeated_polygons, triangulate
 from tests.engine.scene.conftest import read_mesh
 
 L = [(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)]
@@ -145,3 +145,13 @@ def test_files_with_an_L_in_them_have_its_area(mesh_file, shared_data) -> None:
         assert (areas[:, 2] > 0.0).all() and areas[:, 2].sum() == pytest.approx(3.0)
         if mesh.uvs is not None:
             assert np.array_equal(mesh.uvs, mesh.vertices[mesh.triangles][..., :2])
+
+
+def test_polygons_repeat_from_any_corner_and_where_asked_in_any_winding() -> None:
+    polygons = [[0, 1, 2, 3], [2, 3, 0, 1], [3, 2, 1, 0], [0, 1, 2], [2, 1, 0], [0, 1, 2, 4], [0, 2, 1, 3]]
+    vertices, lengths = np.concatenate(polygons), np.array([len(each) for each in polygons])
+    one_way = repeated_polygons(vertices, lengths, either_way=False)
+    assert one_way.tolist() == [False, True, False, False, False, False, False]
+    either = repeated_polygons(vertices, lengths, either_way=True)
+    assert either.tolist() == [False, True, True, False, True, False, True]
+    assert repeated_polygons(np.zeros(0, np.int64), np.zeros(0, np.int64), either_way=True).tolist() == []

@@ -161,7 +161,9 @@ def test_agrees_with_an_independent_reader(shared_data):
     trimesh = pytest.importorskip("trimesh")
     path = shared_data / "meshes" / "dragon_res3.ply"
     ours, theirs = read_mesh(path), trimesh.load(path, process=False)
-    assert np.array_equal(ours.triangles, theirs.faces)
+    first = np.sort(np.unique(np.sort(theirs.faces, axis=1), axis=0, return_index=True)[1])
+    assert len(theirs.faces) - len(first) == 1254  # that file has so many faces twice
+    assert np.array_equal(ours.triangles, theirs.faces[first])
     assert np.abs(ours.vertices - theirs.vertices).max() < 1e-7  # they round ASCII numbers to float32
 
 
