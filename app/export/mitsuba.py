@@ -124,7 +124,8 @@ def _add_object(root: ElementTree.Element, project: Project, folder: Path, index
     factors = np.array([mean_factor(scene, index, layer.maps) for layer in layers]).reshape(-1, 3)
     axes, turns = object_axes(scene)[index, [1, 0]], scene.tangent_rotations.image(index)
     written: WrittenMaterial = write_material(shape, layers, folder, stem, axes, turns, factors)
-    return [f"{name}: {note}" for note in written.notes]
+    notes = [*written.notes, *(["opaque: its opacity is not written"] if index in scene.cutouts.opacities else [])]
+    return [f"{name}: {note}" for note in notes]
 
 
 def ply_bytes(scene: Scene, index: int) -> bytes:

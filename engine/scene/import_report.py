@@ -118,6 +118,7 @@ def report_scene(scene: Scene) -> ImportReport:
         for layer in described[i].layers:
             images += [layer.maps.texture, layer.maps.weight]
         images += [name for _, name in (*described[i].bumps.files, *described[i].deform.files)]
+        images.append(described[i].opacity.opacity_map)
     return ImportReport(
         files=_file_names(scene, is_mesh),
         objects=tuple(

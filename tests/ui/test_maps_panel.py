@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from app.document.commands.layers import SetModel, SetVisible
-from app.document.commands.maps import SetMap
+from app.document.commands.maps import SetBumps, SetMap, SetOpacity
 from app.document.view_state import OpenPanel
 from app.modes.placement.placement_messages import MapsSampled, SampleMaps
 from engine.material.bumps import NO_BUMPS, Bumps
 from engine.material.layer_maps import LayerMaps, MapMeans
+from engine.material.opacity import OPAQUE, Opacity
 from tests.ui.stand_in import StandInClient, scene_frame
 from ui.headless import HeadlessWindow
 from ui.panels.actions import AskFile, OpenImage
@@ -221,3 +222,48 @@ def test_the_rotation_of_a_streak_is_dragged_mapped_and_undone(window: HeadlessW
     assert bumps().tangent_range == 360.0
     window.click_handle("button.clear_tangent")
     assert not bumps().tangent_map
+
+
+def test_opacity_is_chosen_dragged_mapped_and_undone(window: HeadlessWindow, tmp_path: Path) -> None:
+    editor, actor = window.shell.editor, window.shell.actor
+    editor.select("teapot.0")
+    for other in ("light", "accuracy"):  # room for all rows
+        editor.do(OpenPanel(other, False))
+    window.frames(6)
+    window.click_handle("material.images.0")
+    assert "material.opacity_cutoff" not in window.shell.handles.names()  # of what is all there
+    editor.do(SetOpacity("teapot", "opacity_mode", "mask"))
+    window.frames(3)
+    window.drag_handle("material.opacity_cutoff", (1000, 0))
+    assert editor.document.object("teapot").opacity == Opacity("mask", 1.0)
+    window.click_handle("material.opacity_map")
+    window.frames(2)
+    question = window.shell.state.question
+    assert question is not None and (question.purpose, question.key) == ("open_opacity_map", "teapot")
+    (tmp_path / "leaf.png").touch()
+    actor.perform([answer(question, tmp_path / "leaf.png")], window.shell.state, 0.0)
+    assert editor.document.object("teapot").opacity.opacity_map == str(tmp_path / "leaf.png")
+    window.shell.state = PanelState()
+    window.frames(2)
+    window.click_handle("button.clear_opacity")
+    assert editor.document.object("teapot").opacity == Opacity("mask", 1.0)
+    for _ in range(4):
+        editor.undo()
+    assert editor.document.object("teapot").opacity == OPAQUE and not editor.document.new_opacities
+
+
+def test_switches_of_vertex_colours_and_of_green(window: HeadlessWindow) -> None:
+    editor = window.shell.editor
+    editor.select("teapot.0")
+    for other in ("light", "accuracy"):  # room for all rows
+        editor.do(OpenPanel(other, False))
+    window.frames(6)
+    window.click_handle("material.images.0")
+    assert "material.vertex_colours.0" not in window.shell.handles.names()  # its mesh has none
+    editor.do(SetMap("teapot.0", "vertex_colours", True))
+    editor.do(SetBumps("teapot", "normal_map", "lean.png"))
+    window.frames(3)
+    window.click_handle("material.flip_green.0")
+    assert editor.document.object("teapot").bumps == Bumps(normal_map="lean.png", flip_green=True)
+    window.click_handle("material.vertex_colours.0")
+    assert not maps_of(window).vertex_colours

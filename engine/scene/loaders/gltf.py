@@ -28,7 +28,15 @@ from engine.scene.loaders.gltf_cameras import read_cameras
 from engine.scene.loaders.gltf_file import INTEGERS, SHARES, GltfFile
 from engine.scene.loaders.gltf_json import JsonObject
 from engine.scene.loaders.gltf_lights import CONVERTED, read_lights
-from engine.scene.loaders.gltf_materials import COLOURED, GREY, GltfImages, PartMaterial, read_material, without_images
+from engine.scene.loaders.gltf_materials import (
+    COLOURED,
+    GREY,
+    GltfImages,
+    PartMaterial,
+    read_material,
+    uv_set,
+    without_images,
+)
 from engine.scene.loaders.gltf_nodes import MeshNode, placed_meshes, scene_nodes
 from engine.scene.loaders.gltf_rig import PrimitiveRig, RigReader
 from engine.scene.loaders.gltf_unshown import unknown_requirements, unshown_properties
@@ -64,7 +72,8 @@ def read_glb(path: Path) -> ImportedModel:
     file = GltfFile.of(root, buffers)
     rigs = RigReader(file, root)
     variants = _variant_names(root)
-    copies, skipped = _Copies(file, rigs, len(variants)), 0
+    described = root.children("materials")
+    copies, skipped = _Copies(file, rigs, described, len(variants)), 0
     nodes = scene_nodes(file, root)
     for mesh_index, placed in placed_meshes(file, nodes).items():
         for primitive in file.meshes[mesh_index].children("primitives"):
@@ -74,27 +83,34 @@ def read_glb(path: Path) -> ImportedModel:
         why = f": {next(iter(root.notes))}" if root.notes else ""
         raise LoadError(path, "faces", 0, f"at least one mesh of triangles in the scene{why}")
     images = GltfImages(root, buffers)
-    described = root.children("materials")
-    read: dict[tuple[int, bool], PartMaterial] = {}
+    read: dict[tuple[int, bool, int], PartMaterial] = {}
 
-    def material(k: int, is_coloured: bool) -> PartMaterial:
-        if (k, is_coloured) not in read:
-            plain = PartMaterial(COLOURED if is_coloured else GREY)
-            read[k, is_coloured] = read_material(described[k], images, is_coloured) if k >= 0 else plain
-        return read[k, is_coloured]
+    def material(k: int, is_coloured: bool, coordinates: int) -> PartMaterial:
+        use = k, is_coloured, coordinates
+        if use not in read:
+            images.uv_set, plain = coordinates, PartMaterial(COLOURED if is_coloured else GREY)
+            read[use] = read_material(described[k], images, is_coloured) if k >= 0 else plain
+        return read[use]
 
     skeleton = None
     if root.children("animations"):
         skeleton = rigs.skeleton(b for bound in by_material.values() for _, b in bound if b is not None)
     parts = []
     for (k, others), bound in by_material.items():
-        is_coloured = any(mesh.colours is not None for mesh, _ in bound)
-        looks = [material(other, is_coloured).layers for other in others]
-        parts.append(_part(bound, material(k, is_coloured), skeleton, tuple(zip(variants, looks, strict=False))))
+        of = any(mesh.colours is not None for mesh, _ in bound), _uv_set_of(described, k)
+        looks = [material(other, *of).layers for other in others]
+        parts.append(_part(bound, material(k, *of), skeleton, tuple(zip(variants, looks, strict=False))))
+        if material(k, *of).has_images and all(mesh.uvs is None for mesh, _ in bound):
+            root.note(f"textures of material {k}", "on meshes without their coordinates", "not shown")
     low, high = (end([end(part.mesh.vertices, axis=0) for part in parts], axis=0) for end in (np.min, np.max))
     cameras, lights = read_cameras(file, nodes, (low + high) / 2.0), read_lights(file, nodes)
     notes = [*root.notes, *_notes(list(read.values()), skipped), *rigs.notes, *([CONVERTED] if lights else [])]
     return ImportedModel(tuple(parts), tuple(notes), cameras, unshown_properties(root), lights=lights)
+
+
+def _uv_set_of(materials: list[JsonObject], k: int) -> int:
+    """The set of texture coordinates of the meshes of a material, −1 for none."""
+    return uv_set(materials[k].aside()) if k >= 0 else 0
 
 
 def _with_area(by_material: dict[Use, list[Bound]], root: JsonObject) -> dict[Use, list[Bound]]:
@@ -152,8 +168,8 @@ class _Copies:
     """The triangles of a file by material: each primitive is read once, and placed once for all its copies, whose
     number is limited relative to the file's size; and their bindings, if something moves them."""
 
-    def __init__(self, file: GltfFile, rigs: RigReader, n_variants: int) -> None:
-        self._file, self._rigs, self._n_variants = file, rigs, n_variants
+    def __init__(self, file: GltfFile, rigs: RigReader, materials: list[JsonObject], n_variants: int) -> None:
+        self._file, self._rigs, self._materials, self._n_variants = file, rigs, materials, n_variants
         self._read: dict[str, tuple[Mesh, PrimitiveRig | None] | None] = {}
         self._first: dict[str, JsonObject] = {}
         self._placed: dict[tuple[Use, str], list[MeshNode]] = {}
@@ -165,9 +181,11 @@ class _Copies:
         if primitive.integer("mode", 0, 6, _TRIANGLES) < _TRIANGLES:
             primitive.leave_out("mode", "points and lines are not drawn")
             return False
-        made_of = repr([primitive.values.get(key) for key in _GEOMETRY])
+        material = primitive.integer("material", -1, self._file.n_materials - 1, -1)
+        coordinates = f"TEXCOORD_{_uv_set_of(self._materials, material)}"
+        made_of = repr([coordinates, *(primitive.values.get(key) for key in _GEOMETRY)])
         if made_of not in self._read:
-            mesh = _read_primitive(self._file, primitive)
+            mesh = _read_primitive(self._file, primitive, coordinates)
             attached = self._rigs.attached(primitive, len(mesh.vertices), placed) if mesh else None
             self._read[made_of] = (mesh, attached) if mesh else None
             self._first[made_of] = primitive
@@ -180,7 +198,6 @@ class _Copies:
         if self._n > most:
             expected = f"at most {most} in a file of this size"
             raise primitive.error("vertices and faces of all copies", self._n, expected)
-        material = primitive.integer("material", -1, self._file.n_materials - 1, -1)
         use = material, self._in_variants(primitive, material)
         self._placed.setdefault((use, made_of), []).extend(placed)
         return True
@@ -204,8 +221,8 @@ class _Copies:
         return dict(sorted(found.items()))
 
 
-def _read_primitive(file: GltfFile, primitive: JsonObject) -> Mesh | None:
-    """Read one list, strip or fan of triangles; None if it has none."""
+def _read_primitive(file: GltfFile, primitive: JsonObject, coordinates: str) -> Mesh | None:
+    """Read one list, strip or fan of triangles, with these texture coordinates; None if it has none."""
     attributes = primitive.child("attributes")
     if not attributes.has("POSITION"):
         raise attributes.error("POSITION", "nothing", "an accessor of positions")
@@ -232,7 +249,7 @@ def _read_primitive(file: GltfFile, primitive: JsonObject) -> Mesh | None:
     if not len(triangles):
         primitive.note("faces", 0, "left out")
         return None
-    uvs = _read_uvs(file, attributes, len(vertices), triangles)
+    uvs = _read_uvs(file, attributes, coordinates, len(vertices), triangles)
     tangents = None
     if normals is not None:
         normals = _mend_normals(normals, vertices, triangles, attributes)
@@ -282,20 +299,20 @@ def _mend_normals(
 
 
 def _read_uvs(
-    file: GltfFile, attributes: JsonObject, n_vertices: int, triangles: npt.NDArray[np.int32]
+    file: GltfFile, attributes: JsonObject, key: str, n_vertices: int, triangles: npt.NDArray[np.int32]
 ) -> npt.NDArray[np.float32] | None:
     """Texture coordinates of the corners, (T, 3, 2), v flipped to grow upwards: in glTF it grows downwards."""
-    if not attributes.has("TEXCOORD_0"):
+    if not attributes.has(key):
         return None
-    values = file.read_floats(attributes, "TEXCOORD_0", "VEC2")
+    values = file.read_floats(attributes, key, "VEC2")
     if len(values) != n_vertices:
         found = f"{len(values)} texture coordinates"
-        raise attributes.error("TEXCOORD_0", found, f"{n_vertices}, as there are positions")
+        raise attributes.error(key, found, f"{n_vertices}, as there are positions")
     uvs = values.astype(np.float32)
     uvs[:, 1] = np.float32(1.0) - uvs[:, 1]
     is_usable = np.abs(uvs) <= MAX_UV
     if not is_usable.all():
-        attributes.note("TEXCOORD_0", f"{np.count_nonzero(~is_usable)} numbers beyond {MAX_UV:g}", "taken as 0")
+        attributes.note(key, f"{np.count_nonzero(~is_usable)} numbers beyond {MAX_UV:g}", "taken as 0")
         uvs = np.where(is_usable, uvs, np.float32(0.0))
     return uvs[triangles]
 

@@ -6,7 +6,9 @@ converts it. Textures of colours and of strengths multiply layers. A texture of 
 its mean: a layer has the same curve everywhere. Images are named `#N` here, the Nth of the file; the caller, who knows
 the file's name, prepends it.
 
-An image that is unavailable (in a format of an extension, mapped by a second set of coordinates, too large relative to
+A part has one set of texture coordinates, that of its colour's texture (`uv_set`).
+
+An image that is unavailable (in a format of an extension, mapped by another set of coordinates, too large relative to
 the file together with those before it, or missing) is skipped with a note: the material's factors replace it. Images
 with equal bytes are one. Mappings by KHR_texture_transform and samplers are preserved.
 """
@@ -65,11 +67,19 @@ class PartMaterial:
     bumps: Bumps = NO_BUMPS
     opacity: Opacity = OPAQUE
 
+    @property
+    def has_images(self) -> bool:
+        """Whether it has images, which need texture coordinates."""
+        own = self.bumps.file or self.opacity.opacity_map
+        return bool(own) or any(layer.maps.is_of_files for layer in self.layers)
+
 
 def read_material(fields: JsonObject, images: GltfImages, is_coloured: bool = False) -> PartMaterial:
     """Read a material as layers; values outside their range are clamped, with a note. is_coloured: whether meshes that
     have it have vertex colours, which multiply the base colour [glTF20, 3.9.2]."""
     notes: list[str] = []
+    if not fields.flag("doubleSided") and fields.has("doubleSided"):
+        fields.not_shown("doubleSided", "backs of faces reflect as their fronts do")
     extensions = fields.child("extensions")
     if extensions.has("KHR_materials_pbrSpecularGlossiness"):
         colours, name = extensions.child("KHR_materials_pbrSpecularGlossiness"), "diffuse"
@@ -233,11 +243,13 @@ def _opacity(fields: JsonObject, colours: JsonObject, name: str, images: GltfIma
     mode = _ALPHA_MODES.get(given, "opaque")
     if given not in _ALPHA_MODES:
         fields.note("alphaMode", given, "taken as OPAQUE")
+    if mode != "mask":
+        fields.mark_read("alphaCutoff")  # without effect [glTF20, 3.9.4]
     if mode == "opaque":
         return OPAQUE
     key = f"{name}Factor"
     factor = colours.clamped(colours.numbers(key, 4, (1.0,) * 4)[3], key)
-    cutoff = fields.clamped(fields.number("alphaCutoff", 0.5), "alphaCutoff")
+    cutoff = fields.clamped(fields.number("alphaCutoff", 0.5), "alphaCutoff") if mode == "mask" else 0.5
     opacity = Opacity(mode, cutoff, factor, opacity_vertices=is_coloured)
     key = f"{name}Texture"
     texture = images.use(colours.child(key), []) if colours.has(key) else None
@@ -303,8 +315,30 @@ class TextureUse:
     transform: TextureTransform
 
 
+def uv_set(fields: JsonObject) -> int:
+    """The set of texture coordinates by which a material's images are shown: that of its colour's texture, or, without,
+    of its first other one."""
+    extensions, pbr = fields.child("extensions"), fields.child("pbrMetallicRoughness")
+    glossiness = extensions.child("KHR_materials_pbrSpecularGlossiness")
+    for owner, key in (
+        (glossiness, "diffuseTexture"), (pbr, "baseColorTexture"), (fields, "normalTexture"),
+        (pbr, "metallicRoughnessTexture"), (fields, "emissiveTexture"),
+    ):  # fmt: skip
+        if owner.has(key):
+            return _uv_set(owner.child(key))
+    return 0
+
+
+def _uv_set(info: JsonObject) -> int:
+    """The set of texture coordinates of a texture; its transform may name another."""
+    transform = info.child("extensions").child("KHR_texture_transform")
+    return transform.integer("texCoord", 0, 64, info.integer("texCoord", 0, 64, 0))
+
+
 class GltfImages:
-    """The images of one file."""
+    """The images of one file. uv_set: the set of texture coordinates of the meshes whose material is read."""
+
+    uv_set = 0
 
     def __init__(self, root: JsonObject, buffers: GltfBuffers) -> None:
         self._root, self._buffers = root, buffers
@@ -395,9 +429,9 @@ class GltfImages:
     def _image(self, info: JsonObject, notes: list[str]) -> int | None:
         """The number of an image that can be read."""
         texture = self._textures[info.integer("index", 0, len(self._textures) - 1)]
-        transform = info.child("extensions").child("KHR_texture_transform")
-        if transform.integer("texCoord", 0, 64, info.integer("texCoord", 0, 64, 0)):
+        if _uv_set(info) != self.uv_set:
             notes.append("a texture by a second set of coordinates is not shown")
+            info.not_shown("texCoord", "a texture by another set of coordinates than the material's first is not shown")
             return None
         if not texture.has("source"):
             notes.append("a texture in a format of an extension is not shown")

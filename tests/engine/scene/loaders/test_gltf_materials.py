@@ -305,7 +305,10 @@ def test_images_may_be_files_beside_it(
         ({"image": {"uri": "data:image/png;base64,AAAA"}}, "image 0 is no PNG or JPEG"),
         ({"image": {"uri": "data:image/png;base64,!"}}, "image 0 is not shown: images 0: uri"),
         ({"textures": [{"extensions": {"KHR_texture_basisu": {"source": 0}}}]}, "in a format of an extension"),
-        ({"material": {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0, "texCoord": 1}}}}, "second set"),
+        (
+            {"material": {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0, "texCoord": 1}}}},
+            "without their coordinates",
+        ),
         ({"material": {"normalTexture": {"index": 0, "scale": 12}}}, "a normal map's scale of 12 is taken as 10"),
         ({"material": {"alphaMode": "GLASS"}}, "alphaMode = GLASS, taken as OPAQUE"),
     ],
@@ -324,12 +327,35 @@ def test_opacity_is_the_factors_times_the_alpha_of_the_base_colours_texture(
 ) -> None:
     image = {"uri": "data:image/png;base64," + base64.b64encode(png([[[255, 0, 0, 200], [0, 0, 0, 9]]])).decode()}
     pbr = {"baseColorTexture": {"index": 0}, "baseColorFactor": [1, 1, 1, 0.5], "metallicFactor": 0}
+    cutoff = 0.25 if said == "mask" else 0.5  # which only masks have
     material = {"alphaMode": mode, "alphaCutoff": 0.25, "pbrMetallicRoughness": pbr, "doubleSided": True}
     # An image without alpha is opaque; its brightness means nothing.
-    assert read(material=material).parts[0].opacity == Opacity(said, 0.25, 0.5)
+    assert read(material=material).parts[0].opacity == Opacity(said, cutoff, 0.5)
     model = read(image=image, material=material)
-    assert model.parts[0].opacity == Opacity(said, 0.25, 0.5, "#0") and model.notes == ()
+    assert model.parts[0].opacity == Opacity(said, cutoff, 0.5, "#0") and model.notes == ()
+    assert not [each.name for each in model.unshown]
     assert read(image=image, material=material | {"alphaMode": "OPAQUE"}).parts[0].opacity == OPAQUE
+
+
+def test_a_part_has_the_coordinates_of_its_colours_texture(textured: Glb, glb_file: Callable[..., Path]) -> None:
+    tree, binary = textured
+    attributes, (material,) = tree["meshes"][0]["primitives"][0]["attributes"], tree["materials"]
+    attributes["TEXCOORD_1"] = attributes.pop("TEXCOORD_0")  # as files have it whose first set is of a lightmap
+    tree["accessors"].append(tree["accessors"][attributes["TEXCOORD_1"]] | {"count": 3})
+    attributes["TEXCOORD_0"] = len(tree["accessors"]) - 1
+    colour = material["pbrMetallicRoughness"]["baseColorTexture"]
+    for named in ({"texCoord": 1}, {"texCoord": 0, "extensions": {"KHR_texture_transform": {"texCoord": 1}}}):
+        material["pbrMetallicRoughness"]["baseColorTexture"] = colour | named
+        material["normalTexture"] = {"index": 0, "texCoord": 0}
+        model = read_glb(glb_file(tree, binary))
+        (part,) = model.parts
+        assert part.layers[0].maps.texture == "#0" and not part.bumps.file
+        assert part.mesh.uvs is not None and part.mesh.uvs[0].tolist() == [[0, 0], [1, 0], [0, 1]]
+        # The normal map is on the other set, which is listed with it.
+        listed = {each.name for each in model.unshown}
+        assert "materials.normalTexture.texCoord" in listed, listed
+        assert "meshes.primitives.attributes.TEXCOORD_0" in listed
+        assert "a texture by a second set of coordinates is not shown" in model.notes
 
 
 def test_opacities_of_a_file_reach_the_scene_unless_it_says_otherwise(
