@@ -94,7 +94,10 @@ def object_meshes(description: SceneDescription, folder: Path, path: Path) -> tu
         if file not in models:
             models[file] = read_model(file)
             notes += [f"{item.name}: {note}" for note in models[file].notes]
-        items += _objects_of(item, models[file], path, taken)
+        found = _objects_of(item, models[file], path, taken)
+        if models[file].lights and item.part is None and not (item.layers or item.emits):
+            found = _with_lamps(found, item, models[file], taken, notes)
+        items += found
     if len(items) > MAX_OBJECTS:
         raise LoadError(path, "objects", len(items), f"at most {MAX_OBJECTS}")
     return _with_layers(items, notes), notes
@@ -141,17 +144,19 @@ def _objects_of(item: ObjectDescription, model: ImportedModel, path: Path, taken
         if len(chosen) > 1:
             own |= {"name": free_name(_part_name(item, part, k), taken), "part": k}
         items.append(ObjectMesh(item.model_copy(update=own), part.mesh, part.rig, model, part.name))
-    return items if item.part is not None or not model.lights else _with_lamps(items, item, model, taken)
+    return items
 
 
 def _with_lamps(
-    items: list[ObjectMesh], item: ObjectDescription, model: ImportedModel, taken: set[str]
+    items: list[ObjectMesh], item: ObjectDescription, model: ImportedModel, taken: set[str], notes: list[str]
 ) -> list[ObjectMesh]:
     """The objects of a file with those of its lights; its suns are the first object's."""
     matrix = np.reshape(item.transform, (4, 4)).astype(np.float64)
     places = np.concatenate([part.mesh.vertices[np.unique(part.mesh.triangles)] for part in model.parts])
     low, high = places.min(axis=0), places.max(axis=0)
-    for lamp in lamps_of(model.lights, matrix, (low + high) / 2.0, float(np.linalg.norm(high - low)) / 2.0):
+    lamps, left_out = lamps_of(model.lights, matrix, (low + high) / 2.0, float(np.linalg.norm(high - low)) / 2.0)
+    notes += [f"{item.name}: lamp {name} is left out, too small or too far away" for name in left_out]
+    for lamp in lamps:
         named = lamp.model_copy(update={"name": free_name(lamp.name, taken)})
         items.append(ObjectMesh(named, PRIMITIVES[str(lamp.primitive)]()))
     items[0] = replace(items[0], suns=suns_of(model.lights, matrix))

@@ -13,8 +13,6 @@ squares over the sphere, to that of the extension,
 
 An emission with an angular profile would be exact; but light is emitted evenly here, and every mode, the path tracer
 and exported scenes know what a tube does. A directional light becomes a sun (`engine.light.suns`).
-
-Photometric units are divided by 683 lm/W, as programs do that write them: candela become W/sr, lux W/m².
 """
 
 from __future__ import annotations
@@ -34,7 +32,6 @@ from engine.scene.primitives import disc, sphere
 
 Float64Array = npt.NDArray[np.float64]
 
-LUMENS_PER_WATT = 683.0
 # The radius of a lamp relative to its distance from the middle of the model, which is at least the model's radius.
 LAMP_RADIUS = 0.01
 BLACK = LayerDescription(model="lambert", parameters={"albedo": (0.0, 0.0, 0.0)})
@@ -42,6 +39,7 @@ BLACK = LayerDescription(model="lambert", parameters={"albedo": (0.0, 0.0, 0.0)}
 # of the disc relative to the opening's, because a sharp edge needs a point.
 _LEAST_OUTER, _WIDEST_INNER, _WIDEST_OUTER = math.radians(0.5), math.radians(70.0), math.radians(80.0)
 _SHARPEST, _LEAST_SOURCE = 0.12, 0.05
+_SMALLEST, _FARTHEST = 1e-7, 1e8  # radius and coordinates of a lamp, in metres
 
 
 class Shade(NamedTuple):
@@ -92,22 +90,26 @@ def _seen_share(a: Float64Array, b: Float64Array, shift: Float64Array) -> Float6
 
 def lamps_of(
     lights: Sequence[ImportedLight], matrix: Float64Array, middle: Float64Array, radius: float
-) -> list[ObjectDescription]:
-    """The points and spots as objects under the matrix (4, 4) of their model; middle (3,) and radius: of the sphere
-    about the model, before that. Names are those of the lights; a spot's tube is named after it."""
+) -> tuple[list[ObjectDescription], list[str]]:
+    """The points and spots as objects under the matrix (4, 4) of their model, and the names of those that are too small
+    or too far away for one; middle (3,) and radius: of the sphere about the model, before that. Names are those of the
+    lights; a spot's tube is named after it."""
     found: list[ObjectDescription] = []
+    left_out: list[str] = []
     for light in lights:
         if light.kind == "directional":
             continue
         away = max(radius, float(np.linalg.norm(np.subtract(light.position, middle))))
         place = matrix @ (*light.position, 1.0)
         size = LAMP_RADIUS * away * abs(float(np.linalg.det(matrix[:3, :3]))) ** (1.0 / 3.0)
-        if light.kind == "point":
+        if size < _SMALLEST or np.abs(place).max() > _FARTHEST:
+            left_out.append(light.name)
+        elif light.kind == "point":
             found.append(_sphere_lamp(light, place[:3], size))
         else:
             axis = matrix[:3, :3] @ light.direction
             found += _shaded_lamp(light, place[:3], axis / np.linalg.norm(axis), size)
-    return found
+    return found, left_out
 
 
 def _sphere_lamp(light: ImportedLight, place: Float64Array, radius: float) -> ObjectDescription:

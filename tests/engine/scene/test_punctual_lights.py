@@ -40,7 +40,7 @@ def spot(inner: float, outer: float) -> ImportedLight:
 
 
 def lamps(*lights: ImportedLight) -> list[ObjectDescription]:
-    return lamps_of(lights, np.eye(4), np.zeros(3), 1.0)
+    return lamps_of(lights, np.eye(4), np.zeros(3), 1.0)[0]
 
 
 def extension_intensity(cosine: np.ndarray, inner: float, outer: float) -> np.ndarray:
@@ -102,7 +102,7 @@ def test_a_cone_without_an_edge_has_the_least_that_a_tube_can_make() -> None:
 def test_lamps_follow_the_transform_of_their_model() -> None:
     turned = np.array([[0, 0, 3.0, 1], [0, 3.0, 0, 2], [-3.0, 0, 0, 3], [0, 0, 0, 1]])
     sun = ImportedLight("Sun", "directional", INTENSITY, direction=(0.0, -0.6, -0.8))
-    lamp, source, _ = lamps_of((POINT, spot(0, 45), sun), turned, np.zeros(3), 1.0)
+    (lamp, source, _), _ = lamps_of((POINT, spot(0, 45), sun), turned, np.zeros(3), 1.0)
     for each in (lamp, source):
         np.testing.assert_allclose(np.reshape(each.transform, (4, 4))[:3, 3], turned[:3] @ (0.3, 1.5, 0.2, 1.0))
     # Three times as large in a model three times as large, and no brighter at three times the distance.
@@ -111,6 +111,14 @@ def test_lamps_follow_the_transform_of_their_model() -> None:
     (found,) = suns_of((POINT, sun), turned)
     np.testing.assert_allclose(found.direction, turned[:3, :3] @ (0.0, 0.6, 0.8) / 3.0, atol=1e-12)
     assert found.irradiance == INTENSITY
+
+
+def test_lamps_that_cannot_be_placed_are_named() -> None:
+    far = ImportedLight("Far", "point", INTENSITY, (2e8, 0.0, 0.0))
+    near = ImportedLight("Near", "spot", INTENSITY, outer=0.5)
+    assert lamps_of((far, near), np.eye(4), np.zeros(3), 1e-6) == ([], ["Far", "Near"])
+    lit, left_out = lamps_of((near,), np.eye(4), np.zeros(3), 1e-5)
+    assert len(lit) == 2 and not left_out
 
 
 def text_of(lamp: ObjectDescription) -> str:
