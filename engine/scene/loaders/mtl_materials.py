@@ -27,11 +27,12 @@ from engine.material.bumps import BUMP_STRENGTH, DEFAULT_HEIGHT, NO_BUMPS, Bumps
 from engine.material.layer_maps import LayerMaps, Wrap
 from engine.material.opacity import OPAQUE, Opacity
 from engine.scene.description import MAX_RADIANCE, LayerDescription
+from engine.scene.loaders.image_files import find_image
 from engine.scene.loaders.model import RGB, ImportedPart, UnshownProperty
 from engine.scene.loaders.mtl import MtlImage, MtlMaterial, parse_library
 from engine.scene.loaders.pbr_layers import PbrMaterial, pbr_layers
 from engine.scene.mesh import Mesh
-from engine.texture.texture_files import MAX_IMAGE_BYTES, is_image, read_texture
+from engine.texture.texture_files import MAX_IMAGE_BYTES, read_texture
 
 MAX_LIBRARY_BYTES = 16 * 2**20
 _MOST_LIBRARIES = 16
@@ -108,16 +109,11 @@ class Materials:
 
     def _image(self, image: MtlImage, folder: Path) -> MtlImage | None:
         """The image by its name from the OBJ file's folder; None, with a note, where it cannot be shown."""
-        path = find_inside(self._root, folder, image.name)
         try:
-            if path is None:
-                raise LoadError(image.name, "file", "not there", "an image in the OBJ file's folder")
-            if not is_image(read_regular_file(path, MAX_IMAGE_BYTES), path):
-                raise LoadError(path, "format", path.suffix or "none", "PNG, JPEG or OpenEXR")
+            return replace(image, name=find_image(self._root, folder, image.name))
         except LoadError as error:
             self.notes.append(f"image {describe_value(image.name)} is not shown: {error.reason}")
             return None
-        return replace(image, name=path.relative_to(self._root.resolve()).as_posix())
 
     def _bumps(self, images: dict[str, MtlImage], material: MtlMaterial) -> Bumps:
         """A normal map of `norm`, and of `bump` as well where Blender wrote it or its mean is that of directions; else

@@ -4,7 +4,8 @@ Every count in the header is checked against the available bytes before anything
 a negative count and a header that claims 10⁹ vertices all end in one line that names the error. Bytes after the last
 element are skipped with a note. Polygons and strips (`tristrips`, a list in which −1 separates strips) become
 triangles. Read are x y z, nx ny nz, texture coordinates (s t, u v or texture_u texture_v), colours of vertices and
-faces (`vertex_colours` says which are sRGB) and the vertex indices of faces; other properties are listed as not shown.
+faces (`vertex_colours` says which are sRGB), vertex indices of faces, and the image of a `comment TextureFile`; other
+properties are listed as not shown.
 trimesh reads such files differently: see `engine.scene.mesh`.
 """
 
@@ -18,6 +19,9 @@ import numpy.typing as npt
 
 from engine.core.errors import LoadError, describe_value
 from engine.core.safe_files import read_regular_file
+from engine.material.layer_maps import LayerMaps
+from engine.scene.description import LayerDescription
+from engine.scene.loaders.image_files import find_image
 from engine.scene.loaders.model import ImportedModel, ImportedPart, UnshownProperty
 from engine.scene.loaders.ply_rows import COLOURS, CORNERS, Column, Element, Lists, Property, read_ascii, read_binary
 from engine.scene.loaders.vertex_colours import linear_colours, vertex_opacity
@@ -42,7 +46,7 @@ Columns = dict[tuple[str, str], Column | Lists]
 def read_ply(file: Path) -> ImportedModel:
     """Read a PLY file; raises LoadError naming the line, element or byte."""
     data = read_regular_file(file, MAX_MESH_BYTES)
-    elements, byte_order, body = _parse_header(data, file)
+    elements, byte_order, body, texture = _parse_header(data, file)
     if byte_order:
         columns, notes = read_binary(data, body, elements, byte_order, file)
     else:
@@ -54,8 +58,23 @@ def read_ply(file: Path) -> ImportedModel:
     triangles, face = triangles[kept], face[kept]
     mesh = Mesh(vertices, triangles, normals, _uvs(columns, triangles))
     mesh, mended = mend_mesh(replace(mesh, colours=_colours(columns, elements, mesh, face)), file)
-    part = ImportedPart(mesh, opacity=vertex_opacity(mesh))
-    return ImportedModel((part,), (*notes, *mended, *repeat_notes(n_repeated)), unshown=_unshown(elements))
+    layers, texture_notes = _textured(texture, mesh, file)
+    part = ImportedPart(mesh, layers, opacity=vertex_opacity(mesh))
+    notes = (*notes, *mended, *repeat_notes(n_repeated), *texture_notes)
+    return ImportedModel((part,), notes, unshown=_unshown(elements))
+
+
+def _textured(texture: str, mesh: Mesh, file: Path) -> tuple[tuple[LayerDescription, ...], tuple[str, ...]]:
+    """The material of the image that MeshLab and scanners name in a comment, None without one; and notes."""
+    if not texture:
+        return (), ()
+    if mesh.uvs is None:
+        return (), (f"image {describe_value(texture)} is not shown: vertices have no texture coordinates",)
+    try:
+        maps = LayerMaps(find_image(file.parent, file.parent, texture), "srgb", vertex_colours=mesh.colours is not None)
+    except LoadError as error:
+        return (), (f"image {describe_value(texture)} is not shown: {error.reason}",)
+    return (LayerDescription(model="lambert", maps=maps, parameters={"albedo": (1.0, 1.0, 1.0)}),), ()
 
 
 def _triangles(
@@ -124,8 +143,8 @@ def _unshown(elements: list[Element]) -> tuple[UnshownProperty, ...]:
     return tuple(found)
 
 
-def _parse_header(data: bytes, file: Path) -> tuple[list[Element], str, int]:
-    """Elements, byte order ("" for ASCII) and the start of the body."""
+def _parse_header(data: bytes, file: Path) -> tuple[list[Element], str, int, str]:
+    """Elements, byte order ("" for ASCII), the start of the body, and the image of a comment, "" for none."""
     if not data.startswith((b"ply\n", b"ply\r")):
         raise LoadError(file, "first line", data[:16].decode("ascii", "replace"), "ply")
     end = data.find(b"end_header", 0, _MAX_HEADER)
@@ -134,9 +153,12 @@ def _parse_header(data: bytes, file: Path) -> tuple[list[Element], str, int]:
         raise LoadError(file, "header", "no end_header", f"end_header within {_MAX_HEADER} bytes")
     elements: list[Element] = []
     byte_order: str | None = None
-    for number, line in enumerate(data[:end].decode("ascii", "replace").splitlines()[1:], start=2):
+    texture = ""
+    for number, line in enumerate(data[:end].decode("utf-8", "replace").splitlines()[1:], start=2):
         words = line.split()
         if not words or words[0] in ("comment", "obj_info"):
+            if len(words) > 2 and words[1] == "TextureFile":
+                texture = texture or line.partition("TextureFile")[2].strip()
             continue
         if words[0] == "format" and len(words) == 3 and words[1] in _FORMATS and words[2] == "1.0":
             byte_order = _FORMATS[words[1]]
@@ -148,7 +170,7 @@ def _parse_header(data: bytes, file: Path) -> tuple[list[Element], str, int]:
             raise LoadError(file, f"line {number}", line, "a PLY 1.0 format, element or property")
     if byte_order is None:
         raise LoadError(file, "header", "no format", "format ascii, binary_little_endian or binary_big_endian")
-    return elements, byte_order, body
+    return elements, byte_order, body, texture
 
 
 def _parse_count(word: str, number: int, file: Path) -> int:

@@ -48,7 +48,7 @@ def test_oddities_are_noted_by_object(scene_file, mesh_file):
     text = TRIANGLE.replace("element face 1", "element face 3").replace("\n3 0 1 2\n", "\n3 0 1 2\n3 0 1 1\n3 2 1 0\n")
     mesh_file("t.ply", text)
     scene = load_scene(scene_file(mesh_object("t.ply", LAMBERT)))
-    assert scene.notes == ("thing: 1 faces without area left out", "thing: 1 faces that repeat another left out")
+    assert scene.notes == ("thing: 1 faces that repeat another left out", "thing: 1 faces without area left out")
     assert len(scene.triangles) == 1 and np.isfinite(scene.normals).all()
 
 

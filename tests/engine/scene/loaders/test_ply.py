@@ -206,3 +206,22 @@ def test_variants_that_other_programs_write_open(shared_data):
             assert np.linalg.norm(doubled, axis=1).sum() / 2 == pytest.approx(24.0)
             # All wound outwards, or all inwards: the volume by the divergence theorem is that of the cube.
             assert abs((corners[:, 0] * doubled).sum() / 6) == pytest.approx(8.0)
+
+
+def test_the_image_of_a_comment_is_the_texture(tmp_path, mesh_file):
+    from PIL import Image
+
+    Image.new("RGB", (2, 2), (200, 100, 50)).save(tmp_path / "a b.png")
+    vertex = POSITIONS + "property float s\nproperty float t\n"
+    rows = "".join(f"{x} {y} {z} {x} {y}\n" for x, y, z in CORNERS) + "4 0 1 2 3\n"
+    for comment, texture, note in (
+        ("TextureFile a b.png", "a b.png", None), ("TextureFile C:\\scans\\A B.PNG", "a b.png", None),
+        ("TextureFile gone.png", None, "image gone.png is not shown: file = not there"), ("made here", None, None),
+    ):  # fmt: skip
+        text = header("ascii", 4, 1, vertex).replace("comment made here", f"comment {comment}") + rows
+        found = read_model(mesh_file("a.ply", text))
+        assert [layer.maps.texture for layer in found.parts[0].layers] == ([texture] if texture else []), comment
+        assert len(found.notes) == (note is not None) and (note is None or found.notes[0].startswith(note))
+    bare = header("ascii", 4, 1).replace("comment made here", "comment TextureFile a b.png")
+    found = read_model(mesh_file("a.ply", bare + ASCII_CORNERS + "4 0 1 2 3\n"))
+    assert found.notes == ("image a b.png is not shown: vertices have no texture coordinates",)
