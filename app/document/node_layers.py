@@ -11,18 +11,21 @@ A map whose image has not been read yet, or cannot be, leaves its parameter at i
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from app.document.document import Document, layer_key
+from app.document.document import Document, ObjectState, layer_key
 from engine.material.layer import Layer
 from engine.material.layer_maps import ChannelImage
-from engine.material.parameter_maps import ChannelStatistics
-from engine.material.parameter_nodes import MOST_NODES, find_nodes, plan_nodes
+from engine.material.parameter_maps import ChannelStatistics, ParameterMaps
+from engine.material.parameter_nodes import FEWEST_NODES, MOST_NODES, ParameterNodes, nodes_of_maps, plan_nodes
 from engine.settings import LineValue
 
 Statistics = Mapping[ChannelImage, ChannelStatistics]
+# A metal with images of colour and of roughness, over a dielectric, would have nineteen.
+MOST_LAYERS_OF_OBJECT = 16
 
 
 def channel_images(document: Document) -> tuple[ChannelImage, ...]:
@@ -37,15 +40,52 @@ def with_node_layers(document: Document, statistics: Statistics, n_nodes: int | 
         return document
     objects, added = [], dict[str, str]()
     for state in document.objects:
+        if not any(layer.parameter_maps for layer in state.layers):
+            objects.append(state)
+            continue
         layers = list(state.layers)
-        for i, layer in enumerate(state.layers):
-            layers[i], *others = _nodes(layer, statistics, n_nodes)
+        for i, (first, *others) in enumerate(_nodes_of_object(state, statistics, n_nodes)):
+            layers[i] = first
             for number, other in enumerate(others, 2):
                 added[layer_key(state.name, len(layers))] = layer_key(state.name, i)
-                follows = layer.follows or layer.name
-                layers.append(other.replace(name=f"{layer.name} node {number}", follows=follows))
+                follows = first.follows or first.name
+                layers.append(other.replace(name=f"{first.name} node {number}", follows=follows))
         objects.append(replace(state, layers=tuple(layers)))
     return replace(document, objects=tuple(objects), overrides=_with_lines_of(document.overrides, added))
+
+
+def _nodes_of_object(state: ObjectState, statistics: Statistics, n_nodes: int | None) -> list[list[Layer]]:
+    """The nodes of each layer of an object: as many as are planned for each map, fewer where that makes too many."""
+    most = _most_nodes(state, statistics, n_nodes)
+    found = []
+    for layer in state.layers:
+        known = _known_maps(layer, statistics)
+        plain = layer.replace(parameter_maps=known) if layer.parameter_maps else layer
+        of_maps = [statistics[each.image] for each in known]
+        found.append(plan_nodes(plain, of_maps, n_nodes, most) if known else [plain])
+    return found
+
+
+def _most_nodes(state: ObjectState, statistics: Statistics, n_nodes: int | None) -> int:
+    """The most nodes of a map of an object, so that it has no more than so many layers as can be edited quickly."""
+    for most in range(MOST_NODES, FEWEST_NODES, -1):
+        n_layers = sum(
+            math.prod(len(each.values) for each in _nodes_of_maps(layer, statistics, n_nodes, most))
+            for layer in state.layers
+        )
+        if n_nodes is not None or n_layers <= MOST_LAYERS_OF_OBJECT:
+            return most
+    return FEWEST_NODES
+
+
+def _known_maps(layer: Layer, statistics: Statistics) -> ParameterMaps:
+    return tuple(each for each in layer.parameter_maps if each.image in statistics)
+
+
+def _nodes_of_maps(layer: Layer, statistics: Statistics, n_nodes: int | None, most: int) -> list[ParameterNodes]:
+    known = _known_maps(layer, statistics)
+    plain = layer.replace(parameter_maps=known)
+    return nodes_of_maps(plain, [statistics[each.image] for each in known], n_nodes, most)
 
 
 class NodeCount(NamedTuple):
@@ -59,11 +99,12 @@ class NodeCount(NamedTuple):
 def node_counts(document: Document, statistics: Statistics, n_nodes: int | None = None) -> tuple[NodeCount, ...]:
     """The nodes of all parameter maps of a document; arguments as for `with_node_layers`."""
     found = []
-    for key, layer in document.layers():
-        for each in layer.parameter_maps if not layer.rises else ():
-            if each.image in statistics:
-                nodes = find_nodes(layer, each, statistics[each.image], n_nodes)
-                found.append(NodeCount(f"{key}.{each.parameter}", len(nodes.values), nodes.error))
+    for state in document.objects:
+        most = _most_nodes(state, statistics, n_nodes)
+        for i, layer in enumerate(state.layers):
+            for nodes in () if layer.rises else _nodes_of_maps(layer, statistics, n_nodes, most):
+                path = f"{layer_key(state.name, i)}.{nodes.parameter}"
+                found.append(NodeCount(path, len(nodes.values), nodes.error))
     return tuple(found)
 
 
@@ -71,13 +112,6 @@ def nodes_reason(counts: Sequence[NodeCount]) -> str:
     """The reason for the numbers of nodes, with the error of each."""
     errors = (f"{each.path} {each.error:.1%}" if each.error else f"{each.path} exact" for each in counts)
     return f"as few as a pilot under lamps allows for 1 %, at most {MOST_NODES}; errors: {', '.join(errors)}"
-
-
-def _nodes(layer: Layer, statistics: Statistics, n_nodes: int | None) -> list[Layer]:
-    known = tuple(each for each in layer.parameter_maps if each.image in statistics)
-    if not known:
-        return [layer.replace(parameter_maps=())]
-    return plan_nodes(layer.replace(parameter_maps=known), [statistics[each.image] for each in known], n_nodes)
 
 
 def _with_lines_of(

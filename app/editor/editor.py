@@ -360,7 +360,10 @@ class Editor:
             status, is_away=self.scenes.tracing.is_away, planned_edges=planned_edges,
             changed_files=self.scenes.watch.changed, map_nodes=self.nodes.counts(self.document),
         )  # fmt: skip
-        return self.controller.status(status)
+        status = self.controller.status(status)
+        if status.is_finished and not self.nodes.is_complete(self.document):
+            return replace(status, picture="refining")
+        return status
 
     # -------------------------------------------------------------------------------------------------------- responses
 

@@ -66,10 +66,17 @@ class NodeController:
 
     def request_missing(self, document: Document) -> None:
         """Request the statistics that a document needs and that are neither known nor requested."""
-        known = self._statistics.keys() | self._refused.keys()
-        missing = frozenset(image for image in channel_images(document) if image not in known)
+        missing = self._missing(document)
         if missing and (self._requested is None or not missing <= self._requested[1]):
             self._requested = self._host.send(ReadChannels(tuple(missing))), missing
+
+    def is_complete(self, document: Document) -> bool:
+        """Whether all that a document's nodes depend on is known."""
+        return not self._missing(document)
+
+    def _missing(self, document: Document) -> frozenset[ChannelImage]:
+        known = self._statistics.keys() | self._refused.keys()
+        return frozenset(image for image in channel_images(document) if image not in known)
 
     def receive(self, response: ChannelsRead) -> None:
         """Take statistics. If choosing an image that cannot be read was the last step, that step disappears from the

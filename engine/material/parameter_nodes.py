@@ -78,14 +78,11 @@ class ParameterNodes:
     error: float = 0.0
 
 
-def plan_nodes(layer: Layer, statistics: Sequence[ChannelStatistics], n_nodes: int | None = None) -> list[Layer]:
-    """The layers that stand for a layer with parameter maps; the first replaces it. statistics: of each map's channel;
-    n_nodes: of each map, None for as many as are planned."""
-    nodes = [find_nodes(layer, *each, n_nodes) for each in zip(layer.parameter_maps, statistics, strict=True)]
-    while math.prod(len(each.values) for each in nodes) > MOST_LAYERS:
-        most = max(range(len(nodes)), key=lambda i: len(nodes[i].values))
-        n_fewer = len(nodes[most].values) - 1
-        nodes[most] = find_nodes(layer, layer.parameter_maps[most], statistics[most], n_fewer)
+def plan_nodes(
+    layer: Layer, statistics: Sequence[ChannelStatistics], n_nodes: int | None = None, most: int = MOST_NODES
+) -> list[Layer]:
+    """The layers that stand for a layer with parameter maps; the first replaces it. Arguments: see `nodes_of_maps`."""
+    nodes = nodes_of_maps(layer, statistics, n_nodes, most)
     found = [layer.replace(parameter_maps=(), node_of=layer.name)]
     for each in nodes:
         found = [
@@ -96,6 +93,18 @@ def plan_nodes(layer: Layer, statistics: Sequence[ChannelStatistics], n_nodes: i
     return found
 
 
+def nodes_of_maps(
+    layer: Layer, statistics: Sequence[ChannelStatistics], n_nodes: int | None = None, most: int = MOST_NODES
+) -> list[ParameterNodes]:
+    """The nodes of each of a layer's maps, whose products are its layers. statistics: of each map's channel; n_nodes:
+    of each map, None for as many as are planned, at most `most`."""
+    nodes = [find_nodes(layer, *each, n_nodes, most) for each in zip(layer.parameter_maps, statistics, strict=True)]
+    while math.prod(len(each.values) for each in nodes) > MOST_LAYERS:
+        i = max(range(len(nodes)), key=lambda i: len(nodes[i].values))
+        nodes[i] = find_nodes(layer, layer.parameter_maps[i], statistics[i], len(nodes[i].values) - 1)
+    return nodes
+
+
 def _node(layer: Layer, parameter: str, value: Value, weight: ChannelWeight | None) -> Layer:
     layer = layer.with_parameter(parameter, value)
     if weight is None:
@@ -104,17 +113,18 @@ def _node(layer: Layer, parameter: str, value: Value, weight: ChannelWeight | No
 
 
 def find_nodes(
-    layer: Layer, parameter_map: ParameterMap, statistics: ChannelStatistics, n_nodes: int | None = None
-) -> ParameterNodes:
-    """The nodes of one of a layer's maps; n_nodes: how many, None for as many as are planned."""
+    layer: Layer, parameter_map: ParameterMap, statistics: ChannelStatistics, n_nodes: int | None = None,
+    most: int = MOST_NODES,
+) -> ParameterNodes:  # fmt: skip
+    """The nodes of one of a layer's maps; n_nodes: how many, None for as many as are planned, at most `most`."""
     choices = tuple((p.name, layer.values[p.name]) for p in layer.model.parameters if p.kind == "choice")
-    return _find_nodes(layer.model, choices, parameter_map, statistics, n_nodes)
+    return _find_nodes(layer.model, choices, parameter_map, statistics, n_nodes, most)
 
 
 @lru_cache(maxsize=256)
 def _find_nodes(
     model: Model, choices: tuple[tuple[str, Value], ...], parameter_map: ParameterMap, statistics: ChannelStatistics,
-    n_nodes: int | None,
+    n_nodes: int | None, most: int,
 ) -> ParameterNodes:  # fmt: skip
     name = parameter_map.parameter
     ends = np.array([statistics.low, statistics.high])
@@ -127,7 +137,7 @@ def _find_nodes(
     edges = np.concatenate([[-1.0], 0.5 * (grid[1:] + grid[:-1]), [2.0]])
     frequency = np.diff(statistics.cumulated(edges))
     products = _inner_products(model, choices, parameter_map, tuple(grid.tolist()), tuple(frequency.tolist()))
-    numbers = range(FEWEST_NODES, MOST_NODES + 1) if n_nodes is None else (min(n_nodes, _N_GRID),)
+    numbers = range(FEWEST_NODES, most + 1) if n_nodes is None else (min(n_nodes, _N_GRID),)
     for n in numbers:
         nodes, error = _place_nodes(products, frequency, n)
         if error <= NODE_TOLERANCE:

@@ -258,7 +258,10 @@ def test_a_hand_that_never_rests_while_the_stages_come(
     assert relative_error(shown, expected) < TOLERANCE
 
 
-def walk(context: moderngl.Context, source: str, tmp_path: Path, seed: int, n_commands: int, bounces: int) -> None:
+def walk(
+    context: moderngl.Context, source: str, tmp_path: Path, seed: int, n_commands: int, bounces: int,
+    commands: dict[str, Callable[[Walk], object]] = COMMANDS,
+) -> None:  # fmt: skip
     random = np.random.default_rng(seed)
     store = ArrayCache(tmp_path / "cache")
     here = Walk(context, source, LateClient(random, store), n_bounces=bounces)
@@ -268,9 +271,9 @@ def walk(context: moderngl.Context, source: str, tmp_path: Path, seed: int, n_co
         here.until(lambda: here.editor.scene_is_open)
         here.editor.do(SetView.of(n_bounces=bounces))
         here.client.hurries = False
-        for name in map(str, random.choice(sorted(COMMANDS), n_commands)):
+        for name in map(str, random.choice(sorted(commands), n_commands)):
             done.append(name)
-            COMMANDS[name](here)
+            commands[name](here)
             here.frames(int(random.choice([0, 1, 3, 10, 40])))
         here.editor.do(SetView.of(lighting="scene"))
         here.frames()  # until then the status is of the picture under the light before

@@ -2,9 +2,9 @@
 normal map, and what is not shown of it.
 
 KHR_materials_pbrSpecularGlossiness is the dielectric whose F0 is the specular colour, as KHR_materials_specular
-converts it. Textures of colours and of strengths multiply layers. A texture of roughness or of metalness is replaced by
-its mean: a layer has the same curve everywhere. Images are named `#N` here, the Nth of the file; the caller, who knows
-the file's name, prepends it.
+converts it. Textures of colours and of strengths multiply layers, those of metalness and of roughness are maps of
+parameters; of other textures of roughness the mean is shown. Images are named `#N` here, the Nth of the file; the
+caller, who knows the file's name, prepends it.
 
 A part has one set of texture coordinates, that of its colour's texture (`uv_set`).
 
@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -32,6 +33,7 @@ from engine.scene.loaders.pbr_layers import (
     WHITE,
     Coat,
     Film,
+    NumberImage,
     PbrMaterial,
     SheenCoat,
     WeightImage,
@@ -109,16 +111,15 @@ def _metallic_roughness(fields: JsonObject, images: GltfImages, notes: list[str]
     red, green, blue, _ = (pbr.clamped(v, "baseColorFactor") for v in pbr.numbers("baseColorFactor", 4, (1.0,) * 4))
     metallic = pbr.clamped(pbr.number("metallicFactor", 1.0), "metallicFactor")
     roughness = pbr.clamped(pbr.number("roughnessFactor", 1.0), "roughnessFactor")
-    if pbr.has("metallicRoughnessTexture"):
-        _, rough_mean, metal_mean = images.mean(pbr.child("metallicRoughnessTexture"), notes)
-        metallic, roughness = metallic * metal_mean, roughness * rough_mean
-        pbr.not_shown("metallicRoughnessTexture", "gloss and metal do not vary over the surface: the means are shown")
+    rough, metal = images.numbers(pbr, "metallicRoughnessTexture", "gb", notes)
     specular = fields.child("extensions").child("KHR_materials_specular")
     texture = images.maps(specular, "specularColorTexture", notes)
     return PbrMaterial(
         base=(red, green, blue),
-        metallic=metallic,
-        roughness=roughness,
+        metallic=metallic * metal.factor,
+        metallic_image=metal.image,
+        roughness=roughness * rough.factor,
+        roughness_image=rough.image,
         base_texture=images.maps(pbr, "baseColorTexture", notes),
         facing=_facing_reflectance(fields.child("extensions"), specular),
         specular=specular.clamped(specular.number("specularFactor", 1.0), "specularFactor"),
@@ -335,6 +336,13 @@ def _uv_set(info: JsonObject) -> int:
     return transform.integer("texCoord", 0, 64, info.integer("texCoord", 0, 64, 0))
 
 
+class NumberTexture(NamedTuple):
+    """A channel of a texture that multiplies a number: its factor where it is the same everywhere, else its image."""
+
+    factor: float = 1.0
+    image: NumberImage | None = None
+
+
 class GltfImages:
     """The images of one file. uv_set: the set of texture coordinates of the meshes whose material is read."""
 
@@ -345,6 +353,7 @@ class GltfImages:
         self._textures, self._images = root.children("textures"), root.children("images")
         self._samplers = root.children("samplers")
         self._means: dict[int, tuple[float, float, float]] = {}
+        self._extremes: dict[int, tuple[list[float], list[float]]] = {}
         self._first_of: dict[str, int] = {}
         self._usable: dict[int, tuple[int | None, str]] = {}
         self._pixels_left = MOST_PIXELS + PIXELS_A_BYTE * buffers.n_bytes
@@ -404,6 +413,24 @@ class GltfImages:
             fields.not_shown(key, "laid out without its transform, and repeated")
         return WeightImage(f"#{used.image}", channel)
 
+    def numbers(self, fields: JsonObject, key: str, channels: str, notes: list[str]) -> list[NumberTexture]:
+        """Channels of a texture of numbers; ones if it cannot be shown."""
+        used = self.use(fields.child(key), notes) if fields.has(key) else None
+        if used is None:
+            return [NumberTexture() for _ in channels]
+        if used.image not in self._extremes:
+            pixels = read_texture(self._buffers.image(used.image), f"{self._root.file}#{used.image}", "linear")
+            self._extremes[used.image] = pixels.min(axis=(0, 1)).tolist(), pixels.max(axis=(0, 1)).tolist()
+        own, found = used.transform, []
+        for channel in channels:
+            low, high = (ends["rgb".index(channel)] for ends in self._extremes[used.image])
+            keys = {
+                "map": f"#{used.image}", "channel": channel, "repeats": used.scale, "offset": own.offset,
+                "rotation": own.rotation, "wrap": own.wrap,
+            }  # fmt: skip
+            found.append(NumberTexture(low) if low == high else NumberTexture(1.0, NumberImage(keys)))
+        return found
+
     def mean_alpha(self, info: JsonObject, notes: list[str]) -> float:
         """Mean of an image's opacity; 1 if it is unavailable."""
         image = self._image(info, notes)
@@ -423,7 +450,7 @@ class GltfImages:
             pixels = read_texture(self._buffers.image(image), name, "linear")
             red, green, blue = pixels.reshape(-1, 3).mean(axis=0, dtype=np.float64).tolist()
             self._means[image] = red, green, blue
-        notes.append("of a texture of numbers, as of roughness and metalness, the means are shown")
+        notes.append("of a texture of numbers the means are shown")
         return self._means[image]
 
     def _image(self, info: JsonObject, notes: list[str]) -> int | None:

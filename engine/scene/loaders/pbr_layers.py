@@ -9,6 +9,9 @@ and linear in b and in w, so that an image of either multiplies a layer: without
 gloss with F0 = (1 - m) w f + m b and F90 = (1 - m) w + m; where b of a metal is an image, the metal's b (1 - r) S is a
 layer of its own; where f is one, so is its f (1 - r) S.
 
+Where m is an image, the sum is in these two parts, for m = 0 and for m = 1, each with its share as the map of its
+strength [engine.material.parameter_maps]; an image of the roughness is the map of all widths, its square.
+
 A coat or a sheen takes the share c(u, v) E(theta_o) from all beneath (`Layer.under`). Where c is an image, each layer
 beneath is two: 1 - c of it bare and c of it covered, with shared curves. In the same way the base under an image of f
 is two layers, of which one has no f. A layer has one image of its share: where it would need two, the second counts as
@@ -17,7 +20,7 @@ white.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 from engine.material.layer_maps import Channel, LayerMaps
@@ -40,6 +43,17 @@ class WeightImage:
 
     file: str
     channel: Channel
+
+
+@dataclass(frozen=True)
+class NumberImage:
+    """An image whose channel multiplies a number, in its mapping: the keys of a parameter map but for its range."""
+
+    keys: Mapping[str, object]
+
+    def table(self, low: object, high: object, **more: object) -> dict[str, object]:
+        """The table of a parameter that goes from low, at black, to high."""
+        return {**self.keys, "range": (low, high), **more}
 
 
 @dataclass(frozen=True)
@@ -75,7 +89,8 @@ class Film:
 @dataclass(frozen=True)
 class PbrMaterial:
     """base: linear colour; metallic, roughness in [0, 1]; facing: F0 of the dielectric part, at most 1, before its
-    strength `specular`. Images that multiply base and facing, the largest channel of the latter, and the strength."""
+    strength `specular`. Images that multiply base and facing, the largest channel of the latter, the strength, and
+    the two numbers."""
 
     base: RGB = WHITE
     metallic: float = 1.0
@@ -86,6 +101,8 @@ class PbrMaterial:
     facing_texture: LayerMaps = LayerMaps()
     facing_image: WeightImage | None = None
     specular_image: WeightImage | None = None
+    metallic_image: NumberImage | None = None
+    roughness_image: NumberImage | None = None
     film: Film | None = None
     sheen: SheenCoat | None = None
     coat: Coat | None = None
@@ -95,15 +112,45 @@ def pbr_layers(material: PbrMaterial) -> Layers:
     """The layers of a material, what lies beneath first."""
     metallic = material.metallic
     metallic = 0.0 if metallic < _MIXED else 1.0 if metallic > 1.0 - _MIXED else metallic
-    if material.film is None:
-        layers: Layers = (*_diffuse(material, metallic), *_gloss(material, metallic))
+    image = material.metallic_image
+    if image is None or metallic == 0.0:
+        layers = _bare(material, metallic)
     else:
-        layers = _iridescent(material, metallic, material.film)
+        dielectric = (_with_strength(each, image, 1.0, 1.0 - metallic) for each in _bare(material, 0.0))
+        metal = (_with_strength(each, image, 0.0, metallic) for each in map(_of_metal, _bare(material, 1.0)))
+        layers = (*dielectric, *metal)
+    if material.roughness_image is not None:
+        widths = material.roughness_image.table(0.0, material.roughness**2, response="square", least=SMOOTHEST)
+        layers = tuple(_with_map(each, "alpha", widths) if "alpha" in each.parameters else each for each in layers)
     if material.sheen is not None and any(material.sheen.colour):
         layers = _covered(layers, _sheen(material.sheen), material.sheen.image)
     if material.coat is not None and material.coat.strength > 0.0:
         layers = _covered(layers, _coat(material.coat), material.coat.image)
     return layers
+
+
+def _bare(material: PbrMaterial, metallic: float) -> Layers:
+    """The layers beneath sheen and coat, for one metalness."""
+    if material.film is None:
+        return (*_diffuse(material, metallic), *_gloss(material, metallic))
+    return _iridescent(material, metallic, material.film)
+
+
+def _of_metal(layer: LayerDescription) -> LayerDescription:
+    """A layer under a name that none of the dielectric part has."""
+    name = "metal" if layer.name == "metal" else f"metal {layer.name}"
+    return layer.model_copy(update={"name": name, "follows": layer.follows and f"metal {layer.follows}"})
+
+
+def _with_strength(layer: LayerDescription, image: NumberImage, low: float, high: float) -> LayerDescription:
+    """A layer whose strength goes from low, at black, to high times its own."""
+    name = "albedo" if "albedo" in layer.parameters else "scale"
+    own = layer.parameters.get(name, WHITE)
+    return _with_map(layer, name, image.table(_scaled(own, low), _scaled(own, high)))
+
+
+def _with_map(layer: LayerDescription, name: str, table: dict[str, object]) -> LayerDescription:
+    return layer.model_copy(update={"parameter_maps": {**layer.parameter_maps, name: table}})
 
 
 def _diffuse(material: PbrMaterial, metallic: float) -> list[LayerDescription]:

@@ -154,15 +154,38 @@ def test_a_metal_has_the_texture_and_half_a_metal_is_both(read: Callable[..., Im
     assert layers(0.25) == half
 
 
-def test_of_numbers_the_means_count(read: Callable[..., ImportedModel]) -> None:
+def test_metalness_and_roughness_vary_over_the_surface(read: Callable[..., ImportedModel]) -> None:
     image = {"uri": "data:image/png;base64," + base64.b64encode(NUMBERS).decode()}
-    pbr = {"metallicRoughnessTexture": {"index": 0}, "roughnessFactor": 0.5}
+    pbr = {"metallicRoughnessTexture": {"index": 0}, "roughnessFactor": 0.5, "baseColorFactor": [0.5, 0.5, 0.5, 1.0]}
     model = read(image=image, material={"pbrMetallicRoughness": pbr})
+    # (1 - m) of a dielectric and m of a metal, both with alpha = (0.5 g)^2; blue is 0.4 everywhere, and no map.
     base, glossy = model.parts[0].layers
-    # Roughness 0.5 · (0.2 + 0.6) / 2, metalness 0.4: not decoded, they are no colours.
-    assert glossy.parameters["alpha"] == pytest.approx(0.2**2)
-    assert base.parameters["albedo"] == pytest.approx((0.6,) * 3)
-    assert model.notes == ("of a texture of numbers, as of roughness and metalness, the means are shown",)
+    assert base.parameters["albedo"] == pytest.approx((0.3,) * 3) and not base.parameter_maps
+    (alpha,) = glossy.parameter_maps.values()
+    assert (alpha["channel"], alpha["range"], alpha["response"]) == ("g", (0.0, 0.25), "square")
+    assert alpha["map"].startswith("#") and model.notes == ()
+
+
+def test_where_metalness_varies_the_parts_are_apart(read: Callable[..., ImportedModel]) -> None:
+    pixels = np.zeros((4, 4, 3), np.uint8)
+    pixels[:2] = 0, 128, 255
+    pixels[2:] = 0, 64, 0
+    buffer = io.BytesIO()
+    Image.fromarray(pixels).save(buffer, "PNG")
+    image = {"uri": "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()}
+    pbr = {"metallicRoughnessTexture": {"index": 0}, "metallicFactor": 0.5, "baseColorFactor": [0.5, 0.5, 0.5, 1.0]}
+    model = read(image=image, material={"pbrMetallicRoughness": pbr})
+    layers = {layer.name: layer for layer in model.parts[0].layers}
+    assert set(layers) == {"base", "gloss", "metal gloss"}
+    ranges = {
+        name: {key: table["range"] for key, table in layer.parameter_maps.items()} for name, layer in layers.items()
+    }
+    assert ranges == {
+        "base": {"albedo": ((0.5,) * 3, (0.25,) * 3)},
+        "gloss": {"scale": ((1.0,) * 3, (0.5,) * 3), "alpha": (0.0, 1.0)},
+        "metal gloss": {"scale": ((0.0,) * 3, (0.5,) * 3), "alpha": (0.0, 1.0)},
+    }
+    assert layers["metal gloss"].parameters["f0"] == (0.5,) * 3
 
 
 def with_extensions(read: Callable[..., ImportedModel], **extensions: dict[str, Any]) -> dict[str | None, Any]:
