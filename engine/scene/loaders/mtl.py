@@ -43,6 +43,11 @@ class MtlMaterial:
     images: dict[str, MtlImage] = field(default_factory=dict)
     unread: dict[str, None] = field(default_factory=dict)
 
+    @property
+    def is_physical(self) -> bool:
+        """Whether it has numbers of the extension for physically based materials."""
+        return "pr" in self.values or "pm" in self.values
+
     def colour(self, key: str, default: float = 0.0, most: float = 1.0) -> tuple[float, float, float]:
         """Three numbers from 0 to `most`; a single one stands for all."""
         found = self.values.get(key, [default])

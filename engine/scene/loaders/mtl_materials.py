@@ -3,7 +3,8 @@
 The format is older than any convention on its numbers, so that what programs write decides which of three kinds a
 material is:
 
-- **with Pr or Pm**, the extension for physically based materials: metallic-roughness as in glTF;
+- **with Pr or Pm**, the extension for physically based materials: metallic-roughness as in glTF, with a sheen Ps and a
+  coat Pc of roughness Pcr;
 - **by Blender**, whose first line says so: metallic-roughness too, with the roughness 1 - sqrt(Ns / 1000), the
   metalness Ka where illum is 3, and the reflectance 0.08 Ks at normal incidence, as its exporter writes them;
 - **else** the format's own: diffuse Kd and a highlight. In light of strength 1 a surface shows
@@ -30,7 +31,7 @@ from engine.scene.description import MAX_RADIANCE, LayerDescription
 from engine.scene.loaders.image_files import find_image
 from engine.scene.loaders.model import RGB, ImportedPart, UnshownProperty
 from engine.scene.loaders.mtl import MtlImage, MtlMaterial, parse_library
-from engine.scene.loaders.pbr_layers import PbrMaterial, pbr_layers
+from engine.scene.loaders.pbr_layers import Coat, PbrMaterial, SheenCoat, pbr_layers
 from engine.scene.mesh import Mesh
 from engine.texture.texture_files import MAX_IMAGE_BYTES, read_texture
 
@@ -39,13 +40,15 @@ _MOST_LIBRARIES = 16
 _SHARPEST = 1e6  # Ns
 _MIRRORS = 3  # values of illum from here are of ray tracing
 _SHOWN = frozenset("kd ks ke ns pr pm d tr illum".split())
+_COATS = frozenset("ps pc pcr".split())  # of physically based materials
+_SHEEN_ROUGHNESS = 0.5  # the format has no number for it
 _ADDS_NOTHING = frozenset("ka map_ka ni sharpness map_aat".split())  # light of its own, and what others do with it
 _EVEN, _FLAT = "the material is the same everywhere", "the surface stays flat"
 # Of a key that is not shown: the value without effect, if there is one, and what the picture lacks.
 _UNSHOWN: dict[str, tuple[float | None, str]] = {
     "tf": (1.0, "light that passes is not coloured"), "map_tr": (None, "the surface is equally opaque"),
-    "ps": (0.0, "no sheen"), "map_ps": (None, "no sheen"),
-    "pc": (0.0, "no clear coat"), "pcr": (0.0, "no clear coat"), "map_pc": (None, "no clear coat"),
+    "ps": (0.0, "no sheen"), "map_ps": (None, _EVEN), "pc": (0.0, "no clear coat"), "pcr": (0.0, "no clear coat"),
+    "map_pc": (None, _EVEN),
     "aniso": (0.0, "a round highlight"), "anisor": (0.0, "a round highlight"), "map_ns": (None, _EVEN),
     "map_pr": (None, _EVEN), "map_pm": (None, _EVEN), "map_ke": (None, "the emission is the same everywhere"),
     "disp": (None, _FLAT), "map_disp": (None, _FLAT), "decal": (None, "no decal"),
@@ -86,9 +89,8 @@ class Materials:
             for key, image in material.images.items()
             if mesh.uvs is not None and (shown := self._image(image, material.folder))
         }
-        layers = self._layers(name, material, images)
-        if mesh.colours is not None:
-            layers = tuple(_coloured(layer) if layer.model == "lambert" else layer for layer in layers)
+        base_maps = replace(_maps(images.get("map_kd")), vertex_colours=mesh.colours is not None)
+        layers = self._layers(name, material, base_maps, _maps(images.get("map_ks")))
         emission = material.colour("ke", most=MAX_RADIANCE)
         return ImportedPart(
             mesh, layers, emission if any(emission) else None, bumps=self._bumps(images, material),
@@ -150,13 +152,14 @@ class Materials:
         red, green, blue = read_texture(read_regular_file(path, MAX_IMAGE_BYTES), path, "linear").mean(axis=(0, 1))
         return bool(abs(red - 0.5) < 0.15 and abs(green - 0.5) < 0.15 and blue > 0.65)
 
-    def _layers(self, name: str, material: MtlMaterial, images: dict[str, MtlImage]) -> tuple[LayerDescription, ...]:
-        texture = images.get("map_kd")
-        base = material.colour("kd", 1.0 if texture else 0.8)
-        if texture is not None and (material.by_blender or not any(base)):
+    def _layers(
+        self, name: str, material: MtlMaterial, base_maps: LayerMaps, glossy_maps: LayerMaps
+    ) -> tuple[LayerDescription, ...]:
+        base = material.colour("kd", 1.0 if base_maps.texture else 0.8)
+        if base_maps.texture and (material.by_blender or not any(base)):
             base = (1.0, 1.0, 1.0)  # Blender writes a colour that it does not use; others 0, for none
-        if material.by_blender or "pr" in material.values or "pm" in material.values:
-            return _metallic_roughness(material, base, _maps(texture))
+        if material.by_blender or material.is_physical:
+            return _metallic_roughness(material, base, base_maps)
         glossy = material.colour("ks") if material.number("illum", 2.0, 0.0, 10.0) >= 2.0 else (0.0, 0.0, 0.0)
         exponent = material.number("ns", 10.0, 0.0, _SHARPEST)
         share = 8.0 / (exponent + 2.0)
@@ -164,16 +167,16 @@ class Materials:
         if total > 1.0:
             self.notes.append(f"{describe_value(name)} reflects {total:.3g} times the light it receives: scaled to 1")
         albedo, scale = (_scaled(colour, by / max(total, 1.0)) for colour, by in ((base, 1.0), (glossy, share)))
-        diffuse = LayerDescription(model="lambert", maps=_maps(texture), parameters={"albedo": albedo})
+        diffuse = LayerDescription(model="lambert", maps=base_maps, parameters={"albedo": albedo})
         if not any(scale):
             return (diffuse,)
         parameters = {"exponent": exponent, "reflectance": 1.0, "scale": scale}
-        return diffuse, LayerDescription(model="blinn_phong", maps=_maps(images.get("map_ks")), parameters=parameters)
+        return diffuse, LayerDescription(model="blinn_phong", maps=glossy_maps, parameters=parameters)
 
 
 def _metallic_roughness(material: MtlMaterial, base: RGB, maps: LayerMaps) -> tuple[LayerDescription, ...]:
     """The layers of a physically based material, or of Blender's."""
-    if "pr" in material.values or "pm" in material.values:
+    if material.is_physical:
         metallic, roughness = material.number("pm", 0.0), material.number("pr", 0.5)
         index = material.number("ni", 1.5, 1.0, 20.0)
         facing = _scaled((1.0, 1.0, 1.0), ((index - 1.0) / (index + 1.0)) ** 2)
@@ -181,7 +184,9 @@ def _metallic_roughness(material: MtlMaterial, base: RGB, maps: LayerMaps) -> tu
         metallic = material.number("ka", 0.0) if material.number("illum", 2.0, 0.0, 10.0) == _MIRRORS else 0.0
         roughness = 1.0 - math.sqrt(material.number("ns", 250.0, 0.0, 1000.0) / 1000.0)
         facing = _scaled(material.colour("ks", 0.5), 0.08)
-    return pbr_layers(PbrMaterial(base, metallic, roughness, maps, facing))
+    sheen, coat = material.number("ps", 0.0), Coat(material.number("pc", 0.0), material.number("pcr", 0.0))
+    cloth = SheenCoat(_scaled((1.0, 1.0, 1.0), sheen), _SHEEN_ROUGHNESS)
+    return pbr_layers(PbrMaterial(base, metallic, roughness, maps, facing, sheen=cloth, coat=coat))
 
 
 def _unshown_keys(material: MtlMaterial) -> dict[str, str]:
@@ -189,20 +194,16 @@ def _unshown_keys(material: MtlMaterial) -> dict[str, str]:
     found = {}
     for key, values in material.values.items():
         neutral, effect = _UNSHOWN.get(key, (None, "not a key that is known"))
-        if key not in _SHOWN | _ADDS_NOTHING and any(v != neutral for v in values):
+        shown = _SHOWN | _COATS if material.by_blender or material.is_physical else _SHOWN
+        if key not in shown | _ADDS_NOTHING and any(v != neutral for v in values):
             found[key] = effect
     is_mirror = material.number("illum", 2.0, 0.0, 10.0) >= _MIRRORS and not material.by_blender
-    if is_mirror and "pr" not in material.values:
+    if is_mirror and not material.is_physical:
         found["illum"] = "no mirror beside the highlight, and nothing shines through"
     for key in material.unread:
         if key not in _ADDS_NOTHING:
             found[key] = _UNSHOWN.get(key, (None, "not read in this form"))[1]
     return found
-
-
-def _coloured(layer: LayerDescription) -> LayerDescription:
-    """The layer in the colours of vertices."""
-    return layer.model_copy(update={"maps": replace(layer.maps, vertex_colours=True)})
 
 
 def _maps(image: MtlImage | None) -> LayerMaps:

@@ -81,6 +81,17 @@ def test_the_physically_based_extension(material: Callable[[str], ImportedPart])
     assert metal.model == "microfacet" and metal.parameters["f0"][0] > 0.5
 
 
+def test_sheen_and_coat_of_the_extension(mesh_file: Callable[..., Path]) -> None:
+    text = "newmtl red\nKd 0.5 0.5 0.5\nPr 0.3\nPs 0.5\nPc 0.8\nPcr 0.1\n"
+    found = model(mesh_file, text)
+    names = [layer.name for layer in found.parts[0].layers]
+    assert names == ["base", "gloss", "sheen", "coat"] and not found.unshown
+    coat = found.parts[0].layers[-1]
+    assert coat.parameters["alpha"] == pytest.approx(0.01) and coat.parameters["scale"] == pytest.approx(0.8)
+    plain = model(mesh_file, text.replace("Pr 0.3\n", ""))  # without Pr or Pm it is the format's own
+    assert {each.name for each in plain.unshown} == {"mtl.ps", "mtl.pc", "mtl.pcr"}
+
+
 def test_images_with_their_options_and_names_of_other_systems(
     tmp_path: Path, material: Callable[[str], ImportedPart]
 ) -> None:
