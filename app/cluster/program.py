@@ -12,6 +12,7 @@ import importlib.metadata
 import platform
 from pathlib import Path
 
+from app.system.decoder_process import use_decoder_process
 from app.system.kernel_cache import use_kernel_cache
 
 _ROOT = Path(__file__).resolve().parents[2]
@@ -25,6 +26,7 @@ def prepare_worker() -> str:
     its program's digest. A Dask plugin was rejected: the scheduler would also send it to workers of another version,
     which end where they cannot read it."""
     use_kernel_cache()
+    use_decoder_process()
     return program_digest()
 
 

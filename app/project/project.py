@@ -57,6 +57,7 @@ from app.files.bookmarks import find_bookmark
 from app.files.materials import Library, import_measured, load_material
 from app.files.session import Session, fit_session, load_session, session_notes
 from app.system.atomic import set_inputs
+from app.system.decoder_process import use_decoder_process
 from app.system.memory import require_memory_for
 from app.system.paths import full_path, is_file_name
 from engine.core.colour import ToneMapping
@@ -220,6 +221,7 @@ def open_project(
     from engine.realtime.zonal_harmonics.posed_scene import pose_scene
     from engine.scene.scene_loader import load_scene
 
+    use_decoder_process()
     source = source_of(find_source(name))
     session = None if source.session is None else load_session(source.session)
     look = _viewpoint_of(session, camera)

@@ -110,6 +110,17 @@ def process_lives(pid: int) -> bool:
         return False
 
 
+def limit_memory(n_bytes: int) -> None:
+    """Limit the address space of this process to so much more than it has now (Linux, setrlimit(2)); does nothing
+    elsewhere, where the limit does not count what is mapped."""
+    if sys.platform == "linux":
+        import resource
+
+        with open("/proc/self/statm", encoding="ascii") as file:
+            now = int(file.read().split()[0]) * mmap.PAGESIZE
+        resource.setrlimit(resource.RLIMIT_AS, (now + n_bytes, resource.RLIM_INFINITY))
+
+
 def resident_bytes(pid: int, has_proc: bool = HAS_PROC) -> int:
     """Memory that a process holds in RAM; 0 where there is none of this number, or access is denied."""
     if has_proc:

@@ -21,6 +21,7 @@ from typing import Any, cast
 
 from app.messages.worker_messages import Heartbeat, Request, RequestFailed, Shutdown
 from app.system.atomic import private_opener
+from app.system.decoder_process import use_decoder_process
 from app.system.kernel_cache import use_kernel_cache
 from app.system.lazy_import import import_named
 from app.system.paths import log_directory
@@ -134,6 +135,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     options = arguments(argv)
     keep_memory_compact()
     use_kernel_cache()
+    use_decoder_process()
     end_with_parent(options.parent)
     sweep_dead_blocks()
     channel = Channel(inherited_socket(options.socket), options.method)

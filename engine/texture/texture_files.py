@@ -1,5 +1,5 @@
-"""Reads textures, weight maps, normal maps and heights: PNG, JPEG and OpenEXR, from files that may be hostile or
-broken.
+"""Reads textures, weight maps, normal maps and heights: PNG, JPEG, WebP, KTX 2 and OpenEXR, from files that may be
+hostile or broken.
 
 The content determines the format, not the name. The header is read and its size checked before a pixel is decoded: a
 file of 600 kB can contain a square of 13,000. An image of more than `MAX_PIXELS` is reduced to a half or a quarter of
@@ -32,6 +32,7 @@ from engine.light import resampling
 from engine.light.radiance_files import read_radiance_image
 from engine.light.resampling import block_means
 from engine.material.layer_maps import Channel, Space
+from engine.texture.basis import KTX2_MAGIC, ktx2_size, open_ktx2
 
 MAX_IMAGE_BYTES = 1 << 30
 MAX_SIDE = 16_384
@@ -42,7 +43,10 @@ MAX_PIXELS = 1 << 24
 MOST_READ = 1 << 28
 BRIGHTEST = 1e4
 _BAND_PIXELS = 1 << 22
-_MAGIC = {b"\x89PNG\r\n\x1a\n": "PNG", b"\xff\xd8\xff": "JPEG", b"\x76\x2f\x31\x01": "EXR"}
+_MAGIC = {
+    b"\x89PNG\r\n\x1a\n": "PNG", b"\xff\xd8\xff": "JPEG", b"\x76\x2f\x31\x01": "EXR", b"RIFF": "WebP",
+    KTX2_MAGIC: "KTX2",
+}  # fmt: skip
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 
 Image = NDArray[np.float32]
@@ -91,10 +95,11 @@ def read_opacity(data: bytes, file: Path | str, report: ReportNote = ignore_note
 
 
 def has_alpha(data: bytes, file: Path | str) -> bool:
-    """Whether a PNG has alpha, by its header."""
-    if _kind(data) != "PNG":
+    """Whether an image has alpha: of a PNG or WebP by its header; never a JPEG, and of OpenEXR it is not read."""
+    kind = _kind(data)
+    if kind not in ("PNG", "WebP", "KTX2"):
         return False
-    with _open_image(data, file, "PNG") as picture:
+    with _open_image(data, file, kind) as picture:
         return bool(picture.has_transparency_data)
 
 
@@ -115,10 +120,14 @@ def is_image(data: bytes, file: Path | str) -> bool:
 
 
 def image_size(data: bytes, file: Path | str) -> tuple[int, int] | None:
-    """(width, height) from the header of a PNG or a JPEG, without decoding; None for other formats."""
+    """(width, height) from the header, without decoding; None for OpenEXR and what is no image."""
     kind = _kind(data)
-    if kind not in ("PNG", "JPEG"):
+    if kind in ("", "EXR"):
         return None
+    if kind == "KTX2":
+        size = ktx2_size(data, file)
+        _check_size(*size, file)
+        return size
     with _open_image(data, file, kind) as picture:
         width, height = picture.size
         return width, height
@@ -147,7 +156,7 @@ def read_image(
     alpha, that is decoded instead."""
     kind = _kind(data)
     if not kind:
-        raise LoadError(file, "first bytes", data[:8], "a PNG, JPEG or OpenEXR image")
+        raise LoadError(file, "first bytes", data[:8], "a PNG, JPEG, WebP, KTX 2 or OpenEXR image")
     if kind == "EXR":
         values = _read_exr(data, file, report, is_colour)
         height, width = values.shape[:2]
@@ -184,8 +193,9 @@ def _means(bands: Iterable[Values], decode: Callable[[Values], Image], k: int) -
 
 
 def _kind(data: bytes) -> str:
-    """PNG, JPEG or EXR, by the first bytes; "" for others."""
-    return next((name for magic, name in _MAGIC.items() if data.startswith(magic)), "")
+    """PNG, JPEG, EXR, WebP or KTX2, by the first bytes; "" for others."""
+    kind = next((name for magic, name in _MAGIC.items() if data.startswith(magic)), "")
+    return "" if kind == "WebP" and data[8:12] != b"WEBP" else kind
 
 
 @contextmanager
@@ -193,16 +203,40 @@ def _open_image(data: bytes, file: Path | str, kind: str) -> Iterator[Any]:
     """A picture of an allowed size; the library's errors become LoadErrors."""
     from PIL.JpegImagePlugin import JpegImageFile
     from PIL.PngImagePlugin import PngImageFile
+    from PIL.WebPImagePlugin import WebPImageFile
 
+    if kind == "KTX2":
+        _check_size(*ktx2_size(data, file), file)
+        yield open_ktx2(data, file)
+        return
+    if kind == "WebP":
+        _check_size(*_webp_size(data), file)  # opening it takes memory for all of its pixels
     try:
         # Without the library's own limit, which is lower and applies to the whole process.
-        with (JpegImageFile if kind == "JPEG" else PngImageFile)(io.BytesIO(data)) as opened:
-            _check_size(*opened.size, file)
+        readers: dict[str, Any] = {"JPEG": JpegImageFile, "PNG": PngImageFile, "WebP": WebPImageFile}
+        with readers[kind](io.BytesIO(data)) as opened:
+            width, height = opened.size
+            _check_size(width, height, file)
             yield opened
     except LoadError:
         raise
     except Exception as error:  # the library raises OSError, ValueError, SyntaxError, struct.error and its own
         raise LoadError(file, f"{kind} image", str(error), "a whole image, not cut off or damaged") from None
+
+
+def _webp_size(data: bytes) -> tuple[int, int]:
+    """(width, height) by the header of a WebP file's first chunk: of a canvas, a lossless or a lossy image [RFC9649];
+    (1, 1) where it is none of these, which decoding reports."""
+    chunk, head = data[12:16], data[20:30].ljust(10, b"\0")
+    if chunk == b"VP8X":
+        return 1 + int.from_bytes(head[4:7], "little"), 1 + int.from_bytes(head[7:10], "little")
+    if chunk == b"VP8L":
+        bits = int.from_bytes(head[1:5], "little")
+        return 1 + (bits & 0x3FFF), 1 + (bits >> 14 & 0x3FFF)
+    if chunk == b"VP8 ":
+        width, height = (int.from_bytes(head[at : at + 2], "little") & 0x3FFF for at in (6, 8))
+        return max(width, 1), max(height, 1)
+    return 1, 1
 
 
 def _alpha(picture: Any) -> Any:

@@ -23,6 +23,7 @@ import numpy.typing as npt
 from engine.core.errors import LoadError
 from engine.material.bumps import NO_BUMPS
 from engine.scene.description import MAX_VARIANTS, LayerDescription
+from engine.scene.loaders.draco import decode_primitive, has_draco
 from engine.scene.loaders.gltf_buffers import open_gltf
 from engine.scene.loaders.gltf_cameras import read_cameras
 from engine.scene.loaders.gltf_file import INTEGERS, SHARES, GltfFile
@@ -226,6 +227,9 @@ def _read_primitive(file: GltfFile, primitive: JsonObject, coordinates: str) -> 
     attributes = primitive.child("attributes")
     if not attributes.has("POSITION"):
         raise attributes.error("POSITION", "nothing", "an accessor of positions")
+    is_compressed = has_draco(primitive)
+    if is_compressed:
+        decode_primitive(file, primitive)
     _check_positions(file, attributes)
     vertices = file.read_floats(attributes, "POSITION", "VEC3")
     normals = None
@@ -240,7 +244,7 @@ def _read_primitive(file: GltfFile, primitive: JsonObject, coordinates: str) -> 
     if len(corners) and corners.max() >= len(vertices):
         k = int(np.argmax(corners >= len(vertices)))
         raise primitive.error(f"index {k}", int(corners[k]), f"an index from 0 to {len(vertices) - 1}")
-    triangles = _triangles(primitive, corners)
+    triangles = _triangles(primitive, corners, _TRIANGLES if is_compressed else None)
     is_place = np.abs(vertices) <= MAX_COORDINATE  # false for NaN too
     if not is_place.all():
         is_whole = is_place[triangles].all(axis=(1, 2))
@@ -270,10 +274,10 @@ def _check_positions(file: GltfFile, attributes: JsonObject) -> None:
         raise accessor.error("bufferView", "nothing", "a view of positions")
 
 
-def _triangles(primitive: JsonObject, corners: npt.NDArray[np.int64]) -> npt.NDArray[np.int32]:
+def _triangles(primitive: JsonObject, corners: npt.NDArray[np.int64], mode: int | None = None) -> npt.NDArray[np.int32]:
     """Triangles (T, 3) of a list, a strip or a fan [glTF20, 3.7.2.1]; degenerate ones of a strip, which repeat a corner
-    to turn it, are dropped."""
-    mode, n = primitive.integer("mode", _TRIANGLES, _FAN, _TRIANGLES), len(corners)
+    to turn it, are dropped. mode: which of them, None as the primitive says."""
+    mode, n = mode or primitive.integer("mode", _TRIANGLES, _FAN, _TRIANGLES), len(corners)
     if mode == _TRIANGLES:
         if n % 3:
             raise primitive.error("indices", f"{n} corners", "a multiple of 3")

@@ -55,6 +55,7 @@ _NOT_SHOWN = {"emissiveTexture": "emissive textures"}
 MOST_PIXELS = 1 << 26
 PIXELS_A_BYTE = 32
 _REPEAT = 10497
+_IMAGE_EXTENSIONS = ("KHR_texture_basisu", "EXT_texture_webp")
 _LEAST_REPEAT = 1e-3
 
 
@@ -460,16 +461,21 @@ class GltfImages:
             notes.append("a texture by a second set of coordinates is not shown")
             info.not_shown("texCoord", "a texture by another set of coordinates than the material's first is not shown")
             return None
-        if not texture.has("source"):
+        sources = [each for each in _sources(texture) if each.has("source")]
+        if not sources:
             notes.append("a texture in a format of an extension is not shown")
             return None
-        image = texture.integer("source", 0, len(self._images) - 1)
-        if image not in self._usable:
-            self._usable[image] = self._examined(image)
-        usable, note = self._usable[image]
-        if note:
+        for k, source in enumerate(sources):
+            image = source.integer("source", 0, len(self._images) - 1)
+            if image not in self._usable:
+                self._usable[image] = self._examined(image)
+            usable, note = self._usable[image]
+            if usable is not None:
+                for other in sources[k:]:
+                    other.mark_read("source")
+                return usable
             notes.append(note)
-        return usable
+        return None
 
     def _examined(self, image: int) -> tuple[int | None, str]:
         """The first image with these bytes, if it can be read; else None and the reason."""
@@ -482,7 +488,7 @@ class GltfImages:
         except LoadError as error:
             return None, f"image {image} is not shown: {error.reason}"
         if size is None:
-            return None, f"image {image} is no PNG or JPEG and not shown"
+            return None, f"image {image} is no PNG, JPEG, WebP or KTX 2 and not shown"
         n_pixels, k = size[0] * size[1], reduction(*size)
         if k > 1:  # cost: the pixels shown, and an eighth for decoding the rest
             n_pixels = n_pixels // k**2 + n_pixels // 8
@@ -490,6 +496,13 @@ class GltfImages:
             return None, "images are not shown that have, with those before them, too many pixels for such a file"
         self._pixels_left -= n_pixels
         return image, ""
+
+
+def _sources(texture: JsonObject) -> list[JsonObject]:
+    """Where a texture names its image, the first choice first: extensions stand for a format that the image of the
+    texture itself replaces where they are not known."""
+    extensions = texture.child("extensions")
+    return [*(extensions.child(name) for name in _IMAGE_EXTENSIONS), texture]
 
 
 def _transform(transform: JsonObject) -> tuple[tuple[float, float], float, tuple[float, float]]:

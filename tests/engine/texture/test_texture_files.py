@@ -89,7 +89,7 @@ def test_jpeg_and_exr(tmp_path: Path) -> None:
     ("data", "words"),
     [
         (b"", "first bytes"),
-        (b"GIF89a" + bytes(100), "a PNG, JPEG or OpenEXR image"),
+        (b"GIF89a" + bytes(100), "a PNG, JPEG, WebP, KTX 2 or OpenEXR image"),
         (header_of_png(16384, 16385), "image size = 16384 x 16385"),
         (header_of_png(65500, 65500), "image size = 65500 x 65500, expected sides of 1 to 16384"),
         (header_of_png(13000, 13000), "PNG image"),  # of a size that may be read, but cut off

@@ -325,9 +325,9 @@ def test_images_may_be_files_beside_it(
     ("changes", "words"),
     [
         ({"image": {"uri": "gone.png"}}, "image 0 is not shown: file = No such file"),
-        ({"image": {"uri": "data:image/png;base64,AAAA"}}, "image 0 is no PNG or JPEG"),
+        ({"image": {"uri": "data:image/png;base64,AAAA"}}, "image 0 is no PNG, JPEG, WebP or KTX 2"),
         ({"image": {"uri": "data:image/png;base64,!"}}, "image 0 is not shown: images 0: uri"),
-        ({"textures": [{"extensions": {"KHR_texture_basisu": {"source": 0}}}]}, "in a format of an extension"),
+        ({"textures": [{"extensions": {"MSFT_texture_dds": {"source": 0}}}]}, "in a format of an extension"),
         (
             {"material": {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0, "texCoord": 1}}}},
             "without their coordinates",

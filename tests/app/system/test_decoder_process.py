@@ -1,0 +1,91 @@
+"""Native decoders in a process of their own: what it returns, and what may befall it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.system.decoder_process import MEMORY, DecoderProcess
+from app.system.system import HAS_PROC, process_lives
+from engine.core.native_decoders import Arrays, DecoderError
+from engine.texture.basis import decode_basis
+
+
+def reverse(data: bytes) -> Arrays:
+    return {"bytes": np.frombuffer(data, np.uint8)[::-1], "pid": np.array(os.getpid())}
+
+
+def misbehave(data: bytes) -> Arrays:
+    if data == b"abort":
+        os.abort()
+    if data == b"hang":
+        time.sleep(600.0)
+    if data == b"print":
+        os.write(1, b"library says hello" * 100)
+    if data == b"eat":
+        return {"zeros": np.ones(MEMORY, np.uint8)}
+    if data == b"raise":
+        raise ValueError("no such mesh")
+    return {}
+
+
+@pytest.fixture
+def process() -> Iterator[DecoderProcess]:
+    found = DecoderProcess(base_seconds=8.0)
+    yield found
+    found.close()
+
+
+def test_arrays_come_back(process: DecoderProcess) -> None:
+    found = process(reverse, bytes(range(200)) * 1000)
+    assert found["bytes"].tolist() == (list(range(200)) * 1000)[::-1]
+    assert int(found["pid"]) != os.getpid()
+    assert int(process(reverse, b"")["pid"]) == int(found["pid"])  # it goes on
+    pixels = process(decode_basis, (Path(__file__).parents[2] / "engine/texture/ktx2/uastc.ktx2").read_bytes())[
+        "pixels"
+    ]
+    assert pixels.shape == (12, 20, 4)
+
+
+@pytest.mark.parametrize(
+    ("data", "said"),
+    [(b"abort", "ends the decoder"), (b"raise", "no such mesh"), (b"eat", "needs too much memory")],
+)
+def test_what_goes_wrong_is_said_and_the_next_one_works(process: DecoderProcess, data: bytes, said: str) -> None:
+    if data == b"eat" and not HAS_PROC:
+        pytest.skip("memory is limited on Linux alone")
+    with pytest.raises(DecoderError, match=said):
+        process(misbehave, data)
+    assert process(reverse, b"ab")["bytes"].tolist() == [98, 97]
+
+
+def test_one_that_takes_too_long_is_ended() -> None:
+    process = DecoderProcess(base_seconds=1.5)
+    with pytest.raises(DecoderError, match="takes longer than"):
+        process(misbehave, b"hang")
+    process.close()
+
+
+def test_a_library_that_prints_does_not_spoil_replies(process: DecoderProcess) -> None:
+    assert process(misbehave, b"print") == {}
+
+
+def test_it_ends_when_idle_and_is_started_again() -> None:
+    process = DecoderProcess(idle_seconds=0.2)
+    first = int(process(reverse, b"")["pid"])
+    end = time.monotonic() + 10.0
+    while process_lives(first) and time.monotonic() < end:
+        time.sleep(0.05)
+    assert not process_lives(first)
+    second = int(process(reverse, b"")["pid"])
+    os.kill(second, signal.SIGKILL)
+    with pytest.raises(DecoderError, match="ends the decoder"):
+        process(reverse, b"")
+    assert int(process(reverse, b"")["pid"]) not in (first, second)
+    process.close()
