@@ -71,7 +71,9 @@ ViewName = Annotated[
     str | None,
     typer.Option("--view", metavar="NAME", help="Filmic, AgX, ACES 2.0, ACES 1.3, Standard or False colour."),
 ]
-SavedView = Annotated[str | None, typer.Option("--camera", metavar="NAME", help="A view saved in the session.")]
+SavedView = Annotated[
+    str | None, typer.Option("--camera", metavar="NAME", help="A view saved in the session, or a camera of the file.")
+]
 Rotation = Annotated[float | None, typer.Option("--rotation", help="Of the environment about +Y, in degrees.")]
 Time = Annotated[
     float | None, typer.Option("--time", metavar="SECONDS", help="Time in the scene's animation; it repeats.")

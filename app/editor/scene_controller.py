@@ -27,6 +27,7 @@ from app.document.view_state import Viewpoint, ViewState
 from app.editor.camera_history import CameraHistory
 from app.editor.node_controller import NodeController
 from app.editor.view_controller import TracedView, ViewController, describe_empty_frame
+from app.files.bookmarks import camera_bookmarks
 from app.files.journal import Recovery, SessionStore
 from app.files.session import Session, fit_session, load_session, session_notes
 from app.messages.editor_status import StatusMetrics
@@ -315,7 +316,8 @@ class SceneController:
             return self._take_again(described, description, opened, response)
         left_unsaved = self._keeper.leave_document(host.document, host.view)
         self._note_files(description, opened)
-        host.view = host.view.for_scene(description)
+        views = camera_bookmarks(opened.cameras, description.camera.resolution)
+        host.view = replace(host.view.for_scene(description), bookmarks=views)
         host.history = History(described)
         host.nodes.scene_opened(opened.channels)
         self._keeper.set_document(described, host.view)

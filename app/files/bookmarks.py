@@ -7,10 +7,16 @@ of the view; it does not count as unsaved.
 from __future__ import annotations
 
 import io
+import math
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from app.document.view_state import Bookmark, Viewpoint
 from engine.core.errors import InsituError
+
+if TYPE_CHECKING:
+    from engine.scene.loaders.model import ImportedCamera
 
 MAX_BOOKMARKS = 256
 MAX_NAME = 64
@@ -44,6 +50,22 @@ def add_bookmark(bookmarks: Bookmarks, look: Viewpoint, name: str | None = None)
     if len(bookmarks) >= MAX_BOOKMARKS:
         raise InsituError(f"there are {MAX_BOOKMARKS} saved views; delete one to save another")
     return (*bookmarks, new)
+
+
+def camera_bookmarks(cameras: Sequence[ImportedCamera], resolution: tuple[int, int]) -> Bookmarks:
+    """Views of a file's cameras, under names of their own. resolution: (width, height) of the scene's picture; a camera
+    that has an aspect gets about as many pixels."""
+    found: Bookmarks = ()
+    for each in cameras[:MAX_BOOKMARKS]:
+        size = None
+        if each.aspect is not None:
+            height = math.sqrt(resolution[0] * resolution[1] / each.aspect)
+            size = max(round(height * each.aspect), 1), max(round(height), 1)
+        own = " ".join(each.name.split())[: MAX_NAME - 4].strip() or "Camera"
+        taken = {bookmark.name for bookmark in found}
+        name = next(name for n in range(1, len(taken) + 2) if (name := own if n == 1 else f"{own} {n}") not in taken)
+        found = add_bookmark(found, Viewpoint(each.camera, size), name)
+    return found
 
 
 def remove_bookmark(bookmarks: Bookmarks, name: str) -> Bookmarks:

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from app.system.file_watch import FileStamp
 from engine.scene.import_report import ImportReport
+from engine.scene.loaders.model import ImportedCamera
 
 if TYPE_CHECKING:
     from app.document.document import Document
@@ -211,7 +212,7 @@ class SceneOpened(Response):
     it takes longer than the window may be blocked. `boxes` (M, 2, 3): the least and the largest corner of each object
     in the world, NaN where it has no surface. `animations`: each object's. `files`: those the scene was read from, each
     with its stamp then. `report`: what they contain, and what of it is not shown. `channels`: statistics of the images
-    of parameter maps, the scene's and the request's.
+    of parameter maps, the scene's and the request's. `cameras`: those of its files.
     """
 
     description: str
@@ -223,6 +224,7 @@ class SceneOpened(Response):
     files: Mapping[str, FileStamp] = field(default_factory=dict)
     report: ImportReport = ImportReport()
     channels: Mapping[ChannelImage, ChannelStatistics] = field(default_factory=dict)
+    cameras: tuple[ImportedCamera, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -53,9 +53,9 @@ from app.document.node_layers import Statistics, channel_images, with_node_layer
 from app.document.scene_files import is_archive, split_axis, unpacked_scene_file, with_axis
 from app.document.sources import find_source, likely_mapping, source_of
 from app.document.view_state import Viewpoint
-from app.files.bookmarks import find_bookmark
+from app.files.bookmarks import camera_bookmarks, find_bookmark
 from app.files.materials import Library, import_measured, load_material
-from app.files.session import Session, fit_session, load_session, session_notes
+from app.files.session import fit_session, load_session, session_notes
 from app.system.atomic import set_inputs
 from app.system.decoder_process import use_decoder_process
 from app.system.memory import require_memory_for
@@ -214,7 +214,8 @@ def open_project(
     values: Sequence[tuple[str, Any]] = (),
     camera: str | None = None,
 ) -> Project:
-    """Load what `name` names and set `values` by path; seen from the view that its session bookmarks as `camera`.
+    """Load what `name` names and set `values` by path; seen from the view that its session
+    bookmarks as `camera`, or from the camera of that name in its file.
 
     Raises InsituError with one line for the user.
     """
@@ -224,13 +225,17 @@ def open_project(
     use_decoder_process()
     source = source_of(find_source(name))
     session = None if source.session is None else load_session(source.session)
-    look = _viewpoint_of(session, camera)
-    resolution = resolution or look.resolution
-    if resolution is not None:
-        require_memory_for(resolution)  # before a mesh is read
+    look = Viewpoint() if session is None else session.view.viewpoint
+    if size := resolution or look.resolution:
+        require_memory_for(size)  # before a mesh is read
     named = source.scene if session is None else session.document.source
     path = unpacked_scene_file(named)
-    scene = load_scene(path, resolution, split_axis(named)[1]).from_camera(look.camera)
+    scene = load_scene(path, size, split_axis(named)[1])
+    if camera is not None:
+        saved = () if session is None else session.view.bookmarks
+        offered = (*saved, *camera_bookmarks(scene.cameras, scene.description.camera.resolution))
+        look = find_bookmark(offered, camera).viewpoint
+    scene = scene.from_camera(look.camera, resolution or look.resolution)
     require_memory_for(scene.resolution)
     document = read_measurements(
         document_from_description(named, scene.description, scene.animations), scene.folder, path
@@ -285,13 +290,6 @@ def with_overrides(project: Project, lines: Mapping[str, Any]) -> Project:
     for line, value in lines.items():
         document = override_from_value(line, value).apply(document)
     return replace(project, document=document)
-
-
-def _viewpoint_of(session: Session | None, camera: str | None) -> Viewpoint:
-    """The viewpoint of a session, or its bookmark of a name."""
-    if camera is not None:
-        return find_bookmark(() if session is None else session.view.bookmarks, camera).viewpoint
-    return Viewpoint() if session is None else session.view.viewpoint
 
 
 def read_measurements(document: Document, folder: Path | None = None, scene: Path | None = None) -> Document:

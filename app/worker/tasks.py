@@ -263,6 +263,7 @@ class RequestDispatcher:
             files,
             report_scene(scene),
             channels,
+            scene.cameras,
         )
 
     def _set_camera(self, request: SetCamera) -> Steps:

@@ -256,7 +256,7 @@ def _assemble(
         environment_path=environment_path,
         notes=(*notes, *place_notes, *lost_notes, *_map_notes(description, placed)),
         material_names=tuple(item.material for item in items),
-        cameras=tuple(camera for model in models for camera in model.cameras),
+        cameras=_place_cameras(items),
         unshown=tuple(each for model in models for each in model.unshown),
     )
     _load_maps(scene)
@@ -283,6 +283,17 @@ def _with_suns(description: SceneDescription, suns: Sequence[Sun]) -> SceneDescr
     )
     lit = environment.model_copy(update={"suns": (*environment.suns, *added)[:MAX_SUNS]})
     return description.model_copy(update={"environment": lit})
+
+
+def _place_cameras(items: Sequence[ObjectMesh]) -> tuple[ImportedCamera, ...]:
+    """The cameras of all files in the world, each under the transform of the first object of its file."""
+    first = {id(item.model): item for item in reversed(items) if item.model is not None}
+    return tuple(
+        each.under(np.reshape(item.description.transform, (4, 4)))
+        for item in items
+        if item.model is not None and first[id(item.model)] is item
+        for each in item.model.cameras
+    )
 
 
 def _load_maps(scene: Scene) -> None:

@@ -5,8 +5,11 @@ Every reader returns an `ImportedModel` (`formats.read_model`), in the file's ow
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
 
 from engine.material.bumps import NO_BUMPS, Bumps
 from engine.material.opacity import OPAQUE, Opacity
@@ -42,6 +45,16 @@ class ImportedCamera:
     camera: Camera
     aspect: float | None = None
 
+    def under(self, matrix: npt.NDArray[np.float64]) -> ImportedCamera:
+        """The camera under an affine transform (4, 4) of what it shows; the angle of view stays."""
+        own, linear = self.camera, matrix[:3, :3]
+        placed = {
+            "position": linear @ own.position + matrix[:3, 3],
+            "target": linear @ own.target + matrix[:3, 3],
+            "up": linear @ own.up,
+        }
+        return replace(self, camera=own.model_copy(update={key: _triple(value) for key, value in placed.items()}))
+
 
 @dataclass(frozen=True)
 class ImportedLight:
@@ -55,6 +68,11 @@ class ImportedLight:
     direction: RGB = (0.0, 0.0, -1.0)
     inner: float = 0.0
     outer: float = 0.0
+
+
+def _triple(vector: npt.NDArray[np.float64]) -> RGB:
+    x, y, z = vector.tolist()
+    return x, y, z
 
 
 @dataclass(frozen=True)

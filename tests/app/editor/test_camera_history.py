@@ -21,6 +21,7 @@ from app.modes.placement.placement_messages import ComputeTransport
 from app.project.project import open_project
 from engine.core.errors import InsituError
 from engine.scene.description import Camera
+from engine.scene.loaders.model import ImportedCamera
 from tests.app.fake_worker import FakeClient
 
 ASIDE = Camera(position=(3.0, 1.0, 2.0), target=(0.0, 0.0, 0.0), fov_y=30.0)
@@ -293,3 +294,14 @@ def test_lamps_are_no_part_of_all(editor: Editor, client: FakeClient) -> None:
     assert [state.emits for state in editor.document.objects] == [False, False, True]
     assert editor.camera_history.box_of(None).tolist() == POT
     assert editor.camera_history.box_of("lamp").tolist() == LAMP
+
+
+def test_cameras_of_a_file_are_saved_views_of_its_scene(client: FakeClient) -> None:
+    editor = Editor(client, "shelf")
+    client.open_scene(cameras=(ImportedCamera("Above", ABOVE, 2.0), ImportedCamera("Aside", ASIDE)))
+    editor.tick(0.0)
+    views = {each.name: each.viewpoint for each in editor.view.bookmarks}
+    assert list(views) == ["Above", "Aside"] and views["Aside"] == Viewpoint(ASIDE)
+    assert not editor.unsaved
+    editor.camera_history.set_viewpoint(views["Aside"], "Aside")
+    assert editor.view.camera == ASIDE

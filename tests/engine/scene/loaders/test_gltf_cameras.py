@@ -74,3 +74,35 @@ def test_a_camera_that_cannot_be_used_is_listed(with_camera: Callable[..., Impor
     assert "a view that cannot be used" in " ".join(each.effect for each in model.unshown)
     model = with_camera(PERSPECTIVE, scale=[0, 0, 0])
     assert model.cameras == () and any(each.name == "nodes.camera" for each in model.unshown)
+
+
+def test_views_of_a_file_s_cameras(triangle_glb: Triangle, glb_file: Callable[..., Path]) -> None:
+    """By their names on the command line; placed with their object, and in their own aspect."""
+    from app.files.bookmarks import camera_bookmarks
+    from app.project.project import open_project
+    from engine.core.errors import InsituError
+    from engine.scene.scene_loader import load_scene
+    from tests.scene_text import camera as view
+    from tests.scene_text import placed
+
+    tree, binary = triangle_glb
+    wide = {"type": "perspective", "name": "Front", "perspective": {"yfov": 0.5, "znear": 0.1, "aspectRatio": 4.0}}
+    tree |= {
+        "cameras": [PERSPECTIVE, wide],
+        "nodes": [{"mesh": 0}, {"camera": 0, "translation": [0, 0, 5]}, {"camera": 1, "translation": [0, 0, 6]}],
+        "scenes": [{"nodes": [0, 1, 2]}],
+    }  # fmt: skip
+    path = glb_file(tree, binary)
+    views = camera_bookmarks(load_scene(path).cameras, (512, 512))
+    assert [each.name for each in views] == ["Front", "Front 2"]
+    assert views[0].viewpoint.resolution is None and views[1].viewpoint.resolution == (1024, 256)
+    project = open_project(str(path), camera="Front 2")
+    assert project.scene.description.camera.position == (0, 0, 6) and project.scene.resolution == (1024, 256)
+    assert open_project(str(path), (32, 16), camera="Front").scene.resolution == (32, 16)
+    with pytest.raises(InsituError, match="there is no view 'Back'; saved views: Front, Front 2"):
+        open_project(str(path), camera="Back")
+    scene_file = path.parent / "scene.toml"
+    scene_file.write_text(
+        view((0, 0, 3), 40, (32, 24)) + placed("toy", path.name, "1, 0, 0, 7, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1")
+    )
+    assert [each.camera.position for each in load_scene(scene_file).cameras] == [(7, 0, 5), (7, 0, 6)]
