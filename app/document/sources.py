@@ -51,12 +51,13 @@ def source_of(name: str) -> Source:
     """The source of a name or path; it may not exist. Raises InsituError that says what it is instead, and what to
     do."""
     base, up = split_axis(name)
-    if name in builtin_scenes():
-        return Source(name)
-    path = scene_in_folder(Path(base)) if os.path.isdir(base) else Path(base)
-    ending = path.suffix.lower()
+    is_builtin = base in builtin_scenes()
+    path = scene_in_folder(Path(base)) if os.path.isdir(base) and not is_builtin else Path(base)
     if up == "z" and not can_turn(str(path)):
         raise InsituError(f"{base}: Z is up, expected a mesh ({', '.join(MESH_ENDINGS)}); other scenes are upright")
+    if is_builtin:
+        return Source(base)
+    ending = path.suffix.lower()
     if ending in LIGHT_ENDINGS:
         return Source(light=resolved(path))
     if ending == SESSION_ENDING:
@@ -71,7 +72,8 @@ def find_source(name: str | None, up: Up = "y") -> str:
     where its name does not say it. Raises InsituError."""
     name = name or DEFAULT_SCENE
     name = with_axis(name, up) if up == "z" else name
-    if name not in builtin_scenes() and not exists(split_axis(name)[0]):
+    base = split_axis(name)[0]
+    if base not in builtin_scenes() and not exists(base):
         there = ", ".join(builtin_scenes())
         raise InsituError(f"{name}: no such file, and no built-in scene of that name; built-in scenes are {there}")
     source_of(name)

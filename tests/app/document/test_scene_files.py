@@ -165,7 +165,7 @@ def test_names_keep_the_axis_that_points_up(tmp_path: Path) -> None:
     name = find_source(str(tmp_path / "a.obj"), "z")
     assert source_of(name).scene == str(tmp_path / "a.obj") + "#z-up"
     (tmp_path / "scene.toml").write_text("")
-    for wrong in (tmp_path / "scene.toml", tmp_path):
+    for wrong in (tmp_path / "scene.toml", tmp_path, "teatray"):
         with pytest.raises(InsituError, match="Z is up, expected a mesh"):
             find_source(str(wrong), "z")
 
