@@ -369,7 +369,9 @@ class SceneController:
             host.view = replace(host.view, compare=change(host.view.compare))
         self.watch.add([self._keeper.path] if self._keeper.path else [])
         host.view = host.view.from_viewpoint(self.tracing.adopt_resolution(host.camera_history.own_resolution))
-        scene = OpenedScene(0, opened.planned, description, described, host.document, opened.notes)
+        host.nodes.scene_opened(opened.channels)
+        pictured = host.with_nodes(host.document)
+        scene = OpenedScene(0, opened.planned, description, described, pictured, opened.notes)
         host.controller.scene_opened(self._view_traced(scene, response))
         selected = host.view.selected
         if selected is not None and all(selected.object != state.name for state in host.document.objects):

@@ -156,7 +156,7 @@ def _part(
     if skeleton is not None:
         rig = Rig(skeleton, join_bindings([binding for _, binding in bound if binding is not None]), np.eye(4))
     is_smooth = mesh.normals is not None
-    return ImportedPart(mesh, layers, material.emission, rig, bumps, opacity, is_smooth, variants=variants)
+    return ImportedPart(mesh, layers, material.emission, rig, bumps, opacity, is_smooth, material.name, variants)
 
 
 def _with_flat_normals(mesh: Mesh, binding: Binding | None) -> Bound:

@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from engine.core.errors import LoadError
+from engine.core.errors import LoadError, printable_name
 from engine.material.bumps import BUMP_STRENGTH, NO_BUMPS, Bumps
 from engine.material.layer_maps import IDENTITY_TRANSFORM, MAX_REPEATS, Channel, LayerMaps, TextureTransform, Wrap
 from engine.material.opacity import OPAQUE, Mode, Opacity
@@ -47,6 +47,7 @@ GREY = (LayerDescription(model="lambert", parameters={"albedo": (0.5, 0.5, 0.5)}
 COLOURED = (
     LayerDescription(model="lambert", maps=LayerMaps(vertex_colours=True), parameters={"albedo": (1.0, 1.0, 1.0)}),
 )
+LONGEST_NAME = 120
 _ALPHA_MODES: dict[str, Mode] = {"OPAQUE": "opaque", "MASK": "mask", "BLEND": "blend"}
 _NOT_SHOWN = {"emissiveTexture": "emissive textures"}
 # Limit of pixels of all images of one file, plus more for every byte: a few kilobytes can claim millions of pixels.
@@ -62,13 +63,14 @@ _LEAST_REPEAT = 1e-3
 @dataclass(frozen=True)
 class PartMaterial:
     """Layers of a material (glTF's default, white with metal 1 and roughness 1, is replaced by plain grey), its
-    emission, what of it is not shown, its normal map and its opacity."""
+    emission, what of it is not shown, its normal map, its opacity and its name."""
 
     layers: tuple[LayerDescription, ...] = GREY
     emission: RGB | None = None
     notes: tuple[str, ...] = ()
     bumps: Bumps = NO_BUMPS
     opacity: Opacity = OPAQUE
+    name: str = ""
 
     @property
     def has_images(self) -> bool:
@@ -103,7 +105,9 @@ def read_material(fields: JsonObject, images: GltfImages, is_coloured: bool = Fa
     notes += [f"{words} are not shown" for key, words in _NOT_SHOWN.items() if fields.has(key)]
     emits = any(emission) and not fields.has("emissiveTexture")
     bumps = _bumps(fields.child("normalTexture"), images, notes) if fields.has("normalTexture") else NO_BUMPS
-    return PartMaterial(pbr_layers(material), emission if emits else None, tuple(notes), bumps, opacity)
+    shown = emission if emits else None
+    called = printable_name(fields.text("name") or "", LONGEST_NAME)
+    return PartMaterial(pbr_layers(material), shown, tuple(notes), bumps, opacity, called)
 
 
 def _metallic_roughness(fields: JsonObject, images: GltfImages, notes: list[str]) -> PbrMaterial:
