@@ -19,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
+from app.system.decoder_process import use_decoder_process
 from app.system.kernel_cache import use_kernel_cache
 from engine.core.errors import LONGEST_LINE, InsituError
 from tests.fuzz.formats import FORMATS, Format
@@ -132,6 +133,7 @@ def main() -> None:
         at = mmap.mmap(file.fileno(), AT.size)
     at[:] = AT.pack(-1, 0.0)
     use_kernel_cache()
+    use_decoder_process()
     for line in sys.stdin:
         name, first, last = line.split()
         resource.setrlimit(resource.RLIMIT_AS, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))

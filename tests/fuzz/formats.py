@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tests.fuzz.gltf_seeds import dracos, gltfs, meshopts
 from tests.fuzz.repair import repaired_glb, repaired_png, repaired_records
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -406,6 +407,21 @@ def jpegs(_: Path) -> list[bytes]:
     return found
 
 
+def webps(_: Path) -> list[bytes]:
+    from PIL import Image
+
+    found = []
+    for options in ({"lossless": True}, {"quality": 80}, {"lossless": True, "exif": b"Exif\0\0II*\0\x08\0\0\0\0\0"}):
+        buffer = io.BytesIO()
+        Image.fromarray((GRADIENT * 60).astype(np.uint8)).save(buffer, "WebP", **options)
+        found.append(buffer.getvalue())
+    return found
+
+
+def ktx2s(_: Path) -> list[bytes]:
+    return [path.read_bytes() for path in sorted((ROOT / "tests" / "engine" / "texture" / "ktx2").glob("*.ktx2"))]
+
+
 def read_texture_file(path: Path) -> None:
     from engine.texture.texture_files import read_texture, read_weight
 
@@ -545,11 +561,16 @@ FORMATS = {
     "3mf": Format("a.model", models, read_model, is_text=True),
     "zip": Format("a.zip", archives, read_archive),
     "glb": Format("a.glb", glbs, read_glb_file, repaired=repaired_glb),
+    "gltf": Format("a.gltf", gltfs, read_glb_file, is_text=True),
+    "meshopt": Format("a.glb", meshopts, read_glb_file, repaired=repaired_glb),
+    "draco": Format("a.glb", dracos, read_glb_file, repaired=repaired_glb),
     "exr": Format("a.exr", exrs, read_light),
     "hdr": Format("a.hdr", hdrs, read_light),
     "exr_texture": Format("t.exr", exrs, read_texture_file),
     "png": Format("a.png", pngs, read_texture_file, repaired=repaired_png),
     "jpeg": Format("a.jpg", jpegs, read_texture_file),
+    "webp": Format("a.webp", webps, read_texture_file),
+    "basis": Format("a.ktx2", ktx2s, read_texture_file),
     "cornell": Format("a.brdf", cornells, read_cornell_file, is_text=True),
     "tensors": Format("a.bsdf", tensors, read_tensors),
     "entry": Format("k.arrays", entries, read_entry, repaired=repaired_records),
