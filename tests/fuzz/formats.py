@@ -59,7 +59,7 @@ def sessions(folder: Path) -> list[bytes]:
     from app.document.commands.curves import AddOperator, CollapseOperators
     from app.document.commands.layers import SetFresnelTerm
     from app.document.commands.light import SetEnvironment
-    from app.document.commands.maps import Paint, SetMap
+    from app.document.commands.maps import Paint, SetMap, SetOpacity
     from app.document.commands.poses import AddDeformer
     from app.document.document import document_from_description
     from app.document.view_state import Bookmark, Viewpoint, ViewState
@@ -80,6 +80,9 @@ def sessions(folder: Path) -> list[bytes]:
         CollapseOperators("pot.1", "theta_d"),
         SetFresnelTerm("pot.0", (0.9, 0.5, 0.04)),
         SetMap("floor.0", "texture", "oak.png"),
+        SetMap("floor.0", "vertex_colours", True),
+        SetOpacity("pot", "opacity_mode", "blend"),
+        SetOpacity("pot", "opacity_factor", 1 / 3),
         Paint("floor.0", Stroke(0.1, dabs=pack_dabs(np.eye(3), np.eye(3)))),
         AddDeformer("pot", "bend", 0.5),
         SetEnvironment("constant", "angular", (1.0, 0.1, 1e-5)),
@@ -283,6 +286,7 @@ def read_archive(path: Path) -> None:
 
 def glbs(_: Path) -> list[bytes]:
     """A triangle with a texture, skinned bars that an animation bends, one of them with a morph target, and lights."""
+    from tests.engine.render.test_vertex_colours import card_glb
     from tests.engine.scene.conftest import pack_glb
     from tests.engine.scene.loaders.test_gltf_lights import lights_glb
     from tests.engine.scene.loaders.test_gltf_rig import Bar
@@ -307,7 +311,8 @@ def glbs(_: Path) -> list[bytes]:
     for each in (bar, moving):
         each.tree["buffers"] = [{"byteLength": len(each.binary)}]
     lit = lights_glb([{"type": "spot", "range": 2, "spot": {"outerConeAngle": 0.5}}, {"type": "directional"}], [{}, {}])
-    return [pack_glb(*card), pack_glb(bar.tree, bar.binary), pack_glb(moving.tree, moving.binary), lit]
+    cut = card_glb(material={"alphaMode": "MASK", "alphaCutoff": 0.25, "doubleSided": False})
+    return [pack_glb(*card), pack_glb(bar.tree, bar.binary), pack_glb(moving.tree, moving.binary), lit, cut]
 
 
 def read_glb_file(path: Path) -> None:
