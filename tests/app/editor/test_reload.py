@@ -5,6 +5,9 @@ Scenes are read and traced by the worker's own code in this process; the picture
 
 from __future__ import annotations
 
+import base64
+import itertools
+import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -192,6 +195,49 @@ def test_a_saved_session_stays_saved_and_one_written_elsewhere_is_opened(shop: W
     assert not shop.editor.unsaved
     shop.reload()
     assert shop.albedo("pot") == (0.25, 0.25, 0.25) and shop.editor.session_path == shop.folder / "mine.insitu"
+
+
+def write_gltf(path: Path, materials: list[str]) -> None:
+    """A triangle of each material, side by side."""
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
+    places = np.concatenate([corners + (2.0 * k, 0, 0) for k in range(len(materials))]).astype("<f4")
+    uri = f"data:application/octet-stream;base64,{base64.b64encode(places.tobytes()).decode()}"
+    accessors = [
+        {"bufferView": 0, "byteOffset": 36 * k, "componentType": 5126, "count": 3, "type": "VEC3"}
+        for k in range(len(materials))
+    ]
+    primitives = [{"attributes": {"POSITION": k}, "material": k} for k in range(len(materials))]
+    tree = {
+        "asset": {"version": "2.0"}, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}], "accessors": accessors,
+        "meshes": [{"primitives": primitives}], "buffers": [{"byteLength": places.nbytes, "uri": uri}],
+        "bufferViews": [{"buffer": 0, "byteLength": places.nbytes}],
+        "materials": [{"name": name, "pbrMetallicRoughness": {"metallicFactor": 0.0}} for name in materials],
+    }  # fmt: skip
+    path.write_text(json.dumps(tree))
+
+
+def test_parts_of_a_gltf_file_are_found_again_by_their_materials(tmp_path: Path) -> None:
+    write_gltf(tmp_path / "bag.gltf", ["leather", "brass"])
+    editor = Editor(InProcessClient(ReadingWorker()), str(tmp_path / "bag.gltf"))
+
+    clock = itertools.count(1)
+
+    def settle() -> None:
+        for _ in range(20):
+            editor.tick(0.5 * next(clock))
+
+    settle()
+    assert [item.material for item in editor.scenes.report.objects] == ["leather", "brass"]
+    editor.do(SetVisible("bag 2", False))
+    write_gltf(tmp_path / "bag.gltf", ["zip", "brass", "thread", "leather"])
+    run_operator(editor, "reload")
+    settle()
+    assert editor.scenes.report.objects[1].material == "brass"
+    assert [state.visible for state in editor.document.objects[:4]] == [True, False, True, True]
+    write_gltf(tmp_path / "bag.gltf", ["brass", "leather"])
+    run_operator(editor, "reload")
+    settle()
+    assert [state.visible for state in editor.document.objects[:2]] == [False, True]
 
 
 def test_changed_files_are_noticed_until_they_are_read(shop: Workshop) -> None:
