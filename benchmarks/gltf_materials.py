@@ -152,11 +152,30 @@ def measure(case: Case, shape: str, light: str, environment: Path, folder: Path)
     return errors(ours[seen], truth[seen])
 
 
+def measure_layers(case: Case, shape: str, light: str, environment: Path, folder: Path) -> Errors:
+    """The error of the layers themselves: of paths that they reflect, against the judge's with equal random numbers,
+    which differ by what the layers differ from the formulas and by little else."""
+    project = _project(case, shape, light, environment, folder)
+    layers_of = {0: tuple(layer for j, layer in project.indexed_layers if j == 0)}
+    placement = Placement(project.scene, None, 0)
+    found = run_to_end(trace_paths(placement, layers_of, project.sky, 1, 256))
+    return errors(found.radiance, _judged_paths(case, shape, project, placement, 256))
+
+
 def _judged(case: Case, shape: str, project: Project) -> NDArray[np.floating]:
     """The judge's picture at the project's resolution."""
     finer = FINER if shape == "quad" else 1
     camera, side = project.scene.description.camera, project.scene.resolution[0]
     placement = Placement(project.scene.from_camera(camera, (side * finer,) * 2), None, 0)
+    picture = np.zeros((side * finer * side * finer, 3))
+    picture[placement.hits.pixel] = _judged_paths(case, shape, project, placement, N_SAMPLES[shape])
+    return box_averaged(picture.reshape(side * finer, side * finer, 3), finer)
+
+
+def _judged_paths(
+    case: Case, shape: str, project: Project, placement: Placement, n_samples: int
+) -> NDArray[np.floating]:
+    """Radiance (P, 3) of the hits by the formula."""
     textures = list(case.textures.items()) if shape == "quad" else []
     maps = [_texture_maps(k, texture) for k, (_, texture) in enumerate(textures)]
     painted = [make_layer(MODELS["lambert"]).replace(maps=each) for each in maps]
@@ -165,10 +184,7 @@ def _judged(case: Case, shape: str, project: Project) -> NDArray[np.floating]:
     def scattering(layers: Sequence[Layer]) -> Scattering:
         return AuthoredScattering(layers, case, len(textures)) if layers else Scattering(())
 
-    found = run_to_end(trace_paths(placement, layers_of, project.sky, 1, N_SAMPLES[shape], scattering=scattering))
-    picture = np.zeros((side * finer * side * finer, 3))
-    picture[placement.hits.pixel] = found.radiance
-    return box_averaged(picture.reshape(side * finer, side * finer, 3), finer)
+    return run_to_end(trace_paths(placement, layers_of, project.sky, 1, n_samples, scattering=scattering)).radiance
 
 
 def _texture_maps(k: int, texture: Texture) -> LayerMaps:
@@ -221,7 +237,7 @@ def _glb(case: Case, shape: str) -> bytes:
         for name in above:
             there = there.setdefault(name, {})
         there[key] = {"index": k}
-    images = [_png(k) for k in range(len(textures))]
+    images = [_png(k, texture.channel) for k, (_, texture) in enumerate(textures)]
     chunks = [each.tobytes() for each in parts] + images
     binary, views = b"", []
     for chunk in chunks:
@@ -247,20 +263,24 @@ def _glb(case: Case, shape: str) -> bytes:
     return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body
 
 
-def _png(seed: int) -> bytes:
-    """A texture of 64 x 64 texels with colours, opacity, edges and a slope; another for each seed."""
+def _png(seed: int, channel: Channel | None) -> bytes:
+    """A texture of 64 x 64 texels with colours, edges and a slope, and opacity if that counts; one for each seed."""
     generator, side = np.random.default_rng(seed), 64
     tiles = generator.integers(40, 256, (8, 8, 4)).repeat(8, axis=0).repeat(8, axis=1)
     slope = np.linspace(0.4, 1.0, side)[:, None, None]
-    buffer = io.BytesIO()
+    if channel != "a":
+        tiles[..., 3] = 255
+    buffer, slope = io.BytesIO(), np.concatenate([slope.repeat(3, axis=2), np.ones((side, 1, 1))], axis=2)
     Image.fromarray((tiles * slope).astype(np.uint8), "RGBA").save(buffer, "PNG")
     return buffer.getvalue()
 
 
 def main() -> None:
     environment, names = Path(sys.argv[1]), sys.argv[2:] or list(CASES)
-    print("| material | sphere, environment | sphere, lamp | textured quad, environment | textured quad, lamp |")
-    print("| --- | --- | --- | --- | --- |")
+    print(
+        "| material | layers | sphere, environment | sphere, lamp | textured quad, environment | textured quad, lamp |"
+    )
+    print("| --- | --- | --- | --- | --- | --- |")
     with tempfile.TemporaryDirectory() as folder:
         for name in names:
             found = [
@@ -268,6 +288,10 @@ def main() -> None:
                 for shape in ("sphere", "quad")
                 for light in LIGHTS
             ]
+            of_layers = measure_layers(
+                CASES[name], "quad", "environment", environment, Path(folder, "quad-environment")
+            )
+            found = [of_layers, *found]
             row = [f"{100 * each.rmse:.2f} % ({100 * each.mean:+.2f} %)" for each in found]
             print(f"| {name} | {' | '.join(row)} |", flush=True)
 

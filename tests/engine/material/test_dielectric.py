@@ -9,6 +9,8 @@ from app.document.linked_layers import layers_from_descriptions
 from engine.curve.operators import Operator
 from engine.material import MODELS, make_layer
 from engine.material.layer import Layer, evaluate_by_curves, evaluate_layers
+from engine.precompute.indirect.albedo import equivalent_albedo
+from engine.precompute.indirect.indirect_layers import indirect_layer
 from engine.reference.gltf_brdf import GltfInputs, gltf_brdf
 from engine.scene.loaders.pbr_layers import Coat, Film, PbrMaterial, SheenCoat, WeightImage, pbr_layers
 from tests.engine.material.test_models import hemisphere
@@ -127,3 +129,12 @@ def test_the_base_takes_f0_of_the_gloss_that_it_follows() -> None:
     assert followed.curve("beneath")(angles) == pytest.approx(1.0 - brighter.curve("theta_d")(angles))
     assert gloss.with_curves_of(base.with_parameter("f0", 0.2)).values["f0"] == (0.2, 0.2, 0.2)
     assert followed.values["albedo"] == base.values["albedo"] and brighter.values["alpha"] == 0.25
+
+
+def test_further_bounces_see_what_a_coat_leaves() -> None:
+    # The mean of F = 0.04 + 0.96 (1 - x)^5 over cosines x, weighted by 2x: 0.04 + 0.96 · 2 / 42.
+    coat = make_layer(MODELS["clearcoat"], {"scale": 0.5})
+    base = make_layer(MODELS["lambert"], {"albedo": 0.6}).replace(under=coat.name, covers=(coat,))
+    taken = 0.04 + 0.96 * 2.0 / 42.0
+    assert equivalent_albedo(base, (1,)) == pytest.approx(np.full(3, 0.6 * (1.0 - 0.5 * taken)), rel=2e-3)
+    assert indirect_layer(0, base, (1,)).view_curve[-1, 0] == pytest.approx(0.5)
