@@ -16,14 +16,19 @@ import numpy as np
 from engine.core.errors import LoadError
 from engine.core.native_decoders import Arrays, DecoderError, decode_natively
 
+_ZSTANDARD = 2
 KTX2_MAGIC = b"\xabKTX 20\xbb\r\n\x1a\n"
 
 
 def ktx2_size(data: bytes, file: Path | str) -> tuple[int, int]:
-    """(width, height) of a KTX 2 file, by its header; raises LoadError."""
-    if len(data) < 28:
+    """(width, height) of a KTX 2 file, by its header; raises LoadError if its texels are not those of Basis Universal,
+    which have no format of Vulkan."""
+    if len(data) < 48:
         raise LoadError(file, "KTX 2 header", f"truncated at byte {len(data)}", "80 bytes")
-    width, height = struct.unpack_from("<II", data, 20)
+    vulkan_format, _, width, height, _, _, _, _, scheme = struct.unpack_from("<9I", data, 12)
+    if vulkan_format != 0 or scheme > _ZSTANDARD:
+        found = f"format {vulkan_format} packed by scheme {scheme}"
+        raise LoadError(file, "KTX 2 image", found, "texels of Basis Universal, ETC1S or UASTC")
     return width, height
 
 

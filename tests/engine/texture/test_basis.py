@@ -85,3 +85,10 @@ def test_ktx2_files_that_say_they_are_huge_are_not_decoded() -> None:
     data[20:28] = b"\xff" * 8
     with pytest.raises(LoadError, match="image size = 4294967295 x 4294967295"):
         read_texture(bytes(data), "huge")
+
+
+def test_ktx2_files_of_other_texels_are_named_by_their_header() -> None:
+    data = bytearray((FILES / "uastc.ktx2").read_bytes())
+    data[12] = 43  # VK_FORMAT_R8G8B8A8_SRGB
+    with pytest.raises(LoadError, match="format 43 packed by scheme 2, expected texels of Basis Universal"):
+        image_size(bytes(data), "plain")
