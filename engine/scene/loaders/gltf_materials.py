@@ -39,7 +39,7 @@ from engine.scene.loaders.pbr_layers import (
     WeightImage,
     pbr_layers,
 )
-from engine.texture.texture_files import has_alpha, image_size, read_texture, read_weight, reduction
+from engine.texture.texture_files import check_image, has_alpha, image_size, read_texture, read_weight, reduction
 
 # The material of objects without one.
 GREY = (LayerDescription(model="lambert", parameters={"albedo": (0.5, 0.5, 0.5)}),)
@@ -488,16 +488,18 @@ class GltfImages:
         if first != image:
             return self._usable[first]
         try:
-            size = image_size(self._buffers.image(image), f"{self._root.file}#{image}")
+            data, name = self._buffers.image(image), f"{self._root.file}#{image}"
+            size = image_size(data, name)
+            if size is None:
+                return None, f"image {image} is no PNG, JPEG, WebP or KTX 2 and not shown"
+            n_pixels, k = size[0] * size[1], reduction(*size)
+            if k > 1:  # cost: the pixels shown, and an eighth for decoding the rest
+                n_pixels = n_pixels // k**2 + n_pixels // 8
+            if n_pixels > self._pixels_left:
+                return None, "images are not shown that have, with those before them, too many pixels for such a file"
+            check_image(data, name)
         except LoadError as error:
             return None, f"image {image} is not shown: {error.reason}"
-        if size is None:
-            return None, f"image {image} is no PNG, JPEG, WebP or KTX 2 and not shown"
-        n_pixels, k = size[0] * size[1], reduction(*size)
-        if k > 1:  # cost: the pixels shown, and an eighth for decoding the rest
-            n_pixels = n_pixels // k**2 + n_pixels // 8
-        if n_pixels > self._pixels_left:
-            return None, "images are not shown that have, with those before them, too many pixels for such a file"
         self._pixels_left -= n_pixels
         return image, ""
 

@@ -113,6 +113,25 @@ def test_images_beside_the_file_and_as_data(triangle_glb: Triangle, mesh_file: W
         assert read_glb(path).unshown == ()
 
 
+@pytest.mark.parametrize("kind", ["PNG", "JPEG", "WebP", "KTX2"])
+def test_a_broken_image_does_not_refuse_the_shape(triangle_glb: Triangle, mesh_file: WriteFile, kind: str) -> None:
+    tree, binary = triangle_glb
+    binary = add_accessor(tree, binary, np.array([[0, 1], [1, 1], [0, 0]], "<f4"), "VEC2")
+    tree["meshes"][0]["primitives"][0] |= {"attributes": {"POSITION": 0, "TEXCOORD_0": 2}, "material": 0}
+    tree["materials"] = [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]
+    tree["textures"] = [{"source": 0}]
+    tree["buffers"][0]["uri"] = as_data(binary)
+    ktx2 = Path(__file__).parents[2] / "texture" / "ktx2" / "uastc.ktx2"
+    whole = ktx2.read_bytes() if kind == "KTX2" else picture(kind=kind)
+    for data, is_whole in ((whole, True), (whole[: len(whole) * 3 // 4], False)):
+        tree["images"] = [{"uri": as_data(data)}]
+        path = mesh_file("model.gltf", json.dumps(tree))
+        scene = load_scene(path)
+        shown = [layer.maps.texture for layer in scene.description.objects[0].layers]
+        assert ("model.gltf#0" in shown) == is_whole
+        assert any("image 0 is not shown: " in note for note in scene.notes) != is_whole
+
+
 OUTSIDE = ["../body.bin", "%2e%2e/body.bin", "a/../../body.bin", "/etc/hostname", "file:///etc/hostname",
            "http://example.org/body.bin", "//example.org/body.bin", "link.bin", "..\\body.bin"]  # fmt: skip
 
