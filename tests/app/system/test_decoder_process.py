@@ -16,6 +16,8 @@ from app.system.system import HAS_PROC, process_lives
 from engine.core.native_decoders import Arrays, DecoderError
 from engine.texture.basis import decode_basis
 
+KTX2 = Path(__file__).parents[2] / "engine" / "texture" / "ktx2" / "uastc.ktx2"
+
 
 def reverse(data: bytes) -> Arrays:
     return {"bytes": np.frombuffer(data, np.uint8)[::-1], "pid": np.array(os.getpid())}
@@ -89,3 +91,17 @@ def test_it_ends_when_idle_and_is_started_again() -> None:
         process(reverse, b"")
     assert int(process(reverse, b"")["pid"]) not in (first, second)
     process.close()
+
+
+def test_projects_are_read_with_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A scene whose texture needs the decoder; in this process it is never called."""
+    from app.project.project import open_project
+    from tests.scene_text import camera, material, placed
+
+    monkeypatch.setattr("opengl_basisu.open", None)
+    (tmp_path / "wood.png").write_bytes(KTX2.read_bytes())  # the content says what it is
+    wood = material('model = "lambert", albedo = 0.5, texture = "wood.png"')
+    (tmp_path / "scene.toml").write_text(camera((0, 0, 3), 40, (8, 8)) + placed("card", "quad", more=wood))
+    scene = open_project(str(tmp_path / "scene.toml")).scene
+    pyramid = scene.textures.texture(scene.description.objects[0].layers[0].maps.images)
+    assert pyramid is not None and 0.0 < pyramid.mean.min()
