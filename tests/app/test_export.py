@@ -30,7 +30,7 @@ from engine.light.radiance_files import read_radiance_image
 from engine.material import MODELS, make_layer
 from engine.material.layer import evaluate_layers
 from engine.precompute.direct.pipeline import Placement
-from engine.scene.loaders.ply import parse_ply
+from engine.scene.loaders.ply import read_ply
 from tests.app.files.test_brdf_files import insitu
 from tests.naive.tensor_files import Gloss, acquired, tensor_bytes
 from tests.pictures import write_exr
@@ -64,7 +64,7 @@ def test_the_folder_holds_all_of_the_scene(tmp_path: Path) -> None:
     assert lamp.find("emitter/rgb").get("value") == "18 14 10"  # type: ignore[union-attr]
     assert root.find("integrator/integer").get("value") == "3"  # type: ignore[union-attr]
     file = tmp_path / "out" / "meshes" / "01_ball.ply"
-    mesh, scene = parse_ply(file.read_bytes(), file).mesh, open_project(str(tmp_path / "small.toml"), (1, 1)).scene
+    mesh, scene = read_ply(file).parts[0].mesh, open_project(str(tmp_path / "small.toml"), (1, 1)).scene
     first, last = scene.triangle_ranges[1]
     corners = scene.vertices[scene.triangles[first:last]] + scene.origin
     np.testing.assert_allclose(mesh.vertices[mesh.triangles], corners, atol=1e-6)
@@ -271,6 +271,6 @@ def test_a_far_scene_is_written_about_its_own_centre(tmp_path):
             if x else []
         )  # fmt: skip
     assert (near / "scene.xml").read_bytes() == (far / "scene.xml").read_bytes()
-    here, there = (parse_ply(path.read_bytes(), path).mesh for f in (near, far) for path in (f / "meshes").iterdir())
+    here, there = (read_ply(path).parts[0].mesh for f in (near, far) for path in (f / "meshes").iterdir())
     assert (here.triangles == there.triangles).all()
     assert np.abs(here.vertices - there.vertices).max() < 1e-6
