@@ -18,6 +18,8 @@ from engine.core.errors import LoadError
 from engine.scene.loaders.gltf import read_glb
 from engine.scene.loaders.model import ImportedPart
 from engine.scene.scene_loader import load_scene
+from tests.fuzz.gltf_seeds import meshopts
+from tests.fuzz.repair import repaired_glb
 
 Triangle = tuple[dict, bytes]
 WriteFile = Callable[[str, "str | bytes"], Path]
@@ -237,6 +239,20 @@ def test_sparse_rows_replace_those_of_every_attribute(
     expected = {"POSITION": [0, 0, 9], "NORMAL": [0, 1, 0], "TEXCOORD_0": [0.25, 0.5], "indices": [1]}
     assert found[key].tolist() == expected[key]
     assert model.unshown == ()
+
+
+def test_views_compressed_by_meshopt(mesh_file: WriteFile) -> None:
+    """A grid of 5 x 5 points, exponential positions and octahedral normals, by both extensions; what is compressed may
+    not decode to more than such a file is worth."""
+    for content, name in zip(meshopts(Path()), ("EXT_meshopt_compression", "KHR_meshopt_compression"), strict=True):
+        model = read_glb(mesh_file("grid.glb", content))
+        mesh = model.parts[0].mesh
+        assert mesh.vertices.tolist() == [[x, y, 0] for x in range(5) for y in range(5)] and len(mesh.triangles) == 32
+        assert mesh.normals is not None and np.allclose(mesh.normals, [0, 0, 1])
+        assert model.unshown == () and model.notes == ()
+        bomb = content.replace(b'"count": 25, "mode"', b'"count": 99999999, "mode"')
+        with pytest.raises(LoadError, match=f"bufferViews 0: extensions: {name}: decoded bytes = "):
+            read_glb(mesh_file("bomb.glb", repaired_glb(bomb)))
 
 
 def test_positions_that_an_unknown_extension_has(triangle_glb: Triangle, glb_file: Callable[..., Path]) -> None:
