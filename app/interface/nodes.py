@@ -22,6 +22,7 @@ from app.document.commands.curves import AddOperator, ResetCurve, SetOperators
 from app.document.document import (
     EMISSION,
     LIGHT_FIELDS,
+    MAP_SUFFIX,
     MATERIAL,
     SWITCHES,
     TIME,
@@ -39,7 +40,7 @@ from engine.material.bumps import bump_fields
 from engine.material.layer import Layer
 from engine.material.layer_maps import map_fields
 from engine.material.opacity import opacity_fields
-from engine.material.parameter_maps import parameter_map_table
+from engine.material.parameter_maps import MAPPED_KINDS, parameter_map_table
 from engine.realtime.deformers import KINDS
 from engine.scene.camera_moves import orbit_camera
 from engine.scene.description import Camera
@@ -196,8 +197,8 @@ class ObjectNode(Node):
 
 
 class LayerNode(Node):
-    """A layer of a material: the parameters of its model by name, `visible`, `frozen` and the parts of its maps. Its
-    curves are found by name.
+    """A layer of a material: the parameters of its model by name, `visible`, `frozen` and the parts of its maps;
+    `alpha_map` is the map of `alpha`, a file or a table as in a scene, None for none. Its curves are found by name.
 
     >>> import insitu
     >>> copper = insitu.open("teatray")["teapot"]["copper"]
@@ -233,7 +234,8 @@ class LayerNode(Node):
 
     def _names(self) -> Sequence[str]:
         parameters = (parameter.name for parameter in self._layer.parameter_table)
-        return (*parameters, "visible", "frozen", UNDER, *map_fields())
+        vary = (each.name + MAP_SUFFIX for each in self._layer.model.parameters if each.kind in MAPPED_KINDS)
+        return (*parameters, *vary, "visible", "frozen", UNDER, *map_fields())
 
 
 class Curve:
