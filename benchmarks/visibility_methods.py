@@ -117,6 +117,7 @@ class TimedCaster:
 
     def __init__(self, caster: RayCaster) -> None:
         self._caster, self._lock = caster, threading.Lock()
+        self.blends = caster.blends
         self.seconds = 0.0
 
     def occluded(self, *rays: Any) -> np.ndarray:

@@ -51,9 +51,14 @@ def lambert(albedo: float) -> Layer:
     return layer.with_operators("theta_i", (edit,)) if albedo > 1.0 else layer
 
 
+def plain(model: str) -> Layer:
+    """A layer whose highlight the directions of the direct oracle, a degree or two apart, resolve."""
+    return make_layer(MODELS[model], {"alpha": 0.2} if model == "clearcoat" else None)
+
+
 def edited(model: str) -> Layer:
     """A layer whose first curve has a second hump, different in each channel."""
-    layer = make_layer(MODELS[model])
+    layer = plain(model)
     bend = Operator("translate", "y", 0.3, 0.4, 0.6, 0.8, 0.8, channels=(True, False, True))
     lift = Operator("amplify", "y", 0.0, 0.0, 0.1, 0.4, 1.5)
     return layer.with_operators(layer.model.factors[0].name, (bend, lift))
@@ -175,7 +180,7 @@ def test_darkness_is_black(tmp_path: Path) -> None:
 def test_one_bounce_is_direct_light(tmp_path: Path, model: str) -> None:
     """Under a sky and a lamp, with an edited curve on the table and a plain one on the ball."""
     placement = place(tmp_path, BALL + LIT_TABLE)
-    layers = {0: [make_layer(MODELS[model]), lambert(0.2)], 1: [edited(model)]}
+    layers = {0: [plain(model), lambert(0.2)], 1: [edited(model)]}
     sky = SkyState(constant_environment([1.0, 0.5, 0.2]))
     n = len(placement.hits.pixel)
     rows = np.sort(np.random.default_rng(3).choice(n, 30, replace=False))
@@ -188,7 +193,7 @@ def test_one_bounce_is_direct_light(tmp_path: Path, model: str) -> None:
     error = np.sqrt(np.mean((found.radiance - truth) ** 2)) / truth.mean()
     # The oracle's own error, of directions a degree or two apart, is about half a percent.
     assert error < 1.5 * found.noise + 0.008
-    assert found.radiance.mean() / truth.mean() == pytest.approx(1.0, abs=0.006)
+    assert found.radiance.mean() / truth.mean() == pytest.approx(1.0, abs=0.006 + found.noise / len(rows) ** 0.5)
 
 
 # -------------------------------------------------------------------------------------------------------------- passes
