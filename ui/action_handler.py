@@ -21,7 +21,7 @@ from app.document.commands.light import set_environment_file
 from app.document.commands.maps import SetMap, SetParameterMap, without_strokes
 from app.document.linked_layers import Layers
 from app.document.named_files import IMAGE_SUFFIXES, image_name, with_full_names
-from app.document.scene_files import split_axis
+from app.document.scene_files import is_folder_of_scene, split_axis
 from app.document.selection import layer_shown
 from app.document.sources import EXPECTED, LIGHT_ENDINGS, PICTURE_ENDINGS, SCENE_ENDINGS, SESSION_ENDING
 from app.document.view_state import OpenPanel, ViewCommand
@@ -370,7 +370,7 @@ class ActionHandler:
             case OpenFile():
                 path = Path(split_axis(action.path)[0])
                 is_scene = path.suffix.lower() in (*SCENE_ENDINGS, SESSION_ENDING) and os.path.isfile(path)
-                return is_scene or os.path.isdir(path) or action.path in builtin_scenes()
+                return is_scene or is_folder_of_scene(path) or action.path in builtin_scenes()
             case Recover():
                 return action.accept
             case Quit():

@@ -89,6 +89,17 @@ def scene_in_folder(folder: Path) -> Path:
     return folder / _only_scene(names, folder)
 
 
+def is_folder_of_scene(path: Path) -> bool:
+    """Whether it is a folder that can be opened."""
+    if not os.path.isdir(path):
+        return False
+    try:
+        scene_in_folder(path)
+    except InsituError:
+        return False
+    return True
+
+
 def _only_scene(names: Iterable[str], where: Path) -> str:
     """The one scene file among names, else the one mesh."""
     found = [name for name in sorted(names) if not any(part.startswith((".", "__MACOSX")) for part in name.split("/"))]

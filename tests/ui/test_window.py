@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from app.document.sources import EXPECTED
+from engine.scene.mesh import MESH_ENDINGS
 from tests.ui.test_files import exr_head
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -111,8 +112,9 @@ def test_dropped_files_do_the_right_thing_or_say_why_not(tmp_path: Path) -> None
     scene.write_text("version = 1")  # the stand-in worker opens anything
     probe.write_bytes(exr_head(64, 64))
     note.touch()
-    missing, lost = tmp_path / "missing.hdr", tmp_path / "lost.toml"
-    drops = [[probe], [note], [missing], [lost], [tmp_path], [probe, scene], ["not UTF-8"], [scene]]
+    missing, lost, empty = tmp_path / "missing.hdr", tmp_path / "lost.toml", tmp_path / "empty"
+    empty.mkdir()
+    drops = [[probe], [note], [missing], [lost], [empty], [probe, scene], ["not UTF-8"], [scene]]
     words = json.dumps([[str(path) for path in paths] for paths in drops])
     done = run(tmp_path, *under_xvfb(), program=DROPS, words=[words])
     assert done.returncode == 0, done.stderr
@@ -127,7 +129,7 @@ def test_dropped_files_do_the_right_thing_or_say_why_not(tmp_path: Path) -> None
             f"{note}: {expected}",
             f"{missing}: there is no such file; nothing was changed",
             f"{lost}: there is no such file; nothing was changed",
-            f"{tmp_path}: {expected}",
+            f"{empty}: no scene in it, expected a scene (.toml) or a mesh ({', '.join(MESH_ENDINGS)})",
             "2 files were dropped; drop one scene, session, environment or texture",
             "the dropped file's name is not UTF-8; rename it to open it here",
         ),

@@ -56,11 +56,11 @@ def test_overridden_bands_are_those_of_the_picture(scene: Path, tmp_path: Path) 
         (("render", "-o", "OUT", "--override", "precision=float"), "a still is made in single floats"),
         (
             ("render", "-o", "OUT", "--mode", "orbit", "--override", "lights=40"),
-            "bounces, points, coefficients",
+            "bounces, nodes, points, coefficients",
         ),
         (
             ("render", "-o", "OUT", "--mode", "deform", "--override", "points=40"),
-            "bounces, transfer_rays, lobes",
+            "bounces, nodes, transfer_rays, lobes",
         ),
         (("render", "-o", "OUT", "--override", "points=40"), "expected --mode orbit as well"),
         (("render", "-o", "OUT", "--reference", "--override", "lights=40"), "--reference: expected one of them"),
