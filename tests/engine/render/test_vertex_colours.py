@@ -105,9 +105,9 @@ def test_a_glb_file_multiplies_its_base_colour(tmp_path: Path, metallic: float) 
     assert (
         tinted
         == {
-            0.0: {"lambert": True, "rough_conductor": False},
-            0.5: {"lambert": True, "rough_conductorcoat": False, "rough_conductormetal": True},
-            1.0: {"rough_conductor": True},
+            0.0: {"diffuse_basebase": True, "microfacetgloss": False},
+            0.5: {"diffuse_basebase": True, "microfacetgloss": False, "microfacetmetal": True},
+            1.0: {"microfacetgloss": False, "microfacetmetal": True},
         }[metallic]
     )
     assert scene.colours is not None and scene.colours.shape == (len(scene.triangles), 3, 4)

@@ -163,7 +163,7 @@ def test_bumps_are_written_as_they_are_read() -> None:
     ('normal_map = { file = "gone.png" }', "gone.png"),
     ('normal_map = { file = "../out.png" }', "scene's folder"),
     ('normal_map = { file = "wave.png" }', "channels = 1, expected the three of a normal map"),
-    ('normal_map = { file = "scene.toml" }', "a PNG, JPEG or OpenEXR image"),
+    ('normal_map = { file = "scene.toml" }', "a PNG, JPEG, WebP, KTX 2 or OpenEXR image"),
     ('normal_map = { file = "flat.png", scale = 11 }', "a number from 0 to 10"),
     ('normal_map = { file = "flat.png", height = 1 }', "a table of file and, where they differ, scale, repeats"),
     ('bump_map = { height = 1 }', "a table of file and, where they differ, scale, height, repeats"),

@@ -211,7 +211,7 @@ def test_values_that_maps_do_not_take(tmp_path: Path, said: str, words: str) -> 
         ("folder.png", "a folder"),
         ("pipe.png", "a named pipe"),
         ("link.png", "outside the scene folder"),
-        ("text.png", "a PNG, JPEG or OpenEXR image"),
+        ("text.png", "a PNG, JPEG, WebP, KTX 2 or OpenEXR image"),
     ],
 )
 def test_images_that_a_scene_may_not_name(tmp_path: Path, name: str, words: str) -> None:

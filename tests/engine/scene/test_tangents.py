@@ -108,7 +108,7 @@ def test_rotations_are_written_as_they_are_read() -> None:
 @pytest.mark.parametrize(("tangent", "said"), [
     ('tangent = { file = "gone.png" }', "gone.png"),
     ('tangent = { file = "../out.png" }', "scene's folder"),
-    ('tangent = { file = "scene.toml" }', "a PNG, JPEG or OpenEXR image"),
+    ('tangent = { file = "scene.toml" }', "a PNG, JPEG, WebP, KTX 2 or OpenEXR image"),
     ("tangent = { angle = 361 }", "a number from -360 to 360"),
     ('tangent = { angle = "across" }', "a number from -360 to 360"),
     ("tangent = { turn = 1 }", "a table of angle, file, range"),

@@ -157,8 +157,8 @@ def test_bands_agree_with_the_dense_twin(model, parameters, bands) -> None:
     found = bands_of(project(hits, light, layer, bands))[0]
     shape = LayerShape(layer.model.name, tuple(layer.quotient_parameters().tolist()), bands)
     expected = dense_transport(hits, 0, light, shape, n_samples=60)
-    # All the light arrives: what differs is single precision and nine bits a channel.
-    np.testing.assert_allclose(found.sum(axis=(0, 1)), expected.sum(axis=(0, 1)), rtol=5e-4)
+    # All the light arrives: what differs is single precision and nine bits a channel, half of the last one at most.
+    np.testing.assert_allclose(found.sum(axis=(0, 1)), expected.sum(axis=(0, 1)), rtol=2.0**-10)
     # And in its bands: up to a band's edge there is the same light to 2 % of all, the more so the finer the lights;
     # an angle is taken as linear over a light, and as seen from the light's centre of brightness.
     for axis in (1, 0):
@@ -427,9 +427,10 @@ def one_texel(radiance: float) -> Environment:
     distance=st.sampled_from([1e-3, 1.0, 1e4]),
 )
 def test_no_number_is_ever_odd(model, roughness, bands, lean, turn, radiance, n_lights, distance) -> None:
-    roughness_of = {"alpha": roughness, "sigma": roughness}
-    names = {parameter.name for parameter in MODELS[model].parameters}
-    layer = make_layer(MODELS[model], {name: value for name, value in roughness_of.items() if name in names})
+    least = {parameter.name: parameter.minimum for parameter in MODELS[model].parameters}
+    layer = make_layer(
+        MODELS[model], {name: max(roughness, least[name]) for name in ("alpha", "sigma") if name in least}
+    )
     if len(layer.model.factors) == 1:
         bands = (bands[0], 1)
     eye = np.array([[np.sin(lean) * np.cos(turn), np.cos(lean), np.sin(lean) * np.sin(turn)]])
