@@ -75,6 +75,8 @@ def test_drags_paint_keys_size_the_brush_and_escape_ends_it(brush: HeadlessWindo
 
 def test_an_even_map_and_its_clearing(brush: HeadlessWindow) -> None:
     window, editor = brush, brush.shell.editor
+    window.click_handle("button.fold.light")  # so that the whole material panel is on screen
+    window.frames(2)
     window.click_handle("material.weight_start.1")
     window.frames(2)
     assert editor.document.layer("teapot.0").maps.weight_start == 0.0 and not window.shell.state.brush.erases
