@@ -27,12 +27,12 @@ from engine.scene.loaders.draco import decode_primitive, has_draco
 from engine.scene.loaders.gltf_buffers import open_gltf
 from engine.scene.loaders.gltf_cameras import read_cameras
 from engine.scene.loaders.gltf_file import INTEGERS, SHARES, GltfFile
+from engine.scene.loaders.gltf_images import GltfImages
 from engine.scene.loaders.gltf_json import JsonObject
 from engine.scene.loaders.gltf_lights import CONVERTED, read_lights
 from engine.scene.loaders.gltf_materials import (
     COLOURED,
     GREY,
-    GltfImages,
     PartMaterial,
     read_material,
     uv_set,

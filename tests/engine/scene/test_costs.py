@@ -120,7 +120,7 @@ def test_an_image_that_is_there_many_times_is_decoded_once(
 def test_images_of_more_pixels_than_a_file_is_worth_are_left_out(
     triangle_glb: tuple[dict, bytes], glb_file: Callable, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("engine.scene.loaders.gltf_materials.MOST_PIXELS", 0)
+    monkeypatch.setattr("engine.scene.loaders.gltf_images.MOST_PIXELS", 0)
     model = read_glb(glb_file(*textured(*triangle_glb, png(256), 1, baseColorTexture=True)))
     (part,) = model.parts
     assert all(layer.maps.is_plain for layer in part.layers)
