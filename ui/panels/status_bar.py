@@ -206,7 +206,8 @@ def _message(context: PanelContext) -> ColouredText:
         return ColouredText()
     if context.now - notice.shown_at > (ERROR_SECONDS if notice.is_error else MESSAGE_SECONDS):
         return ColouredText()
-    return ColouredText(f"{Icon.WARNING}  {notice.text}", look.BAD) if notice.is_error else ColouredText(notice.text)
+    text = widgets.subscripted(notice.text)
+    return ColouredText(f"{Icon.WARNING}  {text}", look.BAD) if notice.is_error else ColouredText(text)
 
 
 def _has_room(text: str, end: float) -> bool:

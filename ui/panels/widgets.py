@@ -16,7 +16,7 @@ from ui import theme as look
 from ui.panels.context import PanelContext
 
 LABEL_WIDTH, LEAST_CONTROL = 84.0, 96.0
-SUBSCRIPTS, LETTERS = "ᵢᵣᵤᵥₐₑₒₓₕₖₗₘₙₚₛₜ", "iruvaeoxhklmnpst"
+SUBSCRIPTS, LETTERS = "ᵢᵣᵤᵥₐₑₒₓₕₖₗₘₙₚₛₜ₀₁₂₃₄₅₆₇₈₉", "iruvaeoxhklmnpst0123456789"
 
 
 def tooltip(text: str) -> None:
@@ -275,7 +275,7 @@ def figure(name: str, value: str, hint: str) -> None:
 
 
 def subscripted(text: str) -> str:
-    """Text for `rich_text`: the font has no subscript letters, so they become letters after an underscore."""
+    """Text for `rich_text`: the font has no subscripts, so they become letters and digits after an underscore."""
     marked = re.sub(f"([{SUBSCRIPTS}]+)", r"_\1", text)
     return marked.translate(str.maketrans(SUBSCRIPTS, LETTERS))
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from app.document.view_state import ViewState
 from app.files.session import save_session
@@ -101,3 +102,15 @@ def test_what_cannot_be_read_is_one_line(name: str, tmp_path: Path, capsys: Capt
     assert run("info", tmp_path / name, "--json") == 1
     out, error = capsys.readouterr()
     assert out == "" and error.count("\n") == 1 and name in error
+
+
+def test_all_images_are_textures(tmp_path: Path, capsys: Captured) -> None:
+    for name in ("colour.png", "rough.png"):
+        Image.fromarray(np.array([[0, 90], [160, 255]], np.uint8)).save(tmp_path / name)
+    (tmp_path / "a.toml").write_text(
+        "version = 1\n[camera]\nposition = [0, 0, 3]\ntarget = [0, 0, 0]\n"
+        '[[object]]\nname = "card"\nprimitive = "quad"\n'
+        '[[object.layer]]\nmodel = "microfacet"\ntexture = "colour.png"\n'
+        'parameter_maps = { alpha = { map = "rough.png" } }\n'
+    )
+    assert values(capsys, tmp_path / "a.toml")["textures"] == ["colour.png", "rough.png"]
