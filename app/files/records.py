@@ -44,7 +44,7 @@ from engine.material.layer import Layer
 from engine.material.layer_maps import LayerMaps, map_values
 from engine.material.opacity import Opacity, opacity_of_parts
 from engine.material.parameter_maps import parameter_map_table
-from engine.material.parameters import FRESNEL, ParameterError, Value
+from engine.material.parameters import FRESNEL, Value
 from engine.measured.measurement import Measurement
 from engine.realtime.zonal_harmonics.pose import MAX_GROWTH, Deformation, largest_growth
 from engine.scene.description import (
@@ -58,6 +58,7 @@ from engine.scene.description import (
     Pixels,
     Radiance,
     Text,
+    table_validator,
 )
 from engine.scene.surface_kinds import DeformSurface
 from engine.scene.toml_text import toml_lines, toml_value
@@ -162,30 +163,8 @@ class DeformerRecord(StrictModel):
         return Deformation(self.kind, self.amount, self.axis)
 
 
-def _bumps(value: object) -> Bumps:
-    """An object's bumps, from their parts by name."""
-    if not isinstance(value, dict):
-        raise ValueError("a table")
-    try:
-        return bumps_of_parts(value)
-    except ParameterError as error:
-        raise ValueError(f"{error.what}: {error.expected}") from None
-
-
-SavedBumps = Annotated[Bumps, PlainValidator(_bumps)]
-
-
-def _opacity(value: object) -> Opacity:
-    """An object's opacity, from its parts by name."""
-    if not isinstance(value, dict):
-        raise ValueError("a table")
-    try:
-        return opacity_of_parts(value)
-    except ParameterError as error:
-        raise ValueError(f"{error.what}: {error.expected}") from None
-
-
-SavedOpacity = Annotated[Opacity, PlainValidator(_opacity)]
+SavedBumps = Annotated[Bumps, PlainValidator(table_validator(Bumps, bumps_of_parts))]
+SavedOpacity = Annotated[Opacity, PlainValidator(table_validator(Opacity, opacity_of_parts))]
 
 
 class ObjectRecord(StrictModel):

@@ -20,7 +20,15 @@ import numpy as np
 
 from engine.material import kinds
 from engine.material.diffuse import ALBEDO
-from engine.material.microfacet import SMALLEST_ALPHA, Directions, directions, ggx, schlick_fresnel, smith_ggx
+from engine.material.microfacet import (
+    ROUGHNESS,
+    SMALLEST_ALPHA,
+    Directions,
+    directions,
+    ggx,
+    schlick_fresnel,
+    smith_ggx,
+)
 from engine.material.model import (
     THETA_D,
     THETA_H,
@@ -35,17 +43,6 @@ from engine.material.model import (
 )
 from engine.material.parameters import TINT, Parameter, reflectance_of_index
 
-ROUGHNESS = Parameter(
-    "alpha",
-    "scalar",
-    0.2,
-    "Roughness α",
-    "Width of the highlight: small is close to a mirror, large is dull.",
-    ("A", "quotient"),
-    minimum=SMALLEST_ALPHA,
-    maximum=1.0,
-    logarithmic=True,
-)
 F0 = Parameter(
     "f0",
     "rgb",

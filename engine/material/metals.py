@@ -13,6 +13,7 @@ import numpy as np
 
 from engine.material import kinds
 from engine.material.microfacet import (
+    ROUGHNESS,
     SMALLEST_ALPHA,
     beckmann,
     conductor_fresnel,
@@ -96,17 +97,7 @@ class RoughConductor(Model):
             ("A", "quotient"),
             choices=("ggx", "beckmann"),
         ),
-        Parameter(
-            "alpha",
-            "scalar",
-            0.2,
-            "Roughness α",
-            "Width of the highlight: small is close to a mirror, large is dull.",
-            ("A", "quotient"),
-            minimum=SMALLEST_ALPHA,
-            maximum=1.0,
-            logarithmic=True,
-        ),
+        ROUGHNESS,
         ETA,
         EXTINCTION,
         SCALE,

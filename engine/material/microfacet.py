@@ -15,11 +15,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.material.kinds import GRAZING
+from engine.material.parameters import Parameter
 
 Array = NDArray[Any]
 
 # Least roughness that differs from a mirror.
 SMALLEST_ALPHA = 1e-4
+ROUGHNESS = Parameter(
+    "alpha",
+    "scalar",
+    0.2,
+    "Roughness α",
+    "Width of the highlight: small is close to a mirror, large is dull.",
+    ("A", "quotient"),
+    minimum=SMALLEST_ALPHA,
+    maximum=1.0,
+    logarithmic=True,
+)
 
 
 def ggx(cosine: Array, sin2: Array, alpha: float) -> Array:

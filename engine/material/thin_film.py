@@ -17,8 +17,9 @@ import math
 
 import numpy as np
 
-from engine.material.dielectric import F0, F90, ROUGHNESS, WHITE_TINT, DiffuseBase, Gloss, schlick_curve
+from engine.material.dielectric import F0, F90, WHITE_TINT, DiffuseBase, Gloss, schlick_curve
 from engine.material.diffuse import ALBEDO
+from engine.material.microfacet import ROUGHNESS
 from engine.material.model import Float64Array, Parameters, channels, number
 from engine.material.parameters import Parameter
 

@@ -9,9 +9,9 @@ whether a layer's model and parameters are valid: here they are names and finite
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self, TypeVar
 
 from pydantic import (
     BaseModel,
@@ -32,6 +32,8 @@ from engine.material.opacity import OPAQUE, Opacity, opacity_from, opacity_value
 from engine.material.parameters import ParameterError
 from engine.scene.surface_kinds import NO_SURFACE, DeformSurface
 from engine.scene.toml_text import check_version, first_validation_error, load_toml
+
+Table = TypeVar("Table")
 
 SCENE_VERSION = 1
 MAX_SCENE_BYTES = 16 * 2**20
@@ -77,40 +79,25 @@ def _parameter(value: object) -> ParameterValue:
     raise ValueError("a finite number, a list of them, a string or a boolean")
 
 
-def _maps(value: object) -> LayerMaps:
-    """A layer's images, from their parts by name."""
-    if isinstance(value, LayerMaps):
-        return value
-    if not isinstance(value, dict):
-        raise ValueError("a table")
-    try:
-        return maps_from(value)
-    except ParameterError as error:
-        raise ValueError(f"{error.what}: {error.expected}") from None
+def table_validator(kind: type[Table], parse: Callable[[dict[str, Any]], Table]) -> Callable[[object], Table]:
+    """A validator that takes a value of this kind as it is, and a table of its parts by name."""
+
+    def validate(value: object) -> Table:
+        if isinstance(value, kind):
+            return value
+        if not isinstance(value, dict):
+            raise ValueError("a table")
+        try:
+            return parse(value)
+        except ParameterError as error:
+            raise ValueError(f"{error.what}: {error.expected}") from None
+
+    return validate
 
 
-def _bumps(value: object) -> Bumps:
-    """An object's normal or bump map and the rotation of its tangents, from their tables by name."""
-    if isinstance(value, Bumps):
-        return value
-    if not isinstance(value, dict):
-        raise ValueError("a table")
-    try:
-        return bumps_from(value) if value else NO_BUMPS
-    except ParameterError as error:
-        raise ValueError(f"{error.what}: {error.expected}") from None
-
-
-def _opacity(value: object) -> Opacity:
-    """An object's opacity, from its parts by name."""
-    if isinstance(value, Opacity):
-        return value
-    if not isinstance(value, dict):
-        raise ValueError("a table")
-    try:
-        return opacity_from(value)
-    except ParameterError as error:
-        raise ValueError(f"{error.what}: {error.expected}") from None
+_maps = table_validator(LayerMaps, maps_from)
+_bumps = table_validator(Bumps, lambda tables: bumps_from(tables) if tables else NO_BUMPS)
+_opacity = table_validator(Opacity, opacity_from)
 
 
 def _is_finite(value: object) -> bool:
