@@ -28,13 +28,17 @@ Pairs = tuple[tuple[str, Any], ...]
 
 
 class SceneChange:
-    """Applies to documents what changed in a scene's files. names: for objects of `scene` whose name in `base` differs,
-    that name (parts of a mesh file are numbered, and found again by their material)."""
+    """Applies to documents what changed in a scene's files. names: for objects of `scene` that are parts of a mesh
+    file, their names in `base` (parts are numbered, and found again by their material). Another object that has such a
+    name now is a new one."""
 
     def __init__(self, base: Document, scene: Document, names: Mapping[str, str] | None = None) -> None:
         self._base = {state.name: state for state in base.objects}
         self._scene, self._light = scene, base.light
-        self._names = {state.name: (names or {}).get(state.name, state.name) for state in scene.objects}
+        known = names or {}
+        taken = set(known.values())
+        own = {state.name: "" if state.name in taken else state.name for state in scene.objects}
+        self._names = own | {name: known[name] for name in own.keys() & known.keys()}
         # Documents of a history share most objects. The objects are held, so that their numbers stay theirs.
         self._merged: dict[tuple[int, str], tuple[ObjectState, ObjectState]] = {}
 
@@ -53,6 +57,10 @@ class SceneChange:
         edited = [state for state in (*document.absent, *document.objects) if state != self._base.get(state.name)]
         return tuple(state.name for state in edited if state.name not in found)
 
+    def name_now(self, name: str) -> str:
+        """The name of an object that had this one; "" where the scene no longer has it."""
+        return next((now for now, before in self._names.items() if before == name), "")
+
     def _object(self, edited: ObjectState | None, own: ObjectState) -> ObjectState:
         """An object as the user has edited it, on top of what its file says now."""
         if edited is None:
@@ -68,17 +76,28 @@ class SceneChange:
             kept.pop("emission", None)
         clips = [each.name for each in own.animations]
         moment = edited.moment if edited.moment is not None and edited.moment.clip in clips else None
-        bumps, surface = edited.new_bumps, edited.new_surface
+        bumps, opacity, surface = edited.new_bumps, edited.new_opacity, edited.new_surface
         return replace(
-            own, **kept, layers=_merge_layers(edited.layers, None if base is None else base.layers, own.layers),
-            deformations=edited.deformations, moment=moment,
+            own, **kept, layers=_layers(edited, base, own), deformations=edited.deformations, moment=moment,
             new_bumps=None if own.is_lamp or bumps == own.own_bumps else bumps,
+            new_opacity=None if own.is_lamp or opacity == own.own_opacity else opacity,
             new_surface=None if own.is_lamp or surface == own.own_surface else surface,
         )  # fmt: skip
 
 
 def _differ(edited: Any, base: Any, name: str) -> bool:
     return bool(getattr(edited, name) != getattr(base, name))
+
+
+def _layers(edited: ObjectState, base: ObjectState | None, own: ObjectState) -> Layers:
+    """The layers of an object; those of a variant that the user has chosen, and not edited, follow the file."""
+    if base is None:
+        return _merge_layers(edited.layers, None, own.layers)
+    now = dict(own.variants)
+    chosen = next((name for name, layers in base.variants if layers == edited.layers and name in now), None)
+    if chosen is None or edited.layers == base.layers:
+        return _merge_layers(edited.layers, base.layers, own.layers)
+    return now[chosen]
 
 
 def _merge_layers(edited: Layers, base: Layers | None, own: Layers) -> Layers:

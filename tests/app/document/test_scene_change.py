@@ -8,8 +8,9 @@ import pytest
 
 from app.document.commands import EditCommand
 from app.document.commands.curves import SetOperators
-from app.document.commands.layers import AddLayers, SetMaterial, SetParameter, SetVisible, new_layer
+from app.document.commands.layers import AddLayers, SetMaterial, SetParameter, SetVariant, SetVisible, new_layer
 from app.document.commands.light import SetEmission, SetRotation
+from app.document.commands.maps import SetBumps, SetOpacity, SetSurface
 from app.document.document import Document
 from app.document.history import History
 from app.document.scene_change import SceneChange, matching_parts
@@ -36,6 +37,42 @@ def without(document: Document, name: str) -> Document:
 def test_nothing_changed_changes_nothing(document: Document) -> None:
     mine = edited(document, RED, LIFTED, SetRotation(50.0), SetVisible("floor", False), SetEmission("lamp", 3.0))
     assert SceneChange(document, document)(mine) == mine
+
+
+def test_no_field_of_an_object_is_lost(document: Document) -> None:
+    """Whatever an object has besides its layers: the user's stays, also where the file has another."""
+    commands = (
+        SetOpacity("floor", "opacity_mode", "blend"), SetBumps("floor", "tangent_angle", 30.0),
+        SetSurface("floor", "membrane", ()),
+    )  # fmt: skip
+    mine = edited(document, *commands)
+    theirs = edited(document, SetParameter("floor.0", "albedo", 0.3))
+    assert SceneChange(document, theirs)(mine) == edited(theirs, *commands)
+
+
+def test_a_chosen_variant_follows_the_file_until_it_is_edited(document: Document) -> None:
+    def with_variants(grey: float) -> Document:
+        plain, look = (new_layer("lambert").with_parameter("albedo", each) for each in (0.5, grey))
+        state = replace(document.object("floor"), layers=(plain,), variants=(("look", (look,)),))
+        return document.with_object(state)
+
+    before, now = with_variants(0.2), with_variants(0.3)
+    chosen = SetVariant("look").apply(before)
+    assert SceneChange(before, now)(chosen) == SetVariant("look").apply(now)
+    painted = SetParameter("floor.0", "albedo", 0.9).apply(chosen)
+    assert SceneChange(before, now)(painted).layer("floor.0").values["albedo"] == (0.9,) * 3
+    assert SceneChange(before, now)(before) == now
+
+
+def test_a_new_object_under_the_name_of_another_part_is_as_its_file_has_it(document: Document) -> None:
+    """The pot's file has a new part, which pushed the floor's number on: "floor" is now called "pot"."""
+    mine = edited(document, SetVisible("pot", False), SetVisible("floor", False))
+    pot, floor = document.object("pot"), document.object("floor")
+    moved = replace(document, objects=(pot, floor, replace(pot, name="cup"), document.object("lamp")))
+    change = SceneChange(document, moved, {"floor": "floor", "cup": "pot"})
+    found = change(mine)
+    assert [state.visible for state in found.objects] == [True, False, False, True]
+    assert change.name_now("pot") == "cup" and change.name_now("lamp") == "lamp" and not change.gone(mine)
 
 
 def test_each_value_follows_who_changed_it(document: Document) -> None:
