@@ -37,9 +37,6 @@ from app.modes.mode import ModeController, OpenedScene
 from app.system.atomic import add_inputs, set_inputs
 from app.system.file_watch import FileWatch
 from engine.core.errors import InsituError
-from engine.material.bumps import BumpsByObject
-from engine.material.opacity import OpacityByObject
-from engine.realtime.zonal_harmonics.pose import Poses
 from engine.scene.builtin import DEFAULT_SCENE
 from engine.scene.description import SceneDescription
 from engine.scene.import_report import ImportReport
@@ -77,10 +74,15 @@ class Opening:
         session = recovery.load()
         return cls(0, session.document.source, session, recovery.session_path, recovery)
 
+    @property
+    def edited(self) -> tuple[Document, ViewState] | None:
+        """The document and the view with which it is opened, of its session or the present ones; None for the scene as
+        its file has it."""
+        return self.present if self.session is None else (self.session.document, self.session.view)
+
     def request(self) -> OpenScene:
         """The request to the worker."""
-        document = self.session.document if self.session else self.present[0] if self.present else None
-        layers = [] if document is None else layers_of_document(document)
+        layers = [] if self.edited is None else layers_of_document(self.edited[0])
         return OpenScene(self.source, unread_files(layers), tuple(layers))
 
     def initial_view(self, resolution: tuple[int, int] | None) -> Viewpoint:
@@ -90,27 +92,16 @@ class Opening:
         look = Viewpoint() if self.session is None else self.session.view.viewpoint
         return look if resolution is None else look._replace(resolution=resolution)
 
-    def n_edge_rays(self, present: ViewState) -> int | None:
-        """The rays through a pixel at an edge of the first view; present: the view whose settings a scene keeps that is
-        opened alone."""
-        if self.session is None:
-            return present.settings.n_edge_rays
-        return effective_view(self.session.view, self.session.document).settings.n_edge_rays
-
-    @property
-    def bumps(self) -> BumpsByObject:
-        """The bumps of the first view, where they are not the scene's own."""
-        return () if self.session is None else self.session.document.new_bumps
-
-    @property
-    def opacities(self) -> OpacityByObject:
-        """The opacities of the first view, where they are not the scene's own."""
-        return () if self.session is None else self.session.document.new_opacities
-
-    @property
-    def poses(self) -> Poses:
-        """The poses of the first view."""
-        return () if self.session is None else self.session.document.poses
+    def first_view(self, id: int, resolution: tuple[int, int] | None, present: ViewState) -> TracedView:
+        """The first view to trace, of the scene that the request of this number opens. resolution: as above; present:
+        the view whose settings a scene keeps that is opened alone."""
+        look = self.initial_view(resolution)
+        if self.edited is None:
+            return TracedView(look, n_edge_rays=present.settings.n_edge_rays, scene=id)
+        document, view = self.edited
+        poses = document.poses if self.present is None else visible_poses(document, view)
+        n_edge_rays = effective_view(view, document).settings.n_edge_rays
+        return TracedView(look, poses, document.new_bumps, n_edge_rays, id, document.new_opacities)
 
     def document(self, description: SceneDescription, opened: SceneOpened) -> Document:
         """The scene's own document. Raises InsituError."""
@@ -155,6 +146,8 @@ class SceneHost(Protocol):
 
     def send(self, request: Request) -> int: ...
 
+    def open(self, source: str) -> str | None: ...
+
     def notify(self, text: str, is_error: bool = False) -> None: ...
 
     def do(self, command: EditCommand) -> str | None: ...
@@ -189,9 +182,7 @@ class SceneController:
         host = self._host
         host.controller.scene_closed()
         id = host.send(opening.request())
-        view, n_edge_rays = opening.initial_view(host.resolution), opening.n_edge_rays(host.view)
-        first = TracedView(view, opening.poses, opening.bumps, n_edge_rays, id, opening.opacities)
-        self.tracing.request_view(first)
+        self.tracing.request_view(opening.first_view(id, host.resolution, host.view))
         self._opening = replace(opening, id=id)
         host.metrics.progress = None
 
@@ -204,18 +195,29 @@ class SceneController:
         host = self._host
         if self._keeper.file_has_changed and self._keeper.path is not None:
             if not self._keeper.unsaved(host.document, host.view):
-                self.open(Opening.of(str(self._keeper.path)))
-                return None
+                return host.open(str(self._keeper.path))
             host.notify(f"{self._keeper.path}: written elsewhere, and there are unsaved edits here; these stay", True)
-        self.open(Opening(0, host.document.source, present=(host.document, host.view)))
-        return None
+        return self._read_again(self._source)
 
-    def turn_up(self, up: Up | None = None) -> None:
-        """Open the mesh again with this axis up, the other one by default; edits stay."""
-        host = self._host
-        source, now = split_axis(host.document.source)
-        source = with_axis(source, up or ("y" if now == "z" else "z"))
+    def turn_up(self, up: Up | None = None) -> str | None:
+        """Open the mesh again with this axis up, the other one by default; edits stay. Returns as `reload`."""
+        source, now = split_axis(self._source)
+        return self._read_again(with_axis(source, up or ("y" if now == "z" else "z")))
+
+    @property
+    def _source(self) -> str:
+        """The scene that is open, or that is being opened."""
+        return self._host.document.source if self._opening is None else self._opening.source
+
+    def _read_again(self, source: str) -> str | None:
+        """Open the present scene again under this name; not while another one is being opened."""
+        host, opening = self._host, self._opening
+        if opening is not None and opening.present is None:
+            line = f"{opening.file} is being opened; its files are read now"
+            host.notify(line, True)
+            return line
         self.open(Opening(0, source, present=(host.document, host.view)))
+        return None
 
     def open_default(self, why: str) -> None:
         """Open the built-in scene where nothing is open, so that the window is of use; `why` is shown."""
@@ -361,7 +363,7 @@ class SceneController:
         assert before is not None
         names = matching_parts(before.description, self.report, description, opened.report)
         change = SceneChange(before.described, described, names)
-        lost = [name for name in change.gone(host.document) if all(name != each.name for each in host.document.absent)]
+        gone = [name for name in change.gone(host.document) if all(name != each.name for each in host.document.absent)]
         self._note_files(description, opened)
         host.history.map(change)
         self._keeper.map(change)
@@ -373,15 +375,27 @@ class SceneController:
         pictured = host.with_nodes(host.document)
         scene = OpenedScene(0, opened.planned, description, described, pictured, opened.notes)
         host.controller.scene_opened(self._view_traced(scene, response))
-        selected = host.view.selected
-        if selected is not None and all(selected.object != state.name for state in host.document.objects):
-            host.select(initial_selection(host.document))
+        self._select_again(change)
         host.document_changed()
-        said = f"reloaded {description.name}"
-        if lost:
-            said += f"; no longer there: {', '.join(lost)}, whose edits wait for them"
-        host.notify("; ".join((said, *opened.notes)), bool(lost))
+        waiting = {state.name for state in host.document.absent}
+        kept, lost = [name for name in gone if name in waiting], [name for name in gone if name not in waiting]
+        said = (
+            f"reloaded {description.name}",
+            f"no longer there: {', '.join(kept)}, whose edits wait for them" if kept else "",
+            f"edits of {', '.join(lost)} are lost: another part has that number now" if lost else "",
+        )
+        host.notify("; ".join((*filter(None, said), *opened.notes)), bool(gone))
         return self._shown
+
+    def _select_again(self, change: SceneChange) -> None:
+        """Keep the selected object selected, under its name of now; another one where it is gone."""
+        host, selected = self._host, self._host.view.selected
+        if selected is None:
+            return
+        if name := change.name_now(selected.object):
+            host.view = replace(host.view, selected=selected._replace(object=name))
+        else:
+            host.select(initial_selection(host.document))
 
     def _restore(self, opening: Opening, session: Session, opened: SceneOpened) -> None:
         """Replace the scene's document and view by a session's, where they fit."""

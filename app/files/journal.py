@@ -18,7 +18,7 @@ import queue
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -304,8 +304,10 @@ class SessionStore:
             self._saved = after
 
     def map(self, change: Callable[[Document], Document]) -> None:
-        """The scene that documents belong to was read again: what was saved counts as saved."""
-        self._saved = None if self._saved is None else change(self._saved)
+        """The scene that documents belong to was read again: what was saved counts as saved, but for the axis of a mesh
+        that points up, which is part of the scene's name."""
+        if self._saved is not None:
+            self._saved = replace(change(self._saved), source=self._saved.source)
 
     def give_up(self, document: Document, view: ViewState) -> None:
         """Discard unsaved edits: no journal stores them."""

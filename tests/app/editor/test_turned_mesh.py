@@ -50,6 +50,21 @@ def test_turning_keeps_edits_and_undo_and_is_kept_by_the_session(editor: Editor,
     again = Editor(InProcessClient(ReadingWorker()), str(tmp_path / "part.insitu"))
     settle(again)
     assert again.document == editor.document and again.document.source.endswith("part.obj#z-up")
+    assert not again.unsaved
+    run_operator(again, "z_up")
+    settle(again)
+    assert again.unsaved  # the session in the file is that of the other axis
+
+
+def test_turning_twice_at_once_is_turning_back_and_reading_again_keeps_it(editor: Editor, tmp_path: Path) -> None:
+    for _ in range(2):
+        run_operator(editor, "z_up")
+    settle(editor)
+    assert editor.document.source == str(tmp_path / "part.obj")
+    run_operator(editor, "z_up")
+    run_operator(editor, "reload")
+    settle(editor)
+    assert editor.document.source == str(tmp_path / "part.obj") + "#z-up"
 
 
 def test_a_scene_file_is_not_turned(tmp_path: Path) -> None:
