@@ -50,7 +50,7 @@ def linked_indices(layers: Sequence[Layer], index: int) -> tuple[int, ...]:
 def with_covers(layers: Layers) -> Layers:
     """The layers, each with the present values of those that lie on it, the nearest first; unchanged ones are the same
     objects. What lay under a layer that is gone, or covers no more, lies under nothing."""
-    by_name = {layer.name: layer for layer in reversed(layers) if layer.model.is_cover}
+    by_name = {layer.name: layer for layer in reversed(layers) if layer.can_cover}
     found = []
     for layer in layers:
         covers: list[Layer] = []
@@ -69,7 +69,7 @@ def possible_covers(layers: Layers, layer: Layer) -> tuple[str, ...]:
     """The names of the layers that can lie on this one: covering ones that do not lie under it themselves."""
     return tuple(
         each.name for each in layers
-        if each.model.is_cover and layer.name not in (each.name, *(cover.name for cover in each.covers))
+        if each.can_cover and layer.name not in (each.name, *(cover.name for cover in each.covers))
     )  # fmt: skip
 
 
@@ -199,7 +199,7 @@ def _check_cover(file: str, key: str, layer: Layer | None, layers: Sequence[Laye
     """Raise LoadError unless what lies on a layer, if anything, is a layer that can, and not the layer itself."""
     above, seen = layer, set[str]()
     while above is not None and above.under:
-        covers = {each.name: each for each in layers if each is not None and each.model.is_cover}
+        covers = {each.name: each for each in layers if each is not None and each.can_cover}
         seen.add(above.name)
         if above.under not in covers or above.under in seen:
             there = " or ".join(name for name in covers if name not in seen) or "no layer"
@@ -223,6 +223,7 @@ def _two_terms(file: str, key: str, described: LayerDescription, lead: Layer | N
     if lead.fresnel is not None:
         raise LoadError(file, f"{key}.follows", lead.name, "a layer that has no Fresnel term yet")
     given = described.parameters | map_values(described.maps) | described.parameter_maps
+    given |= {"under": described.under} if described.under else {}
     unknown = next((name for name in given if name != FRESNEL.name), None)
     if unknown is not None:
         raise LoadError(file, f"{key}: {unknown}", given[unknown], f"only {FRESNEL.name}")

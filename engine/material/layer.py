@@ -108,6 +108,11 @@ class Layer:
         return known.get(self.name, self.name)
 
     @property
+    def can_cover(self) -> bool:
+        """Whether it can lie on others: the second term of a layer does not, its first one stands for both."""
+        return self.model.is_cover and not self.rises
+
+    @property
     def is_further_node(self) -> bool:
         """Whether it is a node that is not in the place of the layer that the user sees."""
         return bool(self.node_of) and self.name != self.node_of
@@ -223,12 +228,12 @@ class Layer:
 
     def with_curves_of(self, other: Layer) -> Layer:
         """This layer with another's curves: the operators of curves that both models have, and the parameters that
-        drive curves in both tables alike, and their maps; everything if it is the second term of the other. Returns
-        itself if nothing differs."""
+        drive curves in both tables alike, and their maps; everything, and what lies on it, if it is the second term of
+        the other. Returns itself if nothing differs."""
         if self.rises or other.rises:
             shared = self.replace(
                 model=other.model, parameters=other.parameters, edits=other.edits, maps=other.maps,
-                parameter_maps=other.parameter_maps,
+                parameter_maps=other.parameter_maps, under=other.under,
             )  # fmt: skip
             return self if shared == self else shared
         curves = self.model.curve_names & other.model.curve_names

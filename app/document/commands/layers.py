@@ -184,6 +184,10 @@ class SetVariant:
     def label(self) -> str:
         return f"variant {self.name}"
 
+    def objects(self, document: Document) -> tuple[str, ...]:
+        """The objects that get other materials."""
+        return tuple(state.name for state in document.objects if self.name in dict(state.variants))
+
     def apply(self, document: Document) -> Document:
         if self.name not in document.variants:
             there = ", ".join(document.variants) or "none; its files have no variants"
@@ -212,7 +216,7 @@ class AddLayers:
         if len(state.layers) + len(self.layers) > MAX_LAYERS:
             raise InsituError(f"{self.object} has {len(state.layers)} layers; it can have {MAX_LAYERS}")
         added = with_scene_names(_renamed(self.layers, state.layers), document.source)
-        cover = next((layer.name for layer in reversed(added) if layer.model.is_cover), "")
+        cover = next((layer.name for layer in reversed(added) if layer.can_cover), "")
         beneath = tuple(layer if layer.under else layer.replace(under=cover) for layer in state.layers)
         return document.with_object(replace(state, layers=(*beneath, *added)))
 

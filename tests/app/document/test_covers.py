@@ -8,6 +8,7 @@ import pytest
 from app.document.commands.layers import (
     AddLayers,
     RemoveLayer,
+    SetFresnelTerm,
     SetModel,
     SetParameter,
     SetUnder,
@@ -77,6 +78,25 @@ def test_only_a_cover_can_be_chosen_and_none_that_lies_beneath(stack: Document) 
         with pytest.raises(InsituError, match="cannot lie under"):
             SetUnder(key, cover).apply(stack)
     assert covers(set_path(stack, "pot.base.under", "fuzz").apply(stack), "pot.base") == ["fuzz", "coat"]
+
+
+def test_both_terms_of_a_layer_lie_under_its_cover(stack: Document, tmp_path: Path) -> None:
+    """Else what rises at grazing angles would pass the coat undimmed, and a session would be another picture."""
+    document = SetUnder("pot.base", "coat").apply(SetFresnelTerm("pot.base", True).apply(stack))
+    assert document.layer("pot.fresnel").rises and covers(document, "pot.fresnel") == covers(document, "pot.base")
+    assert covers(document, "pot.fresnel") == ["coat"]
+    saved = save_session(tmp_path / "mine", document, ViewState())
+    assert load_session(saved).document.object("pot").layers == document.object("pot").layers
+    assert covers(SetUnder("pot.base", "").apply(document), "pot.fresnel") == []
+    # A coat's own second term covers nothing: the first stands for both.
+    varnished = SetFresnelTerm("pot.coat", True).apply(stack)
+    with pytest.raises(InsituError, match="cannot lie under 'fresnel'; layers that can: fuzz, coat"):
+        SetUnder("pot.base", "fresnel").apply(varnished)
+
+
+def test_a_fresnel_term_has_no_cover_of_its_own() -> None:
+    with pytest.raises(LoadError, match="under = coat, expected only fresnel"):
+        opened(GLOSS, FUZZ, COAT, {"model": "fresnel", "follows": "gloss", "under": "coat"})
 
 
 @pytest.mark.parametrize(
