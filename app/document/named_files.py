@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 
 from app.document.document import Document, ObjectState
@@ -44,6 +45,12 @@ def layers_of_document(document: Document) -> list[Layer]:
     return [layer for _, layer in document.layers()]
 
 
+def layers_with_variants(document: Document) -> list[Layer]:
+    """All layers, and those of the variants of objects."""
+    variants = (layers for state in document.objects for _, layers in state.variants)
+    return [*layers_of_document(document), *chain.from_iterable(variants)]
+
+
 def measured_files(layers: Iterable[Layer]) -> tuple[tuple[str, int], ...]:
     """(file, number) of all measurements that were read, each once."""
     found = (measurement_in(layer) for layer in layers)
@@ -57,12 +64,17 @@ def with_measurements(layers: Layers, found: Mapping[str, Measurement]) -> Layer
 
 
 def document_with_measurements(document: Document, found: Mapping[str, Measurement]) -> Document:
-    """The document with the measurements read from its layers' files."""
+    """The document with the measurements read from the files of its layers and its variants."""
     if not found:
         return document
-    return replace(
-        document, objects=tuple(replace(o, layers=with_measurements(o.layers, found)) for o in document.objects)
-    )
+    objects = (
+        replace(
+            state, layers=with_measurements(state.layers, found),
+            variants=tuple((name, with_measurements(layers, found)) for name, layers in state.variants),
+        )
+        for state in document.objects
+    )  # fmt: skip
+    return replace(document, objects=tuple(objects))
 
 
 def with_full_paths(layers: Layers, folder: Path) -> Layers:

@@ -48,7 +48,7 @@ from app.document.document import (
     reflecting_layers,
     resolve,
 )
-from app.document.named_files import document_with_measurements, files_of_document, layers_of_document, unread_files
+from app.document.named_files import document_with_measurements, files_of_document, layers_with_variants, unread_files
 from app.document.node_layers import Statistics, channel_images, with_node_layers
 from app.document.scene_files import is_archive, split_axis, unpacked_scene_file, with_axis
 from app.document.sources import find_source, likely_mapping, source_of
@@ -294,7 +294,7 @@ def with_overrides(project: Project, lines: Mapping[str, Any]) -> Project:
 
 def read_measurements(document: Document, folder: Path | None = None, scene: Path | None = None) -> Document:
     """The document with its measured BRDFs read: from where they are, or from a scene's folder alone."""
-    names = unread_files(layers_of_document(document))
+    names = unread_files(layers_with_variants(document))
     if not names:
         return document
     from app.worker.cache import ArrayCache

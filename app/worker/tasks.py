@@ -18,7 +18,13 @@ from typing import Any
 import numpy as np
 
 from app.document.document import LightState, document_from_description
-from app.document.named_files import document_with_measurements, layers_of_document, unread_files, with_measurements
+from app.document.named_files import (
+    document_with_measurements,
+    layers_of_document,
+    layers_with_variants,
+    unread_files,
+    with_measurements,
+)
 from app.document.node_layers import channel_images, with_node_layers
 from app.document.scene_files import files_of_scene, split_axis, unpacked_scene_file
 from app.messages.worker_messages import (
@@ -240,7 +246,7 @@ class RequestDispatcher:
         path = unpacked_scene_file(request.source)
         scene = load_scene(path, up=split_axis(request.source)[1])
         document = document_from_description(request.source, scene.description)
-        names = described_paths(unread_files(layers_of_document(document)), scene.folder, path)
+        names = described_paths(unread_files(layers_with_variants(document)), scene.folder, path)
         names |= {file: Path(file) for file in request.measured}
         measurements = yield from read_files(names, self.context.store)
         read = (*scene.files, *files_of_scene(request.source), *names.values())

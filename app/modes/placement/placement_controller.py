@@ -15,8 +15,8 @@ from dataclasses import replace
 from functools import partial
 
 from app.document.commands import EditCommand
-from app.document.commands.layers import SetMaterial
-from app.document.document import Document, layer_key
+from app.document.commands.layers import SetMaterial, SetVariant
+from app.document.document import Document
 from app.document.effective_settings import effective_view
 from app.document.view_state import SetView, ViewState
 from app.messages.editor_status import PictureState, Status
@@ -146,8 +146,9 @@ class PlacementController(ModeController):
             self.curves.plans.add_plan(layer, bands)
 
     def edited(self, command: EditCommand | None = None) -> None:
-        if isinstance(command, SetMaterial):
-            self.curves.plans.replan(layer_key(command.object, index) for index in range(len(command.layers)))
+        if isinstance(command, SetMaterial | SetVariant):
+            changed = command.objects(self._document) if isinstance(command, SetVariant) else (command.object,)
+            self.curves.plans.replan(key for key, _ in self._document.layers() if object_of(key) in changed)
             self._transport.hand_released()  # chosen, and not on its way to something else
         self._report.picture_changed()
         self._transport.edited()

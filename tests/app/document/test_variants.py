@@ -8,11 +8,17 @@ from app.cli.options import assignments
 from app.document.commands.layers import SetFrozen, SetParameter, SetVariant
 from app.document.document import Document, document_from_description
 from app.document.view_state import ViewState
+from app.editor.editor import Editor
 from app.files.session import fit_session, load_session, save_session
 from app.project.project import open_project, set_path
+from app.worker.cache import ArrayCache
+from app.worker.schedule import InProcessClient
+from app.worker.tasks import RequestDispatcher
 from engine.core.errors import InsituError, LoadError
+from engine.material.measured import measurement_of
 from engine.scene.description import parse_description
 from tests.app.fake_worker import SCENE
+from tests.naive.tensor_files import Gloss, acquired, tensor_bytes
 from tests.scene_text import camera, material, placed
 
 RED, GREEN, GOLD = ({"model": "lambert", "albedo": each} for each in ([1, 0, 0], [0, 1, 0], [1, 0.8, 0]))
@@ -68,6 +74,22 @@ def test_the_command_line_chooses_it_before_what_else_is_set(tmp_path: Path) -> 
     project = open_project(str(scene), (8, 6), assignments(["pot.0.albedo=0.6"], variant="fir"))
     assert albedo(project.document, "pot") == (0.6,) * 3
     assert albedo(open_project(str(scene), (8, 6), assignments(None, variant="fir")).document, "pot") == (0.3,) * 3
+
+
+def test_the_measured_layers_of_a_variant_are_read(tmp_path: Path) -> None:
+    gloss = acquired(Gloss(0.3, 0.3), n_theta=4, n=8, n_facets=12)
+    (tmp_path / "gloss.bsdf").write_bytes(tensor_bytes(gloss))
+    measured = '{ model = "measured", file = "gloss.bsdf" }'
+    layer = material('model = "lambert"') + f'variant = [{{ name = "shiny", layer = [{measured}] }}]\n'
+    scene = tmp_path / "scene.toml"
+    scene.write_text(camera((0, 0, 3), 40, (8, 6)) + placed("pot", "sphere", more=layer))
+    project = open_project(str(scene), (8, 6), assignments(None, variant="shiny"))
+    assert measurement_of(project.document.layer("pot.0").values).is_read and project.document.variant == "shiny"
+    editor = Editor(InProcessClient(RequestDispatcher(ArrayCache(tmp_path / "cache"))), str(scene))
+    while not editor.scene_is_open:
+        editor.tick()
+    editor.do(SetVariant("shiny"))
+    assert editor.document.layer("pot.0") == project.document.layer("pot.0")
 
 
 def test_names_of_one_object_differ() -> None:

@@ -1,11 +1,12 @@
 """The bands of layers that an edit brings: planned by the worker, while the document is edited on."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import pytest
 
 from app.document.commands import EditCommand
-from app.document.commands.layers import AddLayers, SetMaterial, SetModel, SetParameter, new_layer
+from app.document.commands.layers import AddLayers, SetMaterial, SetModel, SetParameter, SetVariant, new_layer
 from app.document.document import Document
 from app.document.view_state import SetView
 from app.editor.editor import Editor
@@ -80,6 +81,18 @@ def test_transport_waits_for_the_workers_plan(editor: Editor, client: FakeClient
     editor.do(SetParameter(key, MOVED[seen.model.name], 0.25))
     editor.tick(5.0)
     assert client.sent(PlanBands) == [asked]  # an edit keeps the plan
+
+
+def test_a_variant_of_the_same_models_is_planned_anew(editor: Editor, client: FakeClient) -> None:
+    """Else a sharp highlight would have the bands of the dull one before."""
+    state = editor.document.object("pot")
+    looks = (("other", (BASE, state.layers[1])),)
+    editor.history.document = editor.document.with_object(replace(state, variants=looks))
+    editor.tick(1.5)
+    assert not client.sent(PlanBands) and editor.do(SetVariant("other")) is None
+    editor.tick(2.0)
+    (asked,) = client.sent(PlanBands)
+    assert editor.document.layer("pot.0") in asked.layers
 
 
 def test_undo_finds_what_was_planned(editor: Editor, client: FakeClient) -> None:
