@@ -81,8 +81,8 @@ def _measured_file(layers: Sequence[Layer]) -> bytes | None:
     for all else, and for anisotropic files, whose tangents are Mitsuba's own."""
     names = {layer.model.name for layer in layers}
     highlights = {model.name for model in HIGHLIGHT_MODELS.values()}
-    is_whole = names == {"measured_cloth"} or ("measured_diffuse" in names and len(names & highlights) == 1)
-    if not is_whole or len(layers) != len(names):
+    is_pair = len(names) == 2 and "measured_diffuse" in names and len(names & highlights) == 1
+    if not (is_pair or names == {"measured_cloth"}) or len(layers) != len(names):
         return None
     found = {measurement_of(layer.values) for layer in layers if isinstance(layer.model, MeasuredModel)}
     plain = not any(layer.edits or layer.fresnel is not None or not layer.maps.is_plain for layer in layers)

@@ -114,6 +114,14 @@ def test_a_measurement_is_handed_back(tmp_path: Path, edit: tuple, acquisition: 
         assert bsdf.get("type") == "insitu"
 
 
+def test_a_coat_on_a_measurement_is_written(tmp_path: Path) -> None:
+    file = write_measured_scene(tmp_path, n_theta=4, n=8, n_facets=12)
+    file.write_text(file.read_text().replace("layer = [", 'layer = [{ model = "clearcoat", name = "coat" }, '))
+    export_scene(open_project(str(file), (8, 8)), tmp_path / "out", 1, lambda share, text: None)
+    bsdf = ElementTree.parse(tmp_path / "out" / "scene.xml").getroot().find("shape/bsdf")
+    assert bsdf is not None and bsdf.get("type") == "insitu"
+
+
 def test_images_count_by_their_means(tmp_path: Path) -> None:
     grey = np.full((4, 4, 3), (255, 128, 0), np.uint8)
     Image.fromarray(grey).save(tmp_path / "tint.png")
