@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import chain
 from typing import NamedTuple
 
 from app.document.document import Document, ObjectState, layer_key
@@ -30,17 +31,18 @@ MOST_LAYERS_OF_OBJECT = 16
 
 def channel_images(document: Document) -> tuple[ChannelImage, ...]:
     """The channels that parameter maps read, each once."""
-    return tuple(dict.fromkeys(each.image for _, layer in document.layers() for each in layer.parameter_maps))
+    layers = chain.from_iterable(state.layers for state in document.objects)
+    return tuple(dict.fromkeys(each.image for layer in layers for each in layer.parameter_maps))
 
 
 def with_node_layers(document: Document, statistics: Statistics, n_nodes: int | None = None) -> Document:
     """The document with nodes in place of layers with parameter maps. n_nodes: of each map, None for as many as are
     planned."""
-    if not any(layer.parameter_maps for _, layer in document.layers()):
+    if not any(map(_varies, document.objects)):
         return document
     objects, added = [], dict[str, str]()
     for state in document.objects:
-        if not any(layer.parameter_maps for layer in state.layers):
+        if not _varies(state):
             objects.append(state)
             continue
         layers = list(state.layers)
@@ -52,6 +54,11 @@ def with_node_layers(document: Document, statistics: Statistics, n_nodes: int | 
                 layers.append(other.replace(name=f"{first.name} node {number}", follows=follows))
         objects.append(replace(state, layers=tuple(layers)))
     return replace(document, objects=tuple(objects), overrides=_with_lines_of(document.overrides, added))
+
+
+def _varies(state: ObjectState) -> bool:
+    """Whether an object has parameter maps."""
+    return any(layer.parameter_maps for layer in state.layers)
 
 
 def _nodes_of_object(state: ObjectState, statistics: Statistics, n_nodes: int | None) -> list[list[Layer]]:
@@ -99,7 +106,7 @@ class NodeCount(NamedTuple):
 def node_counts(document: Document, statistics: Statistics, n_nodes: int | None = None) -> tuple[NodeCount, ...]:
     """The nodes of all parameter maps of a document; arguments as for `with_node_layers`."""
     found = []
-    for state in document.objects:
+    for state in filter(_varies, document.objects):
         most = _most_nodes(state, statistics, n_nodes)
         for i, layer in enumerate(state.layers):
             for nodes in () if layer.rises else _nodes_of_maps(layer, statistics, n_nodes, most):

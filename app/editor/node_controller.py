@@ -45,7 +45,11 @@ class NodeController:
         """Another scene is open; statistics: of the images that it and its session name."""
         self._statistics, self._refused = dict(statistics), dict[ChannelImage, str]()
         self._requested: tuple[int, frozenset[ChannelImage]] | None = None
+        self._forget_documents()
+
+    def _forget_documents(self) -> None:
         self._cached: list[tuple[Document, Document]] = []
+        self._counted: tuple[Document, tuple[NodeCount, ...]] | None = None
 
     def with_nodes(self, document: Document) -> Document:
         """The document that pictures are made of; the same one for the same document."""
@@ -57,8 +61,10 @@ class NodeController:
         return found[1]
 
     def counts(self, document: Document) -> tuple[NodeCount, ...]:
-        """The nodes of all parameter maps of a document."""
-        return node_counts(document, self._statistics, _n_nodes(document))
+        """The nodes of all parameter maps of a document; those of the last one are remembered, for every frame."""
+        if self._counted is None or self._counted[0] is not document:
+            self._counted = document, node_counts(document, self._statistics, _n_nodes(document))
+        return self._counted[1]
 
     def refusal(self, image: ChannelImage) -> str:
         """Why an image cannot be used, in one line; "" where it can, or nothing is known yet."""
@@ -83,7 +89,7 @@ class NodeController:
         history."""
         self._statistics |= response.statistics
         self._refused |= response.refused
-        self._cached = []
+        self._forget_documents()
         self.lose_request(response.id)
         if not response.refused:
             return
@@ -111,7 +117,7 @@ class NodeController:
         for each in document.layer(key).parameter_maps:
             self._statistics.pop(each.image, None)
             self._refused.pop(each.image, None)
-        self._cached = []
+        self._forget_documents()
 
 
 def _n_nodes(document: Document) -> int | None:

@@ -98,11 +98,18 @@ def nodes_of_maps(
 ) -> list[ParameterNodes]:
     """The nodes of each of a layer's maps, whose products are its layers. statistics: of each map's channel; n_nodes:
     of each map, None for as many as are planned, at most `most`."""
-    nodes = [find_nodes(layer, *each, n_nodes, most) for each in zip(layer.parameter_maps, statistics, strict=True)]
+    maps = layer.parameter_maps
+    nodes = [find_nodes(layer, *each, n_nodes, most) for each in zip(maps, statistics, strict=True)]
+    fewer = [i for i, each in enumerate(maps) if not _only_scales(layer.model, each.parameter)]
     while math.prod(len(each.values) for each in nodes) > MOST_LAYERS:
-        i = max(range(len(nodes)), key=lambda i: len(nodes[i].values))
-        nodes[i] = find_nodes(layer, layer.parameter_maps[i], statistics[i], len(nodes[i].values) - 1)
+        i = max(fewer, key=lambda i: len(nodes[i].values))
+        nodes[i] = find_nodes(layer, maps[i], statistics[i], len(nodes[i].values) - 1)
     return nodes
+
+
+def _only_scales(model: Model, parameter: str) -> bool:
+    """Whether a parameter is the strength of a layer, and the blend of its ends exact."""
+    return find_parameter(model.name, model.parameters, parameter).drives == ("scale",)
 
 
 def _node(layer: Layer, parameter: str, value: Value, weight: ChannelWeight | None) -> Layer:
@@ -131,12 +138,14 @@ def _find_nodes(
     low, high = parameter_map.values(ends)
     if np.array_equal(low, high):
         return ParameterNodes(name, (parameter_map.value_at(statistics.low),), (None,))
-    if find_parameter(model.name, model.parameters, name).drives == ("scale",):
+    if _only_scales(model, name):
         return _nodes_of_scale(parameter_map)
     grid = _channel_grid(model, parameter_map, statistics)
     edges = np.concatenate([[-1.0], 0.5 * (grid[1:] + grid[:-1]), [2.0]])
     frequency = np.diff(statistics.cumulated(edges))
     products = _inner_products(model, choices, parameter_map, tuple(grid.tolist()), tuple(frequency.tolist()))
+    if n_nodes == 1:
+        return _single_node(parameter_map, products, frequency, grid)
     numbers = range(FEWEST_NODES, most + 1) if n_nodes is None else (min(n_nodes, _N_GRID),)
     for n in numbers:
         nodes, error = _place_nodes(products, frequency, n)
@@ -150,6 +159,17 @@ def _find_nodes(
         for k in range(len(nodes))
     ]
     return ParameterNodes(name, values, tuple(curves), error)
+
+
+def _single_node(
+    parameter_map: ParameterMap, products: Float64Array, frequency: Float64Array, grid: Float64Array
+) -> ParameterNodes:
+    """The one value that is the nearest to all, where maps of other parameters take all layers; arguments: as in
+    `_place_nodes`."""
+    squared = np.maximum(np.diag(products)[:, None] - 2.0 * products + np.diag(products), 0.0)
+    i = int(np.argmin(frequency @ squared**2))
+    error = math.sqrt(float(frequency @ squared[:, i]))
+    return ParameterNodes(parameter_map.parameter, (parameter_map.value_at(grid[i]),), (None,), error)
 
 
 def _nodes_of_scale(parameter_map: ParameterMap) -> ParameterNodes:

@@ -190,3 +190,27 @@ def test_another_model_keeps_the_maps_that_fit() -> None:
     maps = mapped("rough_conductor", "alpha", range=[0.05, 0.8]).parameter_maps
     assert maps_that_fit(maps, MODELS["rough_conductor"].parameters) == maps
     assert maps_that_fit(maps, MODELS["phong"].parameters) == ()
+
+
+def test_many_maps_of_one_layer_have_so_few_nodes_that_it_ends() -> None:
+    """The first of them by name needs its two ends, whatever the others get: these end with one node each."""
+    layer = make_layer(MODELS["thin_film_base"])
+    for name, ends in (
+        ("albedo", [[0.9, 0.1, 0.1], [0.1, 0.1, 0.9]]), ("f0", [0.02, 0.3]), ("f90", [0.2, 1.0]),
+        ("film_ior", [1.1, 1.8]), ("thickness", [100.0, 900.0]),
+    ):  # fmt: skip
+        parameter = next(each for each in layer.model.parameters if each.name == name)
+        own = parameter_map_from(parameter, {"map": "a.png", "range": ends})
+        layer = layer.with_parameter_map(own, name)
+    nodes = plan_nodes(layer, [RAMP] * 5)
+    assert 2 <= len(nodes) <= MOST_LAYERS
+    for node in nodes:
+        for weight in node.maps.node_weights:
+            assert len(weight.knots) == len(weight.weights) == len(weight.hats)
+
+
+def test_a_single_node_is_the_value_nearest_to_all() -> None:
+    layer = mapped("rough_conductor", "alpha", range=[0.2, 0.6])
+    found, _ = nodes_of(layer, 1)
+    two, _ = nodes_of(layer, 2)
+    assert found.weights == (None,) and 0.2 < float(str(found.values[0])) < 0.5 and found.error > two.error
