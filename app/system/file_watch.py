@@ -52,10 +52,11 @@ class FileWatch:
                 self._known.setdefault(os.fspath(path), None)
 
     def forget(self, path: str | os.PathLike[str]) -> None:
-        """Take a file that this program has written as the next look finds it."""
+        """Take a file that this program has written as the next look finds it; a look that is under way counts for
+        nothing, as it may have seen the file before."""
         with self._lock:
             name = os.fspath(path)
-            self._known[name] = None
+            self._known = {**self._known, name: None}
             self.changed = tuple(each for each in self.changed if each != name)
 
     def look(self) -> None:
@@ -76,10 +77,10 @@ class FileWatch:
             self._seen, self.changed = now, tuple(sorted(changed))
 
     def close(self) -> None:
-        """End the thread."""
+        """End the thread, unless a drive keeps it waiting."""
         self._ended.set()
         if self._thread is not None:
-            self._thread.join()
+            self._thread.join(LOOK_SECONDS)
 
     def _look_on(self) -> None:
         while not self._ended.wait(LOOK_SECONDS):

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from app.system.file_watch import FileWatch, file_stamp
+import pytest
+
+from app.system.file_watch import FileStamp, FileWatch, file_stamp
 
 
 def written(path: Path, text: str) -> Path:
@@ -61,6 +63,26 @@ def test_what_this_program_writes_does_not_count(tmp_path: Path) -> None:
     watch.look()
     watch.look()
     assert watch.changed == ()
+
+
+def test_a_file_that_is_saved_here_during_a_look_does_not_count(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file, watch = written(tmp_path / "a.insitu", "one"), FileWatch()
+    watch.watch({str(file): file_stamp(file)})
+
+    def seen_before_it_is_saved(name: str) -> FileStamp:
+        stamp = file_stamp(name)
+        written(file, "saved here")
+        watch.forget(file)
+        return stamp
+
+    with monkeypatch.context() as during:
+        during.setattr("app.system.file_watch.file_stamp", seen_before_it_is_saved)
+        watch.look()
+    for _ in range(3):
+        watch.look()
+        assert watch.changed == ()
 
 
 def test_the_thread_ends(tmp_path: Path) -> None:
