@@ -13,6 +13,10 @@ from engine.scene.import_report import ImportedObject, ImportReport
 from engine.scene.loaders.model import UnshownProperty
 from tests.ui.conftest import opened
 from ui.headless import HeadlessWindow
+from ui.panels import widgets
+from ui.panels.actions import Action
+from ui.panels.context import PanelContext
+from ui.panels.import_sheet import MOST_LINES
 
 pytestmark = pytest.mark.gl
 
@@ -129,3 +133,45 @@ def test_it_fits_any_window(context: moderngl.Context, size: tuple[int, int], sc
     sheet = imgui.internal.find_window_by_name("Import report###report")
     assert sheet.pos.x >= 0 and sheet.pos.x + sheet.size.x <= size[0] and sheet.pos.y + sheet.size.y <= size[1]
     next(windows, None)
+
+
+def test_a_long_list_is_drawn_in_part_and_copied_whole(window: HeadlessWindow, monkeypatch: pytest.MonkeyPatch) -> None:
+    many = tuple(UnshownProperty(f"nodes.extras.key{k:04}", k + 1, "is left out") for k in range(3000))
+    window.shell.editor.scenes.report = ImportReport(files=("a.glb",), unshown=many, notes=("note",) * 3000)
+    window.key(imgui.Key.i)
+    window.frame()
+    drawn: list[str] = []
+    monkeypatch.setattr("ui.panels.widgets.fitting", lambda text, room: drawn.append(text) or text)
+    window.frame()
+    assert drawn == [f"extras.key{k:04}" for k in range(MOST_LINES)]
+    window.click_handle("button.report.copy")
+    assert imgui.get_clipboard_text().count("is left out") == 3000
+
+
+def test_texts_are_cut_to_the_last_character_that_fits(window: HeadlessWindow) -> None:
+    """Against one character after the other."""
+    found: list[tuple[str, str, str, str]] = []
+
+    def cut(text: str, room: float) -> None:
+        end, start = text, text
+        while len(end) > 4 and imgui.calc_text_size("…" + end).x > room:
+            end = end[1:]
+        while start and imgui.calc_text_size(start + "…").x > room:
+            start = start[:-1]
+        fits = imgui.calc_text_size(text).x <= room
+        slow = (text, text) if fits else ("…" + end, start.rstrip() + "…")
+        found.append((*slow, widgets.fitting(text, room), widgets.shortened(text, room)))
+
+    def draw(context: PanelContext) -> list[Action]:
+        for text in ("", "ab", "oak veneer.png", "W" * 40 + "i" * 40, "a b c " * 30):
+            for room in (0.0, 5.0, 40.0, 90.0, 200.0, 5000.0):
+                cut(text, room)
+        return []
+
+    window.key(imgui.Key.i)
+    with pytest.MonkeyPatch.context() as drawing:
+        drawing.setattr("ui.panels.import_sheet.draw", draw)
+        window.frame()
+    assert len(found) >= 30
+    for slow_end, slow_start, end, start in found:
+        assert (end, start) == (slow_end, slow_start)

@@ -11,21 +11,30 @@ import pytest
 from app.document.commands import AddDeformer
 from app.document.commands.layers import SetFrozen
 from app.document.commands.light import INTENSITY, ROTATION, STRENGTH
+from app.document.commands.maps import SetParameterMap
 from app.document.document import Document
 from app.document.view_state import FRAME_BUDGET, OpenPanel, SetView
 from engine.material.bumps import BUMP_HEIGHT
 from engine.material.layer_maps import TEXTURE_SCALE, TEXTURE_SPACE
+from engine.material.parameter_maps import ParameterMap
 from engine.material.parameters import ETA, Parameter, ParameterError
 from engine.realtime.deformers import KINDS
 from ui.headless import HeadlessWindow
 from ui.panels.number_fields import Touch
 from ui.panels.rows import EDIT, Row, one_step
 
+
+def roughness_map(document: Document) -> ParameterMap:
+    (found,) = document.layer("teapot.1").parameter_maps
+    return found
+
+
 ROWS: dict[str, tuple[str, str, Callable[[Document], Any]]] = {
     "light.rotation": ("light", "teapot.1", lambda document: document.light.rotation),
     "light.intensity": ("light", "teapot.1", lambda document: document.light.intensity),
     "material.alpha": ("material", "teapot.1", lambda document: document.layer("teapot.1").values["alpha"]),
     "material.albedo.g": ("material", "teapot.0", lambda document: document.layer("teapot.0").values["albedo"]),
+    "material.alpha_map.black": ("material", "teapot.1", lambda document: roughness_map(document).low),
     "emitter.strength": ("material", "lamp", lambda document: document.object("lamp").emission),
     "pose.0": ("material", "teapot", lambda document: [each.amount for each in document.object("teapot").deformations]),
 }
@@ -73,6 +82,8 @@ def test_a_right_click_sets_a_row_back_in_one_step(window: HeadlessWindow, handl
     if handle.startswith("pose"):
         editor.do(SetView.of(mode="deform"))
         editor.do(AddDeformer("teapot", "bend"))
+    if "_map." in handle:
+        editor.do(SetParameterMap("teapot.1", "alpha", "worn.png"))
     editor.select(selected)
     for other in {"library", "brdf", "light", "accuracy"} - {panel}:  # room for all rows
         editor.do(OpenPanel(other, False))

@@ -2,8 +2,8 @@
 
 It lies over the picture, which stays usable, and reads like a page: a line of numbers, then what is not shown with its
 effect on the picture in words, by group or the most frequent first, then the repairs. All of it goes to the clipboard
-as text. Everything is laid out by the sheet's own width: imgui does not know the window's in the first frame, which
-stays for a while on a slow machine.
+as text, also what is too long for the sheet. Everything is laid out by the sheet's own width: imgui does not know the
+window's in the first frame, which stays for a while on a slow machine.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ ORDERS = (
     ("By place", "By where the file has them: materials, nodes, meshes."),
     ("By count", "The most frequent first."),
 )
+MOST_LINES = 100  # of a list: more would take longer to draw than a frame has
 COMPLETE = "All that the file contains is shown, as the file says."
 
 
@@ -114,8 +115,9 @@ def _body(context: PanelContext, report: ImportReport, width: float, foot: float
             _unshown(context, report.unshown, inner)
         if report.notes:
             _heading(context, "Repaired or left out", len(report.notes))
-            for note in report.notes:
+            for note in report.notes[:MOST_LINES]:
                 _wrapped(plain_line(note), look.TEXT_SOFT, inner)
+            _rest(len(report.notes), inner)
     imgui.end_child()
     return actions
 
@@ -133,7 +135,7 @@ def _order(context: PanelContext, report: ImportReport, width: float) -> list[Ac
 def _unshown(context: PanelContext, unshown: tuple[UnshownProperty, ...], width: float) -> None:
     """A line for each property: how often, its name, and below it what the picture lacks."""
     by_count, group = context.state.report_by_count, ""
-    for each in sorted_unshown(unshown, by_count):
+    for each in sorted_unshown(unshown, by_count)[:MOST_LINES]:
         if not by_count and group_of(each) != group:
             if group:
                 imgui.dummy(ImVec2(1, context.px(4)))
@@ -151,7 +153,14 @@ def _unshown(context: PanelContext, unshown: tuple[UnshownProperty, ...], width:
         widgets.tooltip(plain_line(each.name))
         _wrapped(plain_line(each.effect), look.TEXT_SOFT, room)
         imgui.end_group()
+    _rest(len(unshown), width)
     imgui.dummy(ImVec2(1, context.px(6)))
+
+
+def _rest(number: int, width: float) -> None:
+    """How many lines of a list are not drawn."""
+    if number > MOST_LINES:
+        _wrapped(f"and {number - MOST_LINES:,} more; the text that is copied has all of them", look.TEXT_SOFT, width)
 
 
 def _heading(context: PanelContext, text: str, number: int) -> None:

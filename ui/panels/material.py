@@ -210,7 +210,9 @@ def _parameter(context: PanelContext, key: str, layer: Layer, parameter: Paramet
         parameter, value, partial(SetParameter, key, parameter.name), f"material.{parameter.name}", own, note=later
     )
     if map_ := layer.parameter_map(parameter.name):
-        return parameter_maps.draw(context, key, parameter, map_, width)
+        described = _own_layer(context, key, layer)
+        own_map = None if described is None else described.parameter_map(parameter.name)
+        return parameter_maps.draw(context, key, parameter, map_, own_map, width)
     actions = rows.draw(context, row, width)
     if context.state.shows_images and parameter_maps.can_vary(layer, parameter):
         actions += parameter_maps.draw_button(context, key, parameter, width)
@@ -236,11 +238,15 @@ def _measured(value: Measurement) -> list[Action]:
 
 
 def _own_value(context: PanelContext, key: str, layer: Layer, parameter: Parameter) -> Value:
-    """A parameter as the scene's file has it; where the file has no such layer, or another model, its default."""
+    """A parameter as the scene's file has it, else its default."""
+    described = _own_layer(context, key, layer)
+    return parameter.default if described is None else described.values.get(parameter.name, parameter.default)
+
+
+def _own_layer(context: PanelContext, key: str, layer: Layer) -> Layer | None:
+    """A layer as the scene's file has it; None where the file has no such layer, or another model."""
     described = next((own for name, own in context.scene_document.layers() if name == key), None)
-    if described is None or described.model is not layer.model:
-        return parameter.default
-    return described.values.get(parameter.name, parameter.default)
+    return None if described is None or described.model is not layer.model else described
 
 
 # ------------------------------------------------------------------------------------------- the light of an emitter

@@ -12,7 +12,7 @@ from app.document.commands.maps import SetParameterMap
 from app.operators.registry import keys_of
 from engine.material.layer import Layer
 from engine.material.layer_maps import CHANNELS, WEIGHT_CHANNEL
-from engine.material.parameter_maps import MAPPED_KINDS, RESPONSES, ParameterMap
+from engine.material.parameter_maps import MAPPED_KINDS, RESPONSES, ParameterMap, parameter_map_from
 from engine.material.parameters import FRESNEL, Parameter, Value
 from ui.panels import rows, widgets
 from ui.panels.actions import Action, AskFile
@@ -40,8 +40,10 @@ def draw_button(context: PanelContext, key: str, parameter: Parameter, width: fl
     return _file(context, key, parameter, "", imgui.get_content_region_avail().x)
 
 
-def draw(context: PanelContext, key: str, parameter: Parameter, map_: ParameterMap, width: float) -> list[Action]:
-    """The rows of a parameter with a map."""
+def draw(
+    context: PanelContext, key: str, parameter: Parameter, map_: ParameterMap, own: ParameterMap | None, width: float
+) -> list[Action]:
+    """The rows of a parameter with a map; own: as the scene's file has it, None where it has none."""
     name, gap, side = parameter.name, context.px(GAP), imgui.get_frame_height()
     widgets.label(context, parameter.label, width)
     channel_width = context.px(CHANNEL_WIDTH)
@@ -59,8 +61,9 @@ def draw(context: PanelContext, key: str, parameter: Parameter, map_: ParameterM
     hint = f"The same value everywhere again; {keys_of('undo')} brings the image back."
     if widgets.icon_button(context, f"clear_{name}_map", Icon.CLOSE, hint):
         actions.append(SetParameterMap(key, name, None))
-    actions += _end(context, key, parameter, "Black", map_.low, width, lambda value: (value, map_.high))
-    actions += _end(context, key, parameter, "White", map_.high, width, lambda value: (map_.low, value))
+    back = own or parameter_map_from(parameter, map_.image.file)
+    actions += _end(context, key, parameter, "Black", map_.low, back.low, width, lambda value: (value, map_.high))
+    actions += _end(context, key, parameter, "White", map_.high, back.high, width, lambda value: (map_.low, value))
     widgets.label(context, "", width)
     if widgets.switch(context, f"material.{name}_map.square", "Squared", SQUARE_HINT, map_.response == "square"):
         other = RESPONSES[1 - RESPONSES.index(map_.response)]
@@ -69,16 +72,17 @@ def draw(context: PanelContext, key: str, parameter: Parameter, map_: ParameterM
 
 
 def _end(
-    context: PanelContext, key: str, parameter: Parameter, label: str, value: Value, width: float,
+    context: PanelContext, key: str, parameter: Parameter, label: str, value: Value, own: Value, width: float,
     range_with: Callable[[Value], tuple[Value, Value]],
 ) -> list[Action]:  # fmt: skip
-    """The row of the value at one end of the channel."""
+    """The row of the value at one end of the channel; own: what a right click sets it back to."""
     shown = replace(parameter, label=label, tooltip=f"{parameter.label} where the channel is {label.lower()}.")
 
     def make(new: Value) -> Action:
         return SetParameterMap(key, parameter.name, {"range": range_with(new)})
 
-    return rows.draw(context, rows.Row(shown, value, make, f"material.{parameter.name}_map.{label.lower()}"), width)
+    row = rows.Row(shown, value, make, f"material.{parameter.name}_map.{label.lower()}", own)
+    return rows.draw(context, row, width)
 
 
 def _file(context: PanelContext, key: str, parameter: Parameter, file: str, room: float) -> list[Action]:

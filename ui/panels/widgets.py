@@ -6,7 +6,8 @@ Each draws one control and returns what the user did with it. None depends on wh
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from bisect import bisect_right
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import NamedTuple
 
@@ -66,18 +67,21 @@ def fitting(text: str, room: float) -> str:
     """Shorten a text to so many pixels, keeping its end: that is where file names differ."""
     if imgui.calc_text_size(text).x <= room:
         return text
-    while len(text) > 4 and imgui.calc_text_size("…" + text).x > room:
-        text = text[1:]
-    return "…" + text
+    n = _n_that_fit(len(text), lambda n: "…" + text[len(text) - n :], room)
+    return "…" + text[len(text) - max(n, min(len(text), 4)) :]
 
 
 def shortened(text: str, room: float) -> str:
     """Shorten a text to so many pixels, keeping its start."""
     if imgui.calc_text_size(text).x <= room:
         return text
-    while text and imgui.calc_text_size(text + "…").x > room:
-        text = text[:-1]
-    return text.rstrip() + "…"
+    return text[: _n_that_fit(len(text), lambda n: text[:n] + "…", room)].rstrip() + "…"
+
+
+def _n_that_fit(most: int, cut: Callable[[int], str], room: float) -> int:
+    """The most characters, fewer than `most`, of which the cut text has so many pixels; 0 where none fits. Found by
+    halves: names of files may be long, and each measurement takes as long as the text."""
+    return bisect_right(range(1, most), room, key=lambda n: imgui.calc_text_size(cut(n)).x)
 
 
 class Choice(NamedTuple):
