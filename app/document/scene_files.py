@@ -170,8 +170,10 @@ def _unpack(archive: Path) -> Path:
 
 def _forget_oldest(parent: Path) -> None:
     """Remove archives that were unpacked and have not been opened for a day, except the last few."""
-    folders = sorted((path for path in parent.iterdir() if path.is_dir()), key=lambda path: -path.stat().st_mtime)
-    for folder in folders[_MOST_KEPT:]:
-        with contextlib.suppress(OSError):
-            if folder.stat().st_mtime < time.time() - _KEPT_SECONDS:
-                shutil.rmtree(folder)
+    opened = list[tuple[float, Path]]()
+    for path in parent.iterdir():
+        with contextlib.suppress(OSError):  # another process may remove it now
+            opened += [(path.stat().st_mtime, path)] if path.is_dir() else []
+    for when, path in sorted(opened, reverse=True)[_MOST_KEPT:]:
+        if when < time.time() - _KEPT_SECONDS:
+            shutil.rmtree(path, ignore_errors=True)
