@@ -43,13 +43,7 @@ def fill_triangles(
     e, box, determinant = np.empty((9, _AT_ONCE)), np.empty((4, _AT_ONCE)), np.empty(_AT_ONCE)
     for first in range(start, stop, _AT_ONCE):
         n = min(_AT_ONCE, stop - first)
-        # Corners relative to the camera.
-        for j in range(n):
-            for k in range(3):
-                corner = places[corners[first + j, k]]
-                for i in range(3):
-                    p[3 * k + i, j] = corner[i] - camera_position[i]
-        _set_up_some(n, p, plane, view, projected, e, box, determinant)
+        _set_up_some(first, n, places, corners, camera_position, plane, view, p, projected, e, box, determinant)
         for j in range(n):
             t, left, right, top, bottom = first + j, box[0, j], box[1, j], box[2, j], box[3, j]
             depths = projected[2, j], projected[5, j], projected[8, j]
@@ -80,14 +74,20 @@ def fill_triangles(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _set_up_some(
-    n: int, p: Float64Array, plane: Float64Array, view: Float64Array, projected: Float64Array, e: Float64Array,
-    box: Float64Array, determinant: Float64Array,
+    first: int, n: int, places: Float32Array, corners: Int32Array, camera_position: Float64Array, plane: Float64Array,
+    view: Float64Array, p: Float64Array, projected: Float64Array, e: Float64Array, box: Float64Array,
+    determinant: Float64Array,
 ) -> None:  # fmt: skip
-    """Set up the first n of N triangles with corners p (9, N) relative to the camera; loops over them vectorize.
+    """Set up the n triangles from the first, of corners (T, 3) over places (V, 3); loops over them vectorize.
 
-    Fill projected (9, N): column and row times depth, and depth of each corner; box (4, N): first and last column,
-    first and last row whose centres a triangle before the camera covers; determinant (N,); e (9, N): see `set_up`.
+    Fill, for up to N triangles, p (9, N): their corners relative to the camera; projected (9, N): column and row times
+    depth, and depth of each corner; box (4, N): first and last column, first and last row whose centres a triangle
+    before the camera covers; determinant (N,); e (9, N): see `set_up`.
     """
+    for j in range(n):
+        for k in range(3):
+            for i in range(3):
+                p[3 * k + i, j] = places[corners[first + j, k], i] - camera_position[i]
     for k in range(0, 9, 3):
         for i in range(3):
             for j in range(n):
@@ -169,11 +169,7 @@ def set_up(
     e, box, determinant = np.empty((9, _AT_ONCE)), np.empty((4, _AT_ONCE)), np.empty(_AT_ONCE)
     for first in range(start, stop, _AT_ONCE):
         n = min(_AT_ONCE, stop - first)
-        for j in range(n):
-            for k in range(3):
-                for i in range(3):
-                    p[3 * k + i, j] = places[corners[first + j, k], i] - camera_position[i]
-        _set_up_some(n, p, plane, view, projected, e, box, determinant)
+        _set_up_some(first, n, places, corners, camera_position, plane, view, p, projected, e, box, determinant)
         for j in range(n):
             front[first + j] = -determinant[j]
             for k in range(3):
