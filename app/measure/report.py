@@ -1,6 +1,6 @@
 """The report of the settings: a page of tables in Markdown and a plot a mode, drawn as PNG without a display.
 
-Ticks of a logarithmic axis are made to be read: a few, told apart from each other, and without exponents.
+Ticks of a logarithmic axis are made to be read: a few, apart from each other, and without exponents.
 """
 
 from __future__ import annotations

@@ -57,7 +57,7 @@ class Subject:
 
 
 def open_subject(source: str, resolution: tuple[int, int] | None = None) -> Subject:
-    """Open what a person named; `resolution` (width, height) replaces the scene's own. Raises InsituError."""
+    """Open what the user named; `resolution` (width, height) replaces the scene's own. Raises InsituError."""
     project = open_project(source, resolution)
     return Subject(source, project.scene, project.document, project.sky)
 

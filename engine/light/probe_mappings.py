@@ -33,7 +33,7 @@ _N_SUB = 4
 
 
 def likely_mapping(width: int, height: int) -> Mapping:
-    """The mapping of an image by its size: the faces of a cube are told by it, a square is an angular map."""
+    """The mapping of an image by its size: the faces of a cube have one of their own, a square is an angular map."""
     return "cube" if _faces(width, height) else "angular" if width == height else "latlong"
 
 

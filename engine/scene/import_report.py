@@ -1,7 +1,7 @@
 """What was read from the files of a scene, and what of it is not shown.
 
 The worker makes an `ImportReport` with the scene. The window's sheet, `insitu info` and scripts show that one value:
-what a reader leaves out is told in one place, by the property's name in the file, how often it occurs, and what the
+what a reader leaves out is listed in one place, by the property's name in the file, how often it occurs, and what the
 picture lacks.
 """
 

@@ -62,7 +62,7 @@ def repeated_polygons(vertices: Int64Array, lengths: Int64Array, either_way: boo
     """Which polygons (N,) have the corners of an earlier one in the same order, or, `either_way`, in any.
 
     vertices (C,): indices of the corners of all polygons one after the other; lengths (N,). Two cuts of one quad into
-    triangles may share none of these, so that repeats are found before. Polygons are told apart by sums of 64 bits
+    triangles may share none of these, so that repeats are found before. Polygons are distinguished by sums of 64 bits
     over their corners or their directed edges, so that it does not matter where an outline begins.
     """
     if not len(lengths):

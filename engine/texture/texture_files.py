@@ -134,7 +134,7 @@ def image_size(data: bytes, file: Path | str) -> tuple[int, int] | None:
 
 
 def check_image(data: bytes, file: Path | str) -> None:
-    """Raise LoadError for an image that is cut off, without decoding it where that can be told otherwise: by the
+    """Raise LoadError for an image that is cut off, without decoding it where that can be seen otherwise: by the
     checksums of a PNG, the end of a JPEG, the length of a WebP. KTX 2 images are decoded."""
     kind = _kind(data)
     if kind == "WebP" and int.from_bytes(data[4:8], "little") + 8 > len(data):

@@ -4,7 +4,7 @@ facet's missing vertex it takes from the next one (`test_trimesh`).
 A facet is flat, has three corners of its own, and may have a colour of 15 bits, of which there are two conventions:
 VisCAM's (blue in the lowest bits; the highest bit is 1 where there is one) and that of Materialise Magics (red in the
 lowest bits; the highest bit is 1 where the facet has the colour of the header's COLOR=). Corners at the same place
-become one vertex, so that winding and holes can be told. Normals of facets are not used: many programs write zeros.
+become one vertex, so that winding and holes can be found. Normals of facets are not used: many programs write zeros.
 """
 
 from __future__ import annotations
