@@ -79,7 +79,10 @@ def printable_name(text: str, longest: int) -> str:
 
 def describe_value(value: object) -> str:
     """The value on one printable line of at most 80 characters."""
-    text = _printable(value[: 2 * _LONGEST_VALUE] if isinstance(value, str) else repr(value))
+    try:
+        text = _printable(value[: 2 * _LONGEST_VALUE] if isinstance(value, str) else repr(value))
+    except RecursionError:  # JSON that is read may still be too deep to be written
+        text = f"a deep {type(value).__name__}"
     return text if len(text) <= _LONGEST_VALUE else text[: _LONGEST_VALUE - 1] + "…"
 
 

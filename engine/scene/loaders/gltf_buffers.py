@@ -87,10 +87,10 @@ def _chunk(data: bytes, start: int, file: Path) -> tuple[int, bytes, int]:
 
 class GltfBuffers:
     """The bytes of a file's buffers, buffer views and images. n_bytes: of all buffers that were read so far, by which
-    the cost of what they describe is limited."""
+    the cost of what they describe is limited; n_read: numbers that accessors took of them so far."""
 
     def __init__(self, root: JsonObject, chunk: bytes) -> None:
-        self._root, self._chunk, self.n_bytes = root, chunk, len(chunk)
+        self._root, self._chunk, self.n_bytes, self.n_read = root, chunk, len(chunk), 0
         self._buffers, self.views = root.children("buffers"), root.children("bufferViews")
         self._read: dict[int, bytes] = {}
         self._decoded: dict[int, Bytes] = {}

@@ -22,6 +22,9 @@ SHARES = (5126, 5121, 5123)  # from 0 to 1: floats, or integers whose largest va
 QUANTIZED = (5126, 5120, 5121, 5122, 5123)
 INTEGERS = (5121, 5123, 5125)
 MOST_ZEROS = 1_000_000  # rows of an accessor without a view, plus one for every byte of the file
+# Limit of the numbers that are read of all accessors, plus more for every byte: accessors may be shared, and small
+# files must not cost much.
+MOST_READ, READ_A_BYTE = 1 << 24, 16
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 
@@ -55,23 +58,29 @@ class GltfFile:
         if component not in components:
             raise accessor.error("componentType", component, f"one of {', '.join(map(str, components))} for {key}")
         accessor.flag("normalized")
+        most = MOST_READ + READ_A_BYTE * self.buffers.n_bytes
+        if self.buffers.n_read > most:
+            raise accessor.error("numbers of all accessors", self.buffers.n_read, f"at most {most}")
         layout, width = np.dtype(_COMPONENTS[component]), _WIDTHS[kind]
         if number in self.decoded:
-            return self._decoded(accessor, self.decoded[number], layout, width)
-        if accessor.has("bufferView"):
+            rows = self._decoded(accessor, self.decoded[number], layout, width)
+        elif accessor.has("bufferView"):
             rows = self._rows(accessor, layout, width)
         else:
             rows = np.zeros((accessor.integer("count", 1, MOST_ZEROS + self.buffers.n_bytes), width), layout)
-        if not accessor.has("sparse"):
+        self.buffers.n_read += rows.size
+        if number in self.decoded or not accessor.has("sparse"):
             return rows
         # A sparse accessor replaces some rows of the view, or of zeros [glTF20, 3.6.2.3].
         rows = rows.copy()
         sparse = accessor.child("sparse")
         n, where = sparse.integer("count", 0, len(rows)), sparse.child("indices")
         if n:
-            index = np.dtype(_COMPONENTS[where.integer("componentType", 5121, 5125)])
-            places = self._rows(where, index, 1, n)[:, 0].astype(np.int64)
-            if places.min() < 0 or places.max() >= len(rows):
+            component = where.integer("componentType", 5121, 5125)
+            if component not in INTEGERS:
+                raise where.error("componentType", component, f"one of {', '.join(map(str, INTEGERS))}")
+            places = self._rows(where, np.dtype(_COMPONENTS[component]), 1, n)[:, 0].astype(np.int64)
+            if places.max() >= len(rows):
                 raise where.error("indices", int(places.max()), f"indices from 0 to {len(rows) - 1}")
             rows[places] = self._rows(sparse.child("values"), layout, width, n)
         return rows

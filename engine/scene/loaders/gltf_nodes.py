@@ -17,6 +17,8 @@ Float64Array = npt.NDArray[np.float64]
 MAX_DEPTH = 256
 LONGEST_NAME = 64
 INSTANCING = "EXT_mesh_gpu_instancing"
+# Limit of the places of all meshes, plus one for every fourth byte: a place has at least three vertices and a face.
+MOST_PLACES = 250_000
 _IDENTITY = np.eye(4)
 _TRANSFORM = ("matrix", "translation", "rotation", "scale")
 # The areas of a transform's faces, relative to the square of its longest axis, below which it leaves no face an area.
@@ -64,18 +66,21 @@ def scene_nodes(file: GltfFile, root: JsonObject) -> list[MeshNode]:
 def placed_meshes(file: GltfFile, nodes: Iterable[MeshNode]) -> dict[int, list[MeshNode]]:
     """For every mesh the nodes that have it, or their instances of it."""
     placed: dict[int, list[MeshNode]] = {}
+    n_placed = 0
     for each in nodes:
         node = file.nodes[each.node]
         if node.has("mesh"):
             mesh = placed.setdefault(node.integer("mesh", 0, len(file.meshes) - 1), [])
             instancing = node.child("extensions").child(INSTANCING) if node.has("extensions") else None
-            mesh += _instances(file, each, instancing) if instancing and instancing.values else [each]
+            found = _instances(file, each, instancing, n_placed) if instancing and instancing.values else [each]
+            n_placed += len(found)
+            mesh += found
     return placed
 
 
-def _instances(file: GltfFile, placed: MeshNode, extension: JsonObject) -> list[MeshNode]:
+def _instances(file: GltfFile, placed: MeshNode, extension: JsonObject, n_placed: int) -> list[MeshNode]:
     """The instances of a node's mesh, each translation · rotation · scale in the node's frame
-    [EXT_mesh_gpu_instancing]."""
+    [EXT_mesh_gpu_instancing]. n_placed: the places of other nodes."""
     attributes = extension.child("attributes")
     given = [key for key in ("TRANSLATION", "ROTATION", "SCALE") if attributes.has(key)]
     if not given:
@@ -90,7 +95,9 @@ def _instances(file: GltfFile, placed: MeshNode, extension: JsonObject) -> list[
             )
         if is_rotation and not (np.linalg.norm(rows[key], axis=1) > 1e-6).all():
             raise attributes.error(key, "a quaternion of length 0", "unit quaternions")
-    n = len(rows[given[0]])
+    n, most = len(rows[given[0]]), MOST_PLACES + file.buffers.n_bytes // 4
+    if n_placed + n > most:
+        raise attributes.error("places of all meshes", n_placed + n, f"at most {most} in a file of this size")
     matrices = matrices_of(
         rows.get("TRANSLATION", np.zeros((n, 3))),
         rows.get("ROTATION", np.tile([0.0, 0.0, 0.0, 1.0], (n, 1))),

@@ -361,3 +361,60 @@ def test_a_material_without_area_does_not_refuse_the_others(
     tree["scenes"] = [{"nodes": [1]}]
     with pytest.raises(LoadError, match="faces with an area = 0, expected at least one"):
         load_scene(glb_file(tree, binary))
+
+
+# ----------------------------------------------------------------------------------------------- what costs too much
+
+
+def test_instances_are_limited_by_the_files_size(
+    triangle_glb: Triangle, glb_file: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An accessor without a view has as many rows of zeros as it says."""
+    monkeypatch.setattr("engine.scene.loaders.gltf_nodes.MOST_PLACES", 1000)
+    tree, binary = triangle_glb
+    tree["accessors"].append({"componentType": 5126, "count": 800, "type": "VEC3"})
+    many = {"mesh": 0, "extensions": {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": 2}}}}
+    with pytest.raises(LoadError, match="places of all meshes = 1600, expected at most 1011 in a file of this size"):
+        read_glb(glb_file(tree | {"nodes": [many, many], "scenes": [{"nodes": [0, 1]}]}, binary))
+
+
+def test_accessors_are_not_read_again_and_again(
+    triangle_glb: Triangle, glb_file: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Strips of one corner have no face, and so no part in the number of copies; but they are read."""
+    monkeypatch.setattr("engine.scene.loaders.gltf_file.MOST_READ", 100_000)
+    tree, binary = triangle_glb
+    tree["accessors"].append({"componentType": 5125, "count": 30_000, "type": "SCALAR"})
+    own = tree["meshes"][0]["primitives"][0]
+    strips = [own | {"indices": 2, "mode": 5, "extensions": {"ACME_a": {"n": n}}} for n in range(6)]
+    for n, refused in ((3, False), (6, True)):
+        tree["meshes"][0]["primitives"] = [*strips[:n], own]
+        path = glb_file(tree, binary)
+        if refused:
+            with pytest.raises(LoadError, match="numbers of all accessors = 1200.., expected at most 100704"):
+                read_glb(path)
+        else:
+            assert only_part(path).mesh.triangles.tolist() == [[0, 1, 2]]
+
+
+@pytest.mark.parametrize("component", [5122, 5124])
+def test_indices_of_sparse_rows_are_unsigned(
+    triangle_glb: Triangle, glb_file: Callable[..., Path], component: int
+) -> None:
+    tree, binary = triangle_glb
+    where = {"bufferView": 1, "componentType": component}
+    tree["accessors"][0]["sparse"] = {"count": 1, "indices": where, "values": {"bufferView": 0}}
+    with pytest.raises(LoadError, match=f"sparse: indices: componentType = {component}, expected one of 5121, 5123"):
+        read_glb(glb_file(tree, binary))
+
+
+def test_a_value_that_is_too_deep_to_be_written_is_still_named(
+    triangle_glb: Triangle, glb_file: Callable[..., Path]
+) -> None:
+    """JSON that Python just reads may be too deep for it to write where the error is."""
+    tree, binary = triangle_glb
+    tree["nodes"][0]["extensions"] = {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": "@"}}}
+    for depth in range(850, 1000, 2):
+        text = json.dumps(tree).replace('"@"', "[" * depth + "]" * depth)
+        with pytest.raises(LoadError, match="TRANSLATION = .*, expected an integer|JSON = too deep"):
+            read_glb(glb_file(None, binary, text.encode()))
