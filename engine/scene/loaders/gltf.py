@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from engine.core.errors import LoadError
+from engine.core.errors import LoadError, printable_name
 from engine.material.bumps import NO_BUMPS
 from engine.scene.description import MAX_VARIANTS, LayerDescription
 from engine.scene.loaders.draco import decode_primitive, has_draco
@@ -28,7 +28,7 @@ from engine.scene.loaders.gltf_buffers import open_gltf
 from engine.scene.loaders.gltf_cameras import read_cameras
 from engine.scene.loaders.gltf_file import INTEGERS, SHARES, GltfFile
 from engine.scene.loaders.gltf_images import GltfImages
-from engine.scene.loaders.gltf_json import JsonObject
+from engine.scene.loaders.gltf_json import MAX_ITEMS, JsonObject
 from engine.scene.loaders.gltf_lights import CONVERTED, read_lights
 from engine.scene.loaders.gltf_materials import (
     COLOURED,
@@ -38,7 +38,7 @@ from engine.scene.loaders.gltf_materials import (
     uv_set,
     without_images,
 )
-from engine.scene.loaders.gltf_nodes import MeshNode, placed_meshes, scene_nodes
+from engine.scene.loaders.gltf_nodes import LONGEST_NAME, MeshNode, placed_meshes, scene_nodes
 from engine.scene.loaders.gltf_rig import PrimitiveRig, RigReader
 from engine.scene.loaders.gltf_unshown import unknown_requirements, unshown_properties
 from engine.scene.loaders.model import ImportedModel, ImportedPart
@@ -132,9 +132,15 @@ def _variant_names(root: JsonObject) -> list[str]:
     """The names of the file's variants [glTF20, KHR_materials_variants]; those without, or with another's, get a
     number."""
     names: list[str] = []
-    for fields in root.child("extensions").child("KHR_materials_variants").children("variants")[:MAX_VARIANTS]:
-        name = (fields.text("name") or "").strip()[:64]
-        names.append(name if name and name not in names else f"{name or 'variant'} {len(names) + 1}")
+    for fields in root.child("extensions").child("KHR_materials_variants").children("variants"):
+        if len(names) >= MAX_VARIANTS:
+            fields.leave_out("name", f"looks after the first {MAX_VARIANTS} are not offered")
+            continue
+        given, number = printable_name(fields.text("name") or "", LONGEST_NAME), len(names) + 1
+        name = given or f"variant {number}"
+        while name in names:
+            name, number = f"{given or 'variant'} {number}", number + 1
+        names.append(name)
     return names
 
 
@@ -208,8 +214,9 @@ class _Copies:
         found = [material] * self._n_variants
         for mapping in primitive.child("extensions").child("KHR_materials_variants").children("mappings"):
             mapped = mapping.integer("material", 0, self._file.n_materials - 1)
-            for variant in mapping.indices("variants", self._n_variants):
-                found[variant] = mapped
+            for variant in mapping.indices("variants", MAX_ITEMS):
+                if variant < self._n_variants:
+                    found[variant] = mapped
         return tuple(found) if set(found) != {material} else ()
 
     def by_material(self) -> dict[Use, list[Bound]]:

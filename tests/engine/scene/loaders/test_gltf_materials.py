@@ -16,6 +16,7 @@ from engine.material import MODELS, validate_parameters
 from engine.material.bumps import Bumps
 from engine.material.layer_maps import LayerMaps
 from engine.material.opacity import OPAQUE, Opacity
+from engine.scene.description import MAX_VARIANTS
 from engine.scene.loaders.gltf import ImportedModel, read_glb
 from engine.scene.loaders.pbr_layers import PbrMaterial, pbr_layers
 from engine.scene.map_sampler import look_up_images
@@ -305,6 +306,21 @@ def test_variants_are_other_layers_of_a_part(
     del primitive["extensions"]
     (part,) = read_glb(glb_file(tree, binary)).parts
     assert part.variants == ()
+
+
+def test_variants_have_names_that_differ_and_the_first_are_offered(
+    textured: Glb, glb_file: Callable[..., Path]
+) -> None:
+    tree, binary = textured
+    tree["materials"] = [{}, {"pbrMetallicRoughness": {"metallicFactor": 0}}]
+    named = [{"name": name} for name in ("fir 3", "fir", "fir", "a\nb", *(f"look {k}" for k in range(70)))]
+    tree["extensions"] = {"KHR_materials_variants": {"variants": named}}
+    primitive = tree["meshes"][0]["primitives"][0]
+    primitive["extensions"] = {"KHR_materials_variants": {"mappings": [{"material": 1, "variants": [2, 73]}]}}
+    model = read_glb(glb_file(tree, binary))
+    names = [name for name, _ in model.parts[0].variants]
+    assert names[:5] == ["fir 3", "fir", "fir 4", "a b", "look 0"] and len(set(names)) == MAX_VARIANTS
+    assert ("KHR_materials_variants.variants.name", 10) in [(each.name, each.count) for each in model.unshown]
 
 
 def test_images_may_be_files_beside_it(
