@@ -18,7 +18,7 @@ from engine.scene.description import Camera
 from engine.scene.loaders.gltf_file import GltfFile
 from engine.scene.loaders.gltf_json import JsonObject
 from engine.scene.loaders.gltf_nodes import LONGEST_NAME, Float64Array, MeshNode
-from engine.scene.loaders.model import ImportedCamera
+from engine.scene.loaders.model import ImportedCamera, triple
 
 MOST_CAMERAS = 200
 _FAR_FOV = 2.0
@@ -72,9 +72,4 @@ def _camera(fields: JsonObject, matrix: Float64Array, middle: Float64Array) -> t
         raise fields.error("type", kind or "nothing", "perspective or orthographic")
     if aspect is not None and not 0.01 <= aspect <= 100.0:
         aspect = None
-    return Camera(position=_triple(position), target=_triple(target), up=_triple(up), fov_y=fov), aspect
-
-
-def _triple(vector: Float64Array) -> tuple[float, float, float]:
-    x, y, z = vector.tolist()
-    return x, y, z
+    return Camera(position=triple(position), target=triple(target), up=triple(up), fov_y=fov), aspect

@@ -18,7 +18,7 @@ from engine.scene.description import valid_name
 from engine.scene.loaders.gltf_file import GltfFile
 from engine.scene.loaders.gltf_json import JsonObject
 from engine.scene.loaders.gltf_nodes import Float64Array, MeshNode
-from engine.scene.loaders.model import RGB, ImportedLight
+from engine.scene.loaders.model import ImportedLight, triple
 
 LIGHTS = "KHR_lights_punctual"
 LUMENS_PER_WATT = 683.0
@@ -93,8 +93,8 @@ def _light(fields: JsonObject, matrix: Float64Array, name: str) -> ImportedLight
     inner, outer = _cone(fields) if kind == "spot" else (0.0, 0.0)
     intensity = tuple(strength / LUMENS_PER_WATT * each for each in colour)
     return ImportedLight(
-        valid_name(name, "light"), kind, _triple(np.array(intensity)), _triple(matrix[:3, 3]),
-        _triple(-back / max(length, 1e-300)), inner, outer,
+        valid_name(name, "light"), kind, triple(np.array(intensity)), triple(matrix[:3, 3]),
+        triple(-back / max(length, 1e-300)), inner, outer,
     )  # fmt: skip
 
 
@@ -105,8 +105,3 @@ def _cone(fields: JsonObject) -> tuple[float, float]:
     inner = spot.clamped(spot.number("innerConeAngle", 0.0), "innerConeAngle", 0.0, outer)
     fields.not_shown("spot", "its edge is that of a lamp in a tube, a few percent unlike the formula's")
     return inner, outer
-
-
-def _triple(vector: Float64Array) -> RGB:
-    x, y, z = vector.tolist()
-    return x, y, z

@@ -53,7 +53,7 @@ class ImportedCamera:
             "target": linear @ own.target + matrix[:3, 3],
             "up": linear @ own.up,
         }
-        return replace(self, camera=own.model_copy(update={key: _triple(value) for key, value in placed.items()}))
+        return replace(self, camera=own.model_copy(update={key: triple(value) for key, value in placed.items()}))
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,8 @@ class ImportedLight:
     outer: float = 0.0
 
 
-def _triple(vector: npt.NDArray[np.float64]) -> RGB:
+def triple(vector: npt.NDArray[np.float64]) -> RGB:
+    """The numbers of a vector (3,)."""
     x, y, z = vector.tolist()
     return x, y, z
 
