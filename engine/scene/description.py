@@ -40,6 +40,7 @@ MAX_SCENE_BYTES = 16 * 2**20
 MAX_BOUNCES = 8
 MAX_OBJECTS = 4096
 MAX_VARIANTS = 64
+LONGEST_NAME = 64  # of an object or a layer
 MAX_RESOLUTION = 16384
 MAX_COORDINATE = 1e9
 MAX_SUNS = 16
@@ -56,9 +57,9 @@ def _grey_to_rgb(value: object) -> object:
 
 def _name(value: object) -> str:
     """Check a name, which appears in paths such as `teapot.1.alpha` and in messages."""
-    good = isinstance(value, str) and 0 < len(value) <= 64 and value.isprintable() and value == value.strip()
+    good = isinstance(value, str) and 0 < len(value) <= LONGEST_NAME and value.isprintable() and value == value.strip()
     if not isinstance(value, str) or not good or set(value) & set(".\"'[]="):
-        raise ValueError("a name of 1 to 64 characters without . = [ ] and quotes")
+        raise ValueError(f"a name of 1 to {LONGEST_NAME} characters without . = [ ] and quotes")
     return value
 
 

@@ -29,6 +29,7 @@ from engine.material.opacity import OPAQUE
 from engine.scene.builtin import ASSETS
 from engine.scene.description import (
     IDENTITY,
+    LONGEST_NAME,
     MAX_COORDINATE,
     MAX_OBJECTS,
     SCENE_VERSION,
@@ -230,11 +231,14 @@ def _image_name(file: str, image: str) -> str:
 
 
 def free_name(name: str, taken: set[str]) -> str:
-    """Make a name unique by a suffix, and mark it as taken."""
-    while name in taken:
-        name += "+"
-    taken.add(name)
-    return name
+    """Make a name unique by a suffix, and mark it as taken; it stays one that an object can have."""
+    free, number = name, len(taken)
+    while free in taken and len(free) < LONGEST_NAME:
+        free += "+"
+    while free in taken:
+        free, number = f"{name[: LONGEST_NAME - 8]}+{number}", number + 1
+    taken.add(free)
+    return free
 
 
 @dataclass(frozen=True)

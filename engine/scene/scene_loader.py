@@ -27,6 +27,7 @@ from engine.material.opacity import Opacity
 from engine.scene.bump_normals import BumpNormals
 from engine.scene.cutouts import Cutouts, scene_cutouts
 from engine.scene.description import (
+    MAX_RADIANCE,
     MAX_SUNS,
     Camera,
     EnvironmentDescription,
@@ -220,9 +221,10 @@ def _assemble(
 ) -> Scene:  # fmt: skip
     """Build the arrays of objects that were read; the description takes over their final form."""
     placed, place_notes = _place_all(items, path)
-    description = _with_suns(description, [sun for item in items for sun in item.suns])
+    description, sun_notes = _with_suns(description, [sun for item in items for sun in item.suns])
     description = description.model_copy(update={"objects": tuple(item.description for item in items)})
-    origin = _find_origin(placed, path)
+    lit = [mesh for mesh, item in zip(placed, items, strict=True) if not item.description.is_lamp]
+    origin = _find_origin(lit or placed, path)
     vertices, placed, lost_notes = _round_all(placed, origin, items, path)
     joined = join_meshes(placed)
     triangles, ranges = np.ascontiguousarray(joined.triangles), _ranges([len(mesh.triangles) for mesh in placed])
@@ -254,7 +256,7 @@ def _assemble(
         vertex_ranges=_ranges([len(mesh.vertices) for mesh in placed]),
         rigs=tuple(_rig_in_scene(item, origin) for item in items),
         environment_path=environment_path,
-        notes=(*notes, *place_notes, *lost_notes, *_map_notes(description, placed)),
+        notes=(*notes, *sun_notes, *place_notes, *lost_notes, *_map_notes(description, placed)),
         material_names=tuple(item.material for item in items),
         cameras=_place_cameras(items),
         unshown=tuple(each for model in models for each in model.unshown),
@@ -264,11 +266,11 @@ def _assemble(
     return replace(scene, notes=(*scene.notes, *shrunk)) if shrunk else scene
 
 
-def _with_suns(description: SceneDescription, suns: Sequence[Sun]) -> SceneDescription:
+def _with_suns(description: SceneDescription, suns: Sequence[Sun]) -> tuple[SceneDescription, list[str]]:
     """The scene with these suns, whose directions are those of the world, in its environment: a black one if it has
-    none."""
+    none; and a note on suns that are too many."""
     if not suns:
-        return description
+        return description, []
     environment = description.environment
     if environment is None or environment.scale == 0.0:
         environment = EnvironmentDescription(radiance=(0.0, 0.0, 0.0))
@@ -276,13 +278,16 @@ def _with_suns(description: SceneDescription, suns: Sequence[Sun]) -> SceneDescr
     added = tuple(
         SunDescription(
             direction=tuple(towards),
-            irradiance=tuple(np.divide(sun.irradiance, environment.scale)),
+            irradiance=tuple(np.minimum(np.divide(sun.irradiance, environment.scale), MAX_RADIANCE)),
             diameter=sun.diameter,
         )
         for sun, towards in zip(suns, in_map.tolist(), strict=True)
     )
-    lit = environment.model_copy(update={"suns": (*environment.suns, *added)[:MAX_SUNS]})
-    return description.model_copy(update={"environment": lit})
+    every = (*environment.suns, *added)
+    lit = environment.model_copy(update={"suns": every[:MAX_SUNS]})
+    n_more = len(every) - MAX_SUNS
+    notes = [f"{n_more} suns after the first {MAX_SUNS} are left out"] if n_more > 0 else []
+    return description.model_copy(update={"environment": lit}), notes
 
 
 def _place_cameras(items: Sequence[ObjectMesh]) -> tuple[ImportedCamera, ...]:
@@ -350,7 +355,7 @@ def _place_all(items: Sequence[ObjectMesh], path: Path) -> tuple[list[Mesh], lis
 
 
 def _find_origin(placed: Sequence[Mesh], path: Path) -> npt.NDArray[np.float64]:
-    """The point (3,) to which all vertices are relative: zero unless the scene is far away.
+    """The point (3,) to which all vertices are relative: zero unless the scene is far away. placed: what is lit.
 
     Far away is more than 16 times its half extent; each such factor of two costs a bit of float32. Then the origin is
     that of the scene's median object; and so it is if this object alone is 1024 of its own half extents away: a figure

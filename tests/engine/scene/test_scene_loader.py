@@ -75,6 +75,13 @@ def test_a_scene_far_from_the_origin_keeps_its_detail(scene_file):
     assert np.abs(np.linalg.norm(scene.vertices, axis=1) - 0.5).max() < 1e-6
 
 
+def test_a_distant_lamp_does_not_take_the_detail_of_what_it_lights(scene_file):
+    lamp = placed("lamp", "quad", scaled(0.1, (-1e6, 0, 0)), "emission = 4\n")
+    scene = load_scene(scene_file(CARD + lamp))
+    assert scene.origin.tolist() == [0, 0, 0]
+    assert scene.vertices[:4].tolist() == [[-0.5, -0.5, 0], [0.5, -0.5, 0], [0.5, 0.5, 0], [-0.5, 0.5, 0]]
+
+
 def test_each_object_has_its_box_in_the_world(scene_file):
     # Cubes 1 m wide: one doubled and a kilometre off; one turned by 45 degrees about Y, as wide as its diagonal.
     c = 0.5**0.5

@@ -12,9 +12,11 @@ from app.document.commands.light import SetEmission
 from app.document.view_state import ViewState
 from app.files.session import save_session
 from app.project.project import open_project
+from engine.scene.description import MAX_RADIANCE, MAX_SUNS, ObjectDescription
 from engine.scene.loaders.gltf import read_glb
 from engine.scene.loaders.gltf_lights import CONVERTED, LUMENS_PER_WATT, MOST_LIGHTS
 from engine.scene.loaders.model import ImportedModel
+from engine.scene.scene_loader import load_scene
 from tests.engine.scene.conftest import pack_glb
 
 PLACES = np.array([[-1, 0, 0], [1, 0, 0], [0, 2, 0]], "<f4").tobytes()
@@ -114,6 +116,23 @@ def test_a_lamp_that_an_animation_moves_is_listed(tmp_path: Path) -> None:
     path.write_bytes(pack_glb(tree, np.array([0, 1, 2, 3, 4, 5, 6, 7, 8], "<f4").tobytes()))
     effects = [each for each in read_glb(path).unshown if each.name == "nodes.KHR_lights_punctual.light"]
     assert [(each.count, each.effect) for each in effects] == [(2, "the lamp does not move in the animation")]
+
+
+def test_many_lamps_of_one_name_have_names_that_a_scene_accepts(tmp_path: Path) -> None:
+    lamp = {"type": "point", "intensity": 683.0, "name": "A lamp of the street that leads to the harbour, by night"}
+    nodes = [{"translation": [k, 3, 0]} for k in range(40)]
+    names = load_scene(write(tmp_path / "a.glb", [lamp] * 40, nodes)).object_names
+    assert len(set(names)) == len(names) == 42
+    assert all(ObjectDescription(name=name, primitive="quad") for name in names)  # raises for one that is too long
+
+
+def test_suns_are_limited_in_number_and_strength(tmp_path: Path) -> None:
+    light = {"type": "directional", "intensity": 1e12, "color": [1e6, 1.0, 0.0]}
+    scene = load_scene(write(tmp_path / "a.glb", [light] * (MAX_SUNS + 3), [{}] * (MAX_SUNS + 3)))
+    assert scene.description.environment is not None
+    suns = scene.description.environment.suns
+    assert len(suns) == MAX_SUNS and f"3 suns after the first {MAX_SUNS} are left out" in scene.notes
+    assert suns[0].irradiance == (MAX_RADIANCE, pytest.approx(1e12 / LUMENS_PER_WATT), 0.0)
 
 
 def test_edits_of_lamps_are_saved_by_name(tmp_path: Path) -> None:
