@@ -31,7 +31,9 @@ from engine.core.native_decoders import Arrays, Decoder, DecoderError, run_here,
 MEMORY = 2 << 30
 BASE_SECONDS, SECONDS_A_MEGABYTE = 10.0, 5.0
 IDLE_SECONDS = 20.0
-_REQUEST, _REPLY = struct.Struct("<HQ"), struct.Struct("<BQ")
+# Beyond the time that data may take, the process ends by itself: whoever asked may have been killed.
+_MORE_SECONDS = 5.0
+_REQUEST, _REPLY = struct.Struct("<HQd"), struct.Struct("<BQ")
 _ARRAYS, _FAILURE = 0, 1
 
 
@@ -48,19 +50,24 @@ class DecoderProcess:
         with self._lock:
             if self._idle is not None:
                 self._idle.cancel()
-            process = self._process = self._process or _start()
             seconds = self._base_seconds + SECONDS_A_MEGABYTE * len(data) / 2**20
-            watch = threading.Timer(seconds, process.kill)
-            watch.start()
+            took_long = threading.Event()
             try:
-                status, reply = _ask(process, f"{decoder.__module__}:{decoder.__qualname__}".encode(), data)
-            except (OSError, EOFError):
+                process = self._process = self._process or _start()
+                watch = threading.Timer(seconds, _end, (process, took_long))
+                watch.start()
+                try:
+                    status, reply = _ask(process, decoder, data, seconds)
+                finally:
+                    watch.cancel()
+            except (OSError, EOFError, MemoryError):
                 self.close()
-                took_long = not watch.is_alive()
-                reason = f"takes longer than {seconds:.0f} s" if took_long else "ends the decoder, or needs its memory"
+                late = took_long.is_set()
+                reason = f"takes longer than {seconds:.0f} s" if late else "ends the decoder, or needs its memory"
                 raise DecoderError(reason) from None
-            finally:
-                watch.cancel()
+            except BaseException:
+                self.close()  # its reply would be taken for that to the next request
+                raise
             self._idle = threading.Timer(self._idle_seconds, self.close)
             self._idle.daemon = True
             self._idle.start()
@@ -104,10 +111,16 @@ def _start() -> subprocess.Popen[bytes]:
     )  # fmt: skip
 
 
-def _ask(process: subprocess.Popen[bytes], name: bytes, data: bytes) -> tuple[int, bytes]:
+def _end(process: subprocess.Popen[bytes], took_long: threading.Event) -> None:
+    took_long.set()
+    process.kill()
+
+
+def _ask(process: subprocess.Popen[bytes], decoder: Decoder, data: bytes, seconds: float) -> tuple[int, bytes]:
     """Status and content of the reply to a request; raises OSError or EOFError if the process ends."""
     assert process.stdin is not None and process.stdout is not None
-    process.stdin.write(_REQUEST.pack(len(name), len(data)) + name)
+    name = f"{decoder.__module__}:{decoder.__qualname__}".encode()
+    process.stdin.write(_REQUEST.pack(len(name), len(data), seconds + _MORE_SECONDS) + name)
     process.stdin.write(data)
     process.stdin.flush()
     status, length = _REPLY.unpack(_read(process.stdout, _REPLY.size))
@@ -132,9 +145,10 @@ def main() -> None:
     limit_memory(MEMORY)
     with contextlib.suppress(EOFError):
         while True:
-            n_name, n_data = _REQUEST.unpack(_read(requests, _REQUEST.size))
+            n_name, n_data, seconds = _REQUEST.unpack(_read(requests, _REQUEST.size))
             module, _, function = _read(requests, n_name).decode().partition(":")
             data, buffer = _read(requests, n_data), io.BytesIO()
+            _end_after(seconds)
             try:
                 arrays = run_here(getattr(importlib.import_module(module), function), data)
                 named: dict[str, Any] = {name: np.asarray(array) for name, array in arrays.items()}
@@ -142,9 +156,16 @@ def main() -> None:
                 status, reply = _ARRAYS, buffer.getvalue()
             except (DecoderError, MemoryError) as error:
                 status, reply = _FAILURE, (str(error) or "needs too much memory").encode()
+            _end_after(0.0)
             replies.write(_REPLY.pack(status, len(reply)))
             replies.write(reply)
             replies.flush()
+
+
+def _end_after(seconds: float) -> None:
+    """Let the system end this process after so many seconds, even in native code; 0: not. Not on Windows."""
+    if sys.platform != "win32":
+        signal.setitimer(signal.ITIMER_REAL, seconds)
 
 
 if __name__ == "__main__":

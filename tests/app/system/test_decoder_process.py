@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,6 +18,7 @@ from app.system.system import HAS_PROC, process_lives
 from engine.core.native_decoders import Arrays, DecoderError
 from engine.texture.basis import decode_basis
 
+ROOT = Path(__file__).parents[3]
 KTX2 = Path(__file__).parents[2] / "engine" / "texture" / "ktx2" / "uastc.ktx2"
 
 
@@ -70,6 +73,56 @@ def test_one_that_takes_too_long_is_ended() -> None:
     with pytest.raises(DecoderError, match="takes longer than"):
         process(misbehave, b"hang")
     process.close()
+
+
+def test_a_reply_that_cannot_be_read_is_not_taken_for_the_next(
+    process: DecoderProcess, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = process(reverse, b"ab")
+
+    def read(*_: object) -> bytes:
+        raise MemoryError
+
+    with monkeypatch.context() as full:
+        full.setattr("app.system.decoder_process._read", read)
+        with pytest.raises(DecoderError, match="needs its memory"):
+            process(reverse, b"old")
+    second = process(reverse, b"new")
+    assert bytes(second["bytes"]) == b"wen" and int(second["pid"]) != int(first["pid"])
+
+
+def test_it_says_when_it_cannot_be_started(process: DecoderProcess, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object, **more: object) -> None:
+        raise OSError("no more processes")
+
+    with monkeypatch.context() as full:
+        full.setattr("subprocess.Popen", refuse)
+        with pytest.raises(DecoderError, match="ends the decoder"):
+            process(reverse, b"ab")
+    assert process(reverse, b"ab")["bytes"].tolist() == [98, 97]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no timer there")
+def test_it_ends_by_itself_where_who_asked_was_killed(tmp_path: Path) -> None:
+    asks = (
+        "import sys, app.system.decoder_process as d, tests.app.system.test_decoder_process as t\n"
+        "d._MORE_SECONDS = 0.0\n"
+        "process = d.DecoderProcess(base_seconds=60.0)\n"
+        "print(int(process(t.reverse, b'')['pid']), flush=True)\n"
+        "process._base_seconds = 3.0\n"
+        "process(t.misbehave, b'hang')\n"
+    )
+    asking = subprocess.Popen([sys.executable, "-c", asks], cwd=ROOT, stdout=subprocess.PIPE, text=True)
+    assert asking.stdout is not None
+    decoder = int(asking.stdout.readline())
+    time.sleep(0.5)  # until it hangs
+    asking.kill()
+    asking.wait()
+    asking.stdout.close()
+    end = time.monotonic() + 60.0
+    while process_lives(decoder) and time.monotonic() < end:
+        time.sleep(0.1)
+    assert not process_lives(decoder)
 
 
 def test_a_library_that_prints_does_not_spoil_replies(process: DecoderProcess) -> None:
