@@ -142,6 +142,11 @@ def face_normals(
     return normals, solid
 
 
+def has_area(mesh: Mesh) -> bool:
+    """Whether any face has an area; a few tell it of nearly all meshes."""
+    return any(face_normals(mesh.vertices, faces)[1].any() for faces in (mesh.triangles[:100], mesh.triangles))
+
+
 def smooth_normals(vertices: npt.NDArray[np.floating], triangles: Int32Array) -> Float64Array:
     """Unit vertex normals (V, 3): face normals weighted by the angle at the vertex [ThurmerWuthrich98].
 

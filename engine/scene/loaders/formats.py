@@ -7,11 +7,12 @@ suffixes alone (`engine.scene.mesh.MESH_ENDINGS`).
 from __future__ import annotations
 
 import importlib
+from dataclasses import replace
 from pathlib import Path
 
 from engine.core.errors import LoadError
 from engine.scene.loaders.model import ImportedModel
-from engine.scene.mesh import MESH_ENDINGS
+from engine.scene.mesh import MESH_ENDINGS, has_area
 
 # The module, in this package, and its function, from a path to an `ImportedModel`.
 _READERS = {
@@ -26,9 +27,17 @@ _READERS = {
 
 
 def read_model(file: Path) -> ImportedModel:
-    """Read a file of geometry; raises LoadError."""
+    """Read a file of geometry; parts of which no face has an area are left out, with a note, where there are others.
+    Raises LoadError."""
     if file.suffix.lower() not in _READERS:
         raise LoadError(file, "type", file.suffix or file.name, f"a mesh of type {', '.join(MESH_ENDINGS)}")
     module, function = _READERS[file.suffix.lower()]
     model: ImportedModel = getattr(importlib.import_module(f"{__package__}.{module}"), function)(file)
-    return model
+    flat = {id(part) for part in model.parts if not has_area(part.mesh)}
+    if not flat or len(flat) == len(model.parts):
+        return model
+    parts = tuple(part for part in model.parts if id(part) not in flat)
+    names = ", ".join(part.name or "one without a name" for part in model.parts if id(part) in flat)
+    return replace(
+        model, parts=parts, notes=(*model.notes, f"parts of which no face has an area are left out: {names}")
+    )

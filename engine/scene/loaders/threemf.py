@@ -41,9 +41,12 @@ from engine.scene.mesh_defects import describe_holes
 
 _MAIN = "3d/3dmodel.model"
 _METRES = {"micron": 1e-6, "millimeter": 1e-3, "centimeter": 1e-2, "inch": 0.0254, "foot": 0.3048, "meter": 1.0}
-# Limit of vertices and faces of all copies, plus one for every byte of XML: small files must not cost much.
-MOST_COPIED = 1_000_000
+# Limit of vertices and faces of all copies, plus one for every 16 bytes of XML: small files must not cost much. A
+# component takes as long to be placed as so many vertices.
+MOST_COPIED, XML_BYTES = 1_000_000, 16
+OF_A_COMPONENT = 8
 _DEEPEST = 32
+_MOST_UNSHOWN = 64
 _MOST_PARTS = 4095
 _Y_UP = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 _NOT_SHOWN = {
@@ -52,6 +55,13 @@ _NOT_SHOWN = {
     "pbmetallicdisplayproperties": "metalness and roughness",
     "pbspeculardisplayproperties": "specular colours and glossiness", "translucentdisplayproperties": "translucency",
 }  # fmt: skip
+
+# Elements that say what is read, or belong to others that are listed.
+_SILENT = frozenset(
+    "resources build metadata metadatagroup mesh vertices triangles components trianglesets triangleset ref refrange "
+    "texture2d tex2coord composite multi beams beam beamsets beamset balls ball polygon segment slice sliceref "
+    "pbmetallic pbspecular translucent".split()
+)
 
 Float64Array = npt.NDArray[np.float64]
 Attributes = dict[str, str]
@@ -109,10 +119,11 @@ def read_3mf(file: Path) -> ImportedModel:
         data = archive.read(name)
         n_bytes += len(data)
         _ModelReader(contents, name, file, is_main=name == models[0]).read(data)
-    places = _placed_objects(contents, MOST_COPIED + n_bytes, file)
+    places, notes = _placed_objects(contents, MOST_COPIED + n_bytes // XML_BYTES, file)
+    table = _group_table(contents.groups)
     pieces: dict[tuple[object, ...], tuple[str, int, int, list[Mesh]]] = {}
     for key, matrices in places.items():
-        for part, (name, group, entry, mesh) in _pieces(key, contents, file).items():
+        for part, (name, group, entry, mesh) in _pieces(key, contents, table, file).items():
             found = pieces.setdefault(part, (name, group, entry, []))
             found[3].append(place_copies(mesh, np.array(matrices)))
     if len(pieces) > _MOST_PARTS:
@@ -123,10 +134,12 @@ def read_3mf(file: Path) -> ImportedModel:
         _part(name, contents.groups[group] if group >= 0 else None, entry, meshes)
         for name, group, entry, meshes in pieces.values()
     ]
-    unshown = tuple(UnshownProperty(name, count, f"no {_NOT_SHOWN[name]}") for name, count in contents.unshown.items())
-    return ImportedModel(
-        tuple(parts), tuple(describe_holes(join_meshes([part.mesh for part in parts]))), unshown=unshown
+    unshown = tuple(
+        UnshownProperty(printable_name(name, 64), count, f"no {_NOT_SHOWN.get(name, 'element that is read')}")
+        for name, count in contents.unshown.items()
     )
+    notes += describe_holes(join_meshes([part.mesh for part in parts]))
+    return ImportedModel(tuple(parts), tuple(notes), unshown=unshown)
 
 
 def _main_first(name: str) -> tuple[bool, str]:
@@ -144,29 +157,50 @@ def _part(name: str, group: _Group | None, entry: int, meshes: list[Mesh]) -> Im
     return ImportedPart(mesh, layers, opacity=opacity, smooth=False, name=name)
 
 
-def _placed_objects(contents: _Contents, most: int, file: Path) -> dict[Key, list[Float64Array]]:
-    """The places (4, 4) of each object with triangles, in metres with Y up."""
+def _placed_objects(contents: _Contents, most: int, file: Path) -> tuple[dict[Key, list[Float64Array]], list[str]]:
+    """The places (4, 4) of each object with triangles, in metres with Y up; a note on objects that are not there."""
     scale = np.diag([contents.metres] * 3 + [1.0])
     found: dict[Key, list[Float64Array]] = {}
     waiting = [(key, _Y_UP @ scale @ matrix, 0) for key, matrix in contents.build]
-    n = n_steps = 0
+    n = n_steps = n_missing = 0
     while waiting:
         key, matrix, depth = waiting.pop()
         item = contents.objects.get(key)
-        if item is None:
-            raise LoadError(file, f"{key.model}: object", key.id, "the number of an object")
         n_steps += 1
+        if item is None:
+            n_missing += 1
+            continue
         n += (len(item.vertices) + len(item.triangles)) // 3
-        if depth > _DEEPEST or max(n, n_steps) > most:
+        if depth > _DEEPEST or n + OF_A_COMPONENT * n_steps > most:
             expected = f"at most {most} vertices and faces of all copies, {_DEEPEST} levels, and no object in itself"
             raise LoadError(file, f"{key.model}: object {key.id}", f"{n} at level {depth}", expected)
         if item.triangles:
             found.setdefault(key, []).append(matrix)
         waiting += [(part, matrix @ place, depth + 1) for part, place in item.components]
-    return {key: found[key] for key in contents.objects if key in found}
+    notes = [f"{n_missing} objects that the file places are not in it"] if n_missing else []
+    return {key: found[key] for key in contents.objects if key in found}, notes
 
 
-def _pieces(key: Key, contents: _Contents, file: Path) -> dict[tuple[object, ...], tuple[str, int, int, Mesh]]:
+class _GroupTable(NamedTuple):
+    """All groups (G,), and a last one for triangles without: is_material (G + 1,); sizes (G + 1,): their numbers of
+    entries; first (G + 1,): where their colours begin among those of all (N, 4)."""
+
+    is_material: npt.NDArray[np.bool_]
+    sizes: npt.NDArray[np.int64]
+    first: npt.NDArray[np.int64]
+    colours: npt.NDArray[np.float32]
+
+
+def _group_table(groups: list[_Group]) -> _GroupTable:
+    sizes = np.array([*(len(group.colours) for group in groups), 1])
+    colours = [*(colour for group in groups for colour in group.colours), (1.0,) * 4]
+    is_material = np.array([*(group.is_material for group in groups), False])
+    return _GroupTable(is_material, sizes, np.cumsum(sizes) - sizes, np.array(colours, np.float32))
+
+
+def _pieces(
+    key: Key, contents: _Contents, table: _GroupTable, file: Path
+) -> dict[tuple[object, ...], tuple[str, int, int, Mesh]]:
     """The triangles of an object by part: of each base material, and of the object itself for the rest; with the part's
     name, its group and its entry there, −1 for none."""
     item = contents.objects[key]
@@ -174,35 +208,33 @@ def _pieces(key: Key, contents: _Contents, file: Path) -> dict[tuple[object, ...
     mesh = Mesh(vertices, np.array(item.triangles, np.int64).reshape(-1, 3).astype(np.int32))
     mesh = validate_mesh(mesh, file, f"{key.model}: object {key.id}: ")
     properties = np.array(item.properties, np.int64).reshape(-1, 4)
-    _check_properties(properties, key, contents, file)
-    is_material = np.array([*(group.is_material for group in contents.groups), False])[properties[:, 0]]
-    colours = np.ones((len(mesh.triangles), 3, 4), np.float32)
+    _check_properties(properties, key, table, file)
+    is_material = table.is_material[properties[:, 0]]
     found: dict[tuple[object, ...], tuple[str, int, int, Mesh]] = {}
-    for number in np.unique(properties[:, 0]):
-        own = properties[:, 0] == number
-        if number >= 0 and not contents.groups[number].is_material:
-            colours[own] = np.array(contents.groups[number].colours, np.float32)[properties[own, 1:]]
-        for entry in np.unique(properties[own, 1]) if is_material[own].any() else ():
-            chosen = own & (properties[:, 1] == entry)
-            piece = without_unused_vertices(select_faces(mesh, chosen))
-            name = contents.groups[number].names[entry]
-            found[(int(number), int(entry))] = name, int(number), int(entry), piece
+    faces = np.flatnonzero(is_material)
+    pairs, which, counts = np.unique(properties[faces, :2], axis=0, return_inverse=True, return_counts=True)
+    if len(pairs) > _MOST_PARTS:
+        raise LoadError(file, f"{key.model}: object {key.id}: materials", len(pairs), f"at most {_MOST_PARTS}")
+    by_pair = np.split(faces[np.argsort(which.ravel(), kind="stable")], np.cumsum(counts)[:-1])
+    for (number, entry), own in zip(pairs.tolist(), by_pair, strict=False):
+        piece = without_unused_vertices(select_faces(mesh, own))
+        found[number, entry] = contents.groups[number].names[entry], number, entry, piece
     rest = ~is_material
     if rest.any():
-        is_coloured = (properties[rest, 0] >= 0).any()
-        bare = replace(mesh, colours=colours) if is_coloured else mesh
+        bare = mesh
+        if (properties[rest, 0] >= 0).any():
+            bare = replace(mesh, colours=table.colours[table.first[properties[:, 0], None] + properties[:, 1:]])
         bare = bare if rest.all() else without_unused_vertices(select_faces(bare, rest))
         found[key] = item.name, -1, -1, bare
     return found
 
 
-def _check_properties(properties: npt.NDArray[np.int64], key: Key, contents: _Contents, file: Path) -> None:
+def _check_properties(properties: npt.NDArray[np.int64], key: Key, table: _GroupTable, file: Path) -> None:
     """Refuse entries that a group does not have."""
-    sizes = np.array([*(len(group.colours) for group in contents.groups), 1 << 40])
-    outside = (properties[:, 1:] >= sizes[properties[:, 0]][:, None]) | (properties[:, 1:] < 0)
+    outside = (properties[:, 1:] >= table.sizes[properties[:, 0]][:, None]) | (properties[:, 1:] < 0)
     if outside.any():
         k = int(np.argmax(outside.any(axis=1)))
-        most = int(sizes[properties[k, 0]]) - 1
+        most = int(table.sizes[properties[k, 0]]) - 1
         where = f"{key.model}: object {key.id}: property of triangle {k}"
         raise LoadError(file, where, properties[k, 1:].tolist(), f"entries from 0 to {most}")
 
@@ -244,7 +276,7 @@ class _ModelReader:
         if read is not None:
             self._tag = local
             read(attributes)
-        elif local in _NOT_SHOWN:
+        elif local not in _SILENT and (local in self._contents.unshown or len(self._contents.unshown) < _MOST_UNSHOWN):
             self._contents.unshown[local] = self._contents.unshown.get(local, 0) + 1
 
     def _refuse_document_type(self, *_: object) -> None:
@@ -263,7 +295,7 @@ class _ModelReader:
             raise LoadError(self._file, f"{self._where}: object", own["id"], "numbers that differ")
         self._object = _Object(printable_name(own.get("name", "") or f"object {own['id']}", 48))
         if "pid" in own:
-            self._object.default = self._number_of(own["pid"]), int(own.get("pindex", 0))
+            self._object.default = self._number_of(own["pid"]), _index(own.get("pindex", "0"))
         self._contents.objects[key] = self._object
 
     def _read_vertex(self, own: Attributes) -> None:

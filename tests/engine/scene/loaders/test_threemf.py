@@ -13,6 +13,7 @@ import pytest
 from engine.core.colour import decode_srgb
 from engine.core.errors import LoadError
 from engine.scene.loaders.formats import read_model
+from engine.scene.scene_loader import load_scene
 
 CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
 HEAD = f'<?xml version="1.0"?><model xmlns="{CORE}" xmlns:m="m" xmlns:p="p"'
@@ -115,6 +116,38 @@ def test_textures_are_listed_as_not_shown(mesh_file: Callable[..., Path]) -> Non
     assert (only.name, only.count, only.effect) == ("texture2dgroup", 1, "no textures")
 
 
+def test_what_is_not_there_or_flat_does_not_refuse_the_rest(mesh_file: Callable[..., Path]) -> None:
+    flat = TETRAHEDRON.format('<triangle v1="0" v2="1" v3="1"/>')
+    resources = f'<object id="1" name="toy">{mesh()}</object><object id="2" name="flat">{flat}</object>'
+    build = '<item objectid="1"/><item objectid="2"/><item objectid="3"/>'
+    path = mesh_file("a.3mf", packed(model(resources, build)))
+    found = read_model(path)
+    assert [part.name for part in found.parts] == ["toy"]
+    assert found.notes[0] == "1 objects that the file places are not in it"
+    assert found.notes[-1] == "parts of which no face has an area are left out: flat"
+    assert len(load_scene(path).object_names) == 2  # with the floor
+
+
+def test_elements_that_are_not_known_are_listed(mesh_file: Callable[..., Path]) -> None:
+    more = '<metadata name="a">b</metadata><d:displacement2d xmlns:d="d" id="7"/>'
+    found = read_model(mesh_file("a.3mf", packed(model(more + f'<object id="1">{mesh()}</object>'))))
+    assert [(each.name, each.count) for each in found.unshown] == [("displacement2d", 1)]
+
+
+def test_each_triangle_may_have_a_group_or_a_material_of_its_own(mesh_file: Callable[..., Path]) -> None:
+    """Materials of one group alternate with colours of several."""
+    groups = "".join(
+        f'<m:colorgroup id="{k}"><m:color color="#000000"/><m:color color="#0000{k:02X}"/></m:colorgroup>'
+        for k in (7, 8)
+    )
+    materials = '<basematerials id="5"><base name="a" displaycolor="#FF0000"/><base name="b"/></basematerials>'
+    own = ('pid="8" p1="1"', 'pid="5" p1="1"', 'pid="7" p1="1" p2="0"', 'pid="5" p1="0"')
+    found = read_model(mesh_file("a.3mf", packed(model(groups + materials + f'<object id="1">{mesh(*own)}</object>'))))
+    assert [(part.name, len(part.mesh.triangles)) for part in found.parts] == [("a", 1), ("b", 1), ("object 1", 2)]
+    colours = found.parts[2].mesh.colours
+    assert colours is not None and (colours[..., 2] * 255 * 12.92).round(3).tolist() == [[8, 8, 8], [7, 0, 7]]
+
+
 TOY = f'<object id="1">{mesh()}</object>'
 LOOP = '<object id="1"><components><component objectid="1"/></components></object>'
 DOUBLES = "".join(
@@ -133,9 +166,10 @@ ENTITIES = '<?xml version="1.0"?><!DOCTYPE a [<!ENTITY a "aaaa"><!ENTITY b "&a;&
         (packed(ENTITIES), "line 1 = a document type, expected XML without one"),
         (packed(ENTITIES.encode("utf-16")), "line 1 = a document type"),
         (packed(model("", "")), "faces = 0, expected at least one object"),
-        (packed(model("", '<item objectid="4"/>')), "object = 4, expected the number of an object"),
+        (packed(model("", '<item objectid="4"/>')), "faces = 0, expected at least one object with triangles"),
         (packed(model(LOOP)), "object 1 = 0 at level 33, expected at most"),
         (packed(model(DOUBLES + f'<object id="30">{mesh()}</object>')), "of all copies"),
+        (packed(model(DOUBLES + f'<object id="30">{mesh()}</object>') + " " * (8 << 20)), "at most 1524"),
         (packed(model(TOY, unit=' unit="mile"')), "unit = mile, expected micron"),
         (packed(model('<object id="1"><mesh><vertices><vertex x="0" y="a" z="0"/></vertices></mesh></object>')),
          "line 1 = could not convert string to float: 'a', expected numbers"),
@@ -143,6 +177,7 @@ ENTITIES = '<?xml version="1.0"?><!DOCTYPE a [<!ENTITY a "aaaa"><!ENTITY b "&a;&
         (packed(model(TOY.replace('z="2"', 'z="nan"'))), "vertex 3 = [0.0, 0.0, nan]"),
         (packed(model(TOY.replace('v3="3"', 'v3="4"'))), "face 1 = [0, 1, 4], expected"),
         (packed(model(TOY.replace('v3="3"', 'v3="-1"'))), "index -1"),
+        (packed(model(TOY.replace('id="1"', 'id="1" pid="5" pindex="' + "9" * 30 + '"'))), "index 99999"),
         (packed(model(TOY * 2)), "object = 1, expected numbers that differ"),
         (packed(model('<basematerials id="5"><base name="a" displaycolor="#FFFF"/></basematerials>')), "colour = #FF"),
         (packed(model('<basematerials id="5"/>' + TOY.replace('id="1"', 'id="1" pid="5" pindex="0"'))),
