@@ -15,6 +15,7 @@ from engine.material.layer_maps import LEAST_REPEATS, MAX_REPEATS
 MAX_MATERIALS = 4096
 _MOST_KEYS = 256  # of one material
 _IMAGES = {"map_kd": "map_kd", "map_ks": "map_ks", "map_d": "map_d", "map_bump": "bump", "bump": "bump", "norm": "norm"}
+_NAMING = frozenset({"newmtl", "usemtl", "mtllib", *_IMAGES})
 # Options of images: how many numbers follow at most, 0 for a word.
 _OPTIONS = {"-o": 3, "-s": 3, "-t": 3, "-mm": 2, "-bm": 1, "-boost": 1, "-texres": 1,
             "-clamp": 0, "-blendu": 0, "-blendv": 0, "-cc": 0, "-imfchan": 0, "-type": 0}  # fmt: skip
@@ -66,7 +67,7 @@ def parse_library(data: bytes, path: Path) -> dict[str, MtlMaterial]:
     found: dict[str, MtlMaterial] = {}
     material = MtlMaterial(path.parent)
     for line in text.splitlines():
-        words = line.partition("#")[0].split()
+        words = words_of_line(line)
         if not words:
             continue
         if words[0].lower() == "newmtl":
@@ -76,6 +77,16 @@ def parse_library(data: bytes, path: Path) -> dict[str, MtlMaterial]:
         elif len(material.values) + len(material.unread) < _MOST_KEYS:
             _read_line(material, words[0].lower(), words[1:])
     return found
+
+
+def words_of_line(line: str) -> list[str]:
+    """The words of a line without its comment. Where a line gives a name, a number sign belongs to it unless it stands
+    alone: 3ds Max calls materials "Material #25"."""
+    words = line.split()
+    if "#" in line and words:
+        alone = words.index("#") if "#" in words else len(words)
+        words = words[:alone] if words[0].lower() in _NAMING else line.partition("#")[0].split()
+    return words
 
 
 def _read_line(material: MtlMaterial, key: str, words: list[str]) -> None:

@@ -65,7 +65,8 @@ class Materials:
         self._found: dict[str, MtlMaterial] = {}
         self._used: dict[str, MtlMaterial] = {}
         self.notes: list[str] = []
-        found = {describe_value(name): self._read_library(name) for name in [*libraries][:_MOST_LIBRARIES]}
+        names = [each for name in libraries for each in self._library_names(name)]
+        found = {describe_value(name): self._read_library(name) for name in names[:_MOST_LIBRARIES]}
         self.unread = ", ".join(f"{name} ({why})" for name, why in found.items() if why)
 
     @property
@@ -96,6 +97,10 @@ class Materials:
             mesh, layers, emission if any(emission) else None, bumps=self._bumps(images, material),
             opacity=self._opacity(name, images, material), name=name,
         )  # fmt: skip
+
+    def _library_names(self, names: str) -> list[str]:
+        """The libraries that a line names: one, with blanks in its name where there is such a file, or several."""
+        return [names] if find_inside(self._root, self._root, names) else names.split() or [names]
 
     def _read_library(self, name: str) -> str:
         """Read a library of the file's folder; returns why that cannot be, else ""."""

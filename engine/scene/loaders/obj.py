@@ -1,10 +1,10 @@
 """A strict reader of Wavefront OBJ files: vertices, normals, colours, polygons and their materials; invalid numbers are
 rejected with their line.
 
-Each material in use becomes a part of its name (`mtl` reads its library). Groups, lines and points are skipped, because
-scene files have their own; so are lines that no standard defines, with a note. Corners with the same position and
-normal become one vertex, whatever their texture coordinates, which a part has if all of its corners do. A file without
-normals is smooth, also across its materials, unless all of its faces stand after `s off`.
+Each material in use becomes a part of its name (`mtl` reads its library). Groups are skipped, because scene files have
+their own; lines and points are listed as not shown, and lines that no standard defines get a note. Corners with the
+same position and normal become one vertex, whatever their texture coordinates, which a part has if all of its corners
+do. A file without normals is smooth, also across its materials, unless all of its faces stand after `s off`.
 
 Colours behind positions (`v x y z r g b`) are sRGB, as MeshLab and Blender write them. trimesh reads such files
 differently: see `engine.scene.mesh`.
@@ -21,7 +21,8 @@ import numpy.typing as npt
 
 from engine.core.errors import LoadError, describe_value
 from engine.core.safe_files import read_regular_file
-from engine.scene.loaders.model import ImportedModel
+from engine.scene.loaders.model import ImportedModel, UnshownProperty
+from engine.scene.loaders.mtl import words_of_line
 from engine.scene.loaders.mtl_materials import Materials
 from engine.scene.loaders.vertex_colours import linear_colours
 from engine.scene.mesh import (
@@ -34,7 +35,13 @@ from engine.scene.mesh import (
 )
 from engine.scene.polygons import TooIntricateError, repeat_notes, repeated_polygons, triangulate
 
-_IGNORED = frozenset("vp o g l p mg usemap maplib lod shadow_obj trace_obj bevel c_interp d_interp".split())
+# Lines that are skipped: what the picture lacks without them, "" for nothing.
+_SKIPPED = {
+    "vp": "", "o": "", "g": "", "mg": "", "l": "lines are not drawn", "p": "points are not drawn",
+    "usemap": "an image that is not shown", "maplib": "images that are not shown", "lod": "shown whatever the level",
+    "shadow_obj": "the shape itself casts shadows", "trace_obj": "the shape itself is reflected",
+    "bevel": "no bevels", "c_interp": "colours are those of the material", "d_interp": "opacity is the material's",
+}  # fmt: skip
 _MAX_INDEX_DIGITS = 12
 _MOST_NAMES = 4
 _MOST_MATERIALS = 4095  # a scene has as many objects, and a floor
@@ -62,6 +69,7 @@ class _Lines:
     materials: list[int] = field(default_factory=list)
     names: dict[str, int] = field(default_factory=dict)
     libraries: dict[str, None] = field(default_factory=dict)
+    skipped: dict[str, int] = field(default_factory=dict)
     unknown: dict[str, int] = field(default_factory=dict)
     known_corners: dict[str, int] = field(default_factory=dict)
     number: int = 0
@@ -69,6 +77,7 @@ class _Lines:
     smoothing: bool = True
     is_smooth: bool = False
     n_repeated: int = 0
+    n_short: int = 0
 
 
 def read_obj(file: Path) -> ImportedModel:
@@ -92,7 +101,8 @@ def read_obj(file: Path) -> ImportedModel:
         part = part if is_mapped[own].all() else replace(part, uvs=None)
         parts.append(replace(materials.part(part, names.get(k, "")), smooth=state.is_smooth))
     notes = [*_notes(state), *notes, *materials.notes]
-    return ImportedModel(tuple(parts), tuple(notes), unshown=materials.unshown, unread=materials.unread)
+    skipped = tuple(UnshownProperty(key, n, _SKIPPED[key]) for key, n in state.skipped.items() if _SKIPPED[key])
+    return ImportedModel(tuple(parts), tuple(notes), unshown=(*skipped, *materials.unshown), unread=materials.unread)
 
 
 def _parse(data: bytes, file: Path) -> _Lines:
@@ -108,9 +118,7 @@ def _parse(data: bytes, file: Path) -> _Lines:
             continue
         if held:
             line, held = " ".join((*held, line)), []
-        if "#" in line:
-            line = line.partition("#")[0]
-        _read_line(state, line.split())
+        _read_line(state, words_of_line(line))
     if held:
         raise LoadError(file, f"line {state.number}", "\\", "a line after the last continuation")
     return state
@@ -118,7 +126,10 @@ def _parse(data: bytes, file: Path) -> _Lines:
 
 def _read_line(state: _Lines, words: list[str]) -> None:
     """Add one line to the state."""
-    if not words or words[0] in _IGNORED:
+    if not words:
+        return
+    if words[0] in _SKIPPED:
+        state.skipped[words[0]] = state.skipped.get(words[0], 0) + 1
         return
     match words[0]:
         case "v":
@@ -140,9 +151,11 @@ def _read_line(state: _Lines, words: list[str]) -> None:
 
 
 def _notes(state: _Lines) -> tuple[str, ...]:
-    """Notes on skipped lines and repeated faces, if there were any."""
+    """Notes on lines that are skipped, faces without an area and repeated ones, if there were any."""
     n = sum(state.unknown.values())
     lines = (f"{n} lines of unknown kinds are left out: {_listed(state.unknown)}",) if n else ()
+    if state.n_short:
+        lines += (f"{state.n_short} faces of less than 3 corners are left out",)
     return (*lines, *repeat_notes(state.n_repeated))
 
 
@@ -177,7 +190,8 @@ def _read_vertex(state: _Lines, words: list[str]) -> None:
 def _read_face(state: _Lines, words: list[str]) -> None:
     """A polygon of corners `v`, `v/vt`, `v//vn` or `v/vt/vn`; negative indices count back from the last one."""
     if len(words) < 4:
-        raise _line_error(state, " ".join(words), "at least 3 corners")
+        state.n_short += 1
+        return
     known = state.known_corners
     for word in words[1:]:
         known_id = known.get(word)

@@ -34,7 +34,8 @@ def read_off(file: Path) -> ImportedModel:
     if n_vertices + n_faces > len(rows):
         raise LoadError(file, "lines", len(rows), f"{n_vertices} vertices and {n_faces} faces, as line {number} counts")
     table = _table(rows[:n_vertices], file)
-    corners, lengths, shares, n_indexed = _read_faces(rows[n_vertices : n_vertices + n_faces], n_vertices, file)
+    faces = rows[n_vertices : n_vertices + n_faces]
+    corners, lengths, shares, n_indexed, n_short = _read_faces(faces, n_vertices, file)
     if not lengths:
         raise LoadError(file, "faces", 0, "at least one face")
     try:
@@ -53,14 +54,20 @@ def read_off(file: Path) -> ImportedModel:
     mesh = Mesh(table[:, :3], triangles, normals, None if uvs is None else uvs[triangles], colours=of_corners)
     mesh, notes = mend_mesh(mesh, file)
     notes += repeat_notes(int(repeated.sum()))
+    if n_short:
+        notes.append(f"{n_short} faces of less than 3 corners are left out")
     left = len(rows) - n_vertices - n_faces
     if left:
         notes.append(f"{left} lines after the last face are left out")
-    index = UnshownProperty("face.colour index", n_indexed, "the file has no table of colours")
+    n_more = n_vertices if colours is None and table.shape[1] > 3 + 3 * has_normals + 2 * has_uvs else 0
+    unshown = (
+        UnshownProperty("face.colour index", n_indexed, "the file has no table of colours"),
+        UnshownProperty("vertex.numbers behind", n_more, "too few for a colour"),
+    )
     return ImportedModel(
         (ImportedPart(mesh, opacity=vertex_opacity(mesh)),),
         (*notes, *describe_holes(mesh)),
-        unshown=(index,) if n_indexed else (),
+        unshown=tuple(each for each in unshown if each.count),
     )
 
 
@@ -112,21 +119,22 @@ def _columns(
 
 def _read_faces(
     rows: Rows, n_vertices: int, file: Path
-) -> tuple[list[int], list[int], npt.NDArray[np.float32] | None, int]:
-    """The corners of all faces, how many each has, linear colours (F, 4) if any face has one, white for others, and how
-    many have an index in place of a colour."""
+) -> tuple[list[int], list[int], npt.NDArray[np.float32] | None, int, int]:
+    """The corners of all faces, how many each has, linear colours (F, 4) if any face has one, white for others; how
+    many have an index in place of a colour, and how many rows are points and edges."""
     corners: list[int] = []
     lengths: list[int] = []
     shares = np.ones((len(rows), 4))
-    coloured, n_indexed = False, 0
+    coloured, n_indexed, n_short = False, 0, 0
     known: dict[str, int] = {}  # indices that were checked
-    for k, (number, words) in enumerate(rows):
-        count = int(words[0]) if words[0].isascii() and words[0].isdecimal() and len(words[0]) < 10 else 0
+    for number, words in rows:
+        count = int(words[0]) if words[0].isascii() and words[0].isdecimal() and len(words[0]) < 10 else -1
         own = words[1 : count + 1]
-        if count < 3 or len(own) < count:
-            raise LoadError(
-                file, f"line {number}", " ".join(words[:16]), "a number of corners from 3, and as many indices"
-            )
+        if count < 0 or len(own) < count:
+            raise LoadError(file, f"line {number}", " ".join(words[:16]), "a number of corners, and as many indices")
+        if count < 3:
+            n_short += 1
+            continue
         for word in own:
             vertex = known.get(word)
             if vertex is None:
@@ -140,9 +148,9 @@ def _read_faces(
         if len(colour) >= 3:
             values = _numbers(colour[:4], number, file)
             whole = all(word.isdecimal() for word in colour[:3])
-            shares[k, : len(values)] = np.array(values) / (255.0 if whole else 1.0)
+            shares[len(lengths) - 1, : len(values)] = np.array(values) / (255.0 if whole else 1.0)
             coloured = True
-    return corners, lengths, linear_colours(shares) if coloured else None, n_indexed
+    return corners, lengths, linear_colours(shares[: len(lengths)]) if coloured else None, n_indexed, n_short
 
 
 def _numbers(words: list[str], number: int, file: Path) -> list[float]:

@@ -54,7 +54,7 @@ def test_normals_count_only_if_every_corner_has_one(mesh_file):
         (SQUARE + "f 1 2 \u0663\n", "line 5 = \u0663, expected indices"),
         (SQUARE + "f 1//1 2//1 3//1\n", "line 5: vn index = 1, expected an index from 1 to 0"),
         (SQUARE + "f 1/1/1/1 2 3\n", "line 5 = 1/1/1/1, expected v, v/vt"),
-        (SQUARE + "f 1 2\n", "line 5 = f 1 2, expected at least 3 corners"),
+        (SQUARE + "f 1 2\n", "faces = 0, expected at least one line f"),
         ("v 0 0 nan\n" + SQUARE + "f 1 2 3\n", "vertex 0 = [0.0, 0.0, nan], expected finite"),
         ("v 0 0\n", "line 1 = v 0 0, expected 3 numbers after v"),
         ("v 0 0 x\n", "line 1 = v 0 0 x, expected 3 numbers after v"),
@@ -144,3 +144,27 @@ def test_agrees_with_an_independent_reader(shared_data):
     path = shared_data / "meshes" / "teapot.obj"
     ours, theirs = read_mesh(path), trimesh.load(path, process=False)
     assert np.array_equal(ours.vertices[ours.triangles], theirs.vertices[theirs.faces])
+
+
+def test_what_no_picture_shows_is_listed(mesh_file):
+    model = read_model(mesh_file("a.obj", "o a\ng b\n" + SQUARE + "vp 0 0\nl 1 2\nl 2 3\np 1\nf 1 2 3\nf 1 2\nlod 3\n"))
+    assert [(each.name, each.count) for each in model.unshown] == [("l", 2), ("p", 1), ("lod", 1)]
+    assert "1 faces of less than 3 corners are left out" in model.notes
+
+
+def test_a_number_sign_inside_a_name_is_no_comment(mesh_file):
+    """3ds Max calls materials "Material #25"."""
+    mesh_file("a.mtl", "newmtl wood #1\nKd 1 0 0\nnewmtl wood #2 # the other\nKd 0 1 0 # green\n")
+    faces = "usemtl wood #1\nf 1 2 3\nusemtl wood #2 # a comment\nf 1 3 4#c\n"
+    parts = read_model(mesh_file("a.obj", "mtllib a.mtl\n" + SQUARE + faces)).parts
+    assert [(part.name, part.layers[0].parameters["albedo"]) for part in parts] == [
+        ("wood #1", (1.0, 0.0, 0.0)), ("wood #2", (0.0, 1.0, 0.0)),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("names", ["a.mtl  b.mtl", "two words.mtl"])
+def test_a_line_names_several_libraries_or_one_with_blanks(mesh_file, names):
+    for name, material in (("a.mtl", "red"), ("b.mtl", "blue"), ("two words.mtl", "blue")):
+        mesh_file(name, f"newmtl {material}\nKd 0.1 0.2 0.3\n")
+    model = read_model(mesh_file("a.obj", f"mtllib {names}\n" + SQUARE + "usemtl blue\nf 1 2 3\n"))
+    assert model.unread == "" and model.parts[0].layers[0].parameters["albedo"] == (0.1, 0.2, 0.3)

@@ -66,10 +66,20 @@ def test_colours_of_faces_are_integers_or_shares(mesh_file: Callable[..., Path])
         ("OFF\n4 1 0\n" + PLACES + "3 0 1 4\n", "line 7 = 4, expected indices from 0 to 3"),
         ("OFF\n4 1 0\n" + PLACES + "3 0 1 -1\n", "line 7 = -1, expected indices"),
         ("OFF\n4 1 0\n" + PLACES + "3 0 1\n", "line 7 = 3 0 1, expected a number of corners"),
-        ("OFF\n4 1 0\n" + PLACES + "2 0 1\n", "line 7 = 2 0 1, expected a number of corners"),
+        ("OFF\n4 1 0\n" + PLACES + "2 0 1\n", "faces = 0, expected at least one"),
     ],
 )
 def test_faulty_files_are_refused_in_one_line(mesh_file: Callable[..., Path], text: str, said: str) -> None:
     with pytest.raises(LoadError) as caught:
         read_model(mesh_file("bad.off", text))
     assert said in str(caught.value) and "bad.off: " in str(caught.value)
+
+
+def test_points_and_edges_are_left_out_and_lone_numbers_listed(mesh_file: Callable[..., Path]) -> None:
+    rows = PLACES.replace("\n", " 7\n")
+    found = read_model(mesh_file("a.off", "OFF\n4 4 0\n" + rows + "1 0 9 9 9\n3 0 1 2 255 0 0\n2 0 1\n3 0 2 3\n"))
+    mesh = found.parts[0].mesh
+    assert mesh.triangles.tolist() == [[0, 1, 2], [0, 2, 3]]
+    assert mesh.colours is not None and mesh.colours[:, 0].tolist() == [[1, 0, 0, 1], [1, 1, 1, 1]]
+    assert found.notes[0] == "2 faces of less than 3 corners are left out"
+    assert [(each.name, each.count) for each in found.unshown] == [("vertex.numbers behind", 4)]
