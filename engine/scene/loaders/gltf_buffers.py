@@ -93,6 +93,7 @@ class GltfBuffers:
         self._root, self._chunk, self.n_bytes, self.n_read = root, chunk, len(chunk), 0
         self._buffers, self.views = root.children("buffers"), root.children("bufferViews")
         self._read: dict[int, bytes] = {}
+        self._files: dict[Path, bytes] = {}
         self._decoded: dict[int, Bytes] = {}
         self._n_decoded = 0
 
@@ -118,7 +119,9 @@ class GltfBuffers:
         uri = image.text("uri")
         if uri is None:
             return self.view(image)[1].tobytes()
-        return _from_data(image, uri) if uri.startswith("data:") else _from_file(image, uri, MAX_IMAGE_BYTES)
+        return (
+            _from_data(image, uri) if uri.startswith("data:") else read_regular_file(_path(image, uri), MAX_IMAGE_BYTES)
+        )
 
     def _slice(self, owner: JsonObject) -> Bytes:
         """The bytes that a view, or the extension that compresses it, takes from its buffer."""
@@ -136,9 +139,7 @@ class GltfBuffers:
         """All bytes of a buffer: the binary chunk for the first one without a URI."""
         uri, length = buffer.text("uri"), buffer.integer("byteLength", 1, MAX_COUNT)
         if uri is not None:
-            is_data = uri.startswith("data:")
-            content = _from_data(buffer, uri) if is_data else _from_file(buffer, uri, MAX_MESH_BYTES)
-            self.n_bytes += len(content)
+            content = _from_data(buffer, uri) if uri.startswith("data:") else self._file(buffer, uri)
             if self.n_bytes > MAX_MESH_BYTES:
                 raise buffer.error("bytes of all buffers", self.n_bytes, f"at most {MAX_MESH_BYTES}")
         elif is_first and self._chunk:
@@ -151,6 +152,14 @@ class GltfBuffers:
                 "byteLength", f"{length} in {where} truncated at byte {len(content)}", f"at most {len(content)} bytes"
             )
         return content
+
+    def _file(self, buffer: JsonObject, uri: str) -> bytes:
+        """The bytes of a buffer's file, which is read and counted once, however many buffers name it."""
+        path = _path(buffer, uri)
+        if path not in self._files:
+            self._files[path] = read_regular_file(path, MAX_MESH_BYTES)
+            self.n_bytes += len(self._files[path])
+        return self._files[path]
 
     def _decode(self, view: JsonObject, compressed: JsonObject) -> Bytes:
         """The decoded bytes of a compressed view. Its own buffer is for programs without the extension."""
@@ -176,10 +185,10 @@ def image_reader(path: Path) -> Callable[[int], bytes]:
     return partial(GltfBuffers.image, open_gltf(path)[1])
 
 
-def _from_file(owner: JsonObject, uri: str, most: int) -> bytes:
-    """The bytes of a file in the folder of the glTF file."""
+def _path(owner: JsonObject, uri: str) -> Path:
+    """The path of a file in the folder of the glTF file."""
     name = unquote(uri).replace("\\", "/")  # some programs write their system's separator
-    return read_regular_file(resolve_inside(owner.file.parent, name, owner.file, f"{owner.place}: uri"), most)
+    return resolve_inside(owner.file.parent, name, owner.file, f"{owner.place}: uri")
 
 
 def _from_data(owner: JsonObject, uri: str) -> bytes:

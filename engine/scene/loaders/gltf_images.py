@@ -194,6 +194,8 @@ class GltfImages:
             return self._usable[first]
         try:
             data, name = self._buffers.image(image), f"{self._root.file}#{image}"
+            if self._images[image].has("uri"):
+                self._pixels_left += PIXELS_A_BYTE * len(data)
             size = image_size(data, name)
             if size is None:
                 return None, f"image {image} is no PNG, JPEG, WebP or KTX 2 and not shown"

@@ -65,7 +65,7 @@ class Materials:
         self._found: dict[str, MtlMaterial] = {}
         self._used: dict[str, MtlMaterial] = {}
         self.notes: list[str] = []
-        names = [each for name in libraries for each in self._library_names(name)]
+        names = [each for name in [*libraries][:_MOST_LIBRARIES] for each in self._library_names(name)]
         found = {describe_value(name): self._read_library(name) for name in names[:_MOST_LIBRARIES]}
         self.unread = ", ".join(f"{name} ({why})" for name, why in found.items() if why)
 
@@ -99,8 +99,10 @@ class Materials:
         )  # fmt: skip
 
     def _library_names(self, names: str) -> list[str]:
-        """The libraries that a line names: one, with blanks in its name where there is such a file, or several."""
-        return [names] if find_inside(self._root, self._root, names) else names.split() or [names]
+        """The libraries that a line names: several, if each word is such a name and they are not one with blanks."""
+        words = names.split()
+        are_names = all(word.lower().endswith(".mtl") for word in words)
+        return words if are_names and len(words) > 1 and not find_inside(self._root, self._root, names) else [names]
 
     def _read_library(self, name: str) -> str:
         """Read a library of the file's folder; returns why that cannot be, else ""."""

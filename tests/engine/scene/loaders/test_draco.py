@@ -59,6 +59,26 @@ def test_all_attributes_come_from_the_stream(compressed: Triangle, glb_file: Cal
     assert model.unshown == () and model.notes == ()
 
 
+def test_a_scan_of_less_than_a_byte_for_each_vertex_and_face_is_read(
+    compressed: Triangle, glb_file: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("engine.scene.loaders.gltf.MOST_COPIED", 0)
+    side = 60
+    places = np.stack([*np.mgrid[:side, :side], np.random.default_rng(1).random((side, side))], axis=2).reshape(-1, 3)
+    corners = np.arange(side * side).reshape(side, side)
+    a, b, c, d = (each.ravel() for each in (corners[:-1, :-1], corners[1:, :-1], corners[:-1, 1:], corners[1:, 1:]))
+    faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([c, b, d], axis=1)]).astype(np.uint32)
+    stream = DracoPy.encode(places, faces, quantization_bits=11, compression_level=7)
+    assert len(stream) < len(places) + len(faces)
+    tree, _ = compressed
+    (attribute,) = DracoPy.decode(stream).attributes
+    primitive = tree["meshes"][0]["primitives"][0]
+    primitive["attributes"] = {"POSITION": 0}
+    primitive["extensions"]["KHR_draco_mesh_compression"]["attributes"] = {"POSITION": attribute["unique_id"]}
+    tree["bufferViews"] = tree["buffers"] = [{"buffer": 0, "byteLength": len(stream)}]
+    assert len(read_glb(glb_file(tree, stream)).parts[0].mesh.triangles) == len(faces)
+
+
 def test_strips_are_triangles_in_the_stream(compressed: Triangle, glb_file: Callable[..., Path]) -> None:
     tree, stream = compressed
     tree["meshes"][0]["primitives"][0]["mode"] = 5

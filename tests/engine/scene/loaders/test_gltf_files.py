@@ -16,6 +16,8 @@ from PIL import Image
 
 from engine.core.errors import LoadError
 from engine.scene.loaders.gltf import read_glb
+from engine.scene.loaders.gltf_buffers import open_gltf
+from engine.scene.loaders.gltf_file import FLOATS, GltfFile
 from engine.scene.loaders.model import ImportedPart
 from engine.scene.scene_loader import load_scene
 from tests.fuzz.gltf_seeds import meshopts
@@ -418,3 +420,43 @@ def test_a_value_that_is_too_deep_to_be_written_is_still_named(
         text = json.dumps(tree).replace('"@"', "[" * depth + "]" * depth)
         with pytest.raises(LoadError, match="TRANSLATION = .*, expected an integer|JSON = too deep"):
             read_glb(glb_file(None, binary, text.encode()))
+
+
+def test_a_file_counts_once_however_many_buffers_name_it(triangle_glb: Triangle, mesh_file: WriteFile) -> None:
+    tree, binary = triangle_glb
+    path = mesh_file("model.gltf", "")
+    mesh_file("body.bin", binary)
+    tree["buffers"] = [{"byteLength": 42, "uri": uri} for uri in ("body.bin", "./body.bin", "%62ody.bin", "body.bin")]
+    tree["bufferViews"] += [{"buffer": k, "byteLength": 36} for k in (1, 2, 3)]
+    tree["accessors"] += [{"bufferView": k, "componentType": 5126, "count": 3, "type": "VEC3"} for k in (2, 3, 4)]
+    own = tree["meshes"][0]["primitives"][0]
+    tree["meshes"][0]["primitives"] = [own | {"attributes": {"POSITION": k}} for k in (0, 2, 3, 4)]
+    path.write_text(json.dumps(tree))
+    root, buffers = open_gltf(path)
+    file = GltfFile.of(root, buffers)
+    rows = [
+        file.read(each.child("attributes"), "POSITION", "VEC3", FLOATS)
+        for each in file.meshes[0].children("primitives")
+    ]
+    assert all(each.tolist() == PLACES.tolist() for each in rows) and len(rows) == 4
+    assert buffers.n_bytes == len(binary)
+
+
+def test_images_beside_the_file_are_worth_their_own_bytes(
+    triangle_glb: Triangle, mesh_file: WriteFile, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As many pixels as in a file that contains them, whatever the size of the geometry."""
+    monkeypatch.setattr("engine.scene.loaders.gltf_images.MOST_PIXELS", 0)
+    tree, binary = triangle_glb
+    binary = add_accessor(tree, binary, np.array([[0, 1], [1, 1], [0, 0]], "<f4"), "VEC2")
+    tree["meshes"][0]["primitives"][0] |= {"attributes": {"POSITION": 0, "TEXCOORD_0": 2}, "material": 0}
+    tree["materials"] = [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]
+    tree["textures"], tree["images"] = [{"source": 0}], [{"uri": "noise.png"}]
+    tree["buffers"][0]["uri"] = as_data(binary)
+    noise = np.random.default_rng(1).integers(0, 256, (100, 100, 3)).astype(np.uint8)
+    for pixels, n_notes in ((noise, 0), (np.zeros((600, 600, 3), np.uint8), 1)):
+        buffer = io.BytesIO()
+        Image.fromarray(pixels).save(buffer, "PNG")
+        mesh_file("noise.png", buffer.getvalue())
+        notes = read_glb(mesh_file("model.gltf", json.dumps(tree))).notes
+        assert len(notes) == n_notes and all("too many pixels" in note for note in notes)

@@ -162,9 +162,9 @@ def test_a_number_sign_inside_a_name_is_no_comment(mesh_file):
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize("names", ["a.mtl  b.mtl", "two words.mtl"])
+@pytest.mark.parametrize("names", ["a.mtl  b.MTL", "two words.mtl", "c.mtl d.mtl"])
 def test_a_line_names_several_libraries_or_one_with_blanks(mesh_file, names):
-    for name, material in (("a.mtl", "red"), ("b.mtl", "blue"), ("two words.mtl", "blue")):
+    for name, material in (("a.mtl", "red"), ("b.MTL", "blue"), ("two words.mtl", "blue"), ("c.mtl d.mtl", "blue")):
         mesh_file(name, f"newmtl {material}\nKd 0.1 0.2 0.3\n")
     model = read_model(mesh_file("a.obj", f"mtllib {names}\n" + SQUARE + "usemtl blue\nf 1 2 3\n"))
     assert model.unread == "" and model.parts[0].layers[0].parameters["albedo"] == (0.1, 0.2, 0.3)
