@@ -79,10 +79,7 @@ def printable_name(text: str, longest: int) -> str:
 
 def describe_value(value: object) -> str:
     """The value on one printable line of at most 80 characters."""
-    try:
-        text = _printable(value[: 2 * _LONGEST_VALUE] if isinstance(value, str) else repr(value))
-    except RecursionError:  # JSON that is read may still be too deep to be written
-        text = f"a deep {type(value).__name__}"
+    text = _printable(value[: 2 * _LONGEST_VALUE] if isinstance(value, str) else repr(value))
     return text if len(text) <= _LONGEST_VALUE else text[: _LONGEST_VALUE - 1] + "…"
 
 

@@ -152,10 +152,11 @@ def _read_line(state: _Lines, words: list[str]) -> None:
 
 def _notes(state: _Lines) -> tuple[str, ...]:
     """Notes on lines that are skipped, faces without an area and repeated ones, if there were any."""
-    n = sum(state.unknown.values())
-    lines = (f"{n} lines of unknown kinds are left out: {_listed(state.unknown)}",) if n else ()
+    lines = []
+    if state.unknown:
+        lines.append(f"{sum(state.unknown.values())} lines of unknown kinds are left out: {_listed(state.unknown)}")
     if state.n_short:
-        lines += (f"{state.n_short} faces of less than 3 corners are left out",)
+        lines.append(f"{state.n_short} faces of less than 3 corners are left out")
     return (*lines, *repeat_notes(state.n_repeated))
 
 
