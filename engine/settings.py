@@ -106,11 +106,10 @@ class RenderSettings:
     n_hemisphere_rays: rays per sample set of indirect light (`engine.precompute.indirect.sampling_settings`).
     n_edge_rays: rays through a pixel at an edge (`engine.scene.edges`); 0: only through its centre. n_map_nodes: layers
     that stand for one with a parameter map (`engine.material.parameter_nodes`), None for as many as are planned. Orbit
-    has n_points
-    beside the meshes' own, and stores n_coefficients of light at each; Deform traces n_rays from each of its points and
-    fits n_lobes, and n_gloss_rows for each glossy layer, None for as many as a pilot finds. lighting: of Placement,
-    which the view chooses; under simple light there is one bounce. overridden: the lines of the plan that the user has
-    set.
+    has n_points beside the meshes' own, and stores n_coefficients of light at each; Deform traces n_rays from each of
+    its points and fits n_lobes, and n_gloss_rows for each glossy layer, None for as many as a pilot finds. lighting: of
+    Placement, which the view chooses; under simple light there is one bounce. overridden: the lines of the plan that
+    the user has set.
     """
 
     n_lights: int = _setting(

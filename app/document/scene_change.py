@@ -16,7 +16,7 @@ from dataclasses import fields, replace
 from typing import Any
 
 from app.document.document import Document, ObjectState
-from app.document.linked_layers import Layers
+from app.document.linked_layers import Layers, synchronize_layers
 from engine.material.layer import Layer
 from engine.scene.description import SceneDescription
 from engine.scene.import_report import ImportReport
@@ -56,6 +56,17 @@ class SceneChange:
         found = set(self._names.values())
         edited = [state for state in (*document.absent, *document.objects) if state != self._base.get(state.name)]
         return tuple(state.name for state in edited if state.name not in found)
+
+    def lost_layers(self, document: Document) -> tuple[str, ...]:
+        """The edited layers that the files no longer have, of objects that they have: their edits cannot wait."""
+        there = {state.name: state for state in document.objects}
+        found: list[str] = []
+        for own in self._scene.objects:
+            name = self._names[own.name]
+            if name in there and name in self._base:
+                lost = _lost_layers(there[name].layers, self._base[name].layers, own.layers)
+                found += [f"{own.name} {layer}" for layer in lost]
+        return tuple(found)
 
     def name_now(self, name: str) -> str:
         """The name of an object that had this one; "" where the scene no longer has it."""
@@ -107,10 +118,23 @@ def _merge_layers(edited: Layers, base: Layers | None, own: Layers) -> Layers:
     if base is None or _kinds(edited) != _kinds(base):
         return edited
     before = dict(zip(_kinds(base), zip(edited, base, strict=True), strict=True))
-    return tuple(
-        _merge_layer(*before[kind], layer) if kind in before else layer
-        for kind, layer in zip(_kinds(own), own, strict=True)
+    return synchronize_layers(
+        tuple(
+            _merge_layer(*before[kind], layer) if kind in before else layer
+            for kind, layer in zip(_kinds(own), own, strict=True)
+        )
     )
+
+
+def _lost_layers(edited: Layers, base: Layers, own: Layers) -> list[str]:
+    """The names of edited layers that the file no longer has."""
+    if not own or _kinds(edited) != _kinds(base):
+        return []
+    there = set(_kinds(own))
+    return [
+        mine.name for kind, mine, before in zip(_kinds(base), edited, base, strict=True)
+        if kind not in there and mine.replace(covers=()) != before.replace(covers=())
+    ]  # fmt: skip
 
 
 def _kinds(layers: Layers) -> list[tuple[str, str, bool]]:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -49,7 +50,7 @@ class Cutouts:
         """Whether chances count."""
         return any(each.opacity_mode == "blend" for each in self.opacities.values())
 
-    @property
+    @cached_property
     def digest(self) -> str:
         """Identifies what rays pass through; empty if they pass nowhere."""
         if not self.opacities:

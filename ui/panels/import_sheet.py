@@ -28,7 +28,7 @@ ORDERS = (
     ("By place", "By where the file has them: materials, nodes, meshes."),
     ("By count", "The most frequent first."),
 )
-MOST_LINES = 100  # of a list: more would take longer to draw than a frame has
+MOST_LINES = 500  # of a list: thousands would take longer to draw than a frame has
 COMPLETE = "All that the file contains is shown, as the file says."
 
 

@@ -20,6 +20,7 @@ from engine.scene.import_report import ImportedObject, ImportReport
 
 LIFT = Operator("translate", "y", 0.2, 0.4, 0.6, 0.8, magnitude=0.5)
 ROUGH, RED = SetParameter("pot.1", "alpha", 0.4), SetParameter("pot.0", "albedo", (0.8, 0.1, 0.1))
+COAT = new_layer("clearcoat").replace(name="coat")
 SHEET = (new_layer("lambert"),)
 LIFTED = SetOperators("pot.1", "theta_h", (LIFT,))
 
@@ -73,6 +74,26 @@ def test_a_new_object_under_the_name_of_another_part_is_as_its_file_has_it(docum
     found = change(mine)
     assert [state.visible for state in found.objects] == [True, False, False, True]
     assert change.name_now("pot") == "cup" and change.name_now("lamp") == "lamp" and not change.gone(mine)
+
+
+def test_what_lies_under_a_coat_lies_under_the_merged_one(document: Document) -> None:
+    """The other program makes the coat weaker, here it got another index of refraction."""
+    coated = edited(document, SetMaterial("pot", (new_layer("lambert").replace(under="coat"), COAT)))
+    mine = edited(coated, SetParameter("pot.coat", "ior", 2.0))
+    found = SceneChange(coated, edited(coated, SetParameter("pot.coat", "scale", 0.5)))(mine)
+    (cover,) = found.layer("pot.0").covers
+    assert cover.values == found.layer("pot.coat").values and (cover.values["ior"], cover.values["scale"]) == (2.0, 0.5)
+
+
+def test_edits_of_a_layer_that_is_gone_are_named(document: Document) -> None:
+    named = edited(document, SetMaterial("pot", (new_layer("lambert"), COAT.replace(name="varnish"))))
+    coated = edited(document, SetMaterial("pot", (new_layer("lambert").replace(under="coat"), COAT)))
+    mine = edited(coated, SetParameter("pot.coat", "ior", 2.0))
+    change = SceneChange(coated, named)
+    assert change.lost_layers(mine) == ("pot coat",) and not change.lost_layers(coated)
+    assert change(mine).object("pot").layers == named.object("pot").layers
+    # A stack that the user has built stays as it is.
+    assert not change.lost_layers(edited(mine, AddLayers("pot", SHEET)))
 
 
 def test_each_value_follows_who_changed_it(document: Document) -> None:
