@@ -322,7 +322,7 @@ class Editor:
         if self.scene_is_open:
             view = effective_view(self.view, self.document)
             self.scenes.update(now, view)
-            self.nodes.request_missing(self.document)
+            self.nodes.request_missing(*filter(None, (self.document, view.compare)))
             made_of = self.with_nodes(self.document), view
             update = partial(self.controller.update, now, *made_of)
             events = events + run("The update after an edit", update, none, made_of)

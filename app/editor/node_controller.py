@@ -70,9 +70,9 @@ class NodeController:
         """Why an image cannot be used, in one line; "" where it can, or nothing is known yet."""
         return self._refused.get(image, "")
 
-    def request_missing(self, document: Document) -> None:
-        """Request the statistics that a document needs and that are neither known nor requested."""
-        missing = self._missing(document)
+    def request_missing(self, *documents: Document) -> None:
+        """Request the statistics that documents need and that are neither known nor requested."""
+        missing = frozenset[ChannelImage]().union(*map(self._missing, documents))
         if missing and (self._requested is None or not missing <= self._requested[1]):
             self._requested = self._host.send(ReadChannels(tuple(missing))), missing
 

@@ -157,8 +157,12 @@ class Layer:
         return own * self.uncovered_share(theta_o)[:, None]
 
     def coverage(self, theta_o: Float64Array) -> Float64Array:
-        """The directional albedo E (N,), in [0, 1], that this layer takes from those beneath it."""
-        return np.clip(self.model.coverage(self.values, self.curve, theta_o), 0.0, 1.0)
+        """The directional albedo E (N,), in [0, 1], that this layer takes from those beneath it; its Fresnel factor is
+        that of mirrors, whose theta_d is theta_o, and of the largest channel."""
+        albedo = self.model.coverage(self.values, self.curve, theta_o)
+        if (facing := self.fresnel) is not None:
+            albedo = albedo * (facing.max() + (1.0 - facing.max()) * (1.0 - np.cos(theta_o)) ** 5)
+        return np.clip(albedo, 0.0, 1.0)
 
     def uncovered_share(self, theta_o: Float64Array) -> Float64Array:
         """The share (N,) of this layer's light that passes all covers; hidden ones take nothing."""

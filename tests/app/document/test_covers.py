@@ -94,6 +94,14 @@ def test_both_terms_of_a_layer_lie_under_its_cover(stack: Document, tmp_path: Pa
         SetUnder("pot.base", "fresnel").apply(varnished)
 
 
+def test_a_coat_with_a_fresnel_term_takes_as_much_head_on_as_before(stack: Document) -> None:
+    weak = SetParameter("pot.coat", "scale", 0.25).apply(stack)
+    head_on, grazing = np.zeros(1), np.full(1, 0.5 * np.pi)
+    before, after = (each.layer("pot.coat") for each in (weak, SetFresnelTerm("pot.coat", True).apply(weak)))
+    assert after.fresnel is not None and after.coverage(head_on) == pytest.approx(before.coverage(head_on))
+    assert before.coverage(grazing) == pytest.approx(0.25) and after.coverage(grazing) == pytest.approx(1.0)
+
+
 def test_a_fresnel_term_has_no_cover_of_its_own() -> None:
     with pytest.raises(LoadError, match="under = coat, expected only fresnel"):
         opened(GLOSS, FUZZ, COAT, {"model": "fresnel", "follows": "gloss", "under": "coat"})

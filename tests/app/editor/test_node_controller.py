@@ -1,0 +1,68 @@
+"""The statistics of the images of parameter maps: asked for once, for all documents that are drawn."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from app.document.commands.maps import SetParameterMap
+from app.document.document import Document
+from app.document.history import History
+from app.document.node_layers import channel_images
+from app.editor.node_controller import NodeController
+from app.messages.worker_messages import ChannelsRead, ReadChannels, Request
+from engine.material.parameter_maps import channel_statistics
+from tests.app.document.test_node_layers import METAL, opened
+
+RAMP = channel_statistics(np.linspace(0.0, 1.0, 1000))
+
+
+class Host:
+    """An editor that notes what is sent."""
+
+    def __init__(self, document: Document) -> None:
+        self.history, self.sent = History(document), list[Request]()
+
+    def send(self, request: Request) -> int:
+        self.sent.append(request)
+        return len(self.sent)
+
+    def notify(self, text: str, is_error: bool = False) -> None:
+        raise AssertionError(text)
+
+    def document_changed(self) -> None:
+        raise AssertionError
+
+
+@pytest.fixture
+def documents() -> tuple[Document, Document]:
+    """The present document, and side A, which has another image."""
+    plain = opened(METAL)
+    rough, worn = (SetParameterMap("ball.1", "alpha", file).apply(plain) for file in ("rough.png", "worn.png"))
+    return rough, worn
+
+
+def test_images_of_all_documents_are_asked_for_at_once_and_once(documents: tuple[Document, Document]) -> None:
+    host = Host(documents[0])
+    controller = NodeController(host)
+    for _ in range(3):
+        controller.request_missing(*documents)
+    (asked,) = host.sent
+    assert isinstance(asked, ReadChannels)
+    assert set(asked.images) == {image for each in documents for image in channel_images(each)}
+    assert not controller.is_complete(documents[0])
+    controller.receive(ChannelsRead(dict.fromkeys(asked.images, RAMP), {}, id=1))
+    controller.request_missing(*documents)
+    assert len(host.sent) == 1 and controller.is_complete(documents[0])
+
+
+def test_nodes_are_counted_once_for_each_document(documents: tuple[Document, Document]) -> None:
+    host = Host(documents[0])
+    controller = NodeController(host)
+    assert controller.counts(documents[0]) == ()
+    (image,) = channel_images(documents[0])
+    controller.receive(ChannelsRead({image: RAMP}, {}, id=1))
+    found = controller.counts(documents[0])
+    assert found[0].path == "ball.1.alpha" and controller.counts(documents[0]) is found
+    controller.scene_opened({})
+    assert controller.counts(documents[0]) == ()
