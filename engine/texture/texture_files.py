@@ -135,12 +135,14 @@ def image_size(data: bytes, file: Path | str) -> tuple[int, int] | None:
 
 def check_image(data: bytes, file: Path | str) -> None:
     """Raise LoadError for an image that is cut off, without decoding it where that can be seen otherwise: by the
-    checksums of a PNG, the end of a JPEG, the length of a WebP. KTX 2 images are decoded."""
+    checksums of a PNG, the end of a JPEG, the length of a WebP. KTX 2 and OpenEXR images are decoded."""
     kind = _kind(data)
     if kind == "WebP" and int.from_bytes(data[4:8], "little") + 8 > len(data):
         raise LoadError(file, "WebP image", f"truncated at byte {len(data)}", "a whole image")
     if kind == "JPEG" and b"\xff\xd9" in data[-1024:]:
         return
+    if kind == "EXR":
+        _read_exr(data, file, ignore_note, is_colour=False)
     if kind in ("PNG", "JPEG", "KTX2"):
         with _open_image(data, file, kind) as picture:
             if kind == "PNG":

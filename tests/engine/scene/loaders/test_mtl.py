@@ -15,6 +15,7 @@ from engine.material.opacity import OPAQUE, Opacity
 from engine.scene.loaders.formats import read_model
 from engine.scene.loaders.model import ImportedModel, ImportedPart
 from engine.scene.scene_loader import load_scene
+from tests.naive.exr_files import ExrPart, exr_file
 
 CARD = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nusemtl red\nf 1/1 2/2 3/3\n"
 
@@ -130,7 +131,7 @@ def test_scenes_name_images_from_their_own_folder(tmp_path: Path, mesh_file: Cal
         ("../../x.png", "file = not there"),
         ("out.png", "file = not there"),
         ("pipe.png", "file = a named pipe"),
-        ("a.mtl", "format = .mtl, expected PNG, JPEG or OpenEXR"),
+        ("a.mtl", "format = .mtl, expected PNG, JPEG, WebP, KTX 2 or OpenEXR"),
         ("cut.png", "PNG image = "),
     ],
 )
@@ -145,6 +146,27 @@ def test_images_that_cannot_be_shown_are_notes(
     (note,) = found.notes
     assert note.startswith(f"image {name} is not shown: {why}")
     assert found.parts[0].layers[0].maps.is_plain
+
+
+@pytest.mark.parametrize("name", ["wood.png", "wood.jpg", "wood.exr"])
+@pytest.mark.parametrize("key", ["map_Kd", "map_bump", "map_d"])
+def test_an_image_that_is_cut_off_is_a_note(
+    tmp_path: Path, mesh_file: Callable[..., Path], name: str, key: str
+) -> None:
+    pixels = np.random.default_rng(1).integers(0, 256, (40, 40, 3)).astype(np.uint8)
+    if name == "wood.exr":
+        channels = {"R": pixels[..., 0] / np.float32(255), "G": pixels[..., 1] / np.float32(255)}
+        (tmp_path / name).write_bytes(exr_file(ExrPart(channels)))
+    else:
+        Image.fromarray(pixels).save(tmp_path / name)
+    whole = (tmp_path / name).read_bytes()
+    text = f"newmtl red\n{key} {name}\n"
+    assert not any("is not shown" in note for note in model(mesh_file, text).notes)
+    (tmp_path / name).write_bytes(whole[: len(whole) // 2])
+    found = model(mesh_file, text)
+    (note,) = found.notes
+    assert note.startswith(f"image {name} is not shown: ")
+    assert load_scene(tmp_path / "a.obj").object_names == ("a", "floor")
 
 
 def test_bumps_are_normals_or_heights_by_key_or_colour(tmp_path: Path, mesh_file: Callable[..., Path]) -> None:
