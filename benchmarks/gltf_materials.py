@@ -17,7 +17,7 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,22 +42,28 @@ SIDE = 32
 N_SAMPLES = {"sphere": 1024, "quad": 128}
 
 
-@dataclass(frozen=True)
-class Texture:
-    """A texture of a case: the input that it multiplies, and the channel that it has; "" for a colour."""
+class Texture(NamedTuple):
+    """A channel of a texture of a case: the input that it multiplies, and the channel, None for all colours; black: the
+    input where it is black."""
 
     name: str
     channel: Channel | None = None
+    black: float = 0.0
 
 
 @dataclass(frozen=True)
 class Case:
     """material: of the file, without textures; inputs: what the judge makes of the factors; textures: by the place of
-    their key in the file, such as "pbrMetallicRoughness.baseColorTexture"."""
+    their key in the file, such as "pbrMetallicRoughness.baseColorTexture", their channels."""
 
     material: Mapping[str, Any]
     inputs: GltfInputs
-    textures: Mapping[str, Texture] = field(default_factory=dict)
+    textures: Mapping[str, Sequence[Texture]] = field(default_factory=dict)
+
+    @property
+    def channels(self) -> list[tuple[int, Texture]]:
+        """The number of a texture and each of its channels."""
+        return [(k, channel) for k, channels in enumerate(self.textures.values()) for channel in channels]
 
 
 def _material(metallic: float = 0.0, roughness: float = 0.4, **extensions: Mapping[str, Any]) -> dict[str, Any]:
@@ -69,7 +75,11 @@ def _material(metallic: float = 0.0, roughness: float = 0.4, **extensions: Mappi
 
 
 _INPUTS = GltfInputs(base_color=(0.7, 0.4, 0.2), roughness=0.4)
-_BASE = {"pbrMetallicRoughness.baseColorTexture": Texture("base_color")}
+_BASE = {"pbrMetallicRoughness.baseColorTexture": (Texture("base_color"),)}
+_COAT, _SHEEN, _FILM, _OLD = (
+    f"extensions.KHR_materials_{name}"
+    for name in ("clearcoat", "sheen", "iridescence", "pbrSpecularGlossiness")
+)  # fmt: skip
 CASES: Mapping[str, Case] = {
     "core, plastic": Case(_material(), _INPUTS, _BASE),
     "core, metal": Case(_material(1.0), replace(_INPUTS, metallic=1.0), _BASE),
@@ -77,40 +87,61 @@ CASES: Mapping[str, Case] = {
     "clearcoat": Case(
         _material(0.0, 0.8, clearcoat={"clearcoatFactor": 1.0, "clearcoatRoughnessFactor": 0.3}),
         replace(_INPUTS, roughness=0.8, clearcoat=1.0, clearcoat_roughness=0.3),
-        {**_BASE, "extensions.KHR_materials_clearcoat.clearcoatTexture": Texture("clearcoat", "r")},
+        {**_BASE, f"{_COAT}.clearcoatTexture": (Texture("clearcoat", "r"),)},
     ),
     "sheen": Case(
         _material(0.0, 0.8, sheen={"sheenColorFactor": [0.8, 0.8, 0.8], "sheenRoughnessFactor": 0.5}),
         replace(_INPUTS, roughness=0.8, sheen_color=(0.8, 0.8, 0.8), sheen_roughness=0.5),
-        {**_BASE, "extensions.KHR_materials_sheen.sheenColorTexture": Texture("sheen_color")},
+        {**_BASE, f"{_SHEEN}.sheenColorTexture": (Texture("sheen_color"),)},
     ),
     "specular": Case(
         _material(0.0, 0.3, specular={"specularFactor": 0.8, "specularColorFactor": [1.0, 0.6, 0.3]}),
         replace(_INPUTS, roughness=0.3, specular=0.8, specular_color=(1.0, 0.6, 0.3)),
-        {**_BASE, "extensions.KHR_materials_specular.specularTexture": Texture("specular", "a")},
+        {**_BASE, "extensions.KHR_materials_specular.specularTexture": (Texture("specular", "a"),)},
     ),
     "specular colour, ior": Case(
         _material(0.0, 0.3, specular={"specularColorFactor": [1.0, 1.0, 1.0]}, ior={"ior": 2.4}),
         replace(_INPUTS, roughness=0.3, ior=2.4),
-        {**_BASE, "extensions.KHR_materials_specular.specularColorTexture": Texture("specular_color")},
+        {**_BASE, "extensions.KHR_materials_specular.specularColorTexture": (Texture("specular_color"),)},
     ),
     "iridescence, plastic": Case(
         _material(0.0, 0.3, iridescence={"iridescenceFactor": 1.0, "iridescenceThicknessMaximum": 450.0}),
         replace(_INPUTS, roughness=0.3, iridescence=1.0, iridescence_thickness=450.0),
-        {**_BASE, "extensions.KHR_materials_iridescence.iridescenceTexture": Texture("iridescence", "r")},
+        {**_BASE, f"{_FILM}.iridescenceTexture": (Texture("iridescence", "r"),)},
     ),
     "iridescence, metal": Case(
         _material(1.0, 0.3, iridescence={"iridescenceFactor": 0.8, "iridescenceIor": 1.8}),
         replace(_INPUTS, metallic=1.0, roughness=0.3, iridescence=0.8, iridescence_ior=1.8),
-        {"extensions.KHR_materials_iridescence.iridescenceTexture": Texture("iridescence", "r")},
+        {f"{_FILM}.iridescenceTexture": (Texture("iridescence", "r"),)},
     ),
     "specular-glossiness": Case(
         {"extensions": {"KHR_materials_pbrSpecularGlossiness": {
             "diffuseFactor": [0.5, 0.3, 0.2, 1.0], "specularFactor": [0.6, 0.6, 0.6], "glossinessFactor": 0.6,
         }}},
         GltfInputs(base_color=(0.5, 0.3, 0.2), roughness=0.4, ior=0.0, specular_color=(0.6, 0.6, 0.6)),
-        {"extensions.KHR_materials_pbrSpecularGlossiness.diffuseTexture": Texture("base_color"),
-         "extensions.KHR_materials_pbrSpecularGlossiness.specularGlossinessTexture": Texture("specular_color")},
+        {f"{_OLD}.diffuseTexture": (Texture("base_color"),),
+         f"{_OLD}.specularGlossinessTexture": (Texture("specular_color"), Texture("roughness", "a", 1.0))},
+    ),
+    "roughness, metalness": Case(
+        _material(1.0, 0.9), replace(_INPUTS, metallic=1.0, roughness=0.9),
+        {"pbrMetallicRoughness.metallicRoughnessTexture": (Texture("roughness", "g"), Texture("metallic", "b"))},
+    ),
+    "clearcoat roughness": Case(
+        _material(0.0, 0.8, clearcoat={"clearcoatFactor": 1.0, "clearcoatRoughnessFactor": 0.6}),
+        replace(_INPUTS, roughness=0.8, clearcoat=1.0, clearcoat_roughness=0.6),
+        {**_BASE, f"{_COAT}.clearcoatRoughnessTexture": (Texture("clearcoat_roughness", "g"),)},
+    ),
+    "sheen roughness": Case(
+        _material(0.0, 0.8, sheen={"sheenColorFactor": [0.8, 0.8, 0.8], "sheenRoughnessFactor": 0.9}),
+        replace(_INPUTS, roughness=0.8, sheen_color=(0.8, 0.8, 0.8), sheen_roughness=0.9),
+        {**_BASE, f"{_SHEEN}.sheenRoughnessTexture": (Texture("sheen_roughness", "a"),)},
+    ),
+    "film thickness": Case(
+        _material(1.0, 0.3, iridescence={
+            "iridescenceFactor": 0.8, "iridescenceThicknessMinimum": 200.0, "iridescenceThicknessMaximum": 500.0,
+        }),
+        replace(_INPUTS, metallic=1.0, roughness=0.3, iridescence=0.8, iridescence_thickness=500.0),
+        {f"{_FILM}.iridescenceThicknessTexture": (Texture("iridescence_thickness", "g", 200.0),)},
     ),
 }  # fmt: skip
 LIGHTS = ("environment", "lamp")
@@ -121,18 +152,18 @@ class AuthoredScattering(Scattering):
 
     def __init__(self, layers: Sequence[Layer], case: Case, n_textures: int) -> None:
         super().__init__(layers[n_textures:])
-        self._inputs, self._names = case.inputs, [each.name for each in case.textures.values()][:n_textures]
+        self._inputs, self._channels = case.inputs, [channel for _, channel in case.channels][:n_textures]
 
     def evaluate(
         self, wi: NDArray[np.float64], wo: NDArray[np.float64], factors: NDArray[np.floating] | None = None,
         texels: NDArray[np.float64] | None = None,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:  # fmt: skip
         value, pdf = super().evaluate(wi, wo)
-        values = {}
-        for k, name in enumerate(self._names):
+        values = dict[str, Any]()
+        for k, (name, _, black) in enumerate(self._channels):
             assert factors is not None
             factor = np.asarray(getattr(self._inputs, name))
-            values[name] = factor * (factors[:, k] if factor.ndim else factors[:, k, 0])
+            values[name] = black + (factor - black) * (factors[:, k] if factor.ndim else factors[:, k, 0])
         value = gltf_brdf(replace(self._inputs, **values), wi, wo) * np.maximum(wi[:, 2:], 0.0)
         value[wi[:, 2] <= kinds.GRAZING] = 0.0
         return value, pdf
@@ -176,8 +207,8 @@ def _judged_paths(
     case: Case, shape: str, project: Project, placement: Placement, n_samples: int
 ) -> NDArray[np.floating]:
     """Radiance (P, 3) of the hits by the formula."""
-    textures = list(case.textures.items()) if shape == "quad" else []
-    maps = [_texture_maps(k, texture) for k, (_, texture) in enumerate(textures)]
+    textures = case.channels if shape == "quad" else []
+    maps = [_texture_maps(k, texture) for k, texture in textures]
     painted = [make_layer(MODELS["lambert"]).replace(maps=each) for each in maps]
     layers_of = {i: (*painted, *[layer for j, layer in project.indexed_layers if j == i]) for i in (0,)}
 
@@ -237,7 +268,7 @@ def _glb(case: Case, shape: str) -> bytes:
         for name in above:
             there = there.setdefault(name, {})
         there[key] = {"index": k}
-    images = [_png(k, texture.channel) for k, (_, texture) in enumerate(textures)]
+    images = [_png(k, channels) for k, (_, channels) in enumerate(textures)]
     chunks = [each.tobytes() for each in parts] + images
     binary, views = b"", []
     for chunk in chunks:
@@ -263,12 +294,14 @@ def _glb(case: Case, shape: str) -> bytes:
     return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body
 
 
-def _png(seed: int, channel: Channel | None) -> bytes:
-    """A texture of 64 x 64 texels with colours, edges and a slope, and opacity if that counts; one for each seed."""
+def _png(seed: int, channels: Sequence[Texture]) -> bytes:
+    """A texture of 64 x 64 texels with colours, edges and a slope, and opacity if that counts; one for each seed. Those
+    of roughness and thickness go down to 0.35."""
     generator, side = np.random.default_rng(seed), 64
-    tiles = generator.integers(40, 256, (8, 8, 4)).repeat(8, axis=0).repeat(8, axis=1)
-    slope = np.linspace(0.4, 1.0, side)[:, None, None]
-    if channel != "a":
+    is_number = any("rough" in each.name or "thick" in each.name for each in channels)
+    tiles = generator.integers(128 if is_number else 40, 256, (8, 8, 4)).repeat(8, axis=0).repeat(8, axis=1)
+    slope = np.linspace(0.7 if is_number else 0.4, 1.0, side)[:, None, None]
+    if not any(each.channel == "a" for each in channels):
         tiles[..., 3] = 255
     buffer, slope = io.BytesIO(), np.concatenate([slope.repeat(3, axis=2), np.ones((side, 1, 1))], axis=2)
     Image.fromarray((tiles * slope).astype(np.uint8), "RGBA").save(buffer, "PNG")

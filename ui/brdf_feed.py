@@ -23,14 +23,16 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from app.document.document import Document
+from app.document.document import Document, all_factors, layer_key
 from app.document.linked_layers import Layers, linked_indices
 from app.document.named_files import measurement_in, with_measurements
+from app.document.node_layers import NodeCount, layers_at_nodes, picked_node
 from app.document.selection import layer_shown
 from app.document.view_state import ViewState
 from app.editor.editor import Editor
 from engine.core.colour import ToneMapping
 from engine.core.errors import InsituError
+from engine.material.layer import Layer
 from engine.measured.measurement import Measurement
 from ui.gl import brdf_views
 from ui.gl.brdf_stack import BrdfStack
@@ -86,7 +88,7 @@ class BrdfFeed:
             self._retired.release()
             self._retired = None
         self._surface_at, self._tone_mapping = surface_at, self._view.follow(editor.view.tone_mapping)
-        layers = shown_layers(editor.document, editor.view)
+        layers = shown_layers(editor.document, editor.view, editor.status.map_nodes)
         self._want_tables(editor, layers)
         part = self._next_part(layers, editor)
         if part is None:
@@ -226,20 +228,34 @@ def no_surface(column: int, row: int) -> SurfacePoint | None:
     return None
 
 
-def shown_layers(document: Document, view: ViewState) -> Layers:
-    """The selected layer, a Fresnel term and its layer together, or all visible layers of the object.
+def shown_layers(document: Document, view: ViewState, counts: Sequence[NodeCount] = ()) -> Layers:
+    """The selected layer, a Fresnel term and its layer together, or all visible layers of the object; those whose
+    parameters vary over the surface at one node, the one whose curve has the handles. counts: the document's nodes.
 
     None where nothing is selected.
     """
     selected = layer_shown(document, view.selected)
     if selected is None:
         return ()
-    layers = document.object(selected.object).layers
+    layers = tuple(
+        _at_node(document, layer_key(selected.object, i), view, counts)
+        for i in range(len(document.object(selected.object).layers))
+    )
     if view.brdf_whole:
         return tuple(layer for layer in layers if layer.visible)
     lead = layers[linked_indices(layers, selected.layer)[0]] if layers[selected.layer].rises else None
     chosen = lead or layers[selected.layer]
     return (chosen, *(layer for layer in layers if layer.rises and layer.follows == chosen.name))
+
+
+def _at_node(document: Document, key: str, view: ViewState, counts: Sequence[NodeCount]) -> Layer:
+    layer = document.layer(key)
+    if not layer.parameter_maps:
+        return layer
+    names = [factor.name for factor in all_factors(layer.model)]
+    chosen = None if view.selected is None else view.selected.factor
+    nodes = layers_at_nodes(document, key, counts, chosen if chosen in names else names[0])
+    return nodes[picked_node(nodes, view.node)].replace(parameter_maps=())
 
 
 def azimuth_of(view: ViewState) -> float:

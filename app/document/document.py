@@ -80,6 +80,28 @@ class LightState:
 
 
 @dataclass(frozen=True)
+class Variant:
+    """The material that a scene's file gives an object by the name of one of its variants; None: the object keeps what
+    it has."""
+
+    name: str
+    layers: tuple[Layer, ...]
+    bumps: Bumps | None = None
+    opacity: Opacity | None = None
+    emission: RGB | None = None
+
+    def of(self, state: ObjectState) -> ObjectState:
+        """The object with this material."""
+        bumps = state.bumps if self.bumps is None else self.bumps
+        opacity = state.opacity if self.opacity is None else self.opacity
+        return replace(
+            state, layers=self.layers, new_bumps=None if bumps == state.own_bumps else bumps,
+            new_opacity=None if opacity == state.own_opacity else opacity,
+            emission=state.emission if self.emission is None or not state.emits else self.emission,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
 class ObjectState:
     """One object of the scene: its layers, and what of it can be edited.
 
@@ -87,7 +109,7 @@ class ObjectState:
     object that the scene declares fixed. Its ``deformations`` apply one after another, to its pose by its file's
     animation at a ``moment``; None: to its rest pose. ``animations`` are those of its file. ``new_bumps`` replace the
     ``own_bumps`` of the scene's file, ``new_opacity`` its ``own_opacity``, ``new_surface`` its ``own_surface``, which
-    only Deform draws. ``variants`` are the layers that its file gives it by the names of the scene's variants.
+    only Deform draws. ``variants`` are the materials that its file gives it by the names of the scene's variants.
     """
 
     name: str
@@ -105,7 +127,12 @@ class ObjectState:
     new_opacity: Opacity | None = None
     own_surface: DeformSurface = NO_SURFACE
     new_surface: DeformSurface | None = None
-    variants: tuple[tuple[str, tuple[Layer, ...]], ...] = ()
+    variants: tuple[Variant, ...] = ()
+
+    def in_variant(self, name: str) -> ObjectState:
+        """The object in one of the scene's variants; as it is where it has none of that name."""
+        variant = next((each for each in self.variants if each.name == name), None)
+        return self if variant is None else variant.of(self)
 
     @property
     def motion_stack(self) -> Motion:
@@ -217,13 +244,13 @@ class Document:
     @property
     def variants(self) -> tuple[str, ...]:
         """The names of the scene's variants: materials of several objects that its file gives together."""
-        return tuple(dict.fromkeys(name for state in self.objects for name, _ in state.variants))
+        return tuple(dict.fromkeys(each.name for state in self.objects for each in state.variants))
 
     @property
     def variant(self) -> str:
         """The variant whose materials all its objects have, "" for none."""
         for name in self.variants:
-            if all(dict(state.variants).get(name, state.layers) == state.layers for state in self.objects):
+            if all(state.in_variant(name) == state for state in self.objects):
                 return name
         return ""
 
@@ -397,13 +424,17 @@ def document_from_description(
 
 def _object_state(source: str, described: ObjectDescription) -> ObjectState:
     layers = layers_from_descriptions(source, described.name, described.layers)
-    emission = described.emission if described.emits else None
+    emission = (described.emission or (0.0, 0.0, 0.0)) if described.emits else None
+    variants = tuple(
+        Variant(
+            each.name, layers_from_descriptions(source, described.name, each.layers), each.bumps, each.opacity,
+            each.emission,
+        )
+        for each in described.variants
+    )  # fmt: skip
     return ObjectState(
         described.name, layers, emission, described.editable, own_bumps=described.bumps,
-        own_opacity=described.opacity, own_surface=described.deform,
-        variants=tuple(
-            (each.name, layers_from_descriptions(source, described.name, each.layers)) for each in described.variants
-        ),
+        own_opacity=described.opacity, own_surface=described.deform, variants=variants,
     )  # fmt: skip
 
 

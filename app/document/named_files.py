@@ -47,7 +47,7 @@ def layers_of_document(document: Document) -> list[Layer]:
 
 def layers_with_variants(document: Document) -> list[Layer]:
     """All layers, and those of the variants of objects."""
-    variants = (layers for state in document.objects for _, layers in state.variants)
+    variants = (each.layers for state in document.objects for each in state.variants)
     return [*layers_of_document(document), *chain.from_iterable(variants)]
 
 
@@ -70,7 +70,7 @@ def document_with_measurements(document: Document, found: Mapping[str, Measureme
     objects = (
         replace(
             state, layers=with_measurements(state.layers, found),
-            variants=tuple((name, with_measurements(layers, found)) for name, layers in state.variants),
+            variants=tuple(replace(each, layers=with_measurements(each.layers, found)) for each in state.variants),
         )
         for state in document.objects
     )  # fmt: skip
@@ -159,7 +159,8 @@ def _names(state: ObjectState) -> Iterator[str]:
     images += [state.own_opacity.opacity_map, state.opacity.opacity_map]
     images += [name for surface in (state.own_surface, state.surface) for _, name in surface.files]
     for layer in state.layers:
-        images += [layer.maps.texture, layer.maps.weight, *(each.image.file for each in layer.parameter_maps)]
+        images += [name for _, name in layer.maps.files]
+        images += [each.image.file for each in layer.parameter_maps]
         measurement = measurement_in(layer)
         if measurement is not None:
             yield measurement.file

@@ -104,8 +104,8 @@ def _layers(edited: ObjectState, base: ObjectState | None, own: ObjectState) -> 
     """The layers of an object; those of a variant that the user has chosen, and not edited, follow the file."""
     if base is None:
         return _merge_layers(edited.layers, None, own.layers)
-    now = dict(own.variants)
-    chosen = next((name for name, layers in base.variants if layers == edited.layers and name in now), None)
+    now = {each.name: each.layers for each in own.variants}
+    chosen = next((each.name for each in base.variants if each.layers == edited.layers and each.name in now), None)
     if chosen is None or edited.layers == base.layers:
         return _merge_layers(edited.layers, base.layers, own.layers)
     return now[chosen]

@@ -85,7 +85,9 @@ class ViewState:
     whether the error of its lobes is shown instead. ``shows_error``: whether the error map is shown over the picture.
     ``lighting``: the light in place, or a simple one for comparison, in Placement.
     ``regions`` are a ≤ b ≤ c ≤ d of the operator being shown or about to be made; ``operator`` is its index in the
-    selected curve's list, None for one about to be made. ``curve_zoom`` is (γ low, γ high, y low, y high); None fits.
+    selected curve's list, None for one about to be made. ``node`` is the index of the node whose curve is shown with
+    handles where a parameter varies over the layer; None: the middle one. ``curve_zoom`` is (γ low, γ high, y low, y
+    high); None fits.
     The BRDF panel shows ``brdf_plot`` of the selected layer, or with ``brdf_whole`` of all layers of its object, in the
     plane along the tangent or ``brdf_across`` it; its lobe reflects light from ``lobe_angle``. ``solo`` is the key of a
     layer that is shown without the others of its object. ``lobe_pixel`` (column, row) is where the picture shows the
@@ -108,6 +110,7 @@ class ViewState:
     active_tool: Tool = "translate_y"
     regions: tuple[float, float, float, float] = DEFAULT_REGIONS
     operator: int | None = None
+    node: int | None = None
     solo: str | None = None
     lobe_pixel: tuple[int, int] | None = None
     brdf_plot: BrdfPlot = "lobe"
@@ -142,7 +145,7 @@ class ViewState:
     def for_scene(self, description: SceneDescription) -> ViewState:
         """The view of a scene that was just opened, with the same display settings: nothing in it is selected yet."""
         return replace(
-            self, selected=None, hovered=None, compare=None, operator=None, curve_zoom=None, solo=None,
+            self, selected=None, hovered=None, compare=None, operator=None, node=None, curve_zoom=None, solo=None,
             lobe_pixel=None, camera=None, resolution=None, bookmarks=(), playing=None, lighting="scene",
             settings=replace(self.settings, n_bounces=description.bounces or AS_PLANNED),
         )  # fmt: skip

@@ -11,9 +11,10 @@ painted on it (`engine.material.strokes`). No transport depends on it: the image
 only the few numbers here change during a drag. For further bounces the factor's mean over the surface multiplies the
 layer's albedo, and its mean over a part of the surface that of the irradiance cache record.
 
-A node, one of several layers that stand for a layer with a parameter that varies over the surface
-(`engine.material.parameter_nodes`), has a further weight: a function of one channel of an image. Texels are mapped to
-weights before they are filtered, because the blend is linear in weights and in nothing else.
+A layer may have further weight maps, each in a mapping of its own; they multiply the texture texel by texel. A node,
+one of several layers that stand for a layer with a parameter that varies over the surface
+(`engine.material.parameter_nodes`), has one more for each such parameter: a function of one channel of an image. Texels
+are mapped to weights before they are filtered, because the blend is linear in weights and in nothing else.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, Literal, NamedTuple, cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +39,9 @@ Channel = Literal["grey", "r", "g", "b", "a", "max"]
 CHANNELS: tuple[Channel, ...] = get_args(Channel)
 MAX_REPEATS, LEAST_REPEATS = 1000.0, 1e-3
 MAX_NAME = 4096
+MOST_FURTHER_WEIGHTS = 8
+# The keys of a channel of an image in files.
+IMAGE_KEYS = ("map", "channel", "repeats", "offset", "rotation", "wrap")
 TEXTURE_STRENGTH = Parameter(
     "texture_strength", "scalar", 1.0, "Strength", "Strength of the texture: 1 is all of it, 0 the plain layer."
 )
@@ -127,6 +131,19 @@ class ChannelWeight:
 
 
 @dataclass(frozen=True)
+class FurtherWeight:
+    """A weight map besides the one that is painted, with a mapping of its own; invert: one minus it counts."""
+
+    image: ChannelImage
+    invert: bool = False
+
+    @property
+    def weight(self) -> ChannelWeight:
+        ends = (1.0, 0.0) if self.invert else (0.0, 1.0)
+        return ChannelWeight(self.image, (0.0, 1.0), ends, ends)
+
+
+@dataclass(frozen=True)
 class NodeImages:
     """The part of a node's images that other layers do not have: its weights, the product of which counts; and of its
     texture strength and mapping, which are in the samples."""
@@ -146,8 +163,9 @@ class LayerMaps:
     vertices multiply the texture, or are it where there is none. weight: an image whose `weight_channel` is the share
     of the layer, linear except for "max"; empty for none. weight_invert: one minus that share. weight_start: the share
     if there is no such image. strokes: painted on either, and inverted with it, so that inversion needs no new samples.
-    texture_offset, texture_rotation, texture_wrap: see `TextureTransform`. node_weights: of a node, never in a file;
-    they are sampled together with the texture at its strength, so that `factor` and shaders know only of a texture.
+    texture_offset, texture_rotation, texture_wrap: see `TextureTransform`. further_weights: maps that multiply the
+    layer as well; node_weights: of a node, never in a file. Both are sampled together with the texture at its strength,
+    so that `factor` and shaders know only of a texture.
     """
 
     texture: str = ""
@@ -163,12 +181,18 @@ class LayerMaps:
     texture_wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")
     vertex_colours: bool = False
     weight_channel: Channel = "grey"
+    further_weights: tuple[FurtherWeight, ...] = ()
     node_weights: tuple[ChannelWeight, ...] = ()
 
     @property
     def is_plain(self) -> bool:
         """Whether nothing multiplies the layer."""
-        return not (self.is_tinted or self.has_weight or self.node_weights)
+        return not (self.is_tinted or self.has_weight or self.sampled_weights)
+
+    @property
+    def sampled_weights(self) -> tuple[ChannelWeight, ...]:
+        """The weights that are sampled together with the texture."""
+        return (*(each.weight for each in self.further_weights), *self.node_weights)
 
     @property
     def is_tinted(self) -> bool:
@@ -183,12 +207,12 @@ class LayerMaps:
     @property
     def is_of_files(self) -> bool:
         """Whether there is an image, which needs texture coordinates."""
-        return bool(self.texture or self.weight or self.node_weights)
+        return bool(self.texture or self.weight or self.sampled_weights)
 
     @property
     def sampled_strength(self) -> float:
-        """The strength with which samples of the texture count: those of a node include it."""
-        return 1.0 if self.node_weights else self.texture_strength
+        """The strength with which samples of the texture count: those with further weights include it."""
+        return 1.0 if self.sampled_weights else self.texture_strength
 
     @property
     def inverts(self) -> bool:
@@ -208,7 +232,8 @@ class LayerMaps:
             transform = TextureTransform(self.texture_rotation, self.texture_offset, self.texture_wrap)
             own = {name: getattr(self, name) for name in ("texture", "texture_space", "texture_scale")}
             images = dataclasses.replace(images, texture_transform=transform, **own)
-        return images.with_node(self.node_weights, self.texture_strength) if self.node_weights else images
+        weights = self.sampled_weights
+        return images.with_node(weights, self.texture_strength) if weights else images
 
     def with_node_weight(self, weight: ChannelWeight) -> LayerMaps:
         """The maps of a node with one more weight."""
@@ -217,7 +242,18 @@ class LayerMaps:
     def with_files(self, renamed: Callable[[str], str]) -> LayerMaps:
         """The maps with other names of their images."""
         texture, weight = (name and renamed(name) for name in (self.texture, self.weight))
-        return dataclasses.replace(self, texture=texture, weight=weight)
+        further = tuple(
+            dataclasses.replace(each, image=dataclasses.replace(each.image, file=renamed(each.image.file)))
+            for each in self.further_weights
+        )
+        return dataclasses.replace(self, texture=texture, weight=weight, further_weights=further)
+
+    @property
+    def files(self) -> tuple[tuple[str, str], ...]:
+        """What each image is, and its name."""
+        named = [("texture", self.texture), ("weight", self.weight)]
+        named += [("further_weights", each.image.file) for each in self.further_weights]
+        return tuple((what, name) for what, name in named if name)
 
     def factor(self, texture: NDArray[np.floating], weight: NDArray[np.floating]) -> NDArray[np.floating]:
         """The factor (N, 3) for texels (N, 3) and weights (N,)."""
@@ -328,7 +364,57 @@ def map_values(maps: LayerMaps) -> dict[str, Any]:
     """The parts that differ from the default, by name, for files."""
     plain = LayerMaps()
     found = {name: getattr(maps, name) for name in map_fields() if getattr(maps, name) != getattr(plain, name)}
-    return found | {"strokes": stroke_values(maps.strokes)} if maps.strokes else found
+    if maps.strokes:
+        found["strokes"] = stroke_values(maps.strokes)
+    if maps.further_weights:
+        found["further_weights"] = [further_weight_table(each) for each in maps.further_weights]
+    return found
+
+
+def channel_image_from(name: str, table: Mapping[str, object]) -> ChannelImage:
+    """An image's channel from `{map, channel, repeats, offset, rotation, wrap}`, of which only `map`, its file, is
+    required. Raises ParameterError that names the key after `name`."""
+    channel = table.get("channel", "grey")
+    if channel not in CHANNELS:
+        raise ParameterError(f"{name}: channel", channel, " or ".join(f'"{each}"' for each in CHANNELS))
+    transform = TextureTransform(
+        rotation_value(f"{name}: rotation", table.get("rotation", 0.0)),
+        offset_value(f"{name}: offset", table.get("offset", IDENTITY_TRANSFORM.offset)),
+        wrap_value(f"{name}: wrap", table.get("wrap", IDENTITY_TRANSFORM.wrap)),
+    )
+    repeats = cast(tuple[float, float], TEXTURE_SCALE.accept(table.get("repeats", 1.0)))
+    return ChannelImage(image_file_name(name, table.get("map")), channel, repeats, transform)
+
+
+def channel_image_table(image: ChannelImage) -> dict[str, Any]:
+    """The inverse; keys at their defaults are omitted."""
+    plain = ChannelImage("")
+    optional = {
+        "channel": (image.channel, plain.channel), "repeats": (image.repeats, plain.repeats),
+        "offset": (image.transform.offset, IDENTITY_TRANSFORM.offset),
+        "rotation": (image.transform.rotation, 0.0), "wrap": (image.transform.wrap, IDENTITY_TRANSFORM.wrap),
+    }  # fmt: skip
+    return {"map": image.file} | {key: value for key, (value, default) in optional.items() if value != default}
+
+
+def further_weight_table(further: FurtherWeight) -> dict[str, Any]:
+    """The form in files."""
+    return channel_image_table(further.image) | ({"invert": True} if further.invert else {})
+
+
+def _further_weights(name: str, value: object) -> tuple[FurtherWeight, ...]:
+    expected = f"up to {MOST_FURTHER_WEIGHTS} tables of map and, where they differ, {', '.join(IMAGE_KEYS[1:])}, invert"
+    if not isinstance(value, (list, tuple)) or len(value) > MOST_FURTHER_WEIGHTS:
+        raise ParameterError(name, value, expected)
+    return tuple(_further_weight(name, each, expected) for each in value)
+
+
+def _further_weight(name: str, table: object, expected: str) -> FurtherWeight:
+    if isinstance(table, FurtherWeight):
+        return table
+    if not isinstance(table, Mapping) or not table.get("map") or not set(table) <= {*IMAGE_KEYS, "invert"}:
+        raise ParameterError(name, table, expected)
+    return FurtherWeight(channel_image_from(name, table), flag_value(f"{name}: invert", table.get("invert", False)))
 
 
 def image_file_name(name: str, value: object) -> str:
@@ -396,4 +482,5 @@ _ACCEPTED = {
     "weight_invert": flag_value,
     "weight_start": lambda name, value: WEIGHT_START.accept(value),
     "strokes": lambda name, value: strokes_from(value),
+    "further_weights": _further_weights,
 }

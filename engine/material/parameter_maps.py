@@ -1,9 +1,9 @@
 """A parameter that varies over a surface: one channel of an image gives its value at each point,
 
-    value(u, v) = low + (high − low) c(u, v)^e,
+    value(u, v) = low + (high − low) c(u, v),    or, for images of a root,    (√low + (√high − √low) c(u, v))²,
 
-where c in [0, 1] is the channel, linear, and the exponent e is 1, or 2 for images of a root, as glTF's roughness is of
-the width α; values below the least that the parameter accepts are that. `engine.material.parameter_nodes` makes a few
+where c in [0, 1] is the channel, linear; glTF's roughness is such a root, of the width α. Values below the least that
+the parameter accepts are that. `engine.material.parameter_nodes` makes a few
 layers of a layer with such maps. Where an image cannot be read, the parameter's own value counts.
 """
 
@@ -17,25 +17,14 @@ from typing import Any, Literal, cast, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.material.layer_maps import (
-    CHANNELS,
-    IDENTITY_TRANSFORM,
-    TEXTURE_SCALE,
-    Channel,
-    ChannelImage,
-    TextureTransform,
-    image_file_name,
-    offset_value,
-    rotation_value,
-    wrap_value,
-)
+from engine.material.layer_maps import IMAGE_KEYS, ChannelImage, channel_image_from, channel_image_table
 from engine.material.parameters import Parameter, ParameterError, Value
 
 Float64Array = NDArray[np.float64]
 Response = Literal["linear", "square"]
 RESPONSES: tuple[Response, ...] = get_args(Response)
 MAPPED_KINDS = ("scalar", "rgb")
-N_BINS = 64
+N_BINS = 256
 # The share of texels at either end of a channel's range that nodes need not reach: a few black texels of a border would
 # spread the nodes over values that nothing else has.
 _TAIL = 1e-3
@@ -43,8 +32,8 @@ _TAIL = 1e-3
 
 @dataclass(frozen=True)
 class ParameterMap:
-    """The map of one parameter. low, high: its values at 0 and 1 of the channel; response: "square" where the value
-    follows the channel's square; least: of the values, where the ends are below it."""
+    """The map of one parameter. low, high: its values at 0 and 1 of the channel; response: "square" where the value's
+    root follows the channel; least: of the values, where the ends are below it."""
 
     parameter: str
     image: ChannelImage
@@ -56,8 +45,11 @@ class ParameterMap:
     def values(self, channel: Float64Array) -> Float64Array:
         """The values (N, 1 or 3) for channel values (N,)."""
         low, high = np.atleast_1d(np.array(self.low, float)), np.atleast_1d(np.array(self.high, float))
-        share = np.clip(channel, 0.0, 1.0) ** (2.0 if self.response == "square" else 1.0)
-        return np.maximum(low * (1.0 - share[:, None]) + high * share[:, None], self.least)
+        share = np.clip(channel, 0.0, 1.0)[:, None]
+        rest = 1.0 - share
+        if self.response == "square":  # multiplied out, so that both ends are exact
+            return np.maximum(low * rest**2 + 2.0 * np.sqrt(low * high) * rest * share + high * share**2, self.least)
+        return np.maximum(low * rest + high * share, self.least)
 
     def value_at(self, channel: float) -> Value:
         """The value for one channel value."""
@@ -75,7 +67,7 @@ ParameterMaps = tuple[ParameterMap, ...]
 @dataclass(frozen=True)
 class ChannelStatistics:
     """Statistics of an image's channel: its least and its greatest value, without the thousandth of texels at either
-    end, and the share of texels in each of 64 equal parts of [0, 1]."""
+    end, and the share of texels in each of 256 equal parts of [0, 1]."""
 
     low: float
     high: float
@@ -106,35 +98,25 @@ def parameter_map_from(parameter: Parameter, table: object) -> ParameterMap:
         raise ParameterError(name, table, f"a parameter that is a number or a colour; {parameter.name} is neither")
     if not isinstance(table, Mapping) or not table.get("map") or not set(table) <= set(_KEYS):
         raise ParameterError(name, table, f"a table of map and, where they differ, {', '.join(_KEYS[1:])}")
-    file = image_file_name(name, table["map"])
-    channel = _chosen(f"{name}: channel", table.get("channel", "grey"), CHANNELS)
-    response = _chosen(f"{name}: response", table.get("response", "linear"), RESPONSES)
+    image = channel_image_from(name, table)
+    response = table.get("response", "linear")
+    if response not in RESPONSES:
+        raise ParameterError(f"{name}: response", response, " or ".join(f'"{each}"' for each in RESPONSES))
     ends = table.get("range", parameter.limits)
     if not isinstance(ends, (list, tuple)) or len(ends) != 2:
         raise ParameterError(f"{name}: range", ends, f"two values, at black and at white, each {parameter.expected}")
     end_value = replace(parameter, minimum=min(parameter.minimum, 0.0))
     low, high = (end_value.accept(list(end) if isinstance(end, tuple) else end) for end in ends)
+    if response == "square" and end_value.minimum < 0.0:
+        raise ParameterError(f"{name}: response", response, '"linear": the parameter may be below 0')
     least = cast(float, replace(parameter, kind="scalar").accept(table.get("least", parameter.minimum)))
-    repeats = cast(tuple[float, float], TEXTURE_SCALE.accept(table.get("repeats", 1.0)))
-    transform = TextureTransform(
-        rotation_value(f"{name}: rotation", table.get("rotation", 0.0)),
-        offset_value(f"{name}: offset", table.get("offset", IDENTITY_TRANSFORM.offset)),
-        wrap_value(f"{name}: wrap", table.get("wrap", IDENTITY_TRANSFORM.wrap)),
-    )
-    image = ChannelImage(file, cast(Channel, channel), repeats, transform)
     return ParameterMap(parameter.name, image, low, high, cast(Response, response), least)
 
 
 def parameter_map_table(map_: ParameterMap) -> dict[str, Any]:
     """The inverse; keys at their defaults are omitted, except for those whose defaults are the parameter's."""
-    image, plain = map_.image, ChannelImage("")
-    found: dict[str, Any] = {"map": image.file, "range": (map_.low, map_.high), "least": map_.least}
-    optional = {
-        "channel": (image.channel, plain.channel), "response": (map_.response, "linear"),
-        "repeats": (image.repeats, plain.repeats), "offset": (image.transform.offset, IDENTITY_TRANSFORM.offset),
-        "rotation": (image.transform.rotation, 0.0), "wrap": (image.transform.wrap, IDENTITY_TRANSFORM.wrap),
-    }  # fmt: skip
-    return found | {key: value for key, (value, default) in optional.items() if value != default}
+    found = channel_image_table(map_.image) | {"range": (map_.low, map_.high), "least": map_.least}
+    return found | ({"response": map_.response} if map_.response != "linear" else {})
 
 
 def parameter_maps_from(parameters: tuple[Parameter, ...], tables: Mapping[str, object]) -> ParameterMaps:
@@ -162,10 +144,4 @@ def with_map_files(maps: ParameterMaps, renamed: Callable[[str], str]) -> Parame
     return tuple(each.with_file(renamed(each.image.file)) for each in maps)
 
 
-def _chosen(what: str, value: object, choices: tuple[str, ...]) -> str:
-    if value not in choices:
-        raise ParameterError(what, value, " or ".join(f'"{choice}"' for choice in choices))
-    return str(value)
-
-
-_KEYS = ("map", "channel", "range", "response", "least", "repeats", "offset", "rotation", "wrap")
+_KEYS = (*IMAGE_KEYS, "range", "response", "least")

@@ -27,18 +27,18 @@ class GltfInputs:
 
     base_color: ArrayLike = (1.0, 1.0, 1.0)
     metallic: ArrayLike = 0.0
-    roughness: float = 0.5
+    roughness: ArrayLike = 0.5
     ior: float = 1.5
     specular: ArrayLike = 1.0
     specular_color: ArrayLike = (1.0, 1.0, 1.0)
     sheen_color: ArrayLike = (0.0, 0.0, 0.0)
-    sheen_roughness: float = 0.5
+    sheen_roughness: ArrayLike = 0.5
     clearcoat: ArrayLike = 0.0
-    clearcoat_roughness: float = 0.0
+    clearcoat_roughness: ArrayLike = 0.0
     anisotropy: float = 0.0
     iridescence: ArrayLike = 0.0
     iridescence_ior: float = 1.3
-    iridescence_thickness: float = 400.0
+    iridescence_thickness: ArrayLike = 400.0
 
 
 def gltf_brdf(a: GltfInputs, light: Float64Array, view: Float64Array) -> Float64Array:
@@ -49,14 +49,14 @@ def gltf_brdf(a: GltfInputs, light: Float64Array, view: Float64Array) -> Float64
     v_h = np.abs(np.sum(view * h, axis=1))
     rise = ((1.0 - v_h) ** 5)[:, None]
     base_color, weight, metallic = _colour(a.base_color), _number(a.specular), _number(a.metallic)
-    specular_brdf = _specular_brdf(a.roughness**2, a.anisotropy, light, view, h)[:, None]
+    specular_brdf = _specular_brdf(a.roughness, a.anisotropy, light, view, h)[:, None]
     # dielectric_brdf = rgb_mix(diffuse_brdf, specular_brdf, dielectric_fresnel)
     f0 = np.minimum(((1.0 - a.ior) / (1.0 + a.ior)) ** 2 * _colour(a.specular_color), 1.0)
     dielectric_fresnel = weight * (f0 + (1.0 - f0) * rise)
     metal_fresnel = base_color + (1.0 - base_color) * rise
     iridescence = _number(a.iridescence)
     if np.any(iridescence > 0.0):
-        film = a.iridescence_ior, a.iridescence_thickness
+        film = a.iridescence_ior, _number(a.iridescence_thickness)
         thin, thin_metal = (_iridescent_fresnel(*film, base_f0, v_h) for base_f0 in (weight * f0, base_color))
         dielectric_fresnel = (1.0 - iridescence) * dielectric_fresnel + iridescence * thin
         metal_fresnel = (1.0 - iridescence) * metal_fresnel + iridescence * thin_metal
@@ -67,22 +67,22 @@ def gltf_brdf(a: GltfInputs, light: Float64Array, view: Float64Array) -> Float64
     # sheen_material = sheenColor * sheen_brdf + material * sheen_albedo_scaling, in the form by VdotN
     sheen_color = _colour(a.sheen_color)
     if np.any(sheen_color > 0.0):
-        alpha_g = max(a.sheen_roughness**2, LEAST_ALPHA)
-        albedo = np.interp(n_v, *_sheen_albedo(alpha_g))[:, None]
+        alpha_g = np.maximum(np.asarray(a.sheen_roughness, float) ** 2, LEAST_ALPHA)
+        albedo = _sheen_albedos(alpha_g, n_v)[:, None]
         sheen = _sheen_brdf(alpha_g, n_l, n_v, h[:, 2])[:, None]
         material = sheen_color * sheen + material * (1.0 - sheen_color.max(axis=1, keepdims=True) * albedo)
     # coated_material = mix(material, clearcoat_brdf, clearcoat * clearcoat_fresnel)
     blend = _number(a.clearcoat) * (0.04 + 0.96 * (1.0 - n_v) ** 5)[:, None]
-    coat = _specular_brdf(a.clearcoat_roughness**2, 0.0, light, view, h)[:, None]
+    coat = _specular_brdf(a.clearcoat_roughness, 0.0, light, view, h)[:, None]
     material = material * (1.0 - blend) + coat * blend
     return np.where(((n_l > 0.0) & (n_v > 0.0))[:, None], material, 0.0)
 
 
 def _specular_brdf(
-    alpha: float, anisotropy: float, light: Float64Array, view: Float64Array, h: Float64Array
+    roughness: ArrayLike, anisotropy: float, light: Float64Array, view: Float64Array, h: Float64Array
 ) -> Float64Array:
     """D G / (4 NdotL NdotV) of GGX, (N,), wider along the tangent by KHR_materials_anisotropy."""
-    alpha = max(alpha, LEAST_ALPHA)
+    alpha = np.maximum(np.asarray(roughness, float) ** 2, LEAST_ALPHA)
     a_t, a_b = alpha + (1.0 - alpha) * anisotropy**2, alpha
     n_l, n_v = np.maximum(light[:, 2], 1e-9), np.maximum(view[:, 2], 1e-9)
     w2 = (h[:, 0] / a_t) ** 2 + (h[:, 1] / a_b) ** 2 + h[:, 2] ** 2
@@ -96,8 +96,8 @@ def _specular_brdf(
     return np.asarray(distribution / ((n_l + length(light, n_l)) * (n_v + length(view, n_v))))
 
 
-def _sheen_brdf(alpha_g: float, n_l: Float64Array, n_v: Float64Array, n_h: Float64Array) -> Float64Array:
-    inv_r = 1.0 / alpha_g
+def _sheen_brdf(alpha_g: ArrayLike, n_l: Float64Array, n_v: Float64Array, n_h: Float64Array) -> Float64Array:
+    inv_r = 1.0 / np.asarray(alpha_g, float)
     sin2h = np.maximum(1.0 - n_h**2, 0.0)
     distribution = (2.0 + inv_r) * sin2h ** (inv_r * 0.5) / (2.0 * np.pi)
     n_l, n_v = np.maximum(n_l, 1e-9), np.maximum(n_v, 1e-9)
@@ -105,9 +105,9 @@ def _sheen_brdf(alpha_g: float, n_l: Float64Array, n_v: Float64Array, n_h: Float
     return np.asarray(distribution / ((1.0 + lambdas) * (4.0 * n_v * n_l)))
 
 
-def _lambda_sheen(cos_theta: Float64Array, alpha_g: float) -> Float64Array:
+def _lambda_sheen(cos_theta: Float64Array, alpha_g: ArrayLike) -> Float64Array:
     def fit(x: Float64Array) -> Float64Array:
-        t = (1.0 - alpha_g) ** 2
+        t = (1.0 - np.asarray(alpha_g, float)) ** 2
         a, b = 21.5473 + t * (25.3245 - 21.5473), 3.82987 + t * (3.32435 - 3.82987)
         c, d = 0.19823 + t * (0.16801 - 0.19823), -1.97760 + t * (-1.27393 + 1.97760)
         e = -4.32054 + t * (-4.85967 + 4.32054)
@@ -117,7 +117,19 @@ def _lambda_sheen(cos_theta: Float64Array, alpha_g: float) -> Float64Array:
     return np.where(cos_theta < 0.5, np.exp(fit(low)), np.exp(2.0 * fit(np.array(0.5)) - fit(1.0 - high)))
 
 
-@lru_cache(maxsize=8)
+def _sheen_albedos(alpha_g: Float64Array, views: Float64Array) -> Float64Array:
+    """E (N,) at cosines (N,), for one alpha or (N,); between sixteen ones where it varies."""
+    if alpha_g.size == 1:
+        return np.asarray(np.interp(views, *_sheen_albedo(float(alpha_g))))
+    roots = np.linspace(np.sqrt(LEAST_ALPHA), 1.0, 16)
+    table = np.array([np.interp(views, *_sheen_albedo(float(root**2))) for root in roots])
+    place = np.interp(np.sqrt(alpha_g), roots, np.arange(16.0))
+    low = np.minimum(place.astype(int), 14)
+    rows = np.arange(len(views))
+    return np.asarray(table[low, rows] + (place - low) * (table[low + 1, rows] - table[low, rows]))
+
+
+@lru_cache(maxsize=32)
 def _sheen_albedo(alpha_g: float) -> tuple[Float64Array, Float64Array]:
     """Cosines of the view (V,) and E (V,): the integral of sheen_brdf NdotL over light from all directions."""
     views = np.linspace(0.01, 1.0, 100)
@@ -134,8 +146,10 @@ def _sheen_albedo(alpha_g: float) -> tuple[Float64Array, Float64Array]:
     return views, np.array(found)
 
 
-def _iridescent_fresnel(film_ior: float, thickness: float, base_f0: Float64Array, cos1: Float64Array) -> Float64Array:
-    """iridescent_fresnel (N, 3) of a film in air, thickness in nm, on a base with F0 (1 or N, 3)."""
+def _iridescent_fresnel(
+    film_ior: float, thickness: Float64Array, base_f0: Float64Array, cos1: Float64Array
+) -> Float64Array:
+    """iridescent_fresnel (N, 3) of a film in air, thickness (1 or N, 1) in nm, on a base with F0 (1 or N, 3)."""
     cos1 = cos1[:, None]
     cos2 = np.sqrt(np.maximum(1.0 - (1.0 / film_ior) ** 2 * (1.0 - cos1**2), 0.0))
     # First interface, air to film.

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from engine.material.layer import Layer, evaluate_layer
 from engine.material.layer_maps import ChannelImage
+from engine.material.parameter_maps import ParameterMaps
 from engine.material.parameter_nodes import plan_nodes
 from engine.scene.map_sampler import MapSampler
 from engine.scene.primary_hits import PrimaryHits
@@ -43,7 +44,7 @@ class TexelParameters:
         self._scene = scene
         self._images: dict[int, tuple[ChannelImage, ...]] = {}
         for i_object, layers in layers_of.items():
-            images = dict.fromkeys(each.image for layer in layers if layer.visible for each in layer.parameter_maps)
+            images = dict.fromkeys(each.image for layer in layers if layer.visible for each in _maps_of(layer))
             if images:
                 self._images[i_object] = tuple(images)
         self._n_columns = max(map(len, self._images.values()), default=0)
@@ -111,17 +112,30 @@ def evaluate_layers_by_texel(
 def _evaluate_by_texel(
     layer: Layer, images: Sequence[ChannelImage], wi: Float64Array, wo: Float64Array, texels: Float64Array
 ) -> Float64Array:
-    """The layer's formula, one evaluation for all points with equal values."""
-    if not layer.parameter_maps:
+    """The layer's formula, and that of its covers, one evaluation for all points with equal values."""
+    maps = _maps_of(layer)
+    if not maps:
         return evaluate_layer(layer, wi, wo)
-    columns = [images.index(each.image) for each in layer.parameter_maps]
+    columns = [images.index(each.image) for each in maps]
     found, which = np.unique(texels[:, columns], axis=0, return_inverse=True)
     order = np.argsort(which.ravel(), kind="stable")
     groups = np.split(order, np.cumsum(np.bincount(which.ravel(), minlength=len(found)))[:-1])
     value = np.empty((len(wi), 3))
     for channels, rows in zip(found, groups, strict=True):
-        own = layer
-        for each, channel in zip(layer.parameter_maps, channels, strict=True):
-            own = own.with_parameter(each.parameter, each.value_at(float(channel)))
-        value[rows] = evaluate_layer(own, wi[rows], wo[rows])
+        known = dict(zip((each.image for each in maps), channels.tolist(), strict=True))
+        covers = tuple(_at_texel(cover, known) for cover in layer.covers)
+        value[rows] = evaluate_layer(_at_texel(layer, known).replace(covers=covers), wi[rows], wo[rows])
     return value
+
+
+def _maps_of(layer: Layer) -> ParameterMaps:
+    """The maps of a layer and of those that lie on it, of each image the first."""
+    every = [each for one in (layer, *layer.covers) for each in one.parameter_maps]
+    return tuple({each.image: each for each in reversed(every)}.values())
+
+
+def _at_texel(layer: Layer, channels: Mapping[ChannelImage, float]) -> Layer:
+    """A layer with the values of its maps for channel values by image."""
+    for each in layer.parameter_maps:
+        layer = layer.with_parameter(each.parameter, each.value_at(channels[each.image]))
+    return layer

@@ -219,11 +219,31 @@ class LayerDescription(_Description):
         return own | {"maps": _maps(maps), "parameters": rest}
 
 
+def _gather_bumps(data: Any) -> Any:
+    """An object's or a variant's keys, with those of bumps in one."""
+    named = {key: data[key] for key in BUMP_TABLES if key in data} if isinstance(data, dict) else {}
+    if not named:
+        return data
+    return {key: value for key, value in data.items() if key not in named} | {"bumps": _bumps(named)}
+
+
 class VariantDescription(_Description):
-    """Another material of an object, by the name of the scene's variant to which it belongs."""
+    """Another material of an object, by the name of the scene's variant to which it belongs; None: the object keeps its
+    bumps, its opacity, its emission."""
 
     name: Text
     layers: tuple[LayerDescription, ...] = Field(alias="layer", min_length=1, max_length=64)
+    bumps: BumpMap | None = None
+    opacity: OpacityTable | None = None
+    emission: Radiance | None = None
+
+    _gather = model_validator(mode="before")(_gather_bumps)
+
+    @property
+    def files(self) -> tuple[tuple[str, str], ...]:
+        """What each of its images is, and its name, but for those of its layers."""
+        opacity = "" if self.opacity is None else self.opacity.opacity_map
+        return (*(() if self.bumps is None else self.bumps.files), *([("opacity_map", opacity)] if opacity else []))
 
 
 class ObjectDescription(_Description):
@@ -243,13 +263,7 @@ class ObjectDescription(_Description):
     layers: tuple[LayerDescription, ...] = Field(default=(), alias="layer", max_length=64)
     variants: tuple[VariantDescription, ...] = Field(default=(), alias="variant", max_length=MAX_VARIANTS)
 
-    @model_validator(mode="before")
-    @classmethod
-    def _gather_bumps(cls, data: Any) -> Any:
-        named = {key: data[key] for key in BUMP_TABLES if key in data} if isinstance(data, dict) else {}
-        if not named:
-            return data
-        return {key: value for key, value in data.items() if key not in named} | {"bumps": _bumps(named)}
+    _gather = model_validator(mode="before")(_gather_bumps)
 
     @model_validator(mode="after")
     def _is_placed_geometry(self) -> ObjectDescription:
@@ -273,8 +287,8 @@ class ObjectDescription(_Description):
 
     @property
     def emits(self) -> bool:
-        """Whether it is an emitter; with layers it reflects as well."""
-        return self.emission is not None and any(self.emission)
+        """Whether it is an emitter, itself or in a variant; with layers it reflects as well."""
+        return any(each is not None and any(each) for each in (self.emission, *(v.emission for v in self.variants)))
 
     @property
     def is_lamp(self) -> bool:

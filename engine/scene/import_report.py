@@ -116,7 +116,8 @@ def report_scene(scene: Scene) -> ImportReport:
     images: list[str] = []
     for i in own:
         for layer in described[i].layers:
-            images += [layer.maps.texture, layer.maps.weight, *(each["map"] for each in layer.parameter_maps.values())]
+            images += [name for _, name in layer.maps.files]
+            images += [each["map"] for each in layer.parameter_maps.values()]
         images += [name for _, name in (*described[i].bumps.files, *described[i].deform.files)]
         images.append(described[i].opacity.opacity_map)
     return ImportReport(

@@ -18,7 +18,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -43,7 +43,7 @@ from engine.scene.description import (
 )
 from engine.scene.loaders.formats import read_model
 from engine.scene.loaders.gltf_materials import COLOURED, GREY
-from engine.scene.loaders.model import ImportedModel, ImportedPart
+from engine.scene.loaders.model import ImportedModel, ImportedPart, ImportedVariant
 from engine.scene.mesh import Mesh, join_meshes, with_flat_normals, with_normals
 from engine.scene.primitives import PRIMITIVES, quad
 from engine.scene.punctual_lights import lamps_of, suns_of
@@ -188,25 +188,35 @@ def _join_parts(parts: list[ImportedPart]) -> tuple[Mesh, Rig | None, bool]:
     return join_meshes(meshes), joined, any(part.smooth for part in parts)
 
 
-def _material(item: ObjectDescription, part: ImportedPart) -> dict[str, object]:
+def _material(item: ObjectDescription, part: ImportedPart) -> dict[str, Any]:
     """The material that a part of its file gives an object; its own bumps and opacity take precedence."""
-    bumps = item.bumps
-    if part.bumps.file and not bumps.file:
-        bumps = replace(
-            part.bumps, normal_map=_image_name(str(item.mesh), part.bumps.normal_map),
-            bump_map=_image_name(str(item.mesh), part.bumps.bump_map), tangent_angle=bumps.tangent_angle,
-            tangent_map=bumps.tangent_map, tangent_range=bumps.tangent_range,
-        )  # fmt: skip
-    opacity = item.opacity
-    if opacity == OPAQUE:
-        opacity = replace(part.opacity, opacity_map=_image_name(str(item.mesh), part.opacity.opacity_map))
+    own = _surface(item, part)
+    glows = any(each.emission is not None for each in part.variants) or part.emission is not None
     variants = tuple(
-        VariantDescription(name=name, layer=_layers(layers, str(item.mesh))) for name, layers in part.variants
-    )
+        VariantDescription(
+            name=each.name, layer=_layers(each.layers, str(item.mesh)),
+            emission=(each.emission or (0.0, 0.0, 0.0)) if glows else None, **_surface(item, each),
+        )
+        for each in part.variants
+    )  # fmt: skip
     return {
-        "layers": _layers(part.layers, str(item.mesh)), "variants": variants, "emission": part.emission,
-        "bumps": bumps, "opacity": opacity, "smooth": item.smooth and part.smooth,
+        "bumps": item.bumps, "opacity": item.opacity, **own, "layers": _layers(part.layers, str(item.mesh)),
+        "variants": variants, "emission": part.emission, "smooth": item.smooth and part.smooth,
     }  # fmt: skip
+
+
+def _surface(item: ObjectDescription, part: ImportedPart | ImportedVariant) -> dict[str, Any]:
+    """The bumps and the opacity of a part or a variant of it, where its object has none of its own."""
+    file, found = str(item.mesh), dict[str, Any]()
+    if not item.bumps.file:
+        found["bumps"] = replace(
+            part.bumps, normal_map=_image_name(file, part.bumps.normal_map),
+            bump_map=_image_name(file, part.bumps.bump_map), tangent_angle=item.bumps.tangent_angle,
+            tangent_map=item.bumps.tangent_map, tangent_range=item.bumps.tangent_range,
+        )  # fmt: skip
+    if item.opacity == OPAQUE:
+        found["opacity"] = replace(part.opacity, opacity_map=_image_name(file, part.opacity.opacity_map))
+    return found
 
 
 def _layers(layers: tuple[LayerDescription, ...], file: str) -> tuple[LayerDescription, ...]:

@@ -309,10 +309,11 @@ def _load_maps(scene: Scene) -> None:
     wanted, bumps, opacities, channels = [], [], [], []
     for described in scene.description.objects:
         every = [*described.layers, *(layer for variant in described.variants for layer in variant.layers)]
+        for what, name in (file for variant in described.variants for file in variant.files):
+            resolve_inside(scene.folder, split_image_name(name)[0], scene.file, what)
         for maps in (layer.maps for layer in every):
-            for what, name in (("texture", maps.texture), ("weight", maps.weight)):
-                if name:
-                    resolve_inside(scene.folder, split_image_name(name)[0], scene.file, what)
+            for what, name in maps.files:
+                resolve_inside(scene.folder, split_image_name(name)[0], scene.file, what)
         # Textures and weights of other variants are read when these are chosen.
         wanted += [layer.maps.images for layer in described.layers if not layer.maps.is_plain]
         for name, table in (item for layer in every for item in layer.parameter_maps.items()):

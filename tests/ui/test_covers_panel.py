@@ -7,6 +7,7 @@ from dataclasses import replace
 import pytest
 
 from app.document.commands.layers import AddLayers, SetVariant, new_layer
+from app.document.document import Variant
 from ui.headless import HeadlessWindow
 from ui.panels.material import _cover_note
 
@@ -35,7 +36,7 @@ def test_a_variant_is_chosen(window: HeadlessWindow) -> None:
     editor = window.shell.editor
     document = editor.document
     pot, gold = document.object("teapot"), (new_layer("microfacet"),)
-    looks = (("plain", pot.layers), ("gold", gold))
+    looks = (Variant("plain", pot.layers), Variant("gold", gold))
     editor.history.document = document.with_object(replace(pot, variants=looks))
     window.frames(2)
     window.click_handle("material.variant")

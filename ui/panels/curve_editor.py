@@ -16,8 +16,10 @@ from imgui_bundle import ImVec2, imgui
 
 from app.document.commands.curves import operator_title
 from app.document.document import all_factors
+from app.document.node_layers import layers_at_nodes, picked_node
 from app.document.view_state import CHANNELS, SetView
 from engine.curve.operators import Operator, apply_operators
+from engine.material.parameters import Value
 from ui import theme as look
 from ui.panels import curve_helper, curve_keyboard, operator_list, widgets
 from ui.panels import curve_plot as plot
@@ -41,6 +43,10 @@ SIDE_WIDTH = 222.0
 # In a panel narrower than this the tools are under the plot; both then have at least these heights.
 STACKED_WIDTH, PLOT_HEIGHT, TOOLS_HEIGHT = 400.0, 210.0, 190.0
 NARROW_CHANNEL, WIDE_CHANNEL = 24.0, 32.0
+NODE_HINT = (
+    "A parameter varies over the surface, and the picture blends the curves of these values of it, its nodes. The plot "
+    "has all of them; this one has the handles. Edits change all."
+)
 
 
 def draw(context: PanelContext) -> list[Action]:
@@ -63,6 +69,7 @@ def draw(context: PanelContext) -> list[Action]:
     if not stacked:
         imgui.same_line(0.0, gap)
     if imgui.begin_child("operators", ImVec2(side, context.px(TOOLS_HEIGHT) if stacked else room.y)):
+        actions += _node(context, curves)
         actions += operator_list.draw(context, curves.key, curves.factor, curves.operators, curves.editable)
     imgui.end_child()
     return actions
@@ -80,7 +87,28 @@ def selected_curves(context: PanelContext) -> DrawnCurves | None:
         return None
     state = context.document.object(selection.object)
     editable = state.editable and not context.document.is_frozen(selection.key)
-    return DrawnCurves(selection.key, factor, layer, layer.generated_curve(factor), layer.operators(factor), editable)
+    nodes = layers_at_nodes(context.document, selection.key, context.status.map_nodes, factor)
+    picked = picked_node(nodes, context.view.node)
+    return DrawnCurves(selection.key, factor, nodes, picked, layer.operators(factor), editable)
+
+
+def _node(context: PanelContext, curves: DrawnCurves) -> list[Action]:
+    """The choice of the node whose curve has the handles, where a parameter varies over the surface."""
+    if len(curves.nodes) == 1:
+        return []
+    varying = [p for p in curves.layer.model.parameters if len({node.values[p.name] for node in curves.nodes}) > 1]
+    choices = [
+        widgets.Choice(", ".join(f"{p.label} {plain(node.values[p.name])}" for p in varying), key=str(k))
+        for k, node in enumerate(curves.nodes)
+    ]
+    imgui.set_next_item_width(-1.0)
+    picked = widgets.choose(context, "curve.node", choices, [curves.picked], NODE_HINT)
+    return [] if picked is None else [SetView.of(node=picked)]
+
+
+def plain(value: Value) -> str:
+    """A parameter's value in three digits."""
+    return " ".join(f"{each:.3g}" for each in (value if isinstance(value, tuple) else (value,)))
 
 
 def _draw_empty(context: PanelContext) -> None:
@@ -193,7 +221,8 @@ def _frame(context: PanelContext, curves: DrawnCurves, corner: ImVec2, room: ImV
 
 
 def fitted_range(curves: DrawnCurves, log_y: bool) -> tuple[float, float]:
-    """Values that the axis must show: of the edited and the generated curve, everywhere."""
+    """Values that the axis must show: of the edited and the generated curve, everywhere. The heights of nodes differ by
+    orders of magnitude: the picked one's counts."""
     gamma = np.concatenate([np.linspace(0.0, HALF_PI, 512), HALF_PI * 0.5 ** np.arange(2, 14)])
     edited = apply_operators(curves.operators, curves.generated)(gamma)
     return value_range(np.concatenate([edited, curves.generated(gamma)]), log_y)
@@ -214,6 +243,8 @@ def _draw_curves(
     samples = layer.model.samples(layer.model.leader(curves.factor), layer.values)
     if samples is not None:
         plot.draw_samples(frame, *samples, context.theme.scale)
+    for other in curves.others:
+        plot.draw_faint(frame, gamma, other(gamma), context.theme.scale)
     if curves.operators:
         plot.draw_generated(frame, gamma, curves.generated(gamma), context.theme.scale)
     plot.draw_curve(frame, gamma, edited(gamma), group.first.channels, context.theme.scale)

@@ -37,14 +37,29 @@ EXPONENTIAL_REACH = 0.3
 
 @dataclass(frozen=True)
 class DrawnCurves:
-    """The selected curve: what generates it, its operators, and the samples drawn (angles (N,), values (N, 3))."""
+    """The selected curve: what generates it, and its operators. nodes: its layer at each node, where a parameter that
+    drives it varies over the surface; `layer` is the one of them that is `picked`."""
 
     key: str
     factor: str
-    layer: Layer
-    generated: Curve
+    nodes: tuple[Layer, ...]
+    picked: int
     operators: tuple[CurveEdit, ...]
     editable: bool
+
+    @property
+    def layer(self) -> Layer:
+        return self.nodes[self.picked]
+
+    @property
+    def generated(self) -> Curve:
+        return self.layer.generated_curve(self.factor)
+
+    @property
+    def others(self) -> list[Curve]:
+        """The edited curves of the nodes that are not picked."""
+        nodes = (node for k, node in enumerate(self.nodes) if k != self.picked)
+        return [apply_operators(self.operators, node.generated_curve(self.factor)) for node in nodes]
 
 
 @dataclass(frozen=True)

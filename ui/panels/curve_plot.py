@@ -135,6 +135,14 @@ def draw_generated(frame: Frame, gamma: np.ndarray, values: np.ndarray, scale: f
         _dashed(imgui.get_window_draw_list(), points, look.pack(look.with_alpha(look.TEXT, 0.55)), 1.0 * scale, scale)
 
 
+def draw_faint(frame: Frame, gamma: np.ndarray, values: np.ndarray, scale: float) -> None:
+    """A curve beside the one with the handles: a thin line for each channel that differs."""
+    shown = distinct_channels(values)
+    for channel in shown:
+        ink = look.TEXT if len(shown) == 1 else look.CHANNELS[channel]
+        draw_line(frame, gamma, values[:, channel], look.with_alpha(ink, 0.4), 1.0 * scale)
+
+
 def draw_samples(frame: Frame, gamma: np.ndarray, values: np.ndarray, scale: float) -> None:
     """The samples that a curve was fitted to, as dots, of each channel that differs."""
     draw, shown = imgui.get_window_draw_list(), distinct_channels(values)

@@ -3,6 +3,7 @@ tangents: parts of the material panel."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -45,6 +46,7 @@ FLIP_GREEN_HINT = (
     "The direction that green means in the normal map: up, as in glTF and OpenGL, or down, as in maps for DirectX. "
     "If relief looks pressed in, and its light comes from below, the other one is right. Shown when idle."
 )
+FURTHER_HINT = "A map from the file, of what lies on this layer or shares its place: it multiplies the layer as well."
 GAP = 4.0
 
 
@@ -64,9 +66,33 @@ def draw(context: PanelContext, key: str, maps: LayerMaps, width: float) -> list
         channel = rows.Row(WEIGHT_CHANNEL, maps.weight_channel, make, "material.weight_channel", WEIGHT_CHANNEL.default)
         actions += rows.draw(context, channel, width)
     actions += paint.draw(context, key, maps, width)
+    for k in range(len(maps.further_weights)):
+        actions += _further_weight(context, key, maps, k, width)
     if context.map_refusal:
         widgets.caption(context.map_refusal)
     return actions
+
+
+def _further_weight(context: PanelContext, key: str, maps: LayerMaps, k: int, width: float) -> list[Action]:
+    """The row of a further weight map: its name, its inversion, and a button to remove it."""
+    further, others, gap = maps.further_weights[k], list(maps.further_weights), context.px(GAP)
+    widgets.label(context, f"Weight map {k + 2}", width)
+    right = imgui.get_frame_height() + _segment_width(context, "Invert") + 2.0 * gap
+    words = f"{image_label(further.image.file)} {WEIGHT_CHANNEL.title_of(further.image.channel).lower()}"
+    imgui.align_text_to_frame_padding()
+    imgui.text_unformatted(widgets.fitting(words, imgui.get_content_region_avail().x - right))
+    widgets.tooltip(f"{further.image.file}\n\n{FURTHER_HINT}")
+    widgets.same_line_at_right(right - gap)
+    if widgets.switch(
+        context, f"material.further_{k}", "Invert", "The layer is where the map is black.", further.invert
+    ):
+        others[k] = replace(further, invert=not further.invert)
+        return [SetMap(key, "further_weights", tuple(others))]
+    imgui.same_line(0.0, gap)
+    hint = f"Removes the map; {keys_of('undo')} brings it back."
+    if widgets.icon_button(context, f"clear_further_{k}", Icon.CLOSE, hint):
+        return [SetMap(key, "further_weights", tuple(others[:k] + others[k + 1 :]))]
+    return []
 
 
 def _vertex_colours(context: PanelContext, key: str, maps: LayerMaps, width: float) -> list[Action]:

@@ -32,9 +32,7 @@ LARGEST_LABEL = 136.0
 IMAGES_HINT = (
     "A texture that multiplies the layer, maps of its parameters and of its weight, and the object's bumps and opacity."
 )
-VARIANT_HINT = (
-    "The materials that the scene's file gives all its objects under one name. Edits of materials are replaced."
-)
+VARIANT_HINT = "A look of the whole scene, as its file has it. It replaces edits of materials."
 UNDER_HINT = "The layer that lies on this one, a clear coat or a sheen: what it reflects is lost to this one."
 ANGLES_OF_NOTE = np.radians([0.0, 80.0])
 FRESNEL_HINT = (
@@ -50,7 +48,9 @@ def draw(context: PanelContext) -> list[Action]:
 
 
 def _material(context: PanelContext) -> list[Action]:
-    selection, actions = context.view.selected, _variant(context)
+    selection = context.view.selected
+    width = widgets.LABEL_WIDTH if selection is None else _labels_of(context, selection)
+    actions = _variant(context, width)
     if selection is None:
         imgui.text_disabled("Nothing selected")
         widgets.caption("Click an object in the picture, or a layer in the list.")
@@ -64,24 +64,19 @@ def _material(context: PanelContext) -> list[Action]:
         imgui.spacing()
     layer = context.document.layer(selection.key)
     editable = state.editable and not context.document.is_frozen(selection.key)
-    shows_bumps = context.state.shows_images or bool(state.bumps.file)
-    shows_opacity = context.state.shows_images or state.opacity != OPAQUE
-    shows_tangent = is_anisotropic(context) or bool(state.bumps.tangent_angle or state.bumps.tangent_map)
-    of_object = [*([BUMP_STRENGTH] if shows_bumps else []), *([TANGENT_ANGLE] if shows_tangent else [])]
-    width = _label_width(context, (*layer.parameter_table, *of_object))
     actions += _heading(context, selection, layer, editable)
     imgui.begin_disabled(not editable)
     actions += _model(context, selection.key, layer, width)
     for parameter in layer.parameter_table:
         actions += _parameter(context, selection.key, layer, parameter, width)
     actions += _under(context, selection.key, state, layer, width)
-    if shows_tangent:
+    if _shows_tangent(context, state):
         actions += maps.draw_tangent(context, state, width)
     if _shows_images(context, layer):
         actions += maps.draw(context, selection.key, layer.maps, width)
-    if shows_bumps:
+    if _shows_bumps(context, state):
         actions += maps.draw_bumps(context, state, width)
-    if shows_opacity:
+    if context.state.shows_images or state.opacity != OPAQUE:
         actions += maps.draw_opacity(context, state, width)
     imgui.end_disabled()
     if note := _cover_note(layer):
@@ -93,13 +88,31 @@ def _material(context: PanelContext) -> list[Action]:
     return actions
 
 
-def _variant(context: PanelContext) -> list[Action]:
+def _shows_bumps(context: PanelContext, state: ObjectState) -> bool:
+    return context.state.shows_images or bool(state.bumps.file)
+
+
+def _shows_tangent(context: PanelContext, state: ObjectState) -> bool:
+    return is_anisotropic(context) or bool(state.bumps.tangent_angle or state.bumps.tangent_map)
+
+
+def _labels_of(context: PanelContext, selection: Selection) -> float:
+    """The width of the labels of what is selected, which all rows have."""
+    state = context.document.object(selection.object)
+    if state.is_lamp:
+        return widgets.LABEL_WIDTH
+    of_object = [BUMP_STRENGTH] if _shows_bumps(context, state) else []
+    of_object += [TANGENT_ANGLE] if _shows_tangent(context, state) else []
+    return _label_width(context, (*context.document.layer(selection.key).parameter_table, *of_object))
+
+
+def _variant(context: PanelContext, width: float) -> list[Action]:
     """The choice among the variants of the scene's materials, where its files have some."""
     names = context.document.variants
     if not names:
         return []
     choices, now = [widgets.Choice(name, "", name) for name in names], context.document.variant
-    widgets.label(context, "Variant", widgets.LABEL_WIDTH, rows.WIDE_CONTROL)
+    widgets.label(context, "Variant", width, rows.WIDE_CONTROL)
     chosen = [names.index(now)] if now else []
     picked = widgets.choose(context, "material.variant", choices, chosen, VARIANT_HINT, now or "Edited")
     return [] if picked is None else [SetVariant(names[picked])]

@@ -186,16 +186,15 @@ class SetVariant:
 
     def objects(self, document: Document) -> tuple[str, ...]:
         """The objects that get other materials."""
-        return tuple(state.name for state in document.objects if self.name in dict(state.variants))
+        return tuple(state.name for state in document.objects if self.name in [each.name for each in state.variants])
 
     def apply(self, document: Document) -> Document:
         if self.name not in document.variants:
             there = ", ".join(document.variants) or "none; its files have no variants"
             raise InsituError(f"there is no variant {self.name!r}; available: {there}")
         for state in document.objects:
-            layers = dict(state.variants).get(self.name)
-            if layers is not None and layers != state.layers:
-                document = document.with_object(replace(_editable_object(document, state.name), layers=layers))
+            if state.in_variant(self.name) != state:
+                document = document.with_object(_editable_object(document, state.name).in_variant(self.name))
         return document
 
 

@@ -14,15 +14,14 @@ read.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from engine.core.errors import LoadError, printable_name
-from engine.material.bumps import NO_BUMPS
-from engine.scene.description import MAX_VARIANTS, LayerDescription
+from engine.scene.description import MAX_VARIANTS
 from engine.scene.loaders.draco import decode_primitive, has_draco
 from engine.scene.loaders.gltf_buffers import open_gltf
 from engine.scene.loaders.gltf_cameras import read_cameras
@@ -30,18 +29,11 @@ from engine.scene.loaders.gltf_file import INTEGERS, SHARES, GltfFile
 from engine.scene.loaders.gltf_images import GltfImages
 from engine.scene.loaders.gltf_json import MAX_ITEMS, JsonObject
 from engine.scene.loaders.gltf_lights import CONVERTED, read_lights
-from engine.scene.loaders.gltf_materials import (
-    COLOURED,
-    GREY,
-    PartMaterial,
-    read_material,
-    uv_set,
-    without_images,
-)
+from engine.scene.loaders.gltf_materials import COLOURED, GREY, PartMaterial, read_material, uv_set
 from engine.scene.loaders.gltf_nodes import LONGEST_NAME, MeshNode, placed_meshes, scene_nodes
 from engine.scene.loaders.gltf_rig import PrimitiveRig, RigReader
 from engine.scene.loaders.gltf_unshown import unknown_requirements, unshown_properties
-from engine.scene.loaders.model import ImportedModel, ImportedPart
+from engine.scene.loaders.model import ImportedModel, ImportedPart, ImportedVariant
 from engine.scene.mesh import (
     MAX_COORDINATE,
     MAX_UV,
@@ -99,8 +91,8 @@ def read_glb(path: Path) -> ImportedModel:
     parts = []
     for (k, others), bound in by_material.items():
         of = any(mesh.colours is not None for mesh, _ in bound), _uv_set_of(described, k)
-        looks = [material(other, *of).layers for other in others]
-        parts.append(_part(bound, material(k, *of), skeleton, tuple(zip(variants, looks, strict=False))))
+        looks = [material(other, *of) for other in others]
+        parts.append(_part(bound, material(k, *of), skeleton, dict(zip(variants, looks, strict=False))))
         if material(k, *of).has_images and all(mesh.uvs is None for mesh, _ in bound):
             root.note(f"textures of material {k}", "on meshes without their coordinates", "not shown")
     low, high = (end([end(part.mesh.vertices, axis=0) for part in parts], axis=0) for end in (np.min, np.max))
@@ -145,24 +137,24 @@ def _variant_names(root: JsonObject) -> list[str]:
 
 
 def _part(
-    bound: list[Bound], material: PartMaterial, skeleton: Skeleton | None,
-    variants: tuple[tuple[str, tuple[LayerDescription, ...]], ...] = (),
-) -> ImportedPart:  # fmt: skip
+    bound: list[Bound], material: PartMaterial, skeleton: Skeleton | None, variants: Mapping[str, PartMaterial]
+) -> ImportedPart:
     """Join the meshes of one material; without texture coordinates it has no textures. If some have normals, those
     without get separate vertices for every face, so that they stay flat."""
     if any(mesh.normals is not None for mesh, _ in bound):
         bound = [each if each[0].normals is not None else _with_flat_normals(*each) for each in bound]
-    mesh, layers, bumps = join_meshes([mesh for mesh, _ in bound]), material.layers, material.bumps
-    opacity = material.opacity
+    mesh, rig = join_meshes([mesh for mesh, _ in bound]), None
     if mesh.uvs is None:
-        layers, bumps = without_images(layers), NO_BUMPS
-        variants = tuple((name, without_images(each)) for name, each in variants)
-        opacity = replace(opacity, opacity_map="")
-    rig = None
+        material, variants = material.without_images(), {name: each.without_images() for name, each in variants.items()}
     if skeleton is not None:
         rig = Rig(skeleton, join_bindings([binding for _, binding in bound if binding is not None]), np.eye(4))
-    is_smooth = mesh.normals is not None
-    return ImportedPart(mesh, layers, material.emission, rig, bumps, opacity, is_smooth, material.name, variants)
+    return ImportedPart(
+        mesh, material.layers, material.emission, rig, material.bumps, material.opacity, mesh.normals is not None,
+        material.name, tuple(
+            ImportedVariant(name, each.layers, each.emission, each.bumps, each.opacity)
+            for name, each in variants.items()
+        ),
+    )  # fmt: skip
 
 
 def _with_flat_normals(mesh: Mesh, binding: Binding | None) -> Bound:

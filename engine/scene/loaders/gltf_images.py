@@ -9,17 +9,23 @@ Nth of the file; the caller, who knows the file's name, prepends it.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import NamedTuple
-
-import numpy as np
+from dataclasses import dataclass, replace
+from typing import NamedTuple, cast
 
 from engine.core.errors import LoadError
-from engine.material.layer_maps import IDENTITY_TRANSFORM, MAX_REPEATS, Channel, LayerMaps, TextureTransform, Wrap
+from engine.material.layer_maps import (
+    MAX_REPEATS,
+    Channel,
+    ChannelImage,
+    LayerMaps,
+    TextureTransform,
+    Wrap,
+    channel_image_table,
+)
 from engine.scene.loaders.gltf_buffers import GltfBuffers
 from engine.scene.loaders.gltf_json import JsonObject
-from engine.scene.loaders.pbr_layers import NumberImage, WeightImage
-from engine.texture.texture_files import check_image, has_alpha, image_size, read_texture, read_weight, reduction
+from engine.scene.loaders.pbr_layers import NumberImage
+from engine.texture.texture_files import check_image, has_alpha, image_size, read_weight, reduction
 
 # Limit of pixels of all images of one file, plus more for every byte: a few kilobytes can claim millions of pixels.
 # They are decoded when they are used, at 0.1 s a megapixel: at most 6 s for a small file, and never in the window's
@@ -48,10 +54,12 @@ def uv_set_of_texture(info: JsonObject) -> int:
 
 
 class NumberTexture(NamedTuple):
-    """A channel of a texture that multiplies a number: its factor where it is the same everywhere, else its image."""
+    """A channel of a texture that multiplies a number: its factor where it is the same everywhere, else its image, and
+    the least of its texels."""
 
     factor: float = 1.0
     image: NumberImage | None = None
+    low: float = 1.0
 
 
 class GltfImages:
@@ -62,8 +70,7 @@ class GltfImages:
         self._root, self._buffers = root, buffers
         self._textures, self._images = root.children("textures"), root.children("images")
         self._samplers = root.children("samplers")
-        self._means: dict[int, tuple[float, float, float]] = {}
-        self._extremes: dict[int, tuple[list[float], list[float]]] = {}
+        self._extremes: dict[tuple[int, Channel], tuple[float, float]] = {}
         self._first_of: dict[str, int] = {}
         self._usable: dict[int, tuple[int | None, str]] = {}
         self._pixels_left = MOST_PIXELS + PIXELS_A_BYTE * buffers.n_bytes
@@ -114,54 +121,28 @@ class GltfImages:
             texture_wrap=own.wrap,
         )  # fmt: skip
 
-    def weight(self, fields: JsonObject, key: str, channel: Channel, notes: list[str]) -> WeightImage | None:
-        """A channel of a texture as a share; None if it cannot be shown."""
+    def channel(self, fields: JsonObject, key: str, channel: Channel, notes: list[str]) -> ChannelImage | None:
+        """A channel of a texture; None if it cannot be shown."""
         used = self.use(fields.child(key), notes) if fields.has(key) else None
-        if used is None:
-            return None
-        if used.scale != (1.0, 1.0) or used.transform != IDENTITY_TRANSFORM:
-            fields.not_shown(key, "laid out without its transform, and repeated")
-        return WeightImage(f"#{used.image}", channel)
+        return None if used is None else ChannelImage(f"#{used.image}", channel, used.scale, used.transform)
 
     def numbers(self, fields: JsonObject, key: str, channels: str, notes: list[str]) -> list[NumberTexture]:
-        """Channels of a texture of numbers; ones if it cannot be shown."""
-        used = self.use(fields.child(key), notes) if fields.has(key) else None
+        """Channels of a texture that multiply numbers; ones if it cannot be shown."""
+        used = self.channel(fields, key, "grey", notes)
         if used is None:
             return [NumberTexture() for _ in channels]
-        if used.image not in self._extremes:
-            pixels = read_texture(self._buffers.image(used.image), f"{self._root.file}#{used.image}", "linear")
-            self._extremes[used.image] = pixels.min(axis=(0, 1)).tolist(), pixels.max(axis=(0, 1)).tolist()
-        own, found = used.transform, []
-        for channel in channels:
-            low, high = (ends["rgb".index(channel)] for ends in self._extremes[used.image])
-            keys = {
-                "map": f"#{used.image}", "channel": channel, "repeats": used.scale, "offset": own.offset,
-                "rotation": own.rotation, "wrap": own.wrap,
-            }  # fmt: skip
-            found.append(NumberTexture(low) if low == high else NumberTexture(1.0, NumberImage(keys)))
-        return found
+        return [self._number(replace(used, channel=cast(Channel, channel))) for channel in channels]
 
-    def mean_alpha(self, info: JsonObject, notes: list[str]) -> float:
-        """Mean of an image's opacity; 1 if it is unavailable."""
-        image = self._image(info, notes)
-        if image is None:
-            return 1.0
-        shares = read_weight(self._buffers.image(image), f"{self._root.file}#{image}", channel="a")
-        return float(shares.mean(dtype=np.float64))
-
-    def mean(self, info: JsonObject, notes: list[str]) -> tuple[float, float, float]:
-        """Mean of an image of numbers, not of colours; 1 if it is unavailable."""
-        image = self._image(info, notes)
-        if image is None:
-            return 1.0, 1.0, 1.0
-        if image not in self._means:
-            name = f"{self._root.file}#{image}"
-            # A mean needs no mapping.
-            pixels = read_texture(self._buffers.image(image), name, "linear")
-            red, green, blue = pixels.reshape(-1, 3).mean(axis=0, dtype=np.float64).tolist()
-            self._means[image] = red, green, blue
-        notes.append("of a texture of numbers the means are shown")
-        return self._means[image]
+    def _number(self, image: ChannelImage) -> NumberTexture:
+        number = int(image.file[1:])
+        if (number, image.channel) not in self._extremes:
+            data = self._buffers.image(number)
+            texels = read_weight(data, f"{self._root.file}{image.file}", channel=image.channel)
+            self._extremes[number, image.channel] = float(texels.min()), float(texels.max())
+        low, high = self._extremes[number, image.channel]
+        if low == high:
+            return NumberTexture(low)
+        return NumberTexture(1.0, NumberImage(channel_image_table(image)), low)
 
     def _image(self, info: JsonObject, notes: list[str]) -> int | None:
         """The number of an image that can be read."""

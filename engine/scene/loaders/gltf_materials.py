@@ -2,8 +2,8 @@
 normal map, and what is not shown of it.
 
 KHR_materials_pbrSpecularGlossiness is the dielectric whose F0 is the specular colour, as KHR_materials_specular
-converts it. Textures of colours and of strengths multiply layers, those of metalness and of roughness are maps of
-parameters; of other textures of roughness the mean is shown (`gltf_images`).
+converts it. Textures of colours and of strengths multiply layers, those of metalness, of roughness, glossiness and of a
+film's thickness are maps of parameters.
 
 A part has one set of texture coordinates, that of its colour's texture (`uv_set`).
 """
@@ -11,23 +11,25 @@ A part has one set of texture coordinates, that of its colour's texture (`uv_set
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 from engine.core.errors import printable_name
 from engine.material.bumps import BUMP_STRENGTH, NO_BUMPS, Bumps
-from engine.material.layer_maps import LayerMaps
+from engine.material.layer_maps import ChannelImage, LayerMaps, TextureTransform
 from engine.material.opacity import OPAQUE, Mode, Opacity
 from engine.scene.description import MAX_RADIANCE, LayerDescription
 from engine.scene.loaders.gltf_images import GltfImages, uv_set_of_texture
 from engine.scene.loaders.gltf_json import JsonObject
 from engine.scene.loaders.pbr_layers import (
+    LEAST_SHEEN,
     RGB,
     WHITE,
     Coat,
     Film,
     PbrMaterial,
     SheenCoat,
-    WeightImage,
     pbr_layers,
 )
 
@@ -58,7 +60,12 @@ class PartMaterial:
     def has_images(self) -> bool:
         """Whether it has images, which need texture coordinates."""
         own = self.bumps.file or self.opacity.opacity_map
-        return bool(own) or any(layer.maps.is_of_files for layer in self.layers)
+        return bool(own) or any(layer.maps.is_of_files or layer.parameter_maps for layer in self.layers)
+
+    def without_images(self) -> PartMaterial:
+        """The material on a mesh without texture coordinates."""
+        opacity = replace(self.opacity, opacity_map="")
+        return replace(self, layers=_without_images(self.layers), bumps=NO_BUMPS, opacity=opacity)
 
 
 def read_material(fields: JsonObject, images: GltfImages, is_coloured: bool = False) -> PartMaterial:
@@ -112,7 +119,7 @@ def _metallic_roughness(fields: JsonObject, images: GltfImages, notes: list[str]
         specular=specular.clamped(specular.number("specularFactor", 1.0), "specularFactor"),
         facing_texture=texture,
         facing_image=_largest(texture),
-        specular_image=images.weight(specular, "specularTexture", "a", notes),
+        specular_image=images.channel(specular, "specularTexture", "a", notes),
     )
 
 
@@ -133,13 +140,11 @@ def _specular_glossiness(fields: JsonObject, images: GltfImages, notes: list[str
     red, green, blue, _ = (fields.clamped(v, "diffuseFactor") for v in fields.numbers("diffuseFactor", 4, (1.0,) * 4))
     facing = _rgb(tuple(fields.clamped(v, "specularFactor") for v in fields.numbers("specularFactor", 3, WHITE)))
     glossiness = fields.clamped(fields.number("glossinessFactor", 1.0), "glossinessFactor")
-    texture = images.maps(fields, "specularGlossinessTexture", notes)
-    if texture.texture:
-        glossiness *= images.mean_alpha(fields.child("specularGlossinessTexture"), notes)
-        fields.not_shown("specularGlossinessTexture", "the surface has its mean glossiness everywhere")
+    key = "specularGlossinessTexture"
+    texture, (shares,) = images.maps(fields, key, notes), images.numbers(fields, key, "a", [])
     return PbrMaterial(
-        (red, green, blue), 0.0, 1.0 - glossiness, images.maps(fields, "diffuseTexture", notes), facing,
-        facing_texture=texture, facing_image=_largest(texture),
+        (red, green, blue), 0.0, 1.0 - glossiness * shares.factor, images.maps(fields, "diffuseTexture", notes), facing,
+        facing_texture=texture, facing_image=_largest(texture), roughness_image=shares.image, roughness_at_black=1.0,
     )  # fmt: skip
 
 
@@ -157,14 +162,14 @@ def _film(fields: JsonObject, images: GltfImages, notes: list[str]) -> Film | No
     thickness = fields.clamped(
         fields.number("iridescenceThicknessMaximum", 400.0), "iridescenceThicknessMaximum", 0.0, 5000.0
     )
+    key, thinnest = "iridescenceThicknessMinimum", 0.0
+    (shares,) = images.numbers(fields, "iridescenceThicknessTexture", "g", notes)
     if fields.has("iridescenceThicknessTexture"):
-        key = "iridescenceThicknessMinimum"
-        least = fields.clamped(fields.number(key, 100.0), key, 0.0, 5000.0)
-        share = images.mean(fields.child("iridescenceThicknessTexture"), notes)[1]
-        fields.not_shown("iridescenceThicknessTexture", "the film has its mean thickness everywhere")
-        thickness = least + share * (thickness - least)
+        thinnest = fields.clamped(fields.number(key, 100.0), key, 0.0, 5000.0)
+        thickness = thinnest + shares.factor * (thickness - thinnest)
     ior = fields.clamped(fields.number("iridescenceIor", 1.3), "iridescenceIor", 1.0, 5.0)
-    return Film(strength, ior, thickness, images.weight(fields, "iridescenceTexture", "r", notes))
+    image = images.channel(fields, "iridescenceTexture", "r", notes)
+    return Film(strength, ior, thickness, image, shares.image, thinnest)
 
 
 def _sheen(fields: JsonObject, images: GltfImages, notes: list[str]) -> SheenCoat | None:
@@ -174,11 +179,16 @@ def _sheen(fields: JsonObject, images: GltfImages, notes: list[str]) -> SheenCoa
         _without_effect(fields)
         return None
     roughness = fields.clamped(fields.number("sheenRoughnessFactor", 0.0), "sheenRoughnessFactor")
-    if fields.has("sheenRoughnessTexture"):
-        roughness *= images.mean_alpha(fields.child("sheenRoughnessTexture"), notes)
-        fields.not_shown("sheenRoughnessTexture", "the sheen has its mean roughness everywhere")
+    (shares,) = images.numbers(fields, "sheenRoughnessTexture", "a", notes)
+    roughness *= shares.factor
+    least = math.sqrt(LEAST_SHEEN)
+    if roughness < least:
+        fields.note("sheenRoughnessFactor", roughness, f"taken as {least:g}")
+        fields.not_shown("sheenRoughnessFactor", f"the sheen has a roughness of at least {least:g}")
+    elif shares.image is not None and shares.low * roughness < least:
+        fields.not_shown("sheenRoughnessTexture", f"the sheen has a roughness of at least {least:g}")
     texture = images.maps(fields, "sheenColorTexture", notes)
-    return SheenCoat(colour, roughness, texture, _largest(texture))
+    return SheenCoat(colour, roughness, texture, _largest(texture), shares.image)
 
 
 def _coat(fields: JsonObject, images: GltfImages, notes: list[str]) -> Coat | None:
@@ -187,41 +197,30 @@ def _coat(fields: JsonObject, images: GltfImages, notes: list[str]) -> Coat | No
         _without_effect(fields)
         return None
     roughness = fields.clamped(fields.number("clearcoatRoughnessFactor", 0.0), "clearcoatRoughnessFactor")
-    if fields.has("clearcoatRoughnessTexture"):
-        roughness *= images.mean(fields.child("clearcoatRoughnessTexture"), notes)[1]
-        fields.not_shown("clearcoatRoughnessTexture", "the coat has its mean roughness everywhere")
+    (shares,) = images.numbers(fields, "clearcoatRoughnessTexture", "g", notes)
     if fields.has("clearcoatNormalTexture"):
         fields.not_shown("clearcoatNormalTexture", "the coat has the normals of what lies under it")
-    return Coat(strength, roughness, image=images.weight(fields, "clearcoatTexture", "r", notes))
+    image = images.channel(fields, "clearcoatTexture", "r", notes)
+    return Coat(strength, roughness * shares.factor, image=image, roughness_image=shares.image)
 
 
-def _largest(maps: LayerMaps) -> WeightImage | None:
-    """The largest channel of a colour texture as a share; None where there is none, or where it does not lie in plain
-    texture coordinates, as weight maps do: the share counts as 1 there."""
-    is_plain = bool(maps.texture) and LayerMaps(maps.texture, maps.texture_space) == maps
-    return WeightImage(maps.texture, "max") if is_plain else None
+def _largest(maps: LayerMaps) -> ChannelImage | None:
+    """The largest channel of a colour texture as a share; None where there is none."""
+    if not maps.texture:
+        return None
+    transform = TextureTransform(maps.texture_rotation, maps.texture_offset, maps.texture_wrap)
+    return ChannelImage(maps.texture, "max", maps.texture_scale, transform)
 
 
 def _list_partly_shown(material: PbrMaterial, extensions: JsonObject, emits: bool) -> None:
     """List what the layers of a material cannot have together."""
-    specular, sheen, coat = (
-        extensions.child(f"KHR_materials_{name}") for name in ("specular", "sheen", "clearcoat")
-    )  # fmt: skip
-    has_share = material.specular_image is not None or material.facing_image is not None
+    specular, coat = (extensions.child(f"KHR_materials_{name}") for name in ("specular", "clearcoat"))
     if material.film is not None:
         for key in ("specularTexture", "specularColorTexture"):
             if specular.has(key):
                 specular.not_shown(key, "counts as white under iridescence")
-        has_share = material.film.image is not None
-    if material.sheen is not None and material.sheen.image is not None:
-        if has_share:
-            sheen.not_shown("sheenColorTexture", "sheen takes from layers with another map as if it were white")
-        has_share = True
-    if material.coat is not None:
-        if material.coat.image is not None and has_share:
-            coat.not_shown("clearcoatTexture", "the coat takes from layers with another map as if it were whole")
-        if emits:
-            coat.not_shown("clearcoatFactor", "the coat does not dim what the surface emits")
+    if material.coat is not None and emits:
+        coat.not_shown("clearcoatFactor", "the coat does not dim what the surface emits")
 
 
 def _opacity(fields: JsonObject, colours: JsonObject, name: str, images: GltfImages, is_coloured: bool) -> Opacity:
@@ -250,14 +249,26 @@ def _opacity(fields: JsonObject, colours: JsonObject, name: str, images: GltfIma
     )  # fmt: skip
 
 
-def without_images(layers: tuple[LayerDescription, ...]) -> tuple[LayerDescription, ...]:
+def _without_images(layers: tuple[LayerDescription, ...]) -> tuple[LayerDescription, ...]:
     """The layers on a mesh without texture coordinates, all images white: what an inverted weight map leaves of white
-    is nothing; vertex colours remain."""
+    is nothing, parameters have their values at white; vertex colours remain."""
     return tuple(
-        layer.model_copy(update={"maps": LayerMaps(vertex_colours=layer.maps.vertex_colours)})
+        layer.model_copy(
+            update={
+                "maps": LayerMaps(vertex_colours=layer.maps.vertex_colours),
+                "parameter_maps": {},
+                "parameters": layer.parameters
+                | {name: _at_white(table) for name, table in layer.parameter_maps.items()},
+            }
+        )  # fmt: skip
         for layer in layers
-        if not layer.maps.weight_invert
+        if not (layer.maps.weight_invert or any(each.invert for each in layer.maps.further_weights))
     )
+
+
+def _at_white(table: Mapping[str, Any]) -> Any:
+    high, least = table["range"][1], table.get("least", 0.0)
+    return max(high, least) if isinstance(high, float) else high
 
 
 def _emission(fields: JsonObject) -> RGB:

@@ -21,10 +21,21 @@ RGB = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
+class ImportedVariant:
+    """The material of a part in one of the file's variants, by its name."""
+
+    name: str
+    layers: tuple[LayerDescription, ...]
+    emission: RGB | None = None
+    bumps: Bumps = NO_BUMPS
+    opacity: Opacity = OPAQUE
+
+
+@dataclass(frozen=True)
 class ImportedPart:
     """All triangles of one material. layers: empty where the file has no material that is read; smooth: whether normals
-    are interpolated, computed where the mesh has none; name: the material's, empty if it has none; variants: the layers
-    by the names of the file's variants, empty where all are the same."""
+    are interpolated, computed where the mesh has none; name: the material's, empty if it has none; variants: other
+    materials, empty where all are the same."""
 
     mesh: Mesh
     layers: tuple[LayerDescription, ...] = ()
@@ -34,7 +45,7 @@ class ImportedPart:
     opacity: Opacity = OPAQUE
     smooth: bool = True
     name: str = ""
-    variants: tuple[tuple[str, tuple[LayerDescription, ...]], ...] = ()
+    variants: tuple[ImportedVariant, ...] = ()
 
 
 @dataclass(frozen=True)

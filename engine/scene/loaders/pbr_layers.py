@@ -14,8 +14,8 @@ strength [engine.material.parameter_maps]; an image of the roughness is the map 
 
 A coat or a sheen takes the share c(u, v) E(theta_o) from all beneath (`Layer.under`). Where c is an image, each layer
 beneath is two: 1 - c of it bare and c of it covered, with shared curves. In the same way the base under an image of f
-is two layers, of which one has no f. A layer has one image of its share: where it would need two, the second counts as
-white.
+or of w is two layers, or three: one without gloss on it, one whose gloss has no f. Shares multiply: the first image of
+a layer is its weight map, others are further ones.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
-from engine.material.layer_maps import Channel, LayerMaps
+from engine.material.layer_maps import ChannelImage, FurtherWeight, LayerMaps
 from engine.scene.description import LayerDescription
 
 RGB = tuple[float, float, float]
@@ -35,14 +35,6 @@ SMOOTHEST = 0.01  # the least α: a mirror is kept just rough enough to be sampl
 LEAST_SHEEN = 0.01
 _BRIGHTEST = 0.999  # F0 of the gloss on a base: more leaves nothing of it
 _MIXED = 0.02  # metalness this close to 0 or 1 counts as that
-
-
-@dataclass(frozen=True)
-class WeightImage:
-    """An image whose channel is a share; see `LayerMaps.weight`."""
-
-    file: str
-    channel: Channel
 
 
 @dataclass(frozen=True)
@@ -58,39 +50,45 @@ class NumberImage:
 
 @dataclass(frozen=True)
 class Coat:
-    """A clear coat: its strength and roughness in [0, 1], its index of refraction, and the image of its strength."""
+    """A clear coat: its strength and roughness in [0, 1], its index of refraction, and the images of the first two."""
 
     strength: float
     roughness: float = 0.0
     ior: float = 1.5
-    image: WeightImage | None = None
+    image: ChannelImage | None = None
+    roughness_image: NumberImage | None = None
 
 
 @dataclass(frozen=True)
 class SheenCoat:
-    """A sheen: its colour and roughness in [0, 1], the image of its colour, and that of the largest of its channels."""
+    """A sheen: its colour and roughness in [0, 1], the image of its colour, that of the largest of its channels, and
+    that of its roughness."""
 
     colour: RGB
     roughness: float = 0.0
     texture: LayerMaps = LayerMaps()
-    image: WeightImage | None = None
+    image: ChannelImage | None = None
+    roughness_image: NumberImage | None = None
 
 
 @dataclass(frozen=True)
 class Film:
-    """A thin film: its strength in [0, 1], index of refraction and thickness in nm, and the image of its strength."""
+    """A thin film: its strength in [0, 1], index of refraction and thickness in nm; the image of its strength, and that
+    of its thickness, which goes from `thinnest`, at black, to the thickness."""
 
     strength: float
     ior: float = 1.3
     thickness: float = 400.0
-    image: WeightImage | None = None
+    image: ChannelImage | None = None
+    thickness_image: NumberImage | None = None
+    thinnest: float = 0.0
 
 
 @dataclass(frozen=True)
 class PbrMaterial:
     """base: linear colour; metallic, roughness in [0, 1]; facing: F0 of the dielectric part, at most 1, before its
     strength `specular`. Images that multiply base and facing, the largest channel of the latter, the strength, and
-    the two numbers."""
+    the two numbers; that of the roughness goes from `roughness_at_black` to the roughness."""
 
     base: RGB = WHITE
     metallic: float = 1.0
@@ -99,10 +97,11 @@ class PbrMaterial:
     facing: RGB = (DIELECTRIC,) * 3
     specular: float = 1.0
     facing_texture: LayerMaps = LayerMaps()
-    facing_image: WeightImage | None = None
-    specular_image: WeightImage | None = None
+    facing_image: ChannelImage | None = None
+    specular_image: ChannelImage | None = None
     metallic_image: NumberImage | None = None
     roughness_image: NumberImage | None = None
+    roughness_at_black: float = 0.0
     film: Film | None = None
     sheen: SheenCoat | None = None
     coat: Coat | None = None
@@ -120,13 +119,25 @@ def pbr_layers(material: PbrMaterial) -> Layers:
         metal = (_with_strength(each, image, 0.0, metallic) for each in map(_of_metal, _bare(material, 1.0)))
         layers = (*dielectric, *metal)
     if material.roughness_image is not None:
-        widths = material.roughness_image.table(0.0, material.roughness**2, response="square", least=SMOOTHEST)
-        layers = tuple(_with_map(each, "alpha", widths) if "alpha" in each.parameters else each for each in layers)
+        ends = material.roughness_at_black, material.roughness
+        layers = tuple(
+            _with_widths(each, material.roughness_image, *ends) if "alpha" in each.parameters else each
+            for each in layers
+        )
     if material.sheen is not None and any(material.sheen.colour):
         layers = _covered(layers, _sheen(material.sheen), material.sheen.image)
     if material.coat is not None and material.coat.strength > 0.0:
         layers = _covered(layers, _coat(material.coat), material.coat.image)
     return layers
+
+
+def _with_widths(
+    layer: LayerDescription, image: NumberImage | None, at_black: float, at_white: float, least: float = SMOOTHEST
+) -> LayerDescription:
+    """A layer whose alpha is the square of a roughness that follows an image, if there is one."""
+    if image is None:
+        return layer
+    return _with_map(layer, "alpha", image.table(at_black**2, at_white**2, response="square", least=least))
 
 
 def _bare(material: PbrMaterial, metallic: float) -> Layers:
@@ -154,9 +165,9 @@ def _with_map(layer: LayerDescription, name: str, table: dict[str, object]) -> L
 
 
 def _diffuse(material: PbrMaterial, metallic: float) -> list[LayerDescription]:
-    """(1 - m) (1 - max F) b / pi. Where F = w (f + (1 - f) r) has an image, 1 - max F is the same under all of it where
-    the image is white, and under what is left of it where it is black."""
-    albedo, texture, w = _scaled(material.base, 1.0 - metallic), material.base_texture, material.specular
+    """(1 - m) (1 - max F) b / pi with F = w (f + (1 - f) r). Where w is an image, this is the base without F by 1 - w,
+    and with it by w; where f is one, its part under w is the base with f = 0 by 1 - f, and with it by f."""
+    albedo, w = _scaled(material.base, 1.0 - metallic), material.specular
     if not any(albedo):
         return []
 
@@ -164,15 +175,17 @@ def _diffuse(material: PbrMaterial, metallic: float) -> list[LayerDescription]:
         parameters = {"albedo": albedo, "f0": facing, "f90": f90}
         return LayerDescription(model="diffuse_base", name=name, follows=follows, maps=maps, parameters=parameters)
 
-    facing = _scaled(material.facing, w)
+    facing, maps, found = _scaled(material.facing, w), material.base_texture, list[LayerDescription]()
     if material.specular_image is not None:
-        white = base("base", facing, w, _weighted(texture, material.specular_image))
-        return [white, base("bare base", BLACK, 0.0, _weighted(texture, material.specular_image, inverted=True))]
+        found.append(base("bare base", BLACK, 0.0, _weighted(maps, material.specular_image, inverted=True)))
+        maps = _weighted(maps, material.specular_image)
     if material.facing_image is not None:
-        black = base("bare base", BLACK, w, _weighted(texture, material.facing_image, inverted=True))
-        white = base("base", facing, w, _weighted(texture, material.facing_image))
-        return [black] if min(max(facing), w) > _BRIGHTEST else [white, black]
-    return [base("base", facing, w, texture, "gloss" if metallic == 0.0 else None)]
+        found.append(base("dull base", BLACK, w, _weighted(maps, material.facing_image, inverted=True)))
+        maps = _weighted(maps, material.facing_image)
+        if min(max(facing), w) > _BRIGHTEST:
+            return found
+    shares_gloss = metallic == 0.0 and not found
+    return [base("base", facing, w, maps, "gloss" if shares_gloss else None), *found]
 
 
 def _gloss(material: PbrMaterial, metallic: float) -> list[LayerDescription]:
@@ -216,6 +229,8 @@ def _iridescent(material: PbrMaterial, metallic: float, film: Film) -> Layers:
 
     def layers(film_share: float, bare: bool = False) -> Layers:
         shown = {"film": film_share, "film_ior": film.ior, "thickness": film.thickness}
+        image = None if bare else film.thickness_image
+        mapped = {} if image is None else {"thickness": image.table(film.thinnest, film.thickness)}
 
         def layer(
             model: str, name: str, maps: LayerMaps, follows: str | None = None, **own: object
@@ -223,7 +238,9 @@ def _iridescent(material: PbrMaterial, metallic: float, film: Film) -> Layers:
             if bare:
                 name, follows = f"bare {name}", follows and f"bare {follows}"
             maps = maps if film.image is None else _weighted(maps, film.image, bare)
-            return LayerDescription(model=model, name=name, follows=follows, maps=maps, parameters={**own, **shown})
+            return LayerDescription(
+                model=model, name=name, follows=follows, maps=maps, parameters={**own, **shown}, parameter_maps=mapped
+            )
 
         found, texture, plain = [], material.base_texture, LayerMaps()
         if metallic < 1.0:
@@ -240,28 +257,29 @@ def _iridescent(material: PbrMaterial, metallic: float, film: Film) -> Layers:
 
 def _sheen(sheen: SheenCoat) -> LayerDescription:
     parameters = {"alpha": max(sheen.roughness**2, LEAST_SHEEN), "scale": sheen.colour}
-    return LayerDescription(model="sheen", name="sheen", maps=sheen.texture, parameters=parameters)
+    layer = LayerDescription(model="sheen", name="sheen", maps=sheen.texture, parameters=parameters)
+    return _with_widths(layer, sheen.roughness_image, 0.0, sheen.roughness, LEAST_SHEEN)
 
 
 def _coat(coat: Coat) -> LayerDescription:
     maps = LayerMaps() if coat.image is None else _weighted(LayerMaps(), coat.image)
     parameters = {"alpha": max(coat.roughness**2, SMOOTHEST), "ior": coat.ior, "scale": coat.strength}
-    return LayerDescription(model="clearcoat", name="coat", maps=maps, parameters=parameters)
+    layer = LayerDescription(model="clearcoat", name="coat", maps=maps, parameters=parameters)
+    return _with_widths(layer, coat.roughness_image, 0.0, coat.roughness)
 
 
-def _covered(layers: Iterable[LayerDescription], cover: LayerDescription, image: WeightImage | None) -> Layers:
-    """The layers beneath a cover, and the cover. Where the cover's share is an image, a layer that has no such image is
-    two."""
+def _covered(layers: Iterable[LayerDescription], cover: LayerDescription, image: ChannelImage | None) -> Layers:
+    """The layers beneath a cover, and the cover. Where the cover's share is an image, each layer is two."""
     found: list[LayerDescription] = []
     for layer in layers:
         beneath = layer if layer.under else layer.model_copy(update={"under": cover.name})
-        if image is None or layer.maps.weight:
+        if image is None:
             found.append(beneath)
             continue
         bare = layer.model_copy(
             update={
-                "name": f"bare {layer.name}", "follows": layer.follows or layer.name,
-                "under": f"bare {layer.under}" if layer.under else None,
+                "name": f"{layer.name} without {cover.name}", "follows": layer.follows or layer.name,
+                "under": f"{layer.under} without {cover.name}" if layer.under else None,
                 "maps": _weighted(layer.maps, image, inverted=True),
             }
         )  # fmt: skip
@@ -269,8 +287,11 @@ def _covered(layers: Iterable[LayerDescription], cover: LayerDescription, image:
     return (*found, cover)
 
 
-def _weighted(maps: LayerMaps, image: WeightImage, inverted: bool = False) -> LayerMaps:
-    """The maps with an image as weight, or with one minus it."""
+def _weighted(maps: LayerMaps, image: ChannelImage, inverted: bool = False) -> LayerMaps:
+    """The maps with an image as a weight more, or with one minus it. The weight map, which can be painted, lies in
+    plain coordinates."""
+    if maps.weight or image.mapping != ChannelImage("").mapping:
+        return replace(maps, further_weights=(*maps.further_weights, FurtherWeight(image, inverted)))
     return replace(maps, weight=image.file, weight_channel=image.channel, weight_invert=inverted)
 
 

@@ -16,7 +16,14 @@ from app.document.document import Document, document_from_description
 from app.document.history import History
 from app.document.linked_layers import linked_indices
 from app.document.named_files import files_of_document, with_full_names
-from app.document.node_layers import channel_images, node_counts, nodes_reason, with_node_layers
+from app.document.node_layers import (
+    channel_images,
+    layers_at_nodes,
+    node_counts,
+    nodes_reason,
+    picked_node,
+    with_node_layers,
+)
 from app.document.selection import is_layer_visible
 from app.document.view_state import ViewState
 from app.files.session import dump_session, fit_session, parse_session
@@ -56,7 +63,7 @@ def test_nodes_follow_the_layer_and_its_key_stays() -> None:
     layers = found.object("ball").layers
     assert len(layers) == 6 and found.layer("ball.2") == document.layer("ball.2")
     assert linked_indices(layers, 1) == (1, 3, 4, 5) and layers[1].name == "metal"
-    assert layers[1].values["alpha"] == pytest.approx(0.1, abs=0.01) and layers[5].values["alpha"] > 0.55
+    assert layers[1].values["alpha"] == pytest.approx(0.1, abs=0.01) and layers[5].values["alpha"] > 0.5
     assert {layer.node_of for layer in layers} == {"", "metal"} and not any(layer.parameter_maps for layer in layers)
     # While its image is unknown, the parameter has its own value.
     alone = with_node_layers(document, {})
@@ -83,6 +90,41 @@ def test_a_fresnel_term_has_the_same_nodes() -> None:
     ]
     assert [layer.maps for layer in rising] == [layer.maps for layer in layers if layer.node_of == "metal"]
     assert len(linked_indices(layers, 1)) == 6
+
+
+def test_what_lies_under_a_cover_that_varies_varies_with_it() -> None:
+    # 1 - E of a sheen of any roughness is a sum over three of them; a coat takes the same whatever its roughness.
+    alpha = {"alpha": {"map": "rough.png", "range": [0.05, 0.6]}}
+    covers = [{"model": name, "name": name, "parameter_maps": alpha} for name in ("sheen", "clearcoat")]
+    covers[0]["scale"] = 0.8
+    for cover, n in zip(covers, (3, 1), strict=True):
+        document = opened({**METAL, "under": cover["name"]}, cover)
+        layers = pictured(document, 4).object("ball").layers
+        beneath = [layer for layer in layers if layer.model.name == "rough_conductor"]
+        assert len(beneath) == n and len(layers) == 1 + n + 4
+        assert not any(above.parameter_maps for layer in beneath for above in layer.covers)
+        assert linked_indices(layers, 1) == tuple(i for i, layer in enumerate(layers) if layer in beneath)
+        angles, channel = np.radians([0.0, 40.0, 70.0]), 0.37
+        shares = [
+            layer.uncovered_share(angles)
+            * np.prod([np.interp(channel, each.knots, each.weights) for each in layer.maps.node_weights])
+            for layer in beneath
+        ]
+        (own,) = document.layer(f"ball.{cover['name']}").parameter_maps
+        there = document.layer(f"ball.{cover['name']}").with_parameter("alpha", own.value_at(channel))
+        assert sum(shares) == pytest.approx(1.0 - there.coverage(angles), abs=0.004)
+
+
+def test_a_layer_is_shown_at_each_node_of_its_curve() -> None:
+    document = opened({**MAPPED, "parameter_maps": {**MAPPED["parameter_maps"], "eta": {"map": "b.png"}}})
+    counts = node_counts(document, dict.fromkeys(channel_images(document), RAMP), 2)
+    assert [len(each.values) for each in counts] == [2, 2]
+    widths = layers_at_nodes(document, "ball.1", counts, "theta_h")
+    assert tuple(layer.values["alpha"] for layer in widths) == counts[0].values
+    assert {layer.values["eta"] for layer in widths} == {counts[1].values[1]}  # no part of that curve: the middle one
+    assert picked_node(widths, None) == 1 and picked_node(widths, 7) == 1 and picked_node(widths, 0) == 0
+    document = SetFresnelTerm("ball.metal", True).apply(document)
+    assert [len(layers_at_nodes(document, key, counts, "theta_h")) for key in ("ball.0", "ball.2")] == [1, 2]
 
 
 def test_solo_shows_all_nodes() -> None:

@@ -11,7 +11,7 @@ from app.document.commands.curves import SetOperators
 from app.document.commands.layers import AddLayers, SetMaterial, SetParameter, SetVariant, SetVisible, new_layer
 from app.document.commands.light import SetEmission, SetRotation
 from app.document.commands.maps import SetBumps, SetOpacity, SetSurface
-from app.document.document import Document
+from app.document.document import Document, Variant
 from app.document.history import History
 from app.document.scene_change import SceneChange, matching_parts
 from engine.curve.operators import Operator
@@ -54,7 +54,7 @@ def test_no_field_of_an_object_is_lost(document: Document) -> None:
 def test_a_chosen_variant_follows_the_file_until_it_is_edited(document: Document) -> None:
     def with_variants(grey: float) -> Document:
         plain, look = (new_layer("lambert").with_parameter("albedo", each) for each in (0.5, grey))
-        state = replace(document.object("floor"), layers=(plain,), variants=(("look", (look,)),))
+        state = replace(document.object("floor"), layers=(plain,), variants=(Variant("look", (look,)),))
         return document.with_object(state)
 
     before, now = with_variants(0.2), with_variants(0.3)

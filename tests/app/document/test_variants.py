@@ -49,6 +49,25 @@ def test_a_variant_is_of_all_objects_that_have_it(document: Document) -> None:
     assert SetParameter("pot.0", "albedo", 0.3).apply(fir).variant == ""
 
 
+def test_a_variant_brings_bumps_opacity_and_emission() -> None:
+    tree = {**SCENE, "object": [dict(each) for each in SCENE["object"]]}
+    pot = next(each for each in tree["object"] if each["name"] == "pot")
+    pot["variant"] = [
+        {"name": "day", "layer": [RED], "emission": 0, "opacity": {}},
+        {"name": "night", "layer": [RED], "emission": [0, 1, 0], "opacity": {"mode": "blend", "factor": 0.5},
+         "normal_map": {"file": "n.png"}},
+    ]  # fmt: skip
+    before = document_from_description("shelf", parse_description(tree, "shelf"))
+    assert before.object("pot").emission == (0.0, 0.0, 0.0)
+    night = SetVariant("night").apply(before)
+    state = night.object("pot")
+    assert (state.emission, state.opacity.opacity_factor, state.bumps.normal_map) == ((0.0, 1.0, 0.0), 0.5, "n.png")
+    assert night.variant == "night"
+    # The day has no bumps of its own: the pot keeps those of the night.
+    day = SetVariant("day").apply(night).object("pot")
+    assert day.emission == (0.0, 0.0, 0.0) and day.new_opacity is None and day.bumps == state.bumps
+
+
 def test_paths_name_it_and_errors_list_what_there_is(document: Document) -> None:
     assert set_path(document, "variant", "fir") == SetVariant("fir")
     with pytest.raises(LoadError, match="variant: value = 3, expected the name of a variant"):

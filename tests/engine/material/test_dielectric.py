@@ -9,10 +9,11 @@ from app.document.linked_layers import layers_from_descriptions
 from engine.curve.operators import Operator
 from engine.material import MODELS, make_layer
 from engine.material.layer import Layer, evaluate_by_curves, evaluate_layers
+from engine.material.layer_maps import ChannelImage
 from engine.precompute.indirect.albedo import equivalent_albedo
 from engine.precompute.indirect.indirect_layers import indirect_layer
 from engine.reference.gltf_brdf import GltfInputs, gltf_brdf
-from engine.scene.loaders.pbr_layers import Coat, Film, PbrMaterial, SheenCoat, WeightImage, pbr_layers
+from engine.scene.loaders.pbr_layers import Coat, Film, PbrMaterial, SheenCoat, pbr_layers
 from tests.engine.material.test_models import hemisphere
 
 CASES = {
@@ -107,7 +108,7 @@ def test_a_white_furnace_loses_nothing_to_a_sheen() -> None:
 def test_images_split_layers_into_what_adds_up() -> None:
     # With its image at 1 the split material is the covered one, at 0 the bare one: shares add up to 1 in between.
     plain = PbrMaterial((0.5, 0.4, 0.3), 0.3, 0.4, coat=Coat(0.8, 0.2), sheen=SheenCoat((0.5,) * 3, 0.5))
-    coat = Coat(0.8, 0.2, image=WeightImage("#1", "r"))
+    coat = Coat(0.8, 0.2, image=ChannelImage("#1", "r"))
     split = made(PbrMaterial((0.5, 0.4, 0.3), 0.3, 0.4, coat=coat, sheen=SheenCoat((0.5,) * 3, 0.5)))
     wi, wo = hemisphere(200, 7), hemisphere(200, 8)
     for share in (0.0, 0.3, 1.0):

@@ -55,10 +55,10 @@ def test_weights_sum_to_one_and_hats_are_shares(model: str, name: str, ends: lis
     np.testing.assert_allclose(weights.sum(axis=0), 1.0, atol=1e-12)
     np.testing.assert_allclose(hats.sum(axis=0), 1.0, atol=1e-12)
     assert hats.min() >= 0.0 and np.abs(weights).max() < 1.6
-    # The first and the last node are the ends of the map, and there they count alone.
-    assert found.values[0] == own.value_at(0.0) and found.values[-1] == own.value_at(1.0)
-    np.testing.assert_array_equal(weights[:, 0], np.eye(len(weights))[0])
-    np.testing.assert_array_equal(weights[:, -1], np.eye(len(weights))[-1])
+    # Where a texel has a node's value, that node counts alone.
+    for k, value in enumerate(found.values):
+        (at,) = np.flatnonzero([own.value_at(knot) == value for knot in found.weights[k].knots])
+        np.testing.assert_array_equal(weights[:, at], np.eye(len(weights))[k])
 
 
 def test_the_error_falls_with_the_number_of_nodes_and_the_planner_takes_the_least() -> None:
@@ -125,6 +125,27 @@ def test_a_factor_needs_its_ends_alone() -> None:
     assert [each.weights for each in two.weights] == [(1.0, 0.0), (0.0, 1.0)]
 
 
+def test_a_square_is_the_square_of_what_lies_between_the_roots() -> None:
+    # As of glossiness: alpha = (1 - 0.8 c)² from 1 to 0.04.
+    own = mapped("rough_conductor", "alpha", range=[1.0, 0.04], response="square").parameter_maps[0]
+    channel = np.linspace(0.0, 1.0, 7)
+    np.testing.assert_allclose(own.values(channel)[:, 0], (1.0 - 0.8 * channel) ** 2, rtol=1e-12)
+    # Of colours that both count in a channel it is no sum of its ends: more nodes are.
+    layer = mapped("lambert", "albedo", range=[[0.5, 0.1, 0.1], [0.1, 0.1, 0.5]], response="square")
+    found, own = nodes_of(layer)
+    assert found.error < 1e-4 and len(found.values) == 3
+    blend = sum(np.outer(w.weights, value) for w, value in zip(found.weights, found.values, strict=True))
+    np.testing.assert_allclose(blend, own.values(np.array(found.weights[0].knots)), atol=1e-4)
+
+
+def test_no_value_is_far_off_where_all_are_equally_frequent() -> None:
+    layer = mapped("rough_conductor", "alpha", range=[0.05, 0.8])
+    assert nodes_of(layer, 6)[0].error < 0.01
+    # Two values alone are their own nodes.
+    found, _ = nodes_of(layer, None, channel_statistics(np.repeat([0.1, 0.7], 500)))
+    assert found.error == 0.0 and found.values == (pytest.approx(0.125), pytest.approx(0.575))
+
+
 def test_two_maps_make_few_layers() -> None:
     layer = mapped("rough_conductor", "alpha", range=[0.05, 0.8])
     eta = next(each for each in layer.model.parameters if each.name == "eta")
@@ -173,6 +194,7 @@ def test_a_map_and_its_table_are_inverses() -> None:
     ({"map": "a.png", "chanel": "g"}, "map"), ({"channel": "g"}, "map"), ({"map": "a.png", "channel": "x"}, "grey"),
     ({"map": "a.png", "range": [0.1]}, "two values"), ({"map": "a.png", "range": [0.1, 7.0]}, "from 0 to 1"),
     ({"map": "a.png", "range": [0.1, float("nan")]}, "from 0 to 1"), ({"map": "a.png", "response": 2}, "square"),
+    ({"map": "a.png", "repeats": 0}, "none 0"), ({"map": "a.png", "wrap": "tile"}, "clamp"),
     ({"map": 3}, "PNG"), (7, "map"),
 ])  # fmt: skip
 def test_a_table_that_is_wrong_is_refused_in_one_line(table: object, said: str) -> None:

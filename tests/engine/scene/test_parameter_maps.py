@@ -141,6 +141,39 @@ def test_paths_evaluate_the_formula_at_each_texel(tmp_path: Path) -> None:
     assert abs(error) < 0.05  # other lobes are sampled: the noise of 32 paths a pixel
 
 
+def test_further_weights_multiply_the_layer(tmp_path: Path) -> None:
+    half = np.zeros((64, 64), np.uint8)
+    half[:, 32:] = 255
+    further = 'further_weights = [{ map = "rough.png" }, { map = "rough.png", invert = true, repeats = [2, 1] }]'
+    scene, document = opened(tmp_path, f"{METAL}, {further}", half)
+    (layer,) = document.object("card").layers
+    assert len(layer.maps.further_weights) == 2 and not layer.maps.has_weight
+    found = scene.textures.texture(layer.maps.images)
+    # White from a half on, times black in the second half of each half: the third quarter remains.
+    seen = found.at(np.stack([np.array([0.1, 0.35, 0.6, 0.9]), np.full(4, 0.5)], axis=1))[:, 0]
+    np.testing.assert_allclose(seen, [0.0, 0.0, 1.0, 0.0], atol=1e-5)
+    for wrong in ('[{ map = "" }]', "[3]", '[{ map = "rough.png", invert = 1 }]', '[{ map = "../rough.png" }]'):
+        with pytest.raises(LoadError, match="further_weights|rough.png"):
+            opened(tmp_path, f"{METAL}, further_weights = {wrong}", half)
+
+
+def test_paths_dim_what_lies_under_a_sheen_by_the_texel(tmp_path: Path) -> None:
+    # Under an even sky a white base under a white sheen of any roughness reflects about what falls on it, 1.
+    half = np.zeros((64, 64), np.uint8)
+    half[:, 32:] = 255
+    alpha = 'parameter_maps = { alpha = { map = "rough.png", range = [0.1, 0.8] } }'
+    layers = ('model = "lambert", name = "base", albedo = 1.0, under = "sheen"', f'model = "sheen", {alpha}')
+    write(tmp_path / "rough.png", half)
+    (tmp_path / "scene.toml").write_text(HEAD + placed("card", "quad", more=material(*layers)))
+    scene = load_scene(tmp_path / "scene.toml")
+    document = document_from_description("scene.toml", scene.description)
+    placement, sky = Placement(scene), SkyState(constant_environment((1.0, 1.0, 1.0)))
+    authored = run_to_end(trace_paths(placement, {0: document.object("card").layers}, sky, 1, 256)).radiance
+    nodes = run_to_end(trace_paths(placement, {0: with_nodes(scene, document)}, sky, 1, 256)).radiance
+    assert authored.mean() == pytest.approx(1.0, abs=0.01)
+    assert nodes.mean() == pytest.approx(1.0, abs=0.01)
+
+
 def test_nodes_are_the_formula_at_each_texel_under_a_wide_light(tmp_path: Path) -> None:
     # The furnace: what is reflected of an even sky depends on roughness, and 4 nodes have it within a percent.
     random = np.random.default_rng(7)

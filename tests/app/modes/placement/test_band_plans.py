@@ -7,7 +7,7 @@ import pytest
 
 from app.document.commands import EditCommand
 from app.document.commands.layers import AddLayers, SetMaterial, SetModel, SetParameter, SetVariant, new_layer
-from app.document.document import Document
+from app.document.document import Document, Variant
 from app.document.view_state import SetView
 from app.editor.editor import Editor
 from app.files.materials import Library
@@ -86,7 +86,7 @@ def test_transport_waits_for_the_workers_plan(editor: Editor, client: FakeClient
 def test_a_variant_of_the_same_models_is_planned_anew(editor: Editor, client: FakeClient) -> None:
     """Else a sharp highlight would have the bands of the dull one before."""
     state = editor.document.object("pot")
-    looks = (("other", (BASE, state.layers[1])),)
+    looks = (Variant("other", (BASE, state.layers[1])),)
     editor.history.document = editor.document.with_object(replace(state, variants=looks))
     editor.tick(1.5)
     assert not client.sent(PlanBands) and editor.do(SetVariant("other")) is None

@@ -234,8 +234,8 @@ def test_a_coat_and_a_sheen_lie_on_what_is_beneath(read: Callable[..., ImportedM
     covered = {name: (layer.under, layer.maps.weight_channel, layer.maps.weight_invert)
                for name, layer in layers.items()}  # fmt: skip
     assert covered == {
-        "base": ("coat", "r", False), "bare base": (None, "r", True), "gloss": ("coat", "r", False),
-        "bare gloss": (None, "r", True), "coat": (None, "r", False),
+        "base": ("coat", "r", False), "base without coat": (None, "r", True), "gloss": ("coat", "r", False),
+        "gloss without coat": (None, "r", True), "coat": (None, "r", False),
     }  # fmt: skip
     assert with_extensions(read, clearcoat={}, sheen={}).keys() == {"base", "gloss"}
 
@@ -264,7 +264,7 @@ def test_specular_glossiness_is_a_dielectric_of_any_reflectance(read: Callable[.
     old |= {"specularFactor": [1.0, 1.0, 1.0], "specularGlossinessTexture": {"index": 0}}
     (part,) = read(material={"extensions": {"KHR_materials_pbrSpecularGlossiness": old}}).parts
     # Where the texture is white nothing is left of the base; it is there by what the texture lacks of white.
-    assert [layer.name for layer in part.layers] == ["bare base", "facing gloss", "gloss"]
+    assert [layer.name for layer in part.layers] == ["dull base", "facing gloss", "gloss"]
     assert part.layers[0].maps == LayerMaps(weight="#0", weight_channel="max", weight_invert=True)
 
 
@@ -276,8 +276,9 @@ def test_what_layers_cannot_have_together_is_listed(read: Callable[..., Imported
     model = read(material={"extensions": extensions, "emissiveFactor": [1, 1, 1]})
     found = {each.name.rpartition(".")[2]: each.effect for each in model.unshown}
     assert found["clearcoatNormalTexture"] == "the coat has the normals of what lies under it"
-    assert {"clearcoatTexture", "clearcoatRoughnessTexture", "clearcoatFactor"} <= found.keys()
-    assert not {"specularTexture", "emissiveFactor"} & found.keys()  # shown
+    assert "clearcoatFactor" in found
+    shown = {"clearcoatTexture", "clearcoatRoughnessTexture", "specularTexture", "emissiveFactor"}
+    assert not shown & found.keys()
     # Nothing is missed of a coat that is not there.
     model = read(material={"extensions": {"KHR_materials_clearcoat": {**coat, "clearcoatFactor": 0}}})
     assert [each for each in model.unshown if "clearcoat" in each.name] == []
@@ -298,7 +299,7 @@ def test_variants_are_other_layers_of_a_part(
     primitive["extensions"] = {"KHR_materials_variants": {"mappings": mappings}}
     (part,) = read_glb(glb_file(tree, binary)).parts
     assert part.layers[0].parameters["albedo"] == (1.0, 0.0, 0.0)
-    found = [(name, layers[0].parameters["albedo"]) for name, layers in part.variants]
+    found = [(each.name, each.layers[0].parameters["albedo"]) for each in part.variants]
     # What is mapped to no material has the primitive's own.
     assert found == [("fir", (0.0, 1.0, 0.0)), ("variant 2", (1.0, 0.0, 0.0)), ("fir 3", (0.0, 0.0, 1.0))]
     (toy,) = load_scene(scene_file(TOY)).description.objects
@@ -318,9 +319,89 @@ def test_variants_have_names_that_differ_and_the_first_are_offered(
     primitive = tree["meshes"][0]["primitives"][0]
     primitive["extensions"] = {"KHR_materials_variants": {"mappings": [{"material": 1, "variants": [2, 73]}]}}
     model = read_glb(glb_file(tree, binary))
-    names = [name for name, _ in model.parts[0].variants]
+    names = [each.name for each in model.parts[0].variants]
     assert names[:5] == ["fir 3", "fir", "fir 4", "a b", "look 0"] and len(set(names)) == MAX_VARIANTS
     assert ("KHR_materials_variants.variants.name", 10) in [(each.name, each.count) for each in model.unshown]
+
+
+def test_variants_bring_their_bumps_opacity_and_emission(
+    textured: Glb, glb_file: Callable[..., Path], scene_file: Callable[..., Path]
+) -> None:
+    tree, binary = textured
+    texture = {"index": 0}
+    tree["materials"] = [
+        {}, {"normalTexture": texture, "emissiveFactor": [0, 0.5, 0], "alphaMode": "BLEND",
+             "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 0.5]}},
+    ]  # fmt: skip
+    tree["extensions"] = {"KHR_materials_variants": {"variants": [{"name": "day"}, {"name": "night"}]}}
+    primitive = tree["meshes"][0]["primitives"][0]
+    primitive["extensions"] = {"KHR_materials_variants": {"mappings": [{"material": 1, "variants": [1]}]}}
+    glb_file(tree, binary)
+    scene = load_scene(scene_file(TOY))
+    (toy,) = scene.description.objects
+    day, night = toy.variants
+    assert night.bumps == Bumps("model.glb#0") and day.bumps == Bumps()
+    assert night.opacity == Opacity("blend", opacity_factor=0.5) and day.opacity == OPAQUE
+    assert night.emission == (0.0, 0.5, 0.0) and day.emission == (0.0, 0.0, 0.0)
+    assert toy.emission is None and toy.emits  # its light can be lit
+    # What the scene itself says of bumps and opacity counts in all variants.
+    own = 'bump_map = { file = "model.glb#0" }\nopacity = { mode = "blend", factor = 0.7 }\n'
+    (toy,) = load_scene(scene_file(TOY + own)).description.objects
+    assert {each.bumps for each in toy.variants} == {each.opacity for each in toy.variants} == {None}
+
+
+def test_roughness_of_coat_and_sheen_gloss_and_thickness_vary(read: Callable[..., ImportedModel]) -> None:
+    texels = png([[[0, 51, 102, 51], [0, 153, 102, 255]]])
+    image = {"uri": "data:image/png;base64," + base64.b64encode(texels).decode()}
+    texture = {"index": 0, "extensions": {"KHR_texture_transform": {"scale": [2, 1]}}}
+
+    def maps(name: str, **fields: Any) -> dict[str | None, dict[str, Any]]:
+        (part,) = read(image=image, material={"extensions": {f"KHR_materials_{name}": fields}}).parts
+        return {layer.name: layer.parameter_maps for layer in part.layers if layer.parameter_maps}
+
+    coat = maps("clearcoat", clearcoatFactor=1, clearcoatRoughnessFactor=0.5, clearcoatRoughnessTexture=texture)
+    wide = {"map": "#0", "repeats": (2.0, 1.0)}
+    square = {"response": "square", "least": 0.01}
+    assert coat == {"coat": {"alpha": {**wide, **square, "channel": "g", "range": (0.0, 0.25)}}}
+    sheen = maps("sheen", sheenColorFactor=[1, 1, 1], sheenRoughnessFactor=0.5, sheenRoughnessTexture=texture)
+    assert sheen == {"sheen": {"alpha": {**wide, **square, "channel": "a", "range": (0.0, 0.25)}}}
+    film = maps("iridescence", iridescenceFactor=1, iridescenceThicknessTexture=texture,
+                iridescenceThicknessMinimum=200, iridescenceThicknessMaximum=600)  # fmt: skip
+    assert film == {"metal": {"thickness": {**wide, "channel": "g", "range": (200.0, 600.0)}}}
+    # alpha = (1 - 0.8 a)²: 1 at black, 0.04 at white, and its root follows the channel.
+    old = maps("pbrSpecularGlossiness", glossinessFactor=0.8, specularGlossinessTexture=texture)
+    (alpha,) = {str(each["alpha"]): each["alpha"] for each in old.values()}.values()
+    assert alpha["channel"] == "a" and alpha["range"] == (1.0, pytest.approx(0.04)) and alpha["response"] == "square"
+
+
+def test_shares_of_several_images_multiply(read: Callable[..., ImportedModel]) -> None:
+    # A coat and a sheen with images over a specular strength with one: eight shares of the base that add up to 1.
+    texture = {"index": 0}
+    layers = with_extensions(
+        read, clearcoat={"clearcoatFactor": 1, "clearcoatTexture": texture},
+        sheen={"sheenColorFactor": [1, 1, 1], "sheenRoughnessFactor": 0.5, "sheenColorTexture": texture},
+        specular={"specularTexture": {"index": 0, "extensions": {"KHR_texture_transform": {"offset": [0.5, 0]}}}},
+    )  # fmt: skip
+    bases = [layer for layer in layers.values() if layer.model == "diffuse_base"]
+    assert len(bases) == 8 and len(layers) == 8 + 4 + 2 + 1
+    shares = {"a": 0.3, "max": 0.6, "r": 0.2}  # by the channel of each image
+    total = 0.0
+    for base in bases:
+        weights = [(shares[base.maps.weight_channel], base.maps.weight_invert)]
+        weights += [(shares[each.image.channel], each.invert) for each in base.maps.further_weights]
+        assert len(weights) == 3
+        total += np.prod([1.0 - share if invert else share for share, invert in weights])
+    assert total == pytest.approx(1.0)
+    assert {layer.under for layer in bases} == {"sheen", "coat", "sheen without coat", None}
+
+
+def test_a_sheen_that_is_too_thin_is_noted(read: Callable[..., ImportedModel]) -> None:
+    sheen = {"KHR_materials_sheen": {"sheenColorFactor": [1, 1, 1]}}
+    model = read(material={"extensions": sheen})
+    (layer,) = [layer for layer in model.parts[0].layers if layer.name == "sheen"]
+    assert layer.parameters["alpha"] == 0.01
+    assert any("sheenRoughnessFactor = 0.0, taken as 0.1" in note for note in model.notes)
+    assert any(each.name.endswith("sheenRoughnessFactor") for each in model.unshown)
 
 
 def test_images_may_be_files_beside_it(
