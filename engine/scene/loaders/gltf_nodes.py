@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from typing import NamedTuple
 
@@ -163,7 +164,7 @@ def node_matrix(node: JsonObject) -> Float64Array:
 def node_parts(node: JsonObject) -> tuple[Float64Array, Float64Array, Float64Array]:
     """Translation (3,), rotation (4,) as a quaternion x, y, z, w, and scale (3,)."""
     rotation = np.array(node.numbers("rotation", 4, (0.0, 0.0, 0.0, 1.0)))
-    length = float(np.linalg.norm(rotation))
+    length = math.hypot(*rotation.tolist())
     if not 1e-6 < length < 1e9:
         node.note("rotation", rotation.tolist(), "taken as none: no direction of a quaternion")
         rotation = np.array([0.0, 0.0, 0.0, 1.0])

@@ -78,6 +78,7 @@ class _Lines:
     is_smooth: bool = False
     n_repeated: int = 0
     n_short: int = 0
+    n_bare: int = 0
 
 
 def read_obj(file: Path) -> ImportedModel:
@@ -157,6 +158,8 @@ def _notes(state: _Lines) -> tuple[str, ...]:
         lines.append(f"{sum(state.unknown.values())} lines of unknown kinds are left out: {_listed(state.unknown)}")
     if state.n_short:
         lines.append(f"{state.n_short} faces of less than 3 corners are left out")
+    if state.n_bare:
+        lines.append(f"normals are computed: {state.n_bare} corners of faces have none")
     return (*lines, *repeat_notes(state.n_repeated))
 
 
@@ -240,6 +243,7 @@ def _assemble(state: _Lines, n_bytes: int) -> tuple[Mesh, npt.NDArray[np.int32],
     for column, count, kind in ((0, len(positions), "v"), (1, len(normals), "vn"), (2, len(textures), "vt")):
         _check_range(state, corners[:, column], count, kind)
     has_normals = bool((corners[:, 1] >= 0).all())
+    state.n_bare = 0 if has_normals or (corners[:, 1] < 0).all() else int((corners[:, 1] < 0).sum())
     if not has_normals:
         corners[:, 1] = 0
     width = max(1, len(normals))

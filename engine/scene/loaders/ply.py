@@ -51,6 +51,7 @@ def read_ply(file: Path) -> ImportedModel:
         columns, notes = read_binary(data, body, elements, byte_order, file)
     else:
         columns, notes = read_ascii(data, body, elements, file)
+    columns, n_short = _without_short_faces(columns)
     vertices = _vectors(columns, _PLACES, file)
     normals = _vectors(columns, _NORMALS, file) if ("vertex", "nx") in columns else None
     triangles, face = _triangles(columns, vertices, len(data), file)
@@ -60,7 +61,8 @@ def read_ply(file: Path) -> ImportedModel:
     mesh, mended = mend_mesh(replace(mesh, colours=_colours(columns, elements, mesh, face)), file)
     layers, texture_notes = _textured(texture, mesh, file)
     part = ImportedPart(mesh, layers, opacity=vertex_opacity(mesh))
-    notes = (*notes, *mended, *repeat_notes(n_repeated), *texture_notes)
+    short = (f"{n_short} faces of less than 3 corners are left out",) if n_short else ()
+    notes = (*notes, *short, *mended, *repeat_notes(n_repeated), *texture_notes)
     return ImportedModel((part,), notes, unshown=_unshown(elements))
 
 
@@ -91,6 +93,21 @@ def _triangles(
     if not triangles:
         raise LoadError(file, "element face", "no list vertex_indices", "a list of vertex indices")
     return np.concatenate(triangles), np.concatenate(owners)
+
+
+def _without_short_faces(columns: Columns) -> tuple[Columns, int]:
+    """The columns without faces that have no area, of one or two corners; and how many these are."""
+    name = next((name for name in CORNERS if ("face", name) in columns), "")
+    lists = columns.get(("face", name))
+    if not isinstance(lists, Lists) or (lists.lengths >= 3).all():
+        return columns, 0
+    whole = lists.lengths >= 3
+    corners = Lists(lists.lengths[whole], lists.values[np.repeat(whole, lists.lengths)])
+    values = {
+        key: each.values if isinstance(each, Lists) else each for key, each in columns.items() if key[0] == "face"
+    }
+    others = {key: each[whole] for key, each in values.items() if len(each) == len(whole)}
+    return columns | others | {("face", name): corners}, int((~whole).sum())
 
 
 def _unrepeated(columns: Columns, face: npt.NDArray[np.int64], is_plain: bool) -> tuple[npt.NDArray[np.bool_], int]:
@@ -212,9 +229,6 @@ def _of_polygons(
     faces: Lists, vertices: npt.NDArray[np.float64], n_bytes: int, file: Path
 ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int64]]:
     """The polygons as triangles, in the order of the file, and the polygon of each."""
-    if len(faces.lengths) and (short := faces.lengths < 3).any():
-        k = int(np.argmax(short))
-        raise LoadError(file, f"face {k}", f"{faces.lengths[k]} vertices", "at least 3 vertices")
     corners = _indices(faces, len(vertices), "face", 0, file)
     if not len(corners):
         return np.zeros((0, 3), np.int32), np.zeros(0, np.int64)

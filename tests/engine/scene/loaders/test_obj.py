@@ -37,8 +37,10 @@ def test_corners_split_by_normal_but_not_by_texture_coordinate(mesh_file):
 
 
 def test_normals_count_only_if_every_corner_has_one(mesh_file):
-    mesh = read_mesh(mesh_file("a.obj", SQUARE + "vn 0 0 1\nf 1//1 2//1 3//1\nf 1 3 4\n"))
-    assert mesh.normals is None
+    model = read_model(mesh_file("a.obj", SQUARE + "vn 0 0 1\nf 1//1 2//1 3//1\nf 1 3 4\n"))
+    assert model.parts[0].mesh.normals is None
+    assert model.notes == ("normals are computed: 3 corners of faces have none",)
+    assert read_model(mesh_file("a.obj", SQUARE + "vn 0 0 1\nf 1 2 3\n")).notes == ()
 
 
 @pytest.mark.parametrize(

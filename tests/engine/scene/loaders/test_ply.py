@@ -44,6 +44,23 @@ def test_polygons_of_different_size_in_binary(mesh_file):
     assert mesh.triangles.tolist() == [[0, 1, 2], [0, 1, 2], [0, 2, 3], [1, 2, 3]]  # in the order of the file
 
 
+@pytest.mark.parametrize("kind", ["ascii", "binary"])
+def test_faces_of_less_than_three_corners_are_left_out_with_their_colours(mesh_file, kind):
+    face = FACES + "property uchar red\nproperty uchar green\nproperty uchar blue\n"
+    rows = [((0, 1), 9), ((0, 1, 2), 255), ((), 9), ((0, 2, 3), 0)]
+    if kind == "ascii":
+        lines = "".join(f"{len(own)} {' '.join(map(str, own))} {red} 255 0\n" for own, red in rows)
+        data = header("ascii", 4, 4, face=face) + ASCII_CORNERS + lines
+    else:
+        parts = [struct.pack(f"<B{len(own)}i3B", len(own), *own, red, 255, 0) for own, red in rows]
+        data = binary("<", b"".join(parts), n_faces=4, face=face)
+    model = read_model(mesh_file("a.ply", data))
+    (part,) = model.parts
+    assert part.mesh.triangles.tolist() == [[0, 1, 2], [0, 2, 3]]
+    assert part.mesh.colours[:, 0].tolist() == [[1, 1, 0, 1], [0, 1, 0, 1]]
+    assert model.notes == ("2 faces of less than 3 corners are left out",)
+
+
 def test_ascii_with_normals_colours_and_other_elements(mesh_file):
     vertex = POSITIONS + "property float nx\nproperty float ny\nproperty float nz\nproperty uchar red\n"
     text = (
@@ -84,7 +101,7 @@ def test_ascii_polygons_of_different_size(mesh_file):
         (header("ascii", 4, 1) + ASCII_CORNERS + "3 0 1 1e20\n", "face 0 = 1e+20, expected indices"),
         (header("ascii", 4, 1) + ASCII_CORNERS + "3 0 1 1.5\n", "face 0 = 1.5, expected indices"),
         (header("ascii", 4, 1) + ASCII_CORNERS + "3 0 1 nan\n", "face 0 = nan, expected indices"),
-        (header("ascii", 4, 1) + ASCII_CORNERS + "2 0 1\n", "face 0 = 2 vertices, expected at least 3"),
+        (header("ascii", 4, 1) + ASCII_CORNERS + "2 0 1\n", "faces = 0, expected at least one face"),
         (header("ascii", 4, 1) + ASCII_CORNERS + "-3 0 1 2\n", "line 15 = -3 0 1 2, expected a list length"),
         (header("ascii", 4, 1) + ASCII_CORNERS + "1000000000 0 1 2\n", "line 15 = 1000000000 0 1 2, expected a list"),
         (header("ascii", 4, 1) + ASCII_CORNERS + "3 0 1 2 3\n", "line 15 = 3 0 1 2 3, expected 4 numbers"),
