@@ -78,6 +78,7 @@ def read_material(fields: JsonObject, images: GltfImages, is_coloured: bool = Fa
     if extensions.has("KHR_materials_pbrSpecularGlossiness"):
         colours, name = extensions.child("KHR_materials_pbrSpecularGlossiness"), "diffuse"
         material = _specular_glossiness(colours, images, notes)
+        _without_effect(fields.child("pbrMetallicRoughness"))  # for programs without the extension
     else:
         colours, name = fields.child("pbrMetallicRoughness"), "baseColor"
         material = _metallic_roughness(fields, images, notes)
@@ -149,7 +150,7 @@ def _specular_glossiness(fields: JsonObject, images: GltfImages, notes: list[str
 
 
 def _without_effect(fields: JsonObject) -> None:
-    """Count all of an extension as read, because its factor of 0 leaves nothing of it."""
+    """Count all of an extension as read, because its factor of 0, or another extension, leaves nothing of it."""
     fields.mark_read(*fields.values)
     fields.log.left_out.update(id(value) for value in fields.values.values())
 
@@ -164,6 +165,7 @@ def _film(fields: JsonObject, images: GltfImages, notes: list[str]) -> Film | No
     )
     key, thinnest = "iridescenceThicknessMinimum", 0.0
     (shares,) = images.numbers(fields, "iridescenceThicknessTexture", "g", notes)
+    fields.mark_read(key)  # without a texture there is no black of it
     if fields.has("iridescenceThicknessTexture"):
         thinnest = fields.clamped(fields.number(key, 100.0), key, 0.0, 5000.0)
         thickness = thinnest + shares.factor * (thickness - thinnest)

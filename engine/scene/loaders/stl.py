@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from engine.core.errors import LoadError
 from engine.core.safe_files import read_regular_file
-from engine.scene.loaders.model import ImportedModel, ImportedPart
+from engine.scene.loaders.model import ImportedModel, ImportedPart, UnshownProperty
 from engine.scene.loaders.vertex_colours import linear_colours
 from engine.scene.mesh import MAX_MESH_BYTES, Mesh, mend_mesh, weld_equal_vertices
 from engine.scene.mesh_defects import describe_holes
@@ -48,7 +48,11 @@ def read_stl(file: Path) -> ImportedModel:
     mesh = Mesh(corners, np.arange(len(corners), dtype=np.int32).reshape(-1, 3), colours=colours)
     mesh, mended = mend_mesh(mesh, file)
     mesh = weld_equal_vertices(mesh)
-    return ImportedModel((ImportedPart(mesh, smooth=False),), (*notes, *mended, *describe_holes(mesh)))
+    highlights = UnshownProperty("header.MATERIAL", 1, "highlights and ambient colours of the part")
+    return ImportedModel(
+        (ImportedPart(mesh, smooth=False),), (*notes, *mended, *describe_holes(mesh)),
+        unshown=() if _is_text(data) or b"MATERIAL=" not in data[:80] else (highlights,),
+    )  # fmt: skip
 
 
 def _is_text(data: bytes) -> bool:

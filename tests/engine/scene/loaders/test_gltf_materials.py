@@ -242,6 +242,9 @@ def test_a_coat_and_a_sheen_lie_on_what_is_beneath(read: Callable[..., ImportedM
 
 def test_a_thin_film_colours_gloss_and_base(read: Callable[..., ImportedModel]) -> None:
     film = {"iridescenceFactor": 0.8, "iridescenceIor": 1.6, "iridescenceThicknessMaximum": 300}
+    unused = film | {"iridescenceThicknessMinimum": 100}
+    listed = read(material={"extensions": {"KHR_materials_iridescence": unused}}).unshown
+    assert not any("iridescence" in each.name for each in listed)
     layers = with_extensions(read, iridescence=film)
     shown = {"film": 0.8, "film_ior": 1.6, "thickness": 300.0}
     assert [(each.model, each.follows) for each in layers.values()] == [
@@ -261,6 +264,10 @@ def test_specular_glossiness_is_a_dielectric_of_any_reflectance(read: Callable[.
     base, gloss = part.layers
     assert base.parameters["albedo"] == (0.5, 0.4, 0.3)
     assert gloss.parameters["f0"] == (0.2, 0.3, 0.4) and gloss.parameters["alpha"] == pytest.approx(0.2**2)
+    for_others = {"pbrMetallicRoughness": {"baseColorFactor": [1, 0, 0, 1], "baseColorTexture": {"index": 0}}}
+    model = read(material=for_others | {"extensions": {"KHR_materials_pbrSpecularGlossiness": old}})
+    assert model.parts[0].layers == part.layers
+    assert not any("pbrMetallicRoughness" in each.name for each in model.unshown)
     old |= {"specularFactor": [1.0, 1.0, 1.0], "specularGlossinessTexture": {"index": 0}}
     (part,) = read(material={"extensions": {"KHR_materials_pbrSpecularGlossiness": old}}).parts
     # Where the texture is white nothing is left of the base; it is there by what the texture lacks of white.

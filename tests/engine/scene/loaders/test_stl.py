@@ -107,6 +107,8 @@ def test_colours_of_both_conventions(mesh_file: Callable[..., Path]) -> None:
     dark = decode_srgb(np.array([128 / 255]))[0]
     np.testing.assert_allclose(colours[:, 0, :3], [[0, 0, 1], [dark, 0, 0], [1, 0, 0], [dark, 0, 0]], rtol=1e-6)
     assert read_mesh(mesh_file("plain.stl", binary([1, 2, 3, 4], b"x"))).colours is None
+    header = b"COLOR=" + bytes(4) + b",MATERIAL=" + bytes(12)
+    assert [each.name for each in read_model(mesh_file("b.stl", binary(header=header))).unshown] == ["header.MATERIAL"]
 
 
 @pytest.mark.parametrize("size", [1e-3, 1e6])
