@@ -24,14 +24,10 @@ from engine.material.layer_maps import (
 )
 from engine.scene.loaders.gltf_buffers import GltfBuffers
 from engine.scene.loaders.gltf_json import JsonObject
+from engine.scene.loaders.image_files import MOST_PIXELS, PIXELS_A_BYTE, decoding_cost
 from engine.scene.loaders.pbr_layers import NumberImage
-from engine.texture.texture_files import check_image, has_alpha, image_size, read_weight, reduction
+from engine.texture.texture_files import check_image, has_alpha, image_size, read_texture, read_weight
 
-# Limit of pixels of all images of one file, plus more for every byte: a few kilobytes can claim millions of pixels.
-# They are decoded when they are used, at 0.1 s a megapixel: at most 6 s for a small file, and never in the window's
-# process.
-MOST_PIXELS = 1 << 26
-PIXELS_A_BYTE = 32
 _REPEAT = 10497
 _IMAGE_EXTENSIONS = ("KHR_texture_basisu", "EXT_texture_webp")
 _LEAST_REPEAT = 1e-3
@@ -136,13 +132,19 @@ class GltfImages:
     def _number(self, image: ChannelImage) -> NumberTexture:
         number = int(image.file[1:])
         if (number, image.channel) not in self._extremes:
-            data = self._buffers.image(number)
-            texels = read_weight(data, f"{self._root.file}{image.file}", channel=image.channel)
-            self._extremes[number, image.channel] = float(texels.min()), float(texels.max())
+            self._measure(number, image.channel)
         low, high = self._extremes[number, image.channel]
         if low == high:
             return NumberTexture(low)
         return NumberTexture(1.0, NumberImage(channel_image_table(image)), low)
+
+    def _measure(self, number: int, channel: Channel) -> None:
+        """Find the least and the greatest texel of a channel; of red, green and blue together, as they are decoded."""
+        data, name = self._buffers.image(number), f"{self._root.file}#{number}"
+        channels: tuple[Channel, ...] = ("r", "g", "b") if channel in "rgb" else (channel,)
+        texels = read_texture(data, name, "linear") if channel in "rgb" else read_weight(data, name, channel=channel)
+        ends = texels.min(axis=(0, 1)).tolist(), texels.max(axis=(0, 1)).tolist()
+        self._extremes |= {(number, each): (low, high) for each, low, high in zip(channels, *ends, strict=True)}
 
     def _image(self, info: JsonObject, notes: list[str]) -> int | None:
         """The number of an image that can be read."""
@@ -180,9 +182,7 @@ class GltfImages:
             size = image_size(data, name)
             if size is None:
                 return None, f"image {image} is no PNG, JPEG, WebP or KTX 2 and not shown"
-            n_pixels, k = size[0] * size[1], reduction(*size)
-            if k > 1:  # cost: the pixels shown, and an eighth for decoding the rest
-                n_pixels = n_pixels // k**2 + n_pixels // 8
+            n_pixels = decoding_cost(*size)
             if n_pixels > self._pixels_left:
                 return None, "images are not shown that have, with those before them, too many pixels for such a file"
             check_image(data, name)

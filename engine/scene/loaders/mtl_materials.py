@@ -28,7 +28,7 @@ from engine.material.bumps import BUMP_STRENGTH, DEFAULT_HEIGHT, NO_BUMPS, Bumps
 from engine.material.layer_maps import LayerMaps, Wrap
 from engine.material.opacity import OPAQUE, Opacity
 from engine.scene.description import MAX_RADIANCE, LayerDescription
-from engine.scene.loaders.image_files import find_image
+from engine.scene.loaders.image_files import FileImages
 from engine.scene.loaders.model import RGB, ImportedPart, UnshownProperty
 from engine.scene.loaders.mtl import MtlImage, MtlMaterial, parse_library
 from engine.scene.loaders.pbr_layers import Coat, PbrMaterial, SheenCoat, pbr_layers
@@ -61,13 +61,19 @@ class Materials:
     not read, and why, "" if all are."""
 
     def __init__(self, file: Path, libraries: Iterable[str]) -> None:
-        self._root = file.parent
+        self._root, self._images = file.parent, FileImages(file.parent)
+        self._are_directions: dict[str, bool] = {}
         self._found: dict[str, MtlMaterial] = {}
         self._used: dict[str, MtlMaterial] = {}
-        self.notes: list[str] = []
+        self._notes: dict[str, None] = {}
         names = [each for name in [*libraries][:_MOST_LIBRARIES] for each in self._library_names(name)]
         found = {describe_value(name): self._read_library(name) for name in names[:_MOST_LIBRARIES]}
         self.unread = ", ".join(f"{name} ({why})" for name, why in found.items() if why)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Each once, in order."""
+        return tuple(self._notes)
 
     @property
     def unshown(self) -> tuple[UnshownProperty, ...]:
@@ -119,9 +125,9 @@ class Materials:
     def _image(self, image: MtlImage, folder: Path) -> MtlImage | None:
         """The image by its name from the OBJ file's folder; None, with a note, where it cannot be shown."""
         try:
-            return replace(image, name=find_image(self._root, folder, image.name))
+            return replace(image, name=self._images.find(folder, image.name))
         except LoadError as error:
-            self.notes.append(f"image {describe_value(image.name)} is not shown: {error.reason}")
+            self._note(f"image {describe_value(image.name)} is not shown: {error.reason}")
             return None
 
     def _bumps(self, images: dict[str, MtlImage], material: MtlMaterial) -> Bumps:
@@ -136,7 +142,7 @@ class Materials:
         )
         if "norm" in images or material.by_blender or self._has_directions(image):
             return replace(layout, normal_map=image.name)
-        self.notes.append(f"heights of {describe_value(image.name)} have no unit: white is {DEFAULT_HEIGHT:g} m high")
+        self._note(f"heights of {describe_value(image.name)} have no unit: white is {DEFAULT_HEIGHT:g} m high")
         return replace(layout, bump_map=image.name)
 
     def _opacity(self, name: str, images: dict[str, MtlImage], material: MtlMaterial) -> Opacity:
@@ -144,7 +150,7 @@ class Materials:
         opposite, as some programs write it."""
         image, factor = images.get("map_d"), material.number("d", 1.0 - material.number("tr", 0.0))
         if factor == 0.0:
-            self.notes.append(f"{describe_value(name)} would not be seen: it is taken as opaque")
+            self._note(f"{describe_value(name)} would not be seen: it is taken as opaque")
             factor = 1.0
         if image is None:
             return OPAQUE if factor == 1.0 else Opacity("blend", opacity_factor=factor)
@@ -155,9 +161,14 @@ class Materials:
 
     def _has_directions(self, image: MtlImage) -> bool:
         """Whether an image's mean is near that of a normal map, (1/2, 1/2, 1)."""
-        path = self._root / image.name
-        red, green, blue = read_texture(read_regular_file(path, MAX_IMAGE_BYTES), path, "linear").mean(axis=(0, 1))
-        return bool(abs(red - 0.5) < 0.15 and abs(green - 0.5) < 0.15 and blue > 0.65)
+        if image.name not in self._are_directions:
+            path = self._root / image.name
+            red, green, blue = read_texture(read_regular_file(path, MAX_IMAGE_BYTES), path, "linear").mean(axis=(0, 1))
+            self._are_directions[image.name] = abs(red - 0.5) < 0.15 and abs(green - 0.5) < 0.15 and blue > 0.65
+        return self._are_directions[image.name]
+
+    def _note(self, line: str) -> None:
+        self._notes[line] = None
 
     def _layers(
         self, name: str, material: MtlMaterial, base_maps: LayerMaps, glossy_maps: LayerMaps
@@ -172,7 +183,7 @@ class Materials:
         share = 8.0 / (exponent + 2.0)
         total = max(d + share * s for d, s in zip(base, glossy, strict=True))
         if total > 1.0:
-            self.notes.append(f"{describe_value(name)} reflects {total:.3g} times the light it receives: scaled to 1")
+            self._note(f"{describe_value(name)} reflects {total:.3g} times the light it receives: scaled to 1")
         albedo, scale = (_scaled(colour, by / max(total, 1.0)) for colour, by in ((base, 1.0), (glossy, share)))
         diffuse = LayerDescription(model="lambert", maps=base_maps, parameters={"albedo": albedo})
         if not any(scale):

@@ -21,7 +21,7 @@ from engine.core.errors import LoadError, describe_value
 from engine.core.safe_files import read_regular_file
 from engine.material.layer_maps import LayerMaps
 from engine.scene.description import LayerDescription
-from engine.scene.loaders.image_files import find_image
+from engine.scene.loaders.image_files import FileImages
 from engine.scene.loaders.model import ImportedModel, ImportedPart, UnshownProperty
 from engine.scene.loaders.ply_rows import COLOURS, CORNERS, Column, Element, Lists, Property, read_ascii, read_binary
 from engine.scene.loaders.vertex_colours import linear_colours, vertex_opacity
@@ -73,9 +73,10 @@ def _textured(texture: str, mesh: Mesh, file: Path) -> tuple[tuple[LayerDescript
     if mesh.uvs is None:
         return (), (f"image {describe_value(texture)} is not shown: vertices have no texture coordinates",)
     try:
-        maps = LayerMaps(find_image(file.parent, file.parent, texture), "srgb", vertex_colours=mesh.colours is not None)
+        name = FileImages(file.parent).find(file.parent, texture)
     except LoadError as error:
         return (), (f"image {describe_value(texture)} is not shown: {error.reason}",)
+    maps = LayerMaps(name, "srgb", vertex_colours=mesh.colours is not None)
     return (LayerDescription(model="lambert", maps=maps, parameters={"albedo": (1.0, 1.0, 1.0)}),), ()
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from engine.core import safe_files
 from engine.material import MODELS, validate_parameters
 from engine.material.opacity import OPAQUE, Opacity
 from engine.scene.loaders.formats import read_model
@@ -167,6 +168,30 @@ def test_an_image_that_is_cut_off_is_a_note(
     (note,) = found.notes
     assert note.startswith(f"image {name} is not shown: ")
     assert load_scene(tmp_path / "a.obj").object_names == ("a", "floor")
+
+
+def test_an_image_is_examined_once_and_all_may_have_so_many_pixels(
+    tmp_path: Path, mesh_file: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("engine.scene.loaders.image_files.MOST_PIXELS", 6000)
+    names = [f"blank {k}.png" for k in range(4)]
+    for name in names:
+        Image.new("1", (100, 60)).save(tmp_path / name)
+    left = 2 * 32 * (tmp_path / names[0]).stat().st_size  # by the bytes of two, after one
+    assert left < 6000
+    opened = []
+    read = safe_files.local_path
+    monkeypatch.setattr(safe_files, "local_path", lambda path: opened.append(path) or read(path))
+    text = "".join(f"newmtl {k}\nmap_Kd {names[k // 2]}\nmap_d {names[k // 2]}\n" for k in range(4))
+    mesh_file("a.mtl", text)
+    faces = "".join(f"usemtl {k}\nf {1 + k}/1 {2 + k}/2 {3 + k}/3\n" for k in range(4))
+    places = "".join(f"v {k} {k * k} 0\n" for k in range(6))
+    found = read_model(mesh_file("a.obj", "mtllib a.mtl\nvt 0 0\nvt 1 0\nvt 1 1\n" + places + faces))
+    assert [part.layers[0].maps.texture for part in found.parts] == [names[0]] * 2 + [""] * 2
+    (note,) = found.notes
+    why = f"pixels, with those of other images = 6000, expected at most {left}"
+    assert note == f"image blank 1.png is not shown: {why}"
+    assert [path.name for path in opened] == ["a.obj", "a.mtl", names[0], names[1]]
 
 
 def test_bumps_are_normals_or_heights_by_key_or_colour(tmp_path: Path, mesh_file: Callable[..., Path]) -> None:
