@@ -14,7 +14,7 @@ def written_names(objects: Sequence[str]) -> Iterator[str]:
     yield from ("scene.xml", "render.py", "sky.exr")
     for index, name in enumerate(objects):
         stem = stem_of(index, name)
-        yield from (f"meshes/{stem}.ply", f"materials/{stem}.npz")
+        yield from (f"meshes/{stem}.ply", f"materials/{stem}.npz", f"materials/{stem}.exr")
 
 
 def stem_of(index: int, name: str) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement
@@ -12,13 +11,18 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from app.export.images import factor_images
 from app.system.atomic import write_atomically
 from engine.material.layer import Layer, evaluate_layers
+from engine.material.layer_maps import LayerMaps
 from engine.material.measured import HIGHLIGHT_MODELS, MeasuredModel, measurement_of
 from engine.material.model import channels
 from engine.measured.tables import is_content
 from engine.measured.tensor_files import TENSOR_SUFFIX, read_tensor_file, tensor_fields
 from engine.render.tabulate import is_anisotropic
+from engine.scene.map_sampler import mean_factor
+from engine.scene.scene_loader import Scene
+from engine.scene.tangents import object_axes
 
 
 def add(parent: Element, tag: str, **attributes: str) -> Element:
@@ -41,21 +45,11 @@ LEAST_COSINE = 1e-3
 LEAST_ALPHA = 0.01
 
 
-@dataclass(frozen=True)
-class WrittenMaterial:
-    """A written material; `notes`: lines on what is not the same."""
-
-    notes: tuple[str, ...] = ()
-
-
 def write_material(
-    shape: Element, layers: Sequence[Layer], folder: Path, stem: str, axes: Float64Array,
-    turns: NDArray[np.float32],
-    factors: Float64Array,
-) -> WrittenMaterial:  # fmt: skip
-    """Add the material of these visible layers to a shape. axes (2, 3): the object's own Y and X in the world; turns
-    (H, W, 2): an image of what rotates its tangents, (cos 2θ, sin 2θ); factors (K, 3): the means of each layer's
-    texture and weight map, which replace them there."""
+    shape: Element, layers: Sequence[Layer], scene: Scene, index: int, folder: Path, stem: str
+) -> tuple[str, ...]:
+    """Add the material of these visible layers of an object, by its index, to a shape, or to what stands for it;
+    returns lines on what is not the same there."""
     lambert, metal = _exact(layers)
     measured = _measured_file(layers)
     if not layers:
@@ -67,13 +61,44 @@ def write_material(
         bsdf = add(add(shape, "bsdf", type="twosided"), "bsdf", type="measured")
         add(bsdf, "string", name="filename", value=f"materials/{stem}.bsdf")
     else:
-        table, alpha = tabulated(layers, factors)
+        arrays, notes = _tables(layers, scene, index)
         packed = io.BytesIO()
-        np.savez_compressed(packed, table=table, alpha=np.float32(alpha), axes=axes.astype(np.float32), turns=turns)
+        np.savez_compressed(packed, **arrays)  # type: ignore[arg-type]
         write_atomically(folder / "materials" / f"{stem}.npz", packed.getvalue())
         add(add(shape, "bsdf", type="insitu"), "string", name="filename", value=f"materials/{stem}.npz")
-    images = [layer.name for layer in layers if not layer.maps.is_plain]
-    return WrittenMaterial((f"{', '.join(images)} by the mean of texture and weight map",) if images else ())
+        return notes
+    return ()
+
+
+def _tables(
+    layers: Sequence[Layer], scene: Scene, index: int
+) -> tuple[dict[str, NDArray[np.generic]], tuple[str, ...]]:
+    """What `render.py` reads of an object: a table for the sum of all layers with the same images, (K, phi_h, theta_h,
+    theta_d, phi_d, 3), and these images, whose product, with vertex colours, multiplies it. Strokes, which lie on the
+    surface and not in an image, count by their mean."""
+    groups: dict[LayerMaps, list[Layer]] = {}
+    for layer in layers:
+        groups.setdefault(layer.maps, []).append(layer)
+    arrays: dict[str, NDArray[np.generic]] = {}
+    tables, means, by_mean = list[NDArray[np.float32]](), list[NDArray[np.float32]](), list[str]()
+    for k, (maps, own) in enumerate(groups.items()):
+        table = tabulated(own)
+        mean = mean_factor(scene, index, maps).astype(np.float32)
+        means.append(table * mean)
+        # Vertex colours multiply the texture at its full strength alone.
+        if maps.strokes or (maps.vertex_colours and maps.sampled_strength != 1.0):
+            table, images = table * mean, []
+            by_mean += [layer.name for layer in own]
+        else:
+            images = factor_images(scene, maps)
+        arrays[f"vertex_colours_{k}"] = np.array(maps.vertex_colours and not maps.strokes)
+        for j, image in enumerate(images):
+            arrays |= {f"image_{k}_{j}": image.texels, f"matrix_{k}_{j}": image.matrix, f"wrap_{k}_{j}": image.wrap}  # type: ignore[dict-item]
+        tables.append(table)
+    axes, turns = object_axes(scene)[index, [1, 0]], scene.tangent_rotations.image(index)
+    alpha = np.array(highlight_width(np.sum(means, axis=0)), np.float32)
+    arrays |= {"table": np.array(tables), "alpha": alpha, "axes": axes.astype(np.float32), "turns": turns}
+    return arrays, (f"{', '.join(by_mean)} by the mean of its images",) if by_mean else ()
 
 
 def _measured_file(layers: Sequence[Layer]) -> bytes | None:
@@ -143,9 +168,8 @@ def _add_metal(bsdf: Element, values: dict[str, Any], share: float) -> None:
     add_numbers(bsdf, "rgb", "specular_reflectance", channels(values, "scale") / share)
 
 
-def tabulated(layers: Sequence[Layer], factors: Float64Array | None = None) -> tuple[NDArray[np.float32], float]:
-    """rho (phi_h, theta_h, theta_d, phi_d, 3) in 1/sr at the places of `grid`, and the GGX width that its highlight is
-    best sampled with; factors (K, 3): what multiplies each layer.
+def tabulated(layers: Sequence[Layer]) -> NDArray[np.float32]:
+    """rho (phi_h, theta_h, theta_d, phi_d, 3) in 1/sr at the places of `grid`.
 
     Half vectors: theta_h = (i/(n-1))^2 90 degrees, phi_h = 360 l/n (one for all where nothing depends on it); theta_d =
     90 j/(n-1), phi_d = 360 k/n. Below the horizon the table repeats the values just above it, so that it can be
@@ -155,11 +179,10 @@ def tabulated(layers: Sequence[Layer], factors: Float64Array | None = None) -> t
     table = np.zeros((*shape, 3), np.float32)
     for turn in range(shape[0]):
         wi, wo = grid(shape, turn)
-        each = None if factors is None else factors[None]
-        value = evaluate_layers(layers, wi.reshape(-1, 3), wo.reshape(-1, 3), each).reshape(*shape[1:], 3)
+        value = evaluate_layers(layers, wi.reshape(-1, 3), wo.reshape(-1, 3)).reshape(*shape[1:], 3)
         above = np.minimum(wi[..., 2], wo[..., 2]) > LEAST_COSINE
         table[turn] = _continued(value / np.maximum(wi[..., 2:], LEAST_COSINE), above)
-    return table, _highlight_width(table)
+    return table
 
 
 def grid(shape: Sequence[int], turn: int) -> tuple[Float64Array, Float64Array]:
@@ -189,8 +212,9 @@ def _continued(value: Float64Array, above: NDArray[np.bool_]) -> Float64Array:
     return np.asarray(value)
 
 
-def _highlight_width(table: NDArray[np.float32]) -> float:
-    """alpha of the GGX whose half vectors, cos weighted, have the same median: tan of that angle."""
+def highlight_width(table: NDArray[np.float32]) -> float:
+    """The width alpha of GGX by which a table is best sampled: half vectors, cos weighted, have the same median, tan of
+    that angle."""
     n_h = table.shape[1]
     theta = (np.linspace(0.0, 1.0, n_h) ** 2) * (np.pi / 2)
     n_facing = max(table.shape[2] // 4, 1)

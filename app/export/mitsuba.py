@@ -8,8 +8,10 @@
 
 The standard models are used where they are exact: `diffuse`, `roughconductor`, and the two of them together; and
 `measured` for an isotropic RGB tensor file that is not edited. Everything else, above all edited curves, becomes a
-table over half and difference angles. `measured` was rejected for it: its samples follow one distribution of visible
-normals, which a curve that is bent no longer has, and its tangents are not those of Insitu's objects.
+table over half and difference angles, one for all layers that the same images multiply: nodes of parameters that vary
+over the surface among them. `measured` was rejected for it: its samples follow one distribution of visible normals,
+which a curve that is bent no longer has, and its tangents are not those of Insitu's objects. Opacity is Mitsuba's
+`mask`.
 """
 
 from __future__ import annotations
@@ -22,18 +24,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.export import stem_of, written_names
-from app.export.materials import WrittenMaterial, add, add_numbers, write_material
+from app.export.images import add_opacity
+from app.export.materials import add, add_numbers, write_material
 from app.project.project import Project
 from app.system.atomic import replacing_folder, require_folder, write_atomically
 from engine.core.generators import run_to_end
 from engine.material.layer import Layer, object_of
 from engine.render.display import exr_bytes
-from engine.scene.map_sampler import mean_factor
 from engine.scene.scene_loader import Scene
-from engine.scene.tangents import object_axes
 
 RENDER = Path(__file__).with_name("render.py")
 MITSUBA = "3.5.0"
+# Surfaces with holes that a path can pass, where there are any.
+MOST_PASSED = 8
 Report = Callable[[float, str], None]
 Steps = Generator[tuple[float, str], None, list[str]]
 
@@ -55,8 +58,9 @@ def export_scene(project: Project, folder: Path, n_bounces: int, report: Report)
 
 def _write(project: Project, folder: Path, n_bounces: int) -> Steps:
     root = ElementTree.Element("scene", version=MITSUBA)
-    # It counts the ends of a path as well.
-    add(add(root, "integrator", type="path"), "integer", name="max_depth", value=str(n_bounces + 1))
+    # It counts the ends of a path as well, and each surface that a path passes.
+    depth = n_bounces + 1 + (MOST_PASSED if project.scene.cutouts.opacities else 0)
+    add(add(root, "integrator", type="path"), "integer", name="max_depth", value=str(depth))
     _add_camera(root, project)
     notes = _add_sky(root, project, folder)
     if (origin := project.scene.origin).any():
@@ -121,25 +125,35 @@ def _add_object(root: ElementTree.Element, project: Project, folder: Path, index
         add_numbers(add(shape, "bsdf", type="diffuse"), "rgb", "reflectance", (0.0, 0.0, 0.0))
         return []
     layers: list[Layer] = [layer for key, layer in project.layers.items() if object_of(key) == name]
-    factors = np.array([mean_factor(scene, index, layer.maps) for layer in layers]).reshape(-1, 3)
-    axes, turns = object_axes(scene)[index, [1, 0]], scene.tangent_rotations.image(index)
-    written: WrittenMaterial = write_material(shape, layers, folder, stem, axes, turns, factors)
-    notes = [*written.notes, *(["opaque: its opacity is not written"] if index in scene.cutouts.opacities else [])]
+    opacity, notes = scene.cutouts.opacities.get(index), list[str]()
+    if opacity is not None:
+        shape = add(shape, "bsdf", type="mask")
+        alpha = add_opacity(shape, opacity, scene.cutouts.images.get(index), f"materials/{stem}.exr")
+        if alpha is not None:
+            write_atomically(folder / "materials" / f"{stem}.exr", exr_bytes(alpha))
+        if opacity.opacity_vertices:
+            notes.append("the opacity of its vertices is not written")
+    notes += write_material(shape, layers, scene, index, folder, stem)
     return [f"{name}: {note}" for note in notes]
 
 
 def ply_bytes(scene: Scene, index: int) -> bytes:
-    """The object's triangles with vertex normals, and texture coordinates where it has them."""
+    """The object's triangles with vertex normals, and texture coordinates and vertex colours where it has them."""
     first, last = scene.triangle_ranges[index]
     triangles: NDArray[np.integer] = scene.triangles[first:last]
     names = ["x", "y", "z", "nx", "ny", "nz"]
-    if scene.has_uvs[index] and scene.uvs is not None:  # vertices of their own: coordinates differ between triangles
-        corners, triangles = triangles.ravel(), np.arange(triangles.size).reshape(-1, 3)
-        columns = [scene.uvs[first:last].reshape(-1, 2)]
+    columns = []
+    if scene.has_uvs[index] and scene.uvs is not None:
+        columns.append(scene.uvs[first:last].reshape(-1, 2))
         names += ["u", "v"]
+    if scene.colours is not None:
+        columns.append(scene.colours[first:last, :, :3].reshape(-1, 3))
+        names += ["r", "g", "b"]
+    if columns:  # vertices of their own: coordinates differ between triangles
+        corners, triangles = triangles.ravel(), np.arange(triangles.size).reshape(-1, 3)
     else:
         corners, triangles = np.unique(triangles, return_inverse=True)
-        triangles, columns = triangles.reshape(-1, 3), []
+        triangles = triangles.reshape(-1, 3)
     rows = np.concatenate([scene.vertices[corners], scene.normals[corners], *columns], axis=1).astype("<f4")
     faces = np.empty(len(triangles), np.dtype([("n", "u1"), ("corners", "<i4", 3)]))
     faces["n"], faces["corners"] = 3, triangles

@@ -19,14 +19,40 @@ FOLDER = Path(__file__).resolve().parent
 def insitu_bsdf(mi, dr):
     """The class of the type "insitu"; made once the variant is chosen."""
 
+    class Factor:
+        """What multiplies one table: the product of images, each in its own mapping, and of the colours of vertices."""
+
+        def __init__(self, data, k):
+            self.has_colours, self.images = bool(data[f"vertex_colours_{k}"]), []
+            while f"image_{k}_{len(self.images)}" in data:
+                texels, matrix, wrap = (data[f"{name}_{k}_{len(self.images)}"] for name in ("image", "matrix", "wrap"))
+                self.images.append((texels.shape[:2], mi.Float(texels.astype(np.float32).ravel()), matrix, wrap))
+
+        def at(self, si, active):
+            value = mi.Color3f(1)
+            if self.has_colours:
+                value *= si.shape.eval_attribute_3("vertex_color", si, active)
+            for (height, width), image, ((a, b, c), (d, e, f)), (wrap_u, wrap_v) in self.images:
+                u, v = (float(x) * si.uv.x + float(y) * si.uv.y + float(z) for x, y, z in ((a, b, c), (d, e, f)))
+                texel = mi.Color3f(0)
+                rows = texels(1 - within(v, wrap_v), height, wrap_v == 0)
+                columns = texels(within(u, wrap_u), width, wrap_u == 0)
+                for (column, across), (row, down) in ((x, y) for x in columns for y in rows):
+                    texel += across * down * dr.gather(mi.Color3f, image, row * width + column, active)
+                value *= texel
+            return value
+
     class Insitu(mi.BSDF):
         """A BRDF by half and difference angles, interpolated; sampled half by the cosine, half by a GGX lobe."""
 
         def __init__(self, props):
             mi.BSDF.__init__(self, props)
             data = np.load(FOLDER / props["filename"])
-            self.shape = data["table"].shape[:4]
-            self.table = mi.Float(data["table"].astype(np.float32).ravel())
+            tables = data["table"]
+            self.shape, n_tables = tables.shape[1:5], len(tables)
+            self.table = mi.Float(tables.astype(np.float32).ravel())
+            self.starts = [k * int(np.prod(self.shape)) for k in range(n_tables)]
+            self.factors = [Factor(data, k) for k in range(n_tables)]
             self.alpha = float(data["alpha"])
             self.up, self.side = (mi.Vector3f(*map(float, axis)) for axis in data["axes"])
             self.turn_size, self.turns = data["turns"].shape[:2], mi.Float(data["turns"].astype(np.float32).ravel())
@@ -65,7 +91,7 @@ def insitu_bsdf(mi, dr):
             light = dr.select(sample1 < 0.5, diffuse_sample, 2 * dr.dot(eye, half) * half - eye)
             wo = si.to_local(frame.to_world(light))
             active = active & (eye.z > 0) & (light.z > 0)
-            value, pdf = self.reflected(eye, light, active), self.density(eye, light)
+            value, pdf = self.reflected(si, eye, light, active), self.density(eye, light)
             sample = dr.zeros(mi.BSDFSample3f)
             sample.wo, sample.pdf, sample.eta = wo, dr.select(active, pdf, 0), 1.0
             sample.sampled_type = mi.UInt32(+mi.BSDFFlags.GlossyReflection)
@@ -74,7 +100,7 @@ def insitu_bsdf(mi, dr):
 
         def eval(self, ctx, si, wo, active=True):
             _, eye, light = self.directions(si, wo)
-            return self.reflected(eye, light, active)
+            return self.reflected(si, eye, light, active)
 
         def pdf(self, ctx, si, wo, active=True):
             _, eye, light = self.directions(si, wo)
@@ -90,8 +116,9 @@ def insitu_bsdf(mi, dr):
             lobe = ggx * half.z / (4 * dr.maximum(dr.dot(eye, half), 1e-6))
             return 0.5 * light.z / dr.pi + 0.5 * dr.select(half.z > 0, lobe, 0)
 
-        def reflected(self, eye, light, active):
-            """The table, interpolated, times the cosine of the light; `eye` is wo, `light` is wi."""
+        def reflected(self, si, eye, light, active):
+            """The tables, interpolated, each times its images, times the cosine of the light; `eye` is wo, `light`
+            wi."""
             half = dr.normalize(eye + light)
             flat = dr.sqrt(half.x * half.x + half.y * half.y)
             theta_h, theta_d = dr.atan2(flat, half.z), dr.safe_acos(dr.dot(light, half))
@@ -104,7 +131,7 @@ def insitu_bsdf(mi, dr):
                 between(theta_d * 2 / dr.pi, n_d), around(phi_d / (2 * dr.pi), n_p),
             ]  # fmt: skip
             active = active & (eye.z > 0) & (light.z > 0)
-            value = mi.Color3f(0)
+            value, factors = mi.Color3f(0), [factor.at(si, active) for factor in self.factors]
             for corner in range(16):
                 index, weight = mi.UInt32(0), mi.Float(1)
                 for axis, ((low, high), share) in enumerate(places):
@@ -112,8 +139,9 @@ def insitu_bsdf(mi, dr):
                     index = index * self.shape[axis] + (high if upper else low)
                     weight *= share if upper else 1 - share
                 if n_turns > 1 or not corner & 1:
-                    value += weight * dr.gather(mi.Color3f, self.table, index, active)
-            return dr.select(active, value * light.z, 0)
+                    for start, factor in zip(self.starts, factors, strict=True):
+                        value += weight * factor * dr.gather(mi.Color3f, self.table, start + index, active)
+            return dr.select(active, dr.maximum(value, 0) * light.z, 0)
 
         def to_string(self):
             return f"Insitu[{self.shape}]"
@@ -125,8 +153,21 @@ def insitu_bsdf(mi, dr):
         low = dr.minimum(mi.UInt32(position), max(n - 2, 0))
         return (low, dr.minimum(low + 1, n - 1)), position - mi.Float(low)
 
-    def texels(share, n):
-        """The texels on either side of a place on an axis that repeats, and their weights."""
+    def within(place, wrap):
+        """A place on an axis that repeats (0), is mirrored (1) or extends its edge (2), in [0, 1]."""
+        if wrap == 2:
+            return dr.clip(place, 0, 1)
+        if wrap == 1:
+            return 1 - dr.abs(2 * (0.5 * place - dr.floor(0.5 * place)) - 1)
+        return place - dr.floor(place)
+
+    def texels(share, n, repeats=True):
+        """The texels on either side of a place on an axis, and their weights."""
+        if not repeats:
+            position = dr.clip(share * n - 0.5, 0, n - 1)
+            low = dr.minimum(mi.UInt32(position), max(n - 2, 0))
+            fraction = position - mi.Float(low)
+            return (low, 1 - fraction), (dr.minimum(low + 1, n - 1), fraction)
         (low, high), fraction = around(share - 0.5 / n, n)
         return (low, 1 - fraction), (high, fraction)
 

@@ -47,7 +47,9 @@ def untabulated_features(layers: Sequence[Layer]) -> tuple[str, ...]:
     anisotropic = [layer.name for layer in shown if is_anisotropic(layer)]
     images = [layer.name for layer in shown if not layer.maps.is_plain]
     notes = [f"{', '.join(anisotropic)}: averaged around the normal, as the format is isotropic"] if anisotropic else []
-    return (*notes, *([f"{', '.join(images)}: without its images"] if images else []))
+    notes += [f"{', '.join(images)}: without its images"] if images else []
+    varying = [f"{layer.name} {each.parameter}" for layer in shown for each in layer.parameter_maps]
+    return (*notes, *([f"{', '.join(varying)}: its own value in place of its map"] if varying else []))
 
 
 def is_anisotropic(layer: Layer) -> bool:
