@@ -101,7 +101,7 @@ def fill(
     editor would."""
     settings = project.editor_settings
     store.require()
-    document, seen = project.document, project.scene
+    document, seen = project.picture_document, project.scene
     scene = OpenScene(document.source)
     camera, bumps, n_edge_rays = seen.description.camera, document.new_bumps, settings.n_edge_rays
     view = SetCamera(0, camera, seen.resolution, document.poses, bumps, n_edge_rays, document.new_opacities)

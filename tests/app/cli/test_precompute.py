@@ -4,7 +4,9 @@ import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 
 import app.cli.precompute as filling
 from app.cli.precompute import precompute
@@ -14,7 +16,7 @@ from app.project.project import open_project
 from app.worker.cache import ArrayCache
 from app.worker.tasks import RequestDispatcher
 from engine.render.error_estimate import WHAT
-from tests.scene_text import ground
+from tests.scene_text import camera, ground, material, placed
 
 N_LIGHTS = 401  # more than a preview has, so that it is kept
 
@@ -76,3 +78,14 @@ def test_what_is_hidden_leaves_an_empty_picture(scene: str, tmp_path: Path) -> N
         project = replace(project, document=SetVisible(key, False).apply(project.document))
     done = precompute(project, lambda progress: None, ArrayCache(tmp_path / "cache"))
     assert done.error.is_negligible
+
+
+def test_a_map_has_the_transport_of_its_nodes(tmp_path: Path) -> None:
+    """As in the editor, which would find nothing of its layers in the cache otherwise."""
+    Image.fromarray(np.arange(64, dtype=np.uint8).reshape(8, 8) * 4).save(tmp_path / "worn.png")
+    worn = 'parameter_maps = { alpha = { map = "worn.png", range = [0.2, 0.6] } }'
+    layer = material(f'model = "rough_conductor", {worn}')
+    (tmp_path / "scene.toml").write_text(camera((0, 0, 3), 40, (6, 4)) + placed("ball", "sphere", more=layer))
+    project = open_project(str(tmp_path / "scene.toml"))
+    filled = filling.fill(project, lambda step: None, ArrayCache(tmp_path / "cache"))
+    assert [layer.key for layer in filled.scene.visible] == list(project.layers) and len(project.layers) > 2
