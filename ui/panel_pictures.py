@@ -175,7 +175,9 @@ def panel_context(editor: Editor, source: PictureFeed | None, pictures: PanelPic
     )
     if source is None:
         return context
-    selected = layer_shown(document, editor.view.selected)
+    selected, refusal = layer_shown(document, editor.view.selected), None
+    if selected is not None:
+        refusal = source.map_refusal(editor, selected.key) or editor.nodes.refusal(document.layer(selected.key))
     return replace(
         context,
         status=replace(context.status, is_away=status.is_away or source.shows_view_before),
@@ -185,7 +187,7 @@ def panel_context(editor: Editor, source: PictureFeed | None, pictures: PanelPic
         error_overlay=pictures.error_map(status.error_colours),
         environment=pictures.picture(source.environment),
         map_thumbnails={} if selected is None else pictures.maps(source, selected.key),
-        map_refusal=None if selected is None else source.map_refusal(editor, selected.key),
+        map_refusal=refusal,
         heading=source.heading,
         object_at=source.object_at,
         spot_at=source.spot_at,

@@ -15,6 +15,7 @@ from app.document.document import Document
 from app.document.history import History
 from app.document.node_layers import NodeCount, channel_images, node_counts, with_node_layers
 from app.messages.worker_messages import ChannelsRead, ReadChannels, Request
+from engine.material.layer import Layer
 from engine.material.layer_maps import ChannelImage
 from engine.material.parameter_maps import ChannelStatistics
 
@@ -66,9 +67,11 @@ class NodeController:
             self._counted = document, node_counts(document, self._statistics, _n_nodes(document))
         return self._counted[1]
 
-    def refusal(self, image: ChannelImage) -> str:
-        """Why an image cannot be used, in one line; "" where it can, or nothing is known yet."""
-        return self._refused.get(image, "")
+    def refusal(self, layer: Layer) -> str:
+        """Why images of a layer's parameter maps cannot be used, in one line; "" where they can, or nothing is known
+        yet."""
+        found = (self._refused.get(each.image, "") for each in layer.parameter_maps)
+        return "; ".join(dict.fromkeys(filter(None, found)))
 
     def request_missing(self, *documents: Document) -> None:
         """Request the statistics that documents need and that are neither known nor requested."""

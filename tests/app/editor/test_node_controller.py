@@ -21,14 +21,14 @@ class Host:
     """An editor that notes what is sent."""
 
     def __init__(self, document: Document) -> None:
-        self.history, self.sent = History(document), list[Request]()
+        self.history, self.sent, self.said = History(document), list[Request](), list[str]()
 
     def send(self, request: Request) -> int:
         self.sent.append(request)
         return len(self.sent)
 
     def notify(self, text: str, is_error: bool = False) -> None:
-        raise AssertionError(text)
+        self.said.append(text)
 
     def document_changed(self) -> None:
         raise AssertionError
@@ -66,3 +66,15 @@ def test_nodes_are_counted_once_for_each_document(documents: tuple[Document, Doc
     assert found[0].path == "ball.1.alpha" and controller.counts(documents[0]) is found
     controller.scene_opened({})
     assert controller.counts(documents[0]) == ()
+
+
+def test_an_image_of_the_scene_that_cannot_be_read_is_said_beside_its_row(documents: tuple[Document, Document]) -> None:
+    host = Host(documents[0])
+    controller = NodeController(host)
+    (image,) = channel_images(documents[0])
+    controller.receive(ChannelsRead({}, {image: "rough.png: no such file"}, id=1))
+    assert host.said == ["rough.png: no such file"] and host.history.document is documents[0]
+    assert controller.refusal(documents[0].layer("ball.1")) == "rough.png: no such file"
+    assert controller.refusal(documents[0].layer("ball.0")) == "" == controller.refusal(documents[1].layer("ball.1"))
+    controller.reload(documents[0], "ball.1")
+    assert controller.refusal(documents[0].layer("ball.1")) == ""
