@@ -14,7 +14,7 @@ A map whose image has not been read yet, or cannot be, leaves its parameter at i
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
 from typing import NamedTuple
@@ -42,6 +42,18 @@ def channel_images(document: Document) -> tuple[ChannelImage, ...]:
     """The channels that parameter maps read, each once."""
     layers = chain.from_iterable(state.layers for state in document.objects)
     return tuple(dict.fromkeys(each.image for layer in layers for each in layer.parameter_maps))
+
+
+def n_nodes_of(document: Document) -> int | None:
+    """The number of nodes of each map that the user has set, None for as many as are planned."""
+    value = dict(document.overrides).get("nodes")
+    return value if isinstance(value, int) else None
+
+
+def plan_layers(layers: Iterable[Layer], statistics: Statistics) -> None:
+    """Find the nodes of layers, of a document whose objects are not known, so that they are known."""
+    for layer in layers:
+        nodes_of_maps(*_with_known_maps(layer, statistics))
 
 
 def with_node_layers(document: Document, statistics: Statistics, n_nodes: int | None = None) -> Document:

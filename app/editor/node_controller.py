@@ -1,8 +1,10 @@
 """The statistics of the images of parameter maps on the window's side, and the document that pictures are made of with
 them (`app.document.node_layers`).
 
-The worker reads images, so a map that the user has just chosen is shown by its parameter's own value for a moment.
-Statistics belong to a scene's files, not to the document: undo needs none again.
+The worker reads images and finds nodes, which takes longer than a frame. So a map that the user has just chosen or
+changed is shown as it was before for a moment, or by its parameter's own value where there was none; while one is
+dragged, nothing is asked for. Statistics and nodes belong to a scene's files, not to the document: undo needs none
+again.
 """
 
 from __future__ import annotations
@@ -13,14 +15,19 @@ from typing import Protocol
 
 from app.document.document import Document
 from app.document.history import History
-from app.document.node_layers import NodeCount, channel_images, node_counts, with_node_layers
+from app.document.linked_layers import with_covers
+from app.document.node_layers import NodeCount, channel_images, n_nodes_of, node_counts, with_node_layers
 from app.messages.worker_messages import ChannelsRead, ReadChannels, Request
 from engine.material.layer import Layer
 from engine.material.layer_maps import ChannelImage
-from engine.material.parameter_maps import ChannelStatistics
+from engine.material.model import Model
+from engine.material.parameter_maps import ChannelStatistics, ParameterMap
+from engine.material.parameter_nodes import KnownNodes, are_nodes_known, remember_nodes
 
 # The present document, the one that is drawn, and that of side A.
 _MOST_CACHED = 4
+_Place = tuple[str, str, str]  # object, layer, parameter
+_Needed = tuple[Model, ParameterMap]
 
 
 class NodeHost(Protocol):
@@ -42,10 +49,14 @@ class NodeController:
         self._host = host
         self.scene_opened({})
 
-    def scene_opened(self, statistics: Mapping[ChannelImage, ChannelStatistics]) -> None:
-        """Another scene is open; statistics: of the images that it and its session name."""
+    def scene_opened(
+        self, statistics: Mapping[ChannelImage, ChannelStatistics], nodes: KnownNodes | None = None
+    ) -> None:
+        """Another scene is open; statistics, nodes: of the images and the maps that it and its session name."""
+        remember_nodes(nodes or {})
         self._statistics, self._refused = dict(statistics), dict[ChannelImage, str]()
-        self._requested: tuple[int, frozenset[ChannelImage]] | None = None
+        self._requested: tuple[int, frozenset[_Needed]] | None = None
+        self._shown: dict[_Place, ParameterMap] = {}
         self._forget_documents()
 
     def _forget_documents(self) -> None:
@@ -56,7 +67,8 @@ class NodeController:
         """The document that pictures are made of; the same one for the same document."""
         found = next((pair for pair in self._cached if pair[0] is document), None)
         if found is None:
-            found = document, with_node_layers(document, self._statistics, _n_nodes(document))
+            ready = self._with_ready_maps(document)
+            found = document, with_node_layers(ready, self._statistics, n_nodes_of(document))
         others = [pair for pair in self._cached if pair is not found]
         self._cached = [*others[1 - _MOST_CACHED :], found]
         return found[1]
@@ -64,7 +76,8 @@ class NodeController:
     def counts(self, document: Document) -> tuple[NodeCount, ...]:
         """The nodes of all parameter maps of a document; those of the last one are remembered, for every frame."""
         if self._counted is None or self._counted[0] is not document:
-            self._counted = document, node_counts(document, self._statistics, _n_nodes(document))
+            ready = self._with_ready_maps(document)
+            self._counted = document, node_counts(ready, self._statistics, n_nodes_of(document))
         return self._counted[1]
 
     def refusal(self, layer: Layer) -> str:
@@ -74,22 +87,56 @@ class NodeController:
         return "; ".join(dict.fromkeys(filter(None, found)))
 
     def request_missing(self, *documents: Document) -> None:
-        """Request the statistics that documents need and that are neither known nor requested."""
-        missing = frozenset[ChannelImage]().union(*map(self._missing, documents))
-        if missing and (self._requested is None or not missing <= self._requested[1]):
-            self._requested = self._host.send(ReadChannels(tuple(missing))), missing
+        """Request what documents need and what is neither known nor requested; not during a drag."""
+        missing = frozenset[_Needed]().union(*map(self._missing, documents))
+        if not missing or self._host.history.dragging:
+            return
+        if self._requested is None or not missing <= self._requested[1]:
+            unread = dict.fromkeys(own.image for _, own in missing if own.image not in self._statistics)
+            self._requested = self._host.send(ReadChannels(tuple(unread), documents)), missing
 
     def is_complete(self, document: Document) -> bool:
         """Whether all that a document's nodes depend on is known."""
         return not self._missing(document)
 
-    def _missing(self, document: Document) -> frozenset[ChannelImage]:
-        known = self._statistics.keys() | self._refused.keys()
-        return frozenset(image for image in channel_images(document) if image not in known)
+    def _missing(self, document: Document) -> frozenset[_Needed]:
+        """The maps whose image is unread, or whose nodes are not known, with the model of their layer."""
+        return frozenset(
+            (layer.model, own)
+            for state in document.objects for layer in state.layers for own in layer.parameter_maps
+            if own.image not in self._refused and not self._is_ready(layer, own)
+        )  # fmt: skip
+
+    def _is_ready(self, layer: Layer, own: ParameterMap) -> bool:
+        statistics = self._statistics.get(own.image)
+        return statistics is not None and are_nodes_known(layer, own, statistics)
+
+    def _with_ready_maps(self, document: Document) -> Document:
+        """The document with those maps whose nodes are known, in place of others those that were shown before."""
+        if not any(layer.parameter_maps for state in document.objects for layer in state.layers):
+            return document
+        objects = []
+        for state in document.objects:
+            layers = tuple(self._with_own_ready_maps(state.name, layer) for layer in state.layers)
+            changed = any(new is not old for new, old in zip(layers, state.layers, strict=True))
+            objects.append(replace(state, layers=with_covers(layers)) if changed else state)
+        return replace(document, objects=tuple(objects))
+
+    def _with_own_ready_maps(self, name: str, layer: Layer) -> Layer:
+        maps = []
+        for own in layer.parameter_maps:
+            place = name, layer.name, own.parameter
+            if self._is_ready(layer, own):
+                self._shown[place] = own
+                maps.append(own)
+            elif own.image not in self._refused and place in self._shown and self._is_ready(layer, self._shown[place]):
+                maps.append(self._shown[place])
+        return layer if tuple(maps) == layer.parameter_maps else layer.replace(parameter_maps=tuple(maps))
 
     def receive(self, response: ChannelsRead) -> None:
         """Take statistics. If choosing an image that cannot be read was the last step, that step disappears from the
         history."""
+        remember_nodes(response.nodes)
         self._statistics |= response.statistics
         self._refused |= response.refused
         self._forget_documents()
@@ -107,7 +154,7 @@ class NodeController:
     def receive_failure(self, request: int, line: str) -> None:
         """A request failed: its images are refused, or they would be requested again in each frame."""
         if self._requested is not None and self._requested[0] == request:
-            self._refused |= dict.fromkeys(self._requested[1], line)
+            self._refused |= dict.fromkeys((own.image for _, own in self._requested[1]), line)
             self._requested = None
 
     def lose_request(self, request: int | None = None) -> None:
@@ -121,11 +168,6 @@ class NodeController:
             self._statistics.pop(each.image, None)
             self._refused.pop(each.image, None)
         self._forget_documents()
-
-
-def _n_nodes(document: Document) -> int | None:
-    value = dict(document.overrides).get("nodes")
-    return value if isinstance(value, int) else None
 
 
 def _without_maps(document: Document) -> Document:

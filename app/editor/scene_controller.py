@@ -321,7 +321,7 @@ class SceneController:
         views = camera_bookmarks(opened.cameras, description.camera.resolution)
         host.view = replace(host.view.for_scene(description), bookmarks=views)
         host.history = History(described)
-        host.nodes.scene_opened(opened.channels)
+        host.nodes.scene_opened(opened.channels, opened.nodes)
         self._keeper.set_document(described, host.view)
         kept = "; the unsaved edits before it can be recovered at the next start" if left_unsaved else ""
         said = opening.fallback_reason or f"opened {description.name}{kept}"
@@ -372,7 +372,7 @@ class SceneController:
             host.view = replace(host.view, compare=change(host.view.compare))
         self.watch.add([self._keeper.path] if self._keeper.path else [])
         host.view = host.view.from_viewpoint(self.tracing.adopt_resolution(host.camera_history.own_resolution))
-        host.nodes.scene_opened(opened.channels)
+        host.nodes.scene_opened(opened.channels, opened.nodes)
         pictured = host.with_nodes(host.document)
         scene = OpenedScene(0, opened.planned, description, described, pictured, opened.notes)
         host.controller.scene_opened(self._view_traced(scene, response))

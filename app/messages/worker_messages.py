@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from engine.material.layer_maps import ChannelImage
     from engine.material.opacity import OpacityByObject
     from engine.material.parameter_maps import ChannelStatistics
+    from engine.material.parameter_nodes import KnownNodes
     from engine.measured.measurement import Measurement
     from engine.realtime.zonal_harmonics.pose import Poses
     from engine.scene.description import Camera
@@ -131,12 +132,14 @@ class ReadMeasured(Request):
 
 @dataclass(frozen=True)
 class ReadChannels(Request):
-    """Read images of parameter maps of the open scene, for their statistics; answered by `ChannelsRead`."""
+    """Read images of parameter maps of the open scene, for their statistics, and find the nodes of these documents;
+    answered by `ChannelsRead`."""
 
     built_on = (OpenScene,)
     priority = 3
 
     images: tuple[ChannelImage, ...]
+    documents: tuple[Document, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -212,7 +215,7 @@ class SceneOpened(Response):
     it takes longer than the window may be blocked. `boxes` (M, 2, 3): the least and the largest corner of each object
     in the world, NaN where it has no surface. `animations`: each object's. `files`: those the scene was read from, each
     with its stamp then. `report`: what they contain, and what of it is not shown. `channels`: statistics of the images
-    of parameter maps, the scene's and the request's. `cameras`: those of its files.
+    of parameter maps, the scene's and the request's; `nodes`: of all their maps. `cameras`: those of its files.
     """
 
     description: str
@@ -225,6 +228,7 @@ class SceneOpened(Response):
     report: ImportReport = ImportReport()
     channels: Mapping[ChannelImage, ChannelStatistics] = field(default_factory=dict)
     cameras: tuple[ImportedCamera, ...] = ()
+    nodes: KnownNodes = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,11 +256,12 @@ class CurveTableRead(Response):
 
 @dataclass(frozen=True)
 class ChannelsRead(Response):
-    """The statistics of the images of a `ReadChannels`; refused: of those that cannot be read, one line that says
-    why."""
+    """The statistics of the images of a `ReadChannels`; refused: of those that cannot be read, one line that says why;
+    nodes: those of all maps of its documents."""
 
     statistics: Mapping[ChannelImage, ChannelStatistics]
     refused: Mapping[ChannelImage, str]
+    nodes: KnownNodes = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,7 +25,7 @@ from app.document.named_files import (
     unread_files,
     with_measurements,
 )
-from app.document.node_layers import channel_images, with_node_layers
+from app.document.node_layers import channel_images, n_nodes_of, plan_layers, with_node_layers
 from app.document.scene_files import files_of_scene, split_axis, unpacked_scene_file
 from app.messages.worker_messages import (
     ChannelsRead,
@@ -65,6 +65,7 @@ from app.worker.schedule import Steps
 from engine.core.errors import InsituError
 from engine.light.environment import Environment, downsample, load_environment
 from engine.material.opacity import OpacityByObject
+from engine.material.parameter_nodes import known_nodes
 from engine.planner import planned_edge_rays
 from engine.precompute.direct.pipeline import Placement, SkyState
 from engine.realtime.zonal_harmonics.pose import Poses
@@ -257,6 +258,7 @@ class RequestDispatcher:
         channels, _ = read_channels(scene, (*channel_images(document), *wanted))
         document = document_with_measurements(document, measurements)
         own = layers_of_document(with_node_layers(document, channels))
+        plan_layers(request.layers, channels)
         layers = [*own, *(layer for layer in with_measurements(request.layers, measurements) if layer not in own)]
         planned = tuple(chain.from_iterable(work.plan(layers) for work in self._workers))
         yield SceneOpened(
@@ -270,6 +272,7 @@ class RequestDispatcher:
             report_scene(scene),
             channels,
             scene.cameras,
+            known_nodes(channels),
         )
 
     def _set_camera(self, request: SetCamera) -> Steps:
@@ -282,7 +285,14 @@ class RequestDispatcher:
         yield ViewTraced(picture_frame(placement.hits, placement.scene.camera_position), flaws)
 
     def _read_channels(self, request: ReadChannels) -> Steps:
-        yield ChannelsRead(*read_channels(self.context.open_placement.scene, request.images))
+        scene = self.context.open_placement.scene
+        found, refused = read_channels(scene, request.images)
+        needed = dict.fromkeys(image for document in request.documents for image in channel_images(document))
+        statistics, _ = read_channels(scene, (image for image in needed if image not in refused))
+        for document in request.documents:
+            yield None
+            with_node_layers(document, statistics, n_nodes_of(document))
+        yield ChannelsRead(found, refused, known_nodes(needed))
 
     def _write(self, request: WriteFiles) -> Steps:
         if request.document is None:

@@ -40,16 +40,16 @@ blend is exact.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import cast
+from typing import NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engine.material.layer import Layer
-from engine.material.layer_maps import ChannelWeight
+from engine.material.layer_maps import ChannelImage, ChannelWeight
 from engine.material.model import Model, find_parameter
 from engine.material.parameter_maps import ChannelStatistics, ParameterMap
 from engine.material.parameters import Value
@@ -129,14 +129,61 @@ def find_nodes(
     most: int = MOST_NODES,
 ) -> ParameterNodes:  # fmt: skip
     """The nodes of one of a layer's maps; n_nodes: how many, None for as many as are planned, at most `most`."""
+    key = _key_of(layer, parameter_map, statistics, n_nodes)
+    found = _recall(key)
+    return _recall(key._replace(n_nodes=most)) if n_nodes is None and len(found.values) > most else found
+
+
+# ----------------------------------------------------------------------------------------- nodes that are known already
+
+
+class NodesKey(NamedTuple):
+    """What the nodes of a map follow from: choices are the model's parameters that are no numbers."""
+
+    model: Model
+    choices: tuple[tuple[str, Value], ...]
+    parameter_map: ParameterMap
+    statistics: ChannelStatistics
+    n_nodes: int | None
+
+
+KnownNodes = Mapping[NodesKey, ParameterNodes]
+_MOST_REMEMBERED = 1024
+_remembered: dict[NodesKey, ParameterNodes] = {}
+
+
+def are_nodes_known(layer: Layer, parameter_map: ParameterMap, statistics: ChannelStatistics) -> bool:
+    """Whether the nodes of a map are known: it takes a twentieth of a second to find them."""
+    key = _key_of(layer, parameter_map, statistics, None)
+    return any(key._replace(n_nodes=n) in _remembered for n in (None, *range(1, MOST_NODES + 1)))
+
+
+def known_nodes(images: Collection[ChannelImage]) -> KnownNodes:
+    """All nodes that are known of maps of these images, for another process to remember."""
+    return {key: found for key, found in _remembered.items() if key.parameter_map.image in images}
+
+
+def remember_nodes(found: KnownNodes) -> None:
+    """Remember nodes that another process has found."""
+    _remembered.update(found)
+    for key in [*_remembered][: max(len(_remembered) - _MOST_REMEMBERED, 0)]:
+        del _remembered[key]
+
+
+def _key_of(layer: Layer, parameter_map: ParameterMap, statistics: ChannelStatistics, n_nodes: int | None) -> NodesKey:
     choices = tuple((p.name, layer.values[p.name]) for p in layer.model.parameters if p.kind == "choice")
-    return _find_nodes(layer.model, choices, parameter_map, statistics, n_nodes, most)
+    return NodesKey(layer.model, choices, parameter_map, statistics, n_nodes)
 
 
-@lru_cache(maxsize=256)
-def _find_nodes(
+def _recall(key: NodesKey) -> ParameterNodes:
+    if key not in _remembered:
+        remember_nodes({key: _place_nodes_of_map(*key)})
+    return _remembered[key]
+
+
+def _place_nodes_of_map(
     model: Model, choices: tuple[tuple[str, Value], ...], parameter_map: ParameterMap, statistics: ChannelStatistics,
-    n_nodes: int | None, most: int,
+    n_nodes: int | None,
 ) -> ParameterNodes:  # fmt: skip
     name = parameter_map.parameter
     ends = np.array([statistics.low, statistics.high])
@@ -153,7 +200,7 @@ def _find_nodes(
     products = _inner_products(model, choices, parameter_map, tuple(grid.tolist()), tuple(frequency.tolist()))
     if n_nodes == 1:
         return _single_node(parameter_map, products, frequency, grid)
-    numbers = range(FEWEST_NODES, most + 1) if n_nodes is None else (min(n_nodes, _N_GRID),)
+    numbers = range(FEWEST_NODES, MOST_NODES + 1) if n_nodes is None else (min(n_nodes, _N_GRID),)
     for n in numbers:
         nodes, error = _place_nodes(products, frequency, n)
         if error <= NODE_TOLERANCE:

@@ -9,12 +9,12 @@ import pytest
 
 from app.document.commands.curves import AddOperator
 from app.document.commands.maps import SetMap, SetParameterMap
-from app.messages.worker_messages import ChannelsRead, ReadChannels
+from app.messages.worker_messages import ReadChannels
 from app.modes.placement.placement_messages import MapsSampled, SampleMaps
 from engine.curve.operators import Operator
 from engine.material.layer import Layer
 from engine.material.layer_maps import ChannelImage, FurtherWeight, MapMeans
-from engine.material.parameter_maps import channel_statistics
+from tests.app.channel_answers import channels_read
 from tests.ui.stand_in import StandInClient, scene_frame
 from ui.brdf_feed import shown_layers
 from ui.headless import HeadlessWindow
@@ -22,8 +22,6 @@ from ui.panels.file_dialog import answer
 from ui.panels.window_state import PanelState
 
 pytestmark = pytest.mark.gl
-
-RAMP = channel_statistics(np.linspace(0.0, 1.0, 1000))
 
 
 def coat(window: HeadlessWindow) -> Layer:
@@ -36,7 +34,7 @@ def read_images(window: HeadlessWindow) -> None:
     assert isinstance(client, StandInClient)
     window.frames(2)
     request = next(r for r in reversed(client.requests) if isinstance(r, ReadChannels))
-    client.say(ChannelsRead(dict.fromkeys(request.images, RAMP), {}, id=request.id))
+    client.say(channels_read(request, request.id))
     window.frames(2)
     asked = next((r for r in reversed(client.requests) if isinstance(r, SampleMaps)), None)
     for key, images in () if asked is None else asked.layers:

@@ -76,7 +76,9 @@ def _end(
     range_with: Callable[[Value], tuple[Value, Value]],
 ) -> list[Action]:  # fmt: skip
     """The row of the value at one end of the channel; own: what a right click sets it back to."""
-    shown = replace(parameter, label=label, tooltip=f"{parameter.label} where the channel is {label.lower()}.")
+    shown = replace(
+        parameter, label=label, tooltip=f"{parameter.label} where the channel is {label.lower()}. Shown when idle."
+    )
 
     def make(new: Value) -> Action:
         return SetParameterMap(key, parameter.name, {"range": range_with(new)})

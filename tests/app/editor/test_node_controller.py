@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
 from app.document.commands.maps import SetParameterMap
 from app.document.document import Document
 from app.document.history import History
-from app.document.node_layers import channel_images
+from app.document.node_layers import channel_images, with_node_layers
 from app.editor.node_controller import NodeController
 from app.messages.worker_messages import ChannelsRead, ReadChannels, Request
-from engine.material.parameter_maps import channel_statistics
+from tests.app.channel_answers import RAMP, channels_read
 from tests.app.document.test_node_layers import METAL, opened
-
-RAMP = channel_statistics(np.linspace(0.0, 1.0, 1000))
 
 
 class Host:
@@ -34,6 +31,13 @@ class Host:
         raise AssertionError
 
 
+def answer(host: Host) -> ChannelsRead:
+    """What the worker says to the last request."""
+    request = host.sent[-1]
+    assert isinstance(request, ReadChannels)
+    return channels_read(request, len(host.sent))
+
+
 @pytest.fixture
 def documents() -> tuple[Document, Document]:
     """The present document, and side A, which has another image."""
@@ -51,7 +55,7 @@ def test_images_of_all_documents_are_asked_for_at_once_and_once(documents: tuple
     assert isinstance(asked, ReadChannels)
     assert set(asked.images) == {image for each in documents for image in channel_images(each)}
     assert not controller.is_complete(documents[0])
-    controller.receive(ChannelsRead(dict.fromkeys(asked.images, RAMP), {}, id=1))
+    controller.receive(answer(host))
     controller.request_missing(*documents)
     assert len(host.sent) == 1 and controller.is_complete(documents[0])
 
@@ -60,8 +64,8 @@ def test_nodes_are_counted_once_for_each_document(documents: tuple[Document, Doc
     host = Host(documents[0])
     controller = NodeController(host)
     assert controller.counts(documents[0]) == ()
-    (image,) = channel_images(documents[0])
-    controller.receive(ChannelsRead({image: RAMP}, {}, id=1))
+    controller.request_missing(documents[0])
+    controller.receive(answer(host))
     found = controller.counts(documents[0])
     assert found[0].path == "ball.1.alpha" and controller.counts(documents[0]) is found
     controller.scene_opened({})
@@ -78,3 +82,34 @@ def test_an_image_of_the_scene_that_cannot_be_read_is_said_beside_its_row(docume
     assert controller.refusal(documents[0].layer("ball.0")) == "" == controller.refusal(documents[1].layer("ball.1"))
     controller.reload(documents[0], "ball.1")
     assert controller.refusal(documents[0].layer("ball.1")) == ""
+
+
+def test_a_map_whose_nodes_are_unknown_is_shown_as_before_and_asked_for_after_the_drag() -> None:
+    """To find nodes takes longer than a frame: the worker does it, and not for each place of the mouse."""
+
+    def with_range(low: float) -> Document:
+        return SetParameterMap("ball.1", "alpha", {"map": "rough.png", "range": (low, 0.6137)}).apply(opened(METAL))
+
+    first, second = with_range(0.1137), with_range(0.2137)
+    host = Host(first)
+    controller = NodeController(host)
+    assert len(controller.with_nodes(first).object("ball").layers) == 2  # its parameter's own value
+    controller.request_missing(first)
+    controller.receive(answer(host))
+    shown = controller.with_nodes(first)
+    assert len(shown.object("ball").layers) > 3 and shown.layer("ball.1").values["alpha"] < 0.2
+    host.history.begin_drag()
+    controller.request_missing(second)
+    assert len(host.sent) == 1 and controller.with_nodes(second).objects == shown.objects
+    assert not controller.is_complete(second)
+    host.history.end_drag()
+    for _ in range(2):
+        controller.request_missing(second)
+    assert len(host.sent) == 2 and host.sent[-1] == ReadChannels((), (second,))
+    controller.receive(answer(host))
+    assert controller.is_complete(second)
+    expected = with_node_layers(second, dict.fromkeys(channel_images(second), RAMP))
+    assert controller.with_nodes(second).object("ball") == expected.object("ball")
+    # Undo needs nothing.
+    controller.request_missing(first)
+    assert len(host.sent) == 2 and controller.with_nodes(first).objects == shown.objects
