@@ -12,6 +12,7 @@ from functools import partial
 from itertools import zip_longest
 from pathlib import Path
 from threading import Lock
+from weakref import ref
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,9 +48,9 @@ class TextureStore:
         """scene_file: errors name it, and names are relative to its folder."""
         self._scene_file = scene_file
         self._kept: OrderedDict[tuple[str, str, Space, float, Channel], tuple[Stamp, Pyramid]] = OrderedDict()
-        # Textures of nodes, with the images that they were made of; statistics with theirs.
-        self._nodes: OrderedDict[Images, tuple[tuple[Pyramid, ...], Pyramid]] = OrderedDict()
-        self._statistics: dict[ChannelImage, tuple[Pyramid, ChannelStatistics]] = {}
+        # Textures of nodes, with the images that they were made of; statistics with theirs: neither keeps one alive.
+        self._nodes: OrderedDict[Images, tuple[list[ref[Pyramid]], Pyramid]] = OrderedDict()
+        self._statistics: dict[ChannelImage, tuple[ref[Pyramid], ChannelStatistics]] = {}
         self._lock = Lock()
         self._notes: list[str] = []
         # Readers of files with several images, during loading.
@@ -72,10 +73,10 @@ class TextureStore:
         pyramid = self.numbers(image)
         with self._lock:
             known, statistics = self._statistics.get(image, (None, None))
-        if statistics is None or known is not pyramid:
+        if statistics is None or known is None or known() is not pyramid:
             statistics = channel_statistics(pyramid.levels[0])
             with self._lock:
-                self._statistics[image] = pyramid, statistics
+                self._statistics[image] = ref(pyramid), statistics
         return statistics
 
     def slopes(self, bumps: Bumps) -> Pyramid | None:
@@ -129,10 +130,10 @@ class TextureStore:
         sources = [] if own is None else [own]
         sources += [self.numbers(each.image) for each in images.node.weights]
         with self._lock:
-            known, pyramid = self._nodes.pop(images, ((), None))
-            if pyramid is None or any(a is not b for a, b in zip_longest(known, sources)):
+            known, pyramid = self._nodes.pop(images, ([], None))
+            if pyramid is None or any(a is None or a() is not b for a, b in zip_longest(known, sources)):
                 pyramid = blend_node_images(images, own, sources[-len(images.node.weights) :])
-            self._nodes[images] = tuple(sources), pyramid
+            self._nodes[images] = [ref(each) for each in sources], pyramid
             while len(self._nodes) > 1 and sum(each.n_bytes for _, each in self._nodes.values()) > MOST_BYTES:
                 self._nodes.popitem(last=False)
         return pyramid
