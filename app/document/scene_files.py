@@ -23,7 +23,7 @@ from app.system.atomic import make_private_folder, replacing_folder, sweep_tempo
 from engine.core.errors import InsituError, describe_value
 from engine.core.safe_files import local_path, read_regular_file
 from engine.scene.builtin import scene_path
-from engine.scene.mesh import MAX_MESH_BYTES, MESH_ENDINGS
+from engine.scene.mesh import MATERIAL_ENDING, MAX_MESH_BYTES, MESH_ENDINGS
 
 Up = Literal["y", "z"]
 Z_UP = "#z-up"
@@ -110,10 +110,12 @@ def is_folder_of_scene(path: Path) -> bool:
 
 
 def _only_scene(names: Iterable[str], where: Path) -> str:
-    """The one scene file among names, else the one mesh."""
+    """The one scene file among names, else the one mesh, else the one file of materials."""
     found = [name for name in sorted(names) if not any(part.startswith((".", "__MACOSX")) for part in name.split("/"))]
     scenes = [name for name in found if name.lower().endswith(_SCENE_ENDING)]
-    scenes = scenes or [name for name in found if name.lower().endswith(MESH_ENDINGS)]
+    meshes = [name for name in found if name.lower().endswith(MESH_ENDINGS)]
+    # Materials lie beside the mesh that has them.
+    scenes = scenes or [name for name in meshes if not name.lower().endswith(MATERIAL_ENDING)] or meshes
     if not scenes:
         raise InsituError(f"{where}: no scene in it, expected a scene (.toml) or a mesh ({', '.join(MESH_ENDINGS)})")
     if len(scenes) > 1:

@@ -28,10 +28,12 @@ _OWN = "insitu:"
 
 @dataclass
 class _FileAccess:
-    """recorded: the sets that record opened files; places: the actual location of each file by its name."""
+    """recorded: the sets that record opened files; places: the actual location of each file by its name; temporary:
+    files of our own, which belong to no scene."""
 
     recorded: tuple[set[Path], ...] = ()
     places: Mapping[str, Path] | None = None
+    temporary: frozenset[Path] = frozenset()
 
 
 _access = _FileAccess()
@@ -40,6 +42,8 @@ _access = _FileAccess()
 def local_path(path: str | os.PathLike[str]) -> Path:
     """The location of a file's bytes. Raises FileNotFoundError for a file that was not sent, where files come from
     another machine: a local file of the same name would be a different one."""
+    if Path(path) in _access.temporary:
+        return Path(path)
     for noted in _access.recorded:
         noted.add(Path(path))
     if _access.places is None:
@@ -48,6 +52,16 @@ def local_path(path: str | os.PathLike[str]) -> Path:
     if place is None:
         raise FileNotFoundError(errno.ENOENT, "not among the files that were sent", os.fspath(path))
     return place
+
+
+@contextlib.contextmanager
+def temporary_file(path: Path) -> Iterator[None]:
+    """Opens a file of our own within the block by its path alone, whatever is recorded or redirected."""
+    _access.temporary |= {path}
+    try:
+        yield
+    finally:
+        _access.temporary -= {path}
 
 
 def exists(path: str | os.PathLike[str]) -> bool:

@@ -87,7 +87,7 @@ class OrenNayar(Model):
 
     def quotient_parameters(self, params: Parameters) -> Float64Array:
         q = super().quotient_parameters(params)
-        q[:2] = _terms(number(params, "sigma"))
+        q[:2] = oren_nayar_terms(number(params, "sigma"))
         return q
 
     @staticmethod
@@ -97,7 +97,7 @@ class OrenNayar(Model):
 
     def brdf(self, params: Parameters, wi: Float64Array, wo: Float64Array) -> Float64Array:
         d = directions(wi, wo)
-        constant, rough = _terms(number(params, "sigma"))
+        constant, rough = oren_nayar_terms(number(params, "sigma"))
         theta_i, theta_o = (np.arctan2(np.hypot(v[:, 0], v[:, 1]), np.maximum(v[:, 2], 1e-12)) for v in (wi, wo))
         turn = np.arctan2(wi[:, 1], wi[:, 0]) - np.arctan2(wo[:, 1], wo[:, 0])
         lean = np.sin(np.maximum(theta_i, theta_o)) * np.tan(np.minimum(theta_i, theta_o))
@@ -105,8 +105,8 @@ class OrenNayar(Model):
         return channels(params, "albedo") * np.where(d.above, value, 0.0)[:, None]
 
 
-def _terms(sigma: float) -> tuple[float, float]:
-    """A / N and B / N."""
+def oren_nayar_terms(sigma: float) -> tuple[float, float]:
+    """A / N and B / N of `OrenNayar`."""
     s2 = sigma * sigma
     constant, rough = 1.0 - 0.5 * s2 / (s2 + 0.33), 0.45 * s2 / (s2 + 0.09)
     most = max(constant + 0.5 * rough, 1.0)

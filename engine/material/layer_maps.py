@@ -79,9 +79,9 @@ WEIGHT_START = Parameter("weight_start", "scalar", 1.0, "Start", "The share of t
 
 
 def split_image_name(name: str) -> tuple[str, str | None]:
-    """The file of an image, and its number in a glTF file: ("a.glb", "2") for "a.glb#2"."""
+    """The file of an image, and its number in a glTF or MaterialX file: ("a.glb", "2") for "a.glb#2"."""
     file, mark, number = name.rpartition("#")
-    return (file, number) if mark and file.lower().endswith((".glb", ".gltf")) else (name, None)
+    return (file, number) if mark and file.lower().endswith((".glb", ".gltf", ".mtlx")) else (name, None)
 
 
 class TextureTransform(NamedTuple):

@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 
 from engine.core.colour import decode_srgb
 from engine.core.errors import LoadError
+from engine.core.safe_files import temporary_file
 from engine.light import resampling
 from engine.light.radiance_files import read_radiance_image
 from engine.light.resampling import block_means
@@ -279,7 +280,8 @@ def _read_exr(data: bytes, file: Path | str, report: ReportNote, is_colour: bool
         copy.flush()
         try:
             notes: list[str] = []
-            pixels = read_radiance_image(Path(copy.name), notes, is_colour, MAX_PIXELS)
+            with temporary_file(Path(copy.name)):
+                pixels = read_radiance_image(Path(copy.name), notes, is_colour, MAX_PIXELS)
         except LoadError as error:
             raise LoadError(file, error.what, error.value, error.expected) from None
     _check_size(pixels.shape[1], pixels.shape[0], file)

@@ -1,7 +1,8 @@
 """The images of one scene, each read once.
 
 A name in a scene file is relative to the scene's folder and may not leave it; a full path is one that the user chose.
-An image of a glTF file is named `FILE.glb#N` or `FILE.gltf#N`, the Nth of its images.
+An image of a glTF file is named `FILE.glb#N` or `FILE.gltf#N`, the Nth of its images; `FILE.mtlx#N` is the Nth map that
+a network of MaterialX computes.
 """
 
 from __future__ import annotations
@@ -171,7 +172,7 @@ class TextureStore:
         """The bytes of an image, and its name in errors."""
         if number is None:
             return read_regular_file(path, MAX_IMAGE_BYTES), str(path)
-        from engine.scene.loaders.gltf_buffers import image_reader
+        from engine.scene.loaders.image_files import image_reader
 
         reader = (self._files or {}).get(path) or image_reader(path)
         if self._files is not None:
@@ -182,7 +183,7 @@ class TextureStore:
         """The path of an image, and its number in a glTF file."""
         file, number = split_image_name(name)
         if number is not None and not (number.isascii() and number.isdecimal() and len(number) < 6):
-            raise LoadError(self._scene_file, what, name, "FILE.glb#N or FILE.gltf#N with the number of an image")
+            raise LoadError(self._scene_file, what, name, "FILE.glb#N, FILE.gltf#N or FILE.mtlx#N with a number")
         path = Path(file)
         if not path.is_absolute():
             path = resolve_inside(self._scene_file.parent, str(path), self._scene_file, what)

@@ -259,6 +259,46 @@ def read_model(path: Path) -> None:
     read_mesh_file(file)
 
 
+def mtlxs(folder: Path) -> list[bytes]:
+    """Networks of images, graphs and nodes of its own, an include, and two shaders."""
+    from PIL import Image
+
+    from tests.engine.scene.loaders.mtlx_samples import document, given, image, linked, node, surface
+
+    Image.new("RGBA", (4, 4), (128, 90, 255, 70)).save(folder / "c.png")
+    (folder / "part.mtlx").write_text(document('<xi:include href="a.mtlx"/>', root='fileprefix="x/"'))
+    graph = image("i", "color3", "c.png", linked("texcoord", "vector2", "p"), "srgb_texture")
+    graph += node("texcoord", "vector2", "t", "") + node("place2d", "vector2", "p", linked("texcoord", "vector2", "t"))
+    graph += node("colorcorrect", "color3", "k", linked("in", "color3", "i") + given("hue", "float", "0.2"))
+    graph += node("extract", "float", "e", linked("in", "color3", "k") + given("index", "integer", "1"))
+    graph = f'<nodegraph name="g">{graph}<output name="a" type="color3" nodename="k"/>'
+    graph += '<output name="b" type="float" nodename="e"/></nodegraph>'
+    colour = '<input name="base_color" type="color3" nodegraph="g" output="a"/>'
+    rough = '<input name="specular_roughness" type="float" nodegraph="g" output="b"/>'
+    coat = given("coat", "float", "0.5") + given("emission", "float", "2") + given("opacity", "color3", "1, .5, 0")
+    open_pbr = '<input name="fuzz_weight" type="float" nodegraph="g" output="b"/>' + given(
+        "base_metalness", "float", ".5"
+    )
+    included = '<xi:include href="part.mtlx"/>'
+    return [
+        document(graph + surface("standard_surface", colour + rough + coat)).encode(),
+        document(
+            included + graph + surface("open_pbr_surface", colour + open_pbr), root='colorspace="acescg"'
+        ).encode(),
+        document(surface("gltf_pbr", given("base_color", "color3", "1,0,0")), version="1.37").encode(),
+    ]
+
+
+def read_mtlx_file(path: Path) -> None:
+    """A document, with the maps that its networks compute."""
+    from engine.scene.loaders.mtlx import read_materials
+
+    mtlxs(path.parent)
+    read_mesh_file(path)
+    for baked in read_materials(path).materials[0].material.maps[:2]:
+        assert np.isfinite(baked.texels()).all()
+
+
 def archives(folder: Path) -> list[bytes]:
     import zipfile
 
@@ -564,6 +604,7 @@ FORMATS = {
     "stl": Format("a.stl", stls, read_mesh_file),
     "off": Format("a.off", offs, read_mesh_file, is_text=True),
     "3mf": Format("a.model", models, read_model, is_text=True),
+    "mtlx": Format("a.mtlx", mtlxs, read_mtlx_file, is_text=True),
     "zip": Format("a.zip", archives, read_archive),
     "glb": Format("a.glb", glbs, read_glb_file, repaired=repaired_glb),
     "gltf": Format("a.gltf", gltfs, read_glb_file, is_text=True),

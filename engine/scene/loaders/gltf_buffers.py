@@ -179,7 +179,7 @@ class GltfBuffers:
             raise compressed.error(error.what, error.value, error.expected) from None
 
 
-def image_reader(path: Path) -> Callable[[int], bytes]:
+def gltf_image_reader(path: Path) -> Callable[[int], bytes]:
     """Return a function from an image's number to its bytes in a glTF file; it, too, raises LoadError naming the place
     and what was expected there."""
     return partial(GltfBuffers.image, open_gltf(path)[1])

@@ -1,7 +1,8 @@
-"""Images that a mesh file names: files in its folder or inside it, each examined once."""
+"""Images that a mesh file names, files in its folder or inside it, each examined once; and those that it contains."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 from engine.core.errors import LoadError
@@ -57,3 +58,15 @@ class FileImages:
         check_image(data, path)
         self._pixels_left -= n_pixels
         return path.relative_to(self._root.resolve()).as_posix()
+
+
+def image_reader(path: Path) -> Callable[[int], bytes]:
+    """A function from an image's number to its bytes in a glTF file, or of a computed map of MaterialX; it, too, raises
+    LoadError."""
+    if path.suffix.lower() == ".mtlx":
+        from engine.scene.loaders.mtlx import mtlx_image_reader
+
+        return mtlx_image_reader(path)
+    from engine.scene.loaders.gltf_buffers import gltf_image_reader
+
+    return gltf_image_reader(path)

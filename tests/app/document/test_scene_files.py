@@ -81,6 +81,13 @@ def test_a_folder_opens_its_one_scene(tmp_path: Path) -> None:
         source_of(str(folder))
 
 
+def test_materials_lie_beside_the_mesh_of_a_folder(tmp_path: Path) -> None:
+    (tmp_path / "wood.mtlx").write_text("")
+    assert scene_in_folder(tmp_path) == tmp_path / "wood.mtlx"
+    (tmp_path / "table.obj").write_text("")
+    assert scene_in_folder(tmp_path) == tmp_path / "table.obj"
+
+
 def test_folders_without_a_scene_or_with_too_many_files(tmp_path: Path) -> None:
     with pytest.raises(InsituError, match="no scene in it, expected a scene"):
         source_of(str(tmp_path))

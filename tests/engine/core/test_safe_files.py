@@ -4,7 +4,7 @@ import socket
 import pytest
 
 from engine.core.errors import LoadError
-from engine.core.safe_files import read_regular_file, resolve_inside
+from engine.core.safe_files import read_regular_file, record_files, redirect_files, resolve_inside, temporary_file
 
 
 def test_reads_a_regular_file_up_to_its_cap(tmp_path):
@@ -59,3 +59,14 @@ def test_links_out_of_the_folder_and_loops_of_links_are_refused(tmp_path):
         resolve_inside(folder, "link.ply", folder / "s.toml", "mesh")
     with pytest.raises(LoadError):
         read_regular_file(resolve_inside(folder, "loop", folder / "s.toml", "mesh"), 10)
+
+
+def test_a_temporary_file_belongs_to_no_scene(tmp_path):
+    path = tmp_path / "copy"
+    path.write_bytes(b"x")
+    with record_files() as recorded, redirect_files({}):
+        with temporary_file(path):
+            assert read_regular_file(path, 1) == b"x"
+        with pytest.raises(LoadError, match="not among the files that were sent"):
+            read_regular_file(path, 1)
+    assert recorded == {path}  # by the second attempt alone

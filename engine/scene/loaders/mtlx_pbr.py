@@ -1,0 +1,137 @@
+"""gltf_pbr and UsdPreviewSurface as glTF's material (`engine.scene.loaders.pbr_layers`)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from engine.material.bumps import NO_BUMPS, Bumps
+from engine.material.layer_maps import ChannelImage, LayerMaps, TextureTransform
+from engine.material.opacity import OPAQUE
+from engine.material.parameters import reflectance_of_index
+from engine.scene.description import MAX_RADIANCE
+from engine.scene.loaders.baked_maps import MapMaker
+from engine.scene.loaders.graph_fields import Field, combine
+from engine.scene.loaders.pbr_layers import (
+    Coat,
+    Film,
+    NumberImage,
+    PbrMaterial,
+    SheenCoat,
+    pbr_layers,
+)
+from engine.scene.loaders.surface_inputs import RGB, Float64Array, SurfaceInputs, plain, rgb_of
+from engine.scene.loaders.surface_parts import SurfaceMaterial, blended, bumps_of, bumps_of_colours
+
+
+def read_gltf_pbr(inputs: SurfaceInputs, maps: MapMaker) -> SurfaceMaterial:
+    colour, texture = _coloured(inputs.field("base_color"), maps)
+    metallic, metallic_image = _numbered(inputs.field("metallic"), maps)
+    roughness, roughness_image = _numbered(inputs.field("roughness"), maps)
+    inputs.field("occlusion")  # has no effect: shadows are computed
+    facing = reflectance_of_index(inputs.number("ior", 1.0, 20.0))
+    tint, tint_texture = _coloured(inputs.field("specular_color"), maps)
+    specular, specular_image = _shared(inputs.field("specular"), maps)
+    film_weight, film_image = _shared(inputs.field("iridescence"), maps)
+    film = Film(
+        film_weight, inputs.number("iridescence_ior", 1.0, 5.0), inputs.number("iridescence_thickness", 0.0, 5000.0),
+        film_image,
+    )  # fmt: skip
+    sheen_colour, sheen_texture = _coloured(inputs.field("sheen_color"), maps)
+    sheen_roughness, sheen_image = _numbered(inputs.field("sheen_roughness"), maps)
+    sheen = SheenCoat(sheen_colour, sheen_roughness, sheen_texture, _largest(sheen_texture), sheen_image)
+    coat_weight, coat_image = _shared(inputs.field("clearcoat"), maps)
+    coat_roughness, coat_blur = _numbered(inputs.field("clearcoat_roughness"), maps)
+    coat = Coat(coat_weight, coat_roughness, 1.5, coat_image, coat_blur)
+    red, green, blue = (min(float(facing) * each, 1.0) for each in tint)  # type: ignore[arg-type]
+    material = PbrMaterial(
+        colour, metallic, roughness, texture, (red, green, blue), specular, tint_texture, _largest(tint_texture),
+        specular_image, metallic_image, roughness_image, film=film if film.strength > 0.0 else None, sheen=sheen,
+        coat=coat,
+    )  # fmt: skip
+    strength = inputs.number("emissive_strength", 0.0, MAX_RADIANCE)
+    emissive = tuple(strength * each for each in inputs.numbers("emissive", MAX_RADIANCE))
+    alpha, mode = inputs.field("alpha"), int(inputs.number("alpha_mode", 0.0, 2.0))
+    cutoff = inputs.number("alpha_cutoff")
+    opacity = OPAQUE if mode == 0 else blended(alpha, maps, ("mask" if mode == 1 else "blend"), cutoff)
+    return SurfaceMaterial(pbr_layers(material), _lit(emissive), bumps_of(inputs, "normal", maps), opacity)
+
+
+def read_preview_surface(inputs: SurfaceInputs, maps: MapMaker) -> SurfaceMaterial:
+    """UsdPreviewSurface [USD, UsdPreviewSurface Specification]: F0 of its index, or its specularColor."""
+    colour, texture = _coloured(inputs.field("diffuseColor"), maps)
+    roughness, roughness_image = _numbered(inputs.field("roughness"), maps)
+    inputs.field("occlusion")  # has no effect: shadows are computed
+    index = inputs.number("ior", 1.0, 20.0)
+    own = float(reflectance_of_index(index))  # type: ignore[arg-type]
+    metallic: float = 0.0
+    metallic_image: NumberImage | None = None
+    facing: RGB = (own, own, own)
+    facing_texture = LayerMaps()
+    metal, reflected = inputs.field("metallic"), inputs.field("specularColor")
+    if inputs.number("useSpecularWorkflow") > 0.5:
+        facing, facing_texture = _coloured(reflected, maps)
+    else:
+        metallic, metallic_image = _numbered(metal, maps)
+    coat_weight, coat_image = _shared(inputs.field("clearcoat"), maps)
+    coat_roughness, coat_blur = _numbered(inputs.field("clearcoatRoughness"), maps)
+    coat = Coat(coat_weight, coat_roughness, min(index, 3.0), coat_image, coat_blur)
+    material = PbrMaterial(
+        colour, metallic, roughness, texture, facing, 1.0, facing_texture, _largest(facing_texture), None,
+        metallic_image, roughness_image, coat=coat,
+    )  # fmt: skip
+    threshold = inputs.number("opacityThreshold")
+    opacity = blended(inputs.field("opacity"), maps, "mask" if threshold > 0.0 else "blend", threshold or 0.5)
+    emission = _lit(inputs.numbers("emissiveColor", MAX_RADIANCE))
+    return SurfaceMaterial(pbr_layers(material), emission, _preview_bumps(inputs, maps), opacity)
+
+
+def _preview_bumps(inputs: SurfaceInputs, maps: MapMaker) -> Bumps:
+    """The normal map of directions in the surface's own frame."""
+    directions = inputs.field("normal")
+    if directions.is_constant:
+        if not np.allclose(directions.value, (0.0, 0.0, 1.0)):
+            inputs.list("normal", "one direction for all is that of the surface")
+        return NO_BUMPS
+    return bumps_of_colours(combine(lambda each: 0.5 + 0.5 * each, directions), 1.0, maps)
+
+
+def _coloured(colours: Field, maps: MapMaker) -> tuple[RGB, LayerMaps]:
+    """Colours as a factor, at most 1, and a texture."""
+    factor, varying = colours.parts
+    if varying is None:
+        return _rgb(factor), LayerMaps()
+    if (factor > 1.0).any():
+        factor, varying = np.ones(1), colours
+    return _rgb(factor), maps.colours(varying)
+
+
+def _rgb(values: Float64Array) -> RGB:
+    red, green, blue = np.clip(rgb_of(values), 0.0, 1.0).tolist()
+    return plain(red), plain(green), plain(blue)
+
+
+def _numbered(numbers: Field, maps: MapMaker) -> tuple[float, NumberImage | None]:
+    """A number, or 1 and the image that multiplies it."""
+    if numbers.is_constant:
+        return plain(float(np.clip(numbers.value[0], 0.0, 1.0))), None
+    return 1.0, maps.numbers(numbers)
+
+
+def _shared(numbers: Field, maps: MapMaker) -> tuple[float, ChannelImage | None]:
+    """A share, or 1 and the image of it."""
+    if numbers.is_constant:
+        return plain(float(np.clip(numbers.value[0], 0.0, 1.0))), None
+    return 1.0, maps.share(numbers)
+
+
+def _largest(texture: LayerMaps) -> ChannelImage | None:
+    """The largest channel of a texture."""
+    if not texture.texture:
+        return None
+    transform = TextureTransform(texture.texture_rotation, texture.texture_offset, texture.texture_wrap)
+    return ChannelImage(texture.texture, "max", texture.texture_scale, transform)
+
+
+def _lit(radiance: tuple[float, ...]) -> RGB | None:
+    red, green, blue = radiance
+    return (red, green, blue) if red + green + blue > 0.0 else None

@@ -1,0 +1,271 @@
+"""Surface shaders of MaterialX as layers: open_pbr_surface, standard_surface, gltf_pbr and UsdPreviewSurface.
+
+The first two are stacks. With E the directional albedo of what lies above, w its weight, and m the metalness,
+
+    fuzz      f = w f_fuzz + (1 − w E_fuzz) (…)                      `sheen`, fitted to OpenPBR's [Zeltner22]
+    coat      f = w f_coat + (1 − w E_coat) t (…)                    `varnish`; t: its colour and darkening
+    metal     m f_metal, Schlick's term with an edge tint            `microfacet`, `rough_conductor`
+    gloss     (1 − m) (f_gloss + (1 − E_gloss) …)                    `varnish`
+    base      albedo / π, or Oren and Nayar's                        `lambert`, `oren_nayar`
+
+as MaterialX's own networks of these shaders have it [MaterialX, open_pbr_surface.mtlx, standard_surface.mtlx]; there,
+standard_surface has its sheen between base and gloss. A thin film makes gloss and base those of
+KHR_materials_iridescence. gltf_pbr and UsdPreviewSurface are glTF's material (`engine.scene.loaders.pbr_layers`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from engine.material.parameters import reflectance_of_index
+from engine.scene.description import LayerDescription
+from engine.scene.loaders.baked_maps import MapMaker
+from engine.scene.loaders.graph_fields import Array, Field, combine, constant
+from engine.scene.loaders.graph_nodes import ImageSource, NodeFields
+from engine.scene.loaders.layer_stack import ONE, StackedLayer, covered, layer_descriptions
+from engine.scene.loaders.model import UnshownProperty
+from engine.scene.loaders.mtlx_pbr import read_gltf_pbr, read_preview_surface
+from engine.scene.loaders.pbr_layers import Film
+from engine.scene.loaders.shader_graph import ShaderNode
+from engine.scene.loaders.surface_inputs import Group, SurfaceInputs, mean_of, mixed, one_minus, product
+from engine.scene.loaders.surface_parts import (
+    SurfaceMaterial,
+    blended,
+    bumps_of,
+    conductor,
+    emission_of,
+    film_of,
+    glossy_base,
+    is_everywhere,
+    metal,
+    preserving_diffuse,
+    rough_diffuse,
+)
+
+LUMENS_A_WATT = 683.0  # docs/conventions.md
+_OPAQUE = "surfaces are opaque that should let light through"
+_SUBSURFACE = "light leaves the surface where it enters it"
+_ROUND = "highlights are round where they should be streaks"
+_THIN = "surfaces are opaque, and both sides reflect alike"
+_EVEN = "the base is even under a thin film"
+_AS_BASE = "the coat has the normals of what lies under it"
+
+
+def surface_material(surface: ShaderNode, images: ImageSource, maps: MapMaker | None = None) -> SurfaceMaterial:
+    """The material of a surface shader; maps: takes its computed maps, after those of others. A shader that is not
+    known is grey, and listed."""
+    maps = MapMaker() if maps is None else maps
+    if surface.category not in _SHADERS:
+        effect = "a surface shader that is not read: shown in a grey that can be edited"
+        grey = LayerDescription(model="lambert", parameters={"albedo": (0.5, 0.5, 0.5)})
+        return SurfaceMaterial((grey,), unshown=(UnshownProperty(f"materials.{surface.category}", 1, effect),))
+    shader = _SHADERS[surface.category]
+    inputs = SurfaceInputs(surface, NodeFields(images), shader.groups, shader.effects)
+    found = shader.read(inputs, maps)
+    return replace(found, unshown=inputs.unshown(), maps=tuple(maps.maps))
+
+
+# ------------------------------------------------------------------------------------------------ OpenPBR
+
+
+def _open_pbr(inputs: SurfaceInputs, maps: MapMaker) -> SurfaceMaterial:
+    weight, colour, metalness = (inputs.field(f"base_{name}") for name in ("weight", "color", "metalness"))
+    gloss_weight = inputs.field("specular_weight")
+    coat, coat_colour = inputs.field("coat_weight"), inputs.field("coat_color")
+    coat_index = inputs.number("coat_ior", 1.01, 5.0)
+    subsurface = inputs.field("subsurface_weight")
+    diffuse = mixed(product(weight, colour), inputs.field("subsurface_color"), subsurface)
+    if not is_everywhere(subsurface, 0.0):
+        inputs.list("subsurface_weight", _SUBSURFACE)
+    dim = _dimmed_by_coat(inputs, coat, coat_colour, coat_index, colour, gloss_weight, metalness)
+    roughness = inputs.field("specular_roughness")
+    if not is_everywhere(coat, 0.0):
+        roughness = combine(_roughened, roughness, inputs.field("coat_roughness"), coat)
+    film = film_of(inputs, "thin_film_weight", "thin_film_ior", inputs.number("thin_film_thickness", 0.0, 5.0) * 1000.0)
+    index = _under_coat(inputs.number("specular_ior", 1.0, 5.0), coat_index, float(mean_of(coat)[0]))
+    facing = min(inputs.number("specular_weight", 0.0, 1e3) * float(reflectance_of_index(index)), 0.999)  # type: ignore[arg-type]
+    base = [preserving_diffuse(diffuse, inputs.number("base_diffuse_roughness"))]
+    if film is not None and base[0].parameters:
+        inputs.list("base_diffuse_roughness", _EVEN)
+    share = product(one_minus(metalness), dim)
+    layers = glossy_base(base, share, roughness, facing, inputs.field("specular_color"), film)
+    edge = product(inputs.field("specular_color"), gloss_weight)
+    layers += metal(product(weight, colour), edge, product(metalness, gloss_weight, dim), roughness, film)
+    if not is_everywhere(coat, 0.0):
+        varnish = StackedLayer(
+            "coat", "varnish", roughness=inputs.field("coat_roughness"), parameters={"ior": coat_index}
+        )
+        layers = covered(layers, varnish, coat)
+    fuzz = inputs.field("fuzz_weight")
+    if not is_everywhere(fuzz, 0.0):
+        alpha, scale = fuzz_fit(inputs.number("fuzz_roughness"))
+        sheen = StackedLayer(
+            "fuzz", "sheen", product(constant(scale), inputs.field("fuzz_color")), parameters={"alpha": alpha}
+        )
+        layers = covered(layers, sheen, fuzz)
+    emitted = emission_of(inputs, "emission_luminance", "emission_color", 1.0 / LUMENS_A_WATT)
+    return SurfaceMaterial(
+        layer_descriptions(layers, maps), emitted, bumps_of(inputs, "geometry_normal", maps),
+        blended(inputs.field("geometry_opacity"), maps),
+    )  # fmt: skip
+
+
+def _dimmed_by_coat(
+    inputs: SurfaceInputs, coat: Field, coat_colour: Field, index: float, base: Field, gloss: Field, metalness: Field
+) -> Field:
+    """What a coat's colour, and light that it sends back into the base, leave of the base: K = 1 − (1 − F0) / n²,
+    darkening (1 − K) / (1 − E K) with the base's albedo E."""
+    albedo = mixed(
+        mixed(base, inputs.field("subsurface_color"), inputs.field("subsurface_weight")),
+        product(base, gloss),
+        metalness,
+    )
+    returned = 1.0 - (1.0 - float(reflectance_of_index(index))) / index**2  # type: ignore[arg-type]
+    darkened = combine(lambda e: (1.0 - returned) / (1.0 - np.clip(e, 0.0, 1.0) * returned), albedo)
+    darkened = mixed(ONE, darkened, product(coat, inputs.field("coat_darkening")))
+    return product(darkened, mixed(ONE, coat_colour, coat))
+
+
+def _roughened(roughness: Array, coat_roughness: Array, coat: Array) -> Array:
+    """The roughness of what is seen through a rough coat: (r^4 + 2 r_c^4)^(1/4)."""
+    through = np.minimum(1.0, roughness**4 + 2.0 * coat_roughness**4) ** 0.25
+    return np.asarray(roughness * (1.0 - coat) + through * coat)
+
+
+def _under_coat(index: float, coat_index: float, coat: float) -> float:
+    """The index of the base against what is above it, inverted where it would reflect totally."""
+    ratio = index / coat_index
+    return index * (1.0 - coat) + max(ratio, 1.0 / ratio) * coat
+
+
+def fuzz_fit(roughness: float) -> tuple[float, float]:
+    """alpha and scale of a `sheen` layer whose directional albedo is nearest to that of OpenPBR's fuzz [Zeltner22, as
+    fitted in MaterialX], weighted by cos sin of the view; see docs/reference/formats.md for what is left."""
+    alpha, scale = (float(np.interp(roughness, _FUZZ[:, 0], _FUZZ[:, k])) for k in (1, 2))
+    return alpha, scale
+
+
+_FUZZ = np.array([
+    (0.0, 0.01, 0.0), (0.1, 0.01, 0.138), (0.15, 0.01, 0.326), (0.2, 0.017, 0.490), (0.3, 0.044, 0.762),
+    (0.4, 0.091, 0.957), (0.5, 0.189, 1.0), (0.6, 0.338, 1.0), (0.7, 0.605, 0.968), (0.75, 0.89, 0.946),
+    (0.8, 1.0, 1.0), (1.0, 1.0, 1.0),
+])  # fmt: skip
+
+
+# -------------------------------------------------------------------------------------------- Standard Surface
+
+
+def _standard(inputs: SurfaceInputs, maps: MapMaker) -> SurfaceMaterial:
+    weight, colour, metalness = inputs.field("base"), inputs.field("base_color"), inputs.field("metalness")
+    coat, coat_colour = inputs.field("coat"), inputs.field("coat_color")
+    gloss, tint = inputs.field("specular"), inputs.field("specular_color")
+    deeper = combine(lambda c, a: 1.0 + np.clip(c, 0.0, 1.0) * a, coat, inputs.field("coat_affect_color"))
+    subsurface = inputs.field("subsurface")
+    diffuse = mixed(
+        product(weight, _deepened(colour, deeper)), _deepened(inputs.field("subsurface_color"), deeper), subsurface
+    )
+    if not is_everywhere(subsurface, 0.0):
+        inputs.list("subsurface", _SUBSURFACE)
+    dim = mixed(ONE, coat_colour, coat)
+    coat_roughness = inputs.field("coat_roughness")
+    blurred = product(coat, inputs.field("coat_affect_roughness"), coat_roughness)
+    roughness = mixed(inputs.field("specular_roughness"), ONE, blurred)
+    thickness = inputs.number("thin_film_thickness", 0.0, 5000.0)
+    film = Film(1.0, inputs.number("thin_film_IOR", 1.0, 5.0), thickness) if thickness > 0.0 else None
+    base = [rough_diffuse(diffuse, inputs.number("diffuse_roughness"))]
+    if film is not None and base[0].parameters:
+        inputs.list("diffuse_roughness", _EVEN)
+    sheen = inputs.field("sheen")
+    if not is_everywhere(sheen, 0.0):
+        fuzz = StackedLayer(
+            "sheen", "sheen", inputs.field("sheen_color"), roughness=combine(np.sqrt, inputs.field("sheen_roughness"))
+        )
+        base = covered(base, fuzz, sheen)
+    facing = float(reflectance_of_index(inputs.number("specular_IOR", 1.0, 5.0)))  # type: ignore[arg-type]
+    layers = glossy_base(base, product(one_minus(metalness), dim), roughness, facing, product(gloss, tint), film)
+    layers += conductor(product(weight, colour), product(gloss, tint), product(metalness, dim), roughness, film)
+    if not is_everywhere(coat, 0.0):
+        varnish = StackedLayer(
+            "coat", "varnish", roughness=coat_roughness, parameters={"ior": inputs.number("coat_IOR", 1.01, 5.0)}
+        )
+        layers = covered(layers, varnish, coat)
+    emitted = emission_of(inputs, "emission", "emission_color", 1.0)
+    opacity = combine(lambda each: each[:, :3] @ _LUMINANCE, inputs.field("opacity"))
+    return SurfaceMaterial(
+        layer_descriptions(layers, maps), emitted, bumps_of(inputs, "normal", maps), blended(opacity, maps)
+    )
+
+
+_LUMINANCE = np.array([[0.2126], [0.7152], [0.0722]], np.float32)
+
+
+def _deepened(colour: Field, exponent: Field) -> Field:
+    """Colours raised to a power."""
+    return colour if is_everywhere(exponent, 1.0) else combine(lambda c, e: np.maximum(c, 0.0) ** e, colour, exponent)
+
+
+class _Shader(NamedTuple):
+    """What reads a shader's inputs, and what of these is not shown, see `SurfaceInputs`."""
+
+    read: Callable[[SurfaceInputs, MapMaker], SurfaceMaterial]
+    groups: tuple[Group, ...]
+    effects: Mapping[str, str]
+
+
+_SHADERS = {
+    "open_pbr_surface": _Shader(
+        _open_pbr,
+        (
+            Group("transmission_weight", ("transmission_*",), _OPAQUE),
+            Group("subsurface_weight", ("subsurface_*",), _SUBSURFACE),
+            Group("coat_weight", ("coat_*", "geometry_coat_*")),
+            Group("fuzz_weight", ("fuzz_*",)),
+            Group("thin_film_weight", ("thin_film_*",)),
+            Group("emission_luminance", ("emission_color",)),
+            Group("specular_roughness_anisotropy", ("geometry_tangent",), _ROUND),
+            Group("coat_roughness_anisotropy", ("geometry_coat_tangent",), _ROUND),
+            Group("geometry_thin_walled", (), _THIN),
+        ),
+        {"geometry_coat_normal": _AS_BASE},
+    ),
+    "standard_surface": _Shader(
+        _standard,
+        (
+            Group("transmission", ("transmission_*",), _OPAQUE),
+            Group("subsurface", ("subsurface_*",), _SUBSURFACE),
+            Group("sheen", ("sheen_*",)),
+            Group("coat", ("coat_*",)),
+            Group("thin_film_thickness", ("thin_film_IOR",)),
+            Group("emission", ("emission_color",)),
+            Group("specular_anisotropy", ("specular_rotation", "tangent"), _ROUND),
+            Group("coat_anisotropy", ("coat_rotation",), _ROUND),
+            Group("thin_walled", (), _THIN),
+        ),
+        {"coat_normal": _AS_BASE},
+    ),
+    "gltf_pbr": _Shader(
+        read_gltf_pbr,
+        (
+            Group("transmission", ("thickness", "attenuation_*", "dispersion"), _OPAQUE),
+            Group("iridescence", ("iridescence_*",)),
+            Group("sheen_color", ("sheen_roughness",)),
+            Group("clearcoat", ("clearcoat_*",)),
+            Group("emissive", ("emissive_strength",)),
+            Group("anisotropy_strength", ("anisotropy_rotation", "tangent"), _ROUND),
+            Group("alpha_mode", ("alpha", "alpha_cutoff")),
+        ),
+        {"clearcoat_normal": _AS_BASE},
+    ),
+    "UsdPreviewSurface": _Shader(
+        read_preview_surface,
+        (
+            Group("clearcoat", ("clearcoatRoughness",)),
+            Group("displacement", (), "the surface is where the mesh is"),
+        ),
+        {"opacityMode": "opacity is coverage"},
+    ),
+}

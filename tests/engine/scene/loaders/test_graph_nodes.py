@@ -1,0 +1,248 @@
+"""Networks of nodes as fields: each operation against its definition, images against their texels."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from engine.scene.loaders.baked_maps import MapMaker
+from engine.scene.loaders.graph_fields import Samples
+from engine.scene.loaders.graph_nodes import NodeFields
+from engine.scene.loaders.mtlx import FolderImages
+from engine.scene.loaders.mtlx_library import complete_document
+from tests.engine.scene.loaders.mtlx_samples import document, given, image, linked, material, node, write_png
+
+pytest.importorskip("MaterialX")
+PLACES = np.array([[0.25, 0.75], [0.8, 0.1]], np.float32)
+
+
+def fields_of(folder: Path, nodes: str, kind: str = "color3", output: str = "last", version: str = "1.39"):
+    """The field of the node `output`, and what makes fields."""
+    link = linked("base_color", "color3", output) if kind == "color3" else linked("base", kind, output)
+    if kind == "vector3":
+        link = linked("normal", kind, output)
+    text = material("standard_surface", link, nodes).replace('version="1.39"', f'version="{version}"')
+    surface = complete_document(text.encode(), folder / "it.mtlx")[0].surface
+    made = NodeFields(FolderImages(folder))
+    name = {"color3": "base_color", "vector3": "normal"}.get(kind, "base")
+    return made.of_input(surface.inputs[name]), made
+
+
+def values_of(folder: Path, nodes: str, kind: str = "color3", **more: str) -> np.ndarray:
+    field, _ = fields_of(folder, nodes, kind, **more)
+    return np.broadcast_to(field.at(Samples(PLACES)), (2, 3 if kind != "float" else 1))
+
+
+COLOUR = "0.2, 0.5, 0.8"
+OTHER = "0.6, 0.4, 0.1"
+A, B = np.array([0.2, 0.5, 0.8]), np.array([0.6, 0.4, 0.1])
+
+
+def two(category: str, *names: str, more: str = "") -> str:
+    one, other = names
+    return node(category, "color3", "last", given(one, "color3", COLOUR) + given(other, "color3", OTHER) + more)
+
+
+def one(category: str, more: str = "", kind: str = "color3") -> str:
+    return node(category, kind, "last", given("in", kind, COLOUR) + more)
+
+
+def number(name: str, value: float) -> str:
+    return given(name, "float", str(value))
+
+
+HALF = number("inlow", 0.0) + number("inhigh", 0.5)
+CODES = given("value", "color3", COLOUR, 'colorspace="srgb_texture"')
+ONE_OF_TWO = given("in1", "color3", COLOUR) + given("in2", "color3", OTHER)
+THREE = number("in1", 0.1) + number("in2", 0.2) + number("in3", 0.3)
+LUMA = np.dot(A, [0.2722287, 0.6740818, 0.0536895])  # the default of MaterialX: those of ACEScg
+
+
+@pytest.mark.parametrize(
+    ("nodes", "expected"),
+    [
+        (two("add", "in1", "in2"), A + B),
+        (two("subtract", "in1", "in2"), A - B),
+        (two("multiply", "in1", "in2"), A * B),
+        (two("divide", "in1", "in2"), A / B),
+        (two("modulo", "in1", "in2"), np.mod(A, B)),
+        (two("power", "in1", "in2"), A**B),
+        (two("min", "in1", "in2"), np.minimum(A, B)),
+        (two("max", "in1", "in2"), np.maximum(A, B)),
+        (two("mix", "fg", "bg", more=number("mix", 0.3)), 0.3 * A + 0.7 * B),
+        (two("screen", "fg", "bg", more=number("mix", 1.0)), 1.0 - (1.0 - A) * (1.0 - B)),
+        (two("difference", "fg", "bg", more=number("mix", 1.0)), np.abs(A - B)),
+        (two("plus", "fg", "bg", more=number("mix", 0.5)), B + 0.5 * A),
+        (two("overlay", "fg", "bg", more=number("mix", 1.0)), np.where(B < 0.5, 2 * A * B, 1 - 2 * (1 - A) * (1 - B))),
+        (one("invert"), 1.0 - A),
+        (one("absval"), A),
+        (one("floor"), [0.0, 0.0, 0.0]),
+        (one("round"), [0.0, 1.0, 1.0]),
+        (one("clamp", number("low", 0.3) + number("high", 0.6)), [0.3, 0.5, 0.6]),
+        (one("remap", HALF + number("outlow", 1.0) + number("outhigh", 2.0)), 1 + 2 * A),
+        (one("range", HALF + given("doclamp", "boolean", "true")), [0.4, 1.0, 1.0]),
+        (one("contrast", number("amount", 2.0) + number("pivot", 0.5)), [-0.1, 0.5, 1.1]),
+        (one("saturate", number("amount", 0.0)), [LUMA] * 3),
+        (one("saturate", number("amount", 2.0)), LUMA + 2.0 * (A - LUMA)),
+        (one("luminance"), [LUMA] * 3),
+        (one("smoothstep", number("low", 0.0) + number("high", 1.0)), A * A * (3 - 2 * A)),
+        # Half a turn of the hue: the largest and the smallest channel change places.
+        (one("hsvadjust", given("amount", "vector3", "0.5, 1, 1")), [0.8, 0.5, 0.2]),
+        (one("hsvadjust", given("amount", "vector3", "0, 0, 1")), [0.8, 0.8, 0.8]),
+        (one("colorcorrect"), A),
+        (one("colorcorrect", number("gain", 2.0) + number("exposure", 1.0)), 4.0 * A),
+        (one("colorcorrect", number("lift", 0.1)), A * 0.9 + 0.1),
+        (node("combine3", "color3", "last", THREE), [0.1, 0.2, 0.3]),
+        (
+            node("extract", "float", "e", given("in", "color3", COLOUR) + given("index", "integer", "2"))
+            + node("convert", "color3", "last", linked("in", "float", "e")),
+            [0.8, 0.8, 0.8],
+        ),
+        (node("constant", "color3", "last", CODES), [0.0331048, 0.2140411, 0.6038274]),
+        (node("ifgreater", "color3", "last", number("value1", 2.0) + number("value2", 1.0) + ONE_OF_TWO), A),
+        (node("switch", "color3", "last", ONE_OF_TWO + number("which", 1.0)), B),
+    ],
+)  # fmt: skip
+def test_an_operation_is_its_definition(tmp_path: Path, nodes: str, expected: object) -> None:
+    np.testing.assert_allclose(values_of(tmp_path, nodes)[0], expected, atol=2e-6)
+
+
+def test_ramps_and_checkers_go_by_texture_coordinates(tmp_path: Path) -> None:
+    ends = given("valuel", "color3", "1, 0, 0") + given("valuer", "color3", "0, 1, 0")
+    np.testing.assert_allclose(
+        values_of(tmp_path, node("ramplr", "color3", "last", ends)), [[0.75, 0.25, 0], [0.2, 0.8, 0]], atol=1e-6
+    )
+    # The top is where v is 1.
+    ends = given("valuet", "color3", "1, 0, 0") + given("valueb", "color3", "0, 1, 0")
+    np.testing.assert_allclose(
+        values_of(tmp_path, node("ramptb", "color3", "last", ends)), [[0.75, 0.25, 0], [0.1, 0.9, 0]], atol=1e-6
+    )
+    colours = given("color1", "color3", "1, 1, 1") + given("color2", "color3", "0, 0, 0")
+    field, made = fields_of(
+        tmp_path, node("checkerboard", "color3", "last", colours + given("uvtiling", "vector2", "2, 2"))
+    )
+    found = field.at(Samples(np.array([[0.2, 0.2], [0.7, 0.2], [0.7, 0.7]], np.float32)))[:, 0]
+    assert found.tolist() in ([1.0, 0.0, 1.0], [0.0, 1.0, 0.0]) and made.unshown == ()
+
+
+def test_noise_counts_as_its_middle_and_is_listed(tmp_path: Path) -> None:
+    field, made = fields_of(tmp_path, node("noise3d", "color3", "last", given("pivot", "float", "0.25")))
+    assert field.is_constant and field.value.tolist() == [0.25] * 3
+    assert [each.name for each in made.unshown] == ["nodes.noise3d"]
+
+
+@pytest.fixture
+def pictures(tmp_path: Path) -> Path:
+    """Images: colours of 4 x 2 texels, and one channel of 2 x 2."""
+    rng = np.random.default_rng(3)
+    write_png(tmp_path / "colour.png", rng.random((2, 4, 3)))
+    write_png(tmp_path / "grey.png", np.array([[0.0, 1.0], [0.2, 0.6]]))
+    write_png(tmp_path / "alpha.png", rng.random((2, 2, 4)))
+    return tmp_path
+
+
+def test_one_image_is_its_file(pictures: Path) -> None:
+    nodes = node("tiledimage", "color3", "last", given("file", "filename", "colour.png", 'colorspace="srgb_texture"')
+                 + given("uvtiling", "vector2", "3, 2"))  # fmt: skip
+    maps = MapMaker()
+    found = maps.colours(fields_of(pictures, nodes)[0])
+    assert (found.texture, found.texture_space, found.texture_scale) == ("colour.png", "srgb", (3.0, 2.0))
+    assert maps.maps == []
+
+
+def test_a_computed_map_has_the_texels_of_its_image(pictures: Path) -> None:
+    # Inverted: texel by texel 1 − the decoded value, in the image's own mapping.
+    nodes = image("i", "color3", "colour.png", linked("texcoord", "vector2", "p"), "srgb_texture")
+    place = linked("texcoord", "vector2", "t") + given("scale", "vector2", "0.5, 0.25") + number("rotate", 90.0)
+    nodes += node("texcoord", "vector2", "t", "") + node("place2d", "vector2", "p", place)
+    nodes += node("invert", "color3", "last", linked("in", "color3", "i"))
+    maps = MapMaker()
+    field, _ = fields_of(pictures, nodes)
+    found = maps.colours(field)
+    assert found.texture == "#0" and found.texture_space == "linear"
+    codes = np.asarray(Image.open(pictures / "colour.png"), np.float64) / 255.0
+    linear = np.where(codes <= 0.04045, codes / 12.92, ((codes + 0.055) / 1.055) ** 2.4)
+    np.testing.assert_allclose(maps.maps[0].texels(), 1.0 - linear, atol=1e-4)
+    # At the place of a texel, by the layer's own transform, the network has that texel.
+    own = maps.maps[0].placement
+    assert (own.repeats, own.transform.rotation) == ((2.0, 4.0), -90.0)
+    texel = np.array([(2 + 0.5) / 4, 1.0 - (1 + 0.5) / 2])  # column 2, row 1
+    uv = np.linalg.solve(own.matrix, texel - own.transform.offset)
+    np.testing.assert_allclose(field.at(Samples(uv[None].astype(np.float32)))[0], 1.0 - linear[1, 2], atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("space", "expected"),
+    [
+        ("", 0.5019608),
+        ("lin_rec709", 0.5019608),
+        ("srgb_texture", 0.2158605),
+        ("g22_rec709", 0.2195197),
+        ("acescg", 0.5019608),
+    ],
+)
+def test_colours_are_decoded_by_their_space(tmp_path: Path, space: str, expected: float) -> None:
+    write_png(tmp_path / "grey.png", np.full((2, 2, 3), 0.5))  # grey is grey in any primaries
+    nodes = image("last", "color3", "grey.png", space=space)
+    np.testing.assert_allclose(values_of(tmp_path, nodes)[0], [expected] * 3, atol=2e-4)
+
+
+def test_numbers_are_decoded_by_nothing(pictures: Path) -> None:
+    nodes = image("last", "float", "grey.png", space="srgb_texture")
+    field, _ = fields_of(pictures, nodes, "float")
+    middles = np.array([[0.25, 0.75], [0.75, 0.75], [0.25, 0.25], [0.75, 0.25]], np.float32)
+    np.testing.assert_allclose(field.at(Samples(middles))[:, 0], [0.0, 1.0, 0.2, 0.6], atol=1e-6)
+    assert MapMaker().numbers(field).keys["map"] == "grey.png"
+
+
+@pytest.mark.parametrize(("mode", "expected"), [("periodic", 0.0), ("clamp", 1.0), ("mirror", 1.0), ("constant", 0.3)])
+def test_beyond_the_edge_the_address_mode_counts(pictures: Path, mode: str, expected: float) -> None:
+    more = given("uaddressmode", "string", mode) + given("default", "float", "0.3")
+    field, _ = fields_of(pictures, image("last", "float", "grey.png", more), "float")
+    assert field.at(Samples(np.array([[1.25, 0.75]], np.float32)))[0, 0] == pytest.approx(expected, abs=1e-6)
+
+
+def test_alpha_and_channels(pictures: Path) -> None:
+    nodes = image("i", "color4", "alpha.png") + node("separate4", "multioutput", "s", linked("in", "color4", "i"))
+    nodes += node("convert", "color3", "last", linked("in", "float", "s", 'output="outa"'))
+    field, _ = fields_of(pictures, nodes)
+    alpha = np.asarray(Image.open(pictures / "alpha.png"))[0, 0, 3] / 255.0
+    assert field.at(Samples(np.array([[0.25, 0.75]], np.float32)))[0, 0] == pytest.approx(alpha, abs=1e-6)
+
+
+def test_an_image_that_is_not_there_has_its_default_and_is_listed(tmp_path: Path) -> None:
+    nodes = image("last", "color3", "../../etc/passwd", given("default", "color3", COLOUR))
+    field, made = fields_of(tmp_path, nodes)
+    np.testing.assert_allclose(field.value, A, atol=1e-6)
+    assert made.unshown[0].name == "nodes.image ../../etc/passwd" and "not there" in made.unshown[0].effect
+
+
+def test_a_node_that_depends_on_itself_and_deep_networks_end(tmp_path: Path) -> None:
+    loop = node("add", "color3", "last", linked("in1", "color3", "last"))
+    assert fields_of(tmp_path, loop)[0].is_constant
+    deep = node("absval", "color3", "n0", given("in", "color3", COLOUR))
+    deep += "".join(node("absval", "color3", f"n{k}", linked("in", "color3", f"n{k - 1}")) for k in range(1, 400))
+    with pytest.raises(Exception, match="depend on each other"):
+        fields_of(tmp_path, deep, output="n399")
+
+
+def test_older_versions_are_brought_up_to_date(tmp_path: Path) -> None:
+    # Version 1.36: swizzles by a `channels` attribute, and parameters in place of inputs.
+    nodes = node("constant", "color3", "c", f'<parameter name="value" type="color3" value="{COLOUR}"/>')
+    nodes += node("swizzle", "color3", "last", linked("in", "color3", "c") + given("channels", "string", "bgr"))
+    np.testing.assert_allclose(values_of(tmp_path, nodes, version="1.36")[0], A[::-1], atol=1e-6)
+
+
+def test_a_document_of_two_graphs_and_custom_nodes(tmp_path: Path) -> None:
+    custom = (
+        '<nodedef name="ND_own" node="own"><input name="in" type="color3" value="1,1,1"/>'
+        '<output name="out" type="color3"/></nodedef>'
+        '<nodegraph name="NG_own" nodedef="ND_own">'
+        '<multiply name="m" type="color3"><input name="in1" type="color3" interfacename="in"/>'
+        '<input name="in2" type="float" value="0.5"/></multiply>'
+        '<output name="out" type="color3" nodename="m"/></nodegraph>'
+    )
+    text = document(custom + node("own", "color3", "last", given("in", "color3", COLOUR)))
+    nodes = text.split('version="1.39" >')[1].removesuffix("</materialx>")
+    np.testing.assert_allclose(values_of(tmp_path, nodes)[0], 0.5 * A, atol=1e-6)

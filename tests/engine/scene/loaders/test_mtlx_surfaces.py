@@ -1,0 +1,346 @@
+"""Surface shaders of MaterialX as layers: BRDFs against the shaders' own formulas, written once more here, and no input
+that is neither shown nor listed."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.document.linked_layers import layers_from_descriptions
+from engine.core.errors import LoadError
+from engine.material.layer import evaluate_layers
+from engine.scene.loaders import mtlx_library
+from engine.scene.loaders.mtlx import mtlx_image_reader, read_materials, read_mtlx
+from engine.scene.loaders.mtlx_surfaces import fuzz_fit
+from tests.engine.scene.loaders.mtlx_samples import (
+    document,
+    given,
+    image,
+    linked,
+    material,
+    node,
+    surface,
+    write_png,
+)
+
+pytest.importorskip("MaterialX")
+SHADERS = ("open_pbr_surface", "standard_surface", "gltf_pbr", "UsdPreviewSurface")
+
+
+def read(folder: Path, text: str):
+    (folder / "it.mtlx").write_text(text, encoding="utf-8")
+    return read_materials(folder / "it.mtlx").materials
+
+
+def brdf(folder: Path, shader: str, inputs: dict[str, str], wi: np.ndarray, wo: np.ndarray) -> np.ndarray:
+    """The reflection of a shader as layers, without the cosine, (N, 3)."""
+    kinds = {0: "float", 2: "color3"}
+    text = "".join(given(name, kinds[value.count(",")], value) for name, value in inputs.items())
+    (found,) = read(folder, material(shader, text))
+    layers = layers_from_descriptions("it", "it", found.material.layers)
+    shares = [layer.maps.weight_start for layer in layers]
+    total = sum(share * evaluate_layers([layer], wi, wo) for share, layer in zip(shares, layers, strict=True))
+    return total / wi[:, 2:]
+
+
+def sphere_directions(n: int, seed: int) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    z, phi = rng.uniform(0.08, 1.0, n), rng.uniform(0.0, 2 * math.pi, n)
+    return np.stack([np.sqrt(1 - z * z) * np.cos(phi), np.sqrt(1 - z * z) * np.sin(phi), z], 1)
+
+
+# -------------------------------------------------------------------- the formulas of the specification, once more
+
+
+def fresnel(cosine: np.ndarray, n: float) -> np.ndarray:
+    """Of a dielectric, by Snell and Fresnel."""
+    inside = np.sqrt(1.0 - (1.0 - cosine**2) / n**2)
+    s, p = (cosine - n * inside) / (cosine + n * inside), (n * cosine - inside) / (n * cosine + inside)
+    return 0.5 * (s**2 + p**2)
+
+
+def facets(wi: np.ndarray, wo: np.ndarray, alpha: float) -> tuple[np.ndarray, np.ndarray]:
+    """D G / (4 cos cos) of GGX, and cos theta_d."""
+    half = wi + wo
+    half /= np.linalg.norm(half, axis=1, keepdims=True)
+    d = alpha**2 / (math.pi * (half[:, 2] ** 2 * (alpha**2 - 1.0) + 1.0) ** 2)
+
+    def g(cosine: np.ndarray) -> np.ndarray:
+        return 2.0 / (1.0 + np.sqrt(1.0 + alpha**2 * (1.0 - cosine**2) / cosine**2))
+
+    return d * g(wi[:, 2]) * g(wo[:, 2]) / (4.0 * wi[:, 2] * wo[:, 2]), (wi * half).sum(axis=1)
+
+
+def dielectric(wi: np.ndarray, wo: np.ndarray, alpha: float, n: float) -> np.ndarray:
+    value, cos_d = facets(wi, wo, alpha)
+    return value * fresnel(cos_d, n)
+
+
+def albedo(wo: np.ndarray, alpha: float, n: float) -> np.ndarray:
+    """Directional albedo of a dielectric, by a grid over the hemisphere."""
+    z, phi = (np.arange(200) + 0.5) / 200, (np.arange(200) + 0.5) / 200 * 2 * math.pi
+    z, phi = (each.ravel() for each in np.meshgrid(z, phi))
+    wi = np.stack([np.sqrt(1 - z * z) * np.cos(phi), np.sqrt(1 - z * z) * np.sin(phi), z], 1)
+    return np.array([np.mean(dielectric(wi, np.broadcast_to(o, wi.shape), alpha, n) * z) * 2 * math.pi for o in wo])
+
+
+WI, WO = sphere_directions(24, 1), sphere_directions(24, 2)
+BASE = np.array([0.6, 0.3, 0.1])
+
+
+def check(found: np.ndarray, expected: np.ndarray, within: float) -> None:
+    error = math.sqrt(((found - expected) ** 2).sum() / (expected**2).sum())
+    assert error <= within, error
+
+
+@pytest.mark.parametrize(
+    ("shader", "inputs"),
+    [
+        ("open_pbr_surface", {"base_color": "0.6, 0.3, 0.1", "specular_roughness": "0.6", "specular_ior": "1.7"}),
+        ("standard_surface", {"base_color": "0.6, 0.3, 0.1", "specular_roughness": "0.6", "specular_IOR": "1.7"}),
+    ],
+)
+def test_a_gloss_takes_its_directional_albedo_from_the_base(
+    tmp_path: Path, shader: str, inputs: dict[str, str]
+) -> None:
+    expected = dielectric(WI, WO, 0.36, 1.7)[:, None] + (1.0 - albedo(WO, 0.36, 1.7))[:, None] * BASE / math.pi
+    check(brdf(tmp_path, shader, inputs, WI, WO), expected, 2e-3)
+
+
+def test_specular_weight_of_openpbr_scales_facing_reflectance(tmp_path: Path) -> None:
+    # F0 of 1.5 is 0.04; a quarter of it is that of (1 + 0.1) / (1 − 0.1).
+    inputs = {"base_weight": "0", "specular_weight": "0.25", "specular_roughness": "0.5"}
+    check(
+        brdf(tmp_path, "open_pbr_surface", inputs, WI, WO),
+        dielectric(WI, WO, 0.25, 1.1 / 0.9)[:, None] * np.ones(3),
+        1e-4,
+    )
+
+
+def test_a_coat_of_openpbr_tints_darkens_blurs_and_covers(tmp_path: Path) -> None:
+    inputs = {
+        "base_color": "0.6, 0.3, 0.1", "specular_roughness": "0.5", "coat_weight": "0.7", "coat_roughness": "0.5",
+        "coat_color": "0.9, 0.8, 0.5",
+    }  # fmt: skip
+    c, f0 = 0.7, (0.6 / 2.6) ** 2
+    k = 1.0 - (1.0 - f0) / 1.6**2
+    darkening = 1.0 - c + c * (1.0 - k) / (1.0 - BASE * k)
+    tint = 1.0 - c + c * np.array([0.9, 0.8, 0.5])
+    rough = 0.3 * 0.5 + c * min(1.0, 0.5**4 + 2 * 0.5**4) ** 0.25
+    index = 0.3 * 1.5 + c * 1.6 / 1.5
+    below = dielectric(WI, WO, rough**2, index)[:, None] + (1.0 - albedo(WO, rough**2, index))[:, None] * BASE / math.pi
+    coat = c * dielectric(WI, WO, 0.25, 1.6)[:, None]
+    expected = coat + (1.0 - c * albedo(WO, 0.25, 1.6))[:, None] * darkening * tint * below
+    check(brdf(tmp_path, "open_pbr_surface", inputs, WI, WO), expected, 2e-3)
+
+
+def test_a_metal_of_openpbr_has_schlicks_term_and_its_edge_at_82_degrees(tmp_path: Path) -> None:
+    inputs = {"base_color": "0.6, 0.3, 0.1", "base_metalness": "1", "specular_roughness": "0.5"}
+    value, cos_d = facets(WI, WO, 0.25)
+    schlick = BASE + (1.0 - BASE) * (1.0 - cos_d[:, None]) ** 5
+    check(brdf(tmp_path, "open_pbr_surface", inputs, WI, WO), value[:, None] * schlick, 1e-5)
+    # With an edge tint t the term is Schlick's less b cos (1 − cos)^6, where it is t times Schlick's at cos = 1/7.
+    tint = np.array([1.0, 0.8, 0.4])
+    b = (BASE + (1.0 - BASE) * (6 / 7) ** 5) * (1.0 - tint) / (1 / 7 * (6 / 7) ** 6)
+    expected = schlick - b * (cos_d * (1.0 - cos_d) ** 6)[:, None]
+    found = brdf(tmp_path, "open_pbr_surface", inputs | {"specular_color": "1, 0.8, 0.4"}, WI, WO)
+    check(found, value[:, None] * expected, 1e-5)
+
+
+def test_a_metal_of_standard_surface_has_the_exact_term(tmp_path: Path) -> None:
+    # Gulbrandsen's n and k of the colours head-on and at the edge; at 0° the term is the first [Gulbrandsen14].
+    inputs = {"base": "1", "base_color": "0.6, 0.3, 0.1", "metalness": "1", "specular_roughness": "0.5"}
+    (found,) = read(tmp_path, material("standard_surface", "".join(
+        given(name, "color3" if "," in value else "float", value) for name, value in inputs.items())))  # fmt: skip
+    (layer,) = layers_from_descriptions("it", "it", found.material.layers)
+    np.testing.assert_allclose(layer.curve("theta_d")(np.zeros(1))[0], BASE, atol=1e-5)
+
+
+def test_mixed_metalness_is_a_mixture(tmp_path: Path) -> None:
+    one = {"base_color": "0.6, 0.3, 0.1", "specular_roughness": "0.5"}
+    plain, metal, mixed = (
+        brdf(tmp_path, "open_pbr_surface", one | {"base_metalness": value}, WI, WO) for value in ("0", "1", "0.25")
+    )
+    check(mixed, 0.75 * plain + 0.25 * metal, 1e-6)
+
+
+def test_rough_diffuse_of_openpbr_keeps_its_mean(tmp_path: Path) -> None:
+    # E of FON is A (1 + (2/3 − 28 / 15π) r), and with all further reflections of a base ρ: ρ E / (1 − ρ (1 − E)).
+    inputs = {"base_color": "0.6, 0.3, 0.1", "specular_weight": "0", "base_diffuse_roughness": "0.5"}
+    rng = np.random.default_rng(5)
+    z, phi = np.sqrt(rng.random((2, 40_000))), rng.uniform(0.0, 2 * math.pi, (2, 40_000))
+    s = np.sqrt(1.0 - z * z)
+    wi, wo = (np.stack([s[k] * np.cos(phi[k]), s[k] * np.sin(phi[k]), z[k]], 1) for k in (0, 1))
+    mean = math.pi * brdf(tmp_path, "open_pbr_surface", inputs, wi, wo).mean(axis=0)
+    a = 1.0 / (1.0 + (0.5 - 2.0 / (3.0 * math.pi)) * 0.5)
+    once = a * (1.0 + (2.0 / 3.0 - 28.0 / (15.0 * math.pi)) * 0.5)
+    np.testing.assert_allclose(mean, BASE * once / (1.0 - BASE * (1.0 - once)), rtol=5e-3)
+
+
+@pytest.mark.parametrize(("roughness", "within"), [(0.3, 0.1), (0.5, 0.1), (0.7, 0.1), (0.8, 0.1), (1.0, 0.35)])
+def test_fuzz_has_the_albedo_of_openpbrs(roughness: float, within: float) -> None:
+    # MaterialX's fit to [Zeltner22]: a Gaussian over cos theta_o and an offset.
+    from engine.material.layer import make_layer
+    from engine.material.sheen import Sheen
+
+    y, theta = roughness, np.radians(np.linspace(0.0, 89.0, 90))
+    x = np.cos(theta)
+    s = y * (0.0206607 + 1.58491 * y) / (0.0379424 + y * (1.32227 + y))
+    m = y * (-0.193854 + y * (-1.14885 + y * (1.7932 - 0.95943 * y * y))) / (0.046391 + y)
+    o = y * (0.000654023 + (-0.0207818 + 0.119681 * y) * y) / (1.26264 + y * (-1.92021 + y))
+    theirs = np.exp(-0.5 * ((x - m) / s) ** 2) / (s * math.sqrt(2 * math.pi)) + o
+    alpha, scale = fuzz_fit(roughness)
+    ours = make_layer(Sheen(), {"alpha": alpha, "scale": scale}).coverage(theta)
+    weight = np.sin(theta) * np.cos(theta)
+    assert math.sqrt((weight * (ours - theirs) ** 2).sum() / (weight * theirs**2).sum()) <= within
+
+
+# ------------------------------------------------------------------------------------------ maps, lists, the file
+
+
+def test_a_map_of_metalness_and_of_a_coat_multiplies_each_layer(tmp_path: Path) -> None:
+    write_png(tmp_path / "share.png", np.array([[0.0, 1.0], [0.25, 0.5]]))
+    nodes = image("i", "float", "share.png")
+    text = linked("base_metalness", "float", "i") + linked("coat_weight", "float", "i")
+    text += given("coat_darkening", "float", "0") + given("specular_roughness", "float", "0.4")
+    (found,) = read(tmp_path, material("open_pbr_surface", text, nodes))
+    layers = {layer.name: layer for layer in found.material.layers}
+    assert set(layers) == {
+        "base",
+        "base without coat",
+        "gloss",
+        "gloss without coat",
+        "metal",
+        "metal without coat",
+        "coat",
+    }
+    assert (layers["base"].under, layers["gloss"].under) == ("gloss", "coat")
+    assert (layers["base without coat"].under, layers["base without coat"].follows) == ("gloss without coat", "base")
+
+    def texels(name: str) -> np.ndarray:
+        texture = layers[name].maps.texture
+        if texture == "share.png":
+            return np.array([[0.0, 1.0], [0.25, 0.5]])
+        return found.material.maps[int(texture[1:])].texels()[..., 0]
+
+    share = np.round(np.array([[0.0, 1.0], [0.25, 0.5]]) * 255) / 255
+    np.testing.assert_allclose(texels("base"), (1.0 - share) * share, atol=1e-6)
+    np.testing.assert_allclose(texels("base without coat"), (1.0 - share) ** 2, atol=1e-6)
+    np.testing.assert_allclose(texels("metal"), share**2, atol=1e-6)
+    np.testing.assert_allclose(texels("coat"), share, atol=2e-3)
+
+
+def test_roughness_becomes_the_map_of_widths(tmp_path: Path) -> None:
+    write_png(tmp_path / "rough.png", np.array([[0.2, 0.8]]))
+    text = linked("specular_roughness", "float", "i")
+    for shader, name in (("open_pbr_surface", "gloss"), ("standard_surface", "gloss")):
+        (found,) = read(tmp_path, material(shader, text, image("i", "float", "rough.png")))
+        table = next(each for each in found.material.layers if each.name == name).parameter_maps["alpha"]
+        assert (table["map"], table["channel"], table["response"], table["range"]) == (
+            "rough.png",
+            "r",
+            "square",
+            (0, 1),
+        )
+
+
+def test_normal_maps_opacity_and_emission(tmp_path: Path) -> None:
+    write_png(tmp_path / "n.png", np.full((2, 2, 3), (0.5, 0.5, 1.0)))
+    nodes = image("i", "vector3", "n.png") + node(
+        "normalmap", "vector3", "n", linked("in", "vector3", "i") + given("scale", "float", "0.5")
+    )
+    text = linked("geometry_normal", "vector3", "n") + given("geometry_opacity", "float", "0.25")
+    text += given("emission_luminance", "float", "683") + given("emission_color", "color3", "1, 0.5, 0")
+    (found,) = read(tmp_path, material("open_pbr_surface", text, nodes))
+    own = found.material
+    assert (own.bumps.normal_map, own.bumps.bump_strength) == ("n.png", 0.5)
+    assert (own.opacity.opacity_mode, own.opacity.opacity_factor) == ("blend", 0.25)
+    assert own.emission == pytest.approx((1.0, 0.5, 0.0), rel=1e-6)  # 683 nits are 1 W / (m² sr)
+    assert own.unshown == ()
+
+
+def definition_inputs(shader: str) -> list[tuple[str, str, str]]:
+    """Name, type and default of all inputs of a shader."""
+    import MaterialX as mx
+
+    definition = next(
+        each for each in mtlx_library._definitions().getMatchingNodeDefs(shader)
+        if each.getDefaultVersion() or len(mtlx_library._definitions().getMatchingNodeDefs(shader)) == 1
+    )  # fmt: skip
+    assert isinstance(definition, mx.NodeDef)
+    return [(each.getName(), each.getType(), each.getValueString()) for each in definition.getActiveInputs()]
+
+
+# A value of each type that no default has, and that makes every group of inputs effective.
+OTHER = {"float": "0.37", "integer": "1", "boolean": "true", "color3": "0.31, 0.22, 0.13", "vector3": "0.1, 0.2, 0.9"}
+
+
+@pytest.mark.parametrize("shader", SHADERS)
+def test_every_input_is_shown_or_listed(tmp_path: Path, shader: str) -> None:
+    """Each input, changed while all others are set, changes what is shown, or is in the list."""
+    inputs = {name: (kind, OTHER[kind]) for name, kind, _ in definition_inputs(shader) if kind in OTHER}
+    inputs |= {name: ("float", "1.4") for name in inputs if name.lower().endswith("ior")}
+    if shader == "UsdPreviewSurface":
+        inputs["useSpecularWorkflow"] = ("integer", "0")
+
+    def result(changed: dict[str, tuple[str, str]]):
+        text = "".join(given(name, kind, value) for name, (kind, value) in changed.items())
+        (found,) = read(tmp_path, material(shader, text))
+        own = found.material
+        return (own.layers, own.emission, own.bumps, own.opacity), {each.name.split(".")[-1] for each in own.unshown}
+
+    shown, listed = result(inputs)
+    second = {"float": "0.59", "boolean": "false", "color3": "0.5, 0.4, 0.3", "vector3": "0.3, 0.1, 0.8"}
+    second["integer"] = "1" if shader == "UsdPreviewSurface" else "0"
+    harmless = {"occlusion"}  # shadows are computed
+    harmless |= {"specularColor"} if shader == "UsdPreviewSurface" else set()
+    lost = [
+        name for name, (kind, _) in inputs.items()
+        if name not in listed | harmless and result(inputs | {name: (kind, second[kind])})[0] == shown
+    ]  # fmt: skip
+    assert lost == []
+
+
+def test_what_has_no_effect_is_not_listed(tmp_path: Path) -> None:
+    text = given("transmission", "float", "0") + given("transmission_color", "color3", "1,0,0")
+    (found,) = read(tmp_path, material("standard_surface", text + given("thin_walled", "boolean", "false")))
+    assert found.material.unshown == ()
+
+
+def test_shaders_that_are_not_known_are_grey_and_listed(tmp_path: Path) -> None:
+    nodes = '<burley_diffuse_bsdf name="b" type="BSDF"/>'
+    (found,) = read(tmp_path, material("surface", linked("bsdf", "BSDF", "b"), nodes))
+    assert [each.model for each in found.material.layers] == ["lambert"]
+    assert [each.name for each in found.material.unshown] == ["materials.surface"]
+
+
+def test_a_file_is_a_ball_for_each_material(tmp_path: Path) -> None:
+    body = surface("gltf_pbr", "", "brass") + surface("standard_surface", "", "wood")
+    (tmp_path / "it.mtlx").write_text(document(body), encoding="utf-8")
+    model = read_mtlx(tmp_path / "it.mtlx")
+    assert [part.name for part in model.parts] == ["brass", "wood"]
+    middles = [part.mesh.vertices.mean(axis=0) for part in model.parts]
+    np.testing.assert_allclose(middles, [[0.0, 0.5, 0.0], [1.25, 0.5, 0.0]], atol=1e-6)
+
+
+def test_computed_maps_are_read_by_number(tmp_path: Path) -> None:
+    write_png(tmp_path / "c.png", np.full((2, 2, 3), 0.5))
+    nodes = image("i", "color3", "c.png") + node("invert", "color3", "v", linked("in", "color3", "i"))
+    (found,) = read(tmp_path, material("gltf_pbr", linked("base_color", "color3", "v"), nodes))
+    assert found.material.layers[-1].maps.texture == "#0"
+    read_map = mtlx_image_reader(tmp_path / "it.mtlx")
+    assert read_map(0)[:4] == b"\x76\x2f\x31\x01"  # OpenEXR
+    with pytest.raises(LoadError, match="computed map = 1, expected a number below 1"):
+        read_map(1)
+
+
+def test_without_the_library_one_line_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mtlx_library, "PACKAGE", "no_such_package_of_materials")
+    with pytest.raises(LoadError, match=r"pip install 'insitu\[materialx\]'"):
+        read(tmp_path, material("gltf_pbr", ""))
+
+
+def test_a_document_without_materials_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(LoadError, match="materials = 0, expected at least one"):
+        read(tmp_path, document(""))
