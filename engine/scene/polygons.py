@@ -79,9 +79,10 @@ def repeated_polygons(vertices: Int64Array, lengths: Int64Array, either_way: boo
     return repeated
 
 
-def repeat_notes(n_repeated: int) -> tuple[str, ...]:
-    """A note on polygons that were left out for that, if there were any."""
-    return (f"{n_repeated} faces that repeat another left out",) if n_repeated else ()
+def left_out_notes(n_repeated: int, n_short: int) -> tuple[str, ...]:
+    """Notes on polygons that are left out, if there are any: that repeat another, and of less than three corners."""
+    lines = (n_repeated, "faces that repeat another left out"), (n_short, "faces of less than 3 corners left out")
+    return tuple(f"{n} {what}" for n, what in lines if n)
 
 
 def _scrambled(keys: npt.NDArray[np.uint64]) -> npt.NDArray[np.uint64]:

@@ -33,7 +33,7 @@ from engine.scene.mesh import (
     with_normals,
     without_unused_vertices,
 )
-from engine.scene.polygons import TooIntricateError, repeat_notes, repeated_polygons, triangulate
+from engine.scene.polygons import TooIntricateError, left_out_notes, repeated_polygons, triangulate
 
 # Lines that are skipped: what the picture lacks without them, "" for nothing.
 _SKIPPED = {
@@ -156,11 +156,9 @@ def _notes(state: _Lines) -> tuple[str, ...]:
     lines = []
     if state.unknown:
         lines.append(f"{sum(state.unknown.values())} lines of unknown kinds are left out: {_listed(state.unknown)}")
-    if state.n_short:
-        lines.append(f"{state.n_short} faces of less than 3 corners are left out")
     if state.n_bare:
         lines.append(f"normals are computed: {state.n_bare} corners of faces have none")
-    return (*lines, *repeat_notes(state.n_repeated))
+    return (*lines, *left_out_notes(state.n_repeated, state.n_short))
 
 
 def _listed(names: dict[str, Any]) -> str:

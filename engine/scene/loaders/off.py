@@ -19,7 +19,7 @@ from engine.scene.loaders.model import ImportedModel, ImportedPart, UnshownPrope
 from engine.scene.loaders.vertex_colours import linear_colours, vertex_opacity
 from engine.scene.mesh import MAX_MESH_BYTES, Mesh, mend_mesh
 from engine.scene.mesh_defects import describe_holes
-from engine.scene.polygons import TooIntricateError, repeat_notes, repeated_polygons, triangulate
+from engine.scene.polygons import TooIntricateError, left_out_notes, repeated_polygons, triangulate
 
 _HEADER = re.compile(r"(ST)?(C)?(N)?(4)?(n)?OFF")
 Rows = list[tuple[int, list[str]]]
@@ -53,9 +53,7 @@ def read_off(file: Path) -> ImportedModel:
         of_corners = np.repeat(shares[face][:, None], 3, axis=1)
     mesh = Mesh(table[:, :3], triangles, normals, None if uvs is None else uvs[triangles], colours=of_corners)
     mesh, notes = mend_mesh(mesh, file)
-    notes += repeat_notes(int(repeated.sum()))
-    if n_short:
-        notes.append(f"{n_short} faces of less than 3 corners are left out")
+    notes += left_out_notes(int(repeated.sum()), n_short)
     left = len(rows) - n_vertices - n_faces
     if left:
         notes.append(f"{left} lines after the last face are left out")

@@ -26,7 +26,7 @@ from engine.scene.loaders.model import ImportedModel, ImportedPart, UnshownPrope
 from engine.scene.loaders.ply_rows import COLOURS, CORNERS, Column, Element, Lists, Property, read_ascii, read_binary
 from engine.scene.loaders.vertex_colours import linear_colours, vertex_opacity
 from engine.scene.mesh import MAX_MESH_BYTES, Mesh, mend_mesh
-from engine.scene.polygons import TooIntricateError, repeat_notes, repeated_polygons, triangulate
+from engine.scene.polygons import TooIntricateError, left_out_notes, repeated_polygons, triangulate
 
 _MAX_HEADER = 65536
 _MAX_COUNT = 2**31 - 1
@@ -61,8 +61,7 @@ def read_ply(file: Path) -> ImportedModel:
     mesh, mended = mend_mesh(replace(mesh, colours=_colours(columns, elements, mesh, face)), file)
     layers, texture_notes = _textured(texture, mesh, file)
     part = ImportedPart(mesh, layers, opacity=vertex_opacity(mesh))
-    short = (f"{n_short} faces of less than 3 corners are left out",) if n_short else ()
-    notes = (*notes, *short, *mended, *repeat_notes(n_repeated), *texture_notes)
+    notes = (*notes, *mended, *left_out_notes(n_repeated, n_short), *texture_notes)
     return ImportedModel((part,), notes, unshown=_unshown(elements))
 
 

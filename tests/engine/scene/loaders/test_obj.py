@@ -151,7 +151,7 @@ def test_agrees_with_an_independent_reader(shared_data):
 def test_what_no_picture_shows_is_listed(mesh_file):
     model = read_model(mesh_file("a.obj", "o a\ng b\n" + SQUARE + "vp 0 0\nl 1 2\nl 2 3\np 1\nf 1 2 3\nf 1 2\nlod 3\n"))
     assert [(each.name, each.count) for each in model.unshown] == [("l", 2), ("p", 1), ("lod", 1)]
-    assert "1 faces of less than 3 corners are left out" in model.notes
+    assert "1 faces of less than 3 corners left out" in model.notes
 
 
 def test_a_number_sign_inside_a_name_is_no_comment(mesh_file):

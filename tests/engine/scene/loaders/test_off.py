@@ -81,5 +81,5 @@ def test_points_and_edges_are_left_out_and_lone_numbers_listed(mesh_file: Callab
     mesh = found.parts[0].mesh
     assert mesh.triangles.tolist() == [[0, 1, 2], [0, 2, 3]]
     assert mesh.colours is not None and mesh.colours[:, 0].tolist() == [[1, 0, 0, 1], [1, 1, 1, 1]]
-    assert found.notes[0] == "2 faces of less than 3 corners are left out"
+    assert found.notes[0] == "2 faces of less than 3 corners left out"
     assert [(each.name, each.count) for each in found.unshown] == [("vertex.numbers behind", 4)]

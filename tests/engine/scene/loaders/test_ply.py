@@ -58,7 +58,7 @@ def test_faces_of_less_than_three_corners_are_left_out_with_their_colours(mesh_f
     (part,) = model.parts
     assert part.mesh.triangles.tolist() == [[0, 1, 2], [0, 2, 3]]
     assert part.mesh.colours[:, 0].tolist() == [[1, 1, 0, 1], [0, 1, 0, 1]]
-    assert model.notes == ("2 faces of less than 3 corners are left out",)
+    assert model.notes == ("2 faces of less than 3 corners left out",)
 
 
 def test_ascii_with_normals_colours_and_other_elements(mesh_file):
