@@ -165,8 +165,8 @@ def _without_weight(maps: LayerMaps) -> LayerMaps:
 
 
 @dataclass(frozen=True)
-class SetBumps:
-    """Set a part of an object's bumps; an image's name of "" removes it."""
+class _SetPart:
+    """Set a part of what all layers of an object have in common; an image's name of "" removes it."""
 
     object: str
     name: str
@@ -175,6 +175,11 @@ class SetBumps:
     @property
     def label(self) -> str:
         return f"{self.object} {self.name.replace('_', ' ')}"
+
+
+@dataclass(frozen=True)
+class SetBumps(_SetPart):
+    """Set a part of an object's bumps."""
 
     def apply(self, document: Document) -> Document:
         state = _reflecting(document, self.object, "bumps")
@@ -183,16 +188,8 @@ class SetBumps:
 
 
 @dataclass(frozen=True)
-class SetOpacity:
-    """Set a part of an object's opacity; an image's name of "" removes it."""
-
-    object: str
-    name: str
-    value: Any
-
-    @property
-    def label(self) -> str:
-        return f"{self.object} {self.name.replace('_', ' ')}"
+class SetOpacity(_SetPart):
+    """Set a part of an object's opacity."""
 
     def apply(self, document: Document) -> Document:
         state = _reflecting(document, self.object, "opacity")
