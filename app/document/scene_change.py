@@ -88,27 +88,25 @@ class SceneChange:
         clips = [each.name for each in own.animations]
         moment = edited.moment if edited.moment is not None and edited.moment.clip in clips else None
         bumps, opacity, surface = edited.new_bumps, edited.new_opacity, edited.new_surface
-        return replace(
-            own, **kept, layers=_layers(edited, base, own), deformations=edited.deformations, moment=moment,
+        merged = replace(
+            own, **kept, layers=_merge_layers(edited.layers, None if base is None else base.layers, own.layers),
+            deformations=edited.deformations, moment=moment,
             new_bumps=None if own.is_lamp or bumps == own.own_bumps else bumps,
             new_opacity=None if own.is_lamp or opacity == own.own_opacity else opacity,
             new_surface=None if own.is_lamp or surface == own.own_surface else surface,
         )  # fmt: skip
+        return merged.in_variant(_chosen_variant(edited, base))
 
 
 def _differ(edited: Any, base: Any, name: str) -> bool:
     return bool(getattr(edited, name) != getattr(base, name))
 
 
-def _layers(edited: ObjectState, base: ObjectState | None, own: ObjectState) -> Layers:
-    """The layers of an object; those of a variant that the user has chosen, and not edited, follow the file."""
-    if base is None:
-        return _merge_layers(edited.layers, None, own.layers)
-    now = {each.name: each.layers for each in own.variants}
-    chosen = next((each.name for each in base.variants if each.layers == edited.layers and each.name in now), None)
-    if chosen is None or edited.layers == base.layers:
-        return _merge_layers(edited.layers, base.layers, own.layers)
-    return now[chosen]
+def _chosen_variant(edited: ObjectState, base: ObjectState | None) -> str:
+    """The variant that the user has chosen for an object, and not edited, so that it follows the file; "" for none."""
+    if base is None or edited.layers == base.layers:
+        return ""
+    return next((each.name for each in base.variants if each.of(edited) == edited), "")
 
 
 def _merge_layers(edited: Layers, base: Layers | None, own: Layers) -> Layers:

@@ -15,6 +15,7 @@ from app.document.document import Document, Variant
 from app.document.history import History
 from app.document.scene_change import SceneChange, matching_parts
 from engine.curve.operators import Operator
+from engine.material.bumps import Bumps
 from engine.scene.description import parse_description
 from engine.scene.import_report import ImportedObject, ImportReport
 
@@ -53,8 +54,9 @@ def test_no_field_of_an_object_is_lost(document: Document) -> None:
 
 def test_a_chosen_variant_follows_the_file_until_it_is_edited(document: Document) -> None:
     def with_variants(grey: float) -> Document:
-        plain, look = (new_layer("lambert").with_parameter("albedo", each) for each in (0.5, grey))
-        state = replace(document.object("floor"), layers=(plain,), variants=(Variant("look", (look,)),))
+        plain, other = (new_layer("lambert").with_parameter("albedo", each) for each in (0.5, grey))
+        look = Variant("look", (other,), Bumps(tangent_angle=100.0 * grey))
+        state = replace(document.object("floor"), layers=(plain,), variants=(look,))
         return document.with_object(state)
 
     before, now = with_variants(0.2), with_variants(0.3)
