@@ -241,18 +241,18 @@ class Document:
         state = self.object(name)
         return state.frozen or any(state.layers[i].frozen for i in linked_indices(state.layers, index))
 
-    @property
+    @functools.cached_property
     def variants(self) -> tuple[str, ...]:
         """The names of the scene's variants: materials of several objects that its file gives together."""
         return tuple(dict.fromkeys(each.name for state in self.objects for each in state.variants))
 
-    @property
+    @functools.cached_property
     def variant(self) -> str:
-        """The variant whose materials all its objects have, "" for none."""
-        for name in self.variants:
-            if all(state.in_variant(name) == state for state in self.objects):
-                return name
-        return ""
+        """The variant whose materials all its objects have, "" for none. Panels ask in each frame."""
+        names = self.variants
+        for state in (each for each in self.objects if each.variants):
+            names = tuple(name for name in names if state.in_variant(name) == state)
+        return names[0] if names else ""
 
     @property
     def poses(self) -> Poses:
