@@ -16,7 +16,7 @@ OpenGL, no display) stands in the file with the reason, and the rest is measured
 
 Programs of their own write pages and references: `peers` (docs/peers.md), `large_scenes` (docs/scale.md),
 `room_references` (tests/golden/rooms), `point_lights` (docs/benchmarks.md), `gloss_transfer` (docs/deform.md),
-`hand_over` (docs/orbit.md, docs/deform.md), `open_files` (docs/measured-changes.md).
+`hand_over` (docs/orbit.md, docs/deform.md), `open_files` and `lights` (docs/measured-changes.md).
 """
 
 PARTS = ("settings", "figures", "visibility", "planning")

@@ -30,6 +30,7 @@ from app.files.records import (
     ObjectRecord,
     OperatorRecord,
     SessionRecord,
+    SunRecord,
     ViewRecord,
 )
 from app.operators.camera import MoveCamera
@@ -46,6 +47,7 @@ from engine.material.parameters import Parameter
 from engine.scene import surface_kinds
 from engine.scene.description import (
     CameraDescription,
+    ConeDescription,
     EnvironmentDescription,
     LayerDescription,
     ObjectDescription,
@@ -61,12 +63,13 @@ FOLDER = Path(__file__).resolve().parents[1] / "docs" / "reference"
 SCENE: Tables = [
     ("Top of the file", SceneDescription), ("[camera]", CameraDescription), ("[environment]", EnvironmentDescription),
     ("[[environment.sun]]", SunDescription),
-    ("[[object]]", ObjectDescription), ("object.layer", LayerDescription),
+    ("[[object]]", ObjectDescription), ("object.cone", ConeDescription), ("object.layer", LayerDescription),
     ("object.deform.membrane", surface_kinds.Membrane), ("object.deform.subsurface", surface_kinds.Subsurface),
     ("object.deform.patch", surface_kinds.Detail), ("object.deform.wrinkles", surface_kinds.Wrinkles),
 ]  # fmt: skip
 SESSION: Tables = [
-    ("Top of the file", SessionRecord), ("[light]", LightRecord), ("[view]", ViewRecord), ("[[object]]", ObjectRecord),
+    ("Top of the file", SessionRecord), ("[light]", LightRecord), ("light.suns", SunRecord), ("[view]", ViewRecord),
+    ("[[object]]", ObjectRecord),
     ("[[object.layer]]", LayerRecord), ("[[object.layer.curve]]", CurveRecord), ("its operator", OperatorRecord),
     ("[[object.deformer]]", DeformerRecord), ("[[bookmark]]", BookmarkRecord),
 ]  # fmt: skip

@@ -7,7 +7,8 @@ model with change signals, which undo, the journal and the worker would each hav
 
 Names: a layer's *key* is ``"object.index"``; a *path* names anything that can be set, written with the layer's index or
 its name: ``"teapot"``, ``"teapot.1"``, ``"teapot.coat.theta_h"``, ``"teapot.1.alpha"``, ``"teapot.1.alpha_map"``,
-``"teapot.bend"``, ``"bat.time"``, ``"bat.membrane.translucency"``, ``"lamp.emission"``, ``"light.rotation"``.
+``"teapot.bend"``, ``"bat.time"``, ``"bat.membrane.translucency"``, ``"lamp.emission"``, ``"light.rotation"``,
+``"light.Noon.direction"``.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from app.document.linked_layers import layers_from_descriptions, linked_indices,
 from app.system.paths import is_file_name
 from engine.core.errors import InsituError
 from engine.light.probe_mappings import Mapping
+from engine.light.suns import Sun
 from engine.material.bumps import NO_BUMPS, Bumps, BumpsByObject, bump_fields
 from engine.material.layer import Layer, object_of
 from engine.material.layer_maps import map_fields
@@ -31,7 +33,7 @@ from engine.material.opacity import OPAQUE, Opacity, OpacityByObject, opacity_fi
 from engine.material.parameter_maps import MAPPED_KINDS
 from engine.realtime.deformers import KINDS
 from engine.realtime.zonal_harmonics.pose import Deformation, Moment, Motion, Poses, without_identity
-from engine.scene.description import ObjectDescription, SceneDescription
+from engine.scene.description import EnvironmentDescription, ObjectDescription, SceneDescription, free_name
 from engine.scene.rig import Animations
 from engine.scene.surface_kinds import NO_SURFACE, SURFACES, DeformSurface, SurfacesByObject
 from engine.settings import LineValue
@@ -50,6 +52,7 @@ Kind = Literal[
     "opacity",
     "surface",
     "light",
+    "sun",
 ]
 RGB = tuple[float, float, float]
 
@@ -64,7 +67,8 @@ class LightState:
     ``environment`` is ``"scene"`` (that of the scene file, with its ``scale``), ``"constant"`` (``radiance`` from
     everywhere), a built-in environment's name or a file's path, read with ``mapping``. ``rotation`` in degrees rotates
     it counter-clockwise about +Y seen from above. ``intensity`` multiplies all light, emitters included: it is applied
-    to the finished picture, so it costs nothing and transport does not depend on it.
+    to the finished picture, so it costs nothing and transport does not depend on it. ``new_suns`` replace the
+    ``own_suns`` of the scene's file; they turn with the environment.
     """
 
     environment: str = SCENE_ENVIRONMENT
@@ -72,6 +76,13 @@ class LightState:
     rotation: float = 0.0
     intensity: float = 1.0
     radiance: RGB | None = None
+    own_suns: tuple[Sun, ...] = ()
+    new_suns: tuple[Sun, ...] | None = None
+
+    @property
+    def suns(self) -> tuple[Sun, ...]:
+        """The suns that shine, whatever the environment is; their names differ."""
+        return self.own_suns if self.new_suns is None else self.new_suns
 
     @property
     def is_file(self) -> bool:
@@ -283,7 +294,8 @@ class Document:
 
 @dataclass(frozen=True)
 class Target:
-    """The target of a path. ``key`` is None for an object or the light, ``name`` None for an object or a layer."""
+    """The target of a path. ``key`` is None for an object or the light, ``name`` None for an object or a layer;
+    ``object`` is the name of a sun where that is the target."""
 
     kind: Kind
     object: str = ""
@@ -305,6 +317,7 @@ UNDER = "under"
 VARIANT = "variant"
 MAP_SUFFIX = "_map"  # of the path to the map of a parameter: "teapot.1.alpha_map"
 LIGHT_FIELDS = ("rotation", "intensity", "environment", "mapping")
+SUN_FIELDS = ("direction", "irradiance", "diameter")
 
 
 def layer_key(object_name: str, index: int) -> str:
@@ -327,8 +340,12 @@ def resolve(document: Document, path: str) -> Target:
     head, _, rest = path.partition(".")
     if head == "light" and rest in LIGHT_FIELDS:
         return Target("light", name=rest)
+    sun, _, last = rest.rpartition(".")
+    if head == "light" and last in SUN_FIELDS and sun in [each.name for each in document.light.suns]:
+        return Target("sun", sun, name=last)
     if head == "light" and all(state.name != "light" for state in document.objects):
-        raise _unknown("property of the light", rest, LIGHT_FIELDS)
+        suns = [f"{each.name}.{name}" for each in document.light.suns for name in SUN_FIELDS]
+        raise _unknown("property of the light", rest, (*LIGHT_FIELDS, *suns))
     state, rest = _split_object(document, path)
     if not rest:
         return Target("object", state.name)
@@ -419,7 +436,20 @@ def document_from_description(
     if animations:
         objects = tuple(replace(state, animations=own) for state, own in zip(objects, animations, strict=True))
     environment = description.environment
-    return Document(source, objects, LightState(rotation=0.0 if environment is None else environment.rotation))
+    if environment is None:
+        return Document(source, objects)
+    light = LightState(rotation=environment.rotation, own_suns=_suns_of(environment))
+    return Document(source, objects, light)
+
+
+def _suns_of(environment: EnvironmentDescription) -> tuple[Sun, ...]:
+    """The suns of a scene's environment, with names of their own."""
+    suns, taken = list[Sun](), set[str]()
+    for number, each in enumerate(environment.suns, 1):
+        red, green, blue = (environment.scale * value for value in each.irradiance)
+        name = free_name(each.name or f"sun {number}", taken)
+        suns.append(Sun(each.direction, (red, green, blue), each.diameter, name))
+    return tuple(suns)
 
 
 def _object_state(source: str, described: ObjectDescription) -> ObjectState:

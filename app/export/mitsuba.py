@@ -121,9 +121,10 @@ def _add_object(root: ElementTree.Element, project: Project, folder: Path, index
     if state.emits and state.emission is not None:
         emission = np.multiply(state.emission, project.document.light.intensity)
         add_numbers(add(shape, "emitter", type="area"), "rgb", "radiance", emission)
+    spot = [f"{name}: shines to all sides: its cone is not written"] if scene.description.objects[index].cone else []
     if state.is_lamp:
         add_numbers(add(shape, "bsdf", type="diffuse"), "rgb", "reflectance", (0.0, 0.0, 0.0))
-        return []
+        return spot
     layers: list[Layer] = [layer for key, layer in project.layers.items() if object_of(key) == name]
     opacity, notes = scene.cutouts.opacities.get(index), list[str]()
     if opacity is not None:
@@ -134,7 +135,7 @@ def _add_object(root: ElementTree.Element, project: Project, folder: Path, index
         if opacity.opacity_vertices:
             notes.append("the opacity of its vertices is not written")
     notes += write_material(shape, layers, scene, index, folder, stem)
-    return [f"{name}: {note}" for note in notes]
+    return spot + [f"{name}: {note}" for note in notes]
 
 
 def ply_bytes(scene: Scene, index: int) -> bytes:

@@ -39,6 +39,7 @@ from engine.core.errors import InsituError, LoadError
 from engine.curve.operators import Operator
 from engine.curve.tables import ALL_CHANNELS, EVERYWHERE, TabulatedCurve
 from engine.light.probe_mappings import Mapping
+from engine.light.suns import Sun
 from engine.material.bumps import Bumps, bumps_of_parts
 from engine.material.layer import Layer
 from engine.material.layer_maps import LayerMaps, map_values
@@ -49,6 +50,7 @@ from engine.measured.measurement import Measurement
 from engine.realtime.zonal_harmonics.pose import MAX_GROWTH, Deformation, largest_growth
 from engine.scene.description import (
     MAX_OBJECTS,
+    MAX_SUNS,
     Camera,
     LayerDescription,
     Maps,
@@ -57,6 +59,7 @@ from engine.scene.description import (
     Parameter,
     Pixels,
     Radiance,
+    SunDescription,
     Text,
     table_validator,
 )
@@ -190,12 +193,23 @@ class ObjectRecord(StrictModel):
         return self
 
 
+class SunRecord(SunDescription):
+    """An edited sun, named as in the scene."""
+
+    name: Name
+
+    @property
+    def sun(self) -> Sun:
+        return Sun(self.direction, self.irradiance, self.diameter, self.name)
+
+
 class LightRecord(StrictModel):
     environment: PathText
     mapping: Mapping = "latlong"
     rotation: Number = 0.0
     intensity: Annotated[Number, Field(ge=0.0, le=INTENSITY.maximum)] = 1.0
     radiance: Radiance | None = None
+    suns: Annotated[tuple[SunRecord, ...], Field(max_length=MAX_SUNS)] | None = None
 
 
 def _type_of(setting: Setting) -> Any:

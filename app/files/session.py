@@ -150,7 +150,11 @@ def parse_session(data: bytes, path: Path, folder: Path | None) -> Session:
     except ValidationError as error:
         raise first_validation_error(error, tree, path, SessionRecord) from None
     objects = tuple(_object(str(path), folder, each) for each in record.objects)
-    light = LightState(**{**record.light.model_dump(), "environment": full_path(record.light.environment, folder)})
+    saved = record.light
+    light = LightState(
+        full_path(saved.environment, folder), saved.mapping, saved.rotation, saved.intensity, saved.radiance,
+        new_suns=None if saved.suns is None else tuple(each.sun for each in saved.suns),
+    )  # fmt: skip
     document = Document(full_path(record.scene, folder), objects, check_light(light, str(path)), record.first_bands)
     document = replace(document, overrides=tuple(sorted(record.overrides.items())))
     view = replace(_view(record.view, document), bookmarks=tuple(each.bookmark for each in record.bookmarks))
@@ -175,7 +179,8 @@ def fit_session(session: Session, scene: Document, file: str) -> Document:
         raise LoadError(file, f"object {name!r}", "in the session", f"an object of the scene, {scene.source}")
     objects = tuple(_with_saved(state, saved[state.name]) if state.name in saved else state for state in scene.objects)
     absent = tuple(state for state in session.document.objects if state.name not in names)
-    return replace(session.document, source=scene.source, objects=objects, absent=absent)
+    light = replace(session.document.light, own_suns=scene.light.own_suns)
+    return replace(session.document, source=scene.source, objects=objects, absent=absent, light=light)
 
 
 def session_notes(session: Session, scene: Document) -> tuple[str, ...]:
@@ -216,6 +221,9 @@ def dump_session(
 ) -> str:
     """The TOML text. Files inside ``folder`` are written relative to it, so that the folder can move."""
     light = {**vars(document.light), "environment": written_path(document.light.environment, folder)}
+    del light["own_suns"]
+    new_suns = light.pop("new_suns")
+    light["suns"] = None if new_suns is None else [each._asdict() for each in new_suns]
     lines = [
         "# An Insitu session: materials, light and poses on top of a scene. Angles of operators in radians.",
         *toml_lines({"version": SESSION_VERSION, "ends": True, "scene": written_path(document.source, folder)}),

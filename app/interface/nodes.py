@@ -24,6 +24,7 @@ from app.document.document import (
     LIGHT_FIELDS,
     MAP_SUFFIX,
     MATERIAL,
+    SUN_FIELDS,
     SWITCHES,
     TIME,
     UNDER,
@@ -154,8 +155,8 @@ class Node:
 
 class LightNode(Node):
     """The distant light: `environment` (a built-in name or a file), `mapping`, `rotation` in degrees counter-clockwise
-    about +Y, and `intensity`, which multiplies all light. Emitters in the scene are set by the `emission` of their
-    object.
+    about +Y, and `intensity`, which multiplies all light. Suns are found by their names, and have `direction`,
+    `irradiance` (W/m²) and `diameter` (degrees). Emitters in the scene are set by the `emission` of their object.
 
     >>> import insitu
     >>> light = insitu.open("shapes").light
@@ -164,8 +165,25 @@ class LightNode(Node):
     90.0
     """
 
+    def __getitem__(self, sun: str) -> SunNode:
+        names = list(self)
+        if sun not in names:
+            raise InsituError(f"there is no sun {sun!r}; available: {', '.join(names) or 'none'}")
+        return SunNode(self._editing, f"{self._path}.{sun}")
+
+    def __iter__(self) -> Iterator[str]:
+        return iter([each.name for each in self._editing.document.light.suns])
+
     def _names(self) -> Sequence[str]:
         return LIGHT_FIELDS
+
+
+class SunNode(Node):
+    """A sun: `direction` towards it at rotation 0, `irradiance` of a surface that faces it (W/m², three numbers), and
+    `diameter` in degrees."""
+
+    def _names(self) -> Sequence[str]:
+        return SUN_FIELDS
 
 
 class ObjectNode(Node):
@@ -369,6 +387,8 @@ def value_at(document: Document, path: str) -> Any:
     name = target.name or ""
     if target.kind == "light":
         return getattr(document.light, name)
+    if target.kind == "sun":
+        return next(getattr(each, name) for each in document.light.suns if each.name == target.object)
     if target.key is not None and target.layer is not None:
         layer = document.layer(target.key)
         match target.kind:

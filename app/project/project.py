@@ -32,6 +32,7 @@ from app.document.commands.light import (
 from app.document.commands.maps import SetBumps, SetMap, SetOpacity, SetParameterMap, surface_named
 from app.document.commands.plan import FIRST_BANDS, active_overrides, override_from_value, set_first_bands
 from app.document.commands.poses import with_amounts, with_time
+from app.document.commands.suns import SetSun
 from app.document.document import (
     CONSTANT_ENVIRONMENT,
     EMISSION,
@@ -259,28 +260,32 @@ def open_project(
 
 
 def sky_of(scene: Scene, light: LightState, load: Callable[[Path, str], Environment] | None = None) -> SkyState:
-    """The distant light of a document's light state: environment, rotation and the scene's scale. `intensity` is left
-    out: it multiplies the finished picture. load: reads a file's environment, None for the engine's own reader."""
+    """The distant light of a document's light state: environment, suns, rotation and the scene's scale. `intensity` is
+    left out: it multiplies the finished picture. load: reads a file's environment, None for the engine's own reader."""
     from engine.light.environment import constant_environment, load_environment
-    from engine.light.suns import Sun, with_suns
+    from engine.light.suns import with_suns
     from engine.precompute.direct.pipeline import SkyState
 
     load = load or load_environment  # type: ignore[assignment]
     assert load is not None
+    described, scale = scene.description.environment, 1.0
     if light.environment == CONSTANT_ENVIRONMENT:
-        return SkyState(constant_environment(light.radiance or (1.0, 1.0, 1.0)), light.rotation)
-    if light.environment != SCENE_ENVIRONMENT:
-        path = builtin_environments().get(light.environment) or Path(light.environment)
-        return SkyState(load(path, light.mapping), light.rotation)
-    described = scene.description.environment
-    if described is None:
+        environment = constant_environment(light.radiance or (1.0, 1.0, 1.0))
+    elif light.environment != SCENE_ENVIRONMENT:
+        environment = load(builtin_environments().get(light.environment) or Path(light.environment), light.mapping)
+    elif described is None:
         return SkyState(None)
-    if scene.environment_path is None:
-        environment = constant_environment(described.radiance or (0.0, 0.0, 0.0))
     else:
-        environment = load(scene.environment_path, described.mapping)
-    suns = tuple(Sun(each.direction, each.irradiance, each.diameter) for each in described.suns)
-    return SkyState(with_suns(environment, suns), light.rotation, described.scale)
+        scale = described.scale
+        if scene.environment_path is None:
+            environment = constant_environment(described.radiance or (0.0, 0.0, 0.0))
+        else:
+            environment = load(scene.environment_path, described.mapping)
+    if light.suns and scale == 0.0:
+        environment, scale = constant_environment(0.0), 1.0
+    return SkyState(
+        with_suns(environment, tuple(each.scaled(1.0 / scale) for each in light.suns)), light.rotation, scale
+    )
 
 
 def with_overrides(project: Project, lines: Mapping[str, Any]) -> Project:
@@ -358,6 +363,8 @@ def set_path(document: Document, path: str, value: Any) -> EditCommand:
         return with_time(value, target.object)
     if target.kind == "light":
         return _set_light(path, target, value)
+    if target.kind == "sun" and target.name is not None:
+        return SetSun(target.object, target.name, value)
     if target.kind == "switch":
         return _set_switch(path, target, value)
     raise InsituError(f"{path!r} is a {target.kind} and has no value; name a parameter of it")

@@ -158,7 +158,7 @@ class WorkerContext:
 
     def sky_image(self, sky: SkyState, light: LightState) -> SkyImage | None:
         """The image of the sky, when it is not the one that was sent last."""
-        shown = (light.environment, light.mapping, light.radiance)
+        shown = (light.environment, light.mapping, light.radiance, light.suns)
         if shown == self._sent_sky:
             return None
         self._sent_sky = shown
@@ -212,7 +212,8 @@ def _geometry_key(scene: Scene, n_edge_rays: int) -> str:
     camera = scene.description.camera.model_dump_json()
     return content_key(
         CACHE_VERSION, camera, scene.origin, scene.resolution, n_edge_rays, scene.vertices, scene.normals,
-        scene.triangles, scene.object_of_triangle, scene.smooth, scene.emission, scene.cutouts.digest,
+        scene.triangles, scene.object_of_triangle, scene.smooth, scene.emission, scene.cones,
+        scene.cutouts.digest,
     )  # fmt: skip
 
 

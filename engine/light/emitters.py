@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from engine.core.threads import even_parts, on_threads
+from engine.light.cones import all_round, cone_shares
 from engine.light.environment import LUMINANCE
 
 # The R2 sequence for the samples of patches, of the lowest discrepancy in the plane [Roberts18]: neighbours differ.
@@ -37,13 +38,15 @@ Importance = Callable[[Float64Array, NDArray[np.intp]], Float64Array]
 
 @dataclass(frozen=True, eq=False)
 class EmitterPatches:
-    """M flat patches: corners (M, 3, 3), centre (M, 3), unit normal (M, 3), radiance (M, 3), area (M,), all float32."""
+    """M flat patches: corners (M, 3, 3), centre (M, 3), unit normal (M, 3), radiance (M, 3), area (M,), and the cones
+    (M, 4) into which they send it (`engine.light.cones`), all float32."""
 
     corners: NDArray[np.float32]
     centre: NDArray[np.float32]
     normal: NDArray[np.float32]
     radiance: NDArray[np.float32]
     area: NDArray[np.float32]
+    cones: NDArray[np.float32]
 
     def __len__(self) -> int:
         return len(self.area)
@@ -56,7 +59,7 @@ class EmitterPatches:
 
 @dataclass(frozen=True, eq=False)
 class EmitterTree:
-    """N nodes, the T emitting triangles first: corners (N, 3, 3) and radiance (N, 3), float32.
+    """N nodes, the T emitting triangles first: corners (N, 3, 3), radiance (N, 3) and cones (N, 4), float32.
 
     child (N,) int32: the first of a node's two halves, which are adjacent and come later, or -1; parent (N,) int32, -1
     for roots; first (N,) int64: the first leaf below a node.
@@ -64,6 +67,7 @@ class EmitterTree:
 
     corners: NDArray[np.float32]
     radiance: NDArray[np.float32]
+    cones: NDArray[np.float32]
     child: NDArray[np.int32]
     parent: NDArray[np.int32]
     first: NDArray[np.int64]
@@ -79,21 +83,24 @@ def spread_places(triangles: NDArray[np.floating]) -> NDArray[np.float32]:
     return np.einsum("mk,mki->mi", weights, triangles, dtype=np.float64).astype(np.float32)
 
 
-def emitter_patches(triangles: ArrayLike, radiance: ArrayLike, n_patches: int) -> EmitterPatches:
-    """Divides emitting triangles (T, 3, 3), in metres, with radiance (T, 3), into `n_patches` patches of about equal
-    area.
+def emitter_patches(
+    triangles: ArrayLike, radiance: ArrayLike, n_patches: int, cones: ArrayLike | None = None
+) -> EmitterPatches:
+    """Divides emitting triangles (T, 3, 3), in metres, with radiance (T, 3) and cones (T, 4), None for none, into
+    `n_patches` patches of about equal area.
 
     Triangles without area or without radiance are omitted. The others are never merged, so there are more than
     `n_patches` patches if there are more triangles. Total flux is preserved. The patches of one triangle are adjacent,
     so that every n-th patch samples the whole emitter. Raises ValueError for wrong shapes, negative or non-finite
     values, or n_patches < 1.
     """
-    return emitter_tree(triangles, radiance, n_patches).leaves
+    return emitter_tree(triangles, radiance, n_patches, cones=cones).leaves
 
 
 def emitter_tree(
-    triangles: ArrayLike, radiance: ArrayLike, n_leaves: int, importance: Importance | None = None
-) -> EmitterTree:
+    triangles: ArrayLike, radiance: ArrayLike, n_leaves: int, importance: Importance | None = None,
+    cones: ArrayLike | None = None,
+) -> EmitterTree:  # fmt: skip
     """The same patches as leaves of a tree. importance(corners (K, 3, 3), roots (K,)) -> (K,): the node of greatest
     importance is bisected first, and none with 0; roots are indices among the emitting triangles. None: by area."""
     corners, emitted = np.asarray(triangles, np.float64), np.asarray(radiance, np.float64)
@@ -104,7 +111,8 @@ def emitter_tree(
     if n_leaves < 1:
         raise ValueError(f"n_patches = {n_leaves}, expected at least 1")
     emitting = emitting_triangles(corners, emitted)
-    corners, emitted = corners[emitting], emitted[emitting]
+    of_triangles = all_round(len(corners)) if cones is None else np.asarray(cones, np.float32)
+    corners, emitted, of_triangles = corners[emitting], emitted[emitting], of_triangles[emitting]
     nodes, root, child = _halve(corners, n_leaves, importance or (lambda halves, roots: _areas(halves)))
     first, split = _first_leaves(child, len(corners)), np.flatnonzero(child >= 0)
     parent = np.full(len(child), -1)
@@ -112,8 +120,9 @@ def emitter_tree(
     leaf = np.flatnonzero(child < 0)
     leaf = leaf[np.argsort(first[leaf])]
     return EmitterTree(
-        nodes.astype(np.float32), emitted[root].astype(np.float32), child.astype(np.int32), parent.astype(np.int32),
-        first, len(corners), _patches(nodes[leaf], emitted[root[leaf]]),
+        nodes.astype(np.float32), emitted[root].astype(np.float32), of_triangles[root], child.astype(np.int32),
+        parent.astype(np.int32), first, len(corners),
+        _patches(nodes[leaf], emitted[root[leaf]], of_triangles[root[leaf]]),
     )  # fmt: skip
 
 
@@ -122,27 +131,31 @@ def emitting_triangles(corners: Float64Array, radiance: Float64Array) -> NDArray
     return (_areas(corners) > 0.0) & (radiance > 0.0).any(axis=1)
 
 
-def merge_triangles(corners: Float64Array, radiance: Float64Array, most: int) -> tuple[Float64Array, Float64Array]:
-    """Merges many emitting triangles (T, 3, 3) with radiance (T, 3) into at most about `most`.
+def merge_triangles(
+    corners: Float64Array, radiance: Float64Array, most: int, cones: NDArray[np.float32] | None = None
+) -> tuple[Float64Array, NDArray[np.intp]]:
+    """Merges many emitting triangles (T, 3, 3) with radiance (T, 3) and cones (T, 4), None for none, into at most about
+    `most` (K, 3, 3); returns them, and for each (K,) one of the triangles that it replaces.
 
-    Adjacent triangles of similar orientation and equal radiance become one with the direction of the sum of their area
-    vectors, the sum of their areas, and the centre and the two extents of the whole. It passes through their outermost
-    corner, so that they do not hide it. Each radiance retains at least one triangle. The length of the summed vectors
-    as area was rejected: it omits the part of a curved patch that is visible from its side, and a ball of 64 triangles
-    was 1.5 % too dark.
+    Adjacent triangles of similar orientation, equal radiance and equal cone become one with the direction of the sum of
+    their area vectors, the sum of their areas, and the centre and the two extents of the whole. It passes through their
+    outermost corner, so that they do not hide it. Each radiance retains at least one triangle. The length of the summed
+    vectors as area was rejected: it omits the part of a curved patch that is visible from its side, and a ball of 64
+    triangles was 1.5 % too dark.
 
     Slivers are divided first: otherwise up to 7 % of the light of a tube with 384 sides, each as long as the tube, was
     misplaced.
     """
     if len(corners) <= most:
-        return corners, radiance
-    corners, radiance = _without_slivers(corners, radiance, OF_A_PIECE * math.sqrt(_areas(corners).sum() / most))
+        return corners, np.arange(len(corners))
+    corners, source = _without_slivers(corners, OF_A_PIECE * math.sqrt(_areas(corners).sum() / most))
+    emission = radiance if cones is None else np.concatenate([radiance, cones], axis=1)
     vectors, middles = _area_vectors(corners), corners.mean(axis=1)
     areas = np.linalg.norm(vectors, axis=1)
     extent = float(np.linalg.norm(np.ptp(middles, axis=0))) or 1.0
     features = np.concatenate([middles / extent, 0.5 * vectors / areas[:, None]], axis=1)
-    power = areas * (radiance @ LUMINANCE)
-    _, kinds = np.unique(radiance, axis=0, return_inverse=True)
+    power = areas * (radiance[source] @ LUMINANCE)
+    _, kinds = np.unique(emission[source], axis=0, return_inverse=True)
     order = np.argsort(kinds.ravel(), kind="stable")
     groups = np.split(order, np.cumsum(np.bincount(kinds.ravel()))[:-1])
     spread = [_weighted_variance(features[group], power[group]) for group in groups]
@@ -159,7 +172,7 @@ def merge_triangles(corners: Float64Array, radiance: Float64Array, most: int) ->
                 [_weighted_variance(features[half], power[half])],
             )
     merged = np.array([_merge_group(corners[group], vectors[group]) for group in groups])
-    return merged, radiance[[group[0] for group in groups]]
+    return merged, source[[group[0] for group in groups]]
 
 
 def merged_by_object(
@@ -179,18 +192,18 @@ def merged_by_object(
     return np.concatenate(merged), np.concatenate(owners)
 
 
-def _without_slivers(
-    corners: Float64Array, radiance: Float64Array, longest: float
-) -> tuple[Float64Array, Float64Array]:
-    """The same surface (T, 3, 3) in triangles whose edges are at most `longest`, unless these would be too many."""
+def _without_slivers(corners: Float64Array, longest: float) -> tuple[Float64Array, NDArray[np.intp]]:
+    """The same surface (T, 3, 3) in triangles whose edges are at most `longest`, unless these would be too many; and
+    which triangle each is a part of."""
+    source = np.arange(len(corners))
     while len(corners) < MOST_CUT:
         edges = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max(axis=1)
         long = edges > longest
         if not long.any():
             break
         corners = np.concatenate([corners[~long], _halves(corners[long])])
-        radiance = np.concatenate([radiance[~long], np.repeat(radiance[long], 2, axis=0)])
-    return corners, radiance
+        source = np.concatenate([source[~long], np.repeat(source[long], 2)])
+    return corners, source
 
 
 def _weighted_variance(features: Float64Array, weights: Float64Array) -> float:
@@ -220,10 +233,11 @@ def _merge_group(corners: Float64Array, vectors: Float64Array) -> Float64Array:
 
 
 def visible_importance(
-    triangles: Float64Array, radiance: Float64Array, points: Float64Array, normals: Float64Array, seen: Float64Array
-) -> Importance:
-    """The effect of patches of the triangles (T, 3, 3) with radiance (T, 3) at points (P, 3): an importance for
-    `emitter_tree`.
+    triangles: Float64Array, radiance: Float64Array, points: Float64Array, normals: Float64Array, seen: Float64Array,
+    cones: NDArray[np.float32] | None = None,
+) -> Importance:  # fmt: skip
+    """The effect of patches of the triangles (T, 3, 3) with radiance (T, 3) and cones (T, 4), None for none, at points
+    (P, 3): an importance for `emitter_tree`.
 
     seen (P, T): the visible share of each triangle from each point. A patch contributes to a point the share
 
@@ -238,7 +252,8 @@ def visible_importance(
         towards = corners.mean(axis=1)[None] - points[:, None]
         distance = np.maximum(np.linalg.norm(towards, axis=2), 1e-12)
         cosine = np.maximum(np.einsum("pmi,pi->pm", towards, normals) / distance, 0.02)
-        return solid_angles(corners, points) * cosine * seen[:, roots] * brightness[roots]
+        shares = 1.0 if cones is None else cone_shares(cones[roots], towards / distance[..., None])
+        return solid_angles(corners, points) * cosine * seen[:, roots] * brightness[roots] * shares
 
     total = contribution(triangles, np.arange(len(triangles))).sum(axis=1)
     scale = 1.0 / np.maximum(total + total.mean(), 1e-300)
@@ -268,7 +283,7 @@ def solid_angles(corners: Float64Array, points: ArrayLike) -> NDArray[np.float32
     return np.maximum(result, 0.0)
 
 
-def _patches(corners: Float64Array, radiance: Float64Array) -> EmitterPatches:
+def _patches(corners: Float64Array, radiance: Float64Array, cones: NDArray[np.float32]) -> EmitterPatches:
     """Patches of triangles (M, 3, 3) with area."""
     normal = _area_vectors(corners)
     area = np.linalg.norm(normal, axis=1)
@@ -278,6 +293,7 @@ def _patches(corners: Float64Array, radiance: Float64Array) -> EmitterPatches:
         normal=(normal / area[:, None]).astype(np.float32),
         radiance=radiance.astype(np.float32),
         area=area.astype(np.float32),
+        cones=np.ascontiguousarray(cones),
     )
 
 

@@ -18,11 +18,17 @@ _N_SUB = 8
 
 class Sun(NamedTuple):
     """direction: unit, towards it, in the environment's frame; irradiance: RGB of a surface that faces it, W/m²;
-    diameter: degrees."""
+    diameter: degrees. name: by which the user knows it."""
 
     direction: tuple[float, float, float]
     irradiance: tuple[float, float, float]
     diameter: float = SUN_DIAMETER
+    name: str = ""
+
+    def scaled(self, factor: float) -> Sun:
+        """The same, brighter by a factor."""
+        red, green, blue = self.irradiance
+        return self._replace(irradiance=(factor * red, factor * green, factor * blue))
 
 
 @lru_cache(maxsize=2)  # the same object again, whose integrals are known

@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from engine.core.frames import local_frames
+from engine.light.cones import cone_shares
 from engine.light.emitters import EmitterPatches
 from engine.light.environment import Environment, triangle_integrals
 from engine.material.layer import Layer, evaluate_layers
@@ -52,14 +53,15 @@ def integrate_direct(
 
 
 def patch_samples(patches: EmitterPatches, point: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Unit directions (M, 3), distances (M,), and radiance times projected area over squared distance (M, 3)."""
+    """Unit directions (M, 3), distances (M,), and radiance towards the point times projected area over squared distance
+    (M, 3)."""
     towards = patches.centre.astype(np.float64) - point
     distance = np.linalg.norm(towards, axis=1)
     wi = towards / distance[:, None]
     edges = patches.corners[:, 1:].astype(np.float64) - patches.corners[:, :1]
     area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) / 2
     facing = np.maximum(-(wi * patches.normal).sum(axis=1), 0.0)
-    return wi, distance, patches.radiance * (area * facing / distance**2)[:, None]
+    return wi, distance, patches.radiance * (cone_shares(patches.cones, wi) * area * facing / distance**2)[:, None]
 
 
 def _reflect(

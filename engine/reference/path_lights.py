@@ -12,6 +12,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.light.cones import cone_shares
 from engine.light.environment import LUMINANCE, downsample
 from engine.precompute.direct.pipeline import SkyState
 from engine.scene.scene_loader import Scene
@@ -99,6 +100,7 @@ class EmitterLight:
         self._corner, self._edges = corners[:, 0], edges
         self._normal = across / (2.0 * area[:, None])
         self._radiance = scene.emission[scene.object_of_triangle[emitting]].astype(np.float64)
+        self._cones = scene.cones[scene.object_of_triangle[emitting]]
         power = area * (self._radiance @ LUMINANCE)
         self._table = np.cumsum(power) / power.sum() if len(power) else power
         self._by_area = np.zeros(len(scene.triangles))
@@ -119,7 +121,7 @@ class EmitterLight:
         wi = towards / distance[:, None]
         facing = -np.einsum("ni,ni->n", wi, self._normal[which])
         pdf = _by_solid_angle(self._by_area[self._triangle[which]], distance, facing)
-        return LightSamples(wi, distance, pdf, self._radiance[which])
+        return LightSamples(wi, distance, pdf, self._radiance[which] * cone_shares(self._cones[which], wi)[:, None])
 
     def pdf(self, triangle: NDArray[np.integer], wi: Float64Array, distance: Float64Array) -> Float64Array:
         """Density (N,) with which `sample` draws wi (N, 3), if that hits a triangle (N,) of the scene."""

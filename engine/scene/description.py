@@ -69,6 +69,17 @@ def valid_name(text: str, otherwise: str = "mesh") -> str:
     return name[:48].strip() or otherwise
 
 
+def free_name(name: str, taken: set[str]) -> str:
+    """Make a name unique by a suffix, and mark it as taken; it stays one that an object can have."""
+    free, number = name, len(taken)
+    while free in taken and len(free) < LONGEST_NAME:
+        free += "+"
+    while free in taken:
+        free, number = f"{name[: LONGEST_NAME - 8]}+{number}", number + 1
+    taken.add(free)
+    return free
+
+
 def _parameter(value: object) -> ParameterValue:
     """A layer's parameter from TOML, lists as tuples."""
     if isinstance(value, (bool, str)):
@@ -166,6 +177,7 @@ class CameraDescription(Camera):
 class SunDescription(_Description):
     """A distant disc of light: where it is seen, the irradiance of a surface that faces it, and its size in degrees."""
 
+    name: Name | None = None
     direction: Vector
     irradiance: Radiance
     diameter: Annotated[float, BeforeValidator(_number), Field(ge=0.1, le=90.0, allow_inf_nan=False)] = SUN_DIAMETER
@@ -227,6 +239,20 @@ def _gather_bumps(data: Any) -> Any:
     return {key: value for key, value in data.items() if key not in named} | {"bumps": _bumps(named)}
 
 
+class ConeDescription(_Description):
+    """The cone of a spot about the +Z axis of its object, by half angles in degrees: within `inner` it has all of its
+    radiance, beyond `outer` none (`engine.light.cones`)."""
+
+    inner: Annotated[float, BeforeValidator(_number), Field(ge=0.0, le=90.0, allow_inf_nan=False)] = 0.0
+    outer: Annotated[float, BeforeValidator(_number), Field(ge=0.05, le=90.0, allow_inf_nan=False)]
+
+    @model_validator(mode="after")
+    def _has_an_edge(self) -> Self:
+        if self.inner > self.outer:
+            raise ValueError("inner: an angle of at most outer")
+        return self
+
+
 class VariantDescription(_Description):
     """Another material of an object, by the name of the scene's variant to which it belongs; None: the object keeps its
     bumps, its opacity, its emission."""
@@ -247,16 +273,18 @@ class VariantDescription(_Description):
 
 
 class ObjectDescription(_Description):
-    """An object in the scene: geometry, transform, material, and the radiance that it emits from its front."""
+    """An object in the scene: geometry, transform, material, and the radiance that it emits from its front, in all
+    directions or into a cone."""
 
     name: Name
     mesh: Text | None = None
-    primitive: Literal["quad", "cube", "sphere", "disc", "tube"] | None = None
+    primitive: Literal["quad", "cube", "sphere", "disc"] | None = None
     part: Annotated[int, Field(ge=0, strict=True)] | None = None
     transform: Annotated[tuple[Number, ...], Field(min_length=16, max_length=16)] = IDENTITY
     smooth: Annotated[bool, Field(strict=True)] = True
     editable: Annotated[bool, Field(strict=True)] = True
     emission: Radiance | None = None
+    cone: ConeDescription | None = None
     bumps: BumpMap = NO_BUMPS
     opacity: OpacityTable = OPAQUE
     deform: DeformSurface = NO_SURFACE

@@ -112,7 +112,7 @@ def report_scene(scene: Scene) -> ImportReport:
     lights, environment = [each.name for each in described if each.emits], scene.description.environment
     if environment is not None:
         lights += [] if is_mesh else ["environment"]
-        lights += [f"sun {k + 1}" for k in range(len(environment.suns))]
+        lights += [each.name or f"sun {k}" for k, each in enumerate(environment.suns, 1)]
     images: list[str] = []
     for i in own:
         for layer in described[i].layers:

@@ -29,7 +29,6 @@ from engine.material.opacity import OPAQUE
 from engine.scene.builtin import ASSETS
 from engine.scene.description import (
     IDENTITY,
-    LONGEST_NAME,
     MAX_COORDINATE,
     MAX_OBJECTS,
     SCENE_VERSION,
@@ -39,6 +38,7 @@ from engine.scene.description import (
     ObjectDescription,
     SceneDescription,
     VariantDescription,
+    free_name,
     valid_name,
 )
 from engine.scene.loaders.formats import read_model
@@ -238,17 +238,6 @@ def _image_name(file: str, image: str) -> str:
     if not image or image.startswith("#"):
         return image and f"{file}{image}"
     return str(PurePosixPath(file).parent / image)
-
-
-def free_name(name: str, taken: set[str]) -> str:
-    """Make a name unique by a suffix, and mark it as taken; it stays one that an object can have."""
-    free, number = name, len(taken)
-    while free in taken and len(free) < LONGEST_NAME:
-        free += "+"
-    while free in taken:
-        free, number = f"{name[: LONGEST_NAME - 8]}+{number}", number + 1
-    taken.add(free)
-    return free
 
 
 @dataclass(frozen=True)

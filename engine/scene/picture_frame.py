@@ -13,8 +13,8 @@ if TYPE_CHECKING:
 
 
 class Lamps(NamedTuple):
-    """Emitters that are seen from their front: pixels (E,), the object in each and its share of it, and its radiance
-    (E, 3)."""
+    """Emitters that are seen from their front: pixels (E,), the object in each and its share of it, times what its cone
+    sends there of its radiance (E, 3)."""
 
     pixel: NDArray[np.integer]
     object: NDArray[np.integer]

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from engine.core.camera import centre_directions, pixel_directions
 from engine.core.generators import run_to_end
+from engine.light.cones import cone_shares
 from engine.scene.cutouts import covered_in_part, pixel_chances
 from engine.scene.edges import Surface, edge_pixels, group_samples, ray_offsets, turn_of
 from engine.scene.picture_frame import Lamps
@@ -119,9 +120,10 @@ class _Rays(NamedTuple):
         facing = np.einsum("rk,rk->r", scene.geometric_normals[self.found.triangle[of]], self.directions[of]) < 0.0
         mine = of[(self.ids[of] >= 0) & facing & scene.emitters[self.ids[of]]]
         n_objects = len(scene.emission)
-        pairs, count = np.unique(self.pixel[mine].astype(np.int64) * n_objects + self.ids[mine], return_counts=True)
+        pairs, group = np.unique(self.pixel[mine].astype(np.int64) * n_objects + self.ids[mine], return_inverse=True)
+        sent = np.bincount(group.ravel(), cone_shares(scene.cones[self.ids[mine]], self.directions[mine]), len(pairs))
         pixel, ids = (each.astype(np.int32) for each in np.divmod(pairs, n_objects))
-        return Lamps(pixel, ids, (share * count).astype(np.float32), scene.emission[ids].astype(np.float32))
+        return Lamps(pixel, ids, (share * sent).astype(np.float32), scene.emission[ids].astype(np.float32))
 
 
 # Arrays of points by their names in `PrimaryHits`, with `ids` of the objects they are on.
@@ -281,7 +283,8 @@ def emission_towards(scene: Scene, found: Intersections, ids: Int32Array, direct
     """Radiance (R, 3) of the emitters hit on their front, the side their winding faces."""
     facing = np.einsum("rk,rk->r", scene.geometric_normals[found.triangle], directions) < 0.0
     emits = (ids >= 0) & facing
-    return np.where(emits[:, None], scene.emission[ids], np.float32(0.0)).astype(np.float32)
+    sent = scene.emission[ids] * cone_shares(scene.cones[ids], directions)[:, None]
+    return np.where(emits[:, None], sent, np.float32(0.0)).astype(np.float32)
 
 
 def shading_frames(

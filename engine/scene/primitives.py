@@ -1,9 +1,8 @@
 """Built-in shapes of unit size, centred at the origin.
 
 quad: 1×1 in the XY plane, front along +Z; cube: edge 1; sphere: diameter 1, with its exact normals; disc: diameter 1 in
-the XY plane, front along +Z; tube: the side of a cylinder of diameter 1 and length 1 along Z, open at both ends. A
-texture fills the quad, each side of the cube, the square about the disc and, as a map in longitude and latitude, the
-sphere; along the tube it is rolled up. Seen from the front, u grows to the right and v upwards.
+the XY plane, front along +Z. A texture fills the quad, each side of the cube, the square about the disc and, as a map
+in longitude and latitude, the sphere. Seen from the front, u grows to the right and v upwards.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ from engine.scene.mesh import Mesh
 
 _SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]], np.float32)  # (u, v) of a side's four corners
 _RINGS, _SEGMENTS = 64, 128
-_SIDES = 64  # of discs and tubes
+_SIDES = 64  # of discs
 
 
 def quad() -> Mesh:
@@ -73,7 +72,8 @@ def _sphere_uvs(triangles: np.ndarray) -> np.ndarray:
 
 def disc() -> Mesh:
     """The disc of diameter 1 in the XY plane, normal +Z, as a regular polygon."""
-    rim = _circle()
+    phi = 2.0 * np.pi * np.arange(_SIDES) / _SIDES
+    rim = 0.5 * np.stack([np.cos(phi), np.sin(phi), np.zeros(_SIDES)], axis=1)
     vertices = np.concatenate([np.zeros((1, 3)), rim])
     around = np.arange(_SIDES)
     triangles = np.stack([np.zeros(_SIDES, int), 1 + around, 1 + (around + 1) % _SIDES], axis=1).astype(np.int32)
@@ -81,26 +81,4 @@ def disc() -> Mesh:
     return Mesh(vertices, triangles, np.tile([0.0, 0.0, 1.0], (len(vertices), 1)), uvs)
 
 
-def tube() -> Mesh:
-    """The side of a cylinder about Z, of diameter and length 1, normals outward."""
-    rim, axis = _circle(), np.array([0.0, 0.0, 0.5])
-    here = np.arange(_SIDES)
-    there = (here + 1) % _SIDES
-    below = np.stack([here, there, _SIDES + there], axis=1)
-    above = np.stack([here, _SIDES + there, _SIDES + here], axis=1)
-    u = np.stack([here, here + 1.0], axis=1) / _SIDES
-    low, high = (np.stack([u, np.full_like(u, v)], axis=2) for v in (0.0, 1.0))
-    uvs = np.concatenate([
-        np.stack([low[:, 0], low[:, 1], high[:, 1]], axis=1), np.stack([low[:, 0], high[:, 1], high[:, 0]], axis=1)
-    ])  # fmt: skip
-    triangles = np.concatenate([below, above]).astype(np.int32)
-    return Mesh(np.concatenate([rim - axis, rim + axis]), triangles, np.tile(2.0 * rim, (2, 1)), uvs.astype(np.float32))
-
-
-def _circle() -> np.ndarray:
-    """The corners (N, 3) of the polygon in the unit disc, counter-clockwise about Z."""
-    phi = 2.0 * np.pi * np.arange(_SIDES) / _SIDES
-    return 0.5 * np.stack([np.cos(phi), np.sin(phi), np.zeros(_SIDES)], axis=1)
-
-
-PRIMITIVES = {"quad": quad, "cube": cube, "sphere": sphere, "disc": disc, "tube": tube}
+PRIMITIVES = {"quad": quad, "cube": cube, "sphere": sphere, "disc": disc}

@@ -8,6 +8,7 @@ camera included, are then relative to `Scene.origin`.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -19,6 +20,7 @@ import numpy.typing as npt
 
 from engine.core.errors import LoadError
 from engine.core.safe_files import record_files, resolve_inside
+from engine.light.cones import all_round, cone_row
 from engine.light.suns import Sun
 from engine.light.triangle_lights import turned
 from engine.material.bumps import Bumps
@@ -168,6 +170,16 @@ class Scene:
         """Which objects are emitters (M,): those that emit in the file, even if they were darkened since."""
         return np.array([described.emits for described in self.description.objects], bool)
 
+    @cached_property
+    def cones(self) -> npt.NDArray[np.float32]:
+        """The cones (M, 4) into which objects emit, see `engine.light.cones`: of spots about their +Z."""
+        rows = all_round(len(self.description.objects))
+        for row, described in zip(rows, self.description.objects, strict=True):
+            if (cone := described.cone) is not None:
+                axis = np.reshape(described.transform, (4, 4))[:3, 2]
+                row[:] = cone_row(axis, math.radians(cone.inner), math.radians(cone.outer))
+        return rows
+
     @property
     def reflecting(self) -> npt.NDArray[np.bool_]:
         """Which objects reflect light (M,): all except lamps, which have no layers."""
@@ -277,6 +289,7 @@ def _with_suns(description: SceneDescription, suns: Sequence[Sun]) -> tuple[Scen
     in_map = turned(np.array([sun.direction for sun in suns]), -environment.rotation)
     added = tuple(
         SunDescription(
+            name=sun.name or None,
             direction=tuple(towards),
             irradiance=tuple(np.minimum(np.divide(sun.irradiance, environment.scale), MAX_RADIANCE)),
             diameter=sun.diameter,

@@ -17,7 +17,7 @@ uniform int n_row_lobes, first_row_layer, first_views;  // of glossy rows; where
 uniform int added_light;  // after how many lights what neighbours add begins, −1 for none
 uniform vec3 camera_position;
 
-const int OBJECT = 12, SIDE = 32;  // numbers of an object; entries along the square of views
+const int OBJECT = 16, SIDE = 32;  // numbers of an object; entries along the square of views
 
 // The radiance by `count` lobes from lobes[at] on.
 vec3 by_lobes(int at, int count, mat3 frame) {

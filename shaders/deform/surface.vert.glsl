@@ -10,10 +10,12 @@ layout(std430, binding = 13) readonly buffer Holes { float holes[]; };  // of ea
 sample out vec2 opacity_uv;
 sample out float vertex_opacity;
 #endif
+out vec3 from_camera;
 flat out ivec3 shown;   // whether there are points on front and back, and the object
 
 void main() {
     place(corner.x);
+    from_camera = placed(corner.x) - camera_position;
     front_white = sent_by(corner.y, 0);
     front_gloss = sent_by(corner.y, 3);
     back_white = sent_by(corner.z, 0);

@@ -1,9 +1,10 @@
 #version 430 core
-// Provides: triangles, whether their backs are visible, and their numbers.
+// Provides: triangles, whether their backs are visible, where they are, and their numbers.
 #include "orbit/surface.glsl"
 #include "common/vertex_colour.glsl"
 
 flat out int shows_back, triangle;
+out vec3 from_camera;
 #if HAS_HOLES
 sample out vec2 opacity_uv;
 sample out float vertex_opacity;
@@ -12,6 +13,7 @@ sample out float vertex_opacity;
 void main() {
     gl_Position = projected(position);
     shows_back = int(is_back());
+    from_camera = position - camera_position;
     triangle = gl_VertexID / 3;
 #if HAS_HOLES
     opacity_uv = image_place;

@@ -22,7 +22,7 @@ from engine.material.measured import HIGHLIGHT_MODELS
 from engine.material.opacity import OPAQUE
 from engine.material.parameters import INDICES, Value, index_of_reflectance, reflectance_of_index
 from engine.measured.measurement import Measurement
-from ui.panels import maps, parameter_maps, rows, widgets
+from ui.panels import light_colour, maps, parameter_maps, rows, widgets
 from ui.panels.actions import Action, SetPanel
 from ui.panels.brdf import is_anisotropic
 from ui.panels.context import PanelContext
@@ -277,32 +277,13 @@ def _emission(context: PanelContext, state: ObjectState, emission: RGB) -> list[
     actions = rows.draw(
         context,
         rows.Row(
-            STRENGTH, max(emission), lambda strength: SetEmission(state.name, scaled(emission, strength)),
+            STRENGTH, max(emission), lambda strength: SetEmission(state.name, light_colour.scaled(emission, strength)),
             "emitter.strength", None if own is None else max(own),
         ),
     )  # fmt: skip
-    actions += _emitted_colour(context, state.name, emission)
+    parameter = replace(EMISSION, step=max(max(emission), STRENGTH.minimum) / 200.0)
+    actions += light_colour.draw(context, rows.Row(parameter, emission, partial(SetEmission, state.name), "emitter"))
     imgui.end_disabled()
     if note := context.status.emitter_note:
         widgets.caption(f"{note[0].upper()}{note[1:]}.")
     return actions
-
-
-def _emitted_colour(context: PanelContext, name: str, emission: RGB) -> list[Action]:
-    """The radiance of each channel, and a swatch whose wheel keeps the strength."""
-    parameter = replace(EMISSION, step=max(max(emission), STRENGTH.minimum) / 200.0)
-    row = rows.Row(parameter, emission, partial(SetEmission, name), "emitter")
-    actions: list[Action] = []
-    widgets.label(context, "Colour")
-    for touch, moved in rows.triple(context, row, has_swatch=True):
-        actions += rows.one_step(touch, [row.make(moved)])
-    hint = "The colour at full brightness. Click for a colour wheel; the strength stays."
-    touch, picked = rows.swatch(context, row.handle, scaled(emission, 1.0), hint)
-    return actions + rows.one_step(touch, [row.make(scaled(picked, max(emission)))])
-
-
-def scaled(emission: RGB, strength: float) -> RGB:
-    """The colour with this as its brightest channel; black becomes white."""
-    largest = max(emission)
-    red, green, blue = (strength * value / largest if largest > 0.0 else strength for value in emission)
-    return red, green, blue

@@ -43,6 +43,7 @@ from app.document.commands.maps import (
 )
 from app.document.commands.plan import OverrideLine, SetFirstBands
 from app.document.commands.poses import AddDeformer, MoveDeformer, RemoveDeformer, SetDeformer, SetPose, SetTime
+from app.document.commands.suns import SetSun
 
 EditCommand = (
     SetParameter | SetModel | SetOperators | AddOperator | ReplaceOperator | RemoveOperator | MoveOperator
@@ -50,4 +51,5 @@ EditCommand = (
     | SetBumps | SetOpacity | SetMap | SetParameterMap | Paint | BlendByMap | ClearMap | SetMaterial | SetVariant
     | AddLayers | RemoveLayer | SetRotation | SetIntensity | SetEnvironment | SetMapping | SetEmission | SetFirstBands
     | SetPose | AddDeformer | SetDeformer | MoveDeformer | RemoveDeformer | SetTime | SetSurface | OverrideLine
+    | SetSun
 )  # fmt: skip

@@ -116,8 +116,7 @@ class SetEnvironment:
         return f"environment {self.environment}"
 
     def apply(self, document: Document) -> Document:
-        light = document.light
-        changed = LightState(self.environment, self.mapping, light.rotation, light.intensity, self.radiance)
+        changed = replace(document.light, environment=self.environment, mapping=self.mapping, radiance=self.radiance)
         return replace(document, light=check_light(changed, "light"))
 
 

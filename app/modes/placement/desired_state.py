@@ -74,8 +74,8 @@ class DesiredTransport:
     is_drag: bool = False
 
     def moved_from(self, other: DesiredTransport) -> bool:
-        """Whether only the environment's rotation differs, or what emitters emit."""
-        light = replace(self.light, rotation=other.light.rotation)
+        """Whether only the environment's rotation and suns differ, or what emitters emit."""
+        light = replace(self.light, rotation=other.light.rotation, new_suns=other.light.new_suns)
         stayed = replace(self, light=light, emission=other.emission, layers=other.layers, is_drag=other.is_drag)
         return stayed == other and not self.lights_like(other)
 

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numba as nb
 import numpy as np
 
+from engine.light._cone_kernels import cone_range
 from engine.material.kinds import THETA_R
 from engine.precompute.direct._angle_kernels import HALF_PI, TINY, is_highlight
 from engine.precompute.direct._share_kernels import distance_from_axis
@@ -55,12 +56,13 @@ class Leaves(NamedTuple):
 
 
 class Emitters(NamedTuple):
-    """N nodes, the first n_roots the triangles: corners (N, 3, 3), radiance (N, 3), brightness (N,); child, parent
-    (N,), and first (N,), the index of the leaf where a node is one, as in `EmitterTree`."""
+    """N nodes, the first n_roots the triangles: corners (N, 3, 3), radiance (N, 3), brightness (N,), cones (N, 4);
+    child, parent (N,), and first (N,), the index of the leaf where a node is one, as in `EmitterTree`."""
 
     corners: np.ndarray
     radiance: np.ndarray
     brightness: np.ndarray
+    cones: np.ndarray
     child: np.ndarray
     parent: np.ndarray
     first: np.ndarray
@@ -121,16 +123,18 @@ def cut_emitters(words, near, emitters, place, frame, optics, ox, oy, oz, cut, x
             if share == np.float32(0.0):
                 top -= 1
                 continue
-            # Solid angle, extent and cosines of the node; skip it below the horizon.
+            # Solid angle, extent and cosines of the node; skip it below the horizon, or where its cone sends nothing.
             omega, size, spread2 = project_triangle(stack[top], unit)
-            light = emitters.brightness[node] * omega * share
             low, high = cosine_range(unit, frame[2])
-            if high <= np.float32(0.0):
+            sent, least, most = cone_range(emitters.cones, node, unit, size)
+            if high <= np.float32(0.0) or most == np.float32(0.0):
                 top -= 1
                 continue
-            # The error is of second order in the size for a fully visible node, else of first order.
+            # The error is of second order in the size for a fully visible node, else of first order; and of that of
+            # what its cone sends.
+            light = emitters.brightness[node] * omega * share * most
             partly = (child >= 0 and share < np.float32(1.0)) or low < np.float32(0.0)
-            error = light * size * (max(size, PARTIAL_SHARE) if partly else size)
+            error = light * size * (max(size, PARTIAL_SHARE) if partly else size + most - least)
             blurred = child >= 0 and share < np.float32(1.0) and _is_blurred(unit, frame, size, optics, ox, oy, oz)
             # Too large: replace it by its children, or below a leaf by the halves of its triangle.
             if (error > bound or blurred) and left > top + 2 and top + 2 < _DEPTH:
@@ -155,7 +159,7 @@ def cut_emitters(words, near, emitters, place, frame, optics, ox, oy, oz, cut, x
             inverse = np.float32(1.0) / np.sqrt(max(sx * sx + sy * sy + sz * sz, TINY))
             cx[n], cy[n], cz[n] = sx * inverse, sy * inverse, sz * inverse
             for channel in range(3):
-                colours[n, channel] = emitters.radiance[node, channel] * omega
+                colours[n, channel] = emitters.radiance[node, channel] * omega * sent
             # The mean of different unit vectors is shorter than 1: so much is the cosine at the centre too large.
             weights[n], sizes[n] = share * (np.float32(1.0) - np.float32(0.5) * spread2), size
             n, left, top = n + 1, left - 1, top - 1
@@ -187,7 +191,9 @@ def _unoccluded_light(emitters, place, cut):
     for root in range(emitters.n_roots):
         if cut.shares[root] > np.float32(0.0):
             place_at(emitters.corners[root], place, cut.stack[0])
-            total += emitters.brightness[root] * project_triangle(cut.stack[0], cut.unit)[0] * cut.shares[root]
+            omega, size, _ = project_triangle(cut.stack[0], cut.unit)
+            most = cone_range(emitters.cones, root, cut.unit, size)[2]
+            total += emitters.brightness[root] * omega * cut.shares[root] * most
     return total
 
 

@@ -6,6 +6,7 @@ import math
 import numba as nb
 import numpy as np
 
+from engine.light._cone_kernels import cone_range
 from engine.light.emitters import R2
 from engine.precompute.direct._emitter_kernels import cosine_range, place_at, project_triangle
 from engine.visibility._kernels import lowest_bit
@@ -53,9 +54,9 @@ def list_near(rows, position, normal, bits, emitters, least, near, counts, nodes
                 place_at(emitters.corners[node], place, triangle)
                 if not _is_front_facing(triangle):
                     continue
-                omega = project_triangle(triangle, unit)[0]
+                omega, size, _ = project_triangle(triangle, unit)
                 high = cosine_range(unit, up)[1]
-                light = emitters.brightness[node] * omega * high
+                light = emitters.brightness[node] * omega * high * cone_range(emitters.cones, node, unit, size)[2]
                 if high > _ZERO and light > bound:
                     nodes[b, n] = node
                     squares += light * light
@@ -125,9 +126,10 @@ def _visible_light(shares, emitters, place, up, triangle, unit):
         share = shares[root]
         if share > _ZERO:
             place_at(emitters.corners[root], place, triangle)
-            omega = project_triangle(triangle, unit)[0]
+            omega, size, _ = project_triangle(triangle, unit)
             low, high = cosine_range(unit, up)
-            total += emitters.brightness[root] * omega * share * np.float32(0.5) * max(low + high, high)
+            sent = cone_range(emitters.cones, root, unit, size)[0]
+            total += emitters.brightness[root] * omega * sent * share * np.float32(0.5) * max(low + high, high)
     return total
 
 

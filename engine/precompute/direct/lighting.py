@@ -153,15 +153,16 @@ def _emitters(tree: EmitterTree | None, unit: float) -> tuple[Emitters, Targets]
         halves, alone = nobody.astype(np.int32), nearest_neighbours(none)
         balls, around = np.zeros((2, 0, 5), np.float32), _around(alone, 1)
         leaves = Leaves(halves, halves, none[:, 0].copy(), balls[0, :, :4].copy(), around, balls[1], around)
-        dark = Emitters(np.zeros((0, 3, 3), np.float32), none, none[:, 0].copy(), halves, halves, nobody, 0, leaves)
+        cones, brightness = np.zeros((0, 4), np.float32), none[:, 0].copy()
+        dark = Emitters(np.zeros((0, 3, 3), np.float32), none, brightness, cones, halves, halves, nobody, 0, leaves)
         return dark, Targets(none, none, alone, True)
     radiance = np.asarray(tree.radiance / np.float64(unit), np.float32)
     brightness = np.asarray(radiance @ LUMINANCE, np.float32)
     samples, normals = tree.leaves.samples, np.ascontiguousarray(tree.leaves.normal, np.float32)
     neighbours = nearest_neighbours(samples, BESIDE)
     emitters = Emitters(
-        np.ascontiguousarray(tree.corners, np.float32), radiance, brightness, tree.child, tree.parent, tree.first,
-        tree.n_roots, _leaves(tree, neighbours),
+        np.ascontiguousarray(tree.corners, np.float32), radiance, brightness, tree.cones, tree.child, tree.parent,
+        tree.first, tree.n_roots, _leaves(tree, neighbours),
     )  # fmt: skip
     flood, weak = np.ascontiguousarray(neighbours[:, :FLOOD_NEIGHBOURS]), WEAK_SENTINELS
     targets = Targets(
@@ -257,14 +258,16 @@ def emitters_for(scene: Scene, caster: RayCaster, hits: PrimaryHits, n_leaves: i
     if not emitting.any():
         return None
     corners = scene.vertices[scene.triangles[emitting]].astype(np.float64)
-    radiance = scene.emission[scene.object_of_triangle[emitting]].astype(np.float64)
-    lit = emitting_triangles(corners, radiance)
-    corners, radiance = corners[lit], radiance[lit]
+    objects = scene.object_of_triangle[emitting]
+    lit = emitting_triangles(corners, scene.emission[objects].astype(np.float64))
+    corners, objects = corners[lit], objects[lit]
     if not len(corners):
         return None
-    corners, radiance = merge_triangles(corners, radiance, max(n_leaves // 2, FEWEST_MERGED))
+    radiance, cones = scene.emission[objects].astype(np.float64), scene.cones[objects]
+    corners, source = merge_triangles(corners, radiance, max(n_leaves // 2, FEWEST_MERGED), cones)
+    radiance, cones = radiance[source], cones[source]
     if len(hits.pixel) == 0:
-        return emitter_tree(corners, radiance, n_leaves)
+        return emitter_tree(corners, radiance, n_leaves, cones=cones)
     rows = np.unique(np.linspace(0, len(hits.pixel) - 1, N_POINTS).astype(np.int32))
     tried = emitter_patches(np.repeat(corners, N_RAYS, axis=0), np.repeat(radiance, N_RAYS, axis=0), 1)
     n_seen = _trace_leaves(caster, hits, rows, tried.samples, tried.normal).reshape(len(rows), -1, N_RAYS).sum(axis=2)
@@ -274,7 +277,8 @@ def emitters_for(scene: Scene, caster: RayCaster, hits: PrimaryHits, n_leaves: i
     # 0.2 on too many leaves go to invisible emitters: the error of a storeroom was 0.53 % instead of 0.30 %.
     seen = (n_seen + UNCERTAIN_SHARE) / (N_RAYS + 2.0 * UNCERTAIN_SHARE)
     points, normals = hits.position[rows].astype(np.float64), hits.horizon[rows].astype(np.float64)
-    return emitter_tree(corners, radiance, n_leaves, visible_importance(corners, radiance, points, normals, seen))
+    importance = visible_importance(corners, radiance, points, normals, seen, cones)
+    return emitter_tree(corners, radiance, n_leaves, importance, cones)
 
 
 def _trace_leaves(

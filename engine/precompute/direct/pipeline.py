@@ -206,8 +206,8 @@ def patches_of(scene: Scene, n_patches: int) -> EmitterPatches | None:
     emitting = (scene.emitters & scene.emission.any(axis=1))[scene.object_of_triangle]
     if not emitting.any():
         return None
-    triangles = scene.vertices[scene.triangles[emitting]]
-    return emitter_patches(triangles, scene.emission[scene.object_of_triangle[emitting]], n_patches)
+    triangles, objects = scene.vertices[scene.triangles[emitting]], scene.object_of_triangle[emitting]
+    return emitter_patches(triangles, scene.emission[objects], n_patches, scene.cones[objects])
 
 
 def lattice_rows(hits: PrimaryHits, stride: int) -> np.ndarray:

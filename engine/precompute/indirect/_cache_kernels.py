@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numba as nb
 import numpy as np
 
+from engine.light._cone_kernels import cone_share
 from engine.precompute.indirect._ray_kernels import hash64, uniform
 
 NO_RECORD = 0xFFFF
@@ -345,13 +346,14 @@ def _point_in_triangle(corners, m, u, v):
 
 class Lights(NamedTuple):
     """Triangle lights to sample by power: corners (M, 3, 3), directions or points; cumulative (M,) shares up to 1;
-    power (M, 3), divided by the light's share, so that a sample is weighted already; normals (M, 3) of emitters;
-    is_sky."""
+    power (M, 3), divided by the light's share, so that a sample is weighted already; normals (M, 3) and cones (M, 4)
+    of emitters; is_sky."""
 
     corners: np.ndarray
     cumulative: np.ndarray
     power: np.ndarray
     normals: np.ndarray
+    cones: np.ndarray
     is_sky: bool
 
 
@@ -384,7 +386,7 @@ def light_rays(
             distances[out] = np.float32(1e30)
             if not lights.is_sky:
                 facing = -(lights.normals[m, 0] * dx + lights.normals[m, 1] * dy + lights.normals[m, 2] * dz)
-                weight *= max(facing, ZERO) / (length * length)
+                weight *= max(facing, ZERO) / (length * length) * cone_share(lights.cones, m, dx, dy, dz)
                 distances[out] = max(length * np.float32(0.9999), np.float32(1e-30))
             for channel in range(3):
                 powers[out, channel] = weight * lights.power[m, channel]

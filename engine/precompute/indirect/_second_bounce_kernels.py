@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numba as nb
 import numpy as np
 
+from engine.light._cone_kernels import cone_share
 from engine.precompute.indirect._cache_kernels import NO_RECORD, _pick, _point_in_triangle, _shading_normal, _write_ray
 from engine.precompute.indirect._gloss_kernels import GlossyLayers, add_gloss
 from engine.precompute.indirect._ray_kernels import (
@@ -39,13 +40,14 @@ TINY = np.float32(1e-30)
 
 class SampledLights(NamedTuple):
     """All lights to sample: triangles of the sky first, then patches. corners (M, 3, 3); cumulative (M,) shares; power
-    (M, 3) divided by the share; normals (M, 3) of patches; for the sky, density (n_sky,) in samples per steradian and
-    radiance (n_sky, 3); raster (H, W): the sky triangle of each lat-long direction."""
+    (M, 3) divided by the share; normals (M, 3) and cones (M, 4) of patches; for the sky, density (n_sky,) in samples
+    per steradian and radiance (n_sky, 3); raster (H, W): the sky triangle of each lat-long direction."""
 
     corners: np.ndarray
     cumulative: np.ndarray
     power: np.ndarray
     normals: np.ndarray
+    cones: np.ndarray
     density: np.ndarray
     radiance: np.ndarray
     raster: np.ndarray
@@ -91,7 +93,7 @@ def ray_seed(row, nth, n_rays, m, vertex):
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def towards_light(all_lights, m, u, v, px, py, pz):
     """Direction and distance from a position to the point of light m at random numbers u and v in [0, 1), and cosθ' /
-    r² there; 1e30 and 1 for the sky."""
+    r² there, times the share that its cone sends; 1e30 and 1 for the sky."""
     x, y, z = _point_in_triangle(all_lights.corners, m, u, v)
     is_sky = m < all_lights.density.shape[0]
     if not is_sky:
@@ -101,7 +103,7 @@ def towards_light(all_lights, m, u, v, px, py, pz):
     if is_sky:
         return x, y, z, np.float32(1e30), ONE
     facing = -(all_lights.normals[m, 0] * x + all_lights.normals[m, 1] * y + all_lights.normals[m, 2] * z)
-    return x, y, z, length, max(facing, ZERO) / (length * length)
+    return x, y, z, length, max(facing, ZERO) / (length * length) * cone_share(all_lights.cones, m, x, y, z)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")

@@ -14,6 +14,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.light.cones import all_round
 from engine.light.emitters import EmitterPatches
 from engine.light.triangle_lights import TriangleLights, cut_lights
 from engine.precompute.direct.lighting import mean_radiance
@@ -62,17 +63,19 @@ def in_units(
 
 def sky_lights(cut: TriangleLights) -> Lights:
     """The triangle lights of a sky, sampled by power."""
-    return _lights(cut.vertices[cut.corners], cut.power, np.zeros((len(cut), 3), np.float32), True)
+    normals = np.zeros((len(cut), 3), np.float32)
+    return _lights(cut.vertices[cut.corners], cut.power, normals, all_round(len(cut)), True)
 
 
 def patch_lights(patches: EmitterPatches) -> Lights:
     """Patches of emitters, sampled by power."""
-    return _lights(patches.corners, patches.radiance * patches.area[:, None], patches.normal, False)
+    return _lights(patches.corners, patches.radiance * patches.area[:, None], patches.normal, patches.cones, False)
 
 
 def _lights(
-    corners: NDArray[np.floating], power: NDArray[np.floating], normals: NDArray[np.floating], is_sky: bool
-) -> Lights:
+    corners: NDArray[np.floating], power: NDArray[np.floating], normals: NDArray[np.floating],
+    cones: NDArray[np.float32], is_sky: bool,
+) -> Lights:  # fmt: skip
     """Lights with power, with cumulative shares and powers divided by the share."""
     strength = power.max(axis=1).astype(np.float64)
     lit = strength > 0.0
@@ -80,7 +83,7 @@ def _lights(
     return Lights(
         np.ascontiguousarray(corners[lit], np.float32), np.cumsum(share).astype(np.float32),
         np.ascontiguousarray(power[lit] / np.maximum(share, 1e-30)[:, None], np.float32),
-        np.ascontiguousarray(normals[lit], np.float32), is_sky,
+        np.ascontiguousarray(normals[lit], np.float32), np.ascontiguousarray(cones[lit]), is_sky,
     )  # fmt: skip
 
 
@@ -90,8 +93,9 @@ def emitters_for_sampling(cut: TriangleLights | None, patches: EmitterPatches | 
     if not parts:
         none = np.zeros((0, 3), np.float32)
         empty = np.zeros(0, np.float32)
-        return SampledLights(none[:, None], empty, none, none, empty, none, np.zeros((0, 0), np.int32))
-    shares = [strength / strength.sum() / len(parts) for _, strength, _, _ in parts]
+        raster = np.zeros((0, 0), np.int32)
+        return SampledLights(none[:, None], empty, none, none, all_round(0), empty, none, raster)
+    shares = [strength / strength.sum() / len(parts) for _, strength, *_ in parts]
     corners = np.concatenate([part[0] for part in parts]).astype(np.float32)
     share = np.concatenate(shares)
     power = np.concatenate([part[2] for part in parts]) / np.maximum(share, 1e-30)[:, None]
@@ -102,27 +106,30 @@ def emitters_for_sampling(cut: TriangleLights | None, patches: EmitterPatches | 
     if cut is not None and _sky(cut)[1].max() > 0.0:
         density = (shares[0] / cut.solid_angle).astype(np.float32)
         radiance, raster = (cut.power / cut.solid_angle[:, None]).astype(np.float32), _raster(cut)
-    normals = np.concatenate([part[3] for part in parts]).astype(np.float32)
+    normals, cones = (np.concatenate([part[k] for part in parts]).astype(np.float32) for k in (3, 4))
     return SampledLights(
-        corners, cumulative.astype(np.float32), power.astype(np.float32), normals, density, radiance, raster
+        corners, cumulative.astype(np.float32), power.astype(np.float32), normals, cones, density, radiance, raster
     )
 
 
-_Part = tuple[NDArray[np.floating], NDArray[np.float64], NDArray[np.floating], NDArray[np.floating]]
+_Part = tuple[
+    NDArray[np.floating], NDArray[np.float64], NDArray[np.floating], NDArray[np.floating], NDArray[np.float32]
+]
 
 
 def _sky(cut: TriangleLights | None) -> _Part:
-    """Corners, strengths, powers and (zero) normals of the sky's triangles."""
+    """Corners, strengths, powers, (zero) normals and (no) cones of the sky's triangles."""
     if cut is None:
-        return np.zeros((0, 3, 3)), np.zeros(1), np.zeros((0, 3)), np.zeros((0, 3))
-    return cut.vertices[cut.corners], cut.power.max(axis=1).astype(np.float64), cut.power, np.zeros((len(cut), 3))
+        return np.zeros((0, 3, 3)), np.zeros(1), np.zeros((0, 3)), np.zeros((0, 3)), all_round(0)
+    strength, normals = cut.power.max(axis=1).astype(np.float64), np.zeros((len(cut), 3))
+    return cut.vertices[cut.corners], strength, cut.power, normals, all_round(len(cut))
 
 
 def _patches(patches: EmitterPatches | None) -> _Part | None:
     if patches is None:
         return None
     power = patches.radiance * patches.area[:, None]
-    return patches.corners, power.max(axis=1).astype(np.float64), power, patches.normal
+    return patches.corners, power.max(axis=1).astype(np.float64), power, patches.normal, patches.cones
 
 
 @lru_cache(maxsize=2)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from engine.core._latlong_kernels import between_texels, texel_place, texels_at
 from engine.core.fast_math import FAST
+from engine.light._cone_kernels import cone_share
 
 Float64Array = NDArray[np.float64]
 Float32Array = NDArray[np.float32]
@@ -181,12 +182,11 @@ def set_up(
 def paint_rows(
     start: int, stop: int, found: Int32Array, shares: Float32Array, sides: Int32Array, front: Float32Array,
     i_object: Int32Array,
-    white: Float32Array, gloss: Float32Array, albedos: Float32Array, emission: Float32Array, plane: Float64Array,
-    sky: Float32Array, turn: float,
-    scale: float, picture: Float32Array,
+    white: Float32Array, gloss: Float32Array, albedos: Float32Array, emission: Float32Array, cones: Float32Array,
+    plane: Float64Array, sky: Float32Array, turn: float, scale: float, picture: Float32Array,
 ) -> None:  # fmt: skip
     """Fill rows [start, stop) of picture (H, W, 3): white (S, 3), interpolated between a triangle's points, times the
-    object's albedo (M, 3), plus gloss (S, 3), emission (M, 3), and the sky (h, w, 3) in the background.
+    object's albedo (M, 3), plus gloss (S, 3), emission (M, 3) into cones (M, 4), and the sky (h, w, 3) behind all.
 
     sides (T, 2, 3): a triangle's points on either side, -1 for none; front (T,): positive if seen from the front.
     """
@@ -208,10 +208,15 @@ def paint_rows(
                 for i in range(3):
                     picture[row, column, i] = np.float32(scale) * between_texels(sky, around, i)
                 continue
-            # Emission is visible from the front only.
+            # Emission is visible from the front only, and within its cone.
             side, m = 0 if front[t] > 0.0 else 1, i_object[t]
+            share = 0.0
+            if side == 0:
+                vx, vy, vz = dx + x * plane[1, 0], dy + x * plane[1, 1], dz + x * plane[1, 2]
+                inverse = 1.0 / np.sqrt(vx * vx + vy * vy + vz * vz)
+                share = cone_share(cones, m, vx * inverse, vy * inverse, vz * inverse)
             for i in range(3):
-                picture[row, column, i] = emission[m, i] if side == 0 else 0.0
+                picture[row, column, i] = share * emission[m, i]
             p, q, r = sides[t, side, 0], sides[t, side, 1], sides[t, side, 2]
             if p < 0:
                 continue

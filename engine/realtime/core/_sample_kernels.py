@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from engine.core._latlong_kernels import between_texels, texels_around
 from engine.core.fast_math import FAST
+from engine.light._cone_kernels import cone_share
 
 Float32Array = NDArray[np.float32]
 Int32Array = NDArray[np.int32]
@@ -21,12 +22,13 @@ Float64Array = NDArray[np.float64]
 
 class PointTriangles(NamedTuple):
     """The triangles between shading points: triangles (T, 2, 3), the points on either side; normal (T, 3) and i_object
-    (T,); emission (M, 3), the radiance of each object."""
+    (T,); emission (M, 3), the radiance of each object, and cones (M, 4), into which it is sent."""
 
     triangles: Int32Array
     normal: Float32Array
     i_object: Int32Array
     emission: Float32Array
+    cones: Float32Array
 
 
 class Samples(NamedTuple):
@@ -88,8 +90,9 @@ def resolve(
             along += surface.normal[t, i] * directions[k, i]
         side = 1 if along > 0.0 else 0
         if side == 0:
+            share = cone_share(surface.cones, i_object, directions[k, 0], directions[k, 1], directions[k, 2])
             for i in range(3):
-                out.emitted[j, i] = surface.emission[i_object, i]
+                out.emitted[j, i] = share * surface.emission[i_object, i]
         corners = surface.triangles[t, side]
         # The back has no points, though the front has.
         out.behind[j] = side == 1 and corners[0] < 0 and surface.triangles[t, 0, 0] >= 0

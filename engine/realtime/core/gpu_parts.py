@@ -143,13 +143,15 @@ class OrbitTerm(ExportedTerm):
 @dataclass(frozen=True, eq=False)
 class TermsPart:
     """What is drawn at the points: terms; the new tables by serial (others are known already); images and strokes
-    (words), None if unchanged; emission (M, 3); opacities (M, 8), see `engine.texture.gpu_export.opacity_rows`."""
+    (words), None if unchanged; emission (M, 3) and its cones (M, 4); opacities (M, 8), see
+    `engine.texture.gpu_export.opacity_rows`."""
 
     terms: tuple[OrbitTerm, ...]
     tables: Mapping[int, TablePart]
     images: Words | None
     strokes: Words
     emission: Float32Array
+    cones: Float32Array
     opacities: Float32Array
 
 
@@ -217,21 +219,21 @@ class CoverPart:
     holes: Float32Array
 
 
-OBJECT_ROW = 12
+OBJECT_ROW = 16
 
 
 @dataclass(frozen=True, eq=False)
 class AppearancePart:
     """harmonics (n^2, 3) and table (rows, columns, n, 3) of the sky's light, see `BandLight`; lights (K, n^2 + rows
-    columns n, 3): both of the objects that have other light; added (S, 3): radiance of points by their neighbours, (0,
-    3) for none; objects (M, `OBJECT_ROW`): albedo, first glossy layer, emission, number of glossy layers, light (0 for
-    the sky's) and the `even` of that, first layer that is drawn by rows, their number; gloss (G, A, 3 n + 1): for each
-    glossy layer that is one lobe and polar angles of wo up to `steepest`, its bands and its lean, see `LowGloss`;
-    row_layers (K, 3): of each layer that is drawn by rows, its first among the shape's rows, their number at each
-    point, and where its views begin in views (V,), see `GlossBasis`; cosine (n,): the bands of a white Lambertian
-    surface; even: see `engine.realtime.zonal_harmonics.shading.even_light`; casts (M, C), spread (n,), least: see
-    `engine.realtime.zonal_harmonics.shading`; turn, scale: of the sky, see `Backdrop`; terms: refer to the cover that
-    is exported with it or was before."""
+    columns n, 3): both of the objects that have other light; added (S, 3): radiance of points by their neighbours,
+    (0, 3) for none; objects (M, `OBJECT_ROW`): albedo, first glossy layer, emission, number of glossy layers, light
+    (0 for the sky's) and the `even` of that, first layer that is drawn by rows, their number, the emission's cone;
+    gloss (G, A, 3 n + 1): for each glossy layer that is one lobe and polar angles of wo up to `steepest`, its bands
+    and its lean, see `LowGloss`; row_layers (K, 3): of each layer that is drawn by rows, its first among the
+    shape's rows, their number at each point, and where its views begin in views (V,), see `GlossBasis`; cosine
+    (n,): the bands of a white Lambertian surface; even: see `engine.realtime.zonal_harmonics.shading.even_light`;
+    casts (M, C), spread (n,), least: see `engine.realtime.zonal_harmonics.shading`; turn, scale: of the sky, see
+    `Backdrop`; terms: refer to the cover that is exported with it or was before."""
 
     number: int
     harmonics: Float32Array

@@ -115,16 +115,16 @@ def find_triangles(
 
 def paint(
     drawn: RasterResult, surface: RasterTriangles, white: Float32Array, gloss: Float32Array, albedos: Float32Array,
-    emission: Float32Array,
-    backdrop: Backdrop = BLACK,
+    emission: Float32Array, cones: Float32Array, backdrop: Backdrop = BLACK,
 ) -> Float32Array:  # fmt: skip
-    """Radiance (H, W, 3): white and gloss (S, 3) of the points, albedos and emission (M, 3) of the objects."""
+    """Radiance (H, W, 3): white and gloss (S, 3) of the points, albedos and emission (M, 3) of the objects, which these
+    send into cones (M, 4)."""
     picture = np.empty((*drawn.found.shape, 3), np.float32)
 
     def part(start: int, stop: int) -> None:
         kernels.paint_rows(
             start, stop, drawn.found, drawn.shares, surface.sides, drawn.front, surface.i_object, white, gloss,
-            albedos, emission, drawn.plane, backdrop.radiance, backdrop.turn, backdrop.scale, picture,
+            albedos, emission, cones, drawn.plane, backdrop.radiance, backdrop.turn, backdrop.scale, picture,
         )  # fmt: skip
 
     on_threads(part, *_bands(len(picture)))

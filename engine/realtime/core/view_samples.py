@@ -53,7 +53,7 @@ class PointMesh:
         self.visibility = CornerVisibility(points, self._caster)
         self._surface = kernels.PointTriangles(
             points.shown, np.ascontiguousarray(scene.geometric_normals[points.source]),
-            scene.object_of_triangle[points.source], scene.emission,
+            scene.object_of_triangle[points.source], scene.emission, scene.cones,
         )  # fmt: skip
 
     def of(self, points: ShadingPoints) -> PointMesh:

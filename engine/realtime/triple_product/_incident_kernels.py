@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from engine.core._frame_kernels import to_world
 from engine.core.fast_math import FAST
+from engine.light._cone_kernels import cone_share
 
 Float32Array = NDArray[np.float32]
 Bytes = NDArray[np.uint8]
@@ -41,7 +42,7 @@ class Hemisphere(NamedTuple):
 class Light(NamedTuple):
     """The light: sky (side, side, 4) and coarse_sky, as `sky_map.SkyMap`, rotated by the angle with this cosine and
     sine; the peaks' direction and power (M, 3), brightest first; the patches' centre, normal and flux (L, 3), which is
-    radiance × area."""
+    radiance × area, and their cones (L, 4)."""
 
     sky: Float32Array
     coarse_sky: Float32Array
@@ -52,6 +53,7 @@ class Light(NamedTuple):
     centre: Float32Array
     normal: Float32Array
     flux: Float32Array
+    cones: Float32Array
 
 
 class Places(NamedTuple):
@@ -262,8 +264,9 @@ def add_patches(
             x = frame[0, 0] * a + frame[0, 1] * b + frame[0, 2] * c
             z = frame[2, 0] * a + frame[2, 1] * b + frame[2, 2] * c
             m = half.number[child_at(x, y, z, half.children) >> 2]
-            # Solid angle per area: cos θ / r².
-            solid = np.float32(facing / (squared * distance))
+            # Solid angle per area, cos θ / r², times the share of the light that the patch's cone sends here.
+            share = cone_share(light.cones, j, a / distance, b / distance, c / distance)
+            solid = np.float32(share * facing / (squared * distance))
             part = solid
             if is_coarse:
                 m, part = m >> 4, solid * np.float32(1.0 / 16.0)

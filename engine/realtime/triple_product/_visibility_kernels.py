@@ -11,6 +11,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from engine.core.fast_math import FAST
+from engine.light._cone_kernels import cone_share
 from engine.realtime.triple_product._slice_kernels import PeakLights
 
 Float32Array = NDArray[np.float32]
@@ -113,13 +114,14 @@ def pack(free: Flags, queried: Flags, blocked: Flags, points: NDArray[np.int64],
 
 class PointVisibility(NamedTuple):
     """Visibility that points know: position and normal (S, 3), bits (S, ⌈L / 8⌉) of the patches that each sees; the
-    patches' centre and patch_normal (L, 3)."""
+    patches' centre and patch_normal (L, 3), and their cones (L, 4)."""
 
     position: Float32Array
     normal: Float32Array
     bits: NDArray[np.uint8]
     centre: Float32Array
     patch_normal: Float32Array
+    cones: Float32Array
 
 
 class PatchRays(NamedTuple):
@@ -139,8 +141,8 @@ class PatchRays(NamedTuple):
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST, inline="always")
 def _towards_patch(j: int, at: Float32Array, normal: Float32Array, points: PointVisibility) -> tuple[float, float]:
-    """Return the factor from flux of patch j to power at a position (3,), and the cosine there; 0 where the patch faces
-    away."""
+    """Return the factor from flux of patch j to power at a position (3,), its cone included, and the cosine there; 0
+    where the patch faces away."""
     x, y, z = points.centre[j, 0] - at[0], points.centre[j, 1] - at[1], points.centre[j, 2] - at[2]
     n = points.patch_normal[j]
     facing, above = -(x * n[0] + y * n[1] + z * n[2]), x * normal[0] + y * normal[1] + z * normal[2]
@@ -148,7 +150,8 @@ def _towards_patch(j: int, at: Float32Array, normal: Float32Array, points: Point
         return 0.0, 0.0
     squared = x * x + y * y + z * z
     distance = math.sqrt(squared)
-    return facing / (squared * distance), above / distance
+    share = cone_share(points.cones, j, x / distance, y / distance, z / distance)
+    return share * facing / (squared * distance), above / distance
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -113,7 +113,7 @@ class PointExporter:
         words = None if images == self._images else image_words(images)
         self._terms, self._images, self._tables = terms_state, images, set(made.tables)
         emission = orbit.scene.emission.astype(np.float32)
-        yield TermsPart(made.terms, new, words, stroke_words(strokes), emission, opacities)
+        yield TermsPart(made.terms, new, words, stroke_words(strokes), emission, orbit.scene.cones, opacities)
 
 
 class _Terms:

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -150,10 +150,7 @@ def evenly_lit(
     white, black = np.ones((8, 8, 4), np.float32), np.zeros((8, 8, 4), np.float32)
     emitters = None
     if patches is not None:
-        alike = EmitterPatches(
-            patches.corners, patches.centre, patches.normal, np.ones_like(patches.radiance), patches.area
-        )
-        emitters = SceneEmitters(alike, patch_bits)
+        emitters = SceneEmitters(replace(patches, radiance=np.ones_like(patches.radiance)), patch_bits)
     for i, (sky, emitting) in enumerate(((white, None), (black, emitters))):
         if sky is white or emitting is not None:
             incident = empty_incident(np.zeros(len(points), bool), kernels.N_ROOTS)
@@ -194,10 +191,10 @@ def kernel_places(
 def kernel_lights(sky: SkyMap, emitters: SceneEmitters | None) -> kernels.Light:
     """Light in the kernels' form."""
     none = np.zeros((0, 3), np.float32)
-    patches: Any = (none, none, none)
+    patches: Any = (none, none, none, np.zeros((0, 4), np.float32))
     if emitters is not None:
         own = emitters.patches
-        patches = own.centre, own.normal, own.radiance * own.area[:, None]
+        patches = own.centre, own.normal, own.radiance * own.area[:, None], own.cones
     return kernels.Light(
         sky.map, sky.coarse_map, math.cos(sky.turn), math.sin(sky.turn), sky.peak_direction, sky.peak_power, *patches
     )

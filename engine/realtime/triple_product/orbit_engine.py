@@ -434,10 +434,7 @@ class Orbit:
         if self._patches is None:
             return None
         patches, owner = self._patches
-        emitting = EmitterPatches(
-            patches.corners, patches.centre, patches.normal, self.scene.emission[owner], patches.area
-        )
-        return SceneEmitters(emitting, lit.patch_bits)
+        return SceneEmitters(replace(patches, radiance=self.scene.emission[owner]), lit.patch_bits)
 
 
 def _emitters(scene: Scene, n_patches: int) -> tuple[EmitterPatches, NDArray[np.intp]] | None:
@@ -449,5 +446,5 @@ def _emitters(scene: Scene, n_patches: int) -> tuple[EmitterPatches, NDArray[np.
     corners = scene.vertices[scene.triangles[mine]].astype(np.float64)
     corners, owner = merged_by_object(corners, scene.object_of_triangle[mine], n_patches)
     number = np.repeat(owner[:, None] + 1.0, 3, axis=1)  # carry the owner's index in the patches' radiance
-    patches = emitter_patches(corners, number, n_patches)
+    patches = emitter_patches(corners, number, n_patches, scene.cones[owner])
     return patches, np.rint(patches.radiance[:, 0]).astype(np.intp) - 1

@@ -200,7 +200,9 @@ def emitter_shadows(
     """Find the corrections for patches whose visibility samples (N,) do not know from their points, some at a time;
     caster: intersects the scene's triangles; quality: "rest" or "still"."""
     patches, points, step = emitters.patches, seen.points, max(_RAYS_AT_ONCE // _MOST_RAYS[quality], 1)
-    known = kernels.PointVisibility(points.position, points.normal, emitters.bits, patches.centre, patches.normal)
+    known = kernels.PointVisibility(
+        points.position, points.normal, emitters.bits, patches.centre, patches.normal, patches.cones
+    )
     if quality == "rest":
         which = which[_points_disagree(seen, which, emitters)]
     for start in range(0, len(which), step):

@@ -162,6 +162,11 @@ class BendingPoints:
             self._caster = casters, self.caster_of(self._of(casters), self._points.corners[self._of(casters)])
         return self._caster[1]
 
+    def mean_opacity(self, triangle: NDArray[np.integer]) -> Float64Array:
+        """The mean opacity (N,) of triangles (N,)."""
+        cutouts = self._scene.cutouts.of_parts(self.source[triangle], self.within[triangle])
+        return cutouts.mean_opacity(np.arange(len(triangle)))
+
     def caster_of(self, which: NDArray[np.bool_], corners: NDArray[np.floating]) -> RayCaster:
         """Ray caster against some of the triangles, `which` (T,), with these corners (t, 3, 3)."""
         cutouts = self._scene.cutouts.of_parts(self.source[which], self.within[which])

@@ -428,8 +428,9 @@ class Deform:
             state = ShadingState(self.version, self.scene, self._light, self._bands, *known, gloss=self.gloss)
             if self._n_lobes != UNSHADOWED:
                 assert self._points is not None and self._powers is not None
+                opaque = tuple(i for i in self._alone if not self._surface_of(i).kind)
                 state = self._between.added_to(
-                    state, self._pictures, self._points, self._powers, self._alone, self._albedos_of_all()
+                    state, self._pictures, self._points, self._powers, self._alone, opaque, self._albedos_of_all()
                 )
             self._state = state
         return self._state, self._pictures

@@ -180,6 +180,7 @@ def appearance_part(
     """rows: of all glossy layers; by_points: see `gloss_rows`."""
     objects = np.zeros((len(of.scene.smooth), OBJECT_ROW), np.float32)
     objects[:, :3], objects[:, 4:7], objects[:, 9] = of.albedos, of.scene.emission, even_light(of.bands)
+    objects[:, 12:] = of.scene.cones
     for k, (i, other) in enumerate(of.lights.items()):
         objects[i, 8:10] = 1 + k, even_light(other)
     row_layers, views = list[tuple[int, int, int]](), [np.zeros(0, np.float32)]
@@ -190,7 +191,7 @@ def appearance_part(
             row_layers.append((first_row, of_layer.shape[2], first_view))
             views.append(of_layer.ravel())
             first_row, first_view = first_row + len(lobes.low), first_view + of_layer.size
-        objects[i, 10:] = first_layer, len(row_layers) - first_layer
+        objects[i, 10:12] = first_layer, len(row_layers) - first_layer
     for i, (first, last) in by_points.items():
         objects[i, 3], objects[i, 7] = first, last - first
     light, backdrop = of.bands, of.backdrop

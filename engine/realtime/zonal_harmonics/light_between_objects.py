@@ -52,10 +52,11 @@ class LightBetweenObjects:
 
     def added_to(
         self, state: ShadingState, pictures: PictureRenderer, points: BendingPoints, powers: Float64Array,
-        alone: tuple[int, ...], albedos: Float64Array,
+        alone: tuple[int, ...], opaque: tuple[int, ...], albedos: Float64Array,
     ) -> ShadingState:  # fmt: skip
         """Add the light between objects, as it is at rest, where it has been traced; powers: of the sky, by triangle,
-        see `sky_powers`; albedos (P, 3): the share of light that each point sends on."""
+        see `sky_powers`; opaque: those of the objects alone that lamps light by rays in pictures at rest; albedos (P,
+        3): the share of light that each point sends on."""
         if not self.has_paths(alone):  # what there was
             return replace(state, lights={i: each for i, each in self._lights.items() if i in alone}, added=self._added)
         assert self._paths is not None
@@ -66,10 +67,14 @@ class LightBetweenObjects:
         first = np.zeros(albedos.shape)
         first[paths.lit] = white[paths.lit] * albedos[paths.lit]
         around = local_light(paths, powers, first, emission, ORDER)
-        lit = replace(state, lights={i: band_light(each) for i, each in around.items()})
-        shade_own_light(lit, points, points.rest_frames_of_drawn, white)
+        lit = replace(
+            state,
+            lights={i: band_light(distant + of_lamps) for i, (distant, of_lamps) in around.items()},
+            unlit={i: band_light(around[i][0]) for i in opaque if i in around},
+        )
+        shade_own_light(lit.lights, lit.lobes, points, points.rest_frames_of_drawn, white)
         white = np.maximum(white, np.float32(0.0))
         self._lights = lit.lights
         self._added = added_light(paths, white * albedos, emission).astype(np.float32)
-        lamps = tuple(Lamp(*lamp_samples(state.scene, i), emission[i]) for i in paths.emitters)
+        lamps = tuple(Lamp(lamp_samples(state.scene, i), emission[i]) for i in paths.emitters)
         return replace(lit, added=self._added, lamps=lamps)

@@ -12,11 +12,14 @@ from __future__ import annotations
 
 from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engine.core.threads import even_parts, on_threads
+from engine.light.cones import cone_shares
+from engine.light.emitters import emitter_patches, merge_triangles
 from engine.light.environment import triangle_integrals
 from engine.precompute.direct.pipeline import SkyState
 from engine.realtime.zonal_harmonics import _transfer_kernels as kernels
@@ -32,7 +35,7 @@ Float64Array = NDArray[np.float64]
 Int32Array = NDArray[np.int32]
 
 N_BOUNCE_RAYS = 256  # from each point at rest
-N_LAMP_SAMPLES = 32  # on each lamp, as many strata of its area
+N_LAMP_SAMPLES = 64  # on each lamp: a ball is then 1 % off (`engine.light.emitters`)
 PROBE_LEVEL = 5  # of the sphere's triangles, around each object that has light of its own
 SHORTENED = 1.0 - 1e-3  # of rays to lamps, which must not meet these themselves
 
@@ -74,7 +77,7 @@ class Probe:
 class LightPaths:
     """Where light goes between objects at rest. lit (R,): the points whose transfer has their neighbours' shadows;
     bounces (R bundles): what these see of other objects; lamps (R, L): radiance of white diffuse ones by each lamp of
-    radiance 1; probes: of the other objects, by index; emitters (L,): indices of lamps."""
+    radiance 1; probes: of the other objects, by index; emitters (L,): indices of the objects that emit."""
 
     lit: NDArray[np.int64]
     bounces: Hits
@@ -88,10 +91,10 @@ def trace_light_paths(
 ) -> Generator[float, None, LightPaths]:
     """Trace them; alone: the objects whose transfer contains only themselves. Yields the share that is done."""
     n_objects = len(scene.smooth)
-    emitters = tuple(i for i in range(n_objects) if not scene.reflecting[i])
+    emitters = tuple(np.flatnonzero(scene.emitters).tolist())
     lit_objects = [i for i in range(n_objects) if scene.reflecting[i] and i not in alone]
     everything = tuple(range(n_objects))
-    lamps = [lamp_samples(scene, i) for i in emitters]
+    lamps = {i: lamp_samples(scene, i) for i in emitters}
     parts, of_lamps, lit = list[tuple[NDArray, ...]](), [np.zeros((0, len(lamps)))], [np.zeros(0, np.int64)]
     for done, i in enumerate(lit_objects):
         mine = points.points_of(i)
@@ -99,7 +102,7 @@ def trace_light_paths(
         for stop, hits in _bounces(points, i, everything):
             parts.append(hits)
             yield (done + stop / max(len(mine), 1)) / (len(lit_objects) + 1)
-        of_lamps.append(_lamp_light(points, i, lamps, everything))
+        of_lamps.append(_lamp_light(points, i, list(lamps.values()), everything))
     probes = {i: _probe(scene, points, i, alone, lamps, order) for i in alone if scene.reflecting[i]}
     yield 1.0
     return LightPaths(np.concatenate(lit), _joined(points, parts), np.concatenate(of_lamps), probes, emitters)
@@ -107,14 +110,14 @@ def trace_light_paths(
 
 def local_light(
     paths: LightPaths, powers: Float64Array, sent: Float64Array, emission: Float64Array, order: int
-) -> dict[int, Float64Array]:
-    """Harmonics (n^2, 3) of the light around each object that has light of its own; powers (T, 3): of the sky, by
-    triangle; sent (S, 3): radiance of all points; emission (M, 3)."""
+) -> dict[int, tuple[Float64Array, Float64Array]]:
+    """Harmonics (n^2, 3) of the light around each object that has light of its own: of what is distant or reflected,
+    and of lamps; powers (T, 3): of the sky, by triangle; sent (S, 3): radiance of all points; emission (M, 3)."""
     angles = geodesic(PROBE_LEVEL).solid_angles[:, None]
     found = {}
     for i, probe in paths.probes.items():
         around = np.where(probe.is_open[:, None], powers, angles * probe.hits.gather(sent, 1.0))
-        found[i] = project(around, order) + probe.lamps.T @ emission[list(paths.emitters)]
+        found[i] = project(around, order), probe.lamps.T @ emission[list(paths.emitters)]
     return found
 
 
@@ -133,22 +136,26 @@ def added_light(paths: LightPaths, sent: Float64Array, emission: Float64Array) -
     return added
 
 
-def lamp_samples(scene: Scene, i: int) -> tuple[Float64Array, Float64Array, Float64Array]:
-    """Places (K, 3) on an emitter, evenly over its area, its normals there (K, 3), and the area of each (K,)."""
+class LampSample(NamedTuple):
+    """A part of an emitter: a place on it (3,) with its normal (3,) and area, and the cone (4,) that it sends its light
+    into."""
+
+    place: Float64Array
+    normal: Float64Array
+    area: float
+    cone: NDArray[np.float32]
+
+
+def lamp_samples(scene: Scene, i: int) -> list[LampSample]:
+    """About `N_LAMP_SAMPLES` parts of an emitter."""
     start, stop = scene.triangle_ranges[i]
-    a, b, c = np.moveaxis(scene.vertices[scene.triangles[start:stop]].astype(np.float64), 1, 0)
-    cross = np.cross(b - a, c - a)
-    areas = 0.5 * np.linalg.norm(cross, axis=1)
-    steps = (np.arange(N_LAMP_SAMPLES) + 0.5) / N_LAMP_SAMPLES
-    which = np.minimum(np.searchsorted(np.cumsum(areas), steps * areas.sum()), len(areas) - 1)
-    u, v = np.mod(np.outer(np.arange(N_LAMP_SAMPLES) + 0.5, (0.7548776662466927, 0.5698402909980532)), 1.0).T
-    u, v = np.where(u + v > 1.0, 1.0 - u, u)[:, None], np.where(u + v > 1.0, 1.0 - v, v)[:, None]
-    normals = scene.geometric_normals[start:stop][which].astype(np.float64)
-    return (
-        (1.0 - u - v) * a[which] + u * b[which] + v * c[which],
-        normals,
-        np.full(len(which), areas.sum() / len(which)),
-    )
+    corners, white = scene.vertices[scene.triangles[start:stop]].astype(np.float64), np.ones((stop - start, 3))
+    merged, source = merge_triangles(corners, white, N_LAMP_SAMPLES)
+    patches = emitter_patches(merged, white[source], N_LAMP_SAMPLES)
+    return [
+        LampSample(place.astype(np.float64), normal.astype(np.float64), float(area), scene.cones[i])
+        for place, normal, area in zip(patches.samples, patches.normal, patches.area, strict=True)
+    ]
 
 
 def _bounces(
@@ -187,32 +194,32 @@ def _joined(points: BendingPoints, parts: Sequence[tuple[NDArray, ...]]) -> Hits
 
 
 def _lamp_light(
-    points: BendingPoints, i: int, lamps: Sequence[tuple[Float64Array, ...]], everything: tuple[int, ...]
+    points: BendingPoints, i: int, lamps: Sequence[list[LampSample]], everything: tuple[int, ...]
 ) -> Float64Array:
     """Radiance (P, L) of an object's white diffuse points by each lamp of radiance 1."""
     mesh = points.mesh(i, ())
     places, normals = mesh.points.offset_position.astype(np.float64), mesh.frames[:, 2]
     found = np.zeros((len(places), len(lamps)))
     for k, lamp in enumerate(lamps):
-        for place, normal, area in zip(*lamp, strict=True):
-            directions, factor = towards_lamp(places, place, normal, area)
+        for sample in lamp:
+            directions, factor = towards_lamp(places, sample)
             cosine = np.einsum("pc,pc->p", directions, normals)
             factor *= np.maximum(cosine, 0.0) / np.pi
             lit = np.flatnonzero(factor > 0.0)
-            found[lit, k] += factor[lit] * ~_blocked(points.caster(everything), places[lit], place)
+            found[lit, k] += factor[lit] * ~_blocked(points.caster(everything), places[lit], sample.place)
     return found
 
 
-def towards_lamp(
-    places: Float64Array, place: Float64Array, normal: Float64Array, area: float
-) -> tuple[Float64Array, Float64Array]:
-    """Directions (P, 3) to a sample of a lamp, and the solid angle of its front there (P,)."""
-    to = place - places
+def towards_lamp(places: Float64Array, sample: LampSample) -> tuple[Float64Array, Float64Array]:
+    """Directions (P, 3) from places (P, 3) to a part of a lamp, and the solid angle of its front there (P,) times the
+    share of its light that its cone sends there."""
+    to = sample.place - places
     distance = np.maximum(np.linalg.norm(to, axis=1), 1e-12)
     directions = to / distance[:, None]
-    facing = np.maximum(-(directions @ normal), 0.0) * area
+    facing = np.maximum(-(directions @ sample.normal), 0.0) * sample.area
     # As of a disc, at most half of all directions.
-    return directions, 2.0 * np.pi * facing / (2.0 * np.pi * distance**2 + facing)
+    angle = 2.0 * np.pi * facing / (2.0 * np.pi * distance**2 + facing)
+    return directions, angle * cone_shares(sample.cone, directions)
 
 
 def _blocked(caster: RayCaster, places: Float64Array, place: Float64Array) -> NDArray[np.bool_]:
@@ -222,10 +229,9 @@ def _blocked(caster: RayCaster, places: Float64Array, place: Float64Array) -> ND
 
 
 def _probe(
-    scene: Scene, points: BendingPoints, i: int, alone: Sequence[int], lamps: Sequence[tuple[Float64Array, ...]],
-    order: int,
-) -> Probe:  # fmt: skip
-    """What is around the middle of an object, without those whose shadows move."""
+    scene: Scene, points: BendingPoints, i: int, alone: Sequence[int], lamps: Mapping[int, list[LampSample]], order: int
+) -> Probe:
+    """What is around the middle of an object, without those whose shadows move, and without its own emission."""
     first, last = scene.vertex_ranges[i]
     vertices = scene.vertices[first:last].astype(np.float64)
     middle = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
@@ -238,9 +244,9 @@ def _probe(
         return Probe(_joined(points, [nothing]), np.ones(len(directions), bool), np.zeros((len(lamps), order * order)))
     is_hit, is_met, hits = _point_hits(points, others, np.tile(np.float32(middle), (len(directions), 1)), directions)
     of_lamps = np.zeros((len(lamps), order * order))
-    for k, lamp in enumerate(lamps):
-        for place, normal, area in zip(*lamp, strict=True):
-            towards, angle = towards_lamp(middle[None], place, normal, area)
-            if angle[0] > 0.0 and not _blocked(points.caster(others), middle[None], place)[0]:
+    for k, (emitter, lamp) in enumerate(lamps.items()):
+        for sample in () if emitter == i else lamp:
+            towards, angle = towards_lamp(middle[None], sample)
+            if angle[0] > 0.0 and not _blocked(points.caster(others), middle[None], sample.place)[0]:
                 of_lamps[k] += angle[0] * basis(towards[0], order)
     return Probe(_joined(points, [(is_met.astype(np.int64), *hits)]), ~is_hit, of_lamps)

@@ -54,9 +54,10 @@ Float64Array = NDArray[np.float64]
 class ShadingState:
     """A scene in some light: the visible layers of its objects by index, lobes of all points and errors (S,) of their
     fit, details of the objects that have any; casters: for each object the other bending objects whose shadows its
-    transfer does not contain. lights: of the objects, by index, that have other light than the sky's `bands`; added
-    (S, 3): radiance of white points by neighbours and lamps (`engine.realtime.zonal_harmonics.neighbours`), None for
-    none; lamps: those whose light is part of it. gloss: how glossy layers, by object, are drawn; the others are one
+    transfer does not contain. lights: of the objects, by index, that have other light than the sky's `bands`; unlit:
+    the same without lamps, of those that lamps light by rays at rest; added (S, 3): radiance of white points by
+    neighbours and lamps (`engine.realtime.zonal_harmonics.neighbours`), None for none; lamps: those whose light is part
+    of it. gloss: how glossy layers, by object, are drawn; the others are one
     lobe each. version: differs for different pictures."""
 
     version: int
@@ -69,6 +70,7 @@ class ShadingState:
     details: Mapping[int, Detail]
     casters: tuple[frozenset[int], ...] = ()
     lights: Mapping[int, BandLight] = field(default_factory=dict)
+    unlit: Mapping[int, BandLight] = field(default_factory=dict)
     added: Float32Array | None = None
     gloss: Mapping[tuple[int, Layer], LayerGloss] = field(default_factory=dict)
     lamps: tuple[Lamp, ...] = ()
@@ -219,7 +221,8 @@ class PictureRenderer:
         white, own = self._shade_points(of, poses, places, frames, turned, quality)
         gloss = self._gloss(of, places, frames, camera_position, white, own)
         drawn = self._rasterize(of.scene, places, camera, (resolution[0] * fine, resolution[1] * fine))
-        picture = paint(drawn, points.surface, white, gloss, of.albedos, of.scene.emission, of.backdrop)
+        emission = of.scene.emission, of.scene.cones
+        picture = paint(drawn, points.surface, white, gloss, of.albedos, *emission, of.backdrop)
         for i in of.layers_of:
             self._add_by_pixel(of, i, drawn, white, camera_position, picture, quality)
         return _downsample(picture) if fine == 2 else picture
@@ -231,7 +234,8 @@ class PictureRenderer:
         drawn = self._rasterize(of.scene, self.posed.at(poses)[0], camera, resolution)
         errors = np.repeat(error_to_radiance(of.errors).astype(np.float32)[:, None], 3, axis=1)
         one = np.ones((len(of.scene.smooth), 3), np.float32)
-        picture = paint(drawn, self._points.surface, errors, np.zeros_like(errors), one, np.zeros_like(one))
+        emission = np.zeros_like(one), of.scene.cones
+        picture = paint(drawn, self._points.surface, errors, np.zeros_like(errors), one, *emission)
         for i, found in of.details.items():
             if (pixels := pixels_of(i, drawn, self._points)) is not None:
                 of_pixels = error_to_radiance(found.errors_at(pixels.uvs(of.scene))).astype(np.float32)
@@ -264,7 +268,10 @@ class PictureRenderer:
             white = own.copy()
             objects, normals = of.casting_objects, np.ascontiguousarray(frames[:, 2])
             if quality == "rest":
-                lack = blocked_light(self._points, of.light, of.lamps, of.lights, of.casts, objects, places, normals)
+                shade_own_light(of.unlit, of.lobes, self._points, turns, white)
+                lack = blocked_light(
+                    self._points, of.light, of.lamps, of.lights, of.unlit, of.casts, objects, places, normals
+                )
                 white = np.maximum(white - lack[0], np.float32(0.0)) - lack[1]
             else:
                 add_shadows(self.blockers.rows(objects), of.casts, self._points, places, normals, of.bands, white)
@@ -357,14 +364,16 @@ def shade_objects(of: ShadingState, points: BendingPoints, frames: Float32Array)
     white = np.empty((len(points), 3), np.float32)
     of_sky = np.flatnonzero(~np.isin(points.owners, list(of.lights)))
     shade_some(of_sky, of.lobes, frames, of.bands, white)
-    shade_own_light(of, points, frames, white)
+    shade_own_light(of.lights, of.lobes, points, frames, white)
     return np.maximum(white, np.float32(0.0), out=white)
 
 
-def shade_own_light(of: ShadingState, points: BendingPoints, frames: Float32Array, white: Float32Array) -> None:
-    """Fill white (S, 3) at the points of objects that have light of their own; it may be negative."""
-    for i, light in of.lights.items():
-        shade_some(points.points_of(i), of.lobes, frames, light, white)
+def shade_own_light(
+    lights: Mapping[int, BandLight], lobes: Lobes, points: BendingPoints, frames: Float32Array, white: Float32Array
+) -> None:
+    """Fill white (S, 3) at the points of objects that have these lights of their own; it may be negative."""
+    for i, light in lights.items():
+        shade_some(points.points_of(i), lobes, frames, light, white)
 
 
 def camera_position_of(scene: Scene, camera: CameraDescription) -> NDArray[np.float64]:

@@ -13,7 +13,7 @@ where V_rest leaves out what objects at rest block already: their shadows are pa
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -24,7 +24,7 @@ from engine.light.triangle_lights import cut_lights
 from engine.precompute.direct.pipeline import SkyState
 from engine.realtime.zonal_harmonics import _posed_shadow_kernels as kernels
 from engine.realtime.zonal_harmonics.bending_points import BendingPoints
-from engine.realtime.zonal_harmonics.neighbours import SHORTENED, towards_lamp
+from engine.realtime.zonal_harmonics.neighbours import SHORTENED, LampSample, towards_lamp
 from engine.scene.raycaster import RayCaster
 
 Float32Array = NDArray[np.float32]
@@ -45,35 +45,38 @@ class Caster:
 
 @dataclass(frozen=True, eq=False)
 class Lamp:
-    """An emitter: samples (K, 3) of its area, its normals there (K, 3), the area of each (K,), its radiance (3,)."""
+    """An emitter: its parts, and its radiance (3,)."""
 
-    places: Float64Array
-    normals: Float64Array
-    areas: Float64Array
+    samples: Sequence[LampSample]
     emission: Float64Array
 
 
 def blocked_light(
-    points: BendingPoints, sky: SkyState, lamps: Sequence[Lamp], apart: Collection[int], casts: NDArray[np.bool_],
-    objects: Sequence[int], places: Float32Array, normals: Float32Array,
+    points: BendingPoints, sky: SkyState, lamps: Sequence[Lamp], apart: Collection[int], unlit: Collection[int],
+    casts: NDArray[np.bool_], objects: Sequence[int], places: Float32Array, normals: Float32Array,
 ) -> tuple[Float32Array, Float32Array]:  # fmt: skip
     """Radiance (S, 3) of white Lambertian points, at places (V, 3) with normals (S, 3), by the light of a sky that
     objects block in their current pose; and by that of lamps.
 
     casts (M, C): whether each of the C objects casts such a shadow on each of the M. apart: objects whose light from
     lamps is part of light of their own (`engine.realtime.zonal_harmonics.neighbours`), so that they lack none of them.
+    unlit: those of them without that part, which lack as much as they get of lamps, with a negative sign.
     """
     of_sky, of_lamps = np.zeros((len(normals), 3)), np.zeros((len(normals), 3))
-    casters = [_caster(points, i, places) for i in objects] if casts.any() else []
+    lit_anew = set(unlit) if lamps else set()
+    casters = [_caster(points, i, places) for i in objects] if casts.any() or lit_anew else []
     resting = tuple(i for i in np.unique(points.surface.i_object).tolist() if i not in objects)
-    for i_object in np.flatnonzero(casts.any(axis=1)):
+    for i_object in sorted(lit_anew.union(np.flatnonzero(casts.any(axis=1)).tolist())):
         own = [casters[k] for k in np.flatnonzero(casts[i_object])]
-        for block in _blocks(points.points_of(int(i_object))):
+        for block in _blocks(points.points_of(i_object)):
             rays = _Rays(points, resting, own, places[block], normals[block])
-            if sky.environment is not None:
+            if sky.environment is not None and own:
                 of_sky[block] = rays.blocked_lights(*_lights_of(sky))
-            for lamp in () if i_object in apart else lamps:
-                of_lamps[block] += rays.blocked_lamp(lamp)
+            if i_object in lit_anew:
+                rays = replace(rays, casters=casters)
+                of_lamps[block] = -sum(rays.light_of(lamp, blocked=False) for lamp in lamps)
+            elif i_object not in apart:
+                of_lamps[block] = sum(rays.light_of(lamp, blocked=True) for lamp in lamps)
     return of_sky.astype(np.float32), of_lamps.astype(np.float32)
 
 
@@ -99,18 +102,18 @@ class _Rays:
         cosine = np.einsum("rc,rc->r", self.normals[point], towards[light], dtype=np.float64) / np.pi
         return np.stack([np.bincount(point, cosine * power[light, c], len(self.places)) for c in range(3)], axis=1)
 
-    def blocked_lamp(self, lamp: Lamp) -> Float64Array:
-        """Light (B, 3) that points lack of a lamp."""
+    def light_of(self, lamp: Lamp, blocked: bool) -> Float64Array:
+        """Light (B, 3) of a lamp that casters block, or that they let pass to the points."""
         found = np.zeros(len(self.places))
-        for place, normal, area in zip(lamp.places, lamp.normals, lamp.areas, strict=True):
-            directions, factor = towards_lamp(self.places.astype(np.float64), place, normal, area)
+        for sample in lamp.samples:
+            directions, factor = towards_lamp(self.places.astype(np.float64), sample)
             factor *= np.maximum(np.einsum("pc,pc->p", directions, self.normals), 0.0) / np.pi
-            to = (place - self.places).astype(np.float32)
+            to = (sample.place - self.places).astype(np.float32)
             lit = np.flatnonzero(factor > 0.0)
             is_blocked = np.zeros(len(lit), bool)
             for caster in self.casters:
                 is_blocked |= self._hits(caster.rays, lit, to[lit], SHORTENED)
-            lit = lit[is_blocked]
+            lit = lit[is_blocked == blocked]
             lit = lit[self._open_at_rest(lit, to[lit], SHORTENED)]
             found[lit] += factor[lit]
         return found[:, None] * lamp.emission

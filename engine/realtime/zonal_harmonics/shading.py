@@ -223,22 +223,28 @@ class _Clusters:
         mine = np.flatnonzero(surface.i_object == i_object)
         chosen = mine[:: -(-len(mine) // _MOST_TRIANGLES) or 1]
         self._share = len(mine) / max(len(chosen), 1)
+        opacity = points.mean_opacity(chosen)
         self._is_closed = bool((surface.sides[mine, 1, 0] < 0).all())
         middles = points.corners_at_rest(chosen).astype(np.float64).mean(axis=1)
         labels = np.zeros(len(chosen), np.int64)
         if len(chosen) > count > 1:
             labels = kmeans2(middles, count, minit="++", rng=_CLUSTER_SEED)[1]
         order = np.argsort(labels, kind="stable")
-        self._corners = surface.corners[chosen[order]]
+        self._corners, self._opacity = surface.corners[chosen[order]], opacity[order]
         self._firsts = np.flatnonzero(np.diff(labels[order], prepend=-1))
 
     def rows(self, places: Float32Array) -> Float32Array:
-        """See `Blockers.rows`: areas and second moments of triangles at the corners' current positions."""
+        """See `Blockers.rows`: areas and second moments of triangles at the corners' current positions.
+
+        A cluster with holes has the extent of what is there, and of its outline the share that is there: the adjugate,
+        of whose root the outline is, has the square of that.
+        """
         if not len(self._firsts):
             return np.zeros((0, CLUSTER_ROW), np.float32)
         corners = places[self._corners].astype(np.float64)
         cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        areas, summed = 0.5 * np.linalg.norm(cross, axis=1), corners.sum(axis=1)
+        whole, summed = 0.5 * np.linalg.norm(cross, axis=1), corners.sum(axis=1)
+        areas = whole * self._opacity
         # The integral of x x^T over a triangle is A / 12 (sum of v v^T over its corners + (sum of v)(sum of v)^T).
         squares = np.einsum("tki,tkj->tij", corners, corners) + summed[:, :, None] * summed[:, None, :]
         area = np.maximum(np.add.reduceat(areas, self._firsts), 1e-30)
@@ -248,11 +254,13 @@ class _Clusters:
         rows = np.zeros((len(area), CLUSTER_ROW), np.float32)
         rows[:, :3], rows[:, 3] = middle, area * self._share
         a, b, c = spread[:, 0], spread[:, 1], spread[:, 2]
-        adjugate = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
+        there = area / np.maximum(np.add.reduceat(whole, self._firsts), 1e-30)
+        adjugate = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1) * (there**2)[:, None, None]
         rows[:, 4:7] = np.maximum(adjugate[:, (0, 1, 2), (0, 1, 2)], 0.0)
         rows[:, 7:10] = adjugate[:, (0, 0, 1), (1, 2, 2)]
         if self._is_closed:
-            rows[:, 10:13] = 0.5 * np.add.reduceat(cross, self._firsts) / area[:, None]
+            facing = 0.5 * np.add.reduceat(cross * self._opacity[:, None], self._firsts)
+            rows[:, 10:13] = facing / area[:, None]
         return rows
 
 

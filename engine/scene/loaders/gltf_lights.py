@@ -102,6 +102,4 @@ def _cone(fields: JsonObject) -> tuple[float, float]:
     """The half angles of a spot's cone, 0 <= inner <= outer <= 90 degrees."""
     spot = fields.child("spot")
     outer = spot.clamped(spot.number("outerConeAngle", math.pi / 4.0), "outerConeAngle", 1e-3, math.pi / 2.0)
-    inner = spot.clamped(spot.number("innerConeAngle", 0.0), "innerConeAngle", 0.0, outer)
-    fields.not_shown("spot", "its edge is that of a lamp in a tube, a few percent unlike the formula's")
-    return inner, outer
+    return spot.clamped(spot.number("innerConeAngle", 0.0), "innerConeAngle", 0.0, outer), outer

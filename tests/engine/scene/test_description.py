@@ -117,7 +117,7 @@ def test_reference_scenes_survive_json(shared_reference, name):
         (
             "object.0.primitive",
             "torus",
-            "object 0 'ball': primitive = torus, expected 'quad', 'cube', 'sphere', 'disc' or 'tube'",
+            "object 0 'ball': primitive = torus, expected 'quad', 'cube', 'sphere' or 'disc'",
         ),
         ("object.0.mesh", "a.ply", "object 0 'ball': mesh = a.ply, expected exactly one of mesh and primitive"),
         ("object.0.transform", [1] * 15, "object 0 'ball': transform = [1, 1"),

@@ -58,7 +58,7 @@ class PointBuffers:
         self._memory, self._textures = BufferMemory(context), TextureMemory(context)
         self.mesh: MeshPart | None = None
         self.terms: tuple[OrbitTerm, ...] = ()
-        self.emission = np.zeros((0, 3), np.float32)
+        self.emission, self.cones = np.zeros((0, 3), np.float32), np.zeros((0, 4), np.float32)
         self.has_holes = np.zeros(0, bool)  # which objects
         self.tables: dict[int, Tables] = {}
         self.sky: moderngl.Texture | None = None
@@ -114,7 +114,7 @@ class PointBuffers:
             self.sky = made
 
     def _take_terms(self, part: TermsPart) -> None:
-        self.terms, self.emission = part.terms, part.emission
+        self.terms, self.emission, self.cones = part.terms, part.emission, part.cones
         self.has_holes = part.opacities[:, 0] > 0.0 if len(part.opacities) else np.zeros(len(part.emission), bool)
         self._replace("opacities", self._memory.filled(part.opacities))
         used = {term.tables for term in part.terms}
@@ -237,9 +237,9 @@ class ShadedPicture:
         buffers = self.buffers
         for binding, name in ((5, "images"), (14, "opacities")):
             buffers[name].bind_to_storage_buffer(binding)
-        for i, emission in enumerate(buffers.emission):
+        for i, (emission, cone) in enumerate(zip(buffers.emission.tolist(), buffers.cones.tolist(), strict=True)):
             emitted = self._program("emitted", "emitted", HAS_HOLES=int(buffers.has_holes[i]))
-            set_uniforms(emitted, **view, emission=tuple(map(float, emission)), i_object=i)
+            set_uniforms(emitted, **view, emission=tuple(emission), cone=tuple(cone), i_object=i)
             self._draw_object(emitted, mesh, i)
         self._target.begin_terms()
         self._mark(mesh, view)
