@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 from engine.light.environment import constant_environment
 from engine.material import MODELS
@@ -14,6 +15,7 @@ from engine.material.layer import make_layer
 from engine.precompute.direct.pipeline import SkyState
 from engine.realtime.stills import PathReference
 from engine.realtime.zonal_harmonics.deform_engine import Deform, finish_deform
+from engine.realtime.zonal_harmonics.picture_renderer import Quality
 from engine.scene.scene_loader import load_scene
 from tests.engine.realtime.zonal_harmonics.test_deform_engine import SIZE, seen
 from tests.scene_text import camera, environment, facing_down, facing_up, placed, scaled
@@ -44,13 +46,24 @@ def made(
     return finish_deform(deform)
 
 
-def white(deform: Deform, name: str) -> np.ndarray:
+def white(deform: Deform, name: str, quality: Quality = "moving") -> np.ndarray:
     """Radiance of an object's white points at rest (P, 3), all on its front."""
-    deform.draw(deform.scene.description.camera, SIZE)
+    deform.draw(deform.scene.description.camera, SIZE, (), quality)
+    assert deform._pictures is not None
+    return deform._pictures._white[1][front(deform, name)]
+
+
+def front(deform: Deform, name: str) -> np.ndarray:
+    """The points on an object's front."""
     points, i = deform._points, deform.scene.object_index(name)
-    assert points is not None and deform._pictures is not None
-    front = np.unique(points.surface.sides[points.surface.i_object == i, 0])
-    return deform._pictures._white[1][front]
+    assert points is not None
+    return np.unique(points.surface.sides[points.surface.i_object == i, 0])
+
+
+def places(deform: Deform, name: str) -> np.ndarray:
+    """Where these are (P, 3), in the file's coordinates."""
+    assert deform._points is not None
+    return deform._points.places[front(deform, name)] + deform.scene.origin
 
 
 @pytest.mark.parametrize("bends", [(), ("leaf",)])
@@ -72,6 +85,42 @@ def test_a_lamp_lights_what_rests_and_what_bends(tmp_path: Path, bends: tuple[st
     assert white(made(tmp_path, LEAF + lamp + board, dark, bends, 1), "leaf") == pytest.approx(0.0, abs=1e-6)
     turned = placed("lamp", "quad", facing_down(0.2, (0, -1.0, 0)), LAMP)
     assert white(made(tmp_path, LEAF + turned, dark, bends), "leaf") == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_near_lamp_at_rest_lights_each_place_of_what_bends(tmp_path: Path) -> None:
+    """L s² cos cos / (π d²) at each place; while it moves, the light is that of its middle."""
+    lamp = placed("lamp", "quad", facing_up(0.05, (0.3, 0.5, 0.1)), LAMP)
+    leaf = placed("leaf", "quad", facing_down(1.0, (0, 1.0, 0)))
+    deform = made(tmp_path, leaf + lamp, SkyState(None), ("leaf",))
+    away = places(deform, "leaf") - (0.3, 0.5, 0.1)
+    # Both cosines are height over distance, which is a half and more: the lamp is a tenth of that wide.
+    expected = np.outer(0.05**2 * away[:, 1] ** 2 / (math.pi * (away**2).sum(axis=1) ** 2), (5.0, 4.0, 3.0))
+    assert expected[:, 0].max() > 5.0 * expected[:, 0].min()
+    assert white(deform, "leaf", "rest") == pytest.approx(expected, rel=0.02)
+    moving = white(deform, "leaf")
+    assert np.ptp(moving[:, 0]) < 0.05 * moving[:, 0].max()
+
+
+def test_what_bends_has_its_own_shadow_and_that_of_others_by_a_near_lamp(tmp_path: Path) -> None:
+    square = np.array([[-0.5, 0, -0.5], [0.5, 0, -0.5], [0.5, 0, 0.5], [-0.5, 0, 0.5]])
+    sheets = np.concatenate([square + (0, 1.0, 0), 0.3 * square + (0, 0.75, 0)])
+    faces = np.array([[0, 1, 2], [0, 2, 3]])
+    trimesh.Trimesh(sheets, np.concatenate([faces, faces + 4]), process=False).export(tmp_path / "sheets.ply")
+    lamp = placed("lamp", "quad", facing_up(0.02, (0, 0.25, 0)), LAMP)
+    card = placed("card", "quad", facing_up(0.1, (0.2, 0.5, 0)))
+    bends = ("sheets", "card")
+    deform = made(tmp_path, placed("sheets", "sheets.ply") + lamp + card, SkyState(None), bends, n_points=2000)
+    found, at = white(deform, "sheets", "rest")[:, 0], places(deform, "sheets")
+    upper = at[:, 1] > 0.9
+    across = np.abs(at[:, [0, 2]]).max(axis=1)
+    # As seen from the lamp the lower sheet, 0.3 m wide at 0.5 m, covers 0.45 m of the upper one at 0.75 m; the card,
+    # 0.1 m wide at 0.25 m and 0.2 m aside, covers 0.3 m around x = 0.6.
+    in_shadow = upper & (across < 0.2)
+    by_card = upper & (at[:, 0] > 0.46) & (np.abs(at[:, 2]) < 0.13)
+    lit = upper & (across > 0.25) & (at[:, 0] < 0.4)
+    assert in_shadow.any() and by_card.any() and lit.any()
+    np.testing.assert_array_equal(found[in_shadow | by_card], 0.0)
+    assert (found[lit] > 0.0).all() and (found[~upper] > 0.0).all()
 
 
 def test_lamps_change_with_their_emission_alone(tmp_path: Path) -> None:

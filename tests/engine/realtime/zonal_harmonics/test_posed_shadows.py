@@ -37,7 +37,7 @@ def blocked(deform: Deform, poses: Poses, sky: SkyState) -> tuple[np.ndarray, np
     places, frames = pictures.posed.at(poses)
     normals = np.ascontiguousarray(frames[:, 2])
     of_sky, of_lamps = blocked_light(
-        pictures._points, sky, state.lamps, state.lights, state.casts, state.casting_objects, places, normals
+        pictures._points, sky, state.lamps, state.lights, (), state.casts, state.casting_objects, places, normals
     )
     return of_sky, of_lamps, (places[: len(normals)] + deform.scene.origin).astype(np.float32), normals
 

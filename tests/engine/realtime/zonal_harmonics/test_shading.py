@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from PIL import Image
 from scipy.spatial.transform import Rotation
 
 from engine.core.generators import run_to_end
@@ -267,6 +268,31 @@ def test_the_shadow_goes_along(deform: Deform) -> None:
         middle = (areas[:, None] * corners.mean(axis=1)).sum(axis=0) / areas.sum()
         found = (rows[:, 3:4] * rows[:, :3]).sum(axis=0) / rows[:, 3].sum()
         assert found == pytest.approx(middle, abs=0.02) and rows[:, 3].sum() == pytest.approx(areas.sum(), rel=0.05)
+
+
+@pytest.mark.parametrize("mode", ["mask", "blend"])
+def test_a_blocker_with_holes_casts_the_share_of_its_shadow_that_is_there(tmp_path: Path, mode: str) -> None:
+    """A roof that covers by 0.4, or whose texture cuts 0.4 of it in stripes, takes 0.4 of what a whole one takes."""
+    stripes = np.zeros((10, 10, 4), np.uint8)
+    stripes[:, ::5, 3] = stripes[:, 1::5, 3] = 255
+    Image.fromarray(stripes).save(tmp_path / "stripes.png")
+    opacity = {"mask": 'mode = "mask", file = "stripes.png"', "blend": 'mode = "blend", factor = 0.4'}[mode]
+    found = []
+    for more in ("", f"opacity = {{ {opacity} }}\n"):
+        text = camera((0.5, 2.0, 4.0), 40, SIZE) + environment() + placed("floor", "quad", facing_up(2))
+        text += placed("roof", "quad", facing_up(2, (0, 2.0, 0)), more)
+        (tmp_path / "roof.toml").write_text(text)
+        deform = Deform(load_scene(tmp_path / "roof.toml"), n_points=400, n_rays=100)
+        deform.set_layers({0: (MATT,), 1: (MATT,)})
+        deform.set_light(WHITE)
+        deform.set_bending(["roof"])
+        left = share_left(finish_deform(deform))
+        floor = deform._points.points_of(0)
+        found.append(1.0 - left[floor][deform._points.frames[floor, 2, 1] > 0.5])
+    whole, holed = found
+    assert whole.mean() > 0.1
+    # Clusters also occlude one another, so that a darker shadow has a little less than its share.
+    assert holed.mean() == pytest.approx(0.4 * whole.mean(), rel=0.1)
 
 
 def test_without_anything_that_casts_there_is_no_row(deform: Deform) -> None:
