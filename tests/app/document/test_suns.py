@@ -151,7 +151,7 @@ def test_a_floor_is_lit_as_its_sun_says(tmp_path: Path, environment: str) -> Non
     scene.light["Noon"].direction = direction_of(70.0, 30.0)
     scene.light["Noon"].irradiance = (4.0, 2.0, 1.0)
     if environment == "constant":
-        scene.light.environment = "constant"
+        scene._editing.do(SetEnvironment("constant", radiance=(1.0, 1.0, 1.0)))
     expected = scene["floor"]["lambert"].albedo[0] / math.pi * 0.5 * np.array([4.0, 2.0, 1.0])
     expected += scene["floor"]["lambert"].albedo[0] if environment == "constant" else 0.0
     found = np.asarray(scene.image("placement")).mean(axis=(0, 1))
