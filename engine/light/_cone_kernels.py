@@ -2,12 +2,14 @@
 
 import numba as nb
 import numpy as np
+from numpy.typing import NDArray
 
+Float32Array = NDArray[np.float32]
 _ZERO, _ONE = np.float32(0.0), np.float32(1.0)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def cone_share(cones, i, x, y, z):
+def cone_share(cones: Float32Array, i: int, x: float, y: float, z: float) -> np.float32:
     """The share of emitter i, which lies towards the unit direction (x, y, z)."""
     row = cones[i]
     along = min(max(row[3] - (row[0] * x + row[1] * y + row[2] * z), _ZERO), _ONE)
@@ -15,7 +17,9 @@ def cone_share(cones, i, x, y, z):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def cone_range(cones, i, unit, size):
+def cone_range(
+    cones: Float32Array, i: int, unit: Float32Array, size: np.float32
+) -> tuple[np.float32, np.float32, np.float32]:
     """The same for a triangle with unit corners `unit` (3, 3) and longest edge `size`, as seen from the point: the
     share of its centre, and bounds of it from below and above over the triangle."""
     x, y, z = (

@@ -30,7 +30,7 @@ def cone_row(axis: ArrayLike, inner: float, outer: float) -> NDArray[np.float32]
 
 def all_round(n: int) -> NDArray[np.float32]:
     """Rows (n, 4) of emitters without cones."""
-    return np.tile(np.float32(ALL_ROUND), (n, 1))
+    return np.tile(np.array(ALL_ROUND, np.float32), (n, 1))
 
 
 def cone_shares(rows: NDArray[np.floating], towards: NDArray[np.floating]) -> NDArray[np.floating]:
