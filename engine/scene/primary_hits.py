@@ -29,8 +29,9 @@ Float32Array = npt.NDArray[np.float32]
 Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]
 
-# Of a shading normal to wo.
+# Of a shading normal to wo; and of the mirror direction of wo to the face, at most as a share of that of wo.
 LEAST_COSINE = 1e-3
+_LEAST_MIRROR, _MIRROR_SHARE = 0.025, 0.9
 
 
 @dataclass(frozen=True)
@@ -310,6 +311,7 @@ def shading_frames(
     shading = np.where(usable, interpolated / np.where(usable, length, 1.0), geometric)
     geometric = _face(geometric, wo)
     horizon = _bend_towards_camera(_face(shading, geometric), wo)
+    horizon = _raise_mirror(horizon, geometric, wo)
     normal = _perturbed(scene, found, rays, horizon, wo, places) if scene.bump_normals.objects else horizon
     vectors = {
         "position": position,
@@ -365,3 +367,20 @@ def _bend_towards_camera(normals: Float64Array, wo: Float32Array) -> Float64Arra
     along = np.einsum("pk,pk->p", normals, wo)[:, None]
     bent = normals + np.maximum(LEAST_COSINE - along, 0.0) * wo
     return np.where(along < LEAST_COSINE, bent / np.linalg.norm(bent, axis=1, keepdims=True), normals)
+
+
+def _raise_mirror(normals: Float64Array, faces: Float64Array, wo: Float32Array) -> Float64Array:
+    """Bend unit normals whose mirror direction of wo lies behind the face, so that it lies a little above it.
+
+    Along silhouettes interpolated normals mirror wo into the body, which hides all that gloss reflects there; where a
+    coat dims what lies under it, that left dark flecks. The bent normal is the half vector of wo and the raised
+    direction, as in Cycles (`ensure_valid_specular_reflection`).
+    """
+    along, facing = (np.einsum("pk,pk->p", each, wo)[:, None] for each in (normals, faces))
+    mirror = 2.0 * along * normals - wo
+    height = np.einsum("pk,pk->p", mirror, faces)[:, None]
+    least = np.minimum(_MIRROR_SHARE * facing, _LEAST_MIRROR)
+    raised = mirror + (least - height) * faces
+    bent = wo + raised / np.linalg.norm(raised, axis=1, keepdims=True)
+    length = np.linalg.norm(bent, axis=1, keepdims=True)
+    return np.where((height < least) & (length > 1e-6), bent / np.where(length > 1e-6, length, 1.0), normals)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from PIL import Image
 
 from engine.core.generators import run_to_end
@@ -62,6 +63,21 @@ def edited(model: str) -> Layer:
     bend = Operator("translate", "y", 0.3, 0.4, 0.6, 0.8, 0.8, channels=(True, False, True))
     lift = Operator("amplify", "y", 0.0, 0.0, 0.1, 0.4, 1.5)
     return layer.with_operators(layer.model.factors[0].name, (bend, lift))
+
+
+def test_a_coat_mirrors_the_sky_along_silhouettes(tmp_path: Path) -> None:
+    """A black ball of 320 triangles under a coat and a white sky, which hides no direction above its faces: there is no
+    dark place along its silhouette, where the coat reflects nearly all of the light."""
+    ball = trimesh.creation.icosphere(subdivisions=2, radius=0.5)
+    (tmp_path / "ball.ply").write_bytes(ball.export(file_type="ply", vertex_normal=True))
+    placement = place(tmp_path, placed("ball", "ball.ply"), camera((0, 1.2, 3.4), 25, (64, 48)))
+    layers = {0: (lambert(0.0), make_layer(MODELS["clearcoat"], {"alpha": 0.05}))}
+    along = np.einsum("pk,pk->p", placement.hits.normal, placement.hits.wo)
+    grazing = np.flatnonzero(along < 0.2)
+    found = trace(placement, layers, SkyState(constant_environment((1.0,) * 3)), 1, 512, rows=grazing).radiance[:, 0]
+    # Schlick: 0.04 + 0.96 (1 - cos)^5 is at least 0.35 there; facets and the lobe's lower half take some of it.
+    fresnel = 0.04 + 0.96 * (1.0 - along[grazing]) ** 5
+    assert len(grazing) > 20 and (found > 0.4 * fresnel).all()
 
 
 def uneven_sky() -> Environment:

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -92,14 +93,36 @@ def test_a_normal_that_leans_away_is_bent_to_the_camera_and_stays_on_its_side(sc
     scene, hits = trace(scene_file(placed("t", "t.ply"), view((-3, 0, 0.5))))
     check_invariants(scene, hits)
     assert (hits.geometric_normal[:, 2] > 0.99).all()
-    # Turned round by its own sign it would be -X and see what is behind the face. It is the one in the plane of the
-    # normal and the eye that the eye sees edge on: n - (n·wo) wo, normalized, and a hair towards the eye.
+    # Turned round by its own sign it would be -X and see what is behind the face. It is first the one in the plane of
+    # the normal and the eye that the eye sees edge on: n - (n·wo) wo, normalized, and a hair towards the eye.
+    wo = hits.wo.astype(np.float64)
     leaning = np.array([1.0, 0.0, 0.01]) / np.hypot(1.0, 0.01)
-    edge_on = leaning - (hits.wo @ leaning)[:, None] * hits.wo
+    edge_on = leaning + (0.001 - wo @ leaning)[:, None] * wo
     edge_on /= np.linalg.norm(edge_on, axis=1, keepdims=True)
-    assert np.abs(hits.normal - edge_on).max() < 0.01
+    # It would mirror the eye into the face, so it becomes the half vector of the eye and a direction 0.025 above that.
+    mirror = 2.0 * np.einsum("pk,pk->p", edge_on, wo)[:, None] * edge_on - wo
+    assert (mirror[:, 2] < 0.0).all()
+    mirror[:, 2] = 0.025
+    half = wo + mirror / np.linalg.norm(mirror, axis=1, keepdims=True)
+    assert np.abs(hits.normal - half / np.linalg.norm(half, axis=1, keepdims=True)).max() < 0.01
     assert np.einsum("pk,pk->p", hits.normal, hits.wo).min() > 0
     assert np.einsum("pk,pk->p", hits.normal, hits.geometric_normal).min() > 0
+
+
+def test_no_normal_of_a_smooth_surface_mirrors_the_eye_into_its_faces(scene_file, tmp_path):
+    ball = trimesh.creation.icosphere(subdivisions=1, radius=0.5)
+    (tmp_path / "ball.ply").write_bytes(ball.export(file_type="ply", vertex_normal=True))
+    scene, hits = trace(scene_file(placed("ball", "ball.ply"), view((0.3, 0.8, 2.5))))
+    check_invariants(scene, hits)
+    along, facing = (np.einsum("pk,pk->p", each, hits.wo) for each in (hits.normal, hits.geometric_normal))
+    height = np.einsum("pk,pk->p", 2.0 * along[:, None] * hits.normal - hits.wo, hits.geometric_normal)
+    # 80 triangles: normals lean away from their faces by up to 20 degrees, and so along the whole silhouette.
+    assert (height >= np.minimum(0.9 * facing, 0.025) - 1e-3).all()
+    assert (height < 0.03).mean() > 0.03
+    # Where they do not, they stay between those of the vertices: the ball's own.
+    inner = along > 0.6
+    true = hits.position / np.linalg.norm(hits.position, axis=1, keepdims=True)
+    assert inner.any() and np.einsum("pk,pk->p", hits.normal, true)[inner].min() > np.cos(np.radians(3.0))
 
 
 def test_vertex_normals_that_cancel_fall_back_to_the_face(scene_file, mesh_file):

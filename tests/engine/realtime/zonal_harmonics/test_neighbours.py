@@ -116,7 +116,7 @@ def test_what_bends_has_its_own_shadow_and_that_of_others_by_a_near_lamp(tmp_pat
     # As seen from the lamp the lower sheet, 0.3 m wide at 0.5 m, covers 0.45 m of the upper one at 0.75 m; the card,
     # 0.1 m wide at 0.25 m and 0.2 m aside, covers 0.3 m around x = 0.6.
     in_shadow = upper & (across < 0.2)
-    by_card = upper & (at[:, 0] > 0.46) & (np.abs(at[:, 2]) < 0.13)
+    by_card = upper & (at[:, 0] > 0.475) & (np.abs(at[:, 2]) < 0.12)
     lit = upper & (across > 0.25) & (at[:, 0] < 0.4)
     assert in_shadow.any() and by_card.any() and lit.any()
     np.testing.assert_array_equal(found[in_shadow | by_card], 0.0)
