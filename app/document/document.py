@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import difflib
 import functools
+import math
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -447,8 +448,9 @@ def _suns_of(environment: EnvironmentDescription) -> tuple[Sun, ...]:
     suns, taken = list[Sun](), set[str]()
     for number, each in enumerate(environment.suns, 1):
         red, green, blue = (environment.scale * value for value in each.irradiance)
+        length, (x, y, z) = math.hypot(*each.direction), each.direction
         name = free_name(each.name or f"sun {number}", taken)
-        suns.append(Sun(each.direction, (red, green, blue), each.diameter, name))
+        suns.append(Sun((x / length, y / length, z / length), (red, green, blue), each.diameter, name))
     return tuple(suns)
 
 

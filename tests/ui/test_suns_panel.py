@@ -36,7 +36,7 @@ def the_sun(window: HeadlessWindow) -> Sun:
 @pytest.mark.parametrize("row", ["azimuth", "elevation", "irradiance", "diameter"])
 def test_a_drag_is_one_step_and_a_right_click_goes_back(sunny: HeadlessWindow, row: str) -> None:
     editor = sunny.shell.editor
-    for other in ("library", "brdf", "accuracy"):  # room for all rows
+    for other in ("library", "brdf", "accuracy", "plan", "material"):  # room for all rows
         editor.do(OpenPanel(other, False))
     sunny.frames(6)
     before, n_steps = the_sun(sunny), len(editor.history.undo_steps)
