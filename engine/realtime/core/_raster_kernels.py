@@ -210,7 +210,7 @@ def paint_rows(
                 continue
             # Emission is visible from the front only, and within its cone.
             side, m = 0 if front[t] > 0.0 else 1, i_object[t]
-            share = 0.0
+            share = np.float32(0.0)
             if side == 0:
                 vx, vy, vz = dx + x * plane[1, 0], dy + x * plane[1, 1], dz + x * plane[1, 2]
                 inverse = 1.0 / np.sqrt(vx * vx + vy * vy + vz * vz)
