@@ -61,13 +61,14 @@ class Entry:
     """A figure or table: its place in the paper, what it shows, and what the paper prints of it in words or numbers.
 
     make: carries ours out and returns it in Markdown; None where there is no counterpart, for the reason that `printed`
-    gives.
+    gives. timed: ours has seconds, so the machine's load belongs to it.
     """
 
     place: str
     title: str
     printed: str
     make: Make | None = None
+    timed: bool = False
 
     @property
     def name(self) -> str:

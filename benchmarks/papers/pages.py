@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from app.measure.study import load_average
 from app.system.atomic import save_file
 from benchmarks.papers import thesis, triple_product, zonal_harmonics
 from benchmarks.papers.entries import Entry, Paper, Work, paragraph, read_paper
@@ -53,7 +54,9 @@ def carry_out(work: Work, kept: Kept, only: Sequence[str], conditions: str) -> N
     for paper, entry in chosen(only):
         assert entry.make is not None
         work.report(f"[{paper.key}] {entry.place}: {entry.title}")
-        kept.save(paper, entry, entry.make(work))
+        load = load_average() if entry.timed else None
+        text = entry.make(work)
+        kept.save(paper, entry, f"{text}\nLoad {load[0]:.1f} when it began.\n" if load else text)
     write_pages(work.papers, kept, conditions)
 
 
@@ -87,7 +90,4 @@ def _lowered(text: str) -> str:
 
 def conditions_of(facts: dict[str, Any]) -> str:
     """What machine a run was on."""
-    load = facts.get("load_average") or []
-    busy = f", load {load[0]:.1f} when it began" if load else ""
-    machine = f"{facts['cores']} cores of {facts['cpu']}, {facts['ram_gib']:.0f} GiB"
-    return f"Measured on {facts['date'][:10]} with {machine}{busy}."
+    return f"Measured on {facts['date'][:10]} with {facts['cores']} cores of {facts['cpu']}, {facts['ram_gib']:.0f} GiB."

@@ -193,7 +193,7 @@ def truth_pictures(work: Work) -> str:
         lines.append([name, f"{errors(*pictures).rmse:.3%}", f"{_wrong(*seen):.4%}", f"{_changed(*rows[-1][:2]):.2%}"])
     shown = work.picture(
         "shapes_bunny",
-        sheet(["OPT", "all rays", "difference, × 4 of the mean"], rows),
+        sheet(["OPT", "all rays", "difference, white: mean / 4"], rows),
         "Shapes and bunny by OPT and by all rays",
     )
     return f"{shown}\n{table(['', 'relRMSE', 'wrong answers', 'pixels that differ in 8 bits'], lines)}"
