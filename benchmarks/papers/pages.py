@@ -90,4 +90,5 @@ def _lowered(text: str) -> str:
 
 def conditions_of(facts: dict[str, Any]) -> str:
     """What machine a run was on."""
-    return f"Measured on {facts['date'][:10]} with {facts['cores']} cores of {facts['cpu']}, {facts['ram_gib']:.0f} GiB."
+    machine = f"{facts['cores']} cores of {facts['cpu']}, {facts['ram_gib']:.0f} GiB"
+    return f"Measured on {facts['date'][:10]} with {machine}."
