@@ -124,9 +124,10 @@ def series_of_bounces(work: Work) -> str:
         project = open_project(name, (side, side), values).with_settings(n_edge_rays=0)
         parts.append(f"{name}:\n\n{series_table(series_rows(project, work.of(1024, 4)))}")
     words = """relRMSE to 1,024 paths a pixel with whole curves at each of four bounces, 32 × 32; the noise of paths is
-        taken out, so 0.0 % means no more than noise. *Such paths* have whole curves at as many bounces as the series has
-        bands at, and albedos at the others: what the approximation itself leaves out. The box is as edited in figures 5.5
-        and 5.6: the highlight of its glossy wall needs more than the 16 bands of 16,8,1,1, which ring."""
+        taken out, so 0.0 % means no more than noise. *Such paths* have whole curves at as many bounces as the
+        series has bands at, and albedos at the others: what the approximation itself leaves out. The box is as
+        edited in figures 5.5 and 5.6: the highlight of its glossy wall needs more than the 16 bands of 16,8,1,1,
+        which ring."""
     return "\n\n".join([*parts, paragraph(words)])
 
 
