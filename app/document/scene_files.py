@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Literal
 
 from app.system.atomic import make_private_folder, replacing_folder, sweep_temporaries
-from engine.core.errors import InsituError, describe_value
+from engine.core.errors import InsituError, list_names
 from engine.core.safe_files import local_path, read_regular_file
 from engine.scene.builtin import scene_path
 from engine.scene.mesh import MATERIAL_ENDING, MAX_MESH_BYTES, MESH_ENDINGS
@@ -34,7 +34,7 @@ _USED = (
     _SCENE_ENDING, *MESH_ENDINGS, ".mtl", ".bin", ".png", ".jpg", ".jpeg", ".exr", ".hdr", ".pic", ".webp", ".ktx2",
     ".binary", ".brdf", ".bsdf", ".csv",
 )  # fmt: skip
-_MOST_ENTRIES, _DEEPEST, _MOST_LISTED = 4096, 8, 8
+_MOST_ENTRIES, _DEEPEST = 4096, 8
 _NOTE = ".scene"  # in the folder of an unpacked archive: the name of its scene
 _MOST_KEPT, _KEPT_SECONDS = 8, 24 * 3600.0
 
@@ -119,9 +119,8 @@ def _only_scene(names: Iterable[str], where: Path) -> str:
     if not scenes:
         raise InsituError(f"{where}: no scene in it, expected a scene (.toml) or a mesh ({', '.join(MESH_ENDINGS)})")
     if len(scenes) > 1:
-        listed = ", ".join(map(describe_value, scenes[:_MOST_LISTED]))
-        more = f" and {len(scenes) - _MOST_LISTED} more" if len(scenes) > _MOST_LISTED else ""
-        raise InsituError(f"{where}: {len(scenes)} scenes in it, expected one: {listed}{more}; open one of them itself")
+        listed = list_names(scenes)
+        raise InsituError(f"{where}: {len(scenes)} scenes in it, expected one: {listed}; open one of them itself")
     return scenes[0]
 
 

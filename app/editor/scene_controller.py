@@ -36,7 +36,7 @@ from app.messages.worker_messages import OpenScene, Request, RequestFailed, Scen
 from app.modes.mode import ModeController, OpenedScene
 from app.system.atomic import add_inputs, set_inputs
 from app.system.file_watch import FileWatch
-from engine.core.errors import InsituError
+from engine.core.errors import InsituError, list_names
 from engine.scene.builtin import DEFAULT_SCENE
 from engine.scene.description import SceneDescription
 from engine.scene.import_report import ImportReport
@@ -382,9 +382,9 @@ class SceneController:
         kept, lost = [name for name in gone if name in waiting], [name for name in gone if name not in waiting]
         said = (
             f"reloaded {description.name}",
-            f"no longer there: {', '.join(kept)}, whose edits wait for them" if kept else "",
-            f"edits of {', '.join(lost)} are lost: another part has that number now" if lost else "",
-            f"edits of {', '.join(layers)} are lost: the file has no such layer now" if layers else "",
+            f"no longer there: {list_names(kept)}, whose edits wait for them" if kept else "",
+            f"edits of {list_names(lost)} are lost: another part has that number now" if lost else "",
+            f"edits of {list_names(layers)} are lost: the file has no such layer now" if layers else "",
         )
         host.notify("; ".join((*filter(None, said), *opened.notes)), bool(gone or layers))
         return self._shown

@@ -36,7 +36,7 @@ from app.files.records import (
 )
 from app.system.atomic import save_file
 from app.system.paths import full_path, written_path
-from engine.core.errors import InsituError, LoadError, describe_value
+from engine.core.errors import InsituError, LoadError, describe_value, list_names
 from engine.core.safe_files import read_regular_file, resolved
 from engine.material.bumps import bump_parts
 from engine.material.layer import object_of, place_of
@@ -194,7 +194,7 @@ def session_notes(session: Session, scene: Document) -> tuple[str, ...]:
         (new, "not in the session, shown as the scene has them"),
         (still, "the animation of the session is no longer in the file, shown at rest"),
     )
-    return tuple(f"{', '.join(names)}: {what}" for names, what in lines if names)
+    return tuple(f"{list_names(names)}: {what}" for names, what in lines if names)
 
 
 def _lost_clip(scene: ObjectState, saved: ObjectState) -> bool:

@@ -77,6 +77,13 @@ def printable_name(text: str, longest: int) -> str:
     return text if len(text) <= longest else text[: longest - 1] + "…"
 
 
+def list_names(names: Iterable[str], most: int = 8) -> str:
+    """Names in a line: the first ones, shortened, and how many more there are."""
+    every = list(names)
+    more = f" and {len(every) - most} more" if len(every) > most else ""
+    return ", ".join(map(describe_value, every[:most])) + more
+
+
 def describe_value(value: object) -> str:
     """The value on one printable line of at most 80 characters."""
     text = _printable(value[: 2 * _LONGEST_VALUE] if isinstance(value, str) else repr(value))

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.core.colour import REC709, luminance_weights
+from engine.core.errors import list_names
 
 Float32Array = NDArray[np.float32]
 Kind = Literal["rgb", "luminance_chroma", "xyz", "grey"]
@@ -21,7 +22,6 @@ Kind = Literal["rgb", "luminance_chroma", "xyz", "grey"]
 _LONG_NAMES = {"red": "R", "green": "G", "blue": "B", "alpha": "A"}
 # Of several layers the one with such a name is the picture; the others are what it is made of.
 _WHOLE = ("combined", "beauty", "rgba", "rgb", "color", "colour", "main")
-_MOST_LISTED = 8
 
 
 @dataclass(frozen=True)
@@ -101,8 +101,8 @@ def _describe(chosen: ChosenChannels, parts: Sequence[PartChannels]) -> list[str
     notes = []
     part = next(each for each in parts if each.number == chosen.part)
     if len(parts) > 1:
-        others = [f"{each.name or each.number} ({_listed(each.channels)})" for each in parts if each is not part]
-        notes.append(f"part {part.name or part.number} of {len(parts)} is shown, not {_listed(others)}")
+        others = [f"{each.name or each.number} ({list_names(each.channels)})" for each in parts if each is not part]
+        notes.append(f"part {part.name or part.number} of {len(parts)} is shown, not {list_names(others)}")
     missing = [short for short, name in zip("RGB", chosen.names, strict=False) if name is None]
     if chosen.kind == "luminance_chroma":
         notes.append(f"luminance and chroma ({', '.join(chosen.read)}), converted to RGB")
@@ -113,17 +113,12 @@ def _describe(chosen: ChosenChannels, parts: Sequence[PartChannels]) -> list[str
         notes.append(f"channels {', '.join(chosen.read)} are shown{black}")
     left = [name for name in part.channels if name not in chosen.read and not _is_alpha(name)]
     if left:
-        notes.append(f"channels that are not shown: {_listed(left)}")
+        notes.append(f"channels that are not shown: {list_names(left)}")
     return notes
 
 
 def _is_alpha(name: str) -> bool:
     return name.rpartition(".")[2].upper() in ("A", "AR", "AG", "AB", "ALPHA")
-
-
-def _listed(names: Sequence[str]) -> str:
-    more = f" and {len(names) - _MOST_LISTED} more" if len(names) > _MOST_LISTED else ""
-    return ", ".join(names[:_MOST_LISTED]) + more
 
 
 def rgb_of_planes(

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
-from engine.core.errors import plain_line
+from engine.core.errors import list_names, plain_line
 from engine.scene.loaders.model import UnshownProperty
 from engine.scene.mesh import MESH_ENDINGS
 
@@ -154,7 +154,7 @@ def _distinct(names: Iterable[str]) -> tuple[str, ...]:
 def report_lines(report: ImportReport) -> Iterator[str]:
     """The report as aligned lines of text."""
     for kind, number, names in report.contents():
-        yield f"{kind:<11} {number:>10,}   {_listed(names)}".rstrip()
+        yield f"{kind:<11} {number:>10,}   {list_names(names, MOST_NAMES)}".rstrip()
     if report.unshown:
         yield ""
         yield "not shown, or in part"
@@ -171,11 +171,6 @@ def unshown_lines(unshown: Sequence[UnshownProperty]) -> Iterator[str]:
     width = min(max(map(len, names)), 60)
     for name, each in zip(names, unshown, strict=True):
         yield f"  {name:<{width}} {each.count:>6,}   {plain_line(each.effect)}"
-
-
-def _listed(names: tuple[str, ...]) -> str:
-    shown = ", ".join(names[:MOST_NAMES])
-    return f"{shown} and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else shown
 
 
 def report_values(report: ImportReport) -> dict[str, Any]:

@@ -22,7 +22,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from engine.core.errors import LoadError
+from engine.core.errors import LoadError, list_names
 from engine.core.safe_files import resolve_inside
 from engine.light.suns import Sun
 from engine.material.opacity import OPAQUE
@@ -119,8 +119,7 @@ def _with_layers(items: list[ObjectMesh], notes: list[str]) -> list[ObjectMesh]:
             bare.setdefault(item.unread, []).append(item.description.name)
     for unread, names in bare.items():
         why = f"materials of {unread} are not read" if unread else "without a material"
-        first = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
-        notes.append(f"{first}: {why}, shown in a grey that can be edited")
+        notes.append(f"{list_names(names, 3)}: {why}, shown in a grey that can be edited")
     return [
         replace(item, description=item.description.model_copy(update={"layers": GREY}))
         if item.description.name in bare.get(item.unread, ())

@@ -14,12 +14,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from engine.core.errors import LoadError, describe_value
+from engine.core.errors import LoadError, list_names
 from engine.core.safe_files import read_regular_file
 from engine.scene.loaders.model import ImportedModel, UnshownProperty
 from engine.scene.loaders.mtl import words_of_line
@@ -155,18 +154,12 @@ def _notes(state: _Lines) -> tuple[str, ...]:
     """Notes on lines that are skipped, faces without an area and repeated ones, if there were any."""
     lines = []
     if state.unknown:
-        lines.append(f"{sum(state.unknown.values())} lines of unknown kinds are left out: {_listed(state.unknown)}")
+        lines.append(
+            f"{sum(state.unknown.values())} lines of unknown kinds are left out: {list_names(state.unknown, _MOST_NAMES)}"
+        )
     if state.n_bare:
         lines.append(f"normals are computed: {state.n_bare} corners of faces have none")
     return (*lines, *left_out_notes(state.n_repeated, state.n_short))
-
-
-def _listed(names: dict[str, Any]) -> str:
-    """The first few names, shortened."""
-    more = len(names) - _MOST_NAMES
-    return ", ".join(describe_value(name) for name in [*names][:_MOST_NAMES]) + (
-        f" and {more} more" if more > 0 else ""
-    )
 
 
 def _numbers(state: _Lines, words: list[str], counts: tuple[int, ...]) -> list[float]:

@@ -2,7 +2,16 @@ import pickle
 
 import pytest
 
-from engine.core.errors import LONGEST_LINE, MOST_NOTES, InsituError, LoadError, plain_line, plain_notes, printable_name
+from engine.core.errors import (
+    LONGEST_LINE,
+    MOST_NOTES,
+    InsituError,
+    LoadError,
+    list_names,
+    plain_line,
+    plain_notes,
+    printable_name,
+)
 from engine.scene.description import parse_description
 
 
@@ -68,3 +77,9 @@ def test_notes_are_plain_few_and_said_once():
 def test_names_from_files_are_cut_and_printable():
     assert printable_name(" a \n b\x1b\ud800 ", 9) == "a b��"
     assert printable_name("x" * 1_000_000, 9) == "x" * 8 + "…" and printable_name("", 9) == ""
+
+
+def test_a_list_of_names_says_how_many_it_leaves_out():
+    assert list_names(["pot"]) == "pot" and list_names("abc", 3) == "a, b, c"
+    assert list_names("abcde", 3) == "a, b, c and 2 more"
+    assert len(list_names(["x" * 10_000] * 10_000)) < 800
