@@ -154,9 +154,8 @@ def _notes(state: _Lines) -> tuple[str, ...]:
     """Notes on lines that are skipped, faces without an area and repeated ones, if there were any."""
     lines = []
     if state.unknown:
-        lines.append(
-            f"{sum(state.unknown.values())} lines of unknown kinds are left out: {list_names(state.unknown, _MOST_NAMES)}"
-        )
+        names = list_names(state.unknown, _MOST_NAMES)
+        lines.append(f"{sum(state.unknown.values())} lines of unknown kinds are left out: {names}")
     if state.n_bare:
         lines.append(f"normals are computed: {state.n_bare} corners of faces have none")
     return (*lines, *left_out_notes(state.n_repeated, state.n_short))
