@@ -20,10 +20,17 @@ from app.document.commands import EditCommand, SetBumps, SetOpacity, SetSurface
 from app.document.commands.light import set_environment_file
 from app.document.commands.maps import SetMap, SetParameterMap, without_strokes
 from app.document.linked_layers import Layers
-from app.document.named_files import IMAGE_SUFFIXES, image_name, with_full_names
+from app.document.named_files import image_name, with_full_names
 from app.document.scene_files import is_folder_of_scene, split_axis
 from app.document.selection import layer_shown
-from app.document.sources import EXPECTED, LIGHT_ENDINGS, PICTURE_ENDINGS, SCENE_ENDINGS, SESSION_ENDING
+from app.document.sources import (
+    EXPECTED,
+    IMAGE_SUFFIXES,
+    LIGHT_ENDINGS,
+    PICTURE_ENDINGS,
+    SCENE_ENDINGS,
+    SESSION_ENDING,
+)
 from app.document.view_state import OpenPanel, ViewCommand
 from app.editor.editor import Editor
 from app.files.journal import Recovery
@@ -288,7 +295,9 @@ class ActionHandler:
         elif Path(path).is_absolute() and not os.path.exists(path):
             self._editor.notify(f"{path}: there is no such file; nothing was changed", True)
         elif suffix or Path(path).is_absolute():
-            known = f"{EXPECTED}, a measured BRDF (.binary, .brdf, .bsdf), a table (.csv) or a texture (.png, .jpg)"
+            known = (
+                f"{EXPECTED}, a measured BRDF (.binary, .brdf, .bsdf), a table (.csv) or a texture (.png, .jpg, .webp)"
+            )
             self._editor.notify(f"{path}: expected {known}", True)
         else:  # a built-in scene, from the menu
             self._editor.open(path)

@@ -18,7 +18,7 @@ import functools
 import math
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple
 
 from app.document.linked_layers import layers_from_descriptions, linked_indices, with_covers, with_layer
@@ -122,6 +122,7 @@ class ObjectState:
     animation at a ``moment``; None: to its rest pose. ``animations`` are those of its file. ``new_bumps`` replace the
     ``own_bumps`` of the scene's file, ``new_opacity`` its ``own_opacity``, ``new_surface`` its ``own_surface``, which
     only Deform draws. ``variants`` are the materials that its file gives it by the names of the scene's variants.
+    ``former_name`` is its name in sessions of version 2, empty where that is the same.
     """
 
     name: str
@@ -140,6 +141,7 @@ class ObjectState:
     own_surface: DeformSurface = NO_SURFACE
     new_surface: DeformSurface | None = None
     variants: tuple[Variant, ...] = ()
+    former_name: str = field(default="", compare=False)
 
     def in_variant(self, name: str) -> ObjectState:
         """The object in one of the scene's variants; as it is where it has none of that name."""
@@ -467,6 +469,7 @@ def _object_state(source: str, described: ObjectDescription) -> ObjectState:
     return ObjectState(
         described.name, layers, emission, described.editable, own_bumps=described.bumps,
         own_opacity=described.opacity, own_surface=described.deform, variants=variants,
+        former_name=described.former_name,
     )  # fmt: skip
 
 

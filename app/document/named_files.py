@@ -25,7 +25,6 @@ from engine.measured.measurement import Measurement
 from engine.scene.builtin import builtin_environments
 
 FILE = "file"
-IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".exr")
 
 
 def measurement_in(layer: Layer) -> Measurement | None:

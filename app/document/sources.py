@@ -30,7 +30,9 @@ from engine.scene.mesh import MESH_ENDINGS
 SESSION_ENDING = ".insitu"
 SCENE_ENDINGS = (".toml", *MESH_ENDINGS, ARCHIVE_ENDING)
 LIGHT_ENDINGS = (".exr", ".hdr", ".pic")
-PICTURE_ENDINGS = (".png", ".jpg", ".jpeg")
+PICTURE_ENDINGS = (".png", ".jpg", ".jpeg", ".webp", ".ktx2")
+# Of textures and maps; OpenEXR is light where none is asked for.
+IMAGE_SUFFIXES = (*PICTURE_ENDINGS, ".exr")
 EXPECTED = (
     f"a scene (.toml), a session ({SESSION_ENDING}), a mesh ({', '.join(MESH_ENDINGS)}), a folder or an archive "
     f"({ARCHIVE_ENDING}) with one scene, or light ({', '.join(LIGHT_ENDINGS)})"

@@ -33,10 +33,11 @@ def factor_images(scene: Scene, maps: LayerMaps) -> list[FactorImage]:
     """The images whose product, times vertex colours where they count, is the factor of a layer's maps without
     strokes."""
     images, found = maps.images.without_strokes, list[FactorImage]()
-    texture, weight = scene.textures.texture(images), scene.textures.weight(images)
-    if texture is not None:
-        texels = 1.0 + np.float32(maps.sampled_strength) * (texture.levels[0] - np.float32(1.0))
-        found.append(_placed(texels, images.texture_scale, texture.transform))
+    for each in images.textures:
+        if (texture := scene.textures.texture(each)) is not None:
+            texels = 1.0 + np.float32(maps.sampled_strength) * (texture.levels[0] - np.float32(1.0))
+            found.append(_placed(texels, each.texture_scale, texture.transform))
+    weight = scene.textures.weight(images)
     if weight is not None:
         shares = 1.0 - weight.levels[0] if maps.inverts else weight.levels[0]
         found.append(_placed(shares.repeat(3, axis=2), (1.0, 1.0), IDENTITY_TRANSFORM))

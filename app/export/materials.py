@@ -75,7 +75,8 @@ def _tables(
 ) -> tuple[dict[str, NDArray[np.generic]], tuple[str, ...]]:
     """What `render.py` reads of an object: a table for the sum of all layers with the same images, (K, phi_h, theta_h,
     theta_d, phi_d, 3), and these images, whose product, with vertex colours, multiplies it. Strokes, which lie on the
-    surface and not in an image, count by their mean."""
+    surface and not in an image, and images in a second set of texture coordinates, which Mitsuba's meshes have not,
+    count by their mean."""
     groups: dict[LayerMaps, list[Layer]] = {}
     for layer in layers:
         groups.setdefault(layer.maps, []).append(layer)
@@ -86,12 +87,13 @@ def _tables(
         mean = mean_factor(scene, index, maps).astype(np.float32)
         means.append(table * mean)
         # Vertex colours multiply the texture at its full strength alone.
-        if maps.strokes or (maps.vertex_colours and maps.sampled_strength != 1.0):
-            table, images = table * mean, []
+        is_elsewhere = any(each.texture_transform.uv_set for each in maps.images.textures)
+        is_mean = bool(maps.strokes or is_elsewhere or (maps.vertex_colours and maps.sampled_strength != 1.0))
+        if is_mean:
+            table = table * mean
             by_mean += [layer.name for layer in own]
-        else:
-            images = factor_images(scene, maps)
-        arrays[f"vertex_colours_{k}"] = np.array(maps.vertex_colours and not maps.strokes)
+        images = [] if is_mean else factor_images(scene, maps)
+        arrays[f"vertex_colours_{k}"] = np.array(maps.vertex_colours and not is_mean)
         for j, image in enumerate(images):
             arrays |= {f"image_{k}_{j}": image.texels, f"matrix_{k}_{j}": image.matrix, f"wrap_{k}_{j}": image.wrap}  # type: ignore[dict-item]
         tables.append(table)

@@ -132,6 +132,8 @@ def _add_object(root: ElementTree.Element, project: Project, folder: Path, index
         alpha = add_opacity(shape, opacity, scene.cutouts.images.get(index), f"materials/{stem}.exr")
         if alpha is not None:
             write_atomically(folder / "materials" / f"{stem}.exr", exr_bytes(alpha))
+        if opacity.opacity_uv_set:
+            notes.append("its opacity is laid out by the first texture coordinates")
         if opacity.opacity_vertices:
             notes.append("the opacity of its vertices is not written")
     notes += write_material(shape, layers, scene, index, folder, stem)
@@ -145,7 +147,7 @@ def ply_bytes(scene: Scene, index: int) -> bytes:
     names = ["x", "y", "z", "nx", "ny", "nz"]
     columns = []
     if scene.has_uvs[index] and scene.uvs is not None:
-        columns.append(scene.uvs[first:last].reshape(-1, 2))
+        columns.append(scene.uvs[first:last, :, :2].reshape(-1, 2))
         names += ["u", "v"]
     if scene.colours is not None:
         columns.append(scene.colours[first:last, :, :3].reshape(-1, 3))

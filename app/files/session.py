@@ -172,6 +172,7 @@ def fit_session(session: Session, scene: Document, file: str) -> Document:
 
     Layers are the session's own, where it has some: an object may have been given another material.
     """
+    session = _with_present_names(session, scene)
     names = {state.name for state in scene.objects}
     saved = {state.name: state for state in session.document.objects}
     if saved and not names & saved.keys():
@@ -185,6 +186,7 @@ def fit_session(session: Session, scene: Document, file: str) -> Document:
 
 def session_notes(session: Session, scene: Document) -> tuple[str, ...]:
     """What of a session the scene no longer has, and what it has besides; a line each."""
+    session = _with_present_names(session, scene)
     saved = {state.name: state for state in session.document.objects}
     there = {state.name: state for state in scene.objects}
     gone, new = [name for name in saved if name not in there], [name for name in there if name not in saved]
@@ -195,6 +197,16 @@ def session_notes(session: Session, scene: Document) -> tuple[str, ...]:
         (still, "the animation of the session is no longer in the file, shown at rest"),
     )
     return tuple(f"{list_names(names)}: {what}" for names, what in lines if names)
+
+
+def _with_present_names(session: Session, scene: Document) -> Session:
+    """The session with the present names of parts of glTF files, which sessions of version 2 call by their numbers."""
+    saved, there = {state.name for state in session.document.objects}, {state.name for state in scene.objects}
+    names = {each.former_name: each.name for each in scene.objects if each.former_name in saved - there}
+    if not names:
+        return session
+    objects = tuple(replace(each, name=names.get(each.name, each.name)) for each in session.document.objects)
+    return replace(session, document=replace(session.document, objects=objects))
 
 
 def _lost_clip(scene: ObjectState, saved: ObjectState) -> bool:

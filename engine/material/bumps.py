@@ -36,6 +36,7 @@ from engine.material.layer_maps import (
     flag_value,
     image_file_name,
     offset_value,
+    uv_set_value,
     wrap_value,
 )
 from engine.material.parameters import Parameter, ParameterError
@@ -101,8 +102,9 @@ class Bumps:
 
     bump_strength: 0 has no effect. bump_height: metres between a bump map's black and its white; negative ones are
     pressed in. flip_green: whether a normal map's green means down and not up. bump_repeats: how often the image
-    repeats along u and v; bump_offset and bump_wrap: see `engine.material.layer_maps.TextureTransform`. tangent_angle:
-    degrees, about the normal; tangent_map: a grey image of further angles, white being tangent_range degrees.
+    repeats along u and v; bump_offset, bump_wrap, bump_uv_set: see `engine.material.layer_maps.TextureTransform`.
+    tangent_angle: degrees, about the normal; tangent_map: a grey image of further angles, white being tangent_range
+    degrees.
     """
 
     normal_map: str = ""
@@ -112,6 +114,7 @@ class Bumps:
     bump_repeats: tuple[float, float] = (1.0, 1.0)
     bump_offset: tuple[float, float] = (0.0, 0.0)
     bump_wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")
+    bump_uv_set: int = 0
     flip_green: bool = False
     tangent_angle: float = 0.0
     tangent_map: str = ""
@@ -120,7 +123,7 @@ class Bumps:
     @property
     def transform(self) -> TextureTransform:
         """The mapping of texture coordinates to the image."""
-        return TextureTransform(0.0, self.bump_offset, self.bump_wrap)
+        return TextureTransform(0.0, self.bump_offset, self.bump_wrap, self.bump_uv_set)
 
     @property
     def file(self) -> str:
@@ -178,9 +181,9 @@ def set_bump_field(bumps: Bumps, name: str, value: object) -> Bumps:
 
 
 def bumps_from(tables: Mapping[str, object]) -> Bumps:
-    """Bumps from their form in files: `normal_map` = {file, scale, repeats, offset, wrap}, where scale is the strength,
-    or `bump_map` with a height; a normal map may have flip_green; and `tangent` = {angle, file, range}. Raises
-    ParameterError."""
+    """Bumps from their form in files: `normal_map` = {file, scale, repeats, offset, wrap, uv_set}, where scale is the
+    strength, or `bump_map` with a height; a normal map may have flip_green; and `tangent` = {angle, file, range}.
+    Raises ParameterError."""
     if set(BUMP_KINDS) <= set(tables) or not set(tables) <= set(BUMP_TABLES):
         raise ParameterError(" and ".join(tables), dict(tables), "one of normal_map and bump_map")
     bumps = NO_BUMPS
@@ -219,7 +222,7 @@ def bumps_of_parts(parts: Mapping[str, object]) -> Bumps:
     return bumps
 
 
-_PLACE = {"repeats": "bump_repeats", "offset": "bump_offset", "wrap": "bump_wrap"}
+_PLACE = {"repeats": "bump_repeats", "offset": "bump_offset", "wrap": "bump_wrap", "uv_set": "bump_uv_set"}
 _KEYS = {
     "normal_map": {"file": "normal_map", "scale": "bump_strength", **_PLACE, "flip_green": "flip_green"},
     "bump_map": {"file": "bump_map", "scale": "bump_strength", "height": "bump_height", **_PLACE},
@@ -235,6 +238,7 @@ _ACCEPTED: dict[str, Callable[[str, object], Any]] = {
     "bump_repeats": lambda name, value: BUMP_REPEATS.accept(value),
     "bump_offset": offset_value,
     "bump_wrap": wrap_value,
+    "bump_uv_set": uv_set_value,
     "flip_green": flag_value,
     "tangent_angle": lambda name, value: TANGENT_ANGLE.accept(value),
     "tangent_map": image_file_name,

@@ -38,10 +38,12 @@ WRAPS: tuple[Wrap, ...] = get_args(Wrap)
 Channel = Literal["grey", "r", "g", "b", "a", "max"]
 CHANNELS: tuple[Channel, ...] = get_args(Channel)
 MAX_REPEATS, LEAST_REPEATS = 1000.0, 1e-3
+# Sets of texture coordinates that a mesh has at most: what glTF asks of every program [glTF20, 3.7.2.1].
+MAX_UV_SETS = 2
 MAX_NAME = 4096
 MOST_FURTHER_WEIGHTS = 8
 # The keys of a channel of an image in files.
-IMAGE_KEYS = ("map", "channel", "repeats", "offset", "rotation", "wrap")
+IMAGE_KEYS = ("map", "channel", "repeats", "offset", "rotation", "wrap", "uv_set")
 TEXTURE_STRENGTH = Parameter(
     "texture_strength", "scalar", 1.0, "Strength", "Strength of the texture: 1 is all of it, 0 the plain layer."
 )
@@ -86,11 +88,13 @@ def split_image_name(name: str) -> tuple[str, str | None]:
 
 class TextureTransform(NamedTuple):
     """The mapping of coordinates to an image, after the multiplication by repeats: rotation, degrees, counter-clockwise
-    about (0, 0); offset along u and v, in images; wrap: the continuation beyond the edges, along u and v."""
+    about (0, 0); offset along u and v, in images; wrap: the continuation beyond the edges, along u and v; uv_set: which
+    of the mesh's sets of texture coordinates these are, the first where it has no other."""
 
     rotation: float = 0.0
     offset: tuple[float, float] = (0.0, 0.0)
     wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")
+    uv_set: int = 0
 
     @property
     def turn(self) -> tuple[float, float]:
@@ -163,9 +167,9 @@ class LayerMaps:
     vertices multiply the texture, or are it where there is none. weight: an image whose `weight_channel` is the share
     of the layer, linear except for "max"; empty for none. weight_invert: one minus that share. weight_start: the share
     if there is no such image. strokes: painted on either, and inverted with it, so that inversion needs no new samples.
-    texture_offset, texture_rotation, texture_wrap: see `TextureTransform`. further_weights: maps that multiply the
-    layer as well; node_weights: of a node, never in a file. Both are sampled together with the texture at its strength,
-    so that `factor` and shaders know only of a texture.
+    texture_offset, texture_rotation, texture_wrap, texture_uv_set: see `TextureTransform`. further_weights: maps that
+    multiply the layer as well; node_weights: of a node, never in a file. Both are sampled together with the texture at
+    its strength, so that `factor` and shaders know only of a texture.
     """
 
     texture: str = ""
@@ -182,6 +186,7 @@ class LayerMaps:
     vertex_colours: bool = False
     weight_channel: Channel = "grey"
     further_weights: tuple[FurtherWeight, ...] = ()
+    texture_uv_set: int = 0
     node_weights: tuple[ChannelWeight, ...] = ()
 
     @property
@@ -229,7 +234,9 @@ class LayerMaps:
             vertex_colours=self.vertex_colours,
         )  # fmt: skip
         if self.texture:
-            transform = TextureTransform(self.texture_rotation, self.texture_offset, self.texture_wrap)
+            transform = TextureTransform(
+                self.texture_rotation, self.texture_offset, self.texture_wrap, self.texture_uv_set
+            )
             own = {name: getattr(self, name) for name in ("texture", "texture_space", "texture_scale")}
             images = dataclasses.replace(images, texture_transform=transform, **own)
         weights = self.sampled_weights
@@ -283,12 +290,32 @@ class Images:
 
     def with_node(self, weights: tuple[ChannelWeight, ...], strength: float) -> Images:
         """The images with a node's weights, in the mapping that they share with the texture; where mappings differ,
-        with none: then all are resampled in texture coordinates."""
+        with none: then all are resampled in texture coordinates, see `textures`."""
         own = self.texture_scale, self.texture_transform
         mappings = {each.image.mapping for each in weights} | ({own} if self.texture else set())
-        scale, transform = mappings.pop() if len(mappings) == 1 else ((1.0, 1.0), IDENTITY_TRANSFORM)
+        uv_set = min((transform.uv_set for _, transform in mappings), default=0)
+        plain = (1.0, 1.0), TextureTransform(uv_set=uv_set)
+        scale, transform = mappings.pop() if len(mappings) == 1 else plain
         node = NodeImages(weights, strength, own)
         return dataclasses.replace(self, texture_scale=scale, texture_transform=transform, node=node)
+
+    @property
+    def textures(self) -> tuple[Images, ...]:
+        """The images whose textures, multiplied, are the texture: these, or, where a node's images lie in several sets
+        of texture coordinates, so that no grid of texels is theirs, those of each set."""
+        if self.node is None:
+            return (self,) if self.texture else ()
+        plain = dataclasses.replace(self.without_node, texture="", texture_scale=(1.0, 1.0))
+        in_sets = {self.node.texture_mapping[1].uv_set: self.without_node} if self.texture else {}
+        weights: dict[int, tuple[ChannelWeight, ...]] = {}
+        for each in self.node.weights:
+            uv_set = each.image.transform.uv_set
+            weights[uv_set] = (*weights.get(uv_set, ()), each)
+        sets = sorted(in_sets.keys() | weights.keys())
+        if len(sets) == 1:
+            return (self,)
+        made = [in_sets.get(k, plain).with_node(weights.get(k, ()), self.node.strength) for k in sets]
+        return tuple(each.for_bounces if self.node.uses_hats else each for each in made)
 
     @property
     def without_node(self) -> Images:
@@ -381,6 +408,7 @@ def channel_image_from(name: str, table: Mapping[str, object]) -> ChannelImage:
         rotation_value(f"{name}: rotation", table.get("rotation", 0.0)),
         offset_value(f"{name}: offset", table.get("offset", IDENTITY_TRANSFORM.offset)),
         wrap_value(f"{name}: wrap", table.get("wrap", IDENTITY_TRANSFORM.wrap)),
+        uv_set_value(f"{name}: uv_set", table.get("uv_set", 0)),
     )
     repeats = cast(tuple[float, float], TEXTURE_SCALE.accept(table.get("repeats", 1.0)))
     return ChannelImage(image_file_name(name, table.get("map")), channel, repeats, transform)
@@ -393,6 +421,7 @@ def channel_image_table(image: ChannelImage) -> dict[str, Any]:
         "channel": (image.channel, plain.channel), "repeats": (image.repeats, plain.repeats),
         "offset": (image.transform.offset, IDENTITY_TRANSFORM.offset),
         "rotation": (image.transform.rotation, 0.0), "wrap": (image.transform.wrap, IDENTITY_TRANSFORM.wrap),
+        "uv_set": (image.transform.uv_set, 0),
     }  # fmt: skip
     return {"map": image.file} | {key: value for key, (value, default) in optional.items() if value != default}
 
@@ -450,6 +479,13 @@ def wrap_value(name: str, value: object) -> tuple[Wrap, Wrap]:
     raise ParameterError(name, value, "one or two of " + ", ".join(f'"{wrap}"' for wrap in WRAPS))
 
 
+def uv_set_value(name: str, value: object) -> int:
+    """The number of a set of texture coordinates. Raises ParameterError."""
+    if isinstance(value, int) and not isinstance(value, bool) and 0 <= value < MAX_UV_SETS:
+        return value
+    raise ParameterError(name, value, f"a set of texture coordinates, 0 to {MAX_UV_SETS - 1}")
+
+
 def rotation_value(name: str, value: object) -> float:
     """Degrees. Raises ParameterError."""
     if _is_number(value) and abs(value) <= 360.0:  # type: ignore[arg-type]
@@ -475,6 +511,7 @@ _ACCEPTED = {
     "texture_offset": offset_value,
     "texture_rotation": rotation_value,
     "texture_wrap": wrap_value,
+    "texture_uv_set": uv_set_value,
     "texture_strength": lambda name, value: TEXTURE_STRENGTH.accept(value),
     "vertex_colours": flag_value,
     "weight": image_file_name,

@@ -26,6 +26,7 @@ from engine.material.layer_maps import (
     image_file_name,
     offset_value,
     rotation_value,
+    uv_set_value,
     wrap_value,
 )
 from engine.material.parameters import Parameter, ParameterError
@@ -58,8 +59,8 @@ class Opacity:
     """The opacity of one object, see the module.
 
     opacity_map: an image, named like textures (`engine.material.layer_maps.LayerMaps`), whose alpha counts, or, where
-    it has none, its luminance; opacity_repeats, opacity_offset, opacity_rotation and opacity_wrap lay it out.
-    opacity_vertices: whether the alpha of the mesh's vertex colours counts.
+    it has none, its luminance; opacity_repeats, opacity_offset, opacity_rotation, opacity_wrap and opacity_uv_set lay
+    it out. opacity_vertices: whether the alpha of the mesh's vertex colours counts.
     """
 
     opacity_mode: Mode = "opaque"
@@ -70,12 +71,13 @@ class Opacity:
     opacity_offset: tuple[float, float] = (0.0, 0.0)
     opacity_rotation: float = 0.0
     opacity_wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")
+    opacity_uv_set: int = 0
     opacity_vertices: bool = False
 
     @property
     def transform(self) -> TextureTransform:
         """The mapping of texture coordinates to the image."""
-        return TextureTransform(self.opacity_rotation, self.opacity_offset, self.opacity_wrap)
+        return TextureTransform(self.opacity_rotation, self.opacity_offset, self.opacity_wrap, self.opacity_uv_set)
 
     @property
     def lets_pass(self) -> bool:
@@ -148,5 +150,6 @@ _ACCEPTED: dict[str, Callable[[str, object], Any]] = {
     "opacity_offset": offset_value,
     "opacity_rotation": rotation_value,
     "opacity_wrap": wrap_value,
+    "opacity_uv_set": uv_set_value,
     "opacity_vertices": flag_value,
 }

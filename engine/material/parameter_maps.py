@@ -89,8 +89,8 @@ def channel_statistics(channel: NDArray[np.floating]) -> ChannelStatistics:
 
 def parameter_map_from(parameter: Parameter, table: object) -> ParameterMap:
     """The map of a parameter from its form in files: `{map, channel, range, response, least, repeats, offset, rotation,
-    wrap}`, of which only `map`, the image's file, is required; or that file alone. The range is the parameter's own
-    where none is given; its ends may be 0, and the values are at least `least`. Raises ParameterError."""
+    wrap, uv_set}`, of which only `map`, the image's file, is required; or that file alone. The range is the parameter's
+    own where none is given; its ends may be 0, and the values are at least `least`. Raises ParameterError."""
     name = f"{parameter.name} map"
     if isinstance(table, str):
         table = {"map": table}

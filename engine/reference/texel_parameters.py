@@ -55,33 +55,36 @@ class TexelParameters:
 
     def at_path_vertices(self, found: Intersections, ids: Rows, rays: Rows) -> Float64Array:
         """Channel values (N, T) at some of the rays that were traced, on objects ids (R,)."""
-        objects, uv = ids[rays], np.zeros((len(rays), 2))
+        objects = ids[rays]
         mine = np.flatnonzero(np.isin(objects, list(self._images)))
         own = found.of(rays[mine])
-        uv[mine] = uvs_at(self._scene, own.triangle, own.u, own.v)
+        of_mine = uvs_at(self._scene, own.triangle, own.u, own.v)
+        uv = np.zeros((len(rays), of_mine.shape[1]))
+        uv[mine] = of_mine
         return self.look_up(objects, uv)
 
     def in_pixels(self, caster: RayCaster, hits: PrimaryHits) -> PixelTexels:
         """The same images in the pixels of primary hits."""
         sampler = MapSampler(self._scene, caster, hits)
-        footprints = np.zeros((3, len(hits.pixel), 2))
+        n_columns = 2 if self._scene.uvs is None else self._scene.uvs.shape[2]
+        footprints = np.zeros((3, len(hits.pixel), n_columns))
         for i_object in self._images:
             footprints[:, slice(*hits.object_ranges[i_object])] = sampler.footprints(i_object)
         return PixelTexels(self, hits.objects, footprints)
 
     def look_up(self, objects: Rows, uv: Float64Array) -> Float64Array:
-        """Channel values (N, T) on objects (N,), at texture coordinates (N, 2)."""
+        """Channel values (N, T) on objects (N,), at texture coordinates (N, 2 K)."""
         values = np.zeros((len(uv), self._n_columns))
         for i_object, images in self._images.items():
             mine = np.flatnonzero(objects == i_object)
             for column, image in enumerate(images):
-                texels = self._scene.textures.numbers(image).at(uv[mine] * np.array(image.repeats))
+                texels = self._scene.textures.numbers(image).at(uv[mine], repeats=image.repeats)
                 values[mine, column] = np.round(_N_STEPS * texels[:, 0]) / _N_STEPS
         return values
 
 
 class PixelTexels:
-    """The images of parameter maps in pixels; footprints (3, P, 2): the middle of each pixel in texture coordinates,
+    """The images of parameter maps in pixels; footprints (3, P, 2 K): the middle of each pixel in texture coordinates,
     and its two sides."""
 
     def __init__(self, parameters: TexelParameters, objects: Rows, footprints: Float64Array) -> None:

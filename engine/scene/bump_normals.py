@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from engine.core.errors import LoadError
 from engine.scene import _hit_kernels as kernels
-from engine.scene.surface_uvs import corner_uvs, uvs_at
+from engine.scene.surface_uvs import corner_uvs_of_set, uvs_at
 from engine.texture.pyramid import MOST_PROBES, Pyramid
 
 if TYPE_CHECKING:
@@ -53,7 +53,8 @@ class _ObjectBumps:
     @cached_property
     def gradients(self) -> Float64Array:
         """Gradients of u and v over each of its triangles (t, 2, 3)."""
-        return gradients(self.scene, np.arange(self.first, self.first + self.n_triangles))
+        triangle = np.arange(self.first, self.first + self.n_triangles)
+        return gradients(self.scene, triangle, self.bumps.bump_uv_set)
 
 
 class BumpNormals:
@@ -127,18 +128,18 @@ class BumpNormals:
     ) -> Float64Array:  # fmt: skip
         """Offsets of unit normals (p, 3) of one of `objects`, tangential, to be added before normalization."""
         surface = self._by_object[i_object]
-        scene, repeats = self._scene, np.array(surface.bumps.bump_repeats)
+        scene, repeats = self._scene, surface.bumps.bump_repeats
         if footprints is None:
-            slopes = surface.slopes.at(uvs_at(scene, triangle, u, v) * repeats)
+            slopes = surface.slopes.at(uvs_at(scene, triangle, u, v), repeats=repeats)
         else:
-            slopes = surface.slopes.over(*footprints, most_probes, surface.bumps.bump_repeats, is_quick)
+            slopes = surface.slopes.over(*footprints, most_probes, repeats, is_quick)
         own = np.asarray(triangle - surface.first, np.int64)
         faces = scene.geometric_normals[surface.first : surface.first + surface.n_triangles]
         lean = np.empty((len(own), 3))
         gradients = np.zeros((0, 2, 3)) if surface.bumps.normal_map else surface.gradients
         kernels.fill_normal_offsets(
             own, np.asarray(u, np.float64), np.asarray(v, np.float64), slopes, gradients, surface.tangents,
-            surface.handedness, surface.bumps.slope_scale, repeats, faces, np.asarray(wo, np.float64),
+            surface.handedness, surface.bumps.slope_scale, np.array(repeats), faces, np.asarray(wo, np.float64),
             np.asarray(normals, np.float64), lean,
         )  # fmt: skip
         return lean
@@ -158,10 +159,10 @@ def offset_normals(normals: Float64Array, lean: Float64Array, wo: NDArray[np.flo
     return out
 
 
-def gradients(scene: Scene, triangle: NDArray[np.integer]) -> Float64Array:
-    """Gradients of u and v over triangles (p,), (p, 2, 3) in 1/m."""
+def gradients(scene: Scene, triangle: NDArray[np.integer], uv_set: int = 0) -> Float64Array:
+    """Gradients of u and v of a set over triangles (p,), (p, 2, 3) in 1/m."""
     corners = scene.vertices[scene.triangles[triangle]].astype(np.float64)
-    uvs = corner_uvs(scene, triangle)
+    uvs = corner_uvs_of_set(scene, triangle, uv_set)
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     normal = np.cross(first, second)
     squared = np.maximum(np.einsum("pk,pk->p", normal, normal), _TINY)[:, None]
@@ -185,7 +186,8 @@ def _derived_tangents(scene: Scene, i_object: int) -> tuple[Float64Array, Float6
     """Derive the tangents from the texture coordinates [Mikkelsen08]."""
     begin, end = scene.triangle_ranges[i_object]
     triangle = np.arange(begin, end)
-    uvs, corners = corner_uvs(scene, triangle), scene.vertices[scene.triangles[begin:end]].astype(np.float64)
+    uvs = corner_uvs_of_set(scene, triangle, scene.description.objects[i_object].bumps.bump_uv_set)
+    corners = scene.vertices[scene.triangles[begin:end]].astype(np.float64)
     edges, steps = corners[:, 1:] - corners[:, :1], uvs[:, 1:] - uvs[:, :1]
     area = steps[:, 0, 0] * steps[:, 1, 1] - steps[:, 0, 1] * steps[:, 1, 0]
     handedness = np.where(area < 0.0, -1.0, 1.0)

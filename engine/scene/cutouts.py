@@ -101,7 +101,7 @@ class Cutouts:
         own, scene = self.opacities[i_object], self.scene
         alpha = np.full(len(triangle), own.opacity_factor)
         if (image := self.images.get(i_object)) is not None:
-            alpha *= image.at(uvs_at(scene, triangle, u, v) * np.array(own.opacity_repeats))[:, 0]
+            alpha *= image.at(uvs_at(scene, triangle, u, v), repeats=own.opacity_repeats)[:, 0]
         if own.opacity_vertices:
             alpha *= colours_at(scene, triangle, u, v)[:, 3]
         return alpha

@@ -20,6 +20,7 @@ from pydantic import (
     Field,
     PlainSerializer,
     PlainValidator,
+    PrivateAttr,
     ValidationError,
     model_validator,
 )
@@ -290,6 +291,7 @@ class ObjectDescription(_Description):
     deform: DeformSurface = NO_SURFACE
     layers: tuple[LayerDescription, ...] = Field(default=(), alias="layer", max_length=64)
     variants: tuple[VariantDescription, ...] = Field(default=(), alias="variant", max_length=MAX_VARIANTS)
+    _former_name: str = PrivateAttr("")
 
     _gather = model_validator(mode="before")(_gather_bumps)
 
@@ -305,6 +307,17 @@ class ObjectDescription(_Description):
         if len({variant.name for variant in self.variants}) < len(self.variants):
             raise ValueError("variant: names that differ")
         return self
+
+    @property
+    def former_name(self) -> str:
+        """The name by which sessions of version 2 know it, a part of a glTF file; empty where that is its own."""
+        return self._former_name
+
+    def with_former_name(self, name: str) -> ObjectDescription:
+        """The same object under another former name."""
+        found = self.model_copy()
+        found._former_name = name
+        return found
 
     @property
     def is_of_files(self) -> bool:

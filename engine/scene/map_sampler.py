@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,12 +86,9 @@ class Canvas:
         return MapSamples(self._unpainted.texture, self._seen.weights(strokes), means)
 
 
-def spread_points(
-    scene: Scene, i_object: int, images: Images, texture: Pyramid | None, weight: Pyramid | None
-) -> SpreadPoints:
+def spread_points(scene: Scene, i_object: int, images: Images) -> SpreadPoints:
     """Points that each represent an equal part of the object's area, where it is there, and a share of the images,
-    without strokes: for means, by which light is reflected further, so that `texture` is that of
-    `Images.for_bounces`."""
+    without strokes: for means, by which light is reflected further. Raises LoadError."""
     begin, end = scene.triangle_ranges[i_object]
     corners = scene.vertices[scene.triangles[begin:end]].astype(np.float64)
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
@@ -101,21 +99,20 @@ def spread_points(
     if scene.cutouts.passable[begin]:
         there = scene.cutouts.opacity_at(triangle, u, v) > np.random.default_rng(1).random(len(u))
         triangle, u, v = (each[there] if there.any() else each for each in (triangle, u, v))
-    colours, shares = np.ones((len(u), 3)), np.full(len(u), images.weight_start, np.float32)
-    if texture is not None or weight is not None:
-        uv = uvs_at(scene, triangle, u, v)
-        uvs = corner_uvs(scene, triangle)
-        edges = uvs[:, 1:] - uvs[:, :1]
-        stretch = np.abs(edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0]) / area[triangle - begin]
+
+    def sample(image: Pyramid, repeats: tuple[float, float]) -> NDArray[np.float32]:
+        uvs = image.in_own_set(corner_uvs(scene, triangle))
+        stretch = np.abs(np.linalg.det(uvs[:, 1:] - uvs[:, :1])) / area[triangle - begin]
         share = stretch * cumulative[-1] / _N_MEAN_SAMPLES  # of the image, for each point
-        if texture is not None:
-            scale = np.array(images.texture_scale)
-            colours = texture.at(uv * scale, texture.level_of(share * abs(scale.prod()))).astype(np.float64)
-        if weight is not None:
-            shares = weight.at(uv, weight.level_of(share))[:, 0]
-    if images.vertex_colours:
-        colours = colours * colours_at(scene, triangle, u, v)[:, :3]
-    return SpreadPoints(colours, shares, positions_at(scene, triangle, u, v), scene.geometric_normals[triangle])
+        level = image.level_of(share * abs(repeats[0] * repeats[1]))
+        return image.at(uvs_at(scene, triangle, u, v), level, repeats)
+
+    colours, shares = sample_images(
+        images.for_bounces, scene.textures, len(u), sample, lambda: colours_at(scene, triangle, u, v)
+    )
+    return SpreadPoints(
+        colours.astype(np.float64), shares, positions_at(scene, triangle, u, v), scene.geometric_normals[triangle]
+    )
 
 
 def _even_barycentrics(n: int) -> tuple[Float64Array, Float64Array]:
@@ -143,30 +140,25 @@ class MapSampler:
     def canvas(self, i_object: int, images: Images) -> Canvas:
         """The canvas for strokes on a layer's images. Raises LoadError."""
         scene = self._scene
-        texture, weight = scene.textures.texture(images), scene.textures.weight(images)
         begin, end = self._hits.object_ranges[i_object]
-        colours, shares = np.ones((end - begin, 3), np.float32), np.full(end - begin, images.weight_start, np.float32)
-        if texture is not None:
-            own = texture, images.texture_scale
-            colours = self._samples(i_object, own, texture, images.texture_scale)
-        if weight is not None:
-            shares = self._samples(i_object, (weight,), weight, (1.0, 1.0))[:, 0]
-        if images.vertex_colours:
+
+        def vertex_colours() -> NDArray[np.float32]:
             hit = self._found(i_object)
-            colours = colours * colours_at(scene, hit.triangle, hit.u, hit.v)[:, :3]
-        spread = spread_points(scene, i_object, images, scene.textures.texture(images.for_bounces), weight)
+            return colours_at(scene, hit.triangle, hit.u, hit.v)
+
+        colours, shares = sample_images(
+            images, scene.textures, int(end - begin), partial(self._samples, i_object), vertex_colours
+        )
+        spread = spread_points(scene, i_object, images)
         return Canvas(
             MapSamples(colours, shares, spread.means(spread.weight)), self._hits, i_object, spread, scene.origin
         )
 
-    def _samples(
-        self, i_object: int, of: tuple[object, ...], pyramid: Pyramid, scale: tuple[float, float]
-    ) -> NDArray[np.float32]:
-        key = (i_object, *of)
+    def _samples(self, i_object: int, pyramid: Pyramid, scale: tuple[float, float]) -> NDArray[np.float32]:
+        key = i_object, pyramid, scale
         if key not in self._sampled:
-            uv, across, down = (sides * np.array(scale) for sides in self.footprints(i_object))
             self._sampled = dict(list(self._sampled.items())[1 - _MOST_CACHED :])
-            self._sampled[key] = pyramid.over(uv, across, down)
+            self._sampled[key] = pyramid.over(*self.footprints(i_object), repeats=scale)
         return self._sampled[key]
 
     def footprints(self, i_object: int) -> tuple[Float64Array, Float64Array, Float64Array]:
@@ -194,11 +186,11 @@ class MapSampler:
 def look_up_images(
     images: Images, store: TextureStore, uv: Float64Array, vertex_colours: NDArray[np.float32] | None = None
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Texture (N, 3) and weight (N,) at coordinates (N, 2), interpolated between texels, without filter or strokes;
+    """Texture (N, 3) and weight (N,) at coordinates (N, 2 K), interpolated between texels, without filter or strokes;
     vertex_colours (N, 4): those of the mesh there, None for none."""
     white = np.ones((len(uv), 3), np.float32)
     return sample_images(
-        images, store, len(uv), lambda image, repeats: image.at(uv * np.array(repeats)),
+        images, store, len(uv), lambda image, repeats: image.at(uv, repeats=repeats),
         lambda: white if vertex_colours is None else vertex_colours,
     )  # fmt: skip
 
@@ -218,8 +210,7 @@ def mean_factor(scene: Scene, i_object: int, maps: LayerMaps) -> Float64Array:
     if maps.is_plain:
         return np.ones(3)
     images = maps.images
-    textures = scene.textures
-    spread = spread_points(scene, i_object, images, textures.texture(images.for_bounces), textures.weight(images))
+    spread = spread_points(scene, i_object, images)
     weight = spread.weight
     if images.strokes:
         weight = PaintedPoints(weight, spread.position, spread.normal).weights(images.strokes.about(scene.origin))

@@ -2,7 +2,7 @@
 `loaders.formats.read_model`; each mesh passes `validate_mesh`: finite, indices in range, small enough to square.
 
 trimesh reads STL files, behind checks of ours. Other formats have readers of ours, because trimesh 5.2 reads what files
-do not say (`test_trimesh` shows each). Of the files that our tests refuse it takes 5 of 18 OBJ, 12 of 39 PLY and 19 of
+do not say (`test_trimesh` shows each). Of files with faults in our tests it takes 5 of 18 OBJ, 12 of 39 PLY and 19 of
 54 GLB; with `validate_mesh` behind it, still 4 OBJ and 3 PLY. To tell these apart, a check has to read each number of
 each line; what remains for the library is less than what it does differently: it counts an OBJ file's relative indices
 from its end, splits vertices along seams of textures, fans concave polygons, rejects binary PLY files with polygons of
@@ -45,11 +45,12 @@ Int32Array = npt.NDArray[np.int32]
 class Mesh:
     """Vertices (V, 3) float64, normals (V, 3) float64 of any length or None, triangles (T, 3) int32, counter-clockwise.
 
-    uvs (T, 3, 2) float32 or None: texture coordinates of each triangle's corners, v upwards. They belong to corners and
-    not to vertices, so that a seam of a texture splits no vertex and bends no normal. tangents (T, 3, 4) float32 or
-    None: likewise, the direction in which u grows, and the handedness 1 or −1: v grows along handedness × normal ×
-    tangent; 0 where the file has no tangent. colours (T, 3, 4) float32 or None: likewise, linear red, green, blue and
-    opacity in [0, 1], by which the base colour is multiplied [glTF20, 3.9.2].
+    uvs (T, 3, 2 K) float32 or None: texture coordinates of each triangle's corners, v upwards, in K sets side by side
+    (`TextureTransform.uv_set`). They belong to corners and not to vertices, so that a seam of a texture splits no
+    vertex and bends no normal. tangents (T, 3, 4) float32 or None: likewise, the direction in which u grows, and the
+    handedness 1 or −1: v grows along handedness × normal × tangent; 0 where the file has no tangent. colours (T, 3, 4)
+    float32 or None: likewise, linear red, green, blue and opacity in [0, 1], by which the base colour is multiplied
+    [glTF20, 3.9.2].
     """
 
     vertices: Float64Array
@@ -247,7 +248,8 @@ def _transform_tangents(
 
 def join_meshes(meshes: list[Mesh]) -> Mesh:
     """Join several meshes; those without normals get smooth ones if any other has its own (see `with_normals`), those
-    without texture coordinates (0, 0), those without colours white."""
+    without texture coordinates (0, 0), those with fewer sets of them their first set again, those without colours
+    white."""
     starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes])
     normals = None
     if any(mesh.normals is not None for mesh in meshes):
@@ -263,11 +265,17 @@ def join_meshes(meshes: list[Mesh]) -> Mesh:
 def _join_corners(meshes: list[Mesh], name: str) -> npt.NDArray[np.float32]:
     """Values at the corners (T, 3, ...) of all triangles of several meshes."""
     fill = _FILL[name]
-    every = (
+    every = [
         mesh.corner_values.get(name, np.broadcast_to(np.asarray(fill, np.float32), (len(mesh.triangles), 3, len(fill))))
         for mesh in meshes
-    )
-    return np.ascontiguousarray(np.concatenate(list(every)), np.float32)
+    ]
+    most = max(each.shape[2] for each in every)
+    n_lacking = [(most - each.shape[2]) // len(fill) for each in every]
+    filled = [
+        np.concatenate([each, np.tile(each[..., : len(fill)], n)], axis=2) if n else each
+        for each, n in zip(every, n_lacking, strict=True)
+    ]
+    return np.ascontiguousarray(np.concatenate(filled), np.float32)
 
 
 def select_faces(mesh: Mesh, chosen: npt.NDArray[np.bool_ | np.integer]) -> Mesh:

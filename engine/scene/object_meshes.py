@@ -49,7 +49,8 @@ from engine.scene.primitives import PRIMITIVES, quad
 from engine.scene.punctual_lights import lamps_of, suns_of
 from engine.scene.rig import Rig, join_bindings
 
-_NUMBERED = (".glb", ".gltf")
+# Files whose parts were called by their numbers in sessions of earlier versions.
+_ONCE_NUMBERED = (".glb", ".gltf")
 
 # The scene of a single mesh.
 DEFAULT_ENVIRONMENT = ASSETS / "environments" / "studio.exr"
@@ -142,8 +143,11 @@ def _objects_of(item: ObjectDescription, model: ImportedModel, path: Path, taken
         part = model.parts[k]
         own = _material(item, part)
         if len(chosen) > 1:
-            own |= {"name": free_name(_part_name(item, part, k), taken), "part": k}
-        items.append(ObjectMesh(item.model_copy(update=own), part.mesh, part.rig, model, part.name))
+            own |= {"name": _part_name(item, part, k, taken), "part": k}
+        described = item.model_copy(update=own)
+        if len(chosen) > 1 and str(item.mesh).lower().endswith(_ONCE_NUMBERED):
+            described = described.with_former_name(f"{item.name[:48]} {k + 1}")
+        items.append(ObjectMesh(described, part.mesh, part.rig, model, part.name))
     return items
 
 
@@ -163,10 +167,17 @@ def _with_lamps(
     return items
 
 
-def _part_name(item: ObjectDescription, part: ImportedPart, k: int) -> str:
-    """The name of the object of a part: that of its material; in a glTF file, by which sessions know it, its number."""
-    is_numbered = not part.name or str(item.mesh).lower().endswith(_NUMBERED)
-    return f"{item.name[:48]} {k + 1}" if is_numbered else valid_name(part.name)
+def _part_name(item: ObjectDescription, part: ImportedPart, k: int, taken: set[str]) -> str:
+    """A name for the object of a part, marked as taken: the file's, with a number where another object has it, as
+    Blender numbers objects, but for the point, which separates paths; without one the number of the part."""
+    called = part.object_name or part.name
+    name = own = valid_name(called, f"{item.name[:48]} {k + 1}") if called else f"{item.name[:48]} {k + 1}"
+    n = 0
+    while name in taken:
+        n += 1
+        name = f"{own[:44].strip()}_{n:03}"
+    taken.add(name)
+    return name
 
 
 def _join_parts(parts: list[ImportedPart]) -> tuple[Mesh, Rig | None, bool]:

@@ -27,6 +27,7 @@ from engine.material.bumps import Bumps
 from engine.material.layer_maps import ChannelImage, Images, split_image_name
 from engine.material.opacity import Opacity
 from engine.scene.bump_normals import BumpNormals
+from engine.scene.coplanar_faces import lift_overlapping_faces
 from engine.scene.cutouts import Cutouts, scene_cutouts
 from engine.scene.description import (
     MAX_RADIANCE,
@@ -60,12 +61,11 @@ class Scene:
     vertices (V, 3) and normals (V, 3, unit) float32 in the world minus `origin`; triangles (T, 3) int32,
     counter-clockwise seen from the front; object_of_triangle (T,) int32; triangle_ranges (M, 2); geometric_normals (T,
     3) float32; smooth (M,) bool: whether normals are interpolated; emission (M, 3) float32, zero for objects that do
-    not emit. uvs (T, 3, 2) float32: texture coordinates of the triangles' corners, v upwards, 0 in objects without,
-    None if no object has them; tangents and colours (T, 3, 4) as in `Mesh`, None if no file has them; has_uvs (M,)
-    bool; boxes (M, 3, 4): the frames for texture coordinates of the others (`engine.scene.surface_uvs`); textures: the
-    scene's images. vertex_ranges (M, 2); rigs: for each object how its file's animations move its vertices, in the
-    frame of the arrays, None if none does. material_names: of each object, in its file; cameras, unshown: what
-    its files contain besides (`engine.scene.import_report`).
+    not emit. uvs (T, 3, 2 K), tangents and colours (T, 3, 4) float32: as in `Mesh`, uvs 0 in objects without, None if
+    no object has them; has_uvs (M,) bool; boxes (M, 3, 4): the frames for texture coordinates of the others
+    (`engine.scene.surface_uvs`); textures: the scene's images. vertex_ranges (M, 2); rigs: for each object how its
+    file's animations move its vertices, in the frame of the arrays, None if none does. material_names: of each object,
+    in its file; cameras, unshown: what its files contain besides (`engine.scene.import_report`).
     """
 
     description: SceneDescription
@@ -365,7 +365,21 @@ def _place_all(items: Sequence[ObjectMesh], path: Path) -> tuple[list[Mesh], lis
             raise LoadError(path, f"{where}: faces with an area", 0, "at least one")
         placed.append(with_normals(mesh))
         notes += [f"{item.description.name}: {line}" for line in defects.notes()]
-    return placed, notes
+    return lift_overlapping_faces(placed, [item.rig is None for item in items], _looks(items)), notes
+
+
+def _looks(items: Sequence[ObjectMesh]) -> list[int]:
+    """Equal numbers for objects of equal, plain materials; −1 for those with images or coloured vertices."""
+    seen: list[object] = []
+    found = []
+    for item in items:
+        described = item.description
+        look = described.layers, described.emission, described.variants
+        if look not in seen:
+            seen.append(look)
+        is_plain = not described.is_of_files and item.mesh.colours is None
+        found.append(seen.index(look) if is_plain else -1)
+    return found
 
 
 def _find_origin(placed: Sequence[Mesh], path: Path) -> npt.NDArray[np.float64]:

@@ -9,6 +9,9 @@ or stretched. On each side u grows to the right and v upwards; up is +Y, on the 
 were unfolded from the front. An image covers the longest edge of the box once, and no side stretches it. Rejected:
 blending between sides where a surface turns from one to the next; a path that looks the image up at a point could
 follow that, but means over a surface and a mesh that another program reads could not.
+
+A mesh may have several sets of texture coordinates, side by side in its arrays; each image has its own
+(`Pyramid.in_own_set`), the first where the mesh has no other.
 """
 
 from __future__ import annotations
@@ -34,17 +37,25 @@ _V_REVERSED = np.array([False, True, False, False, False, False])
 
 
 def corner_uvs(scene: Scene, triangle: NDArray[np.integer]) -> Float64Array:
-    """Texture coordinates (N, 3, 2) of the corners of triangles (N,), for some meshes by their box."""
+    """Texture coordinates (N, 3, 2 K) in all K sets of the corners of triangles (N,), for some meshes by their box."""
     objects = scene.object_of_triangle[triangle]
     uvs = np.zeros((len(triangle), 3, 2)) if scene.uvs is None else scene.uvs[triangle].astype(np.float64)
     bare = np.flatnonzero(~scene.has_uvs[objects])
     if len(bare):
-        uvs[bare] = box_uvs(scene.vertices[scene.triangles[triangle[bare]]], scene.boxes[objects[bare]])
+        of_box = box_uvs(scene.vertices[scene.triangles[triangle[bare]]], scene.boxes[objects[bare]])
+        uvs[bare] = np.tile(of_box, uvs.shape[2] // 2)
     return uvs
 
 
+def corner_uvs_of_set(scene: Scene, triangle: NDArray[np.integer], uv_set: int) -> Float64Array:
+    """The same (N, 3, 2) in one set, the first where the scene has no other."""
+    uvs = corner_uvs(scene, triangle)
+    first = min(2 * uv_set, uvs.shape[2] - 2)
+    return uvs[..., first : first + 2]
+
+
 def uvs_at(scene: Scene, triangle: NDArray[np.integer], u: NDArray, v: NDArray) -> Float64Array:
-    """Texture coordinates (N, 2) of points (1 − u − v) A + u B + v C of triangles (N,)."""
+    """Texture coordinates (N, 2 K) of points (1 − u − v) A + u B + v C of triangles (N,)."""
     return between(corner_uvs(scene, triangle), u, v)
 
 
@@ -76,7 +87,7 @@ def pixel_footprints(
     scene: Scene, found: Intersections, places: Float64Array, resolution: tuple[int, int]
 ) -> tuple[Float64Array, Float64Array, Float64Array]:
     """Texture coordinates at the hits of rays that pass through a picture at places (p, 2), columns and rows in pixels
-    from its upper left corner, and their change over a pixel to the right and downwards, (p, 2)."""
+    from its upper left corner, and their change over a pixel to the right and downwards, (p, 2 K)."""
     uv = uvs_at(scene, found.triangle, found.u, found.v)
     columns, lines = places.T
     beside = []
@@ -87,7 +98,7 @@ def pixel_footprints(
 
 
 def _uvs_in_plane(scene: Scene, found: Intersections, directions: Float64Array) -> Float64Array:
-    """Texture coordinates (p, 2) where rays from the camera meet the planes of the triangles found; large where they
+    """Texture coordinates (p, 2 K) where rays from the camera meet the planes of the triangles found; large where they
     are nearly parallel."""
     corners = scene.vertices[scene.triangles[found.triangle]].astype(np.float64)
     a, one, two = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 Float64Array = NDArray[np.float64]
 Rows = NDArray[np.integer]
-# Texture coordinates of points (p, 2), and their change over a pixel to the right and downwards.
+# Texture coordinates of points (p, 2 K), and their change over a pixel to the right and downwards.
 Footprints = tuple[Float64Array, Float64Array, Float64Array]
 # Codes of a map's angles: 256 for half a turn, 0.7 degrees apart.
 N_CODES = 256

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.material.layer_maps import WRAPS
+from engine.material.layer_maps import MAX_UV_SETS, WRAPS
 from engine.material.opacity import MODES
 from engine.material.strokes import HARDEST
 
@@ -31,10 +31,13 @@ _STROKE_WORDS = 8
 @dataclass(frozen=True)
 class ExportedMaps:
     """The factors of a layer, see `LayerMaps`: where its images begin among all words, −1 for none; whether vertex
-    colours multiply its texture; first and last (excluded) of its strokes."""
+    colours multiply its texture; first and last (excluded) of its strokes. other_texture: a second image that
+    multiplies the texture, in another set of texture coordinates."""
 
     texture: int
     scale: tuple[float, float]
+    other_texture: int
+    other_scale: tuple[float, float]
     strength: float
     vertex_colours: bool
     weight: int
@@ -62,8 +65,10 @@ class ImageExporter:
         if images.strokes:
             self.strokes += (images.strokes.about(self._origin),)
             self._n_strokes += len(images.strokes.strokes)
+        own = [(self.image(self._store.texture(each)), each.texture_scale) for each in images.textures]
+        own += [(-1, (1.0, 1.0))] * (MAX_UV_SETS - len(own))
         return ExportedMaps(
-            self.image(self._store.texture(images)), images.texture_scale, maps.sampled_strength,
+            *own[0], *own[1], maps.sampled_strength,
             images.vertex_colours, self.image(self._store.weight(images)), images.weight_start, maps.inverts,
             (first, self._n_strokes),
         )  # fmt: skip
@@ -89,8 +94,8 @@ def opacity_rows(scene: Scene, images: ImageExporter) -> Float32Array:
 
 
 def image_words(images: tuple[Pyramid, ...]) -> Words:
-    """Words of images: the number of levels; height, width and first texel of each; rotation, offset and wrap; and the
-    texels: up to three half floats in two words."""
+    """Words of images: the number of levels; height, width and first texel of each; rotation, offset, wrap and set of
+    coordinates; and the texels: up to three half floats in two words."""
     words = []
     for image in images:
         head = np.zeros(_HEAD, np.uint32)
@@ -101,11 +106,17 @@ def image_words(images: tuple[Pyramid, ...]) -> Words:
         moves = np.array([*image.transform.turn, *image.transform.offset], np.float32)
         head[_HEAD - 5 : _HEAD - 1] = moves.view(np.uint32)
         u, v = (WRAPS.index(wrap) for wrap in image.transform.wrap)
-        head[_HEAD - 1] = u + len(WRAPS) * v
+        head[_HEAD - 1] = u + len(WRAPS) * (v + len(WRAPS) * image.transform.uv_set)
         texels = np.zeros((len(image.texels), 4), np.float16)
         texels[:, : image.n_channels] = np.clip(image.texels, -65504.0, 65504.0)
         words += [head, texels.view(np.uint32).ravel()]
     return np.concatenate(words) if words else np.zeros(0, np.uint32)
+
+
+def in_all_sets(uvs: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Texture coordinates (..., 2 K) in all sets that shaders know, (..., 4): the first in place of those that are not
+    there."""
+    return np.concatenate([uvs, *[uvs[..., :2]] * (MAX_UV_SETS - uvs.shape[-1] // 2)], axis=-1)
 
 
 def colour_words(colours: NDArray[np.floating]) -> Words:

@@ -3,6 +3,7 @@
 Texel by texel, because the mean of a product over a pixel is not the product of means: where a metal is rough, its
 colour may be another. Images in one mapping are multiplied in it, at the size of the largest. Others are resampled over
 the unit square of texture coordinates, which repeats: exact where each image does so as well, a whole number of times.
+All are of one set of texture coordinates: those of another are a texture of their own (`Images.textures`).
 """
 
 from __future__ import annotations

@@ -71,9 +71,13 @@ class Pyramid:
     def n_bytes(self) -> int:
         return self.texels.nbytes
 
-    def at(self, uv: NDArray[np.floating], level: NDArray[np.floating] | float = 0.0) -> NDArray[np.float32]:
-        """Values (N, C) at coordinates (N, 2), linear between texels and between levels (N,)."""
-        out = np.empty((len(uv), self.n_channels), np.float32)
+    def at(
+        self, uv: NDArray[np.floating], level: NDArray[np.floating] | float = 0.0,
+        repeats: tuple[float, float] = (1.0, 1.0),
+    ) -> NDArray[np.float32]:  # fmt: skip
+        """Values (N, C) at coordinates (N, 2 K) in K sets, multiplied by repeats, linear between texels and between
+        levels (N,)."""
+        out, uv = np.empty((len(uv), self.n_channels), np.float32), self.in_own_set(uv) * np.array(repeats)
         depth = np.ascontiguousarray(np.broadcast_to(level, len(uv)), np.float64)
         depth.flags.writeable = False  # as if it had been copied: the kernel is compiled for one type
         kernels.fill_at(self._packed, np.ascontiguousarray(uv, np.float64), depth, out)
@@ -83,10 +87,12 @@ class Pyramid:
         self, uv: NDArray[np.floating], across: NDArray[np.floating], down: NDArray[np.floating],
         most_probes: int = MOST_PROBES, repeats: tuple[float, float] = (1.0, 1.0), is_quick: bool = False,
     ) -> NDArray[np.float32]:  # fmt: skip
-        """Means (N, C) over pixels at (N, 2) whose sides are across and down (N, 2), in texture coordinates before the
-        multiplication by repeats. is_quick: from the nearest level, with visible transitions."""
+        """Means (N, C) over pixels at (N, 2 K) whose sides are across and down (N, 2 K), in K sets of texture
+        coordinates before the multiplication by repeats. is_quick: from the nearest level, with visible
+        transitions."""
         out, levels = np.empty((len(uv), self.n_channels), np.float32), self._packed
-        middle, right, below = (np.ascontiguousarray(each, np.float64) for each in (uv, across, down))
+        sides = (self.in_own_set(each) for each in (uv, across, down))
+        middle, right, below = (np.ascontiguousarray(each, np.float64) for each in sides)
         times = float(repeats[0]), float(repeats[1])
 
         def part(start: int, stop: int) -> None:
@@ -94,6 +100,11 @@ class Pyramid:
 
         on_threads(part, *even_parts(len(uv)))
         return out
+
+    def in_own_set(self, uv: NDArray[np.floating]) -> NDArray[np.floating]:
+        """Of coordinates (..., 2 K) in K sets those (..., 2) that the image is mapped by."""
+        first = min(2 * self.transform.uv_set, uv.shape[-1] - 2)
+        return uv[..., first : first + 2]
 
     def level_of(self, share: Float64Array) -> Float64Array:
         """The level whose texels have this share (N,) of the image's area."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Iterable
-from functools import partial
+from functools import partial, reduce
 from itertools import zip_longest
 from pathlib import Path
 from threading import Lock
@@ -58,7 +58,8 @@ class TextureStore:
         self._files: dict[Path, Callable[[int], bytes]] | None = None
 
     def texture(self, images: Images) -> Pyramid | None:
-        """Linear RGB of the texture, of a node times its weight; None if there is none. Raises LoadError."""
+        """Linear RGB of the texture, of a node times its weight; None if there is none. Of images in several sets of
+        texture coordinates ask for each of `Images.textures`. Raises LoadError."""
         if images.node is not None:
             return self._node_texture(images)
         if not images.texture:
@@ -107,7 +108,8 @@ class TextureStore:
         self._files = {}
         try:
             for images in wanted:
-                self.texture(images)
+                for of_set in images.textures:
+                    self.texture(of_set)
                 self.weight(images)
             for each in bumps:
                 self.slopes(each)
@@ -128,12 +130,12 @@ class TextureStore:
         images = images.without_strokes
         assert images.node is not None
         own = self.texture(images.without_node)
-        sources = [] if own is None else [own]
-        sources += [self.numbers(each.image) for each in images.node.weights]
+        numbers = [self.numbers(each.image) for each in images.node.weights]
+        sources = [*([] if own is None else [own]), *numbers]
         with self._lock:
             known, pyramid = self._nodes.pop(images, ([], None))
             if pyramid is None or any(a is None or a() is not b for a, b in zip_longest(known, sources)):
-                pyramid = blend_node_images(images, own, sources[-len(images.node.weights) :])
+                pyramid = blend_node_images(images, own, numbers)
             self._nodes[images] = [ref(each) for each in sources], pyramid
             while len(self._nodes) > 1 and sum(each.n_bytes for _, each in self._nodes.values()) > MOST_BYTES:
                 self._nodes.popitem(last=False)
@@ -203,10 +205,10 @@ def sample_images(
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:  # fmt: skip
     """Texture (N, 3) and weight (N,) without strokes; sample: returns n values of an image with these repeats;
     vertex_colours: those of the mesh there, (N, 3 or more), asked for where they multiply the texture."""
-    texture, weight = store.texture(images), store.weight(images)
-    colours, shares = np.ones((n, 3), np.float32), np.full(n, images.weight_start, np.float32)
-    if texture is not None:
-        colours = sample(texture, images.texture_scale)
+    textures, weight = [(store.texture(each), each.texture_scale) for each in images.textures], store.weight(images)
+    factors = [sample(texture, scale) for texture, scale in textures if texture is not None]
+    colours = reduce(np.multiply, factors) if factors else np.ones((n, 3), np.float32)
+    shares = np.full(n, images.weight_start, np.float32)
     if weight is not None:
         shares = sample(weight, (1.0, 1.0))[:, 0]
     if images.vertex_colours:

@@ -2,7 +2,8 @@
 
 layout(std430, binding = 5) readonly buffer ImageWords { uint image_words[]; };
 
-// Words: how many levels, height, width and first texel of 16 of them, cosine and sine of a turn, an offset, wraps.
+// Words: how many levels, height, width and first texel of 16 of them, cosine and sine of a turn, an offset, wraps
+// and the set of texture coordinates.
 const int N_HEAD = 54;
 const int TURN = 49;
 const uint N_WRAPS = 3u;  // repeat, mirror, clamp
@@ -33,7 +34,7 @@ vec2 turned(int image, vec2 uv) {
 }
 
 vec3 between_texels(int image, ivec3 level, vec2 uv) {
-    uint wraps = image_words[image + TURN + 4], along_u = wraps % N_WRAPS, along_v = wraps / N_WRAPS;
+    uint wraps = image_words[image + TURN + 4], along_u = wraps % N_WRAPS, along_v = wraps / N_WRAPS % N_WRAPS;
     vec2 size = vec2(level.yx), place = vec2(within(uv.x, along_u), 1.0 - within(uv.y, along_v)) * size - 0.5;
     ivec2 first = ivec2(floor(place));
     vec2 share = place - vec2(first);
@@ -44,20 +45,25 @@ vec3 between_texels(int image, ivec3 level, vec2 uv) {
     return mix(upper, lower, share.y);
 }
 
+// Of two sets of texture coordinates those that the image is mapped by.
+vec2 in_own_set(int image, vec4 uvs) {
+    return image_words[image + TURN + 4] < N_WRAPS * N_WRAPS ? uvs.xy : uvs.zw;
+}
+
 // Texture coordinates, times repeats, turned and moved as the image is.
-vec2 place_on(int image, vec2 uv, vec2 repeats) {
+vec2 place_on(int image, vec4 uvs, vec2 repeats) {
     vec2 offset = vec2(uintBitsToFloat(image_words[image + TURN + 2]), uintBitsToFloat(image_words[image + TURN + 3]));
-    return turned(image, repeats * uv) + offset;
+    return turned(image, repeats * in_own_set(image, uvs)) + offset;
 }
 
 // The mean over a pixel whose sides are `right` and `below` in texture coordinates, all of them times repeats, and turned
 // and moved as the image is.
-vec3 over_pixel(int image, vec2 uv, vec2 right, vec2 below, vec2 repeats) {
+vec3 over_pixel(int image, vec4 uvs, vec4 right, vec4 below, vec2 repeats) {
     ivec3 finest = level_of(image, 0);
     vec2 size = vec2(finest.yx);
-    vec2 a = clamp(turned(image, right * repeats) * size, -LONGEST, LONGEST);
-    vec2 b = clamp(turned(image, below * repeats) * size, -LONGEST, LONGEST);
-    vec2 middle = place_on(image, uv, repeats);
+    vec2 a = clamp(turned(image, in_own_set(image, right) * repeats) * size, -LONGEST, LONGEST);
+    vec2 b = clamp(turned(image, in_own_set(image, below) * repeats) * size, -LONGEST, LONGEST);
+    vec2 middle = place_on(image, uvs, repeats);
     float xx = a.x * a.x + b.x * b.x, yy = a.y * a.y + b.y * b.y, xy = a.x * a.y + b.x * b.y;
     float spread = sqrt(0.25 * (xx - yy) * (xx - yy) + xy * xy);
     float longer = sqrt(max(0.5 * (xx + yy) + spread, 0.0));

@@ -4,7 +4,7 @@
 // A row of 8 for each object: 0 opaque, 1 mask, 2 blend; where its image begins, -1 for none; repeats; factor; cutoff;
 // whether the opacity of vertices counts; 0.
 layout(std430, binding = 14) readonly buffer Opacities { float opacities[]; };
-sample in vec2 opacity_uv;
+sample in vec4 opacity_uvs;
 sample in float vertex_opacity;
 
 // Spread evenly over the samples of a pixel, whose columns differ.
@@ -20,7 +20,7 @@ bool is_hole(int i_object) {
     float alpha = opacities[row + 4];
     if (image >= 0) {
         vec2 repeats = vec2(opacities[row + 2], opacities[row + 3]);
-        alpha *= between_texels(image, level_of(image, 0), place_on(image, opacity_uv, repeats)).x;
+        alpha *= between_texels(image, level_of(image, 0), place_on(image, opacity_uvs, repeats)).x;
     }
     if (opacities[row + 6] > 0.0)
         alpha *= vertex_opacity;

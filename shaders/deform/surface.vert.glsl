@@ -6,8 +6,8 @@ in ivec4 corner;        // its place, the point on its front and its back, -1 fo
 
 centroid out vec3 front_white, front_gloss, back_white, back_gloss;
 #if HAS_HOLES
-layout(std430, binding = 13) readonly buffer Holes { float holes[]; };  // of each corner: texture coordinates, opacity
-sample out vec2 opacity_uv;
+layout(std430, binding = 13) readonly buffer Holes { float holes[]; };  // of each corner: two sets of texture coordinates, opacity
+sample out vec4 opacity_uvs;
 sample out float vertex_opacity;
 #endif
 out vec3 from_camera;
@@ -21,8 +21,9 @@ void main() {
     back_white = sent_by(corner.z, 0);
     back_gloss = sent_by(corner.z, 3);
 #if HAS_HOLES
-    opacity_uv = vec2(holes[3 * gl_VertexID], holes[3 * gl_VertexID + 1]);
-    vertex_opacity = holes[3 * gl_VertexID + 2];
+    int first = 5 * gl_VertexID;
+    opacity_uvs = vec4(holes[first], holes[first + 1], holes[first + 2], holes[first + 3]);
+    vertex_opacity = holes[first + 4];
 #endif
     shown = ivec3(corner.y >= 0, corner.z >= 0, corner.w);
 }

@@ -22,7 +22,7 @@ centroid in vec3 vertex_colour;
 #endif
 
 centroid in vec3 front_white, back_white;
-in vec2 uv;
+in vec4 uvs;
 in vec3 at;
 flat in vec3 outside;
 flat in ivec2 has_points;
@@ -35,22 +35,22 @@ void main() {
     if (is_hole(i_object))
         discard;
 #endif
-    vec2 right = dFdx(uv), below = dFdy(uv);
+    vec4 right = dFdx(uvs), below = dFdy(uvs);
     bool is_front = !gl_FrontFacing;  // rows count downwards
     if ((is_front ? has_points.x : has_points.y) == 0)
         discard;
 #if HAS_DETAIL
     mat3 frame = frame_of(axes, is_front);
     choose_light(own_light);
-    vec3 sent = white_of_detail(uv, frame);
+    vec3 sent = white_of_detail(uvs.xy, frame);
     if (gloss_layer >= 0)
-        sent = shiny(gloss_layer, detail_normal(uv, frame), normalize(camera_position - here), sent, even);
+        sent = shiny(gloss_layer, detail_normal(uvs.xy, frame), normalize(camera_position - here), sent, even);
 #else
     vec3 sent = is_front ? front_white : back_white;
 #endif
     sent *= reflectance;
 #if HAS_MAPS
-    sent *= factor(uv, right, below, at, outside, vertex_colour);
+    sent *= factor(uvs, right, below, at, outside, vertex_colour);
 #endif
     radiance = vec4(max(sent, 0.0), 0.0);
 }

@@ -7,12 +7,12 @@
 layout(std430, binding = 2) readonly buffer Axes { float surface_axes[]; };  // along u, along v, outwards
 
 in ivec4 corner;        // its place, the point on its front and its back, -1 for none, and its axes
-in vec2 image_place;
+in vec4 image_places;
 in vec3 position, face;
 in ivec2 packed_colour;
 
 centroid out vec3 front_white, back_white;
-out vec2 uv;
+out vec4 uvs;  // in two sets of texture coordinates
 out vec3 at;
 flat out vec3 outside;
 flat out ivec2 has_points;
@@ -20,7 +20,7 @@ flat out ivec2 has_points;
 centroid out vec3 vertex_colour;
 #endif
 #if HAS_HOLES
-sample out vec2 opacity_uv;
+sample out vec4 opacity_uvs;
 sample out float vertex_opacity;
 #endif
 #if HAS_DETAIL
@@ -32,14 +32,14 @@ void main() {
     place(corner.x);
     front_white = sent_by(corner.y, 0);
     back_white = sent_by(corner.z, 0);
-    uv = image_place;
+    uvs = image_places;
     at = position;
     outside = face;
 #if HAS_MAPS
     vertex_colour = unpacked_colour(packed_colour).rgb;
 #endif
 #if HAS_HOLES
-    opacity_uv = image_place;
+    opacity_uvs = image_places;
     vertex_opacity = unpacked_colour(packed_colour).a;
 #endif
     has_points = ivec2(corner.y >= 0, corner.z >= 0);

@@ -6,7 +6,7 @@
 flat out int shows_back, triangle;
 out vec3 from_camera;
 #if HAS_HOLES
-sample out vec2 opacity_uv;
+sample out vec4 opacity_uvs;
 sample out float vertex_opacity;
 #endif
 
@@ -16,7 +16,7 @@ void main() {
     from_camera = position - camera_position;
     triangle = gl_VertexID / 3;
 #if HAS_HOLES
-    opacity_uv = image_place;
+    opacity_uvs = image_places;
     vertex_opacity = unpacked_colour(packed_colour).a;
 #endif
 }

@@ -6,7 +6,7 @@
 #include "generated/brdf.glsl"
 #endif
 
-layout(std430, binding = 7) readonly buffer Corners { int corners[]; };  // 18 words each
+layout(std430, binding = 7) readonly buffer Corners { int corners[]; };  // 20 words each
 layout(std430, binding = 12) readonly buffer Peaks { vec4 peaks[]; };  // direction and power of each
 flat in int shows_back, triangle;
 centroid in vec3 shares;  // of the triangle's corners
@@ -62,7 +62,7 @@ vec3 peak_gloss(ivec3 p, mat3 frame, vec3 wo) {
 ivec3 points_around() {
     ivec3 p;
     for (int k = 0; k < 3; ++k) {
-        p[k] = corners[18 * (3 * triangle + k) + 8 + shows_back];
+        p[k] = corners[20 * (3 * triangle + k) + 10 + shows_back];
     }
     return p;
 }

@@ -3,7 +3,7 @@
 
 layout(location = 0) in vec3 position;
 layout(location = 1) in vec3 face;
-layout(location = 2) in vec2 image_place;
+layout(location = 2) in vec4 image_places;  // in two sets of texture coordinates
 layout(location = 3) in ivec2 sides;
 layout(location = 4) in vec3 first_way;
 layout(location = 5) in vec3 second_way;

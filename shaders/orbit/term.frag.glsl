@@ -4,7 +4,7 @@
 #include "common/images.glsl"
 
 centroid in vec3 colour;
-in vec2 uv;
+in vec4 uvs;
 in vec3 at;
 flat in vec3 outside;
 
@@ -18,8 +18,8 @@ uniform vec2 slope_repeats;
 uniform float slope_scale;
 uniform bool is_normal_map;
 
-vec3 normal_offset(vec3 n, vec2 right, vec2 below) {
-    vec2 slope = -slope_scale * side * over_pixel(slopes, uv, right, below, slope_repeats).xy;
+vec3 normal_offset(vec3 n, vec4 right, vec4 below) {
+    vec2 slope = -slope_scale * side * over_pixel(slopes, uvs, right, below, slope_repeats).xy;
     vec3 sum;
     if (is_normal_map) {
         vec3 tangent = along - dot(along, n) * n;
@@ -55,7 +55,7 @@ void main() {
         discard;
 #endif
     vec3 sent = colour;
-    vec2 right = dFdx(uv), below = dFdy(uv);
+    vec4 right = dFdx(uvs), below = dFdy(uvs);
     vec3 offset = vec3(0.0);
 #if IS_BUMPY
     offset = normal_offset(normalize(normal), right, below);
@@ -66,7 +66,7 @@ void main() {
     sent += sharp_gloss(at, offset);
 #endif
 #if HAS_MAPS
-    sent *= factor(uv, right, below, at, outside, vertex_colour);
+    sent *= factor(uvs, right, below, at, outside, vertex_colour);
 #endif
     radiance = vec4(sent, 0.0);
 }

@@ -11,14 +11,14 @@ uniform vec3 sends_on;
 uniform float has_gloss;
 
 centroid out vec3 colour;
-out vec2 uv;
+out vec4 uvs;  // in two sets of texture coordinates
 out vec3 at;
 flat out vec3 outside;
 #if HAS_MAPS
 centroid out vec3 vertex_colour;
 #endif
 #if HAS_HOLES
-sample out vec2 opacity_uv;
+sample out vec4 opacity_uvs;
 sample out float vertex_opacity;
 #endif
 #if IS_BUMPY
@@ -59,14 +59,14 @@ void main() {
     sent += reflectance * irradiance[p].rgb;
 #endif
     colour = reflects ? sent : vec3(0.0);
-    uv = image_place;
+    uvs = image_places;
     at = position;
     outside = face;
 #if HAS_MAPS
     vertex_colour = unpacked_colour(packed_colour).rgb;
 #endif
 #if HAS_HOLES
-    opacity_uv = image_place;
+    opacity_uvs = image_places;
     vertex_opacity = unpacked_colour(packed_colour).a;
 #endif
 }

@@ -9,7 +9,7 @@ from assets.generate.mesh import Mesh, axis_rotation, check, cleaned, face_norma
 from assets.generate.scenes import MODELS, SCENES
 from assets.generate.surfaces import arc_profile, bezier, carried, circle, rounded_profile, rounded_rectangle, tube
 from assets.generate.teapot import bernstein, bernstein_slope, load_patches, teapot
-from engine.scene.loaders.gltf import read_glb
+from engine.scene.loaders.gltf import read_gltf
 from engine.scene.raycaster import RayCaster
 
 ASSETS = Path(__file__).resolve().parents[2] / "assets"
@@ -49,7 +49,7 @@ def test_generator_makes_the_committed_meshes(name: str, tmp_path: Path) -> None
 def test_generator_makes_the_committed_models(name: str, tmp_path: Path) -> None:
     for file, save in MODELS[name].items():
         save(tmp_path / file)
-        (made, committed) = (read_glb(folder / file) for folder in (tmp_path, ASSETS / "scenes" / name))
+        (made, committed) = (read_gltf(folder / file) for folder in (tmp_path, ASSETS / "scenes" / name))
         for part, other in zip(made.parts, committed.parts, strict=True):
             assert np.array_equal(part.mesh.triangles, other.mesh.triangles)
             assert np.allclose(part.mesh.vertices, other.mesh.vertices, rtol=0, atol=1e-6)

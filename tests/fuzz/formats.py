@@ -358,10 +358,10 @@ def glbs(_: Path) -> list[bytes]:
 def read_glb_file(path: Path) -> None:
     from engine.realtime.zonal_harmonics.pose import Pose
     from engine.realtime.zonal_harmonics.posed_scene import animated_pose
-    from engine.scene.loaders.gltf import read_glb
+    from engine.scene.loaders.gltf import read_gltf
 
     read_mesh_file(path)
-    for part in read_glb(path).parts:
+    for part in read_gltf(path).parts:
         for clip in part.rig.skeleton.clips if part.rig is not None else ():
             places = part.mesh.vertices.astype(np.float64)
             rest = Pose(places, np.tile(np.eye(3), (len(places), 1, 1)))

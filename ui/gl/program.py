@@ -214,6 +214,7 @@ def _assign(
 def map_uniforms(maps: ExportedMaps) -> dict[str, object]:
     return {
         "tint": maps.texture, "tint_repeats": maps.scale, "tint_strength": maps.strength,
+        "other_tint": maps.other_texture, "other_tint_repeats": maps.other_scale,
         "has_vertex_colours": maps.vertex_colours, "weight": maps.weight, "weight_start": maps.start,
         "inverts": maps.inverts, "strokes": maps.strokes,
     }  # fmt: skip

@@ -12,8 +12,7 @@ from pathlib import Path
 
 from imgui_bundle import ImVec2, imgui
 
-from app.document.named_files import IMAGE_SUFFIXES
-from app.document.sources import LIGHT_ENDINGS, SCENE_ENDINGS, SESSION_ENDING
+from app.document.sources import IMAGE_SUFFIXES, LIGHT_ENDINGS, SCENE_ENDINGS, SESSION_ENDING
 from engine.curve.table_text import TABLE_ENDINGS
 from engine.measured.measurement import ENDINGS as MEASURED_ENDINGS
 from ui import theme as look
@@ -188,6 +187,11 @@ def _folder_line(context: PanelContext, question: FileQuestion) -> list[Action]:
     if widgets.text_button(context, "files.up", "Up", hint, enabled=parent != question.folder):
         actions.append(_input_line(_in_folder(question, parent)))
     imgui.same_line()
+    if question.purpose == "open_scene":
+        hint = "Open the one scene that is in this folder."
+        if widgets.text_button(context, "files.folder_scene", "Open folder", hint):
+            actions.append(AnswerQuestion(question.folder, OpenFile(str(question.folder))))
+        imgui.same_line()
     imgui.set_next_item_width(-1.0)
     if question.focus == "folder":
         imgui.set_keyboard_focus_here()

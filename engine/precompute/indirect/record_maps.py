@@ -26,13 +26,14 @@ from engine.core.errors import LoadError
 from engine.material.layer_maps import Images, LayerMaps, factor_of_means
 from engine.precompute.indirect.albedo import N_SLANTS
 from engine.precompute.indirect.indirect_layers import IndirectLayer, is_glossy
-from engine.scene.surface_uvs import colours_at, corner_uvs, positions_at, uvs_at
+from engine.scene.surface_uvs import colours_at, corner_uvs_of_set, positions_at, uvs_at
 from engine.texture.stroke_painting import PaintedPoints
 from engine.texture.texture_store import sample_images
 
 if TYPE_CHECKING:
     from engine.precompute.indirect._cache_kernels import CacheTable
     from engine.scene.scene_loader import Scene
+    from engine.texture.pyramid import Pyramid
 
 Float32Array = NDArray[np.float32]
 _LEAST_ALBEDO = 1e-6
@@ -71,14 +72,14 @@ class _Places:
         position = positions_at(scene, triangle, u, v)
         area = np.repeat(self._spread(position) / counts, counts)
         uv = uvs_at(scene, triangle, u, v)
-        share = area * _stretch(scene, triangle)
+
+        def sample(image: Pyramid, repeats: tuple[float, float]) -> Float32Array:
+            share = area * _stretch(scene, triangle, image.transform.uv_set)
+            return image.at(uv, image.level_of(share * abs(repeats[0] * repeats[1])), repeats)
+
         self._texture, weight = sample_images(
-            images, scene.textures, len(uv),
-            lambda image, repeats: image.at(
-                uv * np.array(repeats), image.level_of(share * abs(repeats[0] * repeats[1]))
-            ),
-            lambda: colours_at(scene, triangle, u, v),
-        )  # fmt: skip
+            images, scene.textures, len(uv), sample, lambda: colours_at(scene, triangle, u, v)
+        )
         self._painted = PaintedPoints(weight, position, scene.geometric_normals[triangle])
 
     def factor(self, maps: LayerMaps) -> NDArray[np.float64]:
@@ -99,9 +100,10 @@ class _Places:
         return 6.0 * np.maximum((self._means(position.astype(np.float64) ** 2) - mean**2).sum(axis=1), 0.0)
 
 
-def _stretch(scene: Scene, triangle: NDArray[np.integer]) -> NDArray[np.float64]:
-    """Texture area per square metre of triangles (n,)."""
-    uvs, corners = corner_uvs(scene, triangle), scene.vertices[scene.triangles[triangle]].astype(np.float64)
+def _stretch(scene: Scene, triangle: NDArray[np.integer], uv_set: int) -> NDArray[np.float64]:
+    """Texture area in a set of coordinates per square metre of triangles (n,)."""
+    uvs = corner_uvs_of_set(scene, triangle, uv_set)
+    corners = scene.vertices[scene.triangles[triangle]].astype(np.float64)
     one, two = np.moveaxis(uvs[:, 1:] - uvs[:, :1], 1, 0)
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     return np.abs(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0]) / np.maximum(np.linalg.norm(normal, axis=1), 1e-30)

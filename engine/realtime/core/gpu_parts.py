@@ -56,11 +56,12 @@ class ExportedTerm:
 @dataclass(frozen=True, eq=False)
 class MeshPart:
     """points (S, 12): position, row of glossy points in `LightPart.rows` (bits of an int, −1 for none), normal, 0,
-    tangent, 0; corners (3 T, 18) of the triangles between points, sorted by object: position, face normal, texture
-    coordinates, the point on the side that the winding faces and on the other (bits, −1 for none), the axes along
-    which bumps offset the normal, see `BumpNormals.offset_axes`, and the vertex colour; triangle_ranges, point_ranges:
-    first and last (excluded) of each object's, with several runs of points; origin (3,): the world position of the
-    coordinates' origin; centre and radius of a bounding sphere; n_rows: glossy points, and n_coefficients of each."""
+    tangent, 0; corners (3 T, 20) of the triangles between points, sorted by object: position, face normal, texture
+    coordinates in two sets, the point on the side that the winding faces and on the other (bits, −1 for none), the axes
+    along which bumps offset the normal, see `BumpNormals.offset_axes`, and the vertex colour; triangle_ranges,
+    point_ranges: first and last (excluded) of each object's, with several runs of points; origin (3,): the world
+    position of the coordinates' origin; centre and radius of a bounding sphere; n_rows: glossy points, and
+    n_coefficients of each."""
 
     points: Words
     corners: Words
@@ -201,12 +202,12 @@ class DeformTerm(ExportedTerm):
 
 @dataclass(frozen=True, eq=False)
 class CoverPart:
-    """Detail and images on objects, by texture coordinates. corners (3 T, 14) of their triangles, object by object:
-    place, the point on the front and on the back, -1 for none, axes among those of the pose, texture coordinates,
-    position and face normal at rest (bits), and vertex colour; ranges: first and last, excluded, of an object's
+    """Detail and images on objects, by texture coordinates. corners (3 T, 16) of their triangles, object by object:
+    place, the point on the front and on the back, -1 for none, axes among those of the pose, texture coordinates in two
+    sets, position and face normal at rest (bits), and vertex colour; ranges: first and last, excluded, of an object's
     triangles; lobes: of all `ExportedDetail`; images, strokes and opacities (M, 8): see `engine.texture.gpu_export`;
-    holes (3 T, 3): texture coordinates and opacity at the corners of the shape's triangles, (0, 3) where all objects
-    are opaque."""
+    holes (3 T, 5): texture coordinates in two sets and opacity at the corners of the shape's triangles, (0, 5) where
+    all objects are opaque."""
 
     number: int
     corners: Int32Array

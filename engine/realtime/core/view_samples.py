@@ -47,7 +47,7 @@ class PointMesh:
         self._scene, self._points = scene, points
         self._last: tuple[tuple[object, ...], ViewSamples] | None = None
         self._caster = caster or points.caster(scene)
-        self._charts: dict[int, Charts] = {}
+        self._charts: dict[int, list[Charts]] = {}
         corners = np.arange(3 * len(points.corners), dtype=np.int32).reshape(-1, 3)
         self._raster = corners, np.ones((len(corners), 2), bool), points.corners.reshape(-1, 3).astype(np.float32)
         self.visibility = CornerVisibility(points, self._caster)
@@ -202,7 +202,7 @@ class ViewSamples:
     bounds: Rows
     found: tuple[NDArray, ...]
     points: ShadingPoints
-    charts: dict[int, Charts]
+    charts: dict[int, list[Charts]]
     footprints: dict[int, tuple[NDArray[np.float64], ...]] = field(default_factory=dict)
     sampled: dict[object, Float32Array] = field(default_factory=dict)
     normal_offsets: dict[object, Float32Array] = field(default_factory=dict)
@@ -342,8 +342,8 @@ def factors(
 
 
 def footprints_of(seen: ViewSamples, which: Rows, scene: Scene, i_object: int) -> Footprints:
-    """Texture coordinates of an object's samples, and their differences over a pixel to the left and upwards, (N, 2);
-    cached."""
+    """Texture coordinates of an object's samples, and their differences over a pixel to the left and upwards, (N, 2
+    K) in K sets; cached."""
     if i_object not in seen.footprints:
         seen.footprints[i_object] = _footprints(seen, which, scene, i_object)
     uv, left, up = seen.footprints[i_object]
@@ -353,9 +353,14 @@ def footprints_of(seen: ViewSamples, which: Rows, scene: Scene, i_object: int) -
 def _footprints(seen: ViewSamples, which: Rows, scene: Scene, i_object: int) -> tuple[NDArray[np.float64], ...]:
     if i_object not in seen.charts:
         seen.charts[i_object] = _charts(scene, i_object)
+    of_sets = [_footprints_in_set(seen, which, charts) for charts in seen.charts[i_object]]
+    return of_sets[0] if len(of_sets) == 1 else tuple(map(np.hstack, zip(*of_sets, strict=True)))
+
+
+def _footprints_in_set(seen: ViewSamples, which: Rows, charts: Charts) -> tuple[NDArray[np.float64], ...]:
     out = tuple(np.empty((3, len(which), 2)))
     samples, camera_position = seen.samples, seen.camera_position.astype(np.float64)
-    what = which, seen.found[0], seen.points.source, samples.wo, seen.share, seen.charts[i_object]
+    what = which, seen.found[0], seen.points.source, samples.wo, seen.share, charts
 
     def part(start: int, stop: int) -> None:
         kernels.footprints(start, stop, *what, camera_position, seen.axes, *out)
@@ -364,10 +369,13 @@ def _footprints(seen: ViewSamples, which: Rows, scene: Scene, i_object: int) -> 
     return out
 
 
-def _charts(scene: Scene, i_object: int) -> Charts:
-    """How an object's triangles lie on its images."""
+def _charts(scene: Scene, i_object: int) -> list[Charts]:
+    """How an object's triangles lie on its images, for each set of texture coordinates."""
     own = np.arange(*scene.triangle_ranges[i_object])
     corners = scene.vertices[scene.triangles[own]].astype(np.float64)
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    first = np.ascontiguousarray(corners[:, 0]), np.ascontiguousarray(corner_uvs(scene, own)[:, 0])
-    return Charts(*first, normals, gradients(scene, own), int(own[0]))
+    corner, uvs = np.ascontiguousarray(corners[:, 0]), corner_uvs(scene, own)[:, 0]
+    return [
+        Charts(corner, np.ascontiguousarray(uvs[:, 2 * k : 2 * k + 2]), normals, gradients(scene, own, k), int(own[0]))
+        for k in range(uvs.shape[1] // 2)
+    ]

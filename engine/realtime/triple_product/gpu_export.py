@@ -32,7 +32,14 @@ from engine.realtime.core.gpu_parts import (
 )
 from engine.realtime.triple_product._slice_kernels import Tables
 from engine.scene.surface_uvs import corner_colours, corner_uvs
-from engine.texture.gpu_export import ImageExporter, colour_words, image_words, opacity_rows, stroke_words
+from engine.texture.gpu_export import (
+    ImageExporter,
+    colour_words,
+    image_words,
+    in_all_sets,
+    opacity_rows,
+    stroke_words,
+)
 
 if TYPE_CHECKING:
     from engine.material.bumps import Bumps
@@ -153,7 +160,7 @@ def _mesh(scene: Scene, lit: LitPoints, n: int) -> MeshPart:
     order = np.argsort(scene.object_of_triangle[points.source], kind="stable")
     source = points.source[order]
     shares = _shares(points.within[order])
-    uvs = np.einsum("tpk,tki->tpi", shares, corner_uvs(scene, source)).astype(np.float32)
+    uvs = np.einsum("tpk,tki->tpi", shares, in_all_sets(corner_uvs(scene, source))).astype(np.float32)
     colours = colour_words(np.einsum("tpk,tki->tpi", shares, corner_colours(scene, source))).view(np.float32)
     offset_axes = np.zeros((len(order), 3, 6), np.float32)
     faces = np.repeat(scene.geometric_normals[source][:, None], 3, axis=1).astype(np.float32)
@@ -168,7 +175,7 @@ def _mesh(scene: Scene, lit: LitPoints, n: int) -> MeshPart:
     runs = [_runs(np.flatnonzero(points.i_object == i)) for i in range(len(scene.smooth))]
     low, high = scene.vertices.min(axis=0), scene.vertices.max(axis=0)
     return MeshPart(
-        each.astype(np.float32).view(np.uint32), corners.reshape(-1, 18).astype(np.float32).view(np.uint32),
+        each.astype(np.float32).view(np.uint32), corners.reshape(-1, 20).astype(np.float32).view(np.uint32),
         tuple(zip(bounds[:-1], bounds[1:], strict=True)), tuple(runs), as_triple(scene.origin),
         as_triple((low + high) / 2.0),
         float(np.linalg.norm(high - low)) / 2.0, len(stored.number), n,

@@ -170,8 +170,8 @@ class Reflections:
         i_object, maps = term.i_object, term.layers[0].maps
         if maps.is_plain:
             return np.ones(3)
-        images = scene.textures.texture(maps.images), scene.textures.weight(maps.images)
-        key = i_object, maps, images
+        textures = tuple(map(scene.textures.texture, maps.images.textures))
+        key = i_object, maps, textures, scene.textures.weight(maps.images)
         if key not in self._means:
             self._means = {other: mean for other, mean in self._means.items() if other[1] in self._all_maps}
             self._means[key] = mean_factor(scene, i_object, maps)

@@ -100,17 +100,18 @@ class BendingPoints:
         return Pose(resting.positions + places, orthonormal(rotated, resting.frames))
 
     def uvs(self, i_object: int) -> Float64Array:
-        """Texture coordinates (P, 2) of an object's points; of a point with several, one of them."""
+        """Texture coordinates (P, 2 K) of an object's points; of a point with several, one of them."""
         mine = self.points_of(i_object)
         return uvs_at(self._scene, self._at[0][mine], *self._at[1][mine].T)
 
     def middles(self, i_object: int) -> tuple[Intersections, Float64Array, Float64Array]:
-        """Positions of the centres of an object's triangles on the scene's, their texture coordinates (T, 2), and the
-        side of the square of texture that each triangle covers (T,)."""
+        """Positions of the centres of an object's triangles on the scene's, their texture coordinates (T, 2 K), and the
+        side of the square of texture that each triangle covers, in each set (T, K)."""
         own = np.flatnonzero(self.surface.i_object == i_object)
         u, v = self.within[own].mean(axis=1).T
         uvs = self.corner_uvs(self._scene, own)
-        sides = np.sqrt(0.5 * np.abs(np.linalg.det(uvs[:, 1:] - uvs[:, :1])))
+        edges = (uvs[:, 1:] - uvs[:, :1]).reshape(len(own), 2, -1, 2).swapaxes(1, 2)
+        sides = np.sqrt(0.5 * np.abs(np.linalg.det(edges)))
         return Intersections(self.source[own], u, v, np.zeros(len(own), np.float32)), uvs.mean(axis=1), sides
 
     def means_around(self, i_object: int, values: Float64Array) -> Float64Array:
@@ -128,7 +129,7 @@ class BendingPoints:
         return np.asarray(summed(values * areas) / np.maximum(summed(areas), 1e-300))
 
     def corner_uvs(self, scene: Scene, triangle: NDArray[np.integer]) -> Float64Array:
-        """Texture coordinates (N, 3, 2) of the corners of triangles (N,)."""
+        """Texture coordinates (N, 3, 2 K) of the corners of triangles (N,)."""
         return self.between(triangle, corner_uvs(scene, self.source[triangle]))
 
     def between(self, triangle: NDArray[np.integer], values: NDArray[np.floating]) -> Float64Array:
@@ -306,7 +307,7 @@ class SurfaceAxes:
         mine = np.flatnonzero(surface.i_object == i_object)
         self._own, corners = np.unique(surface.corners[mine], return_inverse=True)
         self._corners = corners.reshape(-1, 3).astype(np.int32)
-        self._uvs = points.corner_uvs(scene, mine)
+        self._uvs = points.corner_uvs(scene, mine)[..., :2]
         self.numbers = np.full((len(surface.corners), 3), -1, np.int32)
         self.numbers[mine] = numbers_of(self._corners, self._uvs)
 

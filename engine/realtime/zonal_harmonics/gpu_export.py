@@ -43,7 +43,7 @@ from engine.realtime.zonal_harmonics.surface_details import Detail
 from engine.scene.scene_loader import Scene
 from engine.scene.surface_uvs import corner_colours
 from engine.sphere.harmonics import clamped_cosine
-from engine.texture.gpu_export import ImageExporter, colour_words, image_words, opacity_rows, stroke_words
+from engine.texture.gpu_export import ImageExporter, colour_words, image_words, in_all_sets, opacity_rows, stroke_words
 
 _numbers = count(1 + randbits(48))  # of parts: random start, so that another worker's numbers differ
 
@@ -120,7 +120,7 @@ class PictureExporter:
         first_axes, n_axes = dict[int, int](), 0
         for i in of.details:
             first_axes[i], n_axes = n_axes, n_axes + len(self._posed.axes_of(i)[1])
-        corners, ranges, n = [np.zeros((0, 3, 14), np.int32)], dict[int, tuple[int, int]](), 0
+        corners, ranges, n = [np.zeros((0, 3, 16), np.int32)], dict[int, tuple[int, int]](), 0
         for i in objects:
             mine = np.flatnonzero(self._points.surface.i_object == i)
             ranges[i], n = (n, n + len(mine)), n + len(mine)
@@ -130,16 +130,17 @@ class PictureExporter:
         lobes = [np.zeros(0, np.float32), *(_lobe_rows(each).ravel() for each in of.details.values())]
         n_strokes = sum(len(each.strokes) for each in images.strokes)
         return CoverPart(
-            next(_numbers), np.concatenate(corners).reshape(-1, 14), ranges, np.concatenate(lobes),
+            next(_numbers), np.concatenate(corners).reshape(-1, 16), ranges, np.concatenate(lobes),
             image_words(images.images), stroke_words(images.strokes), n_strokes, opacities,
-            self._hole_corners(of.scene) if len(opacities) else np.zeros((0, 3), np.float32),
+            self._hole_corners(of.scene) if len(opacities) else np.zeros((0, 5), np.float32),
         )  # fmt: skip
 
     def _hole_corners(self, scene: Scene) -> Float32Array:
-        """Texture coordinates and vertices' opacity at the corners of all triangles (3 T, 3)."""
+        """Texture coordinates and vertices' opacity at the corners of all triangles (3 T, 5)."""
         points, every = self._points, np.arange(len(self._points.surface.corners))
         opacity = points.between(every, corner_colours(scene, points.source[every])[..., 3:])
-        return np.concatenate([points.corner_uvs(scene, every), opacity], axis=2).reshape(-1, 3).astype(np.float32)
+        uvs = in_all_sets(points.corner_uvs(scene, every))
+        return np.concatenate([uvs, opacity], axis=2).reshape(-1, 5).astype(np.float32)
 
 
 def shape_part(points: BendingPoints, lobes: Lobes, *gloss: Lobes) -> ShapePart:
@@ -231,11 +232,11 @@ def _corners(points: BendingPoints, which: NDArray[np.integer]) -> NDArray[np.in
 
 
 def _covered_corners(scene: Scene, points: BendingPoints, which: NDArray[np.integer]) -> NDArray[np.int32]:
-    """Corners of triangles (T, 3, 14), without axes."""
-    at_rest = np.zeros((len(which), 3, 8), np.float32)
-    at_rest[..., :2] = points.corner_uvs(scene, which)
-    at_rest[..., 2:5] = points.corners_at_rest(which)
-    at_rest[..., 5:] = scene.geometric_normals[points.source[which]][:, None]
+    """Corners of triangles (T, 3, 16), without axes."""
+    at_rest = np.zeros((len(which), 3, 10), np.float32)
+    at_rest[..., :4] = in_all_sets(points.corner_uvs(scene, which))
+    at_rest[..., 4:7] = points.corners_at_rest(which)
+    at_rest[..., 7:] = scene.geometric_normals[points.source[which]][:, None]
     colours = colour_words(points.between(which, corner_colours(scene, points.source[which]))).view(np.int32)
     return np.concatenate([_corners(points, which), at_rest.view(np.int32), colours], axis=2)
 

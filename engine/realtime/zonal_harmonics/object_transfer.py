@@ -211,8 +211,8 @@ def albedos(scene: Scene, points: BendingPoints, i_object: int, layers: Sequence
     """Albedos of an object's points (P, 3), gloss taken as diffuse: the mean over the triangles around each, because an
     image may be finer than the points. order: of the approximation of gloss. Raises LoadError."""
     middles, uvs, sides = points.middles(i_object)
-    none, total = np.zeros_like(sides), np.zeros((len(sides), 3))
-    across, down = np.stack([sides, none], axis=1), np.stack([none, sides], axis=1)
+    total, across, down = np.zeros((len(uvs), 3)), np.zeros_like(uvs), np.zeros_like(uvs)
+    across[:, ::2] = down[:, 1::2] = sides
 
     def sample(image: Pyramid, repeats: tuple[float, float]) -> Float32Array:
         return image.over(uvs, across, down, repeats=repeats)

@@ -162,8 +162,8 @@ class Pixels:
         return np.asarray(np.einsum("nk,nki->ni", self.weights, corners), np.float32)
 
     def uvs(self, scene: Scene) -> Float64Array:
-        """Texture coordinates (N, 2)."""
-        return np.einsum("nk,nki->ni", self.weights, self._corner_uvs(scene))
+        """Texture coordinates (N, 2) in the first set, on which detail lies."""
+        return np.einsum("nk,nki->ni", self.weights, self._corner_uvs(scene)[..., :2])
 
     def factor(self, scene: Scene, maps: LayerMaps, is_quick: bool) -> Float32Array:
         """Factor of images and strokes for a layer (N, 3), filtered over the pixel; is_quick: with fewer look-ups."""
@@ -182,7 +182,7 @@ class Pixels:
         return np.asarray(map_factor(scene, maps, len(uv), sample, self.find_hits), np.float32)
 
     def _corner_uvs(self, scene: Scene) -> Float64Array:
-        """Texture coordinates of the visible triangles' corners (N, 3, 2)."""
+        """Texture coordinates of the visible triangles' corners (N, 3, 2 K)."""
         return self._all.corner_uvs(scene, self.triangle)
 
 

@@ -16,8 +16,8 @@ from engine.scene.mesh import MESH_ENDINGS, has_area
 
 # The module, in this package, and its function, from a path to an `ImportedModel`.
 _READERS = {
-    ".glb": ("gltf", "read_glb"),
-    ".gltf": ("gltf", "read_glb"),
+    ".glb": ("gltf", "read_gltf"),
+    ".gltf": ("gltf", "read_gltf"),
     ".obj": ("obj", "read_obj"),
     ".ply": ("ply", "read_ply"),
     ".off": ("off", "read_off"),

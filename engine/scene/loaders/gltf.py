@@ -1,51 +1,42 @@
 """Geometry, materials and cameras of a glTF file (.glb or .gltf): every triangle under its node's transform, sorted by
 material.
 
-The accessors are checked and read here, not by trimesh or pygltflib, which accept invalid files (see `mesh`): counts,
-offsets and strides are checked against the buffers, indices against the vertices. Nodes must form a forest of bounded
-depth. The result is the mesh at rest, under its skin and the default weights of its morph targets; if the file has
-animations, each part has a rig that describes them (`gltf_rig`). `gltf_materials` reads the materials.
+The accessors are checked and read here (`gltf_primitives`), not by trimesh or pygltflib, which accept invalid files
+(see `mesh`): counts, offsets and strides are checked against the buffers, indices against the vertices. Nodes must form
+a forest of bounded depth. The result is the mesh at rest, under its skin and the default weights of its morph targets;
+if the file has animations, each part has a rig that describes them (`gltf_rig`). `gltf_materials` reads the materials.
 
-Errors other than lengths and indices are repaired or skipped with a note, as in other programs: a normal that is not
-finite is computed, a node with two scales of 0 shows nothing. A mesh without normals is flat [glTF20, 3.7.2.1]. What
-nothing here asks for is listed as not shown (`gltf_unshown`); a file is refused only where its triangles cannot be
-read.
+Errors are repaired or skipped with a note, as in other programs: a normal that is not finite is computed, a node with
+two scales of 0 shows nothing. What cannot be read, or is not there (an image, a material, an attribute, a primitive),
+is left out and listed as not shown, as is what nothing here asks for (`gltf_unshown`); a file is refused only where no
+triangle can be read. A mesh without normals is flat [glTF20, 3.7.2.1].
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from engine.core.errors import LoadError, printable_name
 from engine.scene.description import MAX_VARIANTS
-from engine.scene.loaders.draco import decode_primitive, has_draco
 from engine.scene.loaders.gltf_buffers import open_gltf
 from engine.scene.loaders.gltf_cameras import read_cameras
-from engine.scene.loaders.gltf_file import INTEGERS, SHARES, GltfFile
+from engine.scene.loaders.gltf_file import GltfFile
 from engine.scene.loaders.gltf_images import GltfImages
 from engine.scene.loaders.gltf_json import MAX_ITEMS, JsonObject
 from engine.scene.loaders.gltf_lights import CONVERTED, read_lights
-from engine.scene.loaders.gltf_materials import COLOURED, GREY, PartMaterial, read_material, uv_set
+from engine.scene.loaders.gltf_materials import COLOURED, GREY, PartMaterial, read_material, uv_sets
 from engine.scene.loaders.gltf_nodes import LONGEST_NAME, MeshNode, placed_meshes, scene_nodes
+from engine.scene.loaders.gltf_primitives import TRIANGLES, read_primitive
 from engine.scene.loaders.gltf_rig import PrimitiveRig, RigReader
-from engine.scene.loaders.gltf_unshown import unknown_requirements, unshown_properties
+from engine.scene.loaders.gltf_unshown import unshown_properties
 from engine.scene.loaders.model import ImportedModel, ImportedPart, ImportedVariant
-from engine.scene.mesh import (
-    MAX_COORDINATE,
-    MAX_UV,
-    Float64Array,
-    Mesh,
-    face_normals,
-    join_meshes,
-    normalize,
-    smooth_normals,
-    validate_mesh,
-    with_flat_normals,
-)
+from engine.scene.mesh import Mesh, face_normals, join_meshes, with_flat_normals
 from engine.scene.rig import Binding, Rig, Skeleton, join_bindings
 
 Bound = tuple[Mesh, Binding | None]
@@ -55,11 +46,10 @@ Use = tuple[int, tuple[int, ...]]
 # Limit of vertices and faces of all copies that nodes make of meshes, plus one for every byte: small files must not
 # cost much.
 MOST_COPIED = 1_000_000
-_TRIANGLES, _STRIP, _FAN = 4, 5, 6
 _GEOMETRY = ("attributes", "indices", "targets", "mode", "extensions")
 
 
-def read_glb(path: Path) -> ImportedModel:
+def read_gltf(path: Path) -> ImportedModel:
     """Read a glTF file, .glb or .gltf; raises LoadError naming the place and what was expected there."""
     root, buffers = open_gltf(path)
     file = GltfFile.of(root, buffers)
@@ -70,40 +60,43 @@ def read_glb(path: Path) -> ImportedModel:
     nodes = scene_nodes(file, root)
     for mesh_index, placed in placed_meshes(file, nodes).items():
         for primitive in file.meshes[mesh_index].children("primitives"):
-            skipped += 0 if copies.take(primitive, placed) else len(placed)
+            taken = primitive.attempt(
+                "attributes", "a mesh that cannot be read", partial(copies.take, primitive, placed)
+            )
+            if taken is None:
+                primitive.log.left_out.add(id(primitive.values))
+            skipped += len(placed) if taken is False else 0
+            copies.check_number()
     by_material = _with_area(copies.by_material(), root)
     if not by_material:
-        why = f": {next(iter(root.notes))}" if root.notes else ""
+        why = f": {'; '.join(list(root.notes)[-2:])}" if root.notes else ""
         raise LoadError(path, "faces", 0, f"at least one mesh of triangles in the scene{why}")
     images = GltfImages(root, buffers)
-    read: dict[tuple[int, bool, int], PartMaterial] = {}
+    read: dict[tuple[int, bool, tuple[int, ...]], PartMaterial] = {}
 
-    def material(k: int, is_coloured: bool, coordinates: int) -> PartMaterial:
-        use = k, is_coloured, coordinates
+    def material(k: int, is_coloured: bool, sets: tuple[int, ...]) -> PartMaterial:
+        use = k, is_coloured, sets
         if use not in read:
-            images.uv_set, plain = coordinates, PartMaterial(COLOURED if is_coloured else GREY)
+            images.uv_sets, plain = sets, PartMaterial(COLOURED if is_coloured else GREY)
             read[use] = read_material(described[k], images, is_coloured) if k >= 0 else plain
         return read[use]
 
     skeleton = None
     if root.children("animations"):
         skeleton = rigs.skeleton(b for bound in by_material.values() for _, b in bound if b is not None)
-    parts = []
+    parts, names = [], copies.names()
     for (k, others), bound in by_material.items():
-        of = any(mesh.colours is not None for mesh, _ in bound), _uv_set_of(described, k)
+        of = any(mesh.colours is not None for mesh, _ in bound), uv_sets(described, (k, *others))
         looks = [material(other, *of) for other in others]
-        parts.append(_part(bound, material(k, *of), skeleton, dict(zip(variants, looks, strict=False))))
+        part = _part(bound, material(k, *of), skeleton, dict(zip(variants, looks, strict=False)))
+        parts.append(replace(part, object_name=names[k, others]))
         if material(k, *of).has_images and all(mesh.uvs is None for mesh, _ in bound):
             root.note(f"textures of material {k}", "on meshes without their coordinates", "not shown")
     low, high = (end([end(part.mesh.vertices, axis=0) for part in parts], axis=0) for end in (np.min, np.max))
     cameras, lights = read_cameras(file, nodes, (low + high) / 2.0), read_lights(file, nodes)
+    unshown = unshown_properties(root)
     notes = [*root.notes, *_notes(list(read.values()), skipped), *rigs.notes, *([CONVERTED] if lights else [])]
-    return ImportedModel(tuple(parts), tuple(notes), cameras, unshown_properties(root), lights=lights)
-
-
-def _uv_set_of(materials: list[JsonObject], k: int) -> int:
-    """The set of texture coordinates of the meshes of a material, −1 for none."""
-    return uv_set(materials[k].aside()) if k >= 0 else 0
+    return ImportedModel(tuple(parts), tuple(notes), cameras, unshown, lights=lights)
 
 
 def _with_area(by_material: dict[Use, list[Bound]], root: JsonObject) -> dict[Use, list[Bound]]:
@@ -177,14 +170,15 @@ class _Copies:
     def take(self, primitive: JsonObject, placed: list[MeshNode]) -> bool:
         """Read a primitive and record the places of its copies; returns False for points and lines, which are
         skipped."""
-        if primitive.integer("mode", 0, 6, _TRIANGLES) < _TRIANGLES:
+        if primitive.integer("mode", 0, 6, TRIANGLES) < TRIANGLES:
             primitive.leave_out("mode", "points and lines are not drawn")
             return False
-        material = primitive.integer("material", -1, self._file.n_materials - 1, -1)
-        coordinates = f"TEXCOORD_{_uv_set_of(self._materials, material)}"
-        made_of = repr([coordinates, *(primitive.values.get(key) for key in _GEOMETRY)])
+        material = self._material_of(primitive, -1)
+        others = self._in_variants(primitive, material)
+        sets = uv_sets(self._materials, (material, *others))
+        made_of = repr([sets, *(primitive.values.get(key) for key in _GEOMETRY)])
         if made_of not in self._read:
-            mesh = _read_primitive(self._file, primitive, coordinates)
+            mesh = read_primitive(self._file, primitive, sets)
             attached = self._rigs.attached(primitive, len(mesh.vertices), placed) if mesh else None
             self._read[made_of] = (mesh, attached) if mesh else None
             self._first[made_of] = primitive
@@ -193,19 +187,46 @@ class _Copies:
         if read is None:
             return True
         self._n += (len(read[0].vertices) + len(read[0].triangles)) * len(placed)
+        self._placed.setdefault(((material, others), made_of), []).extend(placed)
+        return True
+
+    def names(self) -> dict[Use, str]:
+        """What the parts are called: the name of a node, or of its mesh, whose triangles are all of a part, and all
+        that the part has; else the material's name, else that of the only mesh of the part."""
+        nodes_of: dict[Use, dict[int, None]] = {}
+        for (use, _), placed in self._placed.items():
+            nodes_of.setdefault(use, {}).update(dict.fromkeys(each.node for each in placed))
+        n_parts = Counter(node for nodes in nodes_of.values() for node in nodes)
+        found = {}
+        for use, nodes in nodes_of.items():
+            described = [self._file.nodes[node] for node in nodes]
+            meshes = {each.values["mesh"] for each in described}
+            of_mesh = self._file.meshes[meshes.pop()].text("name") if len(meshes) == 1 else None
+            of_material = self._materials[use[0]].text("name") if use[0] >= 0 else None
+            only, whole = described[0] if len(nodes) == 1 else None, len(nodes) == 1 and n_parts[next(iter(nodes))] == 1
+            of_node = only.text("name") if only else None
+            found[use] = (of_node or of_mesh if whole else of_material) or of_material or of_node or of_mesh or ""
+        return found
+
+    def check_number(self) -> None:
+        """Refuse copies that would cost too much; raises LoadError."""
         most = MOST_COPIED + self._file.buffers.n_bytes
         if self._n > most:
             expected = f"at most {most} in a file of this size"
-            raise primitive.error("vertices and faces of all copies", self._n, expected)
-        use = material, self._in_variants(primitive, material)
-        self._placed.setdefault((use, made_of), []).extend(placed)
-        return True
+            raise LoadError(self._file.path, "vertices and faces of all copies", self._n, expected)
+
+    def _material_of(self, owner: JsonObject, otherwise: int) -> int:
+        """The material that a primitive or a mapping names, −1 for none; otherwise: in place of one that is not
+        there."""
+        read = partial(owner.integer, "material", -1, self._file.n_materials - 1, otherwise)
+        found = owner.attempt("material", "a material that is not there: another stands for it", read)
+        return otherwise if found is None else found
 
     def _in_variants(self, primitive: JsonObject, material: int) -> tuple[int, ...]:
         """The material in each variant: where none is mapped to it, the primitive's own."""
         found = [material] * self._n_variants
         for mapping in primitive.child("extensions").child("KHR_materials_variants").children("mappings"):
-            mapped = mapping.integer("material", 0, self._file.n_materials - 1)
+            mapped = self._material_of(mapping, material)
             for variant in mapping.indices("variants", MAX_ITEMS):
                 if variant < self._n_variants:
                     found[variant] = mapped
@@ -221,125 +242,6 @@ class _Copies:
         return dict(sorted(found.items()))
 
 
-def _read_primitive(file: GltfFile, primitive: JsonObject, coordinates: str) -> Mesh | None:
-    """Read one list, strip or fan of triangles, with these texture coordinates; None if it has none."""
-    attributes = primitive.child("attributes")
-    if not attributes.has("POSITION"):
-        raise attributes.error("POSITION", "nothing", "an accessor of positions")
-    is_compressed = has_draco(primitive)
-    if is_compressed:
-        decode_primitive(file, primitive)
-    _check_positions(file, attributes)
-    vertices = file.read_floats(attributes, "POSITION", "VEC3")
-    normals = None
-    if attributes.has("NORMAL"):
-        normals = file.read_floats(attributes, "NORMAL", "VEC3")
-        if len(normals) != len(vertices):
-            raise attributes.error("NORMAL", f"{len(normals)} normals", f"{len(vertices)}, as there are positions")
-    if primitive.has("indices"):
-        corners = file.read(primitive, "indices", "SCALAR", INTEGERS).astype(np.int64)[:, 0]
-    else:
-        corners = np.arange(len(vertices))
-    if len(corners) and corners.max() >= len(vertices):
-        k = int(np.argmax(corners >= len(vertices)))
-        raise primitive.error(f"index {k}", int(corners[k]), f"an index from 0 to {len(vertices) - 1}")
-    triangles = _triangles(primitive, corners, _TRIANGLES if is_compressed else None)
-    is_place = np.abs(vertices) <= MAX_COORDINATE  # false for NaN too
-    if not is_place.all():
-        is_whole = is_place[triangles].all(axis=(1, 2))
-        primitive.note("faces", f"{np.count_nonzero(~is_whole)} with a corner that is no number", "left out")
-        triangles, vertices = triangles[is_whole], np.where(is_place, vertices, 0.0)
-    if not len(triangles):
-        primitive.note("faces", 0, "left out")
-        return None
-    uvs = _read_uvs(file, attributes, coordinates, len(vertices), triangles)
-    tangents = None
-    if normals is not None:
-        normals = _mend_normals(normals, vertices, triangles, attributes)
-        if uvs is not None:  # tangents need both others [glTF20, 3.7.2.1]
-            tangents = _read_tangents(file, attributes, len(vertices), triangles)
-    colours = _read_colours(file, attributes, len(vertices), triangles)
-    mesh = Mesh(vertices, triangles, normals, uvs, tangents, colours)
-    return validate_mesh(mesh, file.path, f"{primitive.place}: ")
-
-
-def _check_positions(file: GltfFile, attributes: JsonObject) -> None:
-    """Refuse positions that are nowhere in the file, as where an unknown extension has them."""
-    accessor = file.accessors[attributes.integer("POSITION", 0, len(file.accessors) - 1)]
-    if not accessor.has("bufferView") and not accessor.has("sparse") and not file.is_decoded(attributes, "POSITION"):
-        unknown = unknown_requirements(file.root)
-        if unknown:
-            raise file.root.error("extensionsRequired", unknown[0], "extensions of geometry that Insitu knows")
-        raise accessor.error("bufferView", "nothing", "a view of positions")
-
-
-def _triangles(primitive: JsonObject, corners: npt.NDArray[np.int64], mode: int | None = None) -> npt.NDArray[np.int32]:
-    """Triangles (T, 3) of a list, a strip or a fan [glTF20, 3.7.2.1]; degenerate ones of a strip, which repeat a corner
-    to turn it, are dropped. mode: which of them, None as the primitive says."""
-    mode, n = mode or primitive.integer("mode", _TRIANGLES, _FAN, _TRIANGLES), len(corners)
-    if mode == _TRIANGLES:
-        if n % 3:
-            raise primitive.error("indices", f"{n} corners", "a multiple of 3")
-        return corners.reshape(-1, 3).astype(np.int32)
-    i = np.arange(max(n - 2, 0))
-    if mode == _STRIP:  # v_i, v_(i + 1 + i mod 2), v_(i + 2 − i mod 2)
-        triangles = corners[np.stack([i, i + 1 + i % 2, i + 2 - i % 2], axis=1)]
-    else:
-        triangles = corners[np.stack([i + 1, i + 2, np.zeros_like(i)], axis=1)]
-    a, b, c = triangles.T
-    return triangles[(a != b) & (b != c) & (c != a)].astype(np.int32)
-
-
-def _mend_normals(
-    normals: Float64Array, vertices: Float64Array, triangles: npt.NDArray[np.int32], attributes: JsonObject
-) -> Float64Array:
-    """Unit normals (V, 3); those that are not finite are computed from the faces around."""
-    is_usable = np.asarray(np.isfinite(normals).all(axis=1))
-    around = smooth_normals(vertices, triangles)
-    if not is_usable.all():
-        attributes.note("NORMAL", f"{np.count_nonzero(~is_usable)} that are no numbers", "computed from the faces")
-    return normalize(np.where(is_usable[:, None], normals, around), around)
-
-
-def _read_uvs(
-    file: GltfFile, attributes: JsonObject, key: str, n_vertices: int, triangles: npt.NDArray[np.int32]
-) -> npt.NDArray[np.float32] | None:
-    """Texture coordinates of the corners, (T, 3, 2), v flipped to grow upwards: in glTF it grows downwards."""
-    if not attributes.has(key):
-        return None
-    values = file.read_floats(attributes, key, "VEC2")
-    if len(values) != n_vertices:
-        found = f"{len(values)} texture coordinates"
-        raise attributes.error(key, found, f"{n_vertices}, as there are positions")
-    uvs = values.astype(np.float32)
-    uvs[:, 1] = np.float32(1.0) - uvs[:, 1]
-    is_usable = np.abs(uvs) <= MAX_UV
-    if not is_usable.all():
-        attributes.note(key, f"{np.count_nonzero(~is_usable)} numbers beyond {MAX_UV:g}", "taken as 0")
-        uvs = np.where(is_usable, uvs, np.float32(0.0))
-    return uvs[triangles]
-
-
-def _read_colours(
-    file: GltfFile, attributes: JsonObject, n_vertices: int, triangles: npt.NDArray[np.int32]
-) -> npt.NDArray[np.float32] | None:
-    """Colours and opacities of the corners, (T, 3, 4), linear [glTF20, 3.7.2.1]; opaque where the file has three
-    numbers."""
-    if not attributes.has("COLOR_0"):
-        return None
-    accessor = file.accessors[attributes.integer("COLOR_0", 0, len(file.accessors) - 1)]
-    kind = "VEC3" if accessor.text("type") == "VEC3" else "VEC4"
-    values = file.read_shares(attributes, "COLOR_0", kind, SHARES)
-    if len(values) != n_vertices:
-        raise attributes.error("COLOR_0", f"{len(values)} colours", f"{n_vertices}, as there are positions")
-    colours = np.ones((n_vertices, 4), np.float32)
-    # NaN and numbers beyond the largest float become a share as well.
-    colours[:, : values.shape[1]] = np.clip(np.nan_to_num(values, nan=1.0), 0.0, 1.0)
-    if n_clamped := np.count_nonzero(~((values >= 0.0) & (values <= 1.0))):
-        attributes.note("COLOR_0", f"{n_clamped} numbers that are not from 0 to 1", "clamped")
-    return colours[triangles]
-
-
 def _notes(materials: list[PartMaterial], skipped: int) -> list[str]:
     """Notes on what the file contains but is not shown."""
     lines = []
@@ -347,20 +249,3 @@ def _notes(materials: list[PartMaterial], skipped: int) -> list[str]:
         lines.append(f"{skipped} primitives of points or lines left out")
     lines += dict.fromkeys(note for material in materials for note in material.notes)
     return lines
-
-
-def _read_tangents(
-    file: GltfFile, attributes: JsonObject, n_vertices: int, triangles: npt.NDArray[np.int32]
-) -> npt.NDArray[np.float32] | None:
-    """Tangents and handedness of the corners, (T, 3, 4): bitangents are hand × normal × tangent, in the images' upward
-    direction."""
-    if not attributes.has("TANGENT"):
-        return None
-    values = file.read_floats(attributes, "TANGENT", "VEC4")
-    if len(values) != n_vertices:
-        raise attributes.error("TANGENT", f"{len(values)} tangents", f"{n_vertices}, as there are positions")
-    is_usable = np.isfinite(values).all(axis=1)
-    if not is_usable.all():
-        attributes.note("TANGENT", f"{np.count_nonzero(~is_usable)} that are no numbers", "all are computed")
-        return None
-    return np.asarray(values[triangles], np.float32)

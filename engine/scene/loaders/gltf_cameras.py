@@ -56,7 +56,10 @@ def _camera(fields: JsonObject, matrix: Float64Array, middle: Float64Array) -> t
     kind = fields.text("type")
     if kind == "perspective":
         lens = fields.child("perspective")
-        fov = lens.clamped(math.degrees(lens.number("yfov", 0.0)), "yfov", _LEAST_FOV, _MOST_FOV)
+        angle = lens.number("yfov", 0.0)
+        if not angle > 0.0:
+            raise lens.error("yfov", lens.raw("yfov"), "an angle above 0")
+        fov = lens.clamped(math.degrees(angle), "yfov", _LEAST_FOV, _MOST_FOV)
         aspect = lens.number("aspectRatio", 1.0) if lens.has("aspectRatio") else None
         lens.mark_read("znear", "zfar")
     elif kind == "orthographic":

@@ -1,15 +1,16 @@
 """Images of a glTF file as its materials use them: which can be read, what they multiply, and how they are mapped.
 
-An image that is unavailable (in a format of an extension, mapped by another set of coordinates, too large relative to
-the file together with those before it, or missing) is skipped with a note: the material's factors replace it. Images
-with equal bytes are one. Mappings by KHR_texture_transform and samplers are preserved. Images are named `#N` here, the
-Nth of the file; the caller, who knows the file's name, prepends it.
+An image that is unavailable (in a format of an extension, mapped by a third set of coordinates, too large relative to
+the file together with those before it, damaged or missing) is skipped with a note: the material's factors replace it.
+Images with equal bytes are one. Mappings by KHR_texture_transform and samplers are preserved. Images are named `#N`
+here, the Nth of the file; the caller, who knows the file's name, prepends it.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple, cast
 
 from engine.core.errors import LoadError
@@ -45,8 +46,11 @@ class TextureUse:
 
 def uv_set_of_texture(info: JsonObject) -> int:
     """The set of texture coordinates of a texture; its transform may name another."""
-    transform = info.child("extensions").child("KHR_texture_transform")
-    return transform.integer("texCoord", 0, 64, info.integer("texCoord", 0, 64, 0))
+    found = 0
+    for owner in (info, info.child("extensions").child("KHR_texture_transform")):
+        read = partial(owner.integer, "texCoord", 0, 64, found)
+        found = owner.attempt("texCoord", "the first set of coordinates stands for it", read) or 0
+    return found
 
 
 class NumberTexture(NamedTuple):
@@ -59,10 +63,10 @@ class NumberTexture(NamedTuple):
 
 
 class GltfImages:
-    """The images of one file. uv_set: the set of texture coordinates of the meshes whose material is read now."""
+    """The images of one file. uv_sets: the sets of texture coordinates of the meshes whose material is read now."""
 
     def __init__(self, root: JsonObject, buffers: GltfBuffers) -> None:
-        self.uv_set = 0
+        self.uv_sets: tuple[int, ...] = (0,)
         self._root, self._buffers = root, buffers
         self._textures, self._images = root.children("textures"), root.children("images")
         self._samplers = root.children("samplers")
@@ -77,11 +81,12 @@ class GltfImages:
         if image is None:
             return None
         wrap = self._wrap(self._textures[info.integer("index", 0, len(self._textures) - 1)])
+        uv_set = self.uv_sets.index(uv_set_of_texture(info))
         scale, rotation, offset = _transform(info.child("extensions").child("KHR_texture_transform"))
         # Whole offsets of an image that repeats have no effect.
         shifts = [o - round(o) if w == "repeat" else o for o, w in zip(offset, wrap, strict=True)]
         along_u, along_v = (0.0 if abs(shift) < 1e-9 else shift for shift in shifts)
-        return TextureUse(image, scale, TextureTransform(rotation, (along_u, along_v), wrap))
+        return TextureUse(image, scale, TextureTransform(rotation, (along_u, along_v), wrap, uv_set))
 
     def name(self, image: int) -> str:
         """An image's name, or its file's."""
@@ -96,7 +101,11 @@ class GltfImages:
         """How a texture's sampler continues the image beyond its edges."""
         if not texture.has("sampler"):
             return "repeat", "repeat"
-        sampler = self._samplers[texture.integer("sampler", 0, len(self._samplers) - 1)]
+        read = partial(texture.integer, "sampler", 0, len(self._samplers) - 1)
+        number = texture.attempt("sampler", "the image repeats", read)
+        if number is None:
+            return "repeat", "repeat"
+        sampler = self._samplers[number]
         found: list[Wrap] = []
         for key in ("wrapS", "wrapT"):
             number = sampler.raw(key, _REPEAT)
@@ -114,7 +123,7 @@ class GltfImages:
         own = used.transform
         return LayerMaps(
             f"#{used.image}", "srgb", used.scale, texture_offset=own.offset, texture_rotation=own.rotation,
-            texture_wrap=own.wrap,
+            texture_wrap=own.wrap, texture_uv_set=own.uv_set,
         )  # fmt: skip
 
     def channel(self, fields: JsonObject, key: str, channel: Channel, notes: list[str]) -> ChannelImage | None:
@@ -148,19 +157,29 @@ class GltfImages:
 
     def _image(self, info: JsonObject, notes: list[str]) -> int | None:
         """The number of an image that can be read."""
-        texture = self._textures[info.integer("index", 0, len(self._textures) - 1)]
-        if uv_set_of_texture(info) != self.uv_set:
-            notes.append("a texture by a second set of coordinates is not shown")
-            info.not_shown("texCoord", "a texture by another set of coordinates than the material's first is not shown")
+        read = partial(info.integer, "index", 0, len(self._textures) - 1)
+        number = info.attempt("index", "a texture that is not there", read)
+        if number is None:
+            return None
+        texture = self._textures[number]
+        if uv_set_of_texture(info) not in self.uv_sets:
+            notes.append("a texture by a third set of coordinates is not shown")
+            info.not_shown("texCoord", "a texture by another set of coordinates than the material's first two")
             return None
         sources = [each for each in _sources(texture) if each.has("source")]
         if not sources:
             notes.append("a texture in a format of an extension is not shown")
             return None
         for k, source in enumerate(sources):
-            image = source.integer("source", 0, len(self._images) - 1)
+            read = partial(source.integer, "source", 0, len(self._images) - 1)
+            image = source.attempt("source", "an image that is not there", read)
+            if image is None:
+                continue
             if image not in self._usable:
                 self._usable[image] = self._examined(image)
+                if self._usable[image][0] is None:
+                    fields = self._images[image]
+                    fields.not_shown("uri" if fields.has("uri") else "bufferView", self._usable[image][1])
             usable, note = self._usable[image]
             if usable is not None:
                 for other in sources[k:]:

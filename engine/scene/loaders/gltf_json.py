@@ -1,9 +1,10 @@
 """Typed access to the untrusted JSON of a glTF file, which records what is read.
 
-`JsonObject` returns integers, numbers and lists only if they conform to glTF 2.0 (Khronos), and otherwise names the
-place of the error. Errors that can be repaired (a factor of 1.0000001) are repaired, with a note. Whoever asks for a
-key has read it: what no reader asks for is listed at the end as not shown (`gltf_unshown`), so that nothing is dropped
-without a word, whatever a file contains.
+`JsonObject` returns integers, numbers and lists only if they conform to glTF 2.0 (Khronos). Where a value has a
+default, that replaces one that does not conform, and the property is listed as not shown; otherwise the place of the
+error is named, and who asks decides what can be shown without it (`attempt`). Errors that can be repaired (a factor of
+1.0000001) are repaired, with a note. Whoever asks for a key has read it: what no reader asks for is listed at the end
+as not shown (`gltf_unshown`), so that nothing is dropped without a word, whatever a file contains.
 """
 
 from __future__ import annotations
@@ -12,11 +13,14 @@ import json
 import math
 import re
 from collections import defaultdict
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from engine.core.errors import LoadError, describe_value
+
+Read = TypeVar("Read")
 
 MAX_ITEMS = 1_000_000
 _INDEX = re.compile(r" \d+(?=: |$)")
@@ -27,13 +31,15 @@ class ReadLog:
     """What reading leaves behind; all objects of a file share it.
 
     notes: repairs and omissions, each line once, in order. read: the keys that were read, by the identity of their
-    object, which lives as long as the tree. left_out: the identities of objects that are not shown as a whole. unshown:
-    the number of places of each property that is not shown, or in part, by its name and the effect.
+    object, which lives as long as the tree. left_out: the identities of objects that are not shown as a whole; faults:
+    keys whose value does not conform, with those. unshown: the number of places of each property that is not shown, or
+    in part, by its name and the effect.
     """
 
     notes: dict[str, None] = field(default_factory=dict)
     read: defaultdict[int, set[str]] = field(default_factory=lambda: defaultdict(set))
     left_out: set[int] = field(default_factory=set)
+    faults: set[tuple[int, str]] = field(default_factory=set)
     unshown: dict[tuple[str, str], int] = field(default_factory=dict)
 
 
@@ -69,6 +75,16 @@ class JsonObject:
         """List this whole object as not shown, under the key that is the reason."""
         self.not_shown(key, effect)
         self.log.left_out.add(id(self.values))
+
+    def attempt(self, key: str, effect: str, read: Callable[[], Read]) -> Read | None:
+        """What `read` returns; None where the file is wrong: the key is listed as not shown then, with what the picture
+        lacks, and the reason becomes a note."""
+        try:
+            return read()
+        except LoadError as error:
+            other = "" if error.file == str(self.file) else f"{Path(error.file).name}: "
+            self._list_fault(key, f"{other}{error.reason}: {effect}", effect)
+            return None
 
     def mark_read(self, *keys: str) -> None:
         """Count keys as read: their values are known, or without effect here."""
@@ -118,54 +134,50 @@ class JsonObject:
         """A list of finite numbers."""
         value = self.raw(key, list(default))
         if not isinstance(value, list) or len(value) != count or not all(_is_number(v) for v in value):
-            raise self.error(key, value, f"{count} finite numbers")
+            return self._instead(key, f"{count} finite numbers", default)
         return tuple(float(v) for v in value)
 
     def number(self, key: str, default: float) -> float:
         """A finite number."""
         value = self.raw(key, default)
-        if not _is_number(value):
-            raise self.error(key, value, "a finite number")
-        return float(value)
+        return float(value) if _is_number(value) else self._instead(key, "a finite number", default)
 
     def flag(self, key: str) -> bool:
         """True or false, the default."""
         value = self.raw(key, False)
-        if not isinstance(value, bool):
-            raise self.error(key, value, "true or false")
-        return value
+        return value if isinstance(value, bool) else self._instead(key, "true or false", False)
 
     def text(self, key: str) -> str | None:
         """A string, or None if the key is missing."""
         value = self.raw(key)
-        if value is not None and not isinstance(value, str):
-            raise self.error(key, value, "a string")
-        return value
+        return value if value is None or isinstance(value, str) else self._instead(key, "a string", None)
 
     def texts(self, key: str) -> list[str]:
         """A list of strings, empty if the key is missing."""
         value = self.raw(key, [])
-        if not isinstance(value, list) or not all(isinstance(each, str) for each in value):
-            raise self.error(key, value, "a list of strings")
-        return value
+        is_valid = isinstance(value, list) and all(isinstance(each, str) for each in value)
+        return value if is_valid else self._instead(key, "a list of strings", [])
 
     def child(self, key: str) -> JsonObject:
         """The object under a key, empty if it is missing."""
         value = self.raw(key, {})
         if not isinstance(value, dict):
-            raise self.error(key, value, "an object")
+            value = self._instead(key, "an object", {})
         return JsonObject(value, self._at(key), self.file, self.log)
 
     def children(self, key: str) -> list[JsonObject]:
-        """The list of objects under a key, empty if it is missing."""
+        """The list of objects under a key, empty if it is missing; what is no object counts as an empty one."""
         value = self.raw(key, [])
-        if not isinstance(value, list) or len(value) > MAX_ITEMS:
-            raise self.error(key, value, f"a list of at most {MAX_ITEMS} objects")
-        place = self._at(key)
+        if not isinstance(value, list):
+            value = self._instead(key, "a list of objects", [])
+        if len(value) > MAX_ITEMS:
+            raise self.error(key, len(value), f"a list of at most {MAX_ITEMS} objects")
+        found = []
         for i, item in enumerate(value):
             if not isinstance(item, dict):
-                raise LoadError(self.file, f"{place} {i}", item, "an object")
-        return [JsonObject(item, f"{place} {i}", self.file, self.log) for i, item in enumerate(value)]
+                item = self._instead(f"{key} {i}", "an object", {}, item)
+            found.append(JsonObject(item, f"{self._at(key)} {i}", self.file, self.log))
+        return found
 
     def item(self, key: str, index: int) -> JsonObject | None:
         """One object of a list, without checking the others; None past its end."""
@@ -177,12 +189,27 @@ class JsonObject:
         return JsonObject(value[index], f"{self._at(key)} {index}", self.file, self.log)
 
     def indices(self, key: str, count: int) -> list[int]:
-        """A list of indices below count."""
+        """A list of indices below count, without those that are none."""
         value = self.raw(key, [])
-        good = isinstance(value, list) and all(isinstance(v, int) and not isinstance(v, bool) for v in value)
-        if not good or not all(0 <= v < count for v in value):
-            raise self.error(key, value, f"a list of indices from 0 to {count - 1}")
-        return value
+        given = value if isinstance(value, list) else []
+        found = [v for v in given if isinstance(v, int) and not isinstance(v, bool) and 0 <= v < count]
+        if given is not value or len(found) < len(given):
+            return self._instead(key, f"a list of indices from 0 to {count - 1}", found)
+        return found
+
+    def _instead(self, key: str, expected: str, default: Read, value: object = ...) -> Read:
+        """The default, where the file has something else than is expected: the property is listed."""
+        found = self.values.get(key) if value is ... else value
+        note = f"{self._at(key)} = {describe_value(found)}, expected {expected}"
+        self._list_fault(key, note, f"as if it were not there: it is not {expected}")
+        return default
+
+    def _list_fault(self, key: str, note: str, effect: str) -> None:
+        """List a property that does not conform, once for each of its places."""
+        if (id(self.values), key) not in self.log.faults:
+            self.log.faults.add((id(self.values), key))
+            self.notes[note] = None
+            self.not_shown(key, effect)
 
     def _at(self, key: str) -> str:
         return f"{self.place}: {key}" if self.place else key

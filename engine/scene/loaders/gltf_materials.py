@@ -5,19 +5,19 @@ KHR_materials_pbrSpecularGlossiness is the dielectric whose F0 is the specular c
 converts it. Textures of colours and of strengths multiply layers, those of metalness, of roughness, glossiness and of a
 film's thickness are maps of parameters.
 
-A part has one set of texture coordinates, that of its colour's texture (`uv_set`).
+A part has those sets of texture coordinates that its textures use (`uv_sets`).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 from engine.core.errors import printable_name
 from engine.material.bumps import BUMP_STRENGTH, NO_BUMPS, Bumps
-from engine.material.layer_maps import ChannelImage, LayerMaps, TextureTransform
+from engine.material.layer_maps import MAX_UV_SETS, ChannelImage, LayerMaps, TextureTransform
 from engine.material.opacity import OPAQUE, Mode, Opacity
 from engine.scene.description import MAX_RADIANCE, LayerDescription
 from engine.scene.loaders.gltf_images import GltfImages, uv_set_of_texture
@@ -41,6 +41,8 @@ COLOURED = (
 )
 LONGEST_NAME = 120
 _ALPHA_MODES: dict[str, Mode] = {"OPAQUE": "opaque", "MASK": "mask", "BLEND": "blend"}
+_MAPPED_EXTENSIONS = ("specular", "iridescence", "sheen", "clearcoat", "anisotropy")
+_COLOURS = ("baseColorTexture", "diffuseTexture")
 _NOT_SHOWN = {"emissiveTexture": "emissive textures"}
 
 
@@ -210,7 +212,7 @@ def _largest(maps: LayerMaps) -> ChannelImage | None:
     """The largest channel of a colour texture as a share; None where there is none."""
     if not maps.texture:
         return None
-    transform = TextureTransform(maps.texture_rotation, maps.texture_offset, maps.texture_wrap)
+    transform = TextureTransform(maps.texture_rotation, maps.texture_offset, maps.texture_wrap, maps.texture_uv_set)
     return ChannelImage(maps.texture, "max", maps.texture_scale, transform)
 
 
@@ -247,7 +249,7 @@ def _opacity(fields: JsonObject, colours: JsonObject, name: str, images: GltfIma
     return replace(
         opacity, opacity_map=f"#{texture.image}", opacity_repeats=texture.scale,
         opacity_offset=texture.transform.offset, opacity_rotation=texture.transform.rotation,
-        opacity_wrap=texture.transform.wrap,
+        opacity_wrap=texture.transform.wrap, opacity_uv_set=texture.transform.uv_set,
     )  # fmt: skip
 
 
@@ -296,7 +298,7 @@ def _bumps(info: JsonObject, images: GltfImages, notes: list[str]) -> Bumps:
         info.not_shown("KHR_texture_transform.rotation", "relief runs along the image's own axes")
     return Bumps(
         f"#{used.image}", bump_strength=strength, bump_repeats=used.scale, bump_offset=used.transform.offset,
-        bump_wrap=used.transform.wrap,
+        bump_wrap=used.transform.wrap, bump_uv_set=used.transform.uv_set,
     )  # fmt: skip
 
 
@@ -304,15 +306,15 @@ def _rgb(values: tuple[float, ...]) -> RGB:
     return values[0], values[1], values[2]
 
 
-def uv_set(fields: JsonObject) -> int:
-    """The set of texture coordinates by which a material's images are shown: that of its colour's texture, or, without,
-    of its first other one."""
-    extensions, pbr = fields.child("extensions"), fields.child("pbrMetallicRoughness")
-    glossiness = extensions.child("KHR_materials_pbrSpecularGlossiness")
-    for owner, key in (
-        (glossiness, "diffuseTexture"), (pbr, "baseColorTexture"), (fields, "normalTexture"),
-        (pbr, "metallicRoughnessTexture"), (fields, "emissiveTexture"),
-    ):  # fmt: skip
-        if owner.has(key):
-            return uv_set_of_texture(owner.child(key))
-    return 0
+def uv_sets(materials: list[JsonObject], used: Iterable[int]) -> tuple[int, ...]:
+    """The sets of texture coordinates by which the images of these materials are shown, −1 for none, at most as many as
+    a mesh has: first that of the first one's colour, or, without such a texture, of its first other one; (0,) without
+    images."""
+    found: dict[int, None] = {}
+    for fields in (materials[k].aside() for k in used if k >= 0):
+        extensions, pbr = fields.child("extensions"), fields.child("pbrMetallicRoughness")
+        shown = (extensions.child(f"KHR_materials_{name}") for name in _MAPPED_EXTENSIONS)
+        for owner in (extensions.child("KHR_materials_pbrSpecularGlossiness"), pbr, fields, *shown):
+            keys = sorted((key for key in owner.values if key.endswith("Texture")), key=lambda key: key not in _COLOURS)
+            found |= {uv_set_of_texture(owner.child(key)): None for key in keys if key != "occlusionTexture"}
+    return tuple(found)[:MAX_UV_SETS] or (0,)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -22,6 +23,7 @@ INSTANCING = "EXT_mesh_gpu_instancing"
 MOST_PLACES = 250_000
 _IDENTITY = np.eye(4)
 _TRANSFORM = ("matrix", "translation", "rotation", "scale")
+_NO_PLACE = "what hangs from it has no place, and is not shown"
 # The areas of a transform's faces, relative to the square of its longest axis, below which it leaves no face an area.
 _FLATTEST = 1e-12
 
@@ -53,8 +55,11 @@ def scene_nodes(file: GltfFile, root: JsonObject) -> list[MeshNode]:
         node = file.nodes[k]
         matrix = above
         if not node.values.keys().isdisjoint(_TRANSFORM):
-            matrix = _finite(above @ node_matrix(node), node)
-            is_flat = bool(_are_flat(matrix[None])[0])
+            placed = node.attempt("transform", _NO_PLACE, partial(_world_matrix, above, node))
+            if placed is None:
+                node.log.left_out.add(id(node.values))
+                continue
+            matrix, is_flat = placed, bool(_are_flat(placed[None])[0])
         found.append(MeshNode(k, matrix, is_flat))
         if node.has("children"):
             children = node.indices("children", len(file.nodes))
@@ -70,13 +75,24 @@ def placed_meshes(file: GltfFile, nodes: Iterable[MeshNode]) -> dict[int, list[M
     n_placed = 0
     for each in nodes:
         node = file.nodes[each.node]
-        if node.has("mesh"):
-            mesh = placed.setdefault(node.integer("mesh", 0, len(file.meshes) - 1), [])
+        number = _mesh_of(file, node)
+        if number is not None:
+            mesh = placed.setdefault(number, [])
             instancing = node.child("extensions").child(INSTANCING) if node.has("extensions") else None
-            found = _instances(file, each, instancing, n_placed) if instancing and instancing.values else [each]
-            n_placed += len(found)
-            mesh += found
+            copies = None
+            if instancing is not None and instancing.values:
+                read = partial(_instances, file, each, instancing, n_placed)
+                copies = instancing.attempt("attributes", "one copy of the mesh is shown", read)
+            mesh += copies or [each]
+            n_placed += len(copies or [each])
     return placed
+
+
+def _mesh_of(file: GltfFile, node: JsonObject) -> int | None:
+    """The number of a node's mesh; None if it has none."""
+    if not node.has("mesh"):
+        return None
+    return node.attempt("mesh", "a mesh that is not there", lambda: node.integer("mesh", 0, len(file.meshes) - 1))
 
 
 def _instances(file: GltfFile, placed: MeshNode, extension: JsonObject, n_placed: int) -> list[MeshNode]:
@@ -136,7 +152,8 @@ def _roots(file: GltfFile, root: JsonObject, parents: dict[int, int]) -> list[in
     """The top nodes of the scene that is shown."""
     scenes = root.children("scenes")
     if scenes:
-        shown = root.integer("scene", 0, len(scenes) - 1, 0)
+        shown = root.attempt("scene", "the first scene is shown", lambda: root.integer("scene", 0, len(scenes) - 1, 0))
+        shown = shown or 0
         roots = scenes[shown].indices("nodes", len(file.nodes))
         for k, scene in enumerate(scenes):
             if k != shown:
@@ -157,7 +174,7 @@ def node_matrix(node: JsonObject) -> Float64Array:
     if node.values.keys().isdisjoint(_TRANSFORM):
         return np.eye(4)
     if node.has("matrix"):
-        return np.reshape(node.numbers("matrix", 16, ()), (4, 4)).T
+        return np.reshape(node.numbers("matrix", 16, tuple(_IDENTITY.ravel())), (4, 4)).T
     return matrix_of(*node_parts(node))
 
 
@@ -198,6 +215,11 @@ def matrices_of(translations: Float64Array, rotations: Float64Array, scales: Flo
     return matrices
 
 
+def _world_matrix(above: Float64Array, node: JsonObject) -> Float64Array:
+    """A node's matrix to the file's frame by that of the node above it."""
+    return _finite(above @ node_matrix(node), node)
+
+
 def _finite(matrix: Float64Array, node: JsonObject) -> Float64Array:
     """Check that a matrix, or each of several (..., 4, 4), is affine and its entries are of a usable size."""
     if not (np.abs(matrix) <= 1e9).all() or np.abs(matrix[..., 3, :] - (0, 0, 0, 1)).max() > 1e-6:
@@ -224,5 +246,5 @@ class WorldMatrices:
         for k in reversed(chain):
             if k not in self._found:
                 above = self._found[self._parents[k]] if k in self._parents else np.eye(4)
-                self._found[k] = _finite(above @ node_matrix(self._file.nodes[k]), self._file.nodes[k])
+                self._found[k] = _world_matrix(above, self._file.nodes[k])
         return self._found[node]

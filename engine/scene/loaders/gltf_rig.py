@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import groupby
 from typing import TypeVar
 
@@ -31,6 +31,7 @@ LONGEST_NAME = 64  # of an animation, in characters; sessions store it
 # Limit of numbers of all tracks, morph targets and bones, plus one for every byte: accessors may be shared, and small
 # files must not cost much.
 MOST_NUMBERS = 4_000_000
+_RESTS, _NOT_PLAYED = "what cannot be read of it does not move", "an animation that is not played: it cannot be read"
 OF_A_COPY = 4_000  # numbers whose reading takes as long as one bent copy
 
 
@@ -68,10 +69,12 @@ class RigReader:
         """Joints, weights and morph targets of a primitive; None if nothing moves it, now or at rest."""
         nodes = [self._file.nodes[each.node] for each in placed]
         has_skin = any(node.has("skin") for node in nodes)
-        skinned = self._try(primitive.place, lambda: self._influences(primitive, n_vertices)) if has_skin else None
+        skinned = (
+            self._try(primitive, "attributes", lambda: self._influences(primitive, n_vertices)) if has_skin else None
+        )
         targets = None
         if primitive.has("targets") and (self._is_animated or any(any(self._weights(node)) for node in nodes)):
-            targets = self._try(primitive.place, lambda: self._targets(primitive, n_vertices))
+            targets = self._try(primitive, "targets", lambda: self._targets(primitive, n_vertices))
         if skinned is None and not targets and not self._is_animated:
             return None
         bones, weights = skinned or (None, None)
@@ -103,12 +106,12 @@ class RigReader:
         """Whether a copy has a skin or morph targets; limited in number by the file's size."""
         if attached is None or not (attached.targets or node.has("skin")):
             return False
-        return self._try(node.place, lambda: self._spend_numbers(OF_A_COPY, node, "mesh")) is not None
+        return self._try(node, "mesh", lambda: self._spend_numbers(OF_A_COPY, node, "mesh")) is not None
 
     def _bind_copy(self, mesh: Mesh, attached: PrimitiveRig, placed: MeshNode) -> tuple[Mesh, Binding] | None:
         """Bind a copy to its skin and its morph targets; None if it has neither after all."""
         node = self._file.nodes[placed.node]
-        skinned = self._try(node.place, lambda: self._hung(mesh, attached, node))
+        skinned = self._try(node, "skin", lambda: self._hung(mesh, attached, node))
         if skinned is None and not attached.targets:
             return None
         every = np.arange(len(mesh.vertices), dtype=np.int32)
@@ -123,7 +126,7 @@ class RigReader:
                 _place_copies_at_nodes(mesh, [placed]), morphs=morphs
             )
         binding = replace(skinned or _place_copies_at_nodes(mesh, [placed]), morphs=morphs)
-        world = self._try(node.place, lambda: np.stack([self._world.of(k) for k in binding.nodes.tolist()]))
+        world = self._try(node, "skin", lambda: np.stack([self._world.of(k) for k in binding.nodes.tolist()]))
         if world is None:
             return None
         return rest_mesh(mesh, binding, (world @ binding.maps)[:, :3], weights), binding
@@ -131,7 +134,7 @@ class RigReader:
     def skeleton(self, bindings: Iterable[Binding]) -> Skeleton | None:
         """The nodes that these bindings refer to with all their ancestors, and the animations; None if nothing
         moves."""
-        return self._try("animations", lambda: self._moving(bindings))
+        return self._try(self._root, "animations", lambda: self._moving(bindings))
 
     def _moving(self, bindings: Iterable[Binding]) -> Skeleton | None:
         parents, bindings = parents_of(self._file), list(bindings)
@@ -170,9 +173,9 @@ class RigReader:
         taken: set[str] = set()
         n_of: dict[str, int] = {}
         for i, animation in enumerate(self._root.children("animations")):
-            tracks = self._try(animation.place, lambda a=animation: self._tracks(a, nodes))  # type: ignore[misc]
+            tracks = self._try(animation, "channels", partial(self._tracks, animation, nodes), _NOT_PLAYED)
             if tracks is None:
-                animation.leave_out("channels", "an animation that is not played: it cannot be read")
+                animation.log.left_out.add(id(animation.values))
                 continue
             name = own = printable_name(animation.text("name") or "", LONGEST_NAME) or f"animation {i}"
             while name in taken:
@@ -243,7 +246,7 @@ class RigReader:
         mesh = self._file.meshes[node.integer("mesh", 0, len(self._file.meshes) - 1)]
         owner, none = node if node.has("weights") else mesh, (0.0,) * count
         mesh.mark_read("weights")  # a node's own replace them
-        return self._try(owner.place, lambda: owner.numbers("weights", count, none)) or none
+        return owner.numbers("weights", count, none)
 
     def _influences(self, primitive: JsonObject, n_vertices: int) -> tuple[npt.NDArray[np.int32], Float64Array] | None:
         """Joints (V, K) and weights (V, K), which sum to 1 or are all 0; None if the file has none."""
@@ -311,8 +314,8 @@ class RigReader:
         if number not in self._maps:
             skin = self._skins[number]
             joints = skin.indices("joints", len(self._file.nodes))
-            if not joints:
-                raise skin.error("joints", "none", "at least one")
+            if not joints or joints != skin.raw("joints"):
+                raise skin.error("joints", "no nodes" if joints else "none", "at least one, all of them nodes")
             maps = np.broadcast_to(np.eye(4), (len(joints), 4, 4))
             if skin.has("inverseBindMatrices"):
                 columns = self._file.read(skin, "inverseBindMatrices", "MAT4", FLOATS).astype(np.float64)
@@ -323,11 +326,13 @@ class RigReader:
             self._maps[number] = np.array(joints, np.int32), maps
         return self._maps[number]
 
-    def _try(self, place: str, read: Callable[[], Read]) -> Read | None:
+    def _try(self, owner: JsonObject, key: str, read: Callable[[], Read], effect: str = _RESTS) -> Read | None:
+        """What `read` returns; None where the file is wrong, which is listed under the key."""
         try:
             return read()
         except LoadError as error:
-            self._note(f"{error.reason}: {place} rests")
+            self._note(f"{error.reason}: {owner.place or key} rests")
+            owner.not_shown(key, effect)
             return None
 
     def _note(self, line: str) -> None:

@@ -93,18 +93,18 @@ _OBJECTS = frozenset({"images", "materials", "meshes", "nodes", "skins", "textur
 
 def unshown_properties(root: JsonObject) -> tuple[UnshownProperty, ...]:
     """What no reader has asked for, and what readers list as not shown, by name."""
+    required, used = unknown_requirements(root), _unknown(root, "extensionsUsed")
     unread: dict[str, int] = {}
     for name in _unread(root):
         unread[name] = unread.get(name, 0) + 1
     names = sorted(name for name in unread if not any(fnmatchcase(name, pattern) for pattern in _HARMLESS))
     found = [UnshownProperty(name, n, effect) for (name, effect), n in root.log.unshown.items()]
     found += [UnshownProperty(name, unread[name], _effect(name)) for name in names]
-    required = unknown_requirements(root)
     words = {word for each in found for word in each.name.split(".")}
     found += [UnshownProperty(f"extensionsRequired.{name}", 1, _REQUIRED) for name in required]
     found += [
         UnshownProperty(f"extensionsUsed.{name}", 1, UNKNOWN)
-        for name in _unknown(root, "extensionsUsed")
+        for name in used
         if name not in words and name not in required
     ]
     if len(found) > MOST_LISTED:
@@ -119,7 +119,7 @@ def unknown_requirements(root: JsonObject) -> list[str]:
 
 
 def _unknown(root: JsonObject, key: str) -> list[str]:
-    names = root.aside().texts(key)
+    names = root.texts(key)
     return [name for name in dict.fromkeys(names) if name not in READ_EXTENSIONS and not _has_words(name)]
 
 

@@ -35,7 +35,8 @@ class ImportedVariant:
 class ImportedPart:
     """All triangles of one material. layers: empty where the file has no material that is read; smooth: whether normals
     are interpolated, computed where the mesh has none; name: the material's, empty if it has none; variants: other
-    materials, empty where all are the same."""
+    materials, empty where all are the same; object_name: what an object of this part is called, as its material where
+    that is empty."""
 
     mesh: Mesh
     layers: tuple[LayerDescription, ...] = ()
@@ -46,6 +47,7 @@ class ImportedPart:
     smooth: bool = True
     name: str = ""
     variants: tuple[ImportedVariant, ...] = ()
+    object_name: str = ""
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from app.document.commands.light import SetEnvironment
 from app.document.commands.plan import SetFirstBands
 from app.document.document import Document, Selection, document_from_description
 from app.document.view_state import Bookmark, SetView, Viewpoint, ViewState
-from app.files.session import fit_session, load_session, save_session, session_notes
+from app.files.session import Session, fit_session, load_session, save_session, session_notes
 from engine.core.errors import InsituError, LoadError
 from engine.curve.operators import Operator, diagonal
 from engine.scene.description import Camera, parse_description
@@ -345,3 +345,13 @@ def test_killed_while_saving_leaves_the_old_or_the_new_file(tmp_path: Path, n_ki
 def test_bounces_as_planned_stay_so(tmp_path: Path, document: Document) -> None:
     view = SetView.of(n_bounces=AS_PLANNED).apply(ViewState())
     assert load_session(save_session(tmp_path / "s", document, view)).view.settings.n_bounces == AS_PLANNED
+
+
+def test_a_session_that_calls_parts_by_their_numbers_fits(document: Document) -> None:
+    former = {"pot": "pots 1", "floor": "pots 2"}
+    scene = replace(document, objects=tuple(replace(o, former_name=former.get(o.name, "")) for o in document.objects))
+    saved = tuple(replace(o, name=former.get(o.name, o.name), visible=o.name != "pot") for o in document.objects)
+    session = Session(replace(document, objects=saved), ViewState())
+    found = fit_session(session, scene, "old.insitu")
+    assert [o.name for o in found.objects] == [o.name for o in document.objects] and not found.absent
+    assert not found.object("pot").visible and session_notes(session, scene) == ()

@@ -14,7 +14,7 @@ from PIL import Image
 
 from engine.core.errors import LoadError
 from engine.scene._polygon_kernels import cut_ears
-from engine.scene.loaders.gltf import read_glb
+from engine.scene.loaders.gltf import read_gltf
 from engine.scene.scene_loader import load_scene
 from engine.texture import texture_files
 from tests.engine.scene.conftest import TOY, n_calls, read_mesh
@@ -65,8 +65,8 @@ def test_glb_files_of_many_small_parts(name: str, triangle_glb: tuple[dict, byte
     change, most = GLB[name]
     tree, binary = triangle_glb
     path = glb_file(change(tree), binary)
-    read_glb(path)  # what is imported at first is not counted
-    assert n_calls(lambda: read_glb(path)) <= most * path.stat().st_size
+    read_gltf(path)  # what is imported at first is not counted
+    assert n_calls(lambda: read_gltf(path)) <= most * path.stat().st_size
 
 
 def png(side: int) -> bytes:
@@ -121,7 +121,7 @@ def test_images_of_more_pixels_than_a_file_is_worth_are_left_out(
     triangle_glb: tuple[dict, bytes], glb_file: Callable, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("engine.scene.loaders.gltf_images.MOST_PIXELS", 0)
-    model = read_glb(glb_file(*textured(*triangle_glb, png(256), 1, baseColorTexture=True)))
+    model = read_gltf(glb_file(*textured(*triangle_glb, png(256), 1, baseColorTexture=True)))
     (part,) = model.parts
     assert all(layer.maps.is_plain for layer in part.layers)
     assert model.notes == ("images are not shown that have, with those before them, too many pixels for such a file",)

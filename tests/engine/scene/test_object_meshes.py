@@ -104,3 +104,31 @@ def test_more_materials_than_there_may_be_objects(mesh_file: Callable[..., Path]
     path = mesh_file("many.glb", struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
     with pytest.raises(LoadError, match="materials = 4096, expected at most 4095"):
         load_scene(path)
+
+
+def names_of(tree: dict, binary: bytes, glb_file: Callable[..., Path]) -> list[tuple[str, str]]:
+    """The name of each object, and its name in sessions of version 2."""
+    return [(each.name, each.former_name) for each in load_scene(glb_file(tree, binary)).description.objects[:-1]]
+
+
+def test_objects_are_called_as_in_the_file(triangle_glb: tuple[dict, bytes], glb_file: Callable[..., Path]) -> None:
+    tree, binary = triangle_glb
+    (primitive,) = tree["meshes"][0]["primitives"]
+    tree["materials"] = [{"name": name} for name in ("Oak", "Brass", "Oak", "")]
+    one, two, three, four = (primitive | {"material": k} for k in range(4))
+    tree["meshes"] = [
+        {"name": "table", "primitives": [one]}, {"name": "lamp", "primitives": [two, three]}, {"primitives": [four]},
+    ]  # fmt: skip
+    tree["nodes"] = [{"mesh": 0, "name": "Table.001"}, {"mesh": 1, "name": "Lamp"}, {"mesh": 2}]
+    tree["scenes"] = [{"nodes": [0, 1, 2]}]
+    # A node that is a part is called as itself; of the lamp's two parts each is called as its material; without any
+    # name it is a number. A point separates paths.
+    assert [name for name, _ in names_of(tree, binary, glb_file)] == ["Table_001", "Brass", "Oak", "model 4"]
+    assert [former for _, former in names_of(tree, binary, glb_file)] == [f"model {k}" for k in (1, 2, 3, 4)]
+    # Two nodes of one material are one part, called as that; a node without a name is called as its mesh.
+    tree["nodes"] = [{"mesh": 0, "name": "A"}, {"mesh": 0, "name": "B"}, {"mesh": 1}, {"mesh": 2, "name": "C"}]
+    tree["scenes"] = [{"nodes": [0, 1, 2, 3]}]
+    assert [name for name, _ in names_of(tree, binary, glb_file)] == ["Oak", "Brass", "Oak_001", "C"]
+    tree["nodes"][0] = {"mesh": 0}
+    tree["scenes"] = [{"nodes": [0, 3]}]
+    assert [name for name, _ in names_of(tree, binary, glb_file)] == ["table", "C"]

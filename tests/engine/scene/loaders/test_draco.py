@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from engine.core.errors import LoadError
-from engine.scene.loaders.gltf import read_glb
+from engine.scene.loaders.gltf import read_gltf
 
 Triangle = tuple[dict, bytes]
 PLACES = np.array([[0, 0, 0], [4, 0, 0], [0, 4, 0], [4, 4, 0]], np.float32)
@@ -48,7 +48,7 @@ def compressed() -> Triangle:
 
 
 def test_all_attributes_come_from_the_stream(compressed: Triangle, glb_file: Callable[..., Path]) -> None:
-    model = read_glb(glb_file(*compressed))
+    model = read_gltf(glb_file(*compressed))
     mesh = model.parts[0].mesh
     order = np.lexsort((mesh.vertices[:, 0].round(), mesh.vertices[:, 1].round()))
     assert np.allclose(mesh.vertices[order], PLACES, atol=1e-3)  # of 14 bits
@@ -76,13 +76,13 @@ def test_a_scan_of_less_than_a_byte_for_each_vertex_and_face_is_read(
     primitive["attributes"] = {"POSITION": 0}
     primitive["extensions"]["KHR_draco_mesh_compression"]["attributes"] = {"POSITION": attribute["unique_id"]}
     tree["bufferViews"] = tree["buffers"] = [{"buffer": 0, "byteLength": len(stream)}]
-    assert len(read_glb(glb_file(tree, stream)).parts[0].mesh.triangles) == len(faces)
+    assert len(read_gltf(glb_file(tree, stream)).parts[0].mesh.triangles) == len(faces)
 
 
 def test_strips_are_triangles_in_the_stream(compressed: Triangle, glb_file: Callable[..., Path]) -> None:
     tree, stream = compressed
     tree["meshes"][0]["primitives"][0]["mode"] = 5
-    assert read_glb(glb_file(tree, stream)).parts[0].mesh.triangles.shape == (2, 3)
+    assert read_gltf(glb_file(tree, stream)).parts[0].mesh.triangles.shape == (2, 3)
 
 
 def test_a_fallback_is_not_read(compressed: Triangle, glb_file: Callable[..., Path]) -> None:
@@ -90,7 +90,7 @@ def test_a_fallback_is_not_read(compressed: Triangle, glb_file: Callable[..., Pa
     tree["buffers"].append({"byteLength": 48, "uri": "gone.bin"})
     tree["bufferViews"].append({"buffer": 1, "byteLength": 48})
     tree["accessors"][0]["bufferView"] = 1
-    assert read_glb(glb_file(tree, stream)).unshown == ()
+    assert read_gltf(glb_file(tree, stream)).unshown == ()
 
 
 @pytest.mark.parametrize(
@@ -118,5 +118,5 @@ def test_what_does_not_fit_is_named(
     tree, stream = compressed
     change(tree, tree["meshes"][0]["primitives"][0]["extensions"]["KHR_draco_mesh_compression"])
     with pytest.raises(LoadError) as caught:
-        read_glb(glb_file(tree, stream))
+        read_gltf(glb_file(tree, stream))
     assert line in str(caught.value)

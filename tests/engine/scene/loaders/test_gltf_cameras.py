@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine.scene.loaders.gltf import read_glb
+from engine.scene.loaders.gltf import read_gltf
 from engine.scene.loaders.model import ImportedModel
 
 Triangle = tuple[dict, bytes]
@@ -23,7 +23,7 @@ def with_camera(triangle_glb: Triangle, glb_file: Callable[..., Path]) -> Callab
     def read(camera: dict, **node: object) -> ImportedModel:
         tree, binary = triangle_glb
         tree |= {"cameras": [camera], "nodes": [{"mesh": 0}, {"camera": 0} | node], "scenes": [{"nodes": [0, 1]}]}
-        return read_glb(glb_file(tree, binary))
+        return read_gltf(glb_file(tree, binary))
 
     return read
 

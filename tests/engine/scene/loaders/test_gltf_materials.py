@@ -11,13 +11,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from engine.core.errors import LoadError
 from engine.material import MODELS, validate_parameters
 from engine.material.bumps import Bumps
 from engine.material.layer_maps import LayerMaps
 from engine.material.opacity import OPAQUE, Opacity
 from engine.scene.description import MAX_VARIANTS
-from engine.scene.loaders.gltf import ImportedModel, read_glb
+from engine.scene.loaders.gltf import ImportedModel, read_gltf
 from engine.scene.loaders.pbr_layers import PbrMaterial, pbr_layers
 from engine.scene.map_sampler import look_up_images
 from engine.scene.scene_loader import load_scene
@@ -96,7 +95,7 @@ def read(glb_file: Callable[..., Path], textured: Glb) -> Callable[..., Imported
         tree["materials"] = [changes.pop("material", {"pbrMetallicRoughness": pbr})]
         if "image" in changes:
             tree["images"] = [changes.pop("image")]
-        return read_glb(glb_file(tree | changes, binary))
+        return read_gltf(glb_file(tree | changes, binary))
 
     return make
 
@@ -304,7 +303,7 @@ def test_variants_are_other_layers_of_a_part(
     primitive = tree["meshes"][0]["primitives"][0]
     mappings = [{"material": 1, "variants": [0]}, {"material": 2, "variants": [2]}]
     primitive["extensions"] = {"KHR_materials_variants": {"mappings": mappings}}
-    (part,) = read_glb(glb_file(tree, binary)).parts
+    (part,) = read_gltf(glb_file(tree, binary)).parts
     assert part.layers[0].parameters["albedo"] == (1.0, 0.0, 0.0)
     found = [(each.name, each.layers[0].parameters["albedo"]) for each in part.variants]
     # What is mapped to no material has the primitive's own.
@@ -312,7 +311,7 @@ def test_variants_are_other_layers_of_a_part(
     (toy,) = load_scene(scene_file(TOY)).description.objects
     assert toy.variants[2].layers[0].maps.texture == "model.glb#0"
     del primitive["extensions"]
-    (part,) = read_glb(glb_file(tree, binary)).parts
+    (part,) = read_gltf(glb_file(tree, binary)).parts
     assert part.variants == ()
 
 
@@ -325,7 +324,7 @@ def test_variants_have_names_that_differ_and_the_first_are_offered(
     tree["extensions"] = {"KHR_materials_variants": {"variants": named}}
     primitive = tree["meshes"][0]["primitives"][0]
     primitive["extensions"] = {"KHR_materials_variants": {"mappings": [{"material": 1, "variants": [2, 73]}]}}
-    model = read_glb(glb_file(tree, binary))
+    model = read_gltf(glb_file(tree, binary))
     names = [each.name for each in model.parts[0].variants]
     assert names[:5] == ["fir 3", "fir", "fir 4", "a b", "look 0"] and len(set(names)) == MAX_VARIANTS
     assert ("KHR_materials_variants.variants.name", 10) in [(each.name, each.count) for each in model.unshown]
@@ -421,7 +420,7 @@ def test_images_may_be_files_beside_it(
     scene = load_scene(scene_file(TOY))
     assert scene.description.objects[0].layers[0].maps.texture == "model.glb#0"
     tree["images"] = [{"uri": "../secret.png"}]
-    (note,) = read_glb(glb_file(tree, binary)).notes
+    (note,) = read_gltf(glb_file(tree, binary)).notes
     assert "image 0 is not shown: images 0: uri = ../secret.png (outside the scene folder)" in note
 
 
@@ -474,15 +473,11 @@ def test_a_part_has_the_coordinates_of_its_colours_texture(textured: Glb, glb_fi
     for named in ({"texCoord": 1}, {"texCoord": 0, "extensions": {"KHR_texture_transform": {"texCoord": 1}}}):
         material["pbrMetallicRoughness"]["baseColorTexture"] = colour | named
         material["normalTexture"] = {"index": 0, "texCoord": 0}
-        model = read_glb(glb_file(tree, binary))
+        model = read_gltf(glb_file(tree, binary))
         (part,) = model.parts
-        assert part.layers[0].maps.texture == "#0" and not part.bumps.file
-        assert part.mesh.uvs is not None and part.mesh.uvs[0].tolist() == [[0, 0], [1, 0], [0, 1]]
-        # The normal map is on the other set, which is listed with it.
-        listed = {each.name for each in model.unshown}
-        assert "materials.normalTexture.texCoord" in listed, listed
-        assert "meshes.primitives.attributes.TEXCOORD_0" in listed
-        assert "a texture by a second set of coordinates is not shown" in model.notes
+        assert part.layers[0].maps == LayerMaps("#0", "srgb") and part.bumps == Bumps("#0", bump_uv_set=1)
+        assert part.mesh.uvs is not None and part.mesh.uvs[0, :, :2].tolist() == [[0, 0], [1, 0], [0, 1]]
+        assert part.mesh.uvs.shape == (1, 3, 4) and model.unshown == ()
 
 
 def test_opacities_of_a_file_reach_the_scene_unless_it_says_otherwise(
@@ -580,21 +575,36 @@ def test_samplers_clamp_and_mirror(read: Callable[..., ImportedModel]) -> None:
     assert normal.parts[0].bumps == Bumps("#0", bump_wrap=("clamp", "repeat"))
 
 
-def test_textures_that_are_not_there_are_refused(read: Callable[..., ImportedModel]) -> None:
-    with pytest.raises(LoadError, match="index = 7, expected an integer from 0 to 0"):
-        read(material={"pbrMetallicRoughness": {"baseColorTexture": {"index": 7}}})
+@pytest.mark.parametrize(
+    ("changes", "name"),
+    [
+        ({"material": {"pbrMetallicRoughness": {"baseColorTexture": {"index": 7}}}}, "baseColorTexture.index"),
+        ({"textures": [{"source": 3}]}, "textures.source"),
+        ({"textures": [{"source": 0, "sampler": 2}]}, "textures.sampler"),
+        ({"material": {"normalTexture": {"index": 0, "texCoord": "b"}}}, "materials.normalTexture.texCoord"),
+        ({"material": {"normalTexture": 3}}, "materials.normalTexture"),
+        ({"material": {"pbrMetallicRoughness": {"baseColorFactor": [1]}}}, "pbrMetallicRoughness.baseColorFactor"),
+        ({"material": {"alphaMode": 3}}, "materials.alphaMode"),
+    ],
+)
+def test_what_a_material_lacks_is_listed_and_the_rest_shown(
+    read: Callable[..., ImportedModel], changes: dict[str, Any], name: str
+) -> None:
+    model = read(**changes)
+    assert len(model.parts) == 1 and model.parts[0].layers
+    assert [each.count for each in model.unshown if each.name.endswith(name)] == [1], model.unshown
 
 
 def test_a_texture_without_coordinates_is_left_out(textured: Glb, glb_file: Callable[..., Path]) -> None:
     tree, binary = textured
     del tree["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_0"]
-    (part,) = read_glb(glb_file(tree, binary)).parts
+    (part,) = read_gltf(glb_file(tree, binary)).parts
     assert part.mesh.uvs is None and all(layer.maps.is_plain for layer in part.layers)
     # A share by an image is all of it then, and nothing of the inverted one.
     tree["materials"] = [
         {"extensions": {"KHR_materials_clearcoat": {"clearcoatFactor": 1, "clearcoatTexture": {"index": 0}}}}
     ]
-    (part,) = read_glb(glb_file(tree, binary)).parts
+    (part,) = read_gltf(glb_file(tree, binary)).parts
     assert [(layer.name, layer.under) for layer in part.layers] == [("gloss", "coat"), ("coat", None)]
 
 

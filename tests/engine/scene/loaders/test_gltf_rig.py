@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from engine.realtime.zonal_harmonics import posed_scene
 from engine.realtime.zonal_harmonics.pose import Moment, Pose
 from engine.realtime.zonal_harmonics.posed_scene import animated_pose, sample_clip
-from engine.scene.loaders.gltf import ImportedModel, ImportedPart, read_glb
+from engine.scene.loaders.gltf import ImportedModel, ImportedPart, read_gltf
 from engine.scene.rig import Clip, Track
 from engine.scene.scene_loader import Scene, load_scene
 from tests.engine.scene.conftest import n_calls
@@ -97,7 +97,7 @@ def bar() -> Bar:
 @pytest.fixture
 def read(glb_file: Callable[..., Path]) -> Callable[[Bar], ImportedModel]:
     def of(bar: Bar) -> ImportedModel:
-        return read_glb(glb_file(bar.tree | {"buffers": [{"byteLength": len(bar.binary)}]}, bar.binary))
+        return read_gltf(glb_file(bar.tree | {"buffers": [{"byteLength": len(bar.binary)}]}, bar.binary))
 
     return of
 
@@ -426,7 +426,7 @@ def test_weights_of_morph_targets_count_at_rest(bar: Bar, read: Callable, owner:
 def test_skins_rest_where_they_were_baked(shared_data: Path, name: str, truth: str) -> None:
     """Files whose mesh nodes, units and axes differ, beside what their skins come to."""
     folder = shared_data / "cases" / "21-skin-transforms"
-    mesh, baked = (read_glb(folder / f"{each}.glb").parts[0].mesh for each in (name, truth))
+    mesh, baked = (read_gltf(folder / f"{each}.glb").parts[0].mesh for each in (name, truth))
     assert mesh.vertices == pytest.approx(baked.vertices, abs=2e-6)
     assert mesh.normals == pytest.approx(baked.normals, abs=2e-6)
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from engine.scene.loaders.gltf import read_glb
+from engine.scene.loaders.gltf import read_gltf
 from engine.scene.loaders.gltf_unshown import MOST_LISTED, UNKNOWN, UNUSED
 from tests.engine.scene.loaders.test_gltf_files import add_accessor
 
@@ -22,7 +22,7 @@ WriteGlb = Callable[..., Path]
 
 def unshown(path: Path) -> dict[str, tuple[int, str]]:
     """Count and effect of what is listed, by name."""
-    return {each.name: (each.count, each.effect) for each in read_glb(path).unshown}
+    return {each.name: (each.count, each.effect) for each in read_gltf(path).unshown}
 
 
 @pytest.fixture
@@ -179,6 +179,6 @@ def test_texels_that_should_show_as_squares(sample: Triangle, glb_file: WriteGlb
 def test_a_flood_of_properties_is_cut_with_its_number(triangle_glb: Triangle, glb_file: WriteGlb) -> None:
     tree, binary = triangle_glb
     tree["nodes"][0] |= {f"x{i:05}\x1b": i for i in range(3000)}
-    listed = read_glb(glb_file(tree, binary)).unshown
+    listed = read_gltf(glb_file(tree, binary)).unshown
     assert len(listed) == MOST_LISTED + 1 and sum(each.count for each in listed) == 3000
     assert all(each.name.isprintable() for each in listed)

@@ -44,7 +44,7 @@ _OF_POINTS = {
 _OF_SURFACE = {"posed": 1, "images": 5, "sent": 7, "objects": 8, "holes": 13, "opacities": 14}
 _OF_COVER = {"details": 0, "posed": 1, "axes": 2, "light": 3, "gloss": 4, "images": 5, "strokes": 6, "sent": 7,
              "opacities": 14}  # fmt: skip
-_COVERED = (("corner", 4, "i"), ("image_place", 2, "f"), ("position", 3, "f"), ("face", 3, "f"),
+_COVERED = (("corner", 4, "i"), ("image_places", 4, "f"), ("position", 3, "f"), ("face", 3, "f"),
             ("packed_colour", 2, "i"))  # fmt: skip
 _GROUP = 64  # points
 

@@ -169,7 +169,7 @@ class PointBuffers:
 # ---------------------------------------------------------------------------------------------------------- the picture
 
 
-_CORNER = (("position", 3, "f"), ("face", 3, "f"), ("image_place", 2, "f"), ("sides", 2, "i"), ("first_way", 3, "f"),
+_CORNER = (("position", 3, "f"), ("face", 3, "f"), ("image_places", 4, "f"), ("sides", 2, "i"), ("first_way", 3, "f"),
            ("second_way", 3, "f"), ("packed_colour", 2, "i"))  # fmt: skip
 _GROUPS = 32768  # of a compute shader, in one row
 FIRST_SLICES = 8  # binding of the slices' four buffers
