@@ -72,8 +72,9 @@ class BakedMap:
 
 @dataclass
 class MapMaker:
-    """Makes maps of fields. maps: those that are computed; layers name them "#N" by their index here."""
+    """Makes maps of fields. maps: those that are computed; layers name them "#N", from the number `first` on."""
 
+    first: int = 0
     maps: list[BakedMap] = field(default_factory=list)
     _made: dict[tuple[int, bool], tuple[str, Placement]] = field(default_factory=dict)
 
@@ -134,7 +135,7 @@ class MapMaker:
             if in_unit_square:
                 placement = Placement()
             self.maps.append(BakedMap(values, size, placement))
-            self._made[key] = f"#{len(self.maps) - 1}", placement
+            self._made[key] = f"#{self.first + len(self.maps) - 1}", placement
         return self._made[key]
 
 
