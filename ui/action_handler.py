@@ -44,6 +44,7 @@ from engine.curve.table_text import TABLE_ENDINGS
 from engine.material.bumps import BUMP_IMAGES
 from engine.measured.measurement import ENDINGS as MEASURED_ENDINGS
 from engine.scene.builtin import builtin_scenes
+from engine.scene.mesh import MATERIAL_ENDING
 from engine.scene.surface_kinds import SURFACE_IMAGES
 from ui.panels.actions import (
     Action,
@@ -62,6 +63,7 @@ from ui.panels.actions import (
     ExportMeasured,
     ExportScene,
     HoldGrip,
+    ImportMaterial,
     ImportMeasured,
     MergedEdit,
     MoveCameraTo,
@@ -105,6 +107,7 @@ class FrameOutcome:
 # The kinds of files that a question may be about, except images; each kind has its own folder.
 KIND_OF = {
     "open_scene": "scene", "save_session": "scene", "open_environment": "environment", "open_measured": "measured",
+    "open_material": "material",
     "save_measured": "measured", "save_picture": "picture", "save_scene": "export",
     "open_table": "table",
 }  # fmt: skip
@@ -237,6 +240,9 @@ class ActionHandler:
                 editor.do(action.command, action.gesture)
             case OpenFile():
                 self.open(action.path)
+            case ImportMaterial():
+                if self._check_file(action.path, "material"):
+                    editor.exchange.import_material(str(action.path))
             case ImportMeasured():
                 if self._check_file(action.path, "measured"):
                     editor.exchange.import_measured(action.path, action.cloth)
@@ -267,11 +273,14 @@ class ActionHandler:
     def open_dropped(self, paths: Sequence[str], image: str | None = None) -> list[Action]:
         """Open the file that was dropped on the window; several at once are refused, because one would hide the other.
 
-        image: "texture" or "weight" where it was dropped on that of the selected layer.
+        image: "texture" or "weight" where it was dropped on that of the selected layer. A file of materials is for the
+        selected object, where there is one.
         """
         selected = layer_shown(self._editor.document, self._editor.view.selected)
         if len(paths) == 1 and image and selected and Path(paths[0]).suffix.lower() in IMAGE_SUFFIXES:
             return [OpenImage(Path(paths[0]), selected.key, image)]
+        if len(paths) == 1 and selected and Path(paths[0]).suffix.lower() == MATERIAL_ENDING:
+            return [ImportMaterial(Path(paths[0]))]
         if len(paths) == 1:
             return [OpenFile(paths[0])]
         if paths:

@@ -12,7 +12,7 @@ from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 
-from app.document.document import Document, ObjectState
+from app.document.document import Document, ObjectState, Variant
 from app.document.linked_layers import Layers
 from app.document.scene_files import files_of_scene, scene_file
 from app.system.paths import full_path
@@ -113,12 +113,31 @@ def with_scene_names(layers: Layers, source: str) -> Layers:
     return _with_image_names(layers, lambda name: image_name(scene_folder(source) / name, source))
 
 
-def _with_image_names(layers: Layers, new_name: Callable[[str], str]) -> Layers:
-    """Every file under a new name; of a picture in a GLB file its number stays."""
+def variant_with_scene_names(variant: Variant, source: str) -> Variant:
+    """The same of a whole material."""
 
     def renamed(name: str) -> str:
-        file, number = split_image_name(name)
-        return new_name(file) if number is None else f"{new_name(file)}#{number}"
+        return name and _renamed(name, lambda file: image_name(scene_folder(source) / file, source))
+
+    bumps, opacity = variant.bumps, variant.opacity
+    if bumps is not None:
+        bumps = replace(bumps, normal_map=renamed(bumps.normal_map), bump_map=renamed(bumps.bump_map))
+    if opacity is not None:
+        opacity = replace(opacity, opacity_map=renamed(opacity.opacity_map))
+    return replace(variant, layers=with_scene_names(variant.layers, source), bumps=bumps, opacity=opacity)
+
+
+def _renamed(name: str, new_name: Callable[[str], str]) -> str:
+    """An image's file under a new name; its number in that file stays."""
+    file, number = split_image_name(name)
+    return new_name(file) if number is None else f"{new_name(file)}#{number}"
+
+
+def _with_image_names(layers: Layers, new_name: Callable[[str], str]) -> Layers:
+    """Every file under a new name."""
+
+    def renamed(name: str) -> str:
+        return _renamed(name, new_name)
 
     return tuple(
         layer if layer.maps.is_plain and not layer.parameter_maps

@@ -38,6 +38,7 @@ from app.messages.worker_messages import (
     ChannelsRead,
     CurveTableRead,
     FilesWritten,
+    MaterialsRead,
     MeasurementsRead,
     Progress,
     Request,
@@ -379,9 +380,9 @@ class Editor:
                     self.metrics.progress = response
             case RequestFailed():
                 self.take_failure(response)
-            case MeasurementsRead():
+            case MeasurementsRead() | MaterialsRead():
                 self.metrics.progress = None
-                self.exchange.take_measurements(response)
+                self.exchange.take_material(response)
             case CurveTableRead():
                 self.exchange.take_table(response, self.history.dragging)
             case TableFetched():

@@ -12,8 +12,16 @@ from app.document.document import Document, Selection
 from app.document.selection import layer_shown
 from app.document.view_state import ViewState
 from app.export import written_names
+from app.files.material_files import import_material
 from app.files.materials import PendingMeasurement, describe_reading, import_measured
-from app.messages.worker_messages import CurveTableRead, MeasurementsRead, ReadCurveTable, Request, WriteFiles
+from app.messages.worker_messages import (
+    CurveTableRead,
+    MaterialsRead,
+    MeasurementsRead,
+    ReadCurveTable,
+    Request,
+    WriteFiles,
+)
 from app.modes.mode import ModeController
 from app.system.atomic import require_folder, require_place
 from engine.core.errors import InsituError
@@ -72,15 +80,30 @@ class FileExchange:
             return self._refuse(str(error))
         return host.do(command)
 
-    def take_measurements(self, response: MeasurementsRead) -> None:
-        """Carry out the edit that waited for these measurements."""
+    def import_material(self, name: str) -> str | None:
+        """Give the selected object a material of a MaterialX file, FILE.mtlx or FILE.mtlx#NAME, once the worker has
+        read it. Returns None, or the reason why not."""
+        host = self._host
+        if host.view.selected is None:
+            return self._refuse(f"{name}: select the object that is to have the material")
+        try:
+            command = import_material(host.view.selected.object, name)
+        except InsituError as error:
+            return self._refuse(str(error))
+        return host.do(command)
+
+    def take_material(self, response: MeasurementsRead | MaterialsRead) -> None:
+        """Carry out the edit that waited for these measurements, or for a material of a file."""
         host, command = self._host, self.reading.complete_edit(response)
         if command is None:
             return
         host.controller.add_band_plans(zip(command.layers, response.planned, strict=False))
         if host.do(command) is None:
             host.select(command.object)
-            host.notify(describe_reading(command.layers))
+            if isinstance(response, MaterialsRead):
+                host.notify("; ".join((command.label, *response.notes)))
+            else:
+                host.notify(describe_reading(command.layers))
 
     def read_table(self, name: str, text: str | None = None) -> str | None:
         """Put a table on the selected curve, as an operator on top, once the worker has read it: from a file, or from

@@ -37,8 +37,9 @@ from app.document.commands.layers import AddLayers, SetMaterial, operators_of_co
 from app.document.document import Document, Selection, split_key
 from app.document.linked_layers import Layers, layers_from_descriptions, linked_indices, synchronize_layers
 from app.document.named_files import FILE, measurement_in, unread_files, with_full_paths, with_measurements
+from app.files.material_files import complete_material
 from app.files.records import MAX_LAYERS, CurveRecord, StrictModel, description_of, operator_lines, with_curves
-from app.messages.worker_messages import MeasurementsRead, ReadMeasured, Request
+from app.messages.worker_messages import MaterialsRead, MeasurementsRead, ReadMaterials, ReadMeasured, Request
 from app.system.atomic import save_file
 from app.system.paths import material_directory
 from engine.core.errors import InsituError, LoadError
@@ -350,18 +351,25 @@ class PendingMeasurement:
         carried out."""
         if not isinstance(command, SetMaterial | AddLayers):
             return False
+        if isinstance(command, SetMaterial) and command.file:
+            command.check(document)
+            self._waiting = self._send(ReadMaterials(command.file, command.name)), command
+            return True
         files = unread_files(command.layers)
         if files:
             command.apply(document)
             self._waiting = self._send(ReadMeasured(files, command.layers)), command
         return bool(files)
 
-    def complete_edit(self, response: MeasurementsRead) -> SetMaterial | AddLayers | None:
+    def complete_edit(self, response: MeasurementsRead | MaterialsRead) -> SetMaterial | AddLayers | None:
         """The edit that waited for this response, complete."""
         if self._waiting is None or self._waiting[0] != response.id:
             return None
         (_, command), self._waiting = self._waiting, None
-        return replace(command, layers=with_measurements(command.layers, response.found))
+        if isinstance(response, MeasurementsRead):
+            return replace(command, layers=with_measurements(command.layers, response.found))
+        assert isinstance(command, SetMaterial)
+        return complete_material(command, response.materials, response.chosen)
 
     def cancel(self, id: int | None = None) -> None:
         """Give up the edit that waits, or only if it waits for that request."""

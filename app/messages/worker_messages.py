@@ -24,7 +24,7 @@ from engine.scene.import_report import ImportReport
 from engine.scene.loaders.model import ImportedCamera
 
 if TYPE_CHECKING:
-    from app.document.document import Document
+    from app.document.document import Document, Variant
     from engine.curve.tables import TabulatedCurve
     from engine.material.bumps import BumpsByObject
     from engine.material.layer import Layer
@@ -128,6 +128,19 @@ class ReadMeasured(Request):
 
     files: tuple[str, ...]
     layers: tuple[Layer, ...] = ()
+
+
+@dataclass(frozen=True)
+class ReadMaterials(Request):
+    """Read the materials of a MaterialX file, one of which, `name`, "" for the first, an edit waits for; answered by
+    `MaterialsRead`."""
+
+    built_on = (OpenScene,)
+    priority = 6
+    answered_once = True
+
+    file: str
+    name: str = ""
 
 
 @dataclass(frozen=True)
@@ -245,6 +258,17 @@ class MeasurementsRead(Response):
 
     found: dict[str, Measurement]
     planned: tuple[dict[str, int], ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class MaterialsRead(Response):
+    """The materials of a `ReadMaterials`; chosen: the one that was asked for; planned: bands by factor of its layers,
+    in their order; notes: what of it is not shown, in short."""
+
+    materials: tuple[Variant, ...]
+    chosen: Variant
+    planned: tuple[dict[str, int], ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

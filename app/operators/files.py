@@ -9,6 +9,7 @@ from pydantic import Field
 
 from app.document.scene_files import can_turn, split_axis
 from app.editor.editor import Editor
+from app.files.material_files import MARK
 from app.operators.operator import CURVE, LAYER, SCENE, Need, Operator, ScriptKey, ValueRecord
 from engine.scene.description import Text
 
@@ -20,6 +21,15 @@ class MeasuredFile(ValueRecord):
 
 def _import_measured(editor: Editor, measured: MeasuredFile) -> str | None:
     return editor.exchange.import_measured(Path(measured.file), measured.cloth)
+
+
+class MaterialFile(ValueRecord):
+    file: Annotated[Text, Field(description="A MaterialX file.")]
+    material: Annotated[str, Field(description="A material in it; else its first.")] = ""
+
+
+def _import_material(editor: Editor, value: MaterialFile) -> str | None:
+    return editor.exchange.import_material(f"{value.file}{MARK}{value.material}" if value.material else value.file)
 
 
 class CurveTable(ValueRecord):
@@ -57,6 +67,11 @@ FILES = (
         "measured", _import_measured, entry="Import measured BRDF…", needs=LAYER,
         help="Make the selected object of a measured material: MERL .binary, Cornell .brdf or RGL .bsdf.",
         script=ScriptKey(MeasuredFile, "Imports a measured BRDF: see below."),
+    ),
+    Operator(
+        "material_file", _import_material, entry="Import MaterialX…", needs=LAYER,
+        help="Give the selected object a material of a MaterialX file (.mtlx); of several, Variant has the others.",
+        script=ScriptKey(MaterialFile, "Imports a material of MaterialX: see below."),
     ),
     Operator(
         "table", _load_table, entry="Load a curve table…", needs=CURVE,

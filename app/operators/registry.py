@@ -41,8 +41,8 @@ class Menu:
 MENUS = (
     Menu("File", (
         "new", "open", "open_recent", "open_builtin", "open_environment", "reload", "z_up", "report", None,
-        "measured", "export_measured", "export_scene", None, "save", "save_as", "recover", None, "picture", None,
-        "quit",
+        "material_file", "measured", "export_measured", "export_scene", None, "save", "save_as", "recover", None,
+        "picture", None, "quit",
     )),
     Menu("Edit", (
         "undo", "redo", "undo_view", "redo_view", None, "copy_material", "copy_curve", "copy_table", "paste",

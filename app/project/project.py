@@ -55,6 +55,7 @@ from app.document.scene_files import is_archive, split_axis, unpacked_scene_file
 from app.document.sources import find_source, likely_mapping, source_of
 from app.document.view_state import Viewpoint
 from app.files.bookmarks import camera_bookmarks, find_bookmark
+from app.files.material_files import complete_material, import_material, is_material_file, read_file_materials
 from app.files.materials import Library, import_measured, load_material
 from app.files.session import fit_session, load_session, session_notes
 from app.system.atomic import set_inputs
@@ -248,7 +249,7 @@ def open_project(
         notes = session_notes(session, document)
         document = read_measurements(fit_session(session, document, str(source.session)))
     for where, value in values:
-        document = read_measurements(set_path(document, where, value).apply(document))
+        document = read_measurements(_with_material(set_path(document, where, value)).apply(document))
     at_rest = _at_rest(scene, document)
     scene = pose_scene(at_rest, document.poses).with_bumps(dict(document.new_bumps))
     scene.check_surfaces()
@@ -295,6 +296,14 @@ def with_overrides(project: Project, lines: Mapping[str, Any]) -> Project:
     for line, value in lines.items():
         document = override_from_value(line, value).apply(document)
     return replace(project, document=document)
+
+
+def _with_material(command: EditCommand) -> EditCommand:
+    """A command with the material of a file that it waits for."""
+    if not isinstance(command, SetMaterial) or not command.file:
+        return command
+    found = read_file_materials(Path(command.file), command.name)
+    return complete_material(command, found.materials, found.chosen)
 
 
 def read_measurements(document: Document, folder: Path | None = None, scene: Path | None = None) -> Document:
@@ -420,8 +429,12 @@ def _set_switch(path: str, target: Target, value: Any) -> EditCommand:
 
 def _set_material(path: str, name: str, value: Any) -> SetMaterial:
     if not isinstance(value, str):
-        raise LoadError(path, "value", value, "the name of a material in the library, a material's or a measured file")
+        raise LoadError(
+            path, "value", value, "the name of a material in the library, or a file of materials or of measurements"
+        )
     if Path(value).suffix.lower() in MEASURED_ENDINGS:
         return import_measured(name, Path(value))
+    if is_material_file(value):
+        return import_material(name, value)
     material = load_material(Path(value)) if is_file_name(value) else Library().entry(value).material
     return SetMaterial(name, material.layers, material.name)

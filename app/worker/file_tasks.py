@@ -12,13 +12,16 @@ import numpy as np
 from app.document.document import Document
 from app.document.named_files import files_of_document, layers_of_document, measured_files, with_measurements
 from app.files.brdf_files import export_steps
+from app.files.material_files import read_file_materials
 from app.messages.worker_messages import (
     CurveTableRead,
     FetchTable,
     FilesWritten,
+    MaterialsRead,
     MeasurementsRead,
     Progress,
     ReadCurveTable,
+    ReadMaterials,
     ReadMeasured,
     Response,
     TableFetched,
@@ -64,6 +67,17 @@ def read_for(request: ReadMeasured, store: ArrayStore | None) -> Generator[Respo
         bands.append(band_counts(layer))
         yield None
     yield MeasurementsRead(found, tuple(bands))
+
+
+def read_materials(request: ReadMaterials) -> Generator[Response | None, None, None]:
+    """The materials of a MaterialX file, and the plan of the one that was asked for. Raises LoadError."""
+    yield Progress("material", 0.0, text=f"reading {Path(request.file).name}")
+    found = read_file_materials(Path(request.file), request.name)
+    bands = []
+    for layer in found.chosen.layers:
+        bands.append(band_counts(layer))
+        yield None
+    yield MaterialsRead(found.materials, found.chosen, tuple(bands), found.notes)
 
 
 def read_curve_table(request: ReadCurveTable) -> Generator[Response | None, None, None]:

@@ -34,6 +34,7 @@ from app.messages.worker_messages import (
     Progress,
     ReadChannels,
     ReadCurveTable,
+    ReadMaterials,
     ReadMeasured,
     Request,
     SceneOpened,
@@ -57,6 +58,7 @@ from app.worker.file_tasks import (
     read_curve_table,
     read_files,
     read_for,
+    read_materials,
     write_file,
     write_scene,
 )
@@ -231,6 +233,7 @@ class RequestDispatcher:
             SetCamera: self._set_camera,
             ReadMeasured: lambda request: read_for(request, self.context.store),
             ReadCurveTable: read_curve_table,
+            ReadMaterials: read_materials,
             ReadChannels: self._read_channels,
             FetchTable: lambda request: fetch_table(request, self.context.store),
             WriteFiles: self._write,

@@ -25,7 +25,8 @@ import numpy as np
 from engine.core.errors import LoadError, list_names
 from engine.core.safe_files import resolve_inside
 from engine.light.suns import Sun
-from engine.material.opacity import OPAQUE
+from engine.material.bumps import Bumps
+from engine.material.opacity import OPAQUE, Opacity
 from engine.scene.builtin import ASSETS
 from engine.scene.description import (
     IDENTITY,
@@ -227,6 +228,15 @@ def _surface(item: ObjectDescription, part: ImportedPart | ImportedVariant) -> d
     if item.opacity == OPAQUE:
         found["opacity"] = replace(part.opacity, opacity_map=_image_name(file, part.opacity.opacity_map))
     return found
+
+
+def part_material(part: ImportedPart, file: str) -> tuple[tuple[LayerDescription, ...], Bumps, Opacity]:
+    """The layers, the bumps and the opacity of a part of a file, with images named from where `file` is."""
+    bumps = replace(
+        part.bumps, normal_map=_image_name(file, part.bumps.normal_map), bump_map=_image_name(file, part.bumps.bump_map)
+    )
+    opacity = replace(part.opacity, opacity_map=_image_name(file, part.opacity.opacity_map))
+    return _layers(part.layers, file), bumps, opacity
 
 
 def _layers(layers: tuple[LayerDescription, ...], file: str) -> tuple[LayerDescription, ...]:

@@ -21,7 +21,16 @@ from app.system.paths import display_name
 from tests.ui.stand_in import StandInClient
 from ui.action_handler import ActionHandler, picture_name
 from ui.headless import HeadlessWindow
-from ui.panels.actions import AskFile, ExportMeasured, ImportMeasured, OpenFile, SavePicture, SaveSession, SetPanel
+from ui.panels.actions import (
+    AskFile,
+    ExportMeasured,
+    ImportMaterial,
+    ImportMeasured,
+    OpenFile,
+    SavePicture,
+    SaveSession,
+    SetPanel,
+)
 from ui.panels.file_dialog import answer, entries
 from ui.panels.window_state import FileQuestion
 
@@ -191,6 +200,17 @@ def test_a_dropped_measurement_is_the_selected_objects_material(window: Headless
     window.shell.actor.open(str(file))
     window.frames(2)
     assert [layer.model.name for layer in editor.document.object("teapot").layers] == ["measured_diffuse", "measured"]
+
+
+@pytest.mark.gl
+def test_a_dropped_material_is_the_selected_objects_and_else_a_scene(window: HeadlessWindow, tmp_path: Path) -> None:
+    editor, file = window.shell.editor, tmp_path / "wood.mtlx"
+    file.touch()
+    editor.select("teapot")
+    assert window.shell.actor.open_dropped([str(file)]) == [ImportMaterial(file)]
+    assert answer(FileQuestion("open_material", tmp_path), file).action == ImportMaterial(file)
+    editor.select(None)
+    assert window.shell.actor.open_dropped([str(file)]) == [OpenFile(str(file))]
 
 
 @pytest.mark.gl

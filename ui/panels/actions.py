@@ -143,6 +143,13 @@ class ReloadImages:
 
 
 @dataclass(frozen=True)
+class ImportMaterial:
+    """Give the selected object the first material of a MaterialX file."""
+
+    path: Path
+
+
+@dataclass(frozen=True)
 class ImportMeasured:
     """Make the selected object of a measured file: of a diffuse layer and a highlight, or as cloth of one layer."""
 
@@ -263,7 +270,8 @@ class Quit:
 WindowAction = (
     BeginDrag | EndDrag | CancelDrag | MergedEdit | BeginCameraDrag | DragCamera | EndCameraDrag | MoveCameraTo
     | RunOperator | SetPreference | HoldGrip | SetPanel | OpenFile | OpenImage | AskFile | ReloadImages | SaveSession
-    | SavePicture | ImportMeasured | ExportMeasured | ExportScene | Screenshot | SaveMaterial | DeleteMaterial | Copy
-    | CopyText | Paste | Recover | AnswerUnsaved | ShowPanel | ResetLayout | Quit | AnswerQuestion
+    | SavePicture | ImportMaterial | ImportMeasured | ExportMeasured | ExportScene | Screenshot | SaveMaterial
+    | DeleteMaterial | Copy | CopyText | Paste | Recover | AnswerUnsaved | ShowPanel | ResetLayout | Quit
+    | AnswerQuestion
 )  # fmt: skip
 Action = EditCommand | SetView | OpenPanel | WindowAction

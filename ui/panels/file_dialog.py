@@ -15,6 +15,7 @@ from imgui_bundle import ImVec2, imgui
 from app.document.sources import IMAGE_SUFFIXES, LIGHT_ENDINGS, SCENE_ENDINGS, SESSION_ENDING
 from engine.curve.table_text import TABLE_ENDINGS
 from engine.measured.measurement import ENDINGS as MEASURED_ENDINGS
+from engine.scene.mesh import MATERIAL_ENDING
 from ui import theme as look
 from ui.panels import widgets
 from ui.panels.actions import (
@@ -22,6 +23,7 @@ from ui.panels.actions import (
     AnswerQuestion,
     ExportMeasured,
     ExportScene,
+    ImportMaterial,
     ImportMeasured,
     OpenFile,
     OpenImage,
@@ -35,6 +37,7 @@ from ui.panels.window_state import FileQuestion
 TITLES = {
     "open_scene": "Open a scene, a session or a mesh",
     "open_environment": "Open an environment",
+    "open_material": "Import a material of MaterialX onto the selected object",
     "open_measured": "Import a measured BRDF onto the selected object",
     "open_table": "Load a table onto the selected curve (CSV: angle in degrees, values)",
     "open_texture": "Open a texture",
@@ -55,6 +58,7 @@ TITLES = {
 ENDINGS = {
     "open_scene": (*SCENE_ENDINGS, SESSION_ENDING),
     "open_environment": LIGHT_ENDINGS,
+    "open_material": (MATERIAL_ENDING,),
     "open_measured": MEASURED_ENDINGS,
     "open_table": TABLE_ENDINGS,
     "open_texture": IMAGE_SUFFIXES,
@@ -270,6 +274,7 @@ def answer(question: FileQuestion, path: Path) -> AnswerQuestion:
     if purpose.startswith("save"):
         path = path.with_name(_named(question, path.name))
     actions: dict[str, Action] = {
+        "open_material": ImportMaterial(path),
         "open_measured": ImportMeasured(path, question.cloth), "save_measured": ExportMeasured(path),
         "save_session": SaveSession(path), "save_picture": SavePicture(path, question.deep),
         "save_scene": ExportScene(path),

@@ -156,6 +156,7 @@ WINDOW_OPERATORS: dict[str, Callable[[PanelContext], list[Action]]] = {
     "new": _always(OpenFile(DEFAULT_SCENE)),
     "open": _always(AskFile("open_scene")),
     "open_environment": _always(AskFile("open_environment")),
+    "material_file": _always(AskFile("open_material")),
     "measured": _always(AskFile("open_measured")),
     "export_measured": _always(AskFile("save_measured")),
     "export_scene": _always(AskFile("save_scene")),

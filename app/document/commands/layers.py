@@ -9,13 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from app.document.document import Document, ObjectState, all_factors, resolve, split_key
+from app.document.document import Document, ObjectState, Variant, all_factors, resolve, split_key
 from app.document.linked_layers import Layers, linked_indices, possible_covers, with_fresnel, without_fresnel
-from app.document.named_files import with_scene_names
+from app.document.named_files import variant_with_scene_names, with_scene_names
 from engine.core.errors import InsituError
 from engine.curve.operators import Edit, collapse
 from engine.material import MODELS
+from engine.material.bumps import Bumps
 from engine.material.layer import Layer, make_layer
+from engine.material.opacity import Opacity
 from engine.material.parameter_maps import maps_that_fit
 from engine.measured.measurement import Measurement
 
@@ -156,22 +158,41 @@ class SetEditable:
 
 @dataclass(frozen=True)
 class SetMaterial:
-    """Give an object other layers, all at once; `name` is the material's name."""
+    """Give an object another material, all at once; `name` is the material's.
+
+    bumps, opacity: those that it brings, None where the object keeps its own. choices: materials of the same file,
+    which become variants of the object where it has none of that name. file: a file of materials that is to be read
+    first; there are no layers before, and `name` is the material's in it, "" for the first.
+    """
 
     object: str
     layers: Layers
     name: str = "material"
+    bumps: Bumps | None = None
+    opacity: Opacity | None = None
+    choices: tuple[Variant, ...] = ()
+    file: str = ""
 
     @property
     def label(self) -> str:
-        return f"{self.name} on {self.object}"
+        return f"{self.name or self.file} on {self.object}"
 
     def apply(self, document: Document) -> Document:
-        state = _editable_object(document, self.object)
+        state = self.check(document)
         if not self.layers:
-            raise InsituError(f"{self.name} has no layers; an object has one at least")
+            raise InsituError(f"{self.name or self.file} has no layers; an object has one at least")
         layers = tuple(layer.replace(frozen=False) for layer in self.layers)
-        return document.with_object(replace(state, layers=with_scene_names(layers, document.source)))
+        material = Variant(self.name, layers, self.bumps, self.opacity)
+        there = {variant.name for variant in state.variants}
+        added = tuple(
+            variant_with_scene_names(each, document.source) for each in self.choices if each.name not in there
+        )
+        state = replace(state, variants=(*state.variants, *added))
+        return document.with_object(variant_with_scene_names(material, document.source).of(state))
+
+    def check(self, document: Document) -> ObjectState:
+        """The object. Raises InsituError where it cannot have another material."""
+        return _editable_object(document, self.object)
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from app.messages.worker_messages import OpenScene
 from app.operators.camera import MoveCamera
 from app.operators.curve_drawing import CurvePoints, CurveStroke
 from app.operators.edits import Deform
-from app.operators.files import CurveTable, MeasuredFile
+from app.operators.files import CurveTable, MaterialFile, MeasuredFile
 from app.operators.operator import Gesture
 from app.operators.registry import GROUPS, MENUS, OPERATORS, keys_of, listed_lines, run_operator
 from app.operators.script import StepRecord
@@ -35,7 +35,8 @@ VALUES: dict[str, Any] = {
     "set": {"pot.1.alpha": 0.37, "light.intensity": 2.0}, "select": "floor", "deform": Deform(object="pot", bend=20.0),
     "rotate": 75.0, "accuracy": 0.0, "override": {"lights": 600}, "view": "AgX", "rename_view": ("View 1", "Spout"),
     "mode": "orbit", "lobe": (2, 3), "resolution": (24, 16), "camera": MoveCamera(orbit=(30.0, 10.0), dolly=0.5),
-    "measured": MeasuredFile(file="velvet.binary"), "table": CurveTable(file="peak.csv"),
+    "measured": MeasuredFile(file="velvet.binary"), "material_file": MaterialFile(file="wood.mtlx", material="oak"),
+    "table": CurveTable(file="peak.csv"),
     "draw_curve": CurveStroke(points=((0.0, 1.0), (30.0, 2.0))), "set_points": CurvePoints(points=((5.0, 1.0),)),
 }  # fmt: skip
 
