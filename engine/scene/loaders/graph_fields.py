@@ -85,12 +85,14 @@ COORDINATES = Field(lambda samples: samples.uv)
 
 
 def combine(compute: Callable[..., Array], *fields: Field) -> Field:
-    """A function of the values of fields: arrays (N or 1, C) to one."""
+    """A function of the values of fields: arrays (N, C) to one."""
     images = tuple(dict.fromkeys(use for each in fields for use in each.images))
 
     def evaluate(samples: Samples) -> Array:
+        values = [each.at(samples) for each in fields]
+        n = max(map(len, values))
         with np.errstate(all="ignore"):
-            found = np.asarray(compute(*(each.at(samples) for each in fields)), np.float32)
+            found = np.asarray(compute(*(np.broadcast_to(each, (n, each.shape[1])) for each in values)), np.float32)
         return np.nan_to_num(found, nan=0.0, posinf=1e30, neginf=-1e30)
 
     if all(each.is_constant for each in fields):

@@ -33,6 +33,7 @@ from engine.scene.loaders.shader_graph import N_CHANNELS, ShaderInput, ShaderNod
 MOST_TEXELS = 1 << 22  # of images in networks, and of what is made of them
 _MOST_IMAGES = 4  # in memory
 _SEPARATED = frozenset({"separate2", "separate3", "separate4"})
+_ONE_INPUT = _SEPARATED | {"convert", "blur"}
 _COORDINATES = frozenset({"texcoord", "geompropvalue", "geompropvalueuniform", "UsdPrimvarReader"})
 _UV_NAMES = frozenset({"", "UV0", "UV", "uv", "st", "st0", "map1", "uvmap", "UVMap"})
 EVALUATED = frozenset(OPERATIONS) | _SEPARATED | _COORDINATES | {"image", "convert", "blur"}
@@ -107,8 +108,7 @@ class NodeFields:
     def _given(self, given: ShaderInput) -> tuple[Field, int]:
         """The field of an input, and the number of its channels."""
         if given.node is not None:
-            have = 1 if given.node.category in _SEPARATED else N_CHANNELS.get(given.node.kind, 1)
-            return self.of_node(given.node, given.output), have
+            return self.of_node(given.node, given.output), _n_channels(given.node)
         if given.geometry in _UV_NAMES and given.geometry:
             return COORDINATES, 2
         if isinstance(given.value, tuple):
@@ -127,6 +127,8 @@ class NodeFields:
 
     def _read(self, node: ShaderNode, output: str) -> Field:
         category = node.category
+        if category in _ONE_INPUT and "in" not in node.inputs:
+            return self._middle(node)
         if category == "image":
             return self._image(node)
         if category in _COORDINATES:
@@ -134,16 +136,16 @@ class NodeFields:
         if category == "convert":
             n = N_CHANNELS.get(node.kind, 1)
             return combine(partial(_converted, n=n), self.of_input(node.inputs["in"]))
-        if category in _SEPARATED and "in" in node.inputs:
+        if category in _SEPARATED:
             k = max("rgba".find(output[-1:]), "xyzw".find(output[-1:]), 0)
             whole = self.of_input(node.inputs["in"])
             found = combine(lambda values: values[:, min(k, values.shape[1] - 1)][:, None], whole)
             return found if whole.plain is None else _channel(found, whole.plain, k)
         if category == "blur":
             self._list(node, category, "the image is as sharp as its file")
-            return self.of_input(node.inputs["in"])
+            return self.of_input(node.inputs["in"], node.kind)
         names = operation_inputs(category, tuple(node.inputs)) if category in OPERATIONS else ()
-        if not names or any(name not in node.inputs for name in names):
+        if not names or names == ("which",) or any(name not in node.inputs for name in names):
             return self._middle(node)
         operation = partial(apply_operation, category, names)
         n = N_CHANNELS.get(node.kind, 1)
@@ -151,11 +153,13 @@ class NodeFields:
             tried = operation(*(np.zeros((1, N_CHANNELS.get(node.inputs[name].kind, 1)), np.float32) for name in names))
         except (ValueError, IndexError):  # inputs of other types than the node has
             return self._middle(node)
+        if tried.ndim != 2:  # a product of vectors that have none
+            return self._middle(node)
         fields = [self.of_input(node.inputs[name]) for name in names]
         found = combine(operation, *fields)
         if tried.shape[1] != n:
             found = combine(partial(_with_channels, n=n), found)
-        if category in ("dot", "constant"):
+        if category in ("dot", "constant") and tried.shape[1] == n:
             return fields[0]
         if category == "extract" and fields[0].plain is not None and fields[1].is_constant:
             return _channel(found, fields[0].plain, int(fields[1].value[0]))
@@ -163,10 +167,10 @@ class NodeFields:
 
     def _middle(self, node: ShaderNode) -> Field:
         """What a node counts as that is not evaluated."""
-        n = N_CHANNELS.get(node.kind, 1)
+        n = _n_channels(node)
         if node.category in _UP:
             self._list(node, node.category, "counts as in the surface's own frame")
-            return constant(*_UP[node.category])
+            return combine(partial(_with_channels, n=n), constant(*_UP[node.category]))
         self._list(node, node.category, _NO_PATTERN)
         if node.category in _CENTRED:
             pivot = node.inputs.get("pivot")
@@ -189,13 +193,15 @@ class NodeFields:
         self._list(node, f"{node.category} {printable_name(name, 40)}".strip(), "its default counts everywhere")
         for key in ("default", "fallback"):
             if key in node.inputs:
-                return self.of_input(node.inputs[key])
+                return self.of_input(node.inputs[key], node.kind)
         return constant(*(0.0,) * N_CHANNELS.get(node.kind, 1))
 
     def _image(self, node: ShaderNode) -> Field:
         """An image in linear Rec. 709; its default where it cannot be read."""
-        n = N_CHANNELS.get(node.kind, 3)
-        default = self.of_input(node.inputs["default"]) if "default" in node.inputs else constant(*(0.0,) * n)
+        n = N_CHANNELS.get(node.kind, 1)
+        default = constant(*(0.0,) * n)
+        if "default" in node.inputs:
+            default = self.of_input(node.inputs["default"], node.kind)
         file = node.inputs.get("file")
         name = "" if file is None else file.text
         if file is None or not name:
@@ -232,7 +238,7 @@ class NodeFields:
         """An image in linear Rec. 709, reduced to at most `MOST_TEXELS`."""
         found = self._images.values(name)
         space = "lin_rec709" if found.is_float and space == "srgb_texture" else space
-        texels = _with_channels(_linear(found.texels, space, kind), N_CHANNELS.get(kind, 3))
+        texels = _with_channels(_linear(found.texels, space, kind), N_CHANNELS.get(kind, 1))
         k = reduction(texels.shape[1], texels.shape[0], MOST_TEXELS)
         return texels if k == 1 else block_means(texels, k, lambda values: np.asarray(values, np.float32))
 
@@ -246,6 +252,11 @@ class NodeFields:
 
     def _list(self, node: ShaderNode, name: str, effect: str) -> None:
         self._listed.setdefault((f"nodes.{name}", effect), set()).add(id(node))
+
+
+def _n_channels(node: ShaderNode) -> int:
+    """The number of channels of a node's outputs."""
+    return 1 if node.category in _SEPARATED else N_CHANNELS.get(node.kind, 1)
 
 
 def _linear(values: Array, space: str, kind: str) -> Array:

@@ -1,4 +1,4 @@
-"""The arithmetic of MaterialX's nodes [MaterialX, Standard Nodes], on arrays (N or 1, C).
+"""The arithmetic of MaterialX's nodes [MaterialX, Standard Nodes], on arrays (N, C).
 
 A function has the names of its node's inputs, `in_` for `in`; a number with one channel counts for all. Nodes that
 MaterialX itself defines by networks of these are not here (`engine.scene.loaders.mtlx_library`).
@@ -74,8 +74,7 @@ def rotate2d(in_: Array, amount: Array) -> Array:
 
 
 def combine(**channels: Array) -> Array:
-    n = max(len(each) for each in channels.values())
-    return np.concatenate([np.broadcast_to(each, (n, each.shape[1])) for each in channels.values()], axis=1)
+    return np.concatenate([*channels.values()], axis=1)
 
 
 def extract(in_: Array, index: Array) -> Array:
@@ -84,8 +83,7 @@ def extract(in_: Array, index: Array) -> Array:
 
 
 def cross_product(in1: Array, in2: Array) -> Array:
-    n = max(len(in1), len(in2))
-    return np.cross(np.broadcast_to(in1, (n, 3)), np.broadcast_to(in2, (n, 3)))
+    return np.cross(in1, in2)
 
 
 def burn(fg: Array, bg: Array, mix: Array) -> Array:
@@ -128,11 +126,10 @@ def split_upwards(texcoord: Array, valuet: Array, valueb: Array, center: Array) 
 
 
 def switch(which: Array, **inputs: Array) -> Array:
-    """in1 … in10 by `which`, from 0."""
-    values = [inputs[f"in{k}"] for k in range(1, len(inputs) + 1)]
-    n = max(len(which), *(len(each) for each in values))
-    chosen = np.clip(np.floor(np.broadcast_to(which, (n, 1))), 0, len(values) - 1)
-    found = np.zeros((n, values[0].shape[1]), np.float32)
+    """in1 … in10 by `which`, from 0, of those that there are."""
+    values = list(inputs.values())
+    chosen = np.clip(np.floor(which), 0, len(values) - 1)
+    found = np.zeros_like(values[0])
     for k, each in enumerate(values):
         found = np.where(chosen == k, each, found)
     return found

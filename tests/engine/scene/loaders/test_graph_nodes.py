@@ -246,3 +246,31 @@ def test_a_document_of_two_graphs_and_custom_nodes(tmp_path: Path) -> None:
     text = document(custom + node("own", "color3", "last", given("in", "color3", COLOUR)))
     nodes = text.split('version="1.39" >')[1].removesuffix("</materialx>")
     np.testing.assert_allclose(values_of(tmp_path, nodes)[0], 0.5 * A, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "nodes",
+    [
+        node("separate3", "color3", "last", ""),
+        node("convert", "color3", "last", ""),
+        node("blur", "color3", "last", given("in", "float", "0.5")),
+        node("blur", "color3", "last", ""),
+        node("switch", "color3", "last", given("in2", "color3", COLOUR) + number("which", 1.0)),
+        node("switch", "color3", "last", number("which", 1.0)),
+        node("combine3", "color3", "last", given("in2", "color4", "1, 2, 3, 4")),
+        node("constant", "color3", "c", given("value", "float", "0.5"))
+        + node("rgbtohsv", "color3", "last", linked("in", "color3", "c")),
+        node("normal", "color4", "c", "")
+        + node("add", "color4", "last", linked("in1", "color4", "c") + given("in2", "color4", "1, 1, 1, 1")),
+        node("separate2", "color4", "c", "")
+        + node("luminance", "color3", "last", linked("in", "color3", "c") + linked("lumacoeffs", "color3", "c")),
+        node("texcoord", "vector2", "c", "")
+        + node("luminance", "color3", "last", given("in", "color3", COLOUR) + linked("lumacoeffs", "color3", "c")),
+        node("crossproduct", "color3", "last", given("in1", "vector2", "1, 2") + given("in2", "vector2", "3, 4")),
+        node("geompropvalue", "color4", "c", given("default", "vector2", "1, 2"))
+        + node("premult", "color4", "last", linked("in", "color4", "c")),
+    ],
+)  # fmt: skip
+def test_nodes_without_inputs_or_of_other_types_are_still_values(tmp_path: Path, nodes: str) -> None:
+    found = values_of(tmp_path, nodes)
+    assert found.shape == (2, 3) and np.isfinite(found).all()
