@@ -85,6 +85,12 @@ class LightState:
         """The suns that shine, whatever the environment is; their names differ."""
         return self.own_suns if self.new_suns is None else self.new_suns
 
+    def with_edited_suns(self, suns: Iterable[Sun]) -> LightState:
+        """The light with its own suns, and those of these in their places that have their names."""
+        edited = {each.name: each for each in suns}
+        found = tuple(edited.get(own.name, own) for own in self.own_suns)
+        return replace(self, new_suns=None if found == self.own_suns else found)
+
     @property
     def is_file(self) -> bool:
         """Whether the environment is a file that was opened: built-in ones have names without a suffix."""

@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from dataclasses import fields, replace
 from typing import Any
 
-from app.document.document import Document, ObjectState
+from app.document.document import Document, LightState, ObjectState
 from app.document.linked_layers import Layers, synchronize_layers
 from engine.material.layer import Layer
 from engine.scene.description import SceneDescription
@@ -48,7 +48,7 @@ class SceneChange:
         objects = tuple(self._object(there.get(self._names[own.name]), own) for own in self._scene.objects)
         taken = {state.name for state in objects}
         absent = tuple(there[name] for name in self.gone(document) if name not in taken)
-        light = _merge_fields(document.light, self._light, self._scene.light)
+        light = _merge_light(document.light, self._light, self._scene.light)
         return replace(document, source=self._scene.source, objects=objects, absent=absent, light=light)
 
     def gone(self, document: Document) -> tuple[str, ...]:
@@ -57,10 +57,12 @@ class SceneChange:
         edited = [state for state in (*document.absent, *document.objects) if state != self._base.get(state.name)]
         return tuple(state.name for state in edited if state.name not in found)
 
-    def lost_layers(self, document: Document) -> tuple[str, ...]:
-        """The edited layers that the files no longer have, of objects that they have: their edits cannot wait."""
+    def lost_parts(self, document: Document) -> tuple[str, ...]:
+        """The edited suns that the files no longer have, and such layers of objects that they have: their edits cannot
+        wait."""
         there = {state.name: state for state in document.objects}
-        found: list[str] = []
+        now = [sun.name for sun in self._scene.light.own_suns]
+        found = [sun.name for sun in document.light.suns if sun not in self._light.own_suns and sun.name not in now]
         for own in self._scene.objects:
             name = self._names[own.name]
             if name in there and name in self._base:
@@ -96,6 +98,18 @@ class SceneChange:
             new_surface=None if own.is_lamp or surface == own.own_surface else surface,
         )  # fmt: skip
         return merged.in_variant(_chosen_variant(edited, base))
+
+
+def _merge_light(edited: LightState, base: LightState, own: LightState) -> LightState:
+    """The light field by field, and each sun as well, by its name."""
+    before, theirs = ({sun.name: sun for sun in light.own_suns} for light in (base, own))
+    suns = [
+        theirs[sun.name]._replace(**{
+            name: value for name, value in sun._asdict().items() if value != getattr(before[sun.name], name)
+        })
+        for sun in edited.suns if sun.name in before and sun.name in theirs
+    ]  # fmt: skip
+    return replace(_merge_fields(edited, base, own), own_suns=own.own_suns).with_edited_suns(suns)
 
 
 def _differ(edited: Any, base: Any, name: str) -> bool:

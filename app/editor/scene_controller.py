@@ -364,7 +364,7 @@ class SceneController:
         names = matching_parts(before.description, self.report, description, opened.report)
         change = SceneChange(before.described, described, names)
         gone = [name for name in change.gone(host.document) if all(name != each.name for each in host.document.absent)]
-        layers = change.lost_layers(host.document)
+        parts = change.lost_parts(host.document)
         self._note_files(description, opened)
         host.history.map(change)
         self._keeper.map(change)
@@ -384,9 +384,9 @@ class SceneController:
             f"reloaded {description.name}",
             f"no longer there: {list_names(kept)}, whose edits wait for them" if kept else "",
             f"edits of {list_names(lost)} are lost: another part has that number now" if lost else "",
-            f"edits of {list_names(layers)} are lost: the file has no such layer now" if layers else "",
+            f"edits of {list_names(parts)} are lost: the file has nothing of that name now" if parts else "",
         )
-        host.notify("; ".join((*filter(None, said), *opened.notes)), bool(gone or layers))
+        host.notify("; ".join((*filter(None, said), *opened.notes)), bool(gone or parts))
         return self._shown
 
     def _select_again(self, change: SceneChange) -> None:

@@ -181,6 +181,7 @@ def fit_session(session: Session, scene: Document, file: str) -> Document:
     objects = tuple(_with_saved(state, saved[state.name]) if state.name in saved else state for state in scene.objects)
     absent = tuple(state for state in session.document.objects if state.name not in names)
     light = replace(session.document.light, own_suns=scene.light.own_suns)
+    light = light.with_edited_suns(light.new_suns or ())
     return replace(session.document, source=scene.source, objects=objects, absent=absent, light=light)
 
 

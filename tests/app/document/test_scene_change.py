@@ -11,10 +11,14 @@ from app.document.commands.curves import SetOperators
 from app.document.commands.layers import AddLayers, SetMaterial, SetParameter, SetVariant, SetVisible, new_layer
 from app.document.commands.light import SetEmission, SetRotation
 from app.document.commands.maps import SetBumps, SetOpacity, SetSurface
+from app.document.commands.suns import SetSun
 from app.document.document import Document, Variant
 from app.document.history import History
 from app.document.scene_change import SceneChange, matching_parts
+from app.document.view_state import ViewState
+from app.files.session import Session, fit_session
 from engine.curve.operators import Operator
+from engine.light.suns import Sun
 from engine.material.bumps import Bumps
 from engine.scene.description import parse_description
 from engine.scene.import_report import ImportedObject, ImportReport
@@ -92,10 +96,29 @@ def test_edits_of_a_layer_that_is_gone_are_named(document: Document) -> None:
     coated = edited(document, SetMaterial("pot", (new_layer("lambert").replace(under="coat"), COAT)))
     mine = edited(coated, SetParameter("pot.coat", "ior", 2.0))
     change = SceneChange(coated, named)
-    assert change.lost_layers(mine) == ("pot coat",) and not change.lost_layers(coated)
+    assert change.lost_parts(mine) == ("pot coat",) and not change.lost_parts(coated)
     assert change(mine).object("pot").layers == named.object("pot").layers
     # A stack that the user has built stays as it is.
-    assert not change.lost_layers(edited(mine, AddLayers("pot", SHEET)))
+    assert not change.lost_parts(edited(mine, AddLayers("pot", SHEET)))
+
+
+def test_suns_follow_their_file_by_name(document: Document) -> None:
+    """The other program makes noon brighter, leaves out dusk, and has a dawn; noon was made larger here."""
+
+    def with_suns(*suns: Sun) -> Document:
+        return replace(document, light=replace(document.light, own_suns=suns))
+
+    noon, dusk, dawn = (Sun((0.0, 1.0, 0.0), (3.0, 3.0, 3.0), name=name) for name in ("noon", "dusk", "dawn"))
+    before = with_suns(noon, dusk)
+    now = with_suns(dawn, noon._replace(irradiance=(5.0, 5.0, 5.0)))
+    mine = edited(before, SetSun("noon", "diameter", 2.0))
+    change = SceneChange(before, now)
+    assert change(mine).light.suns == (dawn, Sun((0.0, 1.0, 0.0), (5.0, 5.0, 5.0), 2.0, "noon"))
+    assert change(before) == now and not change.lost_parts(mine)
+    assert change.lost_parts(edited(mine, SetSun("dusk", "diameter", 2.0))) == ("dusk",)
+    # A session opens in the same way.
+    opened = fit_session(Session(mine, ViewState(), None), now, "mine.insitu")
+    assert [(sun.name, sun.diameter) for sun in opened.light.suns] == [("dawn", dawn.diameter), ("noon", 2.0)]
 
 
 def test_each_value_follows_who_changed_it(document: Document) -> None:
