@@ -280,8 +280,8 @@ class CurveTableRead(Response):
 
 @dataclass(frozen=True)
 class ChannelsRead(Response):
-    """The statistics of the images of a `ReadChannels`; refused: of those that cannot be read, one line that says why;
-    nodes: those of all maps of its documents."""
+    """The statistics of the images of a `ReadChannels` and of its documents; refused: of those that cannot be read, one
+    line that says why; nodes: those of all maps of its documents."""
 
     statistics: Mapping[ChannelImage, ChannelStatistics]
     refused: Mapping[ChannelImage, str]

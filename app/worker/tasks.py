@@ -290,13 +290,13 @@ class RequestDispatcher:
 
     def _read_channels(self, request: ReadChannels) -> Steps:
         scene = self.context.open_placement.scene
-        found, refused = read_channels(scene, request.images)
-        needed = dict.fromkeys(image for document in request.documents for image in channel_images(document))
-        statistics, _ = read_channels(scene, (image for image in needed if image not in refused))
+        needed = chain.from_iterable(map(channel_images, request.documents))
+        # All of them anew: a file may have been written meanwhile, and nodes follow from what is read now.
+        found, refused = read_channels(scene, dict.fromkeys((*request.images, *needed)))
         for document in request.documents:
             yield None
-            with_node_layers(document, statistics, n_nodes_of(document))
-        yield ChannelsRead(found, refused, known_nodes(needed))
+            with_node_layers(document, found, n_nodes_of(document))
+        yield ChannelsRead(found, refused, known_nodes(found))
 
     def _write(self, request: WriteFiles) -> Steps:
         if request.document is None:

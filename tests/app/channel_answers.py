@@ -14,7 +14,8 @@ RAMP = channel_statistics(np.linspace(0.0, 1.0, 1000))
 
 def channels_read(request: ReadChannels, id: int) -> ChannelsRead:
     """The statistics of the images, and the nodes of the documents' maps."""
-    needed = dict.fromkeys((image for document in request.documents for image in channel_images(document)), RAMP)
+    of_documents = (image for document in request.documents for image in channel_images(document))
+    needed = dict.fromkeys((*request.images, *of_documents), RAMP)
     for document in request.documents:
         with_node_layers(document, needed)
-    return ChannelsRead(dict.fromkeys(request.images, RAMP), {}, known_nodes(needed), id=id)
+    return ChannelsRead(needed, {}, known_nodes(needed), id=id)

@@ -2,16 +2,26 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
+
+import numpy as np
 import pytest
+from PIL import Image
 
 from app.document.commands.maps import SetParameterMap
 from app.document.document import Document
 from app.document.history import History
 from app.document.node_layers import channel_images, with_node_layers
 from app.editor.node_controller import NodeController
-from app.messages.worker_messages import ChannelsRead, ReadChannels, Request
+from app.messages.worker_messages import ChannelsRead, OpenScene, ReadChannels, Request, SetCamera
+from app.project.project import open_project
+from app.worker.cache import ArrayCache
+from app.worker.schedule import InProcessClient
+from app.worker.tasks import RequestDispatcher
 from tests.app.channel_answers import RAMP, channels_read
 from tests.app.document.test_node_layers import METAL, opened
+from tests.scene_text import camera, material, placed
 
 
 class Host:
@@ -113,3 +123,26 @@ def test_a_map_whose_nodes_are_unknown_is_shown_as_before_and_asked_for_after_th
     # Undo needs nothing.
     controller.request_missing(first)
     assert len(host.sent) == 2 and controller.with_nodes(first).objects == shown.objects
+
+
+def test_an_image_that_was_written_meanwhile_is_read_with_the_nodes(tmp_path: Path) -> None:
+    """Else nodes would follow from other statistics than the window's, which would ask for them again and again."""
+    layer = material('model = "rough_conductor", name = "metal"')
+    (tmp_path / "scene.toml").write_text(camera((0, 0, 3), 40, (6, 4)) + placed("ball", "sphere", more=layer))
+    client = InProcessClient(RequestDispatcher(ArrayCache(tmp_path / "cache")))
+    scene = client.send(OpenScene(str(tmp_path / "scene.toml")))
+    client.send(SetCamera(scene))
+    document = open_project(str(tmp_path / "scene.toml")).document
+    statistics = []
+    for least, ends in ((0, (0.2, 0.6)), (128, (0.2, 0.7))):
+        Image.fromarray(np.linspace(least, 255, 64).astype(np.uint8).reshape(8, 8)).save(tmp_path / "worn.png")
+        os.utime(tmp_path / "worn.png", ns=(least + 1, least + 1))
+        document = SetParameterMap("ball.0", "alpha", {"map": "worn.png", "range": ends}).apply(document)
+        client.send(ReadChannels((), (document,)))
+        answers: list[ChannelsRead] = []
+        while not answers:
+            answers = [each for each in client.poll(0.1) if isinstance(each, ChannelsRead)]
+        ((_, found),) = answers[0].statistics.items()
+        statistics.append(found)
+        assert {key.statistics for key in answers[0].nodes if key.parameter_map.high == ends[1]} == {found}
+    assert statistics[0].low < 0.05 and statistics[1].low > 0.45
