@@ -236,15 +236,14 @@ class _Clusters:
     def rows(self, places: Float32Array) -> Float32Array:
         """See `Blockers.rows`: areas and second moments of triangles at the corners' current positions.
 
-        A cluster with holes has the extent of what is there, and of its outline the share that is there: the adjugate,
-        of whose root the outline is, has the square of that.
+        Of the outline of a cluster with holes the share that is there blocks light. The outline is by the adjugate's
+        root.
         """
         if not len(self._firsts):
             return np.zeros((0, CLUSTER_ROW), np.float32)
         corners = places[self._corners].astype(np.float64)
         cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        whole, summed = 0.5 * np.linalg.norm(cross, axis=1), corners.sum(axis=1)
-        areas = whole * self._opacity
+        areas, summed = 0.5 * np.linalg.norm(cross, axis=1), corners.sum(axis=1)
         # The integral of x x^T over a triangle is A / 12 (sum of v v^T over its corners + (sum of v)(sum of v)^T).
         squares = np.einsum("tki,tkj->tij", corners, corners) + summed[:, :, None] * summed[:, None, :]
         area = np.maximum(np.add.reduceat(areas, self._firsts), 1e-30)
@@ -252,15 +251,14 @@ class _Clusters:
         moment = np.add.reduceat((areas / 12.0)[:, None, None] * squares, self._firsts) / area[:, None, None]
         spread = 4.0 * (moment - middle[:, :, None] * middle[:, None, :])  # of a disc: its radius squared
         rows = np.zeros((len(area), CLUSTER_ROW), np.float32)
-        rows[:, :3], rows[:, 3] = middle, area * self._share
+        there = np.add.reduceat(areas * self._opacity, self._firsts) / area
+        rows[:, :3], rows[:, 3] = middle, area * self._share * there
         a, b, c = spread[:, 0], spread[:, 1], spread[:, 2]
-        there = area / np.maximum(np.add.reduceat(whole, self._firsts), 1e-30)
         adjugate = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1) * (there**2)[:, None, None]
         rows[:, 4:7] = np.maximum(adjugate[:, (0, 1, 2), (0, 1, 2)], 0.0)
         rows[:, 7:10] = adjugate[:, (0, 0, 1), (1, 2, 2)]
         if self._is_closed:
-            facing = 0.5 * np.add.reduceat(cross * self._opacity[:, None], self._firsts)
-            rows[:, 10:13] = facing / area[:, None]
+            rows[:, 10:13] = 0.5 * np.add.reduceat(cross, self._firsts) / area[:, None]
         return rows
 
 
