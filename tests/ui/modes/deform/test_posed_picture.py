@@ -51,7 +51,8 @@ BENT: Poses = (
 def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
     """A ball of few triangles and a leaf that is open over a floor, and a lamp."""
     path = Path(tmp_path_factory.mktemp("scene")) / "ball.toml"
-    text = BALL_AND_LEAF + placed("lamp", "quad", facing_up(0.3, (0.8, 0.9, 0)), "emission = [3, 2, 1]\n")
+    cone = "cone = { inner = 20, outer = 85 }\n"
+    text = BALL_AND_LEAF + placed("lamp", "quad", facing_up(0.3, (0.8, 0.9, 0)), "emission = [3, 2, 1]\n" + cone)
     path.write_text(text.replace('primitive = "sphere"', 'mesh = "ball.obj"'))
     ball = geodesic(3)
     corners = [f"v {x:.6f} {y:.6f} {z:.6f}" for x, y, z in ball.vertices]

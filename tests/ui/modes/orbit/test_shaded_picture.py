@@ -25,7 +25,7 @@ from engine.realtime.triple_product.orbit_engine import MOST_SLICE_BYTES, Orbit
 from engine.scene.camera_moves import orbit_camera
 from engine.scene.description import CameraDescription
 from tests.engine.bump_images import write_bump_images
-from tests.scene_text import LEANING_LAMP, camera, facing_up, placed
+from tests.scene_text import LEANING_LAMP, camera, facing_up, placed, scaled
 from ui.gl import gpu_memory
 from ui.gl.context import MOVING_VARIABLE, GraphicsError, shader_bytes
 from ui.gl.gpu_memory import read_texture
@@ -42,7 +42,8 @@ BRUSHED = '{ model = "ward_anisotropic" }, { model = "lambert", albedo = [0.1, 0
 
 
 def scene_text() -> str:
-    """A floor with images and bumps, a block with a normal map and a rotated grain, and a lamp."""
+    """A floor with images and bumps, a block with a normal map and a rotated grain, a lamp, and a spot whose cone ends
+    about the camera."""
     return (
         camera((0.6, 1.5, 2.9), 42, SIZE, (0, 0.4, 0), "bounces = 3\n")
         + placed("floor", "quad", facing_up(3),
@@ -51,6 +52,8 @@ def scene_text() -> str:
                  f'normal_map = {{ file = "lean.png", scale = 0.3, {LEAN} }}\ntangent = {{ angle = 50 }}\n'
                  f'layer = [{BRUSHED}]\n')
         + LEANING_LAMP
+        + placed("spot", "quad", scaled(0.3, (0.9, 0.9, 0.3)),
+                 "emission = [0.2, 0.4, 2]\ncone = { inner = 5, outer = 40 }\n")
     )  # fmt: skip
 
 
