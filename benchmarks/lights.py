@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 import insitu
 from engine.scene.loaders.model import ImportedLight
-from engine.scene.punctual_lights import lamps_of, suns_of
+from engine.scene.punctual_lights import LAMP_RADIUS, lamps_of, suns_of
 
 Float64Array = NDArray[np.float64]
 
@@ -59,8 +59,8 @@ def measure_light(
     path.write_text(_scene_text(light, size))
     scene = insitu.open(path)
     picture = scene.image(mode, samples=samples) if mode == "paths" else scene.image(mode)  # type: ignore[arg-type]
-    expected = _expected(light, size)
-    off = np.asarray(picture, np.float64) - expected
+    expected = _expected(light, size)[is_floor := _shows_floor(light, size)]
+    off = np.asarray(picture, np.float64)[is_floor] - expected
     return LightError(float(np.sqrt(np.mean(off**2)) / expected.mean()), float(off.mean() / expected.mean()))
 
 
@@ -84,17 +84,30 @@ def _object(name: str, primitive: str, transform: Sequence[float], more: str) ->
     return ["[[object]]", f'name = "{name}"', f'primitive = "{primitive}"', f"transform = {list(transform)}", more]
 
 
-def _expected(light: ImportedLight, size: tuple[int, int]) -> Float64Array:
-    """Radiance (H, W, 3) at the pixels' centres."""
+def _places(size: tuple[int, int]) -> tuple[Float64Array, Float64Array]:
+    """x and z (H, W) on the floor at the pixels' centres."""
     width, height = size
     half = AWAY * math.tan(math.radians(FOV) / 2.0)
-    x, z = np.meshgrid(
-        half * width / height * ((2.0 * np.arange(width) + 1.0) / width - 1.0),
-        half * ((2.0 * np.arange(height) + 1.0) / height - 1.0),
-    )
+    across = half * width / height * ((2.0 * np.arange(width) + 1.0) / width - 1.0)
+    x, z = np.meshgrid(across, half * ((2.0 * np.arange(height) + 1.0) / height - 1.0))
+    return x, z
+
+
+def _shows_floor(light: ImportedLight, size: tuple[int, int]) -> NDArray[np.bool_]:
+    """The pixels (H, W) in which the lamp is not seen."""
+    x, z = _places(size)
+    if light.kind == "directional":
+        return np.ones(x.shape, bool)
+    reach = 2.0 * LAMP_RADIUS * max(math.hypot(*light.position), 1.0) + 2.0 * abs(x[0, 1] - x[0, 0])
+    return np.asarray(np.hypot(x - light.position[0], z - light.position[2]) > reach)
+
+
+def _expected(light: ImportedLight, size: tuple[int, int]) -> Float64Array:
+    """Radiance (H, W, 3) at the pixels' centres."""
+    x, z = _places(size)
     if light.kind == "directional":
         cosine = -light.direction[1] / math.hypot(*light.direction)
-        shape = np.full((height, width), cosine)
+        shape = np.full(x.shape, cosine)
     else:
         to = np.subtract(light.position, np.stack([x, np.zeros_like(x), z], axis=2))
         distance = np.linalg.norm(to, axis=2)
