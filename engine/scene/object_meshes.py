@@ -68,7 +68,8 @@ _GAP = 1e-4  # in radii, below the mesh: faces in the floor's plane stay visible
 @dataclass(frozen=True)
 class ObjectMesh:
     """An object's description, with layers, its mesh in its own frame, and its rig, if anything moves it. model: what
-    its file contains; material: the name of its material there; suns: those that its file brings, in the world."""
+    its file contains; material: the name of its material there; suns: those that its file brings, in the world;
+    is_imported: whether its material is its file's."""
 
     description: ObjectDescription
     mesh: Mesh
@@ -76,6 +77,7 @@ class ObjectMesh:
     model: ImportedModel | None = None
     material: str = ""
     suns: tuple[Sun, ...] = ()
+    is_imported: bool = False
 
     @property
     def unread(self) -> str:
@@ -148,7 +150,7 @@ def _objects_of(item: ObjectDescription, model: ImportedModel, path: Path, taken
         described = item.model_copy(update=own)
         if len(chosen) > 1 and str(item.mesh).lower().endswith(_ONCE_NUMBERED):
             described = described.with_former_name(f"{item.name[:48]} {k + 1}")
-        items.append(ObjectMesh(described, part.mesh, part.rig, model, part.name))
+        items.append(ObjectMesh(described, part.mesh, part.rig, model, part.name, is_imported=True))
     return items
 
 

@@ -24,7 +24,6 @@ from engine.light.cones import all_round, cone_row
 from engine.light.suns import Sun
 from engine.light.triangle_lights import turned
 from engine.material.bumps import Bumps
-from engine.material.layer_maps import ChannelImage, Images, split_image_name
 from engine.material.opacity import Opacity
 from engine.scene.bump_normals import BumpNormals
 from engine.scene.coplanar_faces import lift_overlapping_faces
@@ -43,6 +42,7 @@ from engine.scene.mesh import MESH_ENDINGS, Mesh, face_normals, join_meshes, pla
 from engine.scene.mesh_defects import find_defects
 from engine.scene.object_meshes import DEFAULT_ENVIRONMENT, ObjectMesh, load_mesh_scene, object_meshes
 from engine.scene.rig import Animations, Rig
+from engine.scene.scene_images import load_images
 from engine.scene.surface_uvs import box_frame
 from engine.scene.tangents import TangentRotations
 from engine.texture.texture_store import TextureStore
@@ -273,7 +273,7 @@ def _assemble(
         cameras=_place_cameras(items),
         unshown=tuple(each for model in models for each in model.unshown),
     )
-    _load_maps(scene)
+    scene = load_images(scene, [item.is_imported for item in items])
     shrunk = scene.textures.take_notes()
     return replace(scene, notes=(*scene.notes, *shrunk)) if shrunk else scene
 
@@ -312,38 +312,6 @@ def _place_cameras(items: Sequence[ObjectMesh]) -> tuple[ImportedCamera, ...]:
         if item.model is not None and first[id(item.model)] is item
         for each in item.model.cameras
     )
-
-
-def _load_maps(scene: Scene) -> None:
-    """Read the images that the scene's layers name, so that errors in them are reported at once.
-
-    A scene file may name only files in its folder; only the user may choose full paths.
-    """
-    wanted, bumps, opacities, channels = [], [], [], []
-    for described in scene.description.objects:
-        every = [*described.layers, *(layer for variant in described.variants for layer in variant.layers)]
-        for what, name in (file for variant in described.variants for file in variant.files):
-            resolve_inside(scene.folder, split_image_name(name)[0], scene.file, what)
-        for maps in (layer.maps for layer in every):
-            for what, name in maps.files:
-                resolve_inside(scene.folder, split_image_name(name)[0], scene.file, what)
-        # Textures and weights of other variants are read when these are chosen.
-        wanted += [layer.maps.images for layer in described.layers if not layer.maps.is_plain]
-        for name, table in (item for layer in every for item in layer.parameter_maps.items()):
-            file = str(table.get("map", ""))
-            resolve_inside(scene.folder, split_image_name(file)[0], scene.file, f"{name} map")
-            channels.append(ChannelImage(file))
-        for what, name in described.deform.files:
-            resolve_inside(scene.folder, name, scene.file, what)
-            wanted.append(Images(weight=name))
-        if name := described.opacity.opacity_map:
-            resolve_inside(scene.folder, split_image_name(name)[0], scene.file, "opacity_map")
-        opacities.append(described.opacity)
-        if not described.is_lamp:
-            for what, name in described.bumps.files:
-                resolve_inside(scene.folder, split_image_name(name)[0], scene.file, what)
-            bumps.append(described.bumps)
-    scene.textures.load(wanted, bumps, opacities, channels)
 
 
 def _place_all(items: Sequence[ObjectMesh], path: Path) -> tuple[list[Mesh], list[str]]:

@@ -8,7 +8,8 @@ a network of MaterialX computes.
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from functools import partial, reduce
 from itertools import zip_longest
 from pathlib import Path
@@ -105,8 +106,7 @@ class TextureStore:
         channels: Iterable[ChannelImage] = (),
     ) -> None:  # fmt: skip
         """Read named images that are not loaded yet, a file of several images once. Raises LoadError."""
-        self._files = {}
-        try:
+        with self.open_files():
             for images in wanted:
                 for of_set in images.textures:
                     self.texture(of_set)
@@ -118,6 +118,13 @@ class TextureStore:
                 self.opacity(opacity)
             for channel in channels:
                 self.numbers(channel)
+
+    @contextmanager
+    def open_files(self) -> Iterator[None]:
+        """Keep files of several images open meanwhile."""
+        self._files = {}
+        try:
+            yield
         finally:
             self._files = None
 

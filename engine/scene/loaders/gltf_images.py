@@ -136,7 +136,15 @@ class GltfImages:
         used = self.channel(fields, key, "grey", notes)
         if used is None:
             return [NumberTexture() for _ in channels]
-        return [self._number(replace(used, channel=cast(Channel, channel))) for channel in channels]
+        try:
+            return [self._number(replace(used, channel=cast(Channel, channel))) for channel in channels]
+        except LoadError as error:  # damaged inside
+            number = int(used.file[1:])
+            note = f"image {number} is not shown: {error.reason}"
+            self._images[number].not_shown("uri" if self._images[number].has("uri") else "bufferView", note)
+            self._usable[number] = None, note
+            notes.append(note)
+            return [NumberTexture() for _ in channels]
 
     def _number(self, image: ChannelImage) -> NumberTexture:
         number = int(image.file[1:])

@@ -11,7 +11,7 @@ A part has those sets of texture coordinates that its textures use (`uv_sets`).
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -67,7 +67,7 @@ class PartMaterial:
     def without_images(self) -> PartMaterial:
         """The material on a mesh without texture coordinates."""
         opacity = replace(self.opacity, opacity_map="")
-        return replace(self, layers=_without_images(self.layers), bumps=NO_BUMPS, opacity=opacity)
+        return replace(self, layers=without_images(self.layers), bumps=NO_BUMPS, opacity=opacity)
 
 
 def read_material(fields: JsonObject, images: GltfImages, is_coloured: bool = False) -> PartMaterial:
@@ -253,21 +253,37 @@ def _opacity(fields: JsonObject, colours: JsonObject, name: str, images: GltfIma
     )  # fmt: skip
 
 
-def _without_images(layers: tuple[LayerDescription, ...]) -> tuple[LayerDescription, ...]:
-    """The layers on a mesh without texture coordinates, all images white: what an inverted weight map leaves of white
-    is nothing, parameters have their values at white; vertex colours remain."""
-    return tuple(
-        layer.model_copy(
-            update={
-                "maps": LayerMaps(vertex_colours=layer.maps.vertex_colours),
-                "parameter_maps": {},
-                "parameters": layer.parameters
-                | {name: _at_white(table) for name, table in layer.parameter_maps.items()},
-            }
-        )  # fmt: skip
-        for layer in layers
-        if not (layer.maps.weight_invert or any(each.invert for each in layer.maps.further_weights))
-    )
+def without_images(
+    layers: tuple[LayerDescription, ...], lost: Container[str] | None = None
+) -> tuple[LayerDescription, ...]:
+    """The layers with images as if they were white, None for all: what an inverted weight map leaves of white is
+    nothing, parameters have their values at white; vertex colours remain."""
+
+    def is_lost(name: object) -> bool:
+        return lost is None or name in lost
+
+    found = []
+    for layer in layers:
+        maps, tables = layer.maps, {k: each for k, each in layer.parameter_maps.items() if is_lost(each["map"])}
+        inverted = [
+            (maps.weight, maps.weight_invert),
+            *((each.image.file, each.invert) for each in maps.further_weights),
+        ]
+        if any(inverts and is_lost(name) for name, inverts in inverted):
+            continue
+        further = tuple(each for each in maps.further_weights if not is_lost(each.image.file))
+        maps = replace(maps, further_weights=further)
+        if is_lost(maps.texture):
+            maps = replace(
+                maps, texture="", texture_space="", texture_scale=(1.0, 1.0), texture_offset=(0.0, 0.0),
+                texture_rotation=0.0, texture_wrap=("repeat", "repeat"), texture_uv_set=0,
+            )  # fmt: skip
+        if is_lost(maps.weight):
+            maps = replace(maps, weight="", weight_channel="grey", weight_invert=False)
+        left = {name: each for name, each in layer.parameter_maps.items() if name not in tables}
+        values = layer.parameters | {name: _at_white(each) for name, each in tables.items()}
+        found.append(layer.model_copy(update={"maps": maps, "parameter_maps": left, "parameters": values}))
+    return tuple(found)
 
 
 def _at_white(table: Mapping[str, Any]) -> Any:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from engine.core.errors import LoadError
 from engine.material import MODELS, validate_parameters
 from engine.material.bumps import Bumps
 from engine.material.layer_maps import LayerMaps
@@ -21,6 +22,7 @@ from engine.scene.loaders.pbr_layers import PbrMaterial, pbr_layers
 from engine.scene.map_sampler import look_up_images
 from engine.scene.scene_loader import load_scene
 from engine.scene.surface_uvs import uvs_at
+from engine.texture.texture_files import check_image, read_texture
 from tests.engine.scene.conftest import TOY
 from tests.scene_text import placed
 
@@ -617,3 +619,67 @@ def test_real_files_bring_their_pictures(shared_data: Path, scene_file: Callable
     assert maps.texture == f"{name}.glb#0" and scene.has_uvs.all()
     pyramid = scene.textures.texture(maps.images)
     assert pyramid is not None and 0.01 < pyramid.mean.min() and pyramid.mean.max() < 1.0
+
+
+def damaged(kind: str) -> bytes:
+    """A picture with a whole header and end whose inside is wrong, in a way that only decoding tells."""
+    buffer = io.BytesIO()
+    noise = np.random.default_rng(1).integers(0, 256, (48, 48, 3), np.uint8)
+    Image.fromarray(noise).save(buffer, kind, **({"lossless": True} if kind == "WEBP" else {}))
+    whole = buffer.getvalue()
+    for at in range(20, len(whole) - 64):
+        data = whole[:at] + b"\xff\x00" * 16 + whole[at + 32 :]
+        try:
+            check_image(data, "a")
+        except LoadError:
+            continue
+        try:
+            read_texture(data, "a")
+        except LoadError:
+            return data
+    raise AssertionError("no damage is found by decoding alone")
+
+
+@pytest.mark.parametrize("kind", ["WEBP", "JPEG"])
+@pytest.mark.parametrize("use", ["baseColorTexture", "metallicRoughnessTexture", "normalTexture"])
+def test_an_image_that_is_damaged_inside_is_listed_and_the_rest_shown(
+    textured: Glb,
+    mesh_file: Callable,
+    glb_file: Callable[..., Path],
+    scene_file: Callable[..., Path],
+    kind: str,
+    use: str,
+) -> None:
+    mesh_file("bad.bin", damaged(kind))
+    tree, binary = textured
+    tree["images"] = [{"uri": "bad.bin"}]
+    owner = {use: {"index": 0}}
+    pbr = {"metallicFactor": 0.5, "roughnessFactor": 0.5, "baseColorFactor": [0.5, 0.25, 1.0, 1.0]}
+    tree["materials"] = [
+        {"pbrMetallicRoughness": pbr, **owner} if use == "normalTexture" else {"pbrMetallicRoughness": pbr | owner}
+    ]
+    glb_file(tree, binary)
+    scene = load_scene(scene_file(TOY))
+    (toy,) = scene.description.objects
+    assert toy.layers and not toy.bumps.file and not toy.is_of_files
+    assert [each.name for each in scene.unshown if "image" in each.effect or "white" in each.effect], scene.unshown
+    # As if the image were white: the factors alone.
+    assert toy.layers[0].parameters["albedo"] == pytest.approx((0.25, 0.125, 0.5))
+    # One that the scene's own file names is refused.
+    layer = '[{ model = "lambert", texture = "bad.webp" }]'
+    mesh_file("bad.webp", damaged(kind))
+    with pytest.raises(LoadError, match="bad.webp"):
+        load_scene(scene_file(placed("toy", "model.glb", more=f"layer = {layer}\n")))
+
+
+def test_a_grey_normal_map_is_listed(textured: Glb, glb_file: Callable[..., Path], scene_file: Callable) -> None:
+    tree, binary = textured
+    data = base64.b64encode(png(np.full((4, 4), 128, np.uint8))).decode()
+    tree["images"].append({"uri": f"data:image/png;base64,{data}"})
+    tree["textures"].append({"source": 1})
+    tree["materials"][0]["normalTexture"] = {"index": 1}
+    glb_file(tree, binary)
+    scene = load_scene(scene_file(TOY))
+    (toy,) = scene.description.objects
+    assert not toy.bumps.file and toy.layers[0].maps.texture
+    assert any("model.glb#1" in each.effect and "normal map" in each.effect for each in scene.unshown)
