@@ -153,8 +153,6 @@ class NodeFields:
             tried = operation(*(np.zeros((1, N_CHANNELS.get(node.inputs[name].kind, 1)), np.float32) for name in names))
         except (ValueError, IndexError):  # inputs of other types than the node has
             return self._middle(node)
-        if tried.ndim != 2:  # a product of vectors that have none
-            return self._middle(node)
         fields = [self.of_input(node.inputs[name]) for name in names]
         found = combine(operation, *fields)
         if tried.shape[1] != n:

@@ -83,6 +83,8 @@ def extract(in_: Array, index: Array) -> Array:
 
 
 def cross_product(in1: Array, in2: Array) -> Array:
+    if not in1.shape[1] == in2.shape[1] == 3:
+        raise ValueError("vectors of other than three numbers have no cross product")
     return np.cross(in1, in2)
 
 
