@@ -117,7 +117,7 @@ def _evaluate_by_texel(
 ) -> Float64Array:
     """The layer's formula, and that of its covers, one evaluation for all points with equal values."""
     maps = _maps_of(layer)
-    if not maps:
+    if not maps or not len(wi):
         return evaluate_layer(layer, wi, wo)
     columns = [images.index(each.image) for each in maps]
     found, which = np.unique(texels[:, columns], axis=0, return_inverse=True)

@@ -17,7 +17,7 @@ import numpy as np
 from engine.core.errors import LoadError, printable_name
 from engine.core.safe_files import read_regular_file
 from engine.scene.import_report import merge_unshown
-from engine.scene.loaders.baked_maps import MapMaker
+from engine.scene.loaders.baked_maps import BakedMap, MapMaker
 from engine.scene.loaders.graph_fields import Array
 from engine.scene.loaders.graph_nodes import ImageSource, ImageValues
 from engine.scene.loaders.image_files import FileImages
@@ -53,14 +53,15 @@ class NamedMaterial:
 
 @dataclass(frozen=True)
 class MtlxFile:
-    """The materials of a file, and what could not be included in it."""
+    """The materials of a file, the maps that their images "#N" are, and what could not be included in it."""
 
     materials: tuple[NamedMaterial, ...]
+    maps: tuple[BakedMap, ...] = ()
     unshown: tuple[UnshownProperty, ...] = ()
 
 
 def read_materials(file: Path) -> MtlxFile:
-    """The materials of a .mtlx file; all name their computed maps "#N" by one count. Raises LoadError."""
+    """The materials of a .mtlx file. Raises LoadError."""
     document = read_document(file)
     found = complete_document(document.xml, file)
     if not found:
@@ -79,7 +80,7 @@ def read_materials(file: Path) -> MtlxFile:
             displaced = UnshownProperty("materials.displacementshader", 1, effect)
             material = replace(material, unshown=(*material.unshown, displaced))
         materials.append(NamedMaterial(printable_name(each.name, _LONGEST_NAME), material))
-    return MtlxFile(tuple(materials), document.unshown)
+    return MtlxFile(tuple(materials), tuple(maps.maps), document.unshown)
 
 
 def read_mtlx(file: Path) -> ImportedModel:
@@ -103,7 +104,7 @@ def read_mtlx(file: Path) -> ImportedModel:
 
 def mtlx_image_reader(file: Path) -> Callable[[int], bytes]:
     """A function from the number of a computed map to its bytes, an OpenEXR file; both raise LoadError."""
-    maps = read_materials(file).materials[0].material.maps  # one count for all
+    maps = read_materials(file).maps
 
     def read(number: int) -> bytes:
         if number >= len(maps):

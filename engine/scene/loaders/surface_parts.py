@@ -12,7 +12,7 @@ from engine.material.bumps import BUMP_STRENGTH, NO_BUMPS, Bumps
 from engine.material.diffuse import oren_nayar_terms
 from engine.material.opacity import OPAQUE, Mode, Opacity
 from engine.scene.description import MAX_RADIANCE, LayerDescription
-from engine.scene.loaders.baked_maps import BakedMap, MapMaker
+from engine.scene.loaders.baked_maps import MapMaker
 from engine.scene.loaders.graph_fields import Field, combine
 from engine.scene.loaders.layer_stack import ONE, StackedLayer, covered
 from engine.scene.loaders.model import UnshownProperty
@@ -30,15 +30,14 @@ _RATIOS = 0.45 * _SIGMAS**2 / (_SIGMAS**2 + 0.09) / (1.0 - 0.5 * _SIGMAS**2 / (_
 
 @dataclass(frozen=True)
 class SurfaceMaterial:
-    """A material as layers, its emission, normal map and opacity, what is not shown of it, and the maps that its images
-    "#N" are."""
+    """A material as layers, its emission, normal map and opacity, and what is not shown of it; images "#N" are maps of
+    the `MapMaker` that it was made with."""
 
     layers: tuple[LayerDescription, ...]
     emission: RGB | None = None
     bumps: Bumps = NO_BUMPS
     opacity: Opacity = OPAQUE
     unshown: tuple[UnshownProperty, ...] = ()
-    maps: tuple[BakedMap, ...] = ()
 
 
 def rough_diffuse(diffuse: Field, roughness: float) -> StackedLayer:

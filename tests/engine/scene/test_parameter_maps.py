@@ -17,6 +17,7 @@ from engine.material.layer import Layer
 from engine.material.layer_maps import ChannelImage, ChannelWeight, LayerMaps, TextureTransform
 from engine.precompute.direct.pipeline import Placement, SkyState
 from engine.reference.path_tracer import trace_paths
+from engine.reference.texel_parameters import evaluate_layers_by_texel
 from engine.scene.map_sampler import MapFactors, MapSampler
 from engine.scene.scene_loader import Scene, load_scene
 from tests.scene_text import LEANING_LAMP, camera, material, placed
@@ -195,3 +196,12 @@ def test_a_scene_with_a_wrong_map_is_refused_in_one_line(tmp_path: Path, layer: 
     with pytest.raises(LoadError, match=said) as caught:
         opened(tmp_path, layer, np.zeros((2, 2)))
     assert "\n" not in str(caught.value)
+
+
+def test_no_directions_are_evaluated_to_nothing(tmp_path: Path) -> None:
+    # As where all of a path tracer's directions lie below the horizon of a mapped layer.
+    _, document = opened(tmp_path, ROUGH, np.arange(64, dtype=np.uint8).reshape(8, 8))
+    layers, none = document.object("card").layers, np.zeros((0, 3))
+    images = [each.image for each in layers[0].parameter_maps]
+    found = evaluate_layers_by_texel(layers, images, none, none, np.zeros((0, 1, 3)), np.zeros((0, 1)))
+    assert found.shape == (0, 3)

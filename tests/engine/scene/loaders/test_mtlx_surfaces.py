@@ -222,7 +222,7 @@ def test_a_map_of_metalness_and_of_a_coat_multiplies_each_layer(tmp_path: Path) 
         texture = layers[name].maps.texture
         if texture == "share.png":
             return np.array([[0.0, 1.0], [0.25, 0.5]])
-        return found.material.maps[int(texture[1:])].texels()[..., 0]
+        return read_materials(tmp_path / "it.mtlx").maps[int(texture[1:])].texels()[..., 0]
 
     share = np.round(np.array([[0.0, 1.0], [0.25, 0.5]]) * 255) / 255
     np.testing.assert_allclose(texels("base"), (1.0 - share) * share, atol=1e-6)
@@ -327,8 +327,9 @@ def test_a_file_is_a_ball_for_each_material(tmp_path: Path) -> None:
 def test_computed_maps_are_read_by_number(tmp_path: Path) -> None:
     write_png(tmp_path / "c.png", np.full((2, 2, 3), 0.5))
     nodes = image("i", "color3", "c.png") + node("invert", "color3", "v", linked("in", "color3", "i"))
-    (found,) = read(tmp_path, material("gltf_pbr", linked("base_color", "color3", "v"), nodes))
-    assert found.material.layers[-1].maps.texture == "#0"
+    nodes += surface("gltf_pbr", "", "plain")  # the first material has none
+    found = read(tmp_path, material("gltf_pbr", linked("base_color", "color3", "v"), nodes))
+    assert found[1].material.layers[-1].maps.texture == "#0"
     read_map = mtlx_image_reader(tmp_path / "it.mtlx")
     assert read_map(0)[:4] == b"\x76\x2f\x31\x01"  # OpenEXR
     with pytest.raises(LoadError, match="computed map = 1, expected a number below 1"):
