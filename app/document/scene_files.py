@@ -21,7 +21,7 @@ from typing import Literal
 
 from app.system.atomic import make_private_folder, replacing_folder, sweep_temporaries
 from engine.core.errors import InsituError, list_names
-from engine.core.safe_files import local_path, read_regular_file
+from engine.core.safe_files import add_unpacked, local_path, read_regular_file
 from engine.scene.builtin import scene_path
 from engine.scene.mesh import MATERIAL_ENDING, MAX_MESH_BYTES, MESH_ENDINGS
 
@@ -146,6 +146,7 @@ def _unpacked(archive: Path) -> Path | None:
         folder = _cache_folder() / _key(archive)
         scene = folder / (folder / _NOTE).read_text(encoding="utf-8")
         os.utime(folder)
+        add_unpacked(folder)
     except (OSError, ValueError):
         return None
     return scene if scene.is_file() else None
@@ -166,6 +167,7 @@ def _unpack(archive: Path) -> Path:
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(found.read(name))
         (part / _NOTE).write_text(scene, encoding="utf-8")
+    add_unpacked(folder)
     return folder / scene
 
 

@@ -27,7 +27,7 @@ from app.document.view_state import Viewpoint, ViewState
 from app.editor.camera_history import CameraHistory
 from app.editor.node_controller import NodeController
 from app.editor.view_controller import TracedView, ViewController, describe_empty_frame
-from app.files.bookmarks import camera_bookmarks
+from app.files.bookmarks import MAX_BOOKMARKS, camera_bookmarks
 from app.files.journal import Recovery, SessionStore
 from app.files.session import Session, fit_session, load_session, session_notes
 from app.messages.editor_status import StatusMetrics
@@ -363,6 +363,10 @@ class SceneController:
         assert before is not None
         names = matching_parts(before.description, self.report, description, opened.report)
         change = SceneChange(before.described, described, names)
+        known = {each.name for each in host.view.bookmarks} | set(self.report.cameras)
+        new = [each for each in opened.cameras if each.name not in known]
+        views = camera_bookmarks(new, description.camera.resolution)
+        host.view = replace(host.view, bookmarks=(*host.view.bookmarks, *views)[:MAX_BOOKMARKS])
         gone = [name for name in change.gone(host.document) if all(name != each.name for each in host.document.absent)]
         parts = change.lost_parts(host.document)
         self._note_files(description, opened)

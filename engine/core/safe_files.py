@@ -66,7 +66,15 @@ def temporary_file(path: Path) -> Iterator[None]:
 
 def exists(path: str | os.PathLike[str]) -> bool:
     """Whether a file or a folder of that name exists."""
-    return os.path.exists(path) if _access.places is None else portable_name(path) in _access.places
+    if _access.places is None or Path(path) in _access.temporary:
+        return os.path.exists(path)
+    return portable_name(path) in _access.places
+
+
+def add_unpacked(folder: Path) -> None:
+    """Where files come from another machine: read those of a folder that was unpacked from one of them here."""
+    if _access.places is not None:
+        _access.temporary |= {path for path in folder.rglob("*") if path.is_file()}
 
 
 def portable_name(path: str | os.PathLike[str]) -> str:

@@ -27,6 +27,7 @@ from app.document.view_state import ViewState
 from app.files.session import load_session, save_session
 from app.project.project import open_project
 from engine.core.errors import InsituError
+from engine.core.safe_files import portable_name, record_files, redirect_files
 
 CARD = b"mtllib a.mtl\nv 0 0 0\nv 2 0 0\nv 2 0 1\nvt 0 0\nvt 1 0\nvt 1 1\nusemtl red\nf 1/1 2/2 3/3\n"
 
@@ -194,3 +195,27 @@ def test_a_mesh_with_z_up_stands_and_its_session_too(tmp_path: Path) -> None:
     assert again.document == document_from_description(
         standing.document.source, standing.scene.description, standing.scene.animations
     )
+
+
+def test_a_session_of_an_archive_opens_where_its_files_are_sent(
+    archive: Callable[..., Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As on the machine of a cluster, which has the archive under another name, and a cache of its own."""
+    library = b"newmtl red\nKd 1 0 0\nmap_Kd red.png\n"
+    whole = archive({"a.obj": CARD, "a.mtl": library, "red.png": red_png()})
+    project = open_project(str(whole))
+    session = save_session(tmp_path / "mine.insitu", project.document, ViewState())
+    with record_files() as files:
+        open_project(str(session))
+    sent = tmp_path / "sent"
+    sent.mkdir()
+    places = {}
+    for k, path in enumerate(path for path in files if path.is_file()):
+        places[portable_name(path)] = sent / f"{k}{path.suffix}"
+        places[portable_name(path)].write_bytes(path.read_bytes())
+    monkeypatch.setenv("INSITU_CACHE", str(tmp_path / "other"))
+    whole.unlink()
+    with redirect_files(places):
+        again = open_project(str(session))
+    assert again.document.objects == project.document.objects
+    assert again.scene.description.objects[0].layers[0].maps.texture == "red.png"

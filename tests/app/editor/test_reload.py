@@ -9,6 +9,7 @@ import base64
 import itertools
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -257,7 +258,7 @@ def test_parts_of_a_gltf_file_are_found_again_by_their_materials(tmp_path: Path)
 
     settle()
     assert [item.material for item in editor.scenes.report.objects] == ["leather", "brass"]
-    editor.do(SetVisible("bag 2", False))
+    editor.do(SetVisible("brass", False))
     write_gltf(tmp_path / "bag.gltf", ["zip", "brass", "thread", "leather"])
     run_operator(editor, "reload")
     settle()
@@ -269,7 +270,7 @@ def test_parts_of_a_gltf_file_are_found_again_by_their_materials(tmp_path: Path)
     assert [state.visible for state in editor.document.objects[:2]] == [False, True]
 
 
-def test_a_part_that_has_the_number_of_another_has_none_of_its_edits(tmp_path: Path) -> None:
+def test_a_part_that_has_the_place_of_another_has_none_of_its_edits(tmp_path: Path) -> None:
     write_gltf(tmp_path / "bag.gltf", ["leather", "brass"])
     editor = Editor(InProcessClient(ReadingWorker()), str(tmp_path / "bag.gltf"))
     clock = itertools.count(1)
@@ -282,15 +283,43 @@ def test_a_part_that_has_the_number_of_another_has_none_of_its_edits(tmp_path: P
 
     for _ in range(20):
         editor.tick(0.5 * next(clock))
-    editor.do(SetVisible("bag 1", False))
-    editor.select("bag 1")
+    editor.do(SetVisible("leather", False))
+    editor.select("leather")
     reload("zip", "leather", "brass")
     assert [state.visible for state in editor.document.objects[:3]] == [True, False, True]
-    assert editor.view.selected is not None and editor.view.selected.object == "bag 2"
-    reload("zip", "brass")  # no leather, and brass has its number
+    assert editor.view.selected is not None and editor.view.selected.object == "leather"
+    reload("zip", "brass")  # no leather, and brass has its place
     assert [state.visible for state in editor.document.objects[:2]] == [True, True]
-    assert "edits of bag 2 are lost" in editor.status.message and editor.status.is_error
-    assert not editor.document.absent
+    assert "no longer there: leather" in editor.status.message and editor.status.is_error
+    reload("leather", "brass")
+    assert [state.visible for state in editor.document.objects[:2]] == [False, True] and not editor.document.absent
+
+
+def test_cameras_that_a_file_has_got_become_views(tmp_path: Path) -> None:
+    def write(*names: str) -> None:
+        write_gltf(tmp_path / "bag.gltf", ["leather"])
+        tree = json.loads((tmp_path / "bag.gltf").read_text())
+        tree["cameras"] = [{"type": "perspective", "perspective": {"yfov": 0.7}}]
+        nodes = [{"camera": 0, "name": name, "translation": [0, 0, 5]} for name in names]
+        tree |= {"nodes": [*tree["nodes"], *nodes], "scenes": [{"nodes": list(range(1 + len(names)))}]}
+        (tmp_path / "bag.gltf").write_text(json.dumps(tree))
+
+    write("Front")
+    editor = Editor(InProcessClient(ReadingWorker()), str(tmp_path / "bag.gltf"))
+    clock = itertools.count(1)
+
+    def settle() -> list[str]:
+        for _ in range(20):
+            editor.tick(0.5 * next(clock))
+        return [each.name for each in editor.view.bookmarks]
+
+    assert settle() == ["Front"]
+    editor.view = replace(editor.view, bookmarks=())  # the user has deleted it: it does not come back
+    write("Front", "Back")
+    run_operator(editor, "reload")
+    assert settle() == ["Back"]
+    run_operator(editor, "reload")
+    assert settle() == ["Back"]
 
 
 def test_changed_files_are_noticed_until_they_are_read(shop: Workshop) -> None:

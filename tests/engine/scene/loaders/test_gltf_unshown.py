@@ -59,7 +59,8 @@ def sample(triangle_glb: Triangle) -> Triangle:
         "texCoord": 0,
         "extensions": {"KHR_texture_transform": {"offset": [0.1, 0], "scale": [2, 2]}},
     }
-    attributes = {"POSITION": 0, "TEXCOORD_0": 2, "NORMAL": 3, "TANGENT": 4}
+    attributes = {"POSITION": 0, "TEXCOORD_0": 2, "TEXCOORD_1": 2, "NORMAL": 3, "TANGENT": 4}
+    elsewhere = {"index": 0, "texCoord": 0, "scale": 0.5, "extensions": {"KHR_texture_transform": {"texCoord": 1}}}
     tree |= {
         "asset": {"version": "2.0", "generator": "a test", "extras": {"a": 1}},
         "extensionsUsed": ["KHR_texture_transform", "KHR_materials_clearcoat", "ACME_shine", "ACME_nowhere"],
@@ -68,7 +69,7 @@ def sample(triangle_glb: Triangle) -> Triangle:
         "images": [{"bufferView": 12, "mimeType": "image/png", "name": "wood"}],
         "textures": [{"source": 0, "sampler": 0, "name": "wood"}],
         "materials": [
-            {"name": "wood", "pbrMetallicRoughness": {
+            {"name": "wood", "normalTexture": elsewhere, "pbrMetallicRoughness": {
                 "baseColorTexture": texture, "baseColorFactor": [1, 1, 1, 1], "metallicFactor": 0},
              "extensions": {"ACME_shine": {"shine": 1, "colour": [1, 2, 3]}, "ACME_empty": {}}},
             {"name": "nobody's", "pbrMetallicRoughness": {}},
@@ -123,6 +124,7 @@ def test_what_the_sample_does_not_show(sample: Triangle, glb_file: WriteGlb) -> 
         "materials.ACME_empty": (1, UNKNOWN),
         "materials.ACME_shine.colour": (1, UNKNOWN),
         "materials.ACME_shine.shine": (1, UNKNOWN),
+        "meshes.primitives.attributes.TEXCOORD_1": (1, "coordinates that no shown texture uses"),
         "meshes.primitives.attributes._TEMPERATURE": (1, "data of an application"),
         "meshes.primitives.mode": (1, "points and lines are not drawn"),
     }
@@ -174,6 +176,28 @@ def test_texels_that_should_show_as_squares(sample: Triangle, glb_file: WriteGlb
     tree, binary = sample
     tree["samplers"][0]["magFilter"] = filtering
     assert ("samplers.magFilter" in unshown(glb_file(tree, binary))) == (filtering == 9728)
+
+
+@pytest.mark.parametrize(
+    ("name", "fields", "effect"),
+    [
+        ("transmission", {"transmissionFactor": 0.5, "transmissionTexture": {"index": 0}}, "opaque"),
+        ("volume", {"thicknessFactor": 1, "attenuationDistance": 2, "attenuationColor": [1, 0, 0]}, "tinted or thick"),
+        ("dispersion", {"dispersion": 0.2}, "spread colours"),
+        ("diffuse_transmission", {"diffuseTransmissionFactor": 0.5, "diffuseTransmissionColorFactor": [1, 0, 0]},
+         "shine through thin surfaces"),
+    ],
+)  # fmt: skip
+def test_what_lets_light_through_is_listed_property_by_property(
+    sample: Triangle, glb_file: WriteGlb, name: str, fields: dict[str, Any], effect: str
+) -> None:
+    tree, binary = sample
+    extension = f"KHR_materials_{name}"
+    tree["materials"][0]["extensions"] |= {extension: fields}
+    found = unshown(glb_file(tree | {"extensionsUsed": [extension]}, binary))
+    listed = {key.split(".")[2]: each for key, each in found.items() if key.startswith(f"materials.{extension}.")}
+    assert listed.keys() == fields.keys()
+    assert all(count == 1 and effect in words for count, words in listed.values())
 
 
 def test_a_flood_of_properties_is_cut_with_its_number(triangle_glb: Triangle, glb_file: WriteGlb) -> None:
