@@ -168,7 +168,7 @@ def report_lines(report: ImportReport) -> Iterator[str]:
 def unshown_lines(unshown: Sequence[UnshownProperty]) -> Iterator[str]:
     """Properties as aligned lines: name, count, effect."""
     names = [plain_line(each.name) for each in unshown]
-    width = min(max(map(len, names)), 60)
+    width = max(map(len, names))
     for name, each in zip(names, unshown, strict=True):
         yield f"  {name:<{width}} {each.count:>6,}   {plain_line(each.effect)}"
 

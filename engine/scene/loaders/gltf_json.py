@@ -127,7 +127,7 @@ class JsonObject:
         value = self.raw(key, default)
         if not isinstance(value, int) or isinstance(value, bool) or not low <= value <= high:
             shown = "nothing" if key not in self.values else value
-            raise self.error(key, shown, f"an integer from {low} to {high}")
+            raise self.error(key, shown, _integers(low, high))
         return value
 
     def numbers(self, key: str, count: int, default: tuple[float, ...]) -> tuple[float, ...]:
@@ -246,3 +246,10 @@ def _is_number(value: object) -> bool:
         return math.isfinite(float(value))
     except OverflowError:
         return False
+
+
+def _integers(low: int, high: int) -> str:
+    """What an integer in [low, high] is called in a message: of indices, those that a list has."""
+    if low <= 0 and high < 0:
+        return "none: the file has nothing to point at"
+    return f"an integer from {max(low, 0)} to {high}" if low <= high else f"at least {low} and at most {high}"

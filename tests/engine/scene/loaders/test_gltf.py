@@ -96,7 +96,7 @@ def test_points_and_lines_are_left_out_with_a_note(triangle_glb, glb_file):
         ("buffers.0.uri", "data:;base64,AAAA", "buffers 0: byteLength = 42 in data truncated at byte 3"),
         ("buffers.0.uri", "data:,A", "buffers 0: uri = data:,A, expected data in base64"),
         ("buffers.0.byteLength", 10**9, "buffers 0: byteLength = 1000000000 in a binary chunk truncated at byte 44"),
-        ("buffers", [], "bufferViews 0: buffer = 0, expected an integer from 0 to -1"),
+        ("buffers", [], "bufferViews 0: buffer = 0, expected none: the file has nothing to point at"),
         ("accessors.0.count", 10**9, "accessors 0: count = 1000000000, expected an integer from 1 to 3"),
         ("accessors.0.count", 10**10, "accessors 0: count = 10000000000, expected an integer from 1 to 3"),
         ("accessors.0.count", -1, "accessors 0: count = -1, expected an integer from 1 to 3"),
