@@ -29,7 +29,7 @@ from app.system.system import limit_memory
 from engine.core.native_decoders import Arrays, Decoder, DecoderError, run_here, use_runner
 
 MEMORY = 2 << 30
-BASE_SECONDS, SECONDS_A_MEGABYTE = 10.0, 5.0
+BASE_SECONDS, SECONDS_A_MEGABYTE = 20.0, 5.0  # imports of large libraries included
 IDLE_SECONDS = 20.0
 # Beyond the time that data may take, the process ends by itself: whoever asked may have been killed.
 _MORE_SECONDS = 5.0

@@ -41,6 +41,7 @@ MAX_REPEATS, LEAST_REPEATS = 1000.0, 1e-3
 # Sets of texture coordinates that a mesh has at most: what glTF asks of every program [glTF20, 3.7.2.1].
 MAX_UV_SETS = 2
 MAX_NAME = 4096
+_OF_SEVERAL = (".glb", ".gltf", ".mtlx", ".usdz")  # files that contain images
 MOST_FURTHER_WEIGHTS = 8
 # The keys of a channel of an image in files.
 IMAGE_KEYS = ("map", "channel", "repeats", "offset", "rotation", "wrap", "uv_set")
@@ -81,9 +82,9 @@ WEIGHT_START = Parameter("weight_start", "scalar", 1.0, "Start", "The share of t
 
 
 def split_image_name(name: str) -> tuple[str, str | None]:
-    """The file of an image, and its number in a glTF or MaterialX file: ("a.glb", "2") for "a.glb#2"."""
+    """The file of an image, and its number in a file of several: ("a.glb", "2") for "a.glb#2"."""
     file, mark, number = name.rpartition("#")
-    return (file, number) if mark and file.lower().endswith((".glb", ".gltf", ".mtlx")) else (name, None)
+    return (file, number) if mark and file.lower().endswith(_OF_SEVERAL) else (name, None)
 
 
 class TextureTransform(NamedTuple):

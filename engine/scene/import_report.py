@@ -10,9 +10,11 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from engine.core.errors import list_names, plain_line
+from engine.scene.builtin import ASSETS
 from engine.scene.loaders.model import UnshownProperty
 from engine.scene.mesh import MESH_ENDINGS
 
@@ -111,7 +113,7 @@ def report_scene(scene: Scene) -> ImportReport:
     ]
     lights, environment = [each.name for each in described if each.emits], scene.description.environment
     if environment is not None:
-        lights += [] if is_mesh else ["environment"]
+        lights += [] if is_mesh and _is_builtin(scene.environment_path) else ["environment"]
         lights += [each.name or f"sun {k}" for k, each in enumerate(environment.suns, 1)]
     images: list[str] = []
     for i in own:
@@ -138,10 +140,15 @@ def report_scene(scene: Scene) -> ImportReport:
 def _file_names(scene: Scene, is_mesh: bool) -> tuple[str, ...]:
     """The files of a scene, the opened one first: their names in its folder, or full paths."""
     folder = os.path.abspath(scene.file.parent)
-    paths = {os.path.abspath(path) for path in scene.files if not (is_mesh and path == scene.environment_path)}
+    paths = {os.path.abspath(path) for path in scene.files if not (is_mesh and _is_builtin(path))}
     paths.discard(os.path.abspath(scene.file))
     inside = [os.path.relpath(path, folder) if path.startswith(folder + os.sep) else path for path in paths]
     return (scene.file.name, *sorted(inside))
+
+
+def _is_builtin(path: Path | None) -> bool:
+    """Whether it is a file of the program, as the sky of a mesh is."""
+    return path is not None and path.is_relative_to(ASSETS)
 
 
 def _distinct(names: Iterable[str]) -> tuple[str, ...]:

@@ -27,8 +27,10 @@ import numpy.typing as npt
 
 from engine.core.errors import LoadError
 
-MESH_ENDINGS = (".glb", ".gltf", ".obj", ".ply", ".stl", ".off", ".3mf", ".mtlx")
 MATERIAL_ENDING = ".mtlx"  # of files that have materials alone
+MESH_ENDINGS = (
+    ".glb", ".gltf", ".usd", ".usda", ".usdc", ".usdz", ".obj", ".ply", ".stl", ".off", ".3mf", MATERIAL_ENDING,
+)  # fmt: skip
 MAX_MESH_BYTES = 512 * 2**20
 MAX_COORDINATE = 1e12
 # Steps of the mesh's size within which positions are equal: three such numbers fit into 63 bits.

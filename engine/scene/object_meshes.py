@@ -27,6 +27,7 @@ from engine.core.safe_files import resolve_inside
 from engine.light.suns import Sun
 from engine.material.bumps import Bumps
 from engine.material.opacity import OPAQUE, Opacity
+from engine.scene.area_lamps import area_lamps_of, environment_of
 from engine.scene.builtin import ASSETS
 from engine.scene.description import (
     IDENTITY,
@@ -100,7 +101,8 @@ def object_meshes(description: SceneDescription, folder: Path, path: Path) -> tu
             models[file] = read_model(file)
             notes += [f"{item.name}: {note}" for note in models[file].notes]
         found = _objects_of(item, models[file], path, taken)
-        if models[file].lights and item.part is None and not (item.layers or item.emits):
+        has_lights = bool(models[file].lights or models[file].lamps)
+        if has_lights and item.part is None and not (item.layers or item.emits):
             found = _with_lamps(found, item, models[file], taken, notes)
         items += found
     if len(items) > MAX_OBJECTS:
@@ -162,8 +164,10 @@ def _with_lamps(
     places = np.concatenate([part.mesh.vertices[np.unique(part.mesh.triangles)] for part in model.parts])
     low, high = places.min(axis=0), places.max(axis=0)
     lamps, left_out = lamps_of(model.lights, matrix, (low + high) / 2.0, float(np.linalg.norm(high - low)) / 2.0)
+    area_lamps, without_size = area_lamps_of(model.lamps, matrix)
+    left_out += without_size
     notes += [f"{item.name}: lamp {name} is left out, too small or too far away" for name in left_out]
-    for lamp in lamps:
+    for lamp in (*lamps, *area_lamps):
         named = lamp.model_copy(update={"name": free_name(lamp.name, taken)})
         items.append(ObjectMesh(named, PRIMITIVES[str(lamp.primitive)]()))
     items[0] = replace(items[0], suns=suns_of(model.lights, matrix))
@@ -275,7 +279,8 @@ def load_mesh_scene(path: Path, up: Literal["y", "z"] = "y") -> MeshScene:
     """Read a mesh file and make its scene; up: the axis of the file that points up. Raises LoadError."""
     turn = IDENTITY if up == "y" else _Z_UP
     item = ObjectDescription(name=valid_name(path.stem), mesh=path.name, transform=turn)
-    items, notes = object_meshes(_describe_scene(path, [item], np.zeros(3), 1.0), path.parent, path)
+    sky = EnvironmentDescription(file=str(DEFAULT_ENVIRONMENT))
+    items, notes = object_meshes(_describe_scene(path, [item], np.zeros(3), 1.0, sky), path.parent, path)
     if len(items) >= MAX_OBJECTS:
         raise LoadError(path, "materials", len(items), f"at most {MAX_OBJECTS - 1}")
     places = np.concatenate(
@@ -290,11 +295,15 @@ def load_mesh_scene(path: Path, up: Literal["y", "z"] = "y") -> MeshScene:
         raise LoadError(path, "extent of the mesh", f"{2.0 * radius:g} m about {centre.tolist()}", expected)
     floor = _floor(free_name("floor", {item.description.name for item in items}), centre, float(low[1]), radius)
     items = [*items, ObjectMesh(floor, quad())]
-    return MeshScene(_describe_scene(path, [item.description for item in items], centre, radius), items, notes)
+    dome = None if items[0].model is None else items[0].model.dome
+    if dome is not None:
+        sky = environment_of(dome)
+    described = _describe_scene(path, [item.description for item in items], centre, radius, sky)
+    return MeshScene(described, items, notes)
 
 
 def _describe_scene(
-    path: Path, objects: list[ObjectDescription], centre: np.ndarray, radius: float
+    path: Path, objects: list[ObjectDescription], centre: np.ndarray, radius: float, sky: EnvironmentDescription
 ) -> SceneDescription:
     """The scene of these objects, with a camera for which a sphere of that radius fills the picture."""
     away = np.array(_VIEW_DIRECTION) / math.hypot(*_VIEW_DIRECTION)
@@ -302,7 +311,6 @@ def _describe_scene(
     camera = CameraDescription(
         position=tuple((centre + distance * away).tolist()), target=tuple(centre.tolist()), fov_y=FOV_Y
     )
-    sky = EnvironmentDescription(file=str(DEFAULT_ENVIRONMENT))
     return SceneDescription(
         version=SCENE_VERSION, name=path.stem or "mesh", camera=camera, environment=sky, object=tuple(objects)
     )

@@ -73,11 +73,15 @@ def _frame(axis: Float64Array) -> Float64Array:
 
 def suns_of(lights: Sequence[ImportedLight], matrix: Float64Array) -> tuple[Sun, ...]:
     """The directional lights under the matrix (4, 4) of their model."""
+    directional = [light for light in lights if light.kind == "directional"]
     return tuple(
-        Sun(_triple(-(matrix[:3, :3] @ light.direction)), light.intensity, name=light.name)
-        for light in lights
-        if light.kind == "directional"
+        Sun(_triple(-(matrix[:3, :3] @ each.direction)), each.intensity, _sun_diameter(each), each.name)
+        for each in directional
     )
+
+
+def _sun_diameter(light: ImportedLight) -> float:
+    return min(max(light.diameter, 0.1), 90.0)
 
 
 def _triple(vector: Float64Array) -> RGB:

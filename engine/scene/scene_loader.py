@@ -40,7 +40,7 @@ from engine.scene.description import (
 from engine.scene.loaders.model import ImportedCamera, UnshownProperty
 from engine.scene.mesh import MESH_ENDINGS, Mesh, face_normals, join_meshes, place_copies, select_faces, with_normals
 from engine.scene.mesh_defects import find_defects
-from engine.scene.object_meshes import DEFAULT_ENVIRONMENT, ObjectMesh, load_mesh_scene, object_meshes
+from engine.scene.object_meshes import ObjectMesh, load_mesh_scene, object_meshes
 from engine.scene.rig import Animations, Rig
 from engine.scene.scene_images import load_images
 from engine.scene.surface_uvs import box_frame
@@ -213,7 +213,9 @@ def load_scene(path: str | Path, resolution: tuple[int, int] | None = None, up: 
             scene = build_scene(load_description(path), path, resolution)
         else:
             stage = load_mesh_scene(path, up)
-            scene = _assemble(stage.description, stage.items, stage.notes, path, resolution, DEFAULT_ENVIRONMENT)
+            sky = stage.description.environment
+            file = None if sky is None or sky.file is None else path.parent / sky.file
+            scene = _assemble(stage.description, stage.items, stage.notes, path, resolution, file)
     environment = () if scene.environment_path is None else (scene.environment_path,)
     return replace(scene, files=frozenset((*files, *environment)))
 

@@ -2,7 +2,7 @@
 
 A name in a scene file is relative to the scene's folder and may not leave it; a full path is one that the user chose.
 An image of a glTF file is named `FILE.glb#N` or `FILE.gltf#N`, the Nth of its images; `FILE.mtlx#N` is the Nth map that
-a network of MaterialX computes.
+a network of MaterialX computes, and `FILE.usdz#N` the Nth file of an archive.
 """
 
 from __future__ import annotations
@@ -189,10 +189,10 @@ class TextureStore:
         return reader(number), f"{path}#{number}"
 
     def _place(self, what: str, name: str) -> tuple[Path, int | None]:
-        """The path of an image, and its number in a glTF file."""
+        """The path of an image, and its number in a file of several."""
         file, number = split_image_name(name)
         if number is not None and not (number.isascii() and number.isdecimal() and len(number) < 6):
-            raise LoadError(self._scene_file, what, name, "FILE.glb#N, FILE.gltf#N or FILE.mtlx#N with a number")
+            raise LoadError(self._scene_file, what, name, "FILE.glb#N, .gltf#N, .mtlx#N or .usdz#N with a number")
         path = Path(file)
         if not path.is_absolute():
             path = resolve_inside(self._scene_file.parent, str(path), self._scene_file, what)

@@ -15,6 +15,7 @@ import numpy as np
 
 from tests.fuzz.gltf_seeds import dracos, gltfs, meshopts
 from tests.fuzz.repair import repaired_glb, repaired_png, repaired_records
+from tests.fuzz.usd_seeds import usdas, usdcs
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -355,13 +356,14 @@ def glbs(_: Path) -> list[bytes]:
     return [pack_glb(*card), pack_glb(bar.tree, bar.binary), pack_glb(moving.tree, moving.binary), lit, cut]
 
 
-def read_glb_file(path: Path) -> None:
+def read_animated_file(path: Path) -> None:
+    """A mesh, at rest and as it moves."""
     from engine.realtime.zonal_harmonics.pose import Pose
     from engine.realtime.zonal_harmonics.posed_scene import animated_pose
-    from engine.scene.loaders.gltf import read_gltf
+    from engine.scene.loaders.formats import read_model
 
     read_mesh_file(path)
-    for part in read_gltf(path).parts:
+    for part in read_model(path).parts:
         for clip in part.rig.skeleton.clips if part.rig is not None else ():
             places = part.mesh.vertices.astype(np.float64)
             rest = Pose(places, np.tile(np.eye(3), (len(places), 1, 1)))
@@ -606,10 +608,12 @@ FORMATS = {
     "3mf": Format("a.model", models, read_model, is_text=True),
     "mtlx": Format("a.mtlx", mtlxs, read_mtlx_file, is_text=True),
     "zip": Format("a.zip", archives, read_archive),
-    "glb": Format("a.glb", glbs, read_glb_file, repaired=repaired_glb),
-    "gltf": Format("a.gltf", gltfs, read_glb_file, is_text=True),
-    "meshopt": Format("a.glb", meshopts, read_glb_file, repaired=repaired_glb),
-    "draco": Format("a.glb", dracos, read_glb_file, repaired=repaired_glb),
+    "glb": Format("a.glb", glbs, read_animated_file, repaired=repaired_glb),
+    "gltf": Format("a.gltf", gltfs, read_animated_file, is_text=True),
+    "meshopt": Format("a.glb", meshopts, read_animated_file, repaired=repaired_glb),
+    "draco": Format("a.glb", dracos, read_animated_file, repaired=repaired_glb),
+    "usda": Format("a.usda", usdas, read_animated_file, is_text=True),
+    "usdc": Format("a.usdc", usdcs, read_animated_file),
     "exr": Format("a.exr", exrs, read_light),
     "hdr": Format("a.hdr", hdrs, read_light),
     "exr_texture": Format("t.exr", exrs, read_texture_file),

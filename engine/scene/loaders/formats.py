@@ -24,6 +24,10 @@ _READERS = {
     ".stl": ("stl", "read_stl"),
     ".3mf": ("threemf", "read_3mf"),
     ".mtlx": ("mtlx", "read_mtlx"),
+    ".usd": ("usd", "read_usd"),
+    ".usda": ("usd", "read_usd"),
+    ".usdc": ("usd", "read_usd"),
+    ".usdz": ("usd", "read_usd"),
 }
 
 

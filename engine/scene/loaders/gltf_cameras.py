@@ -22,7 +22,7 @@ from engine.scene.loaders.model import ImportedCamera, triple
 
 MOST_CAMERAS = 200
 _FAR_FOV = 2.0
-_LEAST_FOV, _MOST_FOV = 0.01, 179.0
+LEAST_FOV, MOST_FOV = 0.01, 179.0
 
 
 def read_cameras(file: GltfFile, nodes: Sequence[MeshNode], middle: Float64Array) -> tuple[ImportedCamera, ...]:
@@ -48,31 +48,46 @@ def read_cameras(file: GltfFile, nodes: Sequence[MeshNode], middle: Float64Array
 
 def _camera(fields: JsonObject, matrix: Float64Array, middle: Float64Array) -> tuple[Camera, float | None]:
     """The camera under its node's transform, and the picture's width by its height if the file says it."""
-    position = matrix[:3, 3]
-    back, up = (matrix[:3, axis] / max(float(np.linalg.norm(matrix[:3, axis])), 1e-300) for axis in (2, 1))
-    distance = float((position - middle) @ back)
-    distance = distance if distance > 1e-6 else max(float(np.linalg.norm(position - middle)), 1.0)
-    target = position - distance * back
     kind = fields.text("type")
     if kind == "perspective":
         lens = fields.child("perspective")
         angle = lens.number("yfov", 0.0)
         if not angle > 0.0:
             raise lens.error("yfov", lens.raw("yfov"), "an angle above 0")
-        fov = lens.clamped(math.degrees(angle), "yfov", _LEAST_FOV, _MOST_FOV)
+        fov = lens.clamped(math.degrees(angle), "yfov", LEAST_FOV, MOST_FOV)
         aspect = lens.number("aspectRatio", 1.0) if lens.has("aspectRatio") else None
-        lens.mark_read("znear", "zfar")
+        camera = looking_along(matrix, middle, fov)
     elif kind == "orthographic":
         lens = fields.child("orthographic")
         width, height = abs(lens.number("xmag", 1.0)), abs(lens.number("ymag", 1.0))
         if not (width > 0.0 and height > 0.0):
             raise lens.error("xmag, ymag", [width, height], "sizes other than 0")
-        lens.mark_read("znear", "zfar")
         fields.not_shown("orthographic", "shown in perspective, of 2 degrees from afar")
-        fov, aspect = _FAR_FOV, width / height
-        position = target + height / math.tan(math.radians(fov / 2.0)) * back
+        camera, aspect = orthographic(matrix, middle, height), width / height
     else:
         raise fields.error("type", kind or "nothing", "perspective or orthographic")
-    if aspect is not None and not 0.01 <= aspect <= 100.0:
-        aspect = None
-    return Camera(position=triple(position), target=triple(target), up=triple(up), fov_y=fov), aspect
+    lens.mark_read("znear", "zfar")
+    return camera, aspect if aspect is not None and 0.01 <= aspect <= 100.0 else None
+
+
+def looking_along(matrix: Float64Array, middle: Float64Array, fov_y: float) -> Camera:
+    """The camera that looks along −Z of a frame (4, 4), with Y up; its target lies as far away as middle (3,). Raises
+    ValueError where its axes are no frame."""
+    position, _, target, up = _frame(matrix, middle)
+    return Camera(position=triple(position), target=triple(target), up=triple(up), fov_y=fov_y)
+
+
+def orthographic(matrix: Float64Array, middle: Float64Array, half_height: float) -> Camera:
+    """The same of a camera without perspective that shows this half height."""
+    _, back, target, up = _frame(matrix, middle)
+    position = target + half_height / math.tan(math.radians(_FAR_FOV / 2.0)) * back
+    return Camera(position=triple(position), target=triple(target), up=triple(up), fov_y=_FAR_FOV)
+
+
+def _frame(matrix: Float64Array, middle: Float64Array) -> tuple[Float64Array, ...]:
+    """Position, the direction backwards, the target and the direction upwards, (3,) each."""
+    position = matrix[:3, 3]
+    back, up = (matrix[:3, axis] / max(float(np.linalg.norm(matrix[:3, axis])), 1e-300) for axis in (2, 1))
+    distance = float((position - middle) @ back)
+    distance = distance if distance > 1e-6 else max(float(np.linalg.norm(position - middle)), 1.0)
+    return position, back, position - distance * back, up

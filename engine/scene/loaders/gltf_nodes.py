@@ -59,7 +59,7 @@ def scene_nodes(file: GltfFile, root: JsonObject) -> list[MeshNode]:
             if placed is None:
                 node.log.left_out.add(id(node.values))
                 continue
-            matrix, is_flat = placed, bool(_are_flat(placed[None])[0])
+            matrix, is_flat = placed, bool(are_flat(placed[None])[0])
         found.append(MeshNode(k, matrix, is_flat))
         if node.has("children"):
             children = node.indices("children", len(file.nodes))
@@ -121,10 +121,10 @@ def _instances(file: GltfFile, placed: MeshNode, extension: JsonObject, n_placed
         rows.get("SCALE", np.ones((n, 3))),
     )
     world = _finite(placed.matrix @ matrices, file.nodes[placed.node])
-    return list(map(MeshNode, [placed.node] * n, world, _are_flat(world).tolist(), matrices))
+    return list(map(MeshNode, [placed.node] * n, world, are_flat(world).tolist(), matrices))
 
 
-def _are_flat(matrices: Float64Array) -> npt.NDArray[np.bool_]:
+def are_flat(matrices: Float64Array) -> npt.NDArray[np.bool_]:
     """Which transforms (N, 4, 4) leave no face an area: at most one axis has a length. With two, solids become flat
     shapes, which are seen."""
     axes = matrices[:, :3, :3].swapaxes(1, 2)

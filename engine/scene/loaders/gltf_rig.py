@@ -99,7 +99,7 @@ class RigReader:
                     rigid.append(each)
             if rigid:
                 matrices = np.stack([each.matrix for each in rigid])
-                found.append((place_copies(mesh, matrices), _place_copies_at_nodes(mesh, rigid) if attached else None))
+                found.append((place_copies(mesh, matrices), place_copies_at_nodes(mesh, rigid) if attached else None))
         return found
 
     def _bends(self, attached: PrimitiveRig | None, node: JsonObject) -> bool:
@@ -123,9 +123,9 @@ class RigReader:
             if placed.is_flat:
                 return None
             return place_copies(mesh, placed.matrix[None]), replace(
-                _place_copies_at_nodes(mesh, [placed]), morphs=morphs
+                place_copies_at_nodes(mesh, [placed]), morphs=morphs
             )
-        binding = replace(skinned or _place_copies_at_nodes(mesh, [placed]), morphs=morphs)
+        binding = replace(skinned or place_copies_at_nodes(mesh, [placed]), morphs=morphs)
         world = self._try(node, "skin", lambda: np.stack([self._world.of(k) for k in binding.nodes.tolist()]))
         if world is None:
             return None
@@ -347,7 +347,7 @@ class RigReader:
         return left
 
 
-def _place_copies_at_nodes(mesh: Mesh, placed: list[MeshNode]) -> Binding:
+def place_copies_at_nodes(mesh: Mesh, placed: list[MeshNode]) -> Binding:
     """Bindings of copies of a mesh that follow their nodes."""
     nodes = np.array([each.node for each in placed], np.int32)
     bones = np.repeat(np.arange(len(placed), dtype=np.int32), len(mesh.vertices))[:, None]

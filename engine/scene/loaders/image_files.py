@@ -61,12 +61,16 @@ class FileImages:
 
 
 def image_reader(path: Path) -> Callable[[int], bytes]:
-    """A function from an image's number to its bytes in a glTF file, or of a computed map of MaterialX; it, too, raises
-    LoadError."""
+    """A function from an image's number to its bytes in a glTF file or a .usdz archive, or of a computed map of
+    MaterialX; it, too, raises LoadError."""
     if path.suffix.lower() == ".mtlx":
         from engine.scene.loaders.mtlx import mtlx_image_reader
 
         return mtlx_image_reader(path)
+    if path.suffix.lower() == ".usdz":
+        from engine.scene.loaders.usd_layers import archive_reader
+
+        return archive_reader(path)
     from engine.scene.loaders.gltf_buffers import gltf_image_reader
 
     return gltf_image_reader(path)

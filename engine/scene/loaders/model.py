@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from engine.light.suns import SUN_DIAMETER
 from engine.material.bumps import NO_BUMPS, Bumps
 from engine.material.opacity import OPAQUE, Opacity
 from engine.scene.description import Camera, LayerDescription
@@ -72,7 +73,8 @@ class ImportedCamera:
 @dataclass(frozen=True)
 class ImportedLight:
     """A light without size. intensity: RGB, W/sr, of a directional one the irradiance in W/m²; direction: unit, in
-    which its light goes; inner, outer: half angles of a spot's cone, radians. The name is one for an object."""
+    which its light goes; inner, outer: half angles of a spot's cone, radians; diameter: of a directional one, degrees.
+    The name is one for an object."""
 
     name: str
     kind: Literal["point", "spot", "directional"]
@@ -81,6 +83,33 @@ class ImportedLight:
     direction: RGB = (0.0, 0.0, -1.0)
     inner: float = 0.0
     outer: float = 0.0
+    diameter: float = SUN_DIAMETER
+
+
+LampShape = Literal["sphere", "disc", "quad"]
+
+
+@dataclass(frozen=True)
+class ImportedLamp:
+    """A light of some size: a primitive of that shape under a matrix (4, 4), which shines from its front with a
+    radiance, RGB in W/(m² sr), in all directions or into a cone about its +Z with these half angles, radians. The name
+    is one for an object."""
+
+    name: str
+    shape: LampShape
+    matrix: npt.NDArray[np.float64]
+    radiance: RGB
+    cone: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class ImportedDome:
+    """Light from infinity: a radiance, or, where there is an image by its name from the file's folder, what multiplies
+    it; rotation: degrees, of `EnvironmentDescription`."""
+
+    radiance: RGB
+    file: str = ""
+    rotation: float = 0.0
 
 
 def triple(vector: npt.NDArray[np.float64]) -> RGB:
@@ -104,8 +133,9 @@ class UnshownProperty:
 
 @dataclass(frozen=True)
 class ImportedModel:
-    """Parts, one for each material in use; notes on what was repaired or left out; cameras; lights; properties that are
-    not shown. unread: the names of materials that are not read, empty if there are none."""
+    """Parts, one for each material in use; notes on what was repaired or left out; cameras; lights without size, lamps,
+    the dome; properties that are not shown. unread: the names of materials that are not read, empty if there are
+    none."""
 
     parts: tuple[ImportedPart, ...]
     notes: tuple[str, ...] = ()
@@ -113,3 +143,5 @@ class ImportedModel:
     unshown: tuple[UnshownProperty, ...] = ()
     unread: str = ""
     lights: tuple[ImportedLight, ...] = ()
+    lamps: tuple[ImportedLamp, ...] = ()
+    dome: ImportedDome | None = None

@@ -1,0 +1,44 @@
+"""Lights of some size, as files have them, as objects: lamps with the shape, place and radiance of the file; and a
+dome as the environment of a scene that has none of its own."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from engine.scene.description import ConeDescription, EnvironmentDescription, ObjectDescription, check_transform
+from engine.scene.loaders.model import ImportedDome, ImportedLamp
+
+
+def area_lamps_of(
+    lamps: Sequence[ImportedLamp], matrix: npt.NDArray[np.float64]
+) -> tuple[list[ObjectDescription], list[str]]:
+    """The lamps as objects under the matrix (4, 4) of their model, and the names of those whose transform has no
+    inverse; those without radiance are omitted."""
+    found: list[ObjectDescription] = []
+    left_out: list[str] = []
+    for lamp in lamps:
+        transform = tuple((matrix @ lamp.matrix).ravel().tolist())
+        if check_transform(transform) is not None:
+            left_out.append(lamp.name)
+        elif any(lamp.radiance):
+            cone = None
+            if lamp.cone is not None:
+                inner, outer = map(math.degrees, lamp.cone)
+                cone = ConeDescription(inner=inner, outer=outer)
+            found.append(
+                ObjectDescription(
+                    name=lamp.name, primitive=lamp.shape, emission=lamp.radiance, cone=cone, transform=transform
+                )
+            )  # fmt: skip
+    return found, left_out
+
+
+def environment_of(dome: ImportedDome) -> EnvironmentDescription:
+    """The environment of a dome; its image is scaled by the mean of its radiance."""
+    if not dome.file:
+        return EnvironmentDescription(radiance=dome.radiance)
+    return EnvironmentDescription(file=dome.file, rotation=dome.rotation, scale=float(np.mean(dome.radiance)))

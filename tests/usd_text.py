@@ -1,0 +1,99 @@
+"""Small stages of USD as text."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from engine.scene.loaders.model import ImportedModel
+from engine.scene.loaders.usd import read_usd
+
+# A square of two metres in the plane z = 0, whose corner k has the texture coordinates of a unit square.
+SQUARE = """
+    int[] faceVertexCounts = [4]
+    int[] faceVertexIndices = [0, 1, 2, 3]
+    point3f[] points = [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]
+    texCoord2f[] primvars:st = [(0, 0), (1, 0), (1, 1), (0, 1)] (interpolation = "vertex")
+    uniform token subdivisionScheme = "none"
+"""
+CARD = f'def Mesh "Card" {{{SQUARE}}}'
+
+
+def usda(body: str, head: str = "") -> str:
+    """A stage in metres with Y up, of this body; head: more of its metadata, which comes last and counts."""
+    body = body.replace("}", "\n}\n")  # which USD asks for
+    return f'#usda 1.0\n(\n    metersPerUnit = 1\n    upAxis = "Y"\n    {head}\n)\n{body}\n'
+
+
+def place(x: float, y: float, z: float) -> str:
+    """A translation of a prim."""
+    return f"""
+    double3 xformOp:translate = ({x}, {y}, {z})
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+"""
+
+
+def material(name: str, inputs: str, more: str = "") -> str:
+    """A material with a preview surface of these inputs, and more prims in it."""
+    return f"""
+def Material "{name}" {{
+    token outputs:surface.connect = </{name}/Surface.outputs:surface>
+    def Shader "Surface" {{
+        uniform token info:id = "UsdPreviewSurface"
+        {inputs}
+        token outputs:surface
+    }}
+    {more}
+}}
+"""
+
+
+def texture(name: str, file: str, more: str = "", inside: str = "M") -> str:
+    """A texture of a material, in the primvar `st` if nothing else is said."""
+    return f"""
+    def Shader "{name}" {{
+        uniform token info:id = "UsdUVTexture"
+        asset inputs:file = @{file}@
+        float2 inputs:st.connect = </{inside}/Reader.outputs:result>
+        float3 outputs:rgb
+        float outputs:r
+        float outputs:g
+        float outputs:b
+        float outputs:a
+        {more}
+    }}
+"""
+
+
+READER = """
+    def Shader "Reader" {
+        uniform token info:id = "UsdPrimvarReader_float2"
+        string inputs:varname = "st"
+        float2 outputs:result
+    }
+"""
+
+
+def bound(name: str) -> str:
+    """The binding of a material."""
+    return f"\n    rel material:binding = </{name}>\n"
+
+
+def card_of(name: str) -> str:
+    """A square with a material."""
+    return f'def Mesh "Card" (prepend apiSchemas = ["MaterialBindingAPI"]) {{{SQUARE}{bound(name)}}}\n'
+
+
+def write(path: Path, body: str, head: str = "") -> Path:
+    """A stage in a file."""
+    path.write_text(usda(body, head))
+    return path
+
+
+def read(folder: Path, body: str, head: str = "") -> ImportedModel:
+    """The model of a stage."""
+    return read_usd(write(folder / "a.usda", body, head))
+
+
+def unshown(model: ImportedModel) -> dict[str, int]:
+    """The names of what is not shown, with their counts."""
+    return {each.name: each.count for each in model.unshown}
