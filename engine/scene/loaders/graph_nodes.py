@@ -36,7 +36,7 @@ _SEPARATED = frozenset({"separate2", "separate3", "separate4"})
 _ONE_INPUT = _SEPARATED | {"convert", "blur"}
 _COORDINATES = frozenset({"texcoord", "geompropvalue", "geompropvalueuniform", "UsdPrimvarReader"})
 _UV_NAMES = frozenset({"", "UV0", "UV", "uv", "st", "st0", "map1", "uvmap", "UVMap"})
-EVALUATED = frozenset(OPERATIONS) | _SEPARATED | _COORDINATES | {"image", "convert", "blur"}
+EVALUATED = frozenset(OPERATIONS) | _SEPARATED | _COORDINATES | {"image", "hextiledimage", "convert", "blur"}
 """Categories of nodes that become fields here."""
 _MODES: dict[str, AddressMode] = {"periodic": "periodic", "clamp": "clamp", "mirror": "mirror", "constant": "constant",
                                   "black": "constant"}  # fmt: skip
@@ -131,6 +131,9 @@ class NodeFields:
             return self._middle(node)
         if category == "image":
             return self._image(node)
+        if category == "hextiledimage" and "tiling" in node.inputs:
+            self._list(node, category, "its tiles repeat without turns and offsets")
+            return self._image(node, self.of_input(node.inputs["tiling"], "vector2"))
         if category in _COORDINATES:
             return self._coordinates(node)
         if category == "convert":
@@ -194,8 +197,8 @@ class NodeFields:
                 return self.of_input(node.inputs[key], node.kind)
         return constant(*(0.0,) * N_CHANNELS.get(node.kind, 1))
 
-    def _image(self, node: ShaderNode) -> Field:
-        """An image in linear Rec. 709; its default where it cannot be read."""
+    def _image(self, node: ShaderNode, tiling: Field | None = None) -> Field:
+        """An image in linear Rec. 709, so often along u and v; its default where it cannot be read."""
         n = N_CHANNELS.get(node.kind, 1)
         default = constant(*(0.0,) * n)
         if "default" in node.inputs:
@@ -213,10 +216,12 @@ class NodeFields:
         if tile != name:
             self._list(node, f"image {printable_name(name, 80)}", "of its tiles the first is shown")
         self._check_space(node, file.space)
-        use = ImageUse(
-            size, (self._mode(node, "uaddressmode"), self._mode(node, "vaddressmode")),
-            self.of_input(node.inputs["texcoord"], "vector2") if "texcoord" in node.inputs else COORDINATES,
-        )  # fmt: skip
+        coordinates = COORDINATES
+        if "texcoord" in node.inputs:
+            coordinates = self.of_input(node.inputs["texcoord"], "vector2")
+        if tiling is not None:
+            coordinates = combine(lambda uv, repeats: uv * repeats, coordinates, tiling)
+        use = ImageUse(size, (self._mode(node, "uaddressmode"), self._mode(node, "vaddressmode")), coordinates)
         texels = partial(self._texels, tile, file.space, node.kind)
         return image_field(use, texels, default.value, self._plain(tile, file.space, node.kind))
 

@@ -137,6 +137,20 @@ def switch(which: Array, **inputs: Array) -> Array:
     return found
 
 
+def chosen(is_met: Array, **inputs: Array) -> Array:
+    """in1 where a condition is met, else in2; without these the condition itself."""
+    return np.where(is_met, inputs["in1"], inputs["in2"]) if len(inputs) == 2 else np.asarray(is_met)
+
+
+def transform(in_: Array, mat: Array) -> Array:
+    """A row of numbers times a matrix; of four numbers the last is 1 where there are but three."""
+    side = 3 if mat.shape[1] == 9 else 4
+    matrices = mat.reshape(len(mat), side, side)
+    n = in_.shape[1]
+    rows = np.concatenate([in_, np.ones((len(in_), side - n), np.float32)], axis=1)
+    return np.einsum("ni,nij->nj", rows, matrices)[:, :n]
+
+
 def normal_map(in_: Array, scale: Array) -> Array:
     """A normal in the surface's own frame, from its colours."""
     vectors = np.where((in_ == 0.0).all(axis=1, keepdims=True), np.array([0.0, 0.0, 1.0], np.float32), in_ * 2.0 - 1.0)
@@ -220,15 +234,16 @@ OPERATIONS: dict[str, Callable[..., Any]] = {
     "ramptb": ramp_upwards,
     "splitlr": split,
     "splittb": split_upwards,
-    "ifgreater": lambda value1, value2, in1, in2: np.where(value1 > value2, in1, in2),
-    "ifgreatereq": lambda value1, value2, in1, in2: np.where(value1 >= value2, in1, in2),
-    "ifequal": lambda value1, value2, in1, in2: np.where(value1 == value2, in1, in2),
+    "ifgreater": lambda value1, value2, **inputs: chosen(value1 > value2, **inputs),
+    "ifgreatereq": lambda value1, value2, **inputs: chosen(value1 >= value2, **inputs),
+    "ifequal": lambda value1, value2, **inputs: chosen(value1 == value2, **inputs),
     "and": lambda in1, in2: (in1 > 0.5) & (in2 > 0.5),
     "or": lambda in1, in2: (in1 > 0.5) | (in2 > 0.5),
     "xor": lambda in1, in2: (in1 > 0.5) ^ (in2 > 0.5),
     "not": lambda in_: in_ <= 0.5,
     "switch": switch,
     "normalmap": normal_map,
+    "transformmatrix": transform,
 }
 """By the category of the node."""
 

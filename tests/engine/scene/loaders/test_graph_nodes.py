@@ -54,6 +54,7 @@ def number(name: str, value: float) -> str:
 
 HALF = number("inlow", 0.0) + number("inhigh", 0.5)
 CODES = given("value", "color3", COLOUR, 'colorspace="srgb_texture"')
+RED = given("in", "color3", "1, 0, 0")
 ONE_OF_TWO = given("in1", "color3", COLOUR) + given("in2", "color3", OTHER)
 THREE = number("in1", 0.1) + number("in2", 0.2) + number("in3", 0.3)
 LUMA = np.dot(A, [0.2722287, 0.6740818, 0.0536895])  # the default of MaterialX: those of ACEScg
@@ -101,6 +102,8 @@ LUMA = np.dot(A, [0.2722287, 0.6740818, 0.0536895])  # the default of MaterialX:
         ),
         (node("constant", "color3", "last", CODES), [0.0331048, 0.2140411, 0.6038274]),
         (node("ifgreater", "color3", "last", number("value1", 2.0) + number("value2", 1.0) + ONE_OF_TWO), A),
+        # Red of ACEScg, whose primaries lie outside of Rec. 709's.
+        (node("acescg_to_lin_rec709", "color3", "last", RED), [1.705051, -0.1302564, -0.0240034]),
         (node("switch", "color3", "last", ONE_OF_TWO + number("which", 1.0)), B),
     ],
 )  # fmt: skip
@@ -124,6 +127,20 @@ def test_ramps_and_checkers_go_by_texture_coordinates(tmp_path: Path) -> None:
     )
     found = field.at(Samples(np.array([[0.2, 0.2], [0.7, 0.2], [0.7, 0.7]], np.float32)))[:, 0]
     assert found.tolist() in ([1.0, 0.0, 1.0], [0.0, 1.0, 0.0]) and made.unshown == ()
+
+
+def test_hexagonal_tiles_are_those_of_an_image(pictures: Path) -> None:
+    nodes = node("hextiledimage", "color3", "last", given("file", "filename", "colour.png")
+                 + given("tiling", "vector2", "3, 2"))  # fmt: skip
+    field, made = fields_of(pictures, nodes)
+    assert MapMaker().colours(field).texture_scale == (3.0, 2.0)
+    assert [each.name for each in made.unshown] == ["nodes.hextiledimage"]
+
+
+def test_a_comparison_is_its_condition(tmp_path: Path) -> None:
+    compared = node("ifgreater", "boolean", "c", number("value1", 2.0) + number("value2", 1.0))
+    nodes = compared + node("convert", "color3", "last", linked("in", "boolean", "c"))
+    assert values_of(tmp_path, nodes)[0].tolist() == [1.0, 1.0, 1.0]
 
 
 def test_noise_counts_as_its_middle_and_is_listed(tmp_path: Path) -> None:
