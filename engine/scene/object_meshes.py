@@ -143,12 +143,12 @@ def _objects_of(item: ObjectDescription, model: ImportedModel, path: Path, taken
     if item.layers or item.emits:
         mesh, rig, is_smooth = _join_parts([model.parts[k] for k in chosen])
         return [ObjectMesh(item.model_copy(update={"smooth": item.smooth and is_smooth}), mesh, rig, model)]
-    items = []
+    items, numbers = [], dict[str, int]()
     for k in chosen:
         part = model.parts[k]
         own = _material(item, part)
         if len(chosen) > 1:
-            own |= {"name": _part_name(item, part, k, taken), "part": k}
+            own |= {"name": _part_name(item, part, k, taken, numbers), "part": k}
         described = item.model_copy(update=own)
         if len(chosen) > 1 and str(item.mesh).lower().endswith(_ONCE_NUMBERED):
             described = described.with_former_name(f"{item.name[:48]} {k + 1}")
@@ -174,15 +174,16 @@ def _with_lamps(
     return items
 
 
-def _part_name(item: ObjectDescription, part: ImportedPart, k: int, taken: set[str]) -> str:
+def _part_name(item: ObjectDescription, part: ImportedPart, k: int, taken: set[str], numbers: dict[str, int]) -> str:
     """A name for the object of a part, marked as taken: the file's, with a number where another object has it, as
-    Blender numbers objects, but for the point, which separates paths; without one the number of the part."""
+    Blender numbers objects, but for the point, which separates paths; without one the number of the part. numbers: the
+    last of each."""
     called = part.object_name or part.name
     name = own = valid_name(called, f"{item.name[:48]} {k + 1}") if called else f"{item.name[:48]} {k + 1}"
-    n = 0
+    stem = own[:44].strip()
     while name in taken:
-        n += 1
-        name = f"{own[:44].strip()}_{n:03}"
+        numbers[stem] = numbers.get(stem, 0) + 1
+        name = f"{stem}_{numbers[stem]:03}"
     taken.add(name)
     return name
 

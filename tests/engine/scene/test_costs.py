@@ -14,7 +14,11 @@ from PIL import Image
 
 from engine.core.errors import LoadError
 from engine.scene._polygon_kernels import cut_ears
+from engine.scene.description import ObjectDescription
 from engine.scene.loaders.gltf import read_gltf
+from engine.scene.loaders.model import ImportedModel, ImportedPart
+from engine.scene.object_meshes import _objects_of
+from engine.scene.primitives import quad
 from engine.scene.scene_loader import load_scene
 from engine.texture import texture_files
 from tests.engine.scene.conftest import TOY, n_calls, read_mesh
@@ -67,6 +71,17 @@ def test_glb_files_of_many_small_parts(name: str, triangle_glb: tuple[dict, byte
     path = glb_file(change(tree), binary)
     read_gltf(path)  # what is imported at first is not counted
     assert n_calls(lambda: read_gltf(path)) <= most * path.stat().st_size
+
+
+def test_parts_of_one_name_are_numbered_in_proportion() -> None:
+    item = ObjectDescription(name="a", mesh="a.glb")
+
+    def calls(n: int) -> int:
+        model = ImportedModel((ImportedPart(quad(), name="leaf"),) * n)
+        return n_calls(lambda: _objects_of(item, model, Path("a.glb"), set()))
+
+    calls(2)  # what is imported at first is not counted
+    assert calls(1600) < 5 * calls(400)
 
 
 def png(side: int) -> bytes:
