@@ -283,8 +283,8 @@ class _Parts:
             colours = None
             if is_bare or (material is not None and material.colours):
                 colours = surface.colours(self._scene)
-            coordinates = (material.coordinates if material is not None else "") or "st"
-            mesh = surface.select(chosen, surface.coordinates(self._scene, coordinates), colours)
+            names = (material.coordinates if material is not None else ()) or ("st",)
+            mesh = surface.select(chosen, surface.coordinates(self._scene, names), colours)
             copies = place_copies(mesh, np.stack([node.matrix for node in nodes]))
             binding = None if self._nodes is None else place_copies_at_nodes(mesh, nodes)
             self._bound.setdefault((path, colours is not None), []).append((copies, binding))

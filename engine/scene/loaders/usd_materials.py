@@ -4,7 +4,8 @@ normal map, opacity, and what is not shown of them.
 The preview surface is the metallic-roughness material of glTF with a free index of refraction, or, with
 `useSpecularWorkflow`, a dielectric whose F0 is its specular colour. Both have F90 = 1 and a clear coat of F0 = 0.04.
 
-A part has one set of texture coordinates, that of its first texture, and the vertex colours that its material reads.
+A part has the sets of texture coordinates that its textures use, at most two, and the vertex colours that its material
+reads.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from dataclasses import dataclass, replace
 
 from engine.core.errors import describe_value, printable_name
 from engine.material.bumps import BUMP_STRENGTH, NO_BUMPS, Bumps
-from engine.material.layer_maps import Channel, ChannelImage, LayerMaps
+from engine.material.layer_maps import MAX_UV_SETS, Channel, ChannelImage, LayerMaps
 from engine.material.opacity import OPAQUE, Opacity
 from engine.scene.description import MAX_RADIANCE
 from engine.scene.loaders.gltf_materials import LONGEST_NAME, PartMaterial
@@ -36,10 +37,10 @@ _HARMLESS = {"occlusion": "no effect: shadows are computed", "opacityMode": "opa
 
 @dataclass(frozen=True)
 class UsdMaterial:
-    """A material as layers; the primvars of its texture coordinates and of its vertex colours, "" for none."""
+    """A material as layers; the primvars of its sets of texture coordinates, and of its vertex colours, "" for none."""
 
     part: PartMaterial
-    coordinates: str = ""
+    coordinates: tuple[str, ...] = ()
     colours: str = ""
 
 
@@ -80,10 +81,13 @@ class UsdMaterials:
     def _preview(self, shader: UsdPrim) -> UsdMaterial:
         found = {key: self._textures.read(shader, f"inputs:{key}") for key in _TEXTURED}
         textures = {key: each for key, each in found.items() if isinstance(each, UsdTexture)}
-        coordinates = next((each.primvar for each in textures.values()), "")
+        coordinates = tuple(dict.fromkeys(each.primvar for each in textures.values()))[:MAX_UV_SETS]
         for key, each in list(textures.items()):
-            if each.primvar != coordinates:
-                effect = "a texture by other coordinates than the material's first is not shown"
+            if each.primvar in coordinates:
+                transform = each.transform._replace(uv_set=coordinates.index(each.primvar))
+                textures[key] = replace(each, transform=transform)
+            else:
+                effect = f"a texture by other coordinates than the material's first {MAX_UV_SETS} is not shown"
                 each.prim.not_shown("inputs:st", effect)
                 del textures[key]
         own = _Inputs(shader, self._textures, textures)
@@ -176,6 +180,7 @@ class _Inputs:
         return Bumps(
             texture.image, bump_strength=min(abs(across) / 2.0, BUMP_STRENGTH.maximum), bump_repeats=texture.repeats,
             bump_offset=texture.transform.offset, bump_wrap=texture.transform.wrap, flip_green=up < 0.0,
+            bump_uv_set=texture.transform.uv_set,
         )  # fmt: skip
 
     def opacity(self, source: UsdTexture | UsdPrimvar | None) -> Opacity:
@@ -199,6 +204,7 @@ class _Inputs:
             opacity, opacity_factor=min(max(texture.gain, 0.0), 1.0), opacity_map=texture.image,
             opacity_repeats=texture.repeats, opacity_offset=texture.transform.offset,
             opacity_rotation=texture.transform.rotation, opacity_wrap=texture.transform.wrap,
+            opacity_uv_set=texture.transform.uv_set,
         )  # fmt: skip
 
     def _painted(self, key: str) -> tuple[RGB, LayerMaps]:

@@ -8,6 +8,7 @@ mesh are wound the other way.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -93,16 +94,19 @@ class Surface:
             colours[..., 3:] = np.clip(np.nan_to_num(alpha, nan=1.0), 0.0, 1.0)
         return colours
 
-    def coordinates(self, scene: UsdScene, key: str) -> npt.NDArray[np.float32] | None:
-        """Texture coordinates of the corners (T, 3, 2) by the primvar of that name, v upwards."""
-        values = self._inherited(scene, f"primvars:{key}", 2)
-        if values is None:
+    def coordinates(self, scene: UsdScene, names: Sequence[str]) -> npt.NDArray[np.float32] | None:
+        """Sets of texture coordinates of the corners (T, 3, 2 S) by the primvars of these names, v upwards, 0 for those
+        that are not there; without any, those of the shape."""
+        sets = [self._inherited(scene, f"primvars:{name}", 2) for name in names]
+        if all(values is None for values in sets):
             return self.mesh.uvs
-        is_usable = np.abs(values) <= MAX_UV
+        nothing = np.zeros((len(self.triangles), 3, 2))
+        found = np.concatenate([nothing if values is None else values for values in sets], axis=2)
+        is_usable = np.abs(found) <= MAX_UV
         if not is_usable.all():
             n = np.count_nonzero(~is_usable)
-            self.prim.note(f"primvars:{key}", f"{n} numbers beyond {MAX_UV:g}", "taken as 0")
-        return np.where(is_usable, values, 0.0).astype(np.float32)
+            self.prim.note("texture coordinates", f"{n} numbers beyond {MAX_UV:g}", "taken as 0")
+        return np.where(is_usable, found, 0.0).astype(np.float32)
 
     def _inherited(self, scene: UsdScene, key: str, width: int) -> Float64Array | None:
         """A primvar of the prim, or a constant one of the nearest prim above that has it; None, listed, where it is not

@@ -60,7 +60,7 @@ class UsdTexture:
         own = self.transform
         return LayerMaps(
             self.image, self.space, self.repeats, texture_offset=own.offset, texture_rotation=own.rotation,
-            texture_wrap=own.wrap,
+            texture_wrap=own.wrap, texture_uv_set=own.uv_set,
         )  # fmt: skip
 
     @property

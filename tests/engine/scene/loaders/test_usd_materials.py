@@ -124,6 +124,27 @@ def test_textures_of_colours_and_numbers_with_their_layout(tmp_path: Path) -> No
     assert not model.unshown and not model.notes
 
 
+def test_textures_lie_by_their_own_coordinates(tmp_path: Path) -> None:
+    for name in ("a.png", "b.png", "c.png"):
+        image(tmp_path, name)
+    readers = READER + "".join(
+        READER.replace('"Reader"', f'"{name}"').replace('"st"', f'"{name}"') for name in ("Second", "Third")
+    )
+    own = [texture(k, f"{k.lower()}.png").replace("Reader.outputs", f"{at}.outputs") for k, at in
+           (("A", "Reader"), ("B", "Second"), ("C", "Third"))]  # fmt: skip
+    inputs = """color3f inputs:diffuseColor.connect = </M/A.outputs:rgb>
+        float inputs:roughness.connect = </M/B.outputs:g>
+        float inputs:metallic.connect = </M/C.outputs:b>"""
+    second = 'texCoord2f[] primvars:Second = [(5, 5), (6, 5), (6, 6), (5, 6)] (interpolation = "vertex")'
+    mesh = f'def Mesh "Card" (prepend apiSchemas = ["MaterialBindingAPI"]) {{{SQUARE}{bound("M")}{second}\n}}'
+    model = read(tmp_path, material("M", inputs, readers + "".join(own)) + mesh)
+    (part,) = model.parts
+    assert part.mesh.uvs is not None and part.mesh.uvs[0].tolist() == [[0, 0, 5, 5], [1, 0, 6, 5], [1, 1, 6, 6]]
+    assert layer(part, "base").maps.texture_uv_set == 0
+    assert layer(part, "gloss").parameter_maps["alpha"]["uv_set"] == 1
+    assert unshown(model) == {"Shader.inputs:st": 1}
+
+
 def test_a_texture_that_is_the_same_everywhere_is_a_number(tmp_path: Path) -> None:
     image(tmp_path, "half.png", np.full((4, 4, 3), 51, np.uint8))
     part, _ = look(
