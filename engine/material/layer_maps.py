@@ -41,7 +41,7 @@ MAX_REPEATS, LEAST_REPEATS = 1000.0, 1e-3
 # Sets of texture coordinates that a mesh has at most: what glTF asks of every program [glTF20, 3.7.2.1].
 MAX_UV_SETS = 2
 MAX_NAME = 4096
-_OF_SEVERAL = (".glb", ".gltf", ".mtlx", ".usdz")  # files that contain images
+_OF_SEVERAL = (".glb", ".gltf", ".mtlx", ".usd", ".usda", ".usdc", ".usdz")  # files that contain images
 MOST_FURTHER_WEIGHTS = 8
 # The keys of a channel of an image in files.
 IMAGE_KEYS = ("map", "channel", "repeats", "offset", "rotation", "wrap", "uv_set")

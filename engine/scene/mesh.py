@@ -28,8 +28,9 @@ import numpy.typing as npt
 from engine.core.errors import LoadError
 
 MATERIAL_ENDING = ".mtlx"  # of files that have materials alone
+USD_ENDINGS = (".usd", ".usda", ".usdc", ".usdz")
 MESH_ENDINGS = (
-    ".glb", ".gltf", ".usd", ".usda", ".usdc", ".usdz", ".obj", ".ply", ".stl", ".off", ".3mf", MATERIAL_ENDING,
+    ".glb", ".gltf", *USD_ENDINGS, ".obj", ".ply", ".stl", ".off", ".3mf", MATERIAL_ENDING,
 )  # fmt: skip
 MAX_MESH_BYTES = 512 * 2**20
 MAX_COORDINATE = 1e12

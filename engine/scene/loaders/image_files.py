@@ -7,6 +7,7 @@ from pathlib import Path
 
 from engine.core.errors import LoadError
 from engine.core.safe_files import find_inside, read_regular_file
+from engine.scene.mesh import USD_ENDINGS
 from engine.texture.texture_files import MAX_IMAGE_BYTES, check_image, image_size, is_image, reduction
 
 # Limit of pixels of all images of one file, plus more for every byte: a few kilobytes can claim millions of pixels.
@@ -67,10 +68,10 @@ def image_reader(path: Path) -> Callable[[int], bytes]:
         from engine.scene.loaders.mtlx import mtlx_image_reader
 
         return mtlx_image_reader(path)
-    if path.suffix.lower() == ".usdz":
-        from engine.scene.loaders.usd_layers import archive_reader
+    if path.suffix.lower() in USD_ENDINGS:
+        from engine.scene.loaders.usd import usd_image_reader
 
-        return archive_reader(path)
+        return usd_image_reader(path)
     from engine.scene.loaders.gltf_buffers import gltf_image_reader
 
     return gltf_image_reader(path)

@@ -68,7 +68,7 @@ def read_materials(file: Path) -> MtlxFile:
         raise LoadError(file, "materials", 0, "at least one material or surface shader")
     if len(found) > MOST_MATERIALS:
         raise LoadError(file, "materials", len(found), f"at most {MOST_MATERIALS}")
-    maps, images = MapMaker(), FolderImages(file.parent)
+    maps, images = MapMaker(), folder_images(file.parent)
     materials = []
     for each in found:
         try:
@@ -122,31 +122,40 @@ def read_network(
     return surface_material(complete_network(nodes, surface, file), images, maps)
 
 
-class FolderImages:
-    """The images of a folder, by their names from there (`ImageSource`)."""
+def folder_images(folder: Path) -> NamedImages:
+    """The images of a folder, by their names from there."""
+    files = FileImages(folder)
+    return NamedImages(
+        lambda name: read_regular_file(folder / name, MAX_IMAGE_BYTES), lambda name: files.find(folder, name)
+    )
 
-    def __init__(self, folder: Path) -> None:
-        self._folder, self._files = folder, FileImages(folder)
+
+class NamedImages:
+    """Images by the names that stand in a network (`ImageSource`). read: the bytes of one by its name in layers; find:
+    that name; both raise LoadError."""
+
+    def __init__(self, read: Callable[[str], bytes], find: Callable[[str], str]) -> None:
+        self._read, self._find = read, find
         self._sizes: dict[str, tuple[int, int]] = {}
 
     def size(self, name: str) -> tuple[int, int]:
-        path = self._folder / self.file(name)
         if name not in self._sizes:
-            data = read_regular_file(path, MAX_IMAGE_BYTES)
-            size = image_size(data, path)
+            file = self.file(name)
+            data = self._read(file)
+            size = image_size(data, file)
             if size is None:  # OpenEXR
-                height, width = read_image(data, path, lambda values: np.asarray(values, np.float32)).shape[:2]
+                height, width = read_image(data, file, lambda values: np.asarray(values, np.float32)).shape[:2]
                 size = width, height
             k = reduction(*size)
             self._sizes[name] = size[0] // k, size[1] // k
         return self._sizes[name]
 
     def file(self, name: str) -> str:
-        return self._files.find(self._folder, name)
+        return self._find(name)
 
     def values(self, name: str) -> ImageValues:
-        path = self._folder / self.file(name)
-        data = read_regular_file(path, MAX_IMAGE_BYTES)
+        file = self.file(name)
+        data = self._read(file)
         kinds: list[Any] = []
 
         def shares(values: np.ndarray[Any, Any]) -> Array:
@@ -154,7 +163,7 @@ class FolderImages:
             most = {"uint8": 255.0, "uint16": 65535.0}.get(values.dtype.name, 1.0)
             return np.asarray(values, np.float32) / np.float32(most)
 
-        texels = read_image(data, path, shares)
-        if has_alpha(data, path):
-            texels = np.concatenate([texels, read_opacity(data, path)], axis=2)
+        texels = read_image(data, file, shares)
+        if has_alpha(data, file):
+            texels = np.concatenate([texels, read_opacity(data, file)], axis=2)
         return ImageValues(texels, kinds[0] == np.float32)

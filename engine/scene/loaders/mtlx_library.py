@@ -31,6 +31,7 @@ MISSING = "the package materialx, which is not installed: pip install 'insitu[ma
 MOST_NODES = 20_000
 _DEEPEST = 100
 _NETWORK_SURFACE = "surface"
+_DEFINED = "node"  # the category of a node of which only the definition is known
 # Surface shaders that become layers.
 SURFACES = frozenset({"standard_surface", "open_pbr_surface", "gltf_pbr", "UsdPreviewSurface"})
 
@@ -61,7 +62,7 @@ def complete_network(nodes: Sequence[NetworkNode], surface: str, file: object) -
     names = {node.name: f"n{k}" for k, node in enumerate(nodes)}
     parts = ['<materialx version="1.39">']
     for node in nodes:
-        parts.append(f'<node name="{names[node.name]}" nodedef={quoteattr(node.definition)}>')
+        parts.append(f'<{_DEFINED} name="{names[node.name]}" nodedef={quoteattr(node.definition)}>')
         for name, value in node.inputs.items():
             if isinstance(value, Link):
                 given = f'nodename="{names.get(value.node, "")}" output={quoteattr(value.output)}'
@@ -70,7 +71,7 @@ def complete_network(nodes: Sequence[NetworkNode], surface: str, file: object) -
             space = node.spaces.get(name)
             given += f" colorspace={quoteattr(space)}" if space else ""
             parts.append(f"<input name={quoteattr(name)} {given}/>")
-        parts.append("</node>")
+        parts.append(f"</{_DEFINED}>")
     parts.append(f'<surfacematerial name="{_NETWORK_SURFACE}" type="material">')
     parts.append(f'<input name="surfaceshader" type="surfaceshader" nodename="{names.get(surface, "")}"/>')
     parts.append("</surfacematerial></materialx>")
@@ -103,6 +104,8 @@ def decode_document(data: bytes) -> Arrays:
     document = mx.createDocument()
     mx.readFromXmlString(document, data.decode())
     document.setDataLibrary(_definitions())
+    for node in document.getNodes():
+        _complete_types(node)
     walk = _Walk(document)
     found = []
     for material in document.getMaterialNodes():
@@ -117,6 +120,19 @@ def decode_document(data: bytes) -> Arrays:
                 found.append((node.getName(), link[0], False))
     tree = {"materials": found, "nodes": walk.nodes}
     return {"json": np.frombuffer(json.dumps(tree).encode(), np.uint8)}
+
+
+def _complete_types(node: mx.Node) -> None:
+    """Give a node that names only its definition the definition's category and types, as nodes of USD need it."""
+    definition = _definitions().getNodeDef(node.getNodeDefString()) if node.getCategory() == _DEFINED else None
+    if definition is None:
+        return
+    node.setCategory(definition.getNodeString())
+    node.setType(definition.getType())
+    for given in node.getInputs():
+        own = definition.getActiveInput(given.getName())
+        if own is not None:
+            given.setType(own.getType())
 
 
 @lru_cache(maxsize=1)

@@ -16,12 +16,13 @@ from pathlib import Path
 import numpy as np
 
 from engine.core.errors import LoadError, describe_value
+from engine.scene.loaders.baked_maps import BakedMap, MapMaker
 from engine.scene.loaders.gltf_materials import PartMaterial
 from engine.scene.loaders.gltf_nodes import MeshNode, are_flat
 from engine.scene.loaders.gltf_rig import place_copies_at_nodes
 from engine.scene.loaders.model import ImportedModel, ImportedPart, UnshownProperty
 from engine.scene.loaders.usd_cameras import read_cameras
-from engine.scene.loaders.usd_layers import open_layers
+from engine.scene.loaders.usd_layers import ArchiveFiles, open_layers
 from engine.scene.loaders.usd_lights import CONVERTED, LIGHTS, UsdLights
 from engine.scene.loaders.usd_materials import UsdMaterials
 from engine.scene.loaders.usd_meshes import Surface, read_mesh
@@ -45,12 +46,35 @@ Bound = tuple[Mesh, Binding | None]
 
 def read_usd(path: Path) -> ImportedModel:
     """Read a USD file; raises LoadError naming the prim and what was expected there."""
+    return _read(path)[0]
+
+
+def usd_image_reader(path: Path) -> Callable[[int], bytes]:
+    """A function from a number to the bytes of that file of a .usdz archive, or, from their number on, of a map that a
+    network of MaterialX computes; both raise LoadError."""
+    files = ArchiveFiles(path)
+    computed: list[BakedMap] = []
+
+    def read(number: int) -> bytes:
+        if number < files.count:
+            return files.read(number)
+        if not computed:
+            computed.extend(_read(path)[1].maps)
+        if number - files.count >= len(computed):
+            raise LoadError(path, f"image {number}", "nothing", f"a number below {files.count + len(computed)}")
+        return computed[number - files.count].exr()
+
+    return read
+
+
+def _read(path: Path) -> tuple[ImportedModel, MapMaker]:
+    """The model of a file, and the maps that its networks compute."""
     layers = open_layers(path)
     tree, arrays = layers.tree()
     scene = scene_of_tree(path, tree, arrays)
     walk = _Walk(scene, MOST_PLACED + layers.n_bytes)
     walk.run()
-    materials = UsdMaterials(scene, UsdTextures(scene, layers))
+    materials = UsdMaterials(scene, UsdTextures(scene, layers), layers.n_files)
     parts = _Parts(scene, materials, walk.nodes if walk.nodes.are_moving else None, layers.n_bytes)
     for placed in walk.surfaces.values():
         parts.add(placed)
@@ -67,10 +91,11 @@ def read_usd(path: Path) -> ImportedModel:
     read = [prim for prim in scene.prims if prim.kind in _SHADING and id(prim.values) in scene.log.read]
     visited = walk.visited | _with_graphs(scene, read)
     unshown = [*layers.list_unshown(), *_of_stage(tree), *unshown_properties(scene, visited)]
-    return ImportedModel(
+    model = ImportedModel(
         tuple(found), tuple(notes), cameras, tuple(unshown), lights=tuple(lights.lights), lamps=tuple(lights.lamps),
         dome=lights.dome,
     )  # fmt: skip
+    return model, materials.maps
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,6 @@ from __future__ import annotations
 import importlib.util
 import json
 import posixpath
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -26,6 +25,7 @@ from engine.scene.mesh import MAX_MESH_BYTES
 
 MOST_LAYERS = 512
 INSTALL = "the extra for USD: pip install 'insitu[usd]', or usd-core"
+ARCHIVE_ENDING = ".usdz"
 _LAYER_ENDINGS = (".usd", ".usda", ".usdc")
 _TEXT, _CRATE, _ZIP = b"#usda", b"PXR-USDC", (b"PK\3\4", b"PK\5\6")
 _EXPECTED = "a USD layer (#usda or PXR-USDC) or a .usdz archive"
@@ -85,6 +85,12 @@ class UsdLayers:
         if place.file == self.path and number:
             return number
         return place.file.resolve().relative_to(self.path.parent.resolve()).as_posix() + number
+
+    @property
+    def n_files(self) -> int:
+        """How many files the archive has that was opened; 0 where it is none."""
+        archive = self._archives.get(self.path)
+        return 0 if archive is None or self.path.suffix.lower() != ARCHIVE_ENDING else len(archive.names)
 
     def list_unshown(self) -> list[UnshownProperty]:
         """What is referred to and not shown."""
@@ -151,16 +157,21 @@ def open_layers(path: Path) -> UsdLayers:
     return layers
 
 
-def archive_reader(path: Path) -> Callable[[int], bytes]:
-    """A function from the number of a file of a .usdz archive to its bytes; it, too, raises LoadError."""
-    archive = ZipArchive(read_regular_file(path, MAX_MESH_BYTES), path)
+class ArchiveFiles:
+    """The files of a .usdz archive by their numbers, none where it is another file. Raises LoadError."""
 
-    def read(number: int) -> bytes:
-        if number >= len(archive.names):
-            raise LoadError(path, f"file {number}", "nothing", f"a file from 0 to {len(archive.names) - 1}")
-        return archive.read(archive.names[number])
+    def __init__(self, path: Path) -> None:
+        data = read_regular_file(path, MAX_MESH_BYTES) if path.suffix.lower() == ARCHIVE_ENDING else b""
+        self._archive = ZipArchive(data, path) if data.startswith(_ZIP) else None
 
-    return read
+    @property
+    def count(self) -> int:
+        return 0 if self._archive is None else len(self._archive.names)
+
+    def read(self, number: int) -> bytes:
+        """The bytes of a file below `count`. Raises LoadError."""
+        assert self._archive is not None
+        return self._archive.read(self._archive.names[number])
 
 
 def _in_archive(archive: ZipArchive, layer: str, name: str) -> str | None:

@@ -13,11 +13,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from engine.core.errors import describe_value, printable_name
+from engine.core.errors import LoadError, describe_value, printable_name
 from engine.material.bumps import BUMP_STRENGTH, NO_BUMPS, Bumps
 from engine.material.layer_maps import MAX_UV_SETS, Channel, ChannelImage, LayerMaps
 from engine.material.opacity import OPAQUE, Opacity
 from engine.scene.description import MAX_RADIANCE
+from engine.scene.loaders.baked_maps import MapMaker
 from engine.scene.loaders.gltf_materials import LONGEST_NAME, PartMaterial
 from engine.scene.loaders.model import RGB
 from engine.scene.loaders.pbr_layers import Coat, NumberImage, PbrMaterial, pbr_layers
@@ -25,6 +26,7 @@ from engine.scene.loaders.usd_prims import UsdPrim, UsdScene
 from engine.scene.loaders.usd_textures import UsdPrimvar, UsdTexture, UsdTextures
 
 PREVIEW = "UsdPreviewSurface"
+DEFINITIONS = "ND_"  # identifiers of MaterialX' nodes begin with it
 _NUMBERS = {"roughness": 0.5, "metallic": 0.0, "clearcoat": 0.0, "clearcoatRoughness": 0.01, "opacity": 1.0}
 _COLOURS = {"diffuseColor": 0.18, "specularColor": 0.0, "emissiveColor": 0.0}
 # In the order in which their texture decides on the coordinates of a part.
@@ -45,10 +47,10 @@ class UsdMaterial:
 
 
 class UsdMaterials:
-    """The materials of one stage, each read once."""
+    """The materials of one stage, each read once. maps: those that networks compute, named "#N" from `first` on."""
 
-    def __init__(self, scene: UsdScene, textures: UsdTextures) -> None:
-        self._scene, self._textures = scene, textures
+    def __init__(self, scene: UsdScene, textures: UsdTextures, first: int) -> None:
+        self._scene, self._textures, self.maps = scene, textures, MapMaker(first)
         self._read: dict[str, UsdMaterial] = {}
 
     def material(self, path: str) -> UsdMaterial | None:
@@ -57,26 +59,41 @@ class UsdMaterials:
             return None
         if path not in self._read:
             prim = self._scene.by_path.get(path)
-            surface = None if prim is None else self._surface(prim)
-            plain = PartMaterial(())
-            found = UsdMaterial(plain) if prim is None or surface is None else self._preview(surface)
+            found = UsdMaterial(PartMaterial(())) if prim is None else self._surface(prim)
             name = printable_name(path.rpartition("/")[2], LONGEST_NAME)
             self._read[path] = replace(found, part=replace(found.part, name=name))
         return self._read[path]
 
-    def _surface(self, material: UsdPrim) -> UsdPrim | None:
-        """The shader of a material's surface; None, listed, where it is of a kind that is not read."""
-        for key in ("outputs:surface",):
+    def _surface(self, material: UsdPrim) -> UsdMaterial:
+        """The material of a surface that is read, that of MaterialX first; without layers, listed, where there is
+        none."""
+        for key in ("outputs:mtlx:surface", "outputs:surface"):
             found = self._scene.connected(material, key)
             if found is None:
                 continue
-            material.mark_read(key)
             shader, _ = found
             kind = shader.word("info:id", "")
             if kind == PREVIEW:
-                return shader
-            shader.not_shown("info:id", f"a surface {describe_value(kind)} that is not known: shown in grey")
-        return None
+                return self._preview(shader)
+            if kind.startswith(DEFINITIONS) and (read := self._network(shader)) is not None:
+                return read
+            if not kind.startswith(DEFINITIONS):
+                shader.not_shown("info:id", f"a surface {describe_value(kind)} that is not known: shown in grey")
+        return UsdMaterial(PartMaterial(()))
+
+    def _network(self, shader: UsdPrim) -> UsdMaterial | None:
+        """The material of a network of MaterialX; None, listed, where it cannot be read."""
+        from engine.scene.loaders.usd_networks import read_surface  # late: few files need it
+
+        try:
+            found = read_surface(shader, self._textures, self.maps)
+        except LoadError as error:
+            shader.not_shown("info:id", f"a network of MaterialX that is not shown: {error.reason}")
+            return None
+        for each in found.unshown:
+            listed = each.name, each.effect
+            self._scene.log.unshown[listed] = self._scene.log.unshown.get(listed, 0) + each.count
+        return UsdMaterial(PartMaterial(found.layers, found.emission, (), found.bumps, found.opacity))
 
     def _preview(self, shader: UsdPrim) -> UsdMaterial:
         found = {key: self._textures.read(shader, f"inputs:{key}") for key in _TEXTURED}

@@ -97,6 +97,7 @@ class UsdTextures:
     def __init__(self, scene: UsdScene, layers: UsdLayers) -> None:
         self._scene, self._layers = scene, layers
         self._images: dict[UsdPlace, str] = {}
+        self._places: dict[str, UsdPlace] = {}
         self._extremes: dict[str, tuple[list[float], list[float]]] = {}
         self._pixels_left = MOST_PIXELS + PIXELS_A_BYTE * layers.n_bytes
 
@@ -152,6 +153,19 @@ class UsdTextures:
         """Whether a texture's image has alpha."""
         return has_alpha(self._data(texture.place), texture.image)
 
+    def image(self, name: str, layer: int) -> str:
+        """The name in parts of an image that a layer names. Raises LoadError where it cannot be shown."""
+        if "<UDIM>" in name:
+            raise LoadError(name, "tiles", "several images", "one image")
+        place = self._layers.find(name, layer)
+        if place is None:
+            raise LoadError(name, "file", name or "nothing", "an image in the file's folder")
+        return self._image_name(place)
+
+    def data_of(self, image: str) -> bytes:
+        """The bytes of an image by its name in parts. Raises LoadError."""
+        return self._data(self._places[image])
+
     def _data(self, place: UsdPlace) -> bytes:
         return self._layers.read(place, MAX_IMAGE_BYTES)
 
@@ -166,19 +180,13 @@ class UsdTextures:
             shader.not_shown("outputs:" + channel, "an output that a texture does not have")
             return None
         owner, key = self.source(shader, "inputs:file")
-        name, layer = owner.asset(key)
-        place, image = self._layers.find(name, layer), ""
         try:
-            if "<UDIM>" in name:
-                raise LoadError(name, "tiles", "several images", "one image")
-            if place is None:
-                raise LoadError(name, "file", name or "nothing", "an image in the file's folder")
-            image = self._image_name(place)
+            image = self.image(*owner.asset(key))
         except LoadError as error:
             owner.not_shown(key, f"an image that is not shown: {error.reason}")
             shader.mark_read(*shader.values)
             return None
-        assert place is not None
+        place = self._places[image]
         wraps = tuple(self._wrap(shader, f"inputs:wrap{axis}") for axis in "ST")
         primvar, repeats, transform = self._layout(shader)
         space = _SPACES.get(shader.word("inputs:sourceColorSpace", "auto"))
@@ -242,4 +250,5 @@ class UsdTextures:
             check_image(data, name)
             self._pixels_left = left - n_pixels
             self._images[place] = self._layers.image_name(place)
+            self._places[self._images[place]] = place
         return self._images[place]

@@ -9,7 +9,7 @@ from PIL import Image
 from engine.scene.loaders.baked_maps import MapMaker
 from engine.scene.loaders.graph_fields import Samples
 from engine.scene.loaders.graph_nodes import NodeFields
-from engine.scene.loaders.mtlx import FolderImages
+from engine.scene.loaders.mtlx import folder_images
 from engine.scene.loaders.mtlx_library import complete_document
 from tests.engine.scene.loaders.mtlx_samples import document, given, image, linked, material, node, write_png
 
@@ -24,7 +24,7 @@ def fields_of(folder: Path, nodes: str, kind: str = "color3", output: str = "las
         link = linked("normal", kind, output)
     text = material("standard_surface", link, nodes).replace('version="1.39"', f'version="{version}"')
     surface = complete_document(text.encode(), folder / "it.mtlx")[0].surface
-    made = NodeFields(FolderImages(folder))
+    made = NodeFields(folder_images(folder))
     name = {"color3": "base_color", "vector3": "normal"}.get(kind, "base")
     return made.of_input(surface.inputs[name]), made
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zipfile
 from itertools import pairwise
 from pathlib import Path
 
@@ -328,3 +329,59 @@ def test_a_stage_and_a_glb_file_of_one_scene_have_the_same_arrays(tmp_path: Path
     for name in ("vertices", "normals", "triangles", "uvs"):
         assert np.allclose(getattr(one, name), getattr(other, name), atol=1e-6), name
     assert one.description.camera.position == pytest.approx(other.description.camera.position)
+
+
+NETWORK = """
+def Material "M" {
+    token outputs:mtlx:surface.connect = </M/Surface.outputs:out>
+    def Shader "Surface" {
+        uniform token info:id = "ND_standard_surface_surfaceshader"
+        color3f inputs:base_color.connect = </M/Graph.outputs:colour>
+        float inputs:base = 1
+        float inputs:specular_roughness = 0.4
+        token outputs:out
+    }
+    def NodeGraph "Graph" {
+        color3f outputs:colour.connect = </M/Graph/Tint.outputs:out>
+        def Shader "Tint" {
+            uniform token info:id = "ND_multiply_color3"
+            color3f inputs:in1.connect = </M/Graph/Image.outputs:out>
+            color3f inputs:in2 = (0.5, 0.25, 1)
+            color3f outputs:out
+        }
+        def Shader "Image" {
+            uniform token info:id = "ND_image_color3"
+            asset inputs:file = @colour.png@
+            color3f outputs:out
+        }
+    }
+}
+"""
+
+
+@pytest.mark.parametrize("is_archive", [False, True])
+def test_networks_of_materialx_are_read_and_their_maps_computed(tmp_path: Path, is_archive: bool) -> None:
+    image(tmp_path, "colour.png")
+    path, first = tmp_path / "a.usda", 0
+    path.write_text(usda(NETWORK + card_of("M")))
+    if is_archive:
+        with zipfile.ZipFile(tmp_path / "a.usdz", "w") as archive:
+            archive.write(path, "a.usda")
+            archive.write(tmp_path / "colour.png", "colour.png")
+        path, first = tmp_path / "a.usdz", 2
+    model = read_usd(path)
+    base = next(each for each in model.parts[0].layers if each.maps.texture)
+    # The texels times a constant are a computed map, the first after the archive's files.
+    assert base.maps.texture == f"#{first}" and not [each for each in model.unshown if "MaterialX" in each.effect]
+    scene = load_scene(path, (8, 8))
+    shown = next(each for each in scene.description.objects[0].layers if each.maps.texture)
+    pyramid = scene.textures.texture(shown.maps.images)
+    assert pyramid is not None
+    expected = NUMBERS.astype(np.float32) / 255.0 * (0.5, 0.25, 1.0)
+    assert np.allclose(pyramid.levels[0], expected, atol=2e-3)
+
+
+def test_a_network_that_cannot_be_read_is_listed(tmp_path: Path) -> None:
+    body = NETWORK.replace("ND_standard_surface_surfaceshader", "ND_nothing_of_the_kind") + card_of("M")
+    model = read(tmp_path, body)
+    assert model.parts[0].layers == () and "Shader.info:id" in unshown(model)
