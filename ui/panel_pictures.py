@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from app.document.document import with_display_names
+from app.document.display_names import with_display_names
 from app.document.selection import layer_shown
 from app.document.view_state import Bookmark, SetView
 from app.editor.editor import Editor

@@ -21,7 +21,7 @@ from pathlib import Path
 import moderngl
 from imgui_bundle import ImVec2, imgui
 
-from app.document.document import with_display_names
+from app.document.display_names import with_display_names
 from app.editor.editor import Editor
 from app.files.preferences import PreferenceFile, RecentFiles
 from ui import theme

@@ -16,7 +16,6 @@ from __future__ import annotations
 import difflib
 import functools
 import math
-import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple
@@ -27,7 +26,7 @@ from engine.core.errors import InsituError
 from engine.light.probe_mappings import Mapping
 from engine.light.suns import Sun
 from engine.material.bumps import NO_BUMPS, Bumps, BumpsByObject, bump_fields
-from engine.material.layer import Layer, object_of
+from engine.material.layer import Layer
 from engine.material.layer_maps import map_fields
 from engine.material.model import Factor, Model
 from engine.material.opacity import OPAQUE, Opacity, OpacityByObject, opacity_fields
@@ -40,21 +39,9 @@ from engine.scene.surface_kinds import NO_SURFACE, SURFACES, DeformSurface, Surf
 from engine.settings import LineValue
 
 Kind = Literal[
-    "object",
-    "layer",
-    "factor",
-    "parameter",
-    "map",
-    "parameter_map",
-    "switch",
-    "deformer",
-    "time",
-    "bumps",
-    "opacity",
-    "surface",
-    "light",
-    "sun",
-]
+    "object", "layer", "factor", "parameter", "map", "parameter_map", "switch", "deformer", "time", "bumps",
+    "opacity", "surface", "light", "sun",
+]  # fmt: skip
 RGB = tuple[float, float, float]
 
 SCENE_ENVIRONMENT = "scene"
@@ -477,27 +464,3 @@ def _object_state(source: str, described: ObjectDescription) -> ObjectState:
         own_opacity=described.opacity, own_surface=described.deform, variants=variants,
         former_name=described.former_name,
     )  # fmt: skip
-
-
-def with_display_names(document: Document, text: str) -> str:
-    """A line for the user with layers by name, and the curve or parameter that follows each, as panels show them.
-
-    Commands, scripts and the worker use keys and paths ("tray.1", "theta_h"); on screen the layer is "tray / lacquer"
-    and its curve "half". A path that could be typed ("tray.1.alpha") stays one.
-    """
-    for key, layer in document.layers():
-        if key in text:
-            text = _with_layer_name(key, layer, text)
-    return text
-
-
-def _with_layer_name(key: str, layer: Layer, text: str) -> str:
-    labels = {factor.name: factor.word for factor in all_factors(layer.model)}
-    labels |= {parameter.name: parameter.label for parameter in layer.parameter_table}
-    name = f"{object_of(key)} / {layer.title}"
-
-    def said(found: re.Match[str]) -> str:
-        what = found[1] or ""
-        return f"{name} {labels[what]}" if what in labels else f"{name} {what}" if what else name
-
-    return re.sub(rf"(?<![\w.]){re.escape(key)}(?!\w|\.\w)(?: (\w+))?", said, text)

@@ -3,7 +3,7 @@
 import pytest
 
 from app.document.commands.layers import SetParameter
-from app.document.document import with_display_names
+from app.document.display_names import with_display_names
 from tests.ui.stand_in import StandInClient
 from ui.headless import HeadlessWindow
 

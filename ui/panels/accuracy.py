@@ -16,7 +16,7 @@ from imgui_bundle import ImVec2, imgui
 from numpy.typing import NDArray
 
 from app.document.commands.plan import OverrideLine
-from app.document.document import with_display_names
+from app.document.display_names import with_display_names
 from app.document.effective_settings import effective_view, override_lines_of
 from app.document.pareto_front import FrontPoint, ParetoFront, load_front
 from app.document.view_state import FRAME_BUDGET, SetView

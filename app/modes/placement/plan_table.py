@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from app.document.document import Document, reflecting_layers, with_display_names
+from app.document.display_names import with_display_names
+from app.document.document import Document, reflecting_layers
 from app.document.node_layers import nodes_reason
 from app.document.view_state import ViewState
 from app.messages.editor_status import Status, duration

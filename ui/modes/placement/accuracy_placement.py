@@ -8,7 +8,7 @@ from dataclasses import replace
 from imgui_bundle import ImVec2, imgui
 
 from app.document.commands.plan import SetFirstBands
-from app.document.document import with_display_names
+from app.document.display_names import with_display_names
 from app.document.effective_settings import effective_view, override_lines_of
 from app.document.view_state import SetView
 from app.modes.placement.placement_status import PlacementStatus
