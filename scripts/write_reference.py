@@ -41,7 +41,8 @@ from app.operators.registry import GROUPS, MENUS, OPERATORS, Menu, keys_of, list
 from app.operators.script import ScriptRecord, StepRecord
 from engine.material import MODELS
 from engine.material.bumps import Bumps
-from engine.material.layer_maps import LayerMaps, map_fields
+from engine.material.layer_maps import LayerMaps
+from engine.material.map_tables import map_fields
 from engine.material.opacity import Opacity
 from engine.material.parameters import Parameter
 from engine.scene import surface_kinds

@@ -27,7 +27,7 @@ from engine.light.probe_mappings import Mapping
 from engine.light.suns import Sun
 from engine.material.bumps import NO_BUMPS, Bumps, BumpsByObject, bump_fields
 from engine.material.layer import Layer
-from engine.material.layer_maps import map_fields
+from engine.material.map_tables import map_fields
 from engine.material.model import Factor, Model
 from engine.material.opacity import OPAQUE, Opacity, OpacityByObject, opacity_fields
 from engine.material.parameter_maps import MAPPED_KINDS

@@ -28,7 +28,7 @@ import numpy as np
 from engine.core.errors import InsituError, LoadError
 from engine.material import MODELS
 from engine.material.layer import Layer
-from engine.material.layer_maps import map_values
+from engine.material.map_tables import map_values
 from engine.material.model import channels, validate_parameters
 from engine.material.parameter_maps import parameter_maps_from
 from engine.material.parameters import FRESNEL, Parameter, ParameterError

@@ -42,7 +42,8 @@ from engine.light.probe_mappings import Mapping
 from engine.light.suns import Sun
 from engine.material.bumps import Bumps, bumps_of_parts
 from engine.material.layer import Layer
-from engine.material.layer_maps import LayerMaps, map_values
+from engine.material.layer_maps import LayerMaps
+from engine.material.map_tables import map_values
 from engine.material.opacity import Opacity, opacity_of_parts
 from engine.material.parameter_maps import parameter_map_table
 from engine.material.parameters import FRESNEL, Value

@@ -39,7 +39,7 @@ from engine.core.errors import InsituError
 from engine.curve.operators import ALL_CHANNELS, HALF_PI, Channels, Edit, Operator, OperatorError
 from engine.material.bumps import bump_fields
 from engine.material.layer import Layer
-from engine.material.layer_maps import map_fields
+from engine.material.map_tables import map_fields
 from engine.material.opacity import opacity_fields
 from engine.material.parameter_maps import MAPPED_KINDS, parameter_map_table
 from engine.realtime.deformers import KINDS

@@ -28,17 +28,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from engine.material.layer_maps import (
-    LEAST_REPEATS,
-    MAX_REPEATS,
-    TextureTransform,
-    Wrap,
-    flag_value,
-    image_file_name,
-    offset_value,
-    uv_set_value,
-    wrap_value,
-)
+from engine.material.layer_maps import LEAST_REPEATS, MAX_REPEATS, TextureTransform, Wrap
+from engine.material.map_tables import flag_value, image_file_name, offset_value, uv_set_value, wrap_value
 from engine.material.parameters import Parameter, ParameterError
 
 DEFAULT_HEIGHT = 0.01

@@ -18,10 +18,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, cast
 
-from engine.material.layer_maps import (
-    TEXTURE_SCALE,
-    TextureTransform,
-    Wrap,
+from engine.material.layer_maps import TEXTURE_SCALE, TextureTransform, Wrap
+from engine.material.map_tables import (
     flag_value,
     image_file_name,
     offset_value,

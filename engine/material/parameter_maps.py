@@ -17,7 +17,8 @@ from typing import Any, Literal, cast, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.material.layer_maps import IMAGE_KEYS, ChannelImage, channel_image_from, channel_image_table
+from engine.material.layer_maps import ChannelImage
+from engine.material.map_tables import IMAGE_KEYS, channel_image_from, channel_image_table
 from engine.material.parameters import Parameter, ParameterError, Value
 
 Float64Array = NDArray[np.float64]

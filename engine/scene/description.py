@@ -28,7 +28,8 @@ from pydantic import (
 from engine.light.probe_mappings import Mapping
 from engine.light.suns import SUN_DIAMETER
 from engine.material.bumps import BUMP_TABLES, NO_BUMPS, Bumps, bump_values, bumps_from
-from engine.material.layer_maps import LayerMaps, map_fields, map_values, maps_from
+from engine.material.layer_maps import LayerMaps
+from engine.material.map_tables import map_fields, map_values, maps_from
 from engine.material.opacity import OPAQUE, Opacity, opacity_from, opacity_values
 from engine.material.parameters import ParameterError
 from engine.scene.surface_kinds import NO_SURFACE, DeformSurface

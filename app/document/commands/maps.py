@@ -19,7 +19,8 @@ from app.document.linked_layers import Layers
 from engine.core.errors import InsituError, LoadError
 from engine.material.bumps import set_bump_field
 from engine.material.layer import Layer
-from engine.material.layer_maps import LayerMaps, set_map_field
+from engine.material.layer_maps import LayerMaps
+from engine.material.map_tables import set_map_field
 from engine.material.model import find_parameter
 from engine.material.opacity import set_opacity_field
 from engine.material.parameter_maps import parameter_map_from, parameter_map_table

@@ -14,15 +14,8 @@ from functools import partial
 from typing import NamedTuple, cast
 
 from engine.core.errors import LoadError
-from engine.material.layer_maps import (
-    MAX_REPEATS,
-    Channel,
-    ChannelImage,
-    LayerMaps,
-    TextureTransform,
-    Wrap,
-    channel_image_table,
-)
+from engine.material.layer_maps import MAX_REPEATS, Channel, ChannelImage, LayerMaps, TextureTransform, Wrap
+from engine.material.map_tables import channel_image_table
 from engine.scene.loaders.gltf_buffers import GltfBuffers
 from engine.scene.loaders.gltf_json import JsonObject
 from engine.scene.loaders.image_files import MOST_PIXELS, PIXELS_A_BYTE, decoding_cost

@@ -22,8 +22,8 @@ from engine.material.layer_maps import (
     Space,
     TextureTransform,
     Wrap,
-    channel_image_table,
 )
+from engine.material.map_tables import channel_image_table
 from engine.scene.loaders.image_files import MOST_PIXELS, PIXELS_A_BYTE, decoding_cost
 from engine.scene.loaders.pbr_layers import NumberImage
 from engine.scene.loaders.usd_layers import UsdLayers, UsdPlace

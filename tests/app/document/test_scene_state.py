@@ -9,7 +9,8 @@ from app.document.commands.light import SetIntensity
 from app.document.document import Document, document_from_description
 from app.document.scene_state import layer_state, scene_state
 from app.modes.placement.curves import Curves
-from engine.material.layer_maps import MapMeans, maps_from
+from engine.material.layer_maps import MapMeans
+from engine.material.map_tables import maps_from
 from engine.scene.description import parse_description
 from tests.app.fake_worker import SCENE
 

@@ -7,7 +7,8 @@ import pytest
 
 from app.project.project import Project, open_project
 from app.stills.stills import render_project
-from engine.material.layer_maps import Images, LayerMaps, maps_from
+from engine.material.layer_maps import Images, LayerMaps
+from engine.material.map_tables import maps_from
 from engine.precompute.direct.pipeline import Placement
 from engine.scene.map_sampler import MapSampler, mean_factor
 from engine.scene.scene_loader import load_scene

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine.material.layer_maps import Images, LayerMaps, map_values, maps_from
+from engine.material.layer_maps import Images, LayerMaps
+from engine.material.map_tables import map_values, maps_from
 from engine.material.parameters import ParameterError
 from engine.material.strokes import MAX_DABS, Stroke, Strokes, pack_dabs
 from engine.precompute.direct.pipeline import Placement
