@@ -33,6 +33,7 @@ from app.modes.placement.placement_events import LayerRadiance, TransportReady
 from app.modes.placement.placement_messages import ComputeTransport, ContractTransport, EstimateError
 from app.modes.placement.placement_status import RenderReport
 from engine.curve.operators import Operator
+from engine.light.suns import Sun
 from engine.settings import RenderSettings
 from tests.app.fake_worker import ServingClient
 
@@ -212,6 +213,8 @@ def test_a_long_drag_does_not_flood_the_worker() -> None:
 def test_only_a_turn_is_a_turn() -> None:
     wish = DesiredTransport(LightState(rotation=1.0), ())
     assert replace(wish, light=LightState(rotation=2.0)).moved_from(wish)
+    suns = (Sun((0.0, 1.0, 0.0), (1.0, 1.0, 1.0), name="Noon"),)
+    assert replace(wish, light=LightState(rotation=1.0, new_suns=suns)).moved_from(wish)
     assert not wish.moved_from(wish)
     assert not replace(wish, light=LightState("studio", rotation=2.0)).moved_from(wish)
     assert not replace(wish, light=LightState(rotation=2.0), settings=RenderSettings(400)).moved_from(wish)
