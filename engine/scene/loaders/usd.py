@@ -184,7 +184,11 @@ class _Walk:
             self._hidden[prim.place] = self._meet(prim)
         if self._hidden[prim.place]:
             return None
-        below = self._below(prim, place, top)
+        try:
+            below = self._below(prim, place, top)
+        except LoadError as error:
+            prim.leave_out("xformOpOrder", f"what hangs from it has no place, and is not shown: {error.reason}")
+            return None
         matrix = below.matrix if below.maps is None else below.matrix @ below.maps[0]
         if prim.kind in ("Mesh", *SHAPES):
             key = prim.place, below.material
@@ -237,7 +241,11 @@ class _Walk:
         if matrices is None or which is None or len(matrices) != len(which):
             prim.not_shown("protoIndices", "instances that are not shown: their lists have different lengths")
             return []
-        local = prim.affine_all(matrices.reshape(-1, 4, 4))
+        try:
+            local = prim.affine_all(matrices.reshape(-1, 4, 4))
+        except LoadError as error:
+            prim.not_shown("positions", f"instances that are not shown: {error.reason}")
+            return []
         maps = local if below.maps is None else (below.maps[:, None] @ local[None]).reshape(-1, 4, 4)
         which = which if below.maps is None else np.tile(which, len(below.maps))
         self._spend(prim, len(maps))

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from engine.core.errors import LoadError, describe_value
-from engine.scene.description import MAX_RADIANCE, valid_name
+from engine.scene.description import MAX_RADIANCE, check_transform, valid_name
 from engine.scene.loaders.model import RGB, ImportedDome, ImportedLamp, ImportedLight, LampShape
 from engine.scene.loaders.usd_layers import UsdLayers
 from engine.scene.loaders.usd_prims import Float64Array, UsdPrim
@@ -61,7 +61,10 @@ class UsdLights:
         angle = prim.clamped(_number(prim, "angle", 0.53), "inputs:angle", 0.0, 180.0)
         size = math.pi * math.sin(math.radians(angle) / 2.0) ** 2
         is_normal = _flag(prim, "normalize") or size == 0.0
-        direction = -matrix[:3, 2] / np.linalg.norm(matrix[:3, 2])
+        length = float(np.linalg.norm(matrix[:3, 2]))
+        if not length > 0.0:
+            raise prim.error("xformOpOrder", "a flat transform", "an axis that has a length")
+        direction = -matrix[:3, 2] / length
         irradiance = radiance if is_normal else radiance * size
         self.lights.append(
             ImportedLight(name, "directional", _triple(irradiance), direction=_triple(direction), diameter=angle)
@@ -85,6 +88,8 @@ class UsdLights:
         cone = self._cone(prim)
         turned = np.eye(4) if shape == "sphere" and cone is None else _TURNED
         placed = matrix @ np.diag([*sides, depth, 1.0]) @ turned
+        if problem := check_transform(placed.ravel().tolist()):
+            raise prim.error("xformOpOrder", "a flat transform", problem)
         self.lamps.append(ImportedLamp(name, shape, placed, _triple(np.minimum(radiance, MAX_RADIANCE)), cone))
 
     def _cone(self, prim: UsdPrim) -> tuple[float, float] | None:

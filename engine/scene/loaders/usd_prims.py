@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from engine.core.errors import LoadError
+from engine.core.errors import LoadError, describe_value
 from engine.core.native_decoders import Arrays
 from engine.scene.loaders.gltf_json import JsonObject, ReadLog
 
@@ -24,6 +24,7 @@ Float64Array = npt.NDArray[np.float64]
 Int64Array = npt.NDArray[np.int64]
 
 MAX_DEPTH = 256
+_CENTIMETRE = 0.01
 
 
 @dataclass(frozen=True)
@@ -96,6 +97,8 @@ class UsdPrim(JsonObject):
     def integers(self, key: str) -> Int64Array | None:
         """The integers of an array."""
         found = self.array(key)
+        if found is not None and not (np.abs(found) <= 1e15).all():
+            raise self.error(key, "numbers that are not whole", "integers")
         return None if found is None else found.astype(np.int64)
 
     def stored(self, key: str, width: int = 1) -> Float64Array | None:
@@ -206,6 +209,10 @@ def scene_of_tree(file: Path, tree: Any, arrays: Arrays) -> UsdScene:
         UsdPrim(values, path, file, log, kind, meta, own, arrays, tuple(below[k]))
         for k, (values, meta, path, kind, _, own) in enumerate(rows)
     )
-    if up not in ("Y", "Z") or not 1e-9 <= metres <= 1e9:
-        raise LoadError(file, "upAxis, metersPerUnit", [up, metres], "Y or Z, and a length from 1e-09 to 1e+09")
+    if up not in ("Y", "Z"):
+        log.notes[f"upAxis = {describe_value(up)}, taken as Y"] = None
+        up = "Y"
+    if not 1e-9 <= metres <= 1e9:
+        log.notes[f"metersPerUnit = {metres:g}, taken as {_CENTIMETRE:g}, as without one"] = None
+        metres = _CENTIMETRE
     return UsdScene(file, prims, log, {prim.place: prim for prim in prims}, up, metres, start, seconds)

@@ -310,8 +310,8 @@ class _TreeWriter:
         if isinstance(value, Sdf.AssetPath):
             return {"asset": value.path, "layer": self._layer_of(attribute)}
         if attribute.GetTypeName().isArray:
-            if value is None:
-                return None
+            if not hasattr(value, "__len__"):  # none, or of another type than the schema has
+                return _plain(value)
             items = np.asarray(value) if len(value) else np.zeros(0)
             if items.dtype.kind not in "fiub":
                 return {"words": list(map(str, value))[:MOST_WORDS]}

@@ -12,7 +12,7 @@ from engine.realtime.zonal_harmonics.pose import Pose
 from engine.realtime.zonal_harmonics.posed_scene import animated_pose
 from engine.scene.loaders.model import ImportedModel
 from engine.scene.loaders.usd import read_usd
-from engine.scene.mesh import Mesh, face_normals
+from engine.scene.mesh import Mesh, face_normals, join_meshes
 from tests.fuzz.usd_seeds import STAGES, write_images
 from tests.usd_text import CARD, SQUARE, place, read, unshown, usda, write
 
@@ -434,3 +434,32 @@ def test_without_the_library_one_line_says_what_to_install(tmp_path: Path, monke
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     with pytest.raises(LoadError, match=r"not installed, expected the extra for USD: pip install 'insitu\[usd\]'"):
         read_usd(write(tmp_path / "a.usda", CARD))
+
+
+# --------------------------------------------------------------------------------- what is wrong does not hide the rest
+
+
+def test_a_property_of_another_type_costs_its_own_prim_alone(tmp_path: Path) -> None:
+    points = SQUARE.partition("point3f[] points")[0] + "quatf points = (1, 0, 0, 0)\n"
+    holes = f'def Mesh "M" {{{SQUARE} float holeIndices = 3\n}}'
+    found = read(tmp_path, f'{CARD}\n{holes}\ndef Mesh "N" {{{points}}}')
+    assert area(join_meshes([part.mesh for part in found.parts])) == pytest.approx(4.0)
+    assert len([each for each in found.unshown if each.name.startswith("Mesh.")]) == 2
+
+
+@pytest.mark.parametrize("matrix", ["((1, 0, 0, 1), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1))",
+                                    "((nan, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1))"])  # fmt: skip
+def test_what_has_no_place_is_listed(tmp_path: Path, matrix: str) -> None:
+    lost = f"""def Xform "X" {{ matrix4d xformOp:transform = {matrix}
+        uniform token[] xformOpOrder = ["xformOp:transform"]
+        {CARD}
+    }}"""
+    found = read(tmp_path, f"{CARD}\n{lost}")
+    assert area(mesh_of(found)) == pytest.approx(4.0)
+    assert any(each.name == "Xform.xformOpOrder" and "has no place" in each.effect for each in found.unshown)
+
+
+def test_an_axis_and_a_unit_that_are_none_are_noted(tmp_path: Path) -> None:
+    found = read(tmp_path, CARD, 'upAxis = "X"\n    metersPerUnit = 0')
+    assert area(mesh_of(found)) == pytest.approx(4.0e-4)  # centimetres
+    assert found.notes == ("upAxis = X, taken as Y", "metersPerUnit = 0, taken as 0.01, as without one")

@@ -184,3 +184,16 @@ def test_orthographic_cameras_show_the_same_height_from_afar(tmp_path: Path) -> 
     # Apertures are in tenths of a unit: 40 are 4 m.
     assert 2.0 * distance * math.tan(math.radians(found.camera.fov_y / 2.0)) == pytest.approx(4.0)
     assert unshown(model) == {"Camera.projection": 1}
+
+
+@pytest.mark.parametrize("light", ["DistantLight", "RectLight", "DiskLight"])
+def test_lights_under_a_flat_transform_are_not_lit(tmp_path: Path, light: str) -> None:
+    flat = f"""def Xform "X" {{ float3 xformOp:scale = (1, 1, 0)
+        uniform token[] xformOpOrder = ["xformOp:scale"]
+        def {light} "L" {{ float inputs:intensity = 3
+        }}
+    }}"""
+    scene = load_scene(write(tmp_path / "a.usda", f"{CARD}\n{flat}"))
+    assert not any(each.emits for each in scene.description.objects)
+    (listed,) = [each for each in scene.unshown if each.name == f"{light}.intensity"]
+    assert "a light that is not lit" in listed.effect and "a flat transform" in listed.effect
