@@ -29,11 +29,11 @@ from engine.material.dielectric import COAT_INDEX, F0, F90, WHITE_TINT, Gloss, s
 from engine.material.microfacet import ROUGHNESS, SMALLEST_ALPHA, conductor_fresnel, ggx, smith_ggx
 from engine.material.model import THETA_D, THETA_H, Float64Array, Parameters, channels, grey, number
 from engine.material.parameters import Parameter
+from engine.material.sheen import view_angles
 
-# Nodes of the quadrature of the directional albedo: views, half vectors by GGX's density, azimuths in half a turn.
-_N_VIEWS, _N_FACETS, _N_PHI = 33, 96, 24
+# Nodes of the quadrature of the directional albedo: half vectors by GGX's density, azimuths in half a turn.
+_N_FACETS, _N_PHI = 96, 24
 _N_FRESNEL = 181
-_STEEPEST = math.radians(89.5)
 INDEX: Parameter = dataclasses.replace(
     COAT_INDEX, tooltip="Index of refraction: 1.5 is varnish, which reflects 4 % head-on; more reflects more.",
     drives=("B",), minimum=1.01, maximum=5.0, soft=(1.0, 3.0),
@@ -73,7 +73,7 @@ class Varnish(Gloss):
         fresnel = curve(THETA_D.name)(_difference_angles()).max(axis=1)
         albedo = _directional_albedo(alpha, profile.tobytes(), np.ascontiguousarray(fresnel).tobytes())
         share = float(channels(params, "scale").max())
-        return np.asarray(share * np.interp(theta_o, _view_angles(), albedo), np.float64)
+        return np.asarray(share * np.interp(theta_o, view_angles(), albedo), np.float64)
 
 
 def facet_angles(alpha: float) -> Float64Array:
@@ -83,18 +83,13 @@ def facet_angles(alpha: float) -> Float64Array:
     return np.asarray(np.arctan(alpha * np.sqrt(x / (1.0 - x))))
 
 
-def _view_angles() -> Float64Array:
-    """Angles of the view from 0 to `_STEEPEST`, dense towards it, where the albedo changes fast."""
-    return np.asarray(_STEEPEST * (1.0 - np.linspace(1.0, 0.0, _N_VIEWS) ** 2))
-
-
 def _difference_angles() -> Float64Array:
     return np.linspace(0.0, 0.5 * math.pi, _N_FRESNEL)
 
 
 @lru_cache(maxsize=64)
 def _directional_albedo(alpha: float, profile: bytes, fresnel: bytes) -> Float64Array:
-    """Directional albedo at `_view_angles`. profile: D over GGX's at `facet_angles`; fresnel: F at angles theta_d.
+    """Directional albedo at `view_angles`. profile: D over GGX's at `facet_angles`; fresnel: F at angles theta_d.
 
     With d omega_i = 4 cos_d d omega_h, the integral is the mean of F G1 G1 cos_d / (cos_o cos_h) over half vectors by
     their density D cos_h.
@@ -102,8 +97,8 @@ def _directional_albedo(alpha: float, profile: bytes, fresnel: bytes) -> Float64
     theta = facet_angles(alpha)[:, None]
     phi = (np.arange(_N_PHI) + 0.5) * (math.pi / _N_PHI)
     ratio, curve = np.frombuffer(profile)[:, None], np.frombuffer(fresnel)
-    found = np.empty(_N_VIEWS)
-    for k, angle in enumerate(_view_angles()):
+    found = np.empty(len(view_angles()))
+    for k, angle in enumerate(view_angles()):
         sine, cos_o = math.sin(angle), math.cos(angle)
         cos_d = np.sin(theta) * np.cos(phi) * sine + np.cos(theta) * cos_o
         cos_i = 2.0 * cos_d * np.cos(theta) - cos_o

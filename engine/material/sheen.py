@@ -82,7 +82,7 @@ class Sheen(Model):
     ) -> Float64Array:
         profile = np.ascontiguousarray((channels(params, "scale") * curve(THETA_H.name)(_half_angles())).max(axis=1))
         albedo = _directional_albedo(number(params, "alpha"), profile.tobytes())
-        return np.asarray(np.interp(theta_o, _view_angles(), albedo), np.float64)
+        return np.asarray(np.interp(theta_o, view_angles(), albedo), np.float64)
 
 
 def _charlie(cos2: Float64Array, alpha: float) -> Float64Array:
@@ -108,7 +108,7 @@ def _shadow(cosine: Float64Array, alpha: float) -> Float64Array:
     return np.asarray(np.exp(np.where(cosine < 0.5, fit, 2.0 * middle - fit)))
 
 
-def _view_angles() -> Float64Array:
+def view_angles() -> Float64Array:
     """Angles of the view from 0 to `_STEEPEST`, dense towards it, where the albedo changes fast."""
     return np.asarray(_STEEPEST * (1.0 - np.linspace(1.0, 0.0, _N_VIEWS) ** 2))
 
@@ -120,13 +120,13 @@ def _half_angles() -> Float64Array:
 
 @lru_cache(maxsize=16)
 def _directional_albedo(alpha: float, profile: bytes) -> Float64Array:
-    """Directional albedo at `_view_angles`, for the values of D at `_half_angles`: the integral of D V cos_i over wi,
+    """Directional albedo at `view_angles`, for the values of D at `_half_angles`: the integral of D V cos_i over wi,
     with d omega_i = 4 cos(theta_d) d omega_h."""
     theta = _half_angles()[:, None]
     phi = (np.arange(_N_PHI) + 0.5) * (math.pi / _N_PHI)
     weight = np.frombuffer(profile)[:, None] * np.sin(theta) * (0.5 * math.pi / _N_THETA) * (2.0 * math.pi / _N_PHI)
     found = np.empty(_N_VIEWS)
-    for k, angle in enumerate(_view_angles()):
+    for k, angle in enumerate(view_angles()):
         sine, cos_o = math.sin(angle), math.cos(angle)
         cos_d = np.sin(theta) * np.cos(phi) * sine + np.cos(theta) * cos_o
         cos_i = 2.0 * cos_d * np.cos(theta) - cos_o

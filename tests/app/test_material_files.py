@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from app.document.commands.layers import SetFrozen, SetMaterial, SetVariant
+from app.document.view_state import ViewState
 from app.editor.editor import Editor
 from app.files.material_files import import_material, read_file_materials, split_material
+from app.files.session import load_session, save_session
 from app.messages.worker_messages import MaterialsRead, ReadMaterials
 from app.project.project import open_project
 from app.worker.tasks import RequestDispatcher
@@ -103,6 +105,18 @@ def test_the_command_line_sets_a_material_of_a_file(file: Path) -> None:
     assert ball.layers[0].maps.texture == "oak.png" == ball.bumps.normal_map
     with pytest.raises(InsituError, match="there is no such file|No such file"):
         open_project(str(scene), values=[("ball.material", str(file.parent / "birch.mtlx"))])
+
+
+def test_a_session_keeps_computed_maps_by_their_numbers(file: Path) -> None:
+    write_png(file.parent / "share.png", np.array([[0.0, 1.0], [0.25, 0.5]]))
+    nodes = image("i", "float", "share.png")
+    metal = linked("base_metalness", "float", "i") + linked("specular_roughness", "float", "i")
+    file.write_text(document(nodes + surface("open_pbr_surface", metal, "patchy")), encoding="utf-8")
+    project = open_project("teatray", (4, 4), values=[("teapot.material", str(file))])
+    layers = project.document.object("teapot").layers
+    assert layers[0].maps.texture == f"{file}#0"
+    saved = save_session(file.parent / "a.insitu", project.document, ViewState())
+    assert load_session(saved).document.object("teapot").layers == layers
 
 
 def test_an_edit_that_waits_for_its_file_cannot_be_carried_out(client: FakeClient, file: Path) -> None:

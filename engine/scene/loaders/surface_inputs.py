@@ -68,11 +68,6 @@ class SurfaceInputs:
         red, green, blue = np.clip(rgb_of(mean_of(found)), 0.0, high).tolist()
         return plain(red), plain(green), plain(blue)
 
-    def text(self, name: str) -> str:
-        """A choice."""
-        self._read.add(name)
-        return self._input(name).text
-
     def node_of(self, name: str) -> ShaderNode | None:
         """The node that an input comes from; counts as shown."""
         self._read.add(name)
