@@ -272,12 +272,23 @@ def _with_file_normals(surface: Surface) -> Mesh:
     if values is None:
         return mesh
     points = mesh.triangles.reshape(-1)
+    if prim.about(key, "interpolation", "vertex") in ("vertex", "varying"):
+        of_points = np.zeros_like(mesh.vertices)
+        of_points[points] = values.reshape(-1, 3)
+        return _with_usable_normals(prim, key, replace(mesh, normals=of_points))
     rows = np.empty((len(points), 4), np.float32)
     rows[:, :3], rows[:, 3] = values.reshape(-1, 3), points.view(np.float32)
     _, first, vertex = np.unique(rows.view("V16").ravel(), return_index=True, return_inverse=True)
-    vertices, triangles = mesh.vertices[points[first]], vertex.reshape(-1, 3).astype(np.int32)
-    normals, around = values.reshape(-1, 3)[first], smooth_normals(vertices, triangles)
-    is_usable = np.asarray(np.isfinite(normals).all(axis=1))
+    triangles = vertex.reshape(-1, 3).astype(np.int32)
+    split = Mesh(mesh.vertices[points[first]], triangles, values.reshape(-1, 3)[first])
+    return _with_usable_normals(prim, key, split)
+
+
+def _with_usable_normals(prim: UsdPrim, key: str, mesh: Mesh) -> Mesh:
+    """The mesh with unit normals; those that are no numbers are computed from the faces."""
+    assert mesh.normals is not None
+    around = smooth_normals(mesh.vertices, mesh.triangles)
+    is_usable = np.asarray(np.isfinite(mesh.normals).all(axis=1))
     if not is_usable.all():
         prim.note(key, f"{np.count_nonzero(~is_usable)} that are no numbers", "computed from the faces")
-    return Mesh(vertices, triangles, normalize(np.where(is_usable[:, None], normals, around), around))
+    return replace(mesh, normals=normalize(np.where(is_usable[:, None], mesh.normals, around), around))
