@@ -56,9 +56,7 @@ SCENE_HELP = (
     "scene's name."
 )
 Scene = Annotated[str, typer.Argument(help=SCENE_HELP)]
-Up = Annotated[
-    Axis, typer.Option("--up", help="The axis of a mesh that points up; glTF, USD and 3MF say it themselves.")
-]
+Up = Annotated[Axis, typer.Option("--up", help="The axis of a mesh that points up; glTF, USD, 3MF and COLLADA say it.")]
 Values = Annotated[
     list[str] | None, typer.Option("--set", metavar="PATH=VALUE", help="For example teapot.1.alpha=0.3.")
 ]

@@ -7,7 +7,7 @@ do not say (`test_trimesh` shows each). Of files with faults in our tests it tak
 each line; what remains for the library is less than what it does differently: it counts an OBJ file's relative indices
 from its end, splits vertices along seams of textures, fans concave polygons, rejects binary PLY files with polygons of
 different size, drops colours of OFF files, and takes an OFF file that was cut off. GLB files lose skins, morph targets
-and transforms of textures. `loaders.threemf` says what becomes of 3MF. Of COLLADA, skins would be lost without a word.
+and transforms of textures. `loaders.threemf` says what becomes of 3MF. `loaders.dae` of COLLADA.
 
 CPU seconds for 100,000 triangles, ours and trimesh's, on a busy machine: binary PLY 0.02 and 0.03, ASCII PLY 0.50 and
 0.28, OBJ 0.44 and 0.25, OFF 0.6 and 0.28, binary STL 0.10 and 0.04, ASCII STL 1.0 and 0.54, 3MF 0.28. A million take
@@ -30,7 +30,7 @@ from engine.core.errors import LoadError
 MATERIAL_ENDING = ".mtlx"  # of files that have materials alone
 USD_ENDINGS = (".usd", ".usda", ".usdc", ".usdz")
 MESH_ENDINGS = (
-    ".glb", ".gltf", *USD_ENDINGS, ".obj", ".ply", ".stl", ".off", ".3mf", MATERIAL_ENDING,
+    ".glb", ".gltf", *USD_ENDINGS, ".obj", ".ply", ".stl", ".off", ".3mf", ".dae", MATERIAL_ENDING,
 )  # fmt: skip
 MAX_MESH_BYTES = 512 * 2**20
 MAX_COORDINATE = 1e12

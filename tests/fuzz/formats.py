@@ -232,6 +232,14 @@ def stls(_: Path) -> list[bytes]:
     return [text().encode(), (text(name="") * 2).encode(), binary(header=b"x"), binary(coloured, b"COLOR=abcd")]
 
 
+def daes(_: Path) -> list[bytes]:
+    from tests.engine.scene.loaders.test_dae import BIND, MESH, PHONG, WHOLE
+
+    shading = PHONG.format(diffuse='<texture texture="q" texcoord="UV"/>')
+    nodes = f"<node><scale>-1 1 1</scale>{BIND}</node><node><rotate>0 0 1 30</rotate>{BIND}</node>"
+    return [WHOLE.format(up="Z_UP", unit="", nodes=nodes, shading=shading, mesh=MESH.format(lines="")).encode()]
+
+
 def offs(_: Path) -> list[bytes]:
     from tests.engine.scene.loaders.test_off import PLACES
 
@@ -605,6 +613,7 @@ FORMATS = {
     "mtl": Format("a.mtl", mtls, read_library, is_text=True),
     "stl": Format("a.stl", stls, read_mesh_file),
     "off": Format("a.off", offs, read_mesh_file, is_text=True),
+    "dae": Format("a.dae", daes, read_mesh_file, is_text=True),
     "3mf": Format("a.model", models, read_model, is_text=True),
     "mtlx": Format("a.mtlx", mtlxs, read_mtlx_file, is_text=True),
     "zip": Format("a.zip", archives, read_archive),

@@ -23,6 +23,7 @@ _READERS = {
     ".off": ("off", "read_off"),
     ".stl": ("stl", "read_stl"),
     ".3mf": ("threemf", "read_3mf"),
+    ".dae": ("dae", "read_dae"),
     ".mtlx": ("mtlx", "read_mtlx"),
     ".usd": ("usd", "read_usd"),
     ".usda": ("usd", "read_usd"),
