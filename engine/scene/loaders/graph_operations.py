@@ -139,7 +139,7 @@ def switch(which: Array, **inputs: Array) -> Array:
 
 def chosen(is_met: Array, **inputs: Array) -> Array:
     """in1 where a condition is met, else in2; without these the condition itself."""
-    return np.where(is_met, inputs["in1"], inputs["in2"]) if len(inputs) == 2 else np.asarray(is_met)
+    return np.where(is_met, inputs["in1"], inputs["in2"]) if {"in1", "in2"} <= inputs.keys() else np.asarray(is_met)
 
 
 def transform(in_: Array, mat: Array) -> Array:

@@ -274,6 +274,7 @@ def test_a_document_of_two_graphs_and_custom_nodes(tmp_path: Path) -> None:
         node("blur", "color3", "last", ""),
         node("switch", "color3", "last", given("in2", "color3", COLOUR) + number("which", 1.0)),
         node("switch", "color3", "last", number("which", 1.0)),
+        node("ifgreater", "color3", "last", given("in1", "float", "1") + given("in3", "float", "1")),
         node("combine3", "color3", "last", given("in2", "color4", "1, 2, 3, 4")),
         node("constant", "color3", "c", given("value", "float", "0.5"))
         + node("rgbtohsv", "color3", "last", linked("in", "color3", "c")),
