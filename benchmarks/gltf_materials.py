@@ -114,6 +114,11 @@ CASES: Mapping[str, Case] = {
         replace(_INPUTS, metallic=1.0, roughness=0.3, iridescence=0.8, iridescence_ior=1.8),
         {f"{_FILM}.iridescenceTexture": (Texture("iridescence", "r"),)},
     ),
+    "anisotropy": Case(
+        _material(1.0, 0.4, anisotropy={"anisotropyStrength": 0.8}),
+        replace(_INPUTS, metallic=1.0, anisotropy=0.8),
+        {**_BASE, "extensions.KHR_materials_anisotropy.anisotropyTexture": (Texture("anisotropy", "b"),)},
+    ),
     "specular-glossiness": Case(
         {"extensions": {"KHR_materials_pbrSpecularGlossiness": {
             "diffuseFactor": [0.5, 0.3, 0.2, 1.0], "specularFactor": [0.6, 0.6, 0.6], "glossinessFactor": 0.6,
@@ -304,7 +309,10 @@ def _png(seed: int, channels: Sequence[Texture]) -> bytes:
     if not any(each.channel == "a" for each in channels):
         tiles[..., 3] = 255
     buffer, slope = io.BytesIO(), np.concatenate([slope.repeat(3, axis=2), np.ones((side, 1, 1))], axis=2)
-    Image.fromarray((tiles * slope).astype(np.uint8), "RGBA").save(buffer, "PNG")
+    pixels = (tiles * slope).astype(np.uint8)
+    if any(each.name == "anisotropy" for each in channels):  # red and green are the direction: along u
+        pixels[..., :2] = 255, 128
+    Image.fromarray(pixels, "RGBA").save(buffer, "PNG")
     return buffer.getvalue()
 
 

@@ -66,6 +66,7 @@ EDITABLE_BANDS = {
     kinds.SLOPE_V: 32,
     kinds.PHI_H: 16,
     kinds.GAMMA_WIDTH: 64,
+    kinds.STREAK: 64,
     kinds.PHI_D: 16,
     kinds.THETA_D: 16,
     kinds.THETA_I: 16,

@@ -27,6 +27,7 @@ from engine.light.probe_mappings import Mapping
 from engine.light.suns import Sun
 from engine.material.bumps import NO_BUMPS, Bumps, BumpsByObject, bump_fields
 from engine.material.layer import Layer
+from engine.material.layer_maps import LayerMaps
 from engine.material.map_tables import map_fields
 from engine.material.model import Factor, Model
 from engine.material.opacity import OPAQUE, Opacity, OpacityByObject, opacity_fields
@@ -114,7 +115,8 @@ class ObjectState:
     object that the scene declares fixed. Its ``deformations`` apply one after another, to its pose by its file's
     animation at a ``moment``; None: to its rest pose. ``animations`` are those of its file. ``new_bumps`` replace the
     ``own_bumps`` of the scene's file, ``new_opacity`` its ``own_opacity``, ``new_surface`` its ``own_surface``, which
-    only Deform draws. ``variants`` are the materials that its file gives it by the names of the scene's variants.
+    only Deform draws. ``emission_texture`` multiplies its emission. ``variants`` are the materials that its file gives
+    it by the names of the scene's variants.
     ``former_name`` is its name in sessions of version 2, empty where that is the same.
     """
 
@@ -127,6 +129,7 @@ class ObjectState:
     deformations: tuple[Deformation, ...] = ()
     moment: Moment | None = None
     animations: Animations = ()
+    emission_texture: LayerMaps = LayerMaps()
     own_bumps: Bumps = NO_BUMPS
     new_bumps: Bumps | None = None
     own_opacity: Opacity = OPAQUE
@@ -460,7 +463,8 @@ def _object_state(source: str, described: ObjectDescription) -> ObjectState:
         for each in described.variants
     )  # fmt: skip
     return ObjectState(
-        described.name, layers, emission, described.editable, own_bumps=described.bumps,
+        described.name, layers, emission, described.editable, emission_texture=described.emission_texture,
+        own_bumps=described.bumps,
         own_opacity=described.opacity, own_surface=described.deform, variants=variants,
         former_name=described.former_name,
     )  # fmt: skip

@@ -31,6 +31,7 @@ from app.system.atomic import replacing_folder, require_folder, write_atomically
 from engine.core.generators import run_to_end
 from engine.material.layer import Layer, object_of
 from engine.render.display import exr_bytes
+from engine.scene.emission_textures import mean_emission
 from engine.scene.scene_loader import Scene
 
 RENDER = Path(__file__).with_name("render.py")
@@ -118,13 +119,16 @@ def _add_object(root: ElementTree.Element, project: Project, folder: Path, index
     shape = add(root, "shape", type="ply", id=stem)
     add(shape, "string", name="filename", value=f"meshes/{stem}.ply")
     add(shape, "boolean", name="face_normals", value=str(not scene.smooth[index]).lower())
-    if state.emits and state.emission is not None:
-        emission = np.multiply(state.emission, project.document.light.intensity)
+    lamp = [f"{name}: shines to all sides: its cone is not written"] if scene.description.objects[index].cone else []
+    if scene.emitters[index]:
+        emission = mean_emission(scene, index) * project.document.light.intensity
         add_numbers(add(shape, "emitter", type="area"), "rgb", "radiance", emission)
-    spot = [f"{name}: shines to all sides: its cone is not written"] if scene.description.objects[index].cone else []
+        lamp += [f"{name}: shines evenly: its texture is not written"] * (index in scene.emission_textures.tinted)
+    elif state.emits:
+        lamp += [f"{name}: black: what is unlit is not written"]
     if state.is_lamp:
         add_numbers(add(shape, "bsdf", type="diffuse"), "rgb", "reflectance", (0.0, 0.0, 0.0))
-        return spot
+        return lamp
     layers: list[Layer] = [layer for key, layer in project.layers.items() if object_of(key) == name]
     opacity, notes = scene.cutouts.opacities.get(index), list[str]()
     if opacity is not None:
@@ -137,7 +141,7 @@ def _add_object(root: ElementTree.Element, project: Project, folder: Path, index
         if opacity.opacity_vertices:
             notes.append("the opacity of its vertices is not written")
     notes += write_material(shape, layers, scene, index, folder, stem)
-    return spot + [f"{name}: {note}" for note in notes]
+    return lamp + [f"{name}: {note}" for note in notes]
 
 
 def ply_bytes(scene: Scene, index: int) -> bytes:

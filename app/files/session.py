@@ -224,6 +224,7 @@ def _with_saved(scene: ObjectState, saved: ObjectState) -> ObjectState:
     return replace(
         saved, emission=emission, layers=saved.layers or scene.layers, animations=scene.animations,
         moment=None if _lost_clip(scene, saved) else saved.moment, own_bumps=scene.own_bumps, new_bumps=new,
+        emission_texture=scene.emission_texture,
         own_opacity=scene.own_opacity, new_opacity=opacity,
         own_surface=scene.own_surface, new_surface=surface, variants=scene.variants,
     )  # fmt: skip

@@ -215,7 +215,7 @@ def _geometry_key(scene: Scene, n_edge_rays: int) -> str:
     return content_key(
         CACHE_VERSION, camera, scene.origin, scene.resolution, n_edge_rays, scene.vertices, scene.normals,
         scene.triangles, scene.object_of_triangle, scene.smooth, scene.emission, scene.cones,
-        scene.cutouts.digest,
+        scene.cutouts.digest, scene.emission_textures.digest,
     )  # fmt: skip
 
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -33,7 +34,20 @@ OF_A_PIECE, MOST_CUT = 2.0, 1 << 16
 FEWEST_OF_AN_OBJECT = 64
 
 Float64Array = NDArray[np.float64]
-Importance = Callable[[Float64Array, NDArray[np.intp]], Float64Array]
+# The radiance (K, 3) of parts (K, 3, 3) of triangles with these indices (K,), where it varies over them.
+Emitted = Callable[[Float64Array, NDArray[np.integer]], Float64Array]
+# How important it is to divide such parts (K, 3, 3) with this radiance (K, 3): (K,).
+Importance = Callable[[Float64Array, NDArray[np.intp], Float64Array], Float64Array]
+
+
+class MergedTriangles(NamedTuple):
+    """Triangles (K, 3, 3) with radiance (K, 3); source (K,): one of the given triangles that each replaces; is_part
+    (K,): whether it is that triangle alone, or a part of it."""
+
+    corners: Float64Array
+    radiance: Float64Array
+    source: NDArray[np.intp]
+    is_part: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +73,7 @@ class EmitterPatches:
 
 @dataclass(frozen=True, eq=False)
 class EmitterTree:
-    """N nodes, the T emitting triangles first: corners (N, 3, 3), radiance (N, 3) and cones (N, 4), float32.
+    """N nodes, the T emitting triangles first: corners (N, 3, 3), mean radiance (N, 3) and cones (N, 4), float32.
 
     child (N,) int32: the first of a node's two halves, which are adjacent and come later, or -1; parent (N,) int32, -1
     for roots; first (N,) int64: the first leaf below a node.
@@ -84,25 +98,27 @@ def spread_places(triangles: NDArray[np.floating]) -> NDArray[np.float32]:
 
 
 def emitter_patches(
-    triangles: ArrayLike, radiance: ArrayLike, n_patches: int, cones: ArrayLike | None = None
-) -> EmitterPatches:
+    triangles: ArrayLike, radiance: ArrayLike, n_patches: int, cones: ArrayLike | None = None,
+    varying: Emitted | None = None,
+) -> EmitterPatches:  # fmt: skip
     """Divides emitting triangles (T, 3, 3), in metres, with radiance (T, 3) and cones (T, 4), None for none, into
     `n_patches` patches of about equal area.
 
     Triangles without area or without radiance are omitted. The others are never merged, so there are more than
     `n_patches` patches if there are more triangles. Total flux is preserved. The patches of one triangle are adjacent,
     so that every n-th patch samples the whole emitter. Raises ValueError for wrong shapes, negative or non-finite
-    values, or n_patches < 1.
+    values, or n_patches < 1. varying: see `emitter_tree`.
     """
-    return emitter_tree(triangles, radiance, n_patches, cones=cones).leaves
+    return emitter_tree(triangles, radiance, n_patches, cones=cones, varying=varying).leaves
 
 
 def emitter_tree(
     triangles: ArrayLike, radiance: ArrayLike, n_leaves: int, importance: Importance | None = None,
-    cones: ArrayLike | None = None,
+    cones: ArrayLike | None = None, varying: Emitted | None = None,
 ) -> EmitterTree:  # fmt: skip
-    """The same patches as leaves of a tree. importance(corners (K, 3, 3), roots (K,)) -> (K,): the node of greatest
-    importance is bisected first, and none with 0; roots are indices among the emitting triangles. None: by area."""
+    """The same patches as leaves of a tree. importance: the node of greatest importance is bisected first, and none
+    with 0; None: by area. varying: the radiance of leaves, where it varies over the triangles, whose radiance is its
+    mean; a node above has the mean of its halves. Both take indices among the emitting triangles."""
     corners, emitted = np.asarray(triangles, np.float64), np.asarray(radiance, np.float64)
     if corners.ndim != 3 or corners.shape[1:] != (3, 3) or emitted.shape != (len(corners), 3):
         raise ValueError(f"triangles {corners.shape} and radiance {emitted.shape}, expected (T, 3, 3) and (T, 3)")
@@ -113,16 +129,21 @@ def emitter_tree(
     emitting = emitting_triangles(corners, emitted)
     of_triangles = all_round(len(corners)) if cones is None else np.asarray(cones, np.float32)
     corners, emitted, of_triangles = corners[emitting], emitted[emitting], of_triangles[emitting]
-    nodes, root, child = _halve(corners, n_leaves, importance or (lambda halves, roots: _areas(halves)))
+    nodes, root, radiance_of, child = _halve(
+        corners, n_leaves, importance or (lambda halves, roots, radiance: _areas(halves)),
+        varying or (lambda halves, roots: emitted[roots]),
+    )  # fmt: skip
     first, split = _first_leaves(child, len(corners)), np.flatnonzero(child >= 0)
+    for node in split[::-1]:  # halves come after wholes
+        radiance_of[node] = 0.5 * (radiance_of[child[node]] + radiance_of[child[node] + 1])
     parent = np.full(len(child), -1)
     parent[child[split]], parent[child[split] + 1] = split, split
     leaf = np.flatnonzero(child < 0)
     leaf = leaf[np.argsort(first[leaf])]
     return EmitterTree(
-        nodes.astype(np.float32), emitted[root].astype(np.float32), of_triangles[root], child.astype(np.int32),
+        nodes.astype(np.float32), radiance_of.astype(np.float32), of_triangles[root], child.astype(np.int32),
         parent.astype(np.int32), first, len(corners),
-        _patches(nodes[leaf], emitted[root[leaf]], of_triangles[root[leaf]]),
+        _patches(nodes[leaf], radiance_of[leaf], of_triangles[root[leaf]]),
     )  # fmt: skip
 
 
@@ -132,32 +153,36 @@ def emitting_triangles(corners: Float64Array, radiance: Float64Array) -> NDArray
 
 
 def merge_triangles(
-    corners: Float64Array, radiance: Float64Array, most: int, cones: NDArray[np.float32] | None = None
-) -> tuple[Float64Array, NDArray[np.intp]]:
-    """Merges many emitting triangles (T, 3, 3) with radiance (T, 3) and cones (T, 4), None for none, into at most about
-    `most` (K, 3, 3); returns them, and for each (K,) one of the triangles that it replaces.
+    corners: Float64Array, radiance: Float64Array, most: int, kinds: NDArray[np.integer] | None = None
+) -> MergedTriangles:
+    """Merges many emitting triangles (T, 3, 3) with radiance (T, 3) into at most about `most`.
 
-    Adjacent triangles of similar orientation, equal radiance and equal cone become one with the direction of the sum of
-    their area vectors, the sum of their areas, and the centre and the two extents of the whole. It passes through their
-    outermost corner, so that they do not hide it. Each radiance retains at least one triangle. The length of the summed
-    vectors as area was rejected: it omits the part of a curved patch that is visible from its side, and a ball of 64
-    triangles was 1.5 % too dark.
+    Adjacent triangles of similar orientation and of one kind (T,), by default of equal radiance, become one with the
+    direction of the sum of their area vectors, the sum of their areas, their mean radiance, and the centre and the two
+    extents of the whole. It passes through their outermost corner, so that they do not hide it. Each kind retains at
+    least one triangle. The length of the summed vectors as area was rejected: it omits the part of a curved patch that
+    is visible from its side, and a ball of 64 triangles was 1.5 % too dark.
 
     Slivers are divided first: otherwise up to 7 % of the light of a tube with 384 sides, each as long as the tube, was
     misplaced.
     """
+    source = np.arange(len(corners))
     if len(corners) <= most:
-        return corners, np.arange(len(corners))
-    corners, source = _without_slivers(corners, OF_A_PIECE * math.sqrt(_areas(corners).sum() / most))
-    emission = radiance if cones is None else np.concatenate([radiance, cones], axis=1)
+        return unmerged(corners, radiance)
+    if kinds is None:
+        kinds = np.unique(radiance, axis=0, return_inverse=True)[1].ravel()
+    corners, source = _without_slivers(corners, source, OF_A_PIECE * math.sqrt(_areas(corners).sum() / most))
+    radiance, kinds = radiance[source], kinds[source]
     vectors, middles = _area_vectors(corners), corners.mean(axis=1)
     areas = np.linalg.norm(vectors, axis=1)
     extent = float(np.linalg.norm(np.ptp(middles, axis=0))) or 1.0
-    features = np.concatenate([middles / extent, 0.5 * vectors / areas[:, None]], axis=1)
-    power = areas * (radiance[source] @ LUMINANCE)
-    _, kinds = np.unique(emission[source], axis=0, return_inverse=True)
-    order = np.argsort(kinds.ravel(), kind="stable")
-    groups = np.split(order, np.cumsum(np.bincount(kinds.ravel()))[:-1])
+    brightness = radiance @ LUMINANCE
+    shade = 0.5 * brightness / max(float(brightness.max()), 1e-300)  # dark ones are not merged with bright ones
+    features = np.concatenate([middles / extent, 0.5 * vectors / areas[:, None], shade[:, None]], axis=1)
+    power = areas * brightness
+    _, kinds = np.unique(kinds, return_inverse=True)
+    order = np.argsort(kinds, kind="stable")
+    groups = np.split(order, np.cumsum(np.bincount(kinds))[:-1])
     spread = [_weighted_variance(features[group], power[group]) for group in groups]
     while len(groups) < most:
         widest = int(np.argmax(spread))
@@ -171,31 +196,42 @@ def merge_triangles(
                 [half],
                 [_weighted_variance(features[half], power[half])],
             )
-    merged = np.array([_merge_group(corners[group], vectors[group]) for group in groups])
-    return merged, source[[group[0] for group in groups]]
+    return MergedTriangles(
+        np.array([_merge_group(corners[group], vectors[group]) for group in groups]),
+        np.array([_mean(radiance[group], areas[group]) for group in groups]),
+        source[[group[0] for group in groups]],
+        np.array([len(group) == 1 for group in groups]),
+    )
+
+
+def unmerged(corners: Float64Array, radiance: Float64Array) -> MergedTriangles:
+    """Triangles (T, 3, 3) with radiance (T, 3) as they are."""
+    return MergedTriangles(corners, radiance, np.arange(len(corners)), np.ones(len(corners), bool))
 
 
 def merged_by_object(
-    corners: Float64Array, objects: NDArray[np.integer], most: int
-) -> tuple[Float64Array, NDArray[np.integer]]:  # fmt: skip
-    """The same for triangles (T, 3, 3) of objects (T,), whatever their radiance: each object becomes its share of
-    `most` by area, and at least `FEWEST_OF_AN_OBJECT`. Triangles without area are omitted. Returns triangles and
+    corners: Float64Array, radiance: Float64Array, objects: NDArray[np.integer], most: int
+) -> tuple[MergedTriangles, NDArray[np.integer]]:
+    """The same for triangles (T, 3, 3) of objects (T,), with any radiance (T, 3), also none: each object becomes its
+    share of `most` by area, and at least `FEWEST_OF_AN_OBJECT`. Triangles without area are omitted. Also returns the
     objects."""
     areas = _areas(corners)
-    merged, owners = [np.zeros((0, 3, 3))], [objects[:0]]
+    none = MergedTriangles(np.zeros((0, 3, 3)), np.zeros((0, 3)), np.zeros(0, np.intp), np.zeros(0, bool))
+    found, owners = [none], [objects[:0]]
     for one in np.unique(objects[areas > 0.0]):
-        mine = (objects == one) & (areas > 0.0)
+        mine = np.flatnonzero((objects == one) & (areas > 0.0))
         wanted = max(round(most * areas[mine].sum() / areas.sum()), FEWEST_OF_AN_OBJECT)
-        pieces, _ = merge_triangles(corners[mine], np.ones((int(mine.sum()), 3)), wanted)
-        merged.append(pieces)
-        owners.append(np.full(len(pieces), one, objects.dtype))
-    return np.concatenate(merged), np.concatenate(owners)
+        pieces = merge_triangles(corners[mine], radiance[mine], wanted, np.zeros(len(mine), np.intp))
+        found.append(pieces._replace(source=mine[pieces.source]))
+        owners.append(np.full(len(pieces.corners), one, objects.dtype))
+    return MergedTriangles(*map(np.concatenate, zip(*found, strict=True))), np.concatenate(owners)
 
 
-def _without_slivers(corners: Float64Array, longest: float) -> tuple[Float64Array, NDArray[np.intp]]:
+def _without_slivers(
+    corners: Float64Array, source: NDArray[np.intp], longest: float
+) -> tuple[Float64Array, NDArray[np.intp]]:
     """The same surface (T, 3, 3) in triangles whose edges are at most `longest`, unless these would be too many; and
-    which triangle each is a part of."""
-    source = np.arange(len(corners))
+    the source (T,) of each."""
     while len(corners) < MOST_CUT:
         edges = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max(axis=1)
         long = edges > longest
@@ -207,9 +243,17 @@ def _without_slivers(corners: Float64Array, longest: float) -> tuple[Float64Arra
 
 
 def _weighted_variance(features: Float64Array, weights: Float64Array) -> float:
-    """Weighted squared distance of features (K, D) from their mean."""
+    """Weighted squared distance of features (K, D) from their mean; 0 where nothing has any weight."""
+    if not weights.any():
+        return 0.0
     middle = np.average(features, axis=0, weights=weights)
     return float(weights @ ((features - middle) ** 2).sum(axis=1))
+
+
+def _mean(radiance: Float64Array, areas: Float64Array) -> Float64Array:
+    """Mean radiance (3,) of triangles (K,); exactly theirs where it is equal."""
+    is_equal = (radiance == radiance[0]).all()
+    return radiance[0] if is_equal else np.asarray(np.average(radiance, axis=0, weights=areas))
 
 
 def _merge_group(corners: Float64Array, vectors: Float64Array) -> Float64Array:
@@ -246,23 +290,22 @@ def visible_importance(
     of its irradiance. One ray determines its visibility, so its error is as large where its triangle is partly visible,
     and the squared errors of n patches add. The importance is the mean of w² over the points.
     """
-    brightness = radiance @ LUMINANCE
 
-    def contribution(corners: Float64Array, roots: NDArray[np.intp]) -> Float64Array:
+    def contribution(corners: Float64Array, roots: NDArray[np.intp], radiance: Float64Array) -> Float64Array:
         towards = corners.mean(axis=1)[None] - points[:, None]
         distance = np.maximum(np.linalg.norm(towards, axis=2), 1e-12)
         cosine = np.maximum(np.einsum("pmi,pi->pm", towards, normals) / distance, 0.02)
         shares = 1.0 if cones is None else cone_shares(cones[roots], towards / distance[..., None])
-        return solid_angles(corners, points) * cosine * seen[:, roots] * brightness[roots] * shares
+        return solid_angles(corners, points) * cosine * seen[:, roots] * (radiance @ LUMINANCE) * shares
 
-    total = contribution(triangles, np.arange(len(triangles))).sum(axis=1)
+    total = contribution(triangles, np.arange(len(triangles)), radiance).sum(axis=1)
     scale = 1.0 / np.maximum(total + total.mean(), 1e-300)
     # Half visibility has the largest error; a fully visible triangle needs few rays, except for what the rays to it
     # missed.
     partly = 0.1 + 4.0 * seen * (1.0 - seen)
 
-    def importance(corners: Float64Array, roots: NDArray[np.intp]) -> Float64Array:
-        share = contribution(corners, roots) * scale[:, None]
+    def importance(corners: Float64Array, roots: NDArray[np.intp], radiance: Float64Array) -> Float64Array:
+        share = contribution(corners, roots, radiance) * scale[:, None]
         return np.mean(share * share * partly[:, roots], axis=0)
 
     return importance
@@ -306,14 +349,16 @@ def _areas(corners: Float64Array) -> Float64Array:
 
 
 def _halve(
-    corners: Float64Array, n_leaves: int, importance: Importance
-) -> tuple[Float64Array, NDArray[np.intp], NDArray[np.intp]]:
-    """Bisects the most important leaves until there are `n_leaves`: nodes (N, 3, 3), the root (N,) and first half (N,).
+    corners: Float64Array, n_leaves: int, importance: Importance, emitted: Emitted
+) -> tuple[Float64Array, NDArray[np.intp], Float64Array, NDArray[np.intp]]:
+    """Bisects the most important leaves until there are `n_leaves`: nodes (N, 3, 3), the root (N,) of each, its
+    radiance (N, 3) by `emitted`, and its first half (N,).
 
     All leaves with more than half of the largest importance are bisected at once: their halves usually have less.
     """
     nodes, root, child = [corners], [np.arange(len(corners))], [np.full(len(corners), -1)]
-    leaves, weights = np.arange(len(corners)), importance(corners, root[0])
+    radiance = [emitted(corners, root[0])]
+    leaves, weights = np.arange(len(corners)), importance(corners, root[0], radiance[0])
     n_nodes = len(corners)
     while 0 < len(leaves) < n_leaves and weights.max() > 0.0:
         chosen = np.flatnonzero(weights > (0.5 + 1e-6) * weights.max())
@@ -324,11 +369,12 @@ def _halve(
         links[leaves[chosen]] = n_nodes + 2 * np.arange(len(chosen))
         nodes, root, child = [every, halves], [roots, origin], [links, np.full(len(halves), -1)]
         # First halves replace the wholes, so that among equals the bisected ones are distributed over all emitters.
-        found, first = importance(halves, origin), n_nodes + 2 * np.arange(len(chosen))
+        radiance.append(emitted(halves, origin))
+        found, first = importance(halves, origin, radiance[-1]), n_nodes + 2 * np.arange(len(chosen))
         leaves[chosen], weights[chosen] = first, found[::2]
         leaves, weights = np.concatenate([leaves, first + 1]), np.concatenate([weights, found[1::2]])
         n_nodes += len(halves)
-    return np.concatenate(nodes), np.concatenate(root), np.concatenate(child)
+    return np.concatenate(nodes), np.concatenate(root), np.concatenate(radiance), np.concatenate(child)
 
 
 def _halves(corners: Float64Array) -> Float64Array:

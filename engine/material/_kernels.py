@@ -23,7 +23,8 @@ from engine.material import kinds
 
 THETA_I, THETA_R, THETA_H, THETA_D, THETA_O = kinds.THETA_I, kinds.THETA_R, kinds.THETA_H, kinds.THETA_D, kinds.THETA_O
 GAMMA_ALPHA, GAMMA_BETA, GAMMA_RATIO = kinds.GAMMA_ALPHA, kinds.GAMMA_BETA, kinds.GAMMA_RATIO
-GAMMA_WIDTH = kinds.GAMMA_WIDTH
+GAMMA_WIDTH, STREAK = kinds.GAMMA_WIDTH, kinds.STREAK
+ALPHA_ALONG, ALPHA_ACROSS = kinds.ALPHA_ALONG, kinds.ALPHA_ACROSS
 LAMBERT, PHONG, BLINN_PHONG, COOK_TORRANCE = kinds.LAMBERT, kinds.PHONG, kinds.BLINN_PHONG, kinds.COOK_TORRANCE
 SLOPE_U, SLOPE_V, PHI_H, PHI_D = kinds.SLOPE_U, kinds.SLOPE_V, kinds.PHI_H, kinds.PHI_D
 ROUGH_CONDUCTOR, ASHIKHMIN_SHIRLEY = kinds.ROUGH_CONDUCTOR, kinds.ASHIKHMIN_SHIRLEY
@@ -160,8 +161,8 @@ def gamma(kind: int, q: Float64Array, ix: float, iy: float, iz: float, ox: float
     """The angle over which a curve of this kind runs (engine.material.kinds), radians in [0, pi], error 2e-11.
 
     Beyond pi/2 a curve has no bands: f is 0 there. The half vector of opposite directions is the normal. q (8,) are the
-    layer's quotient parameters; GAMMA_RATIO and GAMMA_WIDTH take a number from them. Twice as fast in loops where the
-    compiler knows `kind`, because they vectorize.
+    layer's quotient parameters; GAMMA_RATIO, GAMMA_WIDTH and STREAK take numbers from them. Twice as fast in loops
+    where the compiler knows `kind`, because they vectorize.
     """
     if kind == THETA_I:
         return _angle(iz, ix * ix + iy * iy)
@@ -180,6 +181,10 @@ def gamma(kind: int, q: Float64Array, ix: float, iy: float, iz: float, ox: float
     # Slopes of the half vector along tangent and bitangent: tan gamma = |h_x| / h_z or |h_y| / h_z.
     if kind == SLOPE_U or kind == SLOPE_V:
         return math.atan2(abs(sx if kind == SLOPE_U else sy), sz)
+    # Of a streak that is alpha_t long and alpha_b wide: tan gamma^2 = ((alpha_b / alpha_t)^2 h_x^2 + h_y^2) / h_z^2.
+    if kind == STREAK:
+        lean = sx * q[ALPHA_ACROSS] / q[ALPHA_ALONG]
+        return math.atan2(math.sqrt(lean * lean + sy * sy), sz)
     # cos(phi_h)^2, the share of the exponent along the tangent.
     share = _share_of_u(sx, sy)
     if kind == PHI_H:

@@ -14,7 +14,10 @@ as seen from the side that is shown, by
     tangent_angle + tangent_range · grey(u, v)
 
 degrees, as Blender's *anisotropic rotation* does. All models are symmetric under half a turn, so that the default range
-of 180 degrees has every direction once; of measurements that are not, a map counts up to half a turn.
+of 180 degrees has every direction once; of measurements that are not, a map counts up to half a turn. With
+`tangent_along_u` it is instead rotated from the direction in which u grows towards that in which v does; a map with
+`tangent_vectors` has the directions themselves, along u in red and along v in green [glTF20,
+KHR_materials_anisotropy].
 
 Both rotate the frame in which a material reflects, and nothing else: position and face determine what a point sees and
 its shadows. So transport depends on them, and visibility does not.
@@ -95,7 +98,7 @@ class Bumps:
     pressed in. flip_green: whether a normal map's green means down and not up. bump_repeats: how often the image
     repeats along u and v; bump_offset, bump_wrap, bump_uv_set: see `engine.material.layer_maps.TextureTransform`.
     tangent_angle: degrees, about the normal; tangent_map: a grey image of further angles, white being tangent_range
-    degrees.
+    degrees, or of vectors; tangent_along_u: whether tangents follow the texture coordinates.
     """
 
     normal_map: str = ""
@@ -110,6 +113,8 @@ class Bumps:
     tangent_angle: float = 0.0
     tangent_map: str = ""
     tangent_range: float = 180.0
+    tangent_along_u: bool = False
+    tangent_vectors: bool = False
 
     @property
     def transform(self) -> TextureTransform:
@@ -131,6 +136,11 @@ class Bumps:
     def kind(self) -> str:
         """The field that has it."""
         return "bump_map" if self.bump_map else "normal_map"
+
+    @property
+    def rotates_tangents(self) -> bool:
+        """Whether tangents are not those around the object's own axis."""
+        return bool(self.tangent_angle or self.tangent_map or self.tangent_along_u)
 
     @property
     def is_flat(self) -> bool:
@@ -173,8 +183,8 @@ def set_bump_field(bumps: Bumps, name: str, value: object) -> Bumps:
 
 def bumps_from(tables: Mapping[str, object]) -> Bumps:
     """Bumps from their form in files: `normal_map` = {file, scale, repeats, offset, wrap, uv_set}, where scale is the
-    strength, or `bump_map` with a height; a normal map may have flip_green; and `tangent` = {angle, file, range}.
-    Raises ParameterError."""
+    strength, or `bump_map` with a height; a normal map may have flip_green; and `tangent` = {angle, file, range,
+    along_u, vectors}. Raises ParameterError."""
     if set(BUMP_KINDS) <= set(tables) or not set(tables) <= set(BUMP_TABLES):
         raise ParameterError(" and ".join(tables), dict(tables), "one of normal_map and bump_map")
     bumps = NO_BUMPS
@@ -217,7 +227,13 @@ _PLACE = {"repeats": "bump_repeats", "offset": "bump_offset", "wrap": "bump_wrap
 _KEYS = {
     "normal_map": {"file": "normal_map", "scale": "bump_strength", **_PLACE, "flip_green": "flip_green"},
     "bump_map": {"file": "bump_map", "scale": "bump_strength", "height": "bump_height", **_PLACE},
-    "tangent": {"angle": "tangent_angle", "file": "tangent_map", "range": "tangent_range"},
+    "tangent": {
+        "angle": "tangent_angle",
+        "file": "tangent_map",
+        "range": "tangent_range",
+        "along_u": "tangent_along_u",
+        "vectors": "tangent_vectors",
+    },
 }
 
 
@@ -234,4 +250,6 @@ _ACCEPTED: dict[str, Callable[[str, object], Any]] = {
     "tangent_angle": lambda name, value: TANGENT_ANGLE.accept(value),
     "tangent_map": image_file_name,
     "tangent_range": lambda name, value: TANGENT_RANGE.accept(value),
+    "tangent_along_u": flag_value,
+    "tangent_vectors": flag_value,
 }

@@ -18,9 +18,10 @@ SLOPE_V = 9  # arctan |h_y| / h_z: across
 PHI_H = 10  # azimuth of the half vector from the tangent, folded into [0, pi/2]; pi/4 where it is the normal
 GAMMA_WIDTH = 11  # 3.3.2: arccos of cos(theta_h) ** (cos(phi_h)^2 + r sin(phi_h)^2)
 PHI_D = 12  # azimuth of wi about the half vector from the plane of both and the normal, folded into [0, pi/2]
+STREAK = 13  # arctan of the half vector's slope, where that along the tangent counts as alpha_b / alpha_t of it
 
 # Angles of the half vector: a curve over one of them is a highlight. Those of HALF_AZIMUTHS make it anisotropic.
-HALF_AZIMUTHS = (GAMMA_ALPHA, GAMMA_BETA, GAMMA_RATIO, SLOPE_U, SLOPE_V, PHI_H, GAMMA_WIDTH)
+HALF_AZIMUTHS = (GAMMA_ALPHA, GAMMA_BETA, GAMMA_RATIO, SLOPE_U, SLOPE_V, PHI_H, GAMMA_WIDTH, STREAK)
 HALF_ANGLES = (THETA_H, *HALF_AZIMUTHS)
 
 # Models whose quotient is in `_kernels`, because most pictures need it to be fast.
@@ -43,6 +44,8 @@ FACING_REFLECTANCE = 0  # blinn_phong and both Ashikhmin-Shirley models
 # Ashikhmin-Shirley models with one curve: exponent n of the ratio, ratio r of the width. Below 0 its size is
 # meant, and tangent and bitangent change places.
 RATIO_EXPONENT = 1
+# brushed: the widths of its highlight along the tangent and across, alpha_t and alpha_b.
+ALPHA_ALONG, ALPHA_ACROSS = 0, 1
 # Measured models: the table and the smoothing of its curves, or, in the process that computes, their addresses; then
 # the colour that is looked up, or MEAN of all; the part; and whether the table is of an anisotropic surface.
 TABLE, SMOOTHING, CHANNEL, PART, ADAPTIVE = 0, 1, 2, 3, 4

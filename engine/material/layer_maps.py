@@ -40,7 +40,7 @@ CHANNELS: tuple[Channel, ...] = get_args(Channel)
 MAX_REPEATS, LEAST_REPEATS = 1000.0, 1e-3
 # Sets of texture coordinates that a mesh has at most: what glTF asks of every program [glTF20, 3.7.2.1].
 MAX_UV_SETS = 2
-_OF_SEVERAL = (".glb", ".gltf", ".mtlx", ".usd", ".usda", ".usdc", ".usdz")  # files that contain images
+_OF_SEVERAL = (".glb", ".gltf", ".3mf", ".mtlx", ".usd", ".usda", ".usdc", ".usdz")  # files that contain images
 TEXTURE_STRENGTH = Parameter(
     "texture_strength", "scalar", 1.0, "Strength", "Strength of the texture: 1 is all of it, 0 the plain layer."
 )

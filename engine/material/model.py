@@ -52,6 +52,7 @@ GAMMA_ALPHA = Factor("gamma_alpha", kinds.GAMMA_ALPHA, "along γ_α", "The highl
 GAMMA_BETA = Factor("gamma_beta", kinds.GAMMA_BETA, "across γ_β", "The highlight's profile across the brushing.")
 GAMMA_RATIO = Factor("gamma_ratio", kinds.GAMMA_RATIO, "ratio γᵣ", "How far the highlight reaches on its narrow side.")
 GAMMA_WIDTH = Factor("gamma_width", kinds.GAMMA_WIDTH, "width γ_w", "The streak's profile, from its middle outwards.")
+STREAK = Factor("streak", kinds.STREAK, "streak γ_s", "The streak's profile, from its middle outwards.")
 SLOPE_U = Factor("theta_u", kinds.SLOPE_U, "along θ_u", "The highlight's profile along the brushing.")
 SLOPE_V = Factor("theta_v", kinds.SLOPE_V, "across θ_v", "The highlight's profile across the brushing.")
 PHI_H = Factor("phi_h", kinds.PHI_H, "azimuth φₕ", "The highlight's strength from along the threads, 0°, to across.")

@@ -35,7 +35,7 @@ class GltfInputs:
     sheen_roughness: ArrayLike = 0.5
     clearcoat: ArrayLike = 0.0
     clearcoat_roughness: ArrayLike = 0.0
-    anisotropy: float = 0.0
+    anisotropy: ArrayLike = 0.0
     iridescence: ArrayLike = 0.0
     iridescence_ior: float = 1.3
     iridescence_thickness: ArrayLike = 400.0
@@ -79,10 +79,10 @@ def gltf_brdf(a: GltfInputs, light: Float64Array, view: Float64Array) -> Float64
 
 
 def _specular_brdf(
-    roughness: ArrayLike, anisotropy: float, light: Float64Array, view: Float64Array, h: Float64Array
+    roughness: ArrayLike, anisotropy: ArrayLike, light: Float64Array, view: Float64Array, h: Float64Array
 ) -> Float64Array:
     """D G / (4 NdotL NdotV) of GGX, (N,), wider along the tangent by KHR_materials_anisotropy."""
-    alpha = np.maximum(np.asarray(roughness, float) ** 2, LEAST_ALPHA)
+    alpha, anisotropy = np.maximum(np.asarray(roughness, float) ** 2, LEAST_ALPHA), np.asarray(anisotropy, float)
     a_t, a_b = alpha + (1.0 - alpha) * anisotropy**2, alpha
     n_l, n_v = np.maximum(light[:, 2], 1e-9), np.maximum(view[:, 2], 1e-9)
     w2 = (h[:, 0] / a_t) ** 2 + (h[:, 1] / a_b) ** 2 + h[:, 2] ** 2
@@ -91,7 +91,7 @@ def _specular_brdf(
     def length(w: Float64Array, n_w: Float64Array) -> Float64Array:
         return np.sqrt((a_t * w[:, 0]) ** 2 + (a_b * w[:, 1]) ** 2 + n_w**2)
 
-    if anisotropy > 0.0:  # the extension prints the height-correlated form, the core specification the separable one
+    if np.any(anisotropy > 0.0):  # the extension prints the form by height, the core specification the separable one
         return np.asarray(distribution * 0.5 / (n_l * length(view, n_v) + n_v * length(light, n_l)))
     return np.asarray(distribution / ((n_l + length(light, n_l)) * (n_v + length(view, n_v))))
 

@@ -15,7 +15,10 @@ from numpy.typing import NDArray
 from engine.light.cones import cone_shares
 from engine.light.environment import LUMINANCE, downsample
 from engine.precompute.direct.pipeline import SkyState
+from engine.scene.emission_textures import emitting_parts
+from engine.scene.raycaster import Intersections
 from engine.scene.scene_loader import Scene
+from engine.scene.surface_uvs import between
 
 Float64Array = NDArray[np.float64]
 
@@ -88,24 +91,14 @@ class SkyLight:
 
 
 class EmitterLight:
-    """All emitting triangles, sampled by power and uniformly over their area; they radiate from their front."""
+    """All emitting triangles, in parts that are sampled by power and uniformly over their area; they radiate from their
+    front, as their textures say at the very point."""
 
     def __init__(self, scene: Scene) -> None:
-        emitting = np.flatnonzero((scene.emitters & scene.emission.any(axis=1))[scene.object_of_triangle])
-        corners = scene.vertices[scene.triangles[emitting]].astype(np.float64)
-        edges = corners[:, 1:] - corners[:, :1]
-        across = np.cross(edges[:, 0], edges[:, 1])
-        area = np.linalg.norm(across, axis=1) / 2.0
-        emitting, corners, edges, across, area = (each[area > 0.0] for each in (emitting, corners, edges, across, area))
-        self._corner, self._edges = corners[:, 0], edges
-        self._normal = across / (2.0 * area[:, None])
-        self._radiance = scene.emission[scene.object_of_triangle[emitting]].astype(np.float64)
-        self._cones = scene.cones[scene.object_of_triangle[emitting]]
-        power = area * (self._radiance @ LUMINANCE)
-        self._table = np.cumsum(power) / power.sum() if len(power) else power
-        self._by_area = np.zeros(len(scene.triangles))
-        self._by_area[emitting] = np.diff(self._table, prepend=0.0) / area
-        self._triangle, self._normals = emitting, scene.geometric_normals
+        self._scene, self._parts = scene, emitting_parts(scene)
+        power = self._parts.power
+        self._table = np.cumsum(power) / power.sum() if power.any() else np.zeros(0)
+        self._by_area = np.diff(self._table, prepend=0.0) / self._parts.area if power.any() else np.zeros(0)
 
     @property
     def emits(self) -> bool:
@@ -113,20 +106,29 @@ class EmitterLight:
         return len(self._table) > 0
 
     def sample(self, points: Float64Array, u: Float64Array) -> LightSamples:
+        scene, parts = self._scene, self._parts
         which = np.minimum(np.searchsorted(self._table, u[:, 0], side="right"), len(self._table) - 1)
         root = np.sqrt(u[:, 1])  # uniform over a triangle
-        weights = np.stack([root * (1.0 - u[:, 2]), root * u[:, 2]], axis=1)
-        towards = self._corner[which] + np.einsum("nk,nki->ni", weights, self._edges[which]) - points
+        weights = np.stack([1.0 - root, root * (1.0 - u[:, 2]), root * u[:, 2]], axis=1)
+        triangle, (along, across) = parts.triangle[which], np.einsum("nk,nki->in", weights, parts.corners[which])
+        place = between(scene.vertices[scene.triangles[triangle]], along, across)
+        towards = place - points
         distance = np.maximum(np.linalg.norm(towards, axis=1), 1e-12)
         wi = towards / distance[:, None]
-        facing = -np.einsum("ni,ni->n", wi, self._normal[which])
-        pdf = _by_solid_angle(self._by_area[self._triangle[which]], distance, facing)
-        return LightSamples(wi, distance, pdf, self._radiance[which] * cone_shares(self._cones[which], wi)[:, None])
+        facing = -np.einsum("ni,ni->n", wi, scene.geometric_normals[triangle].astype(np.float64))
+        owner = scene.object_of_triangle[triangle]
+        radiance = scene.emission[owner].astype(np.float64) * cone_shares(scene.cones[owner], wi)[:, None]
+        radiance *= scene.emission_textures.at(triangle, along, across)
+        if scene.cutouts.passable.any():  # rays end before the surface, whether it is there or not
+            radiance *= scene.cutouts.opacity_at(triangle, along, across)[:, None]
+        return LightSamples(wi, distance, _by_solid_angle(self._by_area[which], distance, facing), radiance)
 
-    def pdf(self, triangle: NDArray[np.integer], wi: Float64Array, distance: Float64Array) -> Float64Array:
-        """Density (N,) with which `sample` draws wi (N, 3), if that hits a triangle (N,) of the scene."""
-        facing = -np.einsum("ni,ni->n", wi, self._normals[triangle].astype(np.float64))
-        return _by_solid_angle(self._by_area[triangle], distance, facing)
+    def pdf(self, found: Intersections, wi: Float64Array) -> Float64Array:
+        """Density (N,) with which `sample` draws wi (N, 3), whose rays hit triangles of the scene."""
+        part = self._parts.find(found.triangle, found.u, found.v)
+        by_area = np.where(part >= 0, self._by_area[part], 0.0) if self.emits else np.zeros(len(part))
+        facing = -np.einsum("ni,ni->n", wi, self._scene.geometric_normals[found.triangle].astype(np.float64))
+        return _by_solid_angle(by_area, found.distance.astype(np.float64), facing)
 
 
 def _by_solid_angle(by_area: Float64Array, distance: Float64Array, facing: Float64Array) -> Float64Array:

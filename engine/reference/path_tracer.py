@@ -213,7 +213,7 @@ class PathTracer:
         emission = emission_towards(self._scene, found, ids, directions)
         lamp = np.flatnonzero(emission.any(axis=1))
         if len(lamp):
-            other = self._emitters.pdf(found.triangle[lamp], wi[lamp], found.distance[lamp].astype(np.float64))
+            other = self._emitters.pdf(found.of(lamp), wi[lamp])
             radiance[path[lamp]] += weight[lamp] * (pdf[lamp] / (pdf[lamp] + other))[:, None] * emission[lamp]
         # Paths continue where rays hit reflecting surfaces.
         rows = np.flatnonzero(self._reflecting[ids]) if on else np.zeros(0, np.int64)

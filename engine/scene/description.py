@@ -109,7 +109,16 @@ def table_validator(kind: type[Table], parse: Callable[[dict[str, Any]], Table])
     return validate
 
 
+def _emission_maps(tables: dict[str, Any]) -> LayerMaps:
+    """The texture and vertex colours of an emission; a share of it would be another emission."""
+    for name in tables:
+        if name != "vertex_colours" and not name.startswith("texture"):
+            raise ParameterError(name, tables[name], "keys of a texture, or vertex_colours")
+    return maps_from(tables)
+
+
 _maps = table_validator(LayerMaps, maps_from)
+_texture = table_validator(LayerMaps, _emission_maps)
 _bumps = table_validator(Bumps, lambda tables: bumps_from(tables) if tables else NO_BUMPS)
 _opacity = table_validator(Opacity, opacity_from)
 
@@ -138,6 +147,7 @@ Name = Annotated[str, PlainValidator(_name)]
 Text = Annotated[str, Field(min_length=1, max_length=4096, strict=True)]
 ParameterValue = bool | float | str | tuple[float, ...]
 Maps = Annotated[LayerMaps, PlainValidator(_maps), PlainSerializer(map_values, return_type=dict)]
+EmissionTexture = Annotated[LayerMaps, PlainValidator(_texture), PlainSerializer(map_values, return_type=dict)]
 BumpMap = Annotated[Bumps, PlainValidator(_bumps), PlainSerializer(bump_values, return_type=dict)]
 OpacityTable = Annotated[Opacity, PlainValidator(_opacity), PlainSerializer(opacity_values, return_type=dict)]
 Parameter = Annotated[Any, PlainValidator(_parameter)]  # a ParameterValue; "Any" serializes unchanged
@@ -276,7 +286,8 @@ class VariantDescription(_Description):
 
 class ObjectDescription(_Description):
     """An object in the scene: geometry, transform, material, and the radiance that it emits from its front, in all
-    directions or into a cone."""
+    directions or into a cone, which its texture multiplies. unlit: that radiance is seen by the camera and lights
+    nothing [KHR_materials_unlit]."""
 
     name: Name
     mesh: Text | None = None
@@ -287,6 +298,8 @@ class ObjectDescription(_Description):
     editable: Annotated[bool, Field(strict=True)] = True
     emission: Radiance | None = None
     cone: ConeDescription | None = None
+    emission_texture: EmissionTexture = LayerMaps()
+    unlit: Annotated[bool, Field(strict=True)] = False
     bumps: BumpMap = NO_BUMPS
     opacity: OpacityTable = OPAQUE
     deform: DeformSurface = NO_SURFACE
@@ -300,6 +313,8 @@ class ObjectDescription(_Description):
     def _is_placed_geometry(self) -> ObjectDescription:
         if (self.mesh is None) == (self.primitive is None):
             raise ValueError("mesh: exactly one of mesh and primitive")
+        if self.cone is not None and self.emission_texture.is_tinted:
+            raise ValueError("cone: at most one of cone and emission_texture")
         if problem := check_transform(self.transform):
             raise ValueError(f"transform: {problem}")
         names = [layer.name for layer in self.layers if layer.name is not None]
@@ -324,12 +339,12 @@ class ObjectDescription(_Description):
     def is_of_files(self) -> bool:
         """Whether it has images, which need texture coordinates."""
         own = self.deform.is_mapped or bool(self.deform.files)
-        own = own or bool(self.opacity.opacity_map) or bool(self.bumps.files)
+        own = own or bool(self.opacity.opacity_map) or bool(self.bumps.files) or self.emission_texture.is_of_files
         return own or any(layer.maps.is_of_files or layer.parameter_maps for layer in self.layers)
 
     @property
     def emits(self) -> bool:
-        """Whether it is an emitter, itself or in a variant; with layers it reflects as well."""
+        """Whether it shines, itself or in a variant, as an emitter or unlit; with layers it reflects as well."""
         return any(each is not None and any(each) for each in (self.emission, *(v.emission for v in self.variants)))
 
     @property

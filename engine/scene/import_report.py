@@ -111,7 +111,10 @@ def report_scene(scene: Scene) -> ImportReport:
     materials = [
         scene.material_names[i] or " + ".join(layer.name or layer.model for layer in described[i].layers) for i in own
     ]
-    lights, environment = [each.name for each in described if each.emits], scene.description.environment
+    lights, environment = (
+        [each.name for each in described if each.emits and not each.unlit],
+        scene.description.environment,
+    )
     if environment is not None:
         lights += [] if is_mesh and _is_builtin(scene.environment_path) else ["environment"]
         lights += [each.name or f"sun {k}" for k, each in enumerate(environment.suns, 1)]
@@ -121,7 +124,7 @@ def report_scene(scene: Scene) -> ImportReport:
             images += [name for _, name in layer.maps.files]
             images += [each["map"] for each in layer.parameter_maps.values()]
         images += [name for _, name in (*described[i].bumps.files, *described[i].deform.files)]
-        images.append(described[i].opacity.opacity_map)
+        images += [described[i].opacity.opacity_map, described[i].emission_texture.texture]
     return ImportReport(
         files=_file_names(scene, is_mesh),
         objects=tuple(

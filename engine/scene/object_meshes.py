@@ -25,7 +25,7 @@ import numpy as np
 from engine.core.errors import LoadError, list_names
 from engine.core.safe_files import resolve_inside
 from engine.light.suns import Sun
-from engine.material.bumps import Bumps
+from engine.material.bumps import BUMP_IMAGES, Bumps, bump_fields
 from engine.material.opacity import OPAQUE, Opacity
 from engine.scene.area_lamps import area_lamps_of, environment_of
 from engine.scene.builtin import ASSETS
@@ -209,7 +209,7 @@ def _join_parts(parts: list[ImportedPart]) -> tuple[Mesh, Rig | None, bool]:
 def _material(item: ObjectDescription, part: ImportedPart) -> dict[str, Any]:
     """The material that a part of its file gives an object; its own bumps and opacity take precedence."""
     own = _surface(item, part)
-    glows = any(each.emission is not None for each in part.variants) or part.emission is not None
+    glows = any(each.emission is not None for each in part.variants) or part.emission.radiance is not None
     variants = tuple(
         VariantDescription(
             name=each.name, layer=_layers(each.layers, str(item.mesh)),
@@ -219,19 +219,22 @@ def _material(item: ObjectDescription, part: ImportedPart) -> dict[str, Any]:
     )  # fmt: skip
     return {
         "bumps": item.bumps, "opacity": item.opacity, **own, "layers": _layers(part.layers, str(item.mesh)),
-        "variants": variants, "emission": part.emission, "smooth": item.smooth and part.smooth,
+        "variants": variants, "emission": part.emission.radiance, "unlit": part.emission.unlit,
+        "emission_texture": part.emission.texture.with_files(lambda name: _image_name(str(item.mesh), name)),
+        "smooth": item.smooth and part.smooth,
     }  # fmt: skip
 
 
 def _surface(item: ObjectDescription, part: ImportedPart | ImportedVariant) -> dict[str, Any]:
     """The bumps and the opacity of a part or a variant of it, where its object has none of its own."""
     file, found = str(item.mesh), dict[str, Any]()
-    if not item.bumps.file:
-        found["bumps"] = replace(
-            part.bumps, normal_map=_image_name(file, part.bumps.normal_map),
-            bump_map=_image_name(file, part.bumps.bump_map), tangent_angle=item.bumps.tangent_angle,
-            tangent_map=item.bumps.tangent_map, tangent_range=item.bumps.tangent_range,
-        )  # fmt: skip
+    of_part = {name: getattr(part.bumps, name) for name in bump_fields()}
+    of_part |= {name: _image_name(file, of_part[name]) for name in BUMP_IMAGES}
+    takes_tangents = part.bumps.rotates_tangents and not item.bumps.rotates_tangents
+    takes_images = not item.bumps.file
+    taken = [name for name in bump_fields() if (takes_tangents if name.startswith("tangent") else takes_images)]
+    if taken:
+        found["bumps"] = replace(item.bumps, **{name: of_part[name] for name in taken})
     if item.opacity == OPAQUE:
         found["opacity"] = replace(part.opacity, opacity_map=_image_name(file, part.opacity.opacity_map))
     return found

@@ -14,12 +14,18 @@ if TYPE_CHECKING:
 
 class Lamps(NamedTuple):
     """Emitters that are seen from their front: pixels (E,), the object in each and its share of it, times what its cone
-    sends there of its radiance (E, 3)."""
+    sends there; factor (E, 3): the mean of its texture there, which multiplies the object's emission (E, 3)."""
 
     pixel: NDArray[np.integer]
     object: NDArray[np.integer]
     share: NDArray[np.floating]
-    radiance: NDArray[np.floating]
+    factor: NDArray[np.floating]
+    emission: NDArray[np.floating]
+
+    @property
+    def seen(self) -> NDArray[np.floating]:
+        """The radiance (E, 3) that each adds to its pixel."""
+        return self.share[:, None] * self.factor * self.emission
 
 
 def _no_floats() -> NDArray[np.float32]:
@@ -27,8 +33,8 @@ def _no_floats() -> NDArray[np.float32]:
 
 
 def no_lamps() -> Lamps:
-    none = np.zeros(0, np.int32)
-    return Lamps(none, none, _no_floats(), np.zeros((0, 3), np.float32))
+    none, nothing = np.zeros(0, np.int32), np.zeros((0, 3), np.float32)
+    return Lamps(none, none, _no_floats(), nothing, nothing)
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +115,8 @@ class PictureFrame:
 def _whole_lamps(object_image: NDArray[np.integer], emission_image: NDArray[np.floating]) -> Lamps:
     """The emitters of pixels that show one object each."""
     lit = np.flatnonzero(emission_image.any(axis=2))
-    return Lamps(lit, object_image.ravel()[lit], np.ones(len(lit), np.float32), emission_image.reshape(-1, 3)[lit])
+    one = np.ones((len(lit), 3), np.float32)
+    return Lamps(lit, object_image.ravel()[lit], one[:, 0], one, emission_image.reshape(-1, 3)[lit])
 
 
 def picture_frame(hits: PrimaryHits, camera: NDArray[np.floating]) -> PictureFrame:

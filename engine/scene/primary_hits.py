@@ -116,15 +116,20 @@ class _Rays(NamedTuple):
         """Which of them hit reflecting objects."""
         return np.flatnonzero((self.ids >= 0) & scene.reflecting[self.ids])
 
-    def lamps(self, scene: Scene, share: float, of: npt.NDArray[np.integer]) -> Lamps:
-        """The emitters that the rays `of` see, each ray representing this share of its pixel."""
+    def lamps(self, scene: Scene, share: float, of: npt.NDArray[np.integer], size: tuple[int, int]) -> Lamps:
+        """What the rays `of` see shining, each ray representing this share of its pixel of a picture of that size."""
         facing = np.einsum("rk,rk->r", scene.geometric_normals[self.found.triangle[of]], self.directions[of]) < 0.0
-        mine = of[(self.ids[of] >= 0) & facing & scene.emitters[self.ids[of]]]
+        mine = of[(self.ids[of] >= 0) & facing & scene.shining[self.ids[of]]]
+        places = _places(self.pixel[mine], self.offset[mine], size[0])
+        factors = scene.emission_textures.over_pixels(self.found.of(mine), places, size)
         n_objects = len(scene.emission)
         pairs, group = np.unique(self.pixel[mine].astype(np.int64) * n_objects + self.ids[mine], return_inverse=True)
-        sent = np.bincount(group.ravel(), cone_shares(scene.cones[self.ids[mine]], self.directions[mine]), len(pairs))
+        shares = cone_shares(scene.cones[self.ids[mine]], self.directions[mine])
+        sent = np.bincount(group.ravel(), shares, len(pairs))
+        sums = np.stack([np.bincount(group.ravel(), shares * each, len(pairs)) for each in factors.T], axis=1)
+        factor = np.divide(sums, sent[:, None], out=np.zeros(sums.shape), where=sent[:, None] > 0.0)
         pixel, ids = (each.astype(np.int32) for each in np.divmod(pairs, n_objects))
-        return Lamps(pixel, ids, (share * sent).astype(np.float32), scene.emission[ids].astype(np.float32))
+        return Lamps(pixel, ids, (share * sent).astype(np.float32), factor.astype(np.float32), scene.emission[ids])
 
 
 # Arrays of points by their names in `PrimaryHits`, with `ids` of the objects they are on.
@@ -165,8 +170,8 @@ def trace_primary_steps(
         yield
         background[edge] = (around.ids < 0).reshape(-1, n_edge_rays).mean(axis=1)
         inner = every[~edge]
-        lamps.append(around.lamps(scene, 1.0 / n_edge_rays, np.arange(len(around.ids))))
-    lamps.append(centres.lamps(scene, 1.0, inner))
+        lamps.append(around.lamps(scene, 1.0 / n_edge_rays, np.arange(len(around.ids)), size))
+    lamps.append(centres.lamps(scene, 1.0, inner, size))
     emitting = Lamps(*(np.concatenate(parts) for parts in zip(*lamps, strict=True)))
     ids = points.pop("ids")
     order = np.lexsort((points["offset"].any(axis=1), points["pixel"], ids))  # a pixel's centre first
@@ -186,7 +191,7 @@ def trace_primary_steps(
 def _emission_picture(lamps: Lamps, size: tuple[int, int]) -> Float32Array:
     """The picture (H, W, 3) of emitters."""
     image = np.zeros((size[0] * size[1], 3), np.float32)
-    np.add.at(image, lamps.pixel, lamps.share[:, None] * lamps.radiance)
+    np.add.at(image, lamps.pixel, lamps.seen)
     return image.reshape(size[1], size[0], 3)
 
 
@@ -283,9 +288,11 @@ def object_ids(scene: Scene, found: Intersections) -> Int32Array:
 def emission_towards(scene: Scene, found: Intersections, ids: Int32Array, directions: Float32Array) -> Float32Array:
     """Radiance (R, 3) of the emitters hit on their front, the side their winding faces."""
     facing = np.einsum("rk,rk->r", scene.geometric_normals[found.triangle], directions) < 0.0
-    emits = (ids >= 0) & facing
-    sent = scene.emission[ids] * cone_shares(scene.cones[ids], directions)[:, None]
-    return np.where(emits[:, None], sent, np.float32(0.0)).astype(np.float32)
+    emits = np.flatnonzero((ids >= 0) & facing & scene.emitters[ids])
+    hit, radiance = found.of(emits), np.zeros((len(ids), 3), np.float32)
+    sent = scene.emission[ids[emits]] * cone_shares(scene.cones[ids[emits]], directions[emits])[:, None]
+    radiance[emits] = sent * scene.emission_textures.at(hit.triangle, hit.u, hit.v)
+    return radiance
 
 
 def shading_frames(

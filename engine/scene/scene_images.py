@@ -1,7 +1,8 @@
 """Loads the images of a scene's objects, so that errors in them are reported at once.
 
 An image that a mesh file brings may be damaged inside, which only decoding tells: its material is then shown without
-it, as white, and the image is listed as not shown. An image that the scene file or the user names is refused.
+it, as white, or without its emission, and the image is listed as not shown. An image that the scene file or the user
+names is refused.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from typing import TYPE_CHECKING
 from engine.core.errors import LoadError
 from engine.core.safe_files import resolve_inside
 from engine.material.bumps import NO_BUMPS
-from engine.material.layer_maps import ChannelImage, Images, split_image_name
+from engine.material.layer_maps import ChannelImage, Images, LayerMaps, split_image_name
 from engine.scene.description import ObjectDescription
 from engine.scene.loaders.gltf_materials import without_images
 from engine.scene.loaders.model import UnshownProperty
@@ -57,6 +58,7 @@ def _check_places(scene: Scene, described: ObjectDescription) -> None:
     ]
     files += [("opacity_map", described.opacity.opacity_map)] if described.opacity.opacity_map else []
     files += [] if described.is_lamp else described.bumps.files
+    files += described.emission_texture.files
     for what, name in files:
         resolve_inside(scene.folder, split_image_name(name)[0], scene.file, what)
     for what, name in described.deform.files:
@@ -70,6 +72,7 @@ def _load(scene: Scene) -> None:
         every = [*described.layers, *(layer for variant in described.variants for layer in variant.layers)]
         wanted += [layer.maps.images for layer in described.layers if not layer.maps.is_plain]
         wanted += [Images(weight=name) for _, name in described.deform.files]
+        wanted += [described.emission_texture.images] if described.emission_texture.is_of_files else []
         channels += [
             ChannelImage(str(each.get("map", ""))) for layer in every for each in layer.parameter_maps.values()
         ]
@@ -98,6 +101,8 @@ def _readers(scene: Scene, described: ObjectDescription) -> Iterator[tuple[str, 
             yield str(table["map"]), partial(store.numbers, ChannelImage(str(table["map"])))
     if described.bumps.file:
         yield described.bumps.file, partial(store.slopes, described.bumps)
+    if described.emission_texture.is_of_files:
+        yield described.emission_texture.texture, partial(store.texture, described.emission_texture.images)
     if described.opacity.opacity_map:
         yield described.opacity.opacity_map, partial(store.opacity, described.opacity)
 
@@ -107,11 +112,13 @@ def _without(described: ObjectDescription, faults: dict[str, LoadError]) -> Obje
     variants = tuple(
         each.model_copy(update={"layers": without_images(each.layers, faults)}) for each in described.variants
     )
-    opacity = described.opacity
+    opacity, shines = described.opacity, described.emission_texture.texture not in faults
     return described.model_copy(
         update={
             "layers": without_images(described.layers, faults), "variants": variants,
             "bumps": NO_BUMPS if described.bumps.file in faults else described.bumps,
+            "emission": described.emission if shines or described.unlit else None,
+            "emission_texture": described.emission_texture if shines else LayerMaps(),
             "opacity": replace(opacity, opacity_map="") if opacity.opacity_map in faults else opacity,
         }
     )  # fmt: skip

@@ -37,6 +37,7 @@ from engine.scene.description import (
     SunDescription,
     load_description,
 )
+from engine.scene.emission_textures import EmissionTextures, emission_textures
 from engine.scene.loaders.model import ImportedCamera, UnshownProperty
 from engine.scene.mesh import MESH_ENDINGS, Mesh, face_normals, join_meshes, place_copies, select_faces, with_normals
 from engine.scene.mesh_defects import find_defects
@@ -58,14 +59,15 @@ _FAR, _FAR_IN_SCENE = 16.0, 1024.0
 class Scene:
     """The geometry of a scene, ready for rays. V vertices, T triangles, M objects; lengths in metres.
 
-    vertices (V, 3) and normals (V, 3, unit) float32 in the world minus `origin`; triangles (T, 3) int32,
-    counter-clockwise seen from the front; object_of_triangle (T,) int32; triangle_ranges (M, 2); geometric_normals (T,
-    3) float32; smooth (M,) bool: whether normals are interpolated; emission (M, 3) float32, zero for objects that do
-    not emit. uvs (T, 3, 2 K), tangents and colours (T, 3, 4) float32: as in `Mesh`, uvs 0 in objects without, None if
-    no object has them; has_uvs (M,) bool; boxes (M, 3, 4): the frames for texture coordinates of the others
-    (`engine.scene.surface_uvs`); textures: the scene's images. vertex_ranges (M, 2); rigs: for each object how its
-    file's animations move its vertices, in the frame of the arrays, None if none does. material_names: of each object,
-    in its file; cameras, unshown: what its files contain besides (`engine.scene.import_report`).
+    vertices (V, 3) and normals (V, 3, unit) float32 in the world minus `origin`; triangles (T, 3) int32, counter-
+    clockwise seen from the front; object_of_triangle (T,) int32; triangle_ranges (M, 2); geometric_normals (T, 3)
+    float32; smooth (M,) bool: whether normals are interpolated; emission (M, 3) float32, zero for objects that do
+    not emit, before their textures. uvs (T, 3, 2 K), tangents and colours (T, 3, 4) float32: as in `Mesh`, uvs 0 in
+    objects without, None if no object has them; has_uvs (M,) bool; boxes (M, 3, 4): the frames for texture
+    coordinates of the others (`engine.scene.surface_uvs`); textures: the scene's images. vertex_ranges (M, 2);
+    rigs: for each object how its file's animations move its vertices, in the frame of the arrays, None if none
+    does. material_names: of each object, in its file; cameras, unshown: what its files contain besides
+    (`engine.scene.import_report`).
     """
 
     description: SceneDescription
@@ -115,6 +117,11 @@ class Scene:
     def cutouts(self) -> Cutouts:
         """Where rays pass through its surfaces."""
         return self._cutouts[0]
+
+    @cached_property
+    def emission_textures(self) -> EmissionTextures:
+        """Where the emission of its objects varies over their surfaces."""
+        return emission_textures(replace(self))
 
     @property
     def surface_flaws(self) -> dict[str, LoadError]:
@@ -166,8 +173,8 @@ class Scene:
         return self.object_names.index(name)
 
     @property
-    def emitters(self) -> npt.NDArray[np.bool_]:
-        """Which objects are emitters (M,): those that emit in the file, even if they were darkened since."""
+    def shining(self) -> npt.NDArray[np.bool_]:
+        """Which objects shine (M,): those that emit in the file, even if they were darkened since, and unlit ones."""
         return np.array([described.emits for described in self.description.objects], bool)
 
     @cached_property
@@ -181,6 +188,11 @@ class Scene:
         return rows
 
     @property
+    def emitters(self) -> npt.NDArray[np.bool_]:
+        """Which objects light the scene (M,): those that shine and are not unlit."""
+        return np.array([described.emits and not described.unlit for described in self.description.objects], bool)
+
+    @property
     def reflecting(self) -> npt.NDArray[np.bool_]:
         """Which objects reflect light (M,): all except lamps, which have no layers."""
         return np.array([not described.is_lamp for described in self.description.objects], bool)
@@ -188,7 +200,7 @@ class Scene:
     def with_emission(self, emission: Mapping[str, tuple[float, float, float]]) -> Scene:
         """The scene with this radiance of emitters, by name, instead of their own; unknown names are ignored."""
         changed = self.emission.copy()
-        for i in np.flatnonzero(self.emitters):
+        for i in np.flatnonzero(self.shining):
             changed[i] = emission.get(self.description.objects[i].name, changed[i])
         return replace(self, emission=changed)
 
@@ -416,8 +428,9 @@ def _rig_in_scene(item: ObjectMesh, origin: npt.NDArray[np.float64]) -> Rig | No
 
 def _map_notes(description: SceneDescription, placed: list[Mesh]) -> list[str]:
     """Notes on objects whose images are projected by their box, and on normal maps whose names say DirectX."""
-    shown = [(each, mesh) for each, mesh in zip(description.objects, placed, strict=True) if not each.is_lamp]
-    projected = [f"{each.name}: {PROJECTED_NOTE}" for each, mesh in shown if mesh.uvs is None and each.is_of_files]
+    every = list(zip(description.objects, placed, strict=True))
+    shown = [(each, mesh) for each, mesh in every if not each.is_lamp]
+    projected = [f"{each.name}: {PROJECTED_NOTE}" for each, mesh in every if mesh.uvs is None and each.is_of_files]
     return projected + [
         f"{each.name}: {DIRECTX_NOTE}"
         for each, _ in shown

@@ -2,7 +2,8 @@
 
 Without rotation a tangent goes around the object's own Y axis, as a lathe or a brush does. An object's angle and its
 map of angles (`engine.material.bumps`) rotate it about the normal, counter-clockwise as seen from the side that is
-shown.
+shown. An object's tangents may follow its texture coordinates instead, as those of glTF files do: each is then the
+direction in which u grows, made perpendicular to the normal, and is rotated towards that in which v grows.
 
 A map is filtered as (cos 2θ, sin 2θ): the mean of black and white, which mean the same direction where white is 180
 degrees, is that direction and not the one across.
@@ -20,8 +21,9 @@ from numpy.typing import NDArray
 
 from engine.core.errors import LoadError
 from engine.scene import _hit_kernels as kernels
+from engine.scene.bump_normals import corner_tangents
 from engine.scene.raycaster import Intersections
-from engine.scene.surface_uvs import uvs_at
+from engine.scene.surface_uvs import between, uvs_at
 
 if TYPE_CHECKING:
     from engine.scene.scene_loader import Scene
@@ -58,20 +60,25 @@ def object_tangents(scene: Scene, ids: Rows, normals: Float64Array) -> Float64Ar
 class TangentRotations:
     """The rotations of a scene's tangents. Safe to use from several threads.
 
-    of_objects (M,): angles of the objects without their maps, radians; mapped: indices of the objects with maps; flaws:
-    errors in the images of objects, by name, whose maps do not count.
+    of_objects (M,): angles of the objects without their maps, radians; mapped: indices of the objects whose angles vary
+    over them; flaws: errors in the images of objects, by name, whose maps do not count.
     """
 
     def __init__(self, scene: Scene) -> None:
         """Reads the images."""
         self._scene = scene
         self._maps: dict[int, Pyramid] = {}
+        # Tangents (t, 3, 3) at the corners of triangles of objects that follow u, and the side (t,) on which v grows.
+        self._along_u: dict[int, tuple[Float64Array, Float64Array]] = {}
         self.of_objects = np.zeros(len(scene.description.objects))
         self.flaws: dict[str, LoadError] = {}
         for i, described in enumerate(scene.description.objects):
             if described.is_lamp:
                 continue
-            self.of_objects[i] = np.radians(described.bumps.tangent_angle)
+            if described.bumps.tangent_along_u:
+                self._along_u[i] = corner_tangents(scene, i)
+            else:
+                self.of_objects[i] = np.radians(described.bumps.tangent_angle)
             try:
                 found = scene.textures.directions(described.bumps)
             except LoadError as error:
@@ -83,15 +90,18 @@ class TangentRotations:
 
     @property
     def mapped(self) -> tuple[int, ...]:
-        """Indices of the objects with maps."""
-        return tuple(self._maps)
+        """Indices of the objects with maps, or whose tangents follow u."""
+        return tuple(sorted(self._maps.keys() | self._along_u.keys()))
 
     @cached_property
     def digest(self) -> str:
         """Identifies the rotations; empty where nothing is rotated."""
-        if not self._maps and not self.of_objects.any():
+        if not self._maps and not self._along_u and not self.of_objects.any():
             return ""
         found = hashlib.blake2b(self.of_objects.tobytes(), digest_size=16)
+        for i, (tangents, sides) in self._along_u.items():
+            angle = self._scene.description.objects[i].bumps.tangent_angle
+            found.update(repr((i, angle)).encode() + tangents.tobytes() + sides.tobytes())
         for i, image in self._maps.items():
             found.update(repr((i, image.shapes)).encode() + image.texels.tobytes())
         return found.hexdigest()
@@ -114,21 +124,53 @@ class TangentRotations:
         """
         tangents = object_tangents(self._scene, ids, normals)
         angles = self.of_objects[ids]
-        for i in self._maps:
+        for i in self.mapped:
             rows = np.flatnonzero(ids == i)
-            if len(rows):
-                angles[rows] += self._map_angles(i, found.of(rows), footprints_of and footprints_of(rows))
+            if not len(rows):
+                continue
+            own = found.of(rows)
+            varying = self._map_angles(i, own, footprints_of and footprints_of(rows)) if i in self._maps else 0.0
+            if i in self._along_u:
+                varying = self._angles_from_u(i, own, normals[rows], tangents[rows], varying)
+            angles[rows] += varying
         return rotated(tangents, normals, angles) if angles.any() else tangents
 
+    def _angles_from_u(
+        self, i: int, found: Intersections, normals: Float64Array, tangents: Float64Array, angles: Float64Array | float
+    ) -> Float64Array:
+        """Angles (p,) of an object's tangents that follow u and are rotated by its angle and further ones (p,), from
+        tangents (p, 3) about normals (p, 3)."""
+        corners, sides = self._along_u[i]
+        own = found.triangle - self._scene.triangle_ranges[i][0]
+        along = between(corners[own], found.u, found.v)
+        base = np.arctan2(
+            np.einsum("pk,pk->p", along, np.cross(normals, tangents)), np.einsum("pk,pk->p", along, tangents)
+        )
+        is_front = np.einsum("pk,pk->p", normals, self._scene.geometric_normals[found.triangle]) >= 0.0
+        towards_v = sides[own] * np.where(is_front, 1.0, -1.0)
+        turn = np.radians(self._scene.description.objects[i].bumps.tangent_angle) + angles
+        return np.asarray(base + towards_v * turn)
+
     def codes(self, found: Intersections) -> NDArray[np.uint8]:
-        """The maps' angles at hits (P,), in units of half a turn / `N_CODES`; 0 without maps."""
+        """The angles that vary, at hits (P,) of fronts, in units of half a turn / `N_CODES`; 0 where none do."""
         out = np.zeros(len(found.triangle), np.uint8)
-        if self._maps:
-            ids = np.where(found.triangle >= 0, self._scene.object_of_triangle[found.triangle], -1)
-            for i in self._maps:
-                rows = np.flatnonzero(ids == i)
-                angles = self._map_angles(i, found.of(rows), None)
-                out[rows] = np.rint(angles * (N_CODES / np.pi)).astype(np.int64) % N_CODES
+        if not self.mapped:
+            return out
+        scene = self._scene
+        ids = np.where(found.triangle >= 0, scene.object_of_triangle[found.triangle], -1)
+        for i in self.mapped:
+            rows = np.flatnonzero(ids == i)
+            own = found.of(rows)
+            angles: Float64Array | float = self._map_angles(i, own, None) if i in self._maps else 0.0
+            if i in self._along_u:
+                normals = scene.geometric_normals[own.triangle].astype(np.float64)
+                if scene.smooth[i]:
+                    smooth = between(scene.normals[scene.triangles[own.triangle]], own.u, own.v)
+                    length = np.linalg.norm(smooth, axis=1, keepdims=True)
+                    normals = np.where(length > 1e-4, smooth / np.maximum(length, 1e-4), normals)
+                tangents = object_tangents(scene, ids[rows], normals)
+                angles = self._angles_from_u(i, own, normals, tangents, angles)
+            out[rows] = np.rint(angles * (N_CODES / np.pi)).astype(np.int64) % N_CODES
         return out
 
     def _map_angles(self, i_object: int, found: Intersections, footprints: Footprints | None) -> Float64Array:

@@ -355,6 +355,19 @@ def read_directions(data: bytes, file: Path | str, degrees: float, report: Repor
     return read_image(data, file, doubled, report)
 
 
+def read_direction_vectors(data: bytes, file: Path | str, report: ReportNote = ignore_note) -> Image:
+    """(cos 2θ, sin 2θ) of the angles θ of directions (2 red - 1, 2 green - 1), (H, W, 2), row 0 on top; of vectors
+    shorter than 1, which are means of several directions, as much shorter. Raises LoadError."""
+
+    def doubled(values: Values) -> Image:
+        found = _shares(values, as_srgb=False)
+        x, y = np.moveaxis(2.0 * found[..., [0, min(1, found.shape[2] - 1)]] - 1.0, 2, 0)
+        length = np.maximum(np.hypot(x, y), np.float32(1e-6))
+        return np.stack([x * x - y * y, 2.0 * x * y], axis=2) / (length * np.maximum(length, 1.0))[..., None]
+
+    return read_image(data, file, doubled, report)
+
+
 def read_heights(data: bytes, file: Path | str, report: ReportNote = ignore_note) -> Image:
     """Derivatives along u and v of heights from 0 to 1 of an image that repeats, (H, W, 2), row 0 on top; for a colour
     image those of its luminance. Raises LoadError."""

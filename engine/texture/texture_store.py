@@ -1,8 +1,8 @@
 """The images of one scene, each read once.
 
 A name in a scene file is relative to the scene's folder and may not leave it; a full path is one that the user chose.
-An image of a glTF file is named `FILE.glb#N` or `FILE.gltf#N`, the Nth of its images; `FILE.mtlx#N` is the Nth map that
-a network of MaterialX computes, and `FILE.usdz#N` the Nth file of an archive.
+An image of a glTF or 3MF file is named `FILE.glb#N`, the Nth of its images; `FILE.mtlx#N` is the Nth map that a network
+of MaterialX computes, and `FILE.usdz#N` the Nth file of an archive.
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ from engine.texture.pyramid import Pyramid, make_pyramid
 from engine.texture.texture_files import (
     MAX_IMAGE_BYTES,
     Image,
+    read_direction_vectors,
     read_directions,
     read_heights,
     read_normal_map,
@@ -91,6 +92,8 @@ class TextureStore:
 
     def directions(self, bumps: Bumps) -> Pyramid | None:
         """(cos 2θ, sin 2θ) of a map's angles θ of tangents; None if there is none. Raises LoadError."""
+        if bumps.tangent_map and bumps.tangent_vectors:
+            return self._pyramid("tangent_vectors", bumps.tangent_map, "")
         if not bumps.tangent_map or not bumps.tangent_range:
             return None
         return self._pyramid("tangent_map", bumps.tangent_map, "", bumps.tangent_range)
@@ -192,7 +195,7 @@ class TextureStore:
         """The path of an image, and its number in a file of several."""
         file, number = split_image_name(name)
         if number is not None and not (number.isascii() and number.isdecimal() and len(number) < 6):
-            raise LoadError(self._scene_file, what, name, "FILE.glb#N, .gltf#N, .mtlx#N or .usdz#N with a number")
+            raise LoadError(self._scene_file, what, name, "FILE.glb#N, .gltf, .3mf, .mtlx or .usdz, with a number")
         path = Path(file)
         if not path.is_absolute():
             path = resolve_inside(self._scene_file.parent, str(path), self._scene_file, what)
@@ -202,6 +205,7 @@ class TextureStore:
 _READ: dict[str, Callable[..., Image]] = {
     "texture": read_texture, "normal_map": read_normal_map, "bump_map": read_heights,
     "flipped_normal_map": partial(read_normal_map, flip_green=True), "opacity_map": read_opacity,
+    "tangent_vectors": read_direction_vectors,
 }  # fmt: skip
 
 

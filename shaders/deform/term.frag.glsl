@@ -1,6 +1,6 @@
 #version 430 core
 // Provides: one layer of an object, times texture and weight: diffuse, or with detail, by lobes that lie on its texture
-// coordinates instead of those of its points, also glossy.
+// coordinates instead of those of its points, also glossy; or its emission.
 #include "common/images.glsl"
 #if HAS_DETAIL
 #include "deform/detail.glsl"
@@ -37,6 +37,11 @@ void main() {
 #endif
     vec4 right = dFdx(uvs), below = dFdy(uvs);
     bool is_front = !gl_FrontFacing;  // rows count downwards
+#if EMITS
+    if (!is_front)
+        discard;
+    vec3 sent = vec3(1.0);
+#else
     if ((is_front ? has_points.x : has_points.y) == 0)
         discard;
 #if HAS_DETAIL
@@ -47,6 +52,7 @@ void main() {
         sent = shiny(gloss_layer, detail_normal(uvs.xy, frame), normalize(camera_position - here), sent, even);
 #else
     vec3 sent = is_front ? front_white : back_white;
+#endif
 #endif
     sent *= reflectance;
 #if HAS_MAPS

@@ -47,6 +47,14 @@ FLIP_GREEN_HINT = (
     "If relief looks pressed in, and its light comes from below, the other one is right. Shown when idle."
 )
 FURTHER_HINT = "A map from the file, of what lies on this layer or shares its place: it multiplies the layer as well."
+ALONG_U_HINT = (
+    "What the streaks run along before they are rotated: around the object's own Y axis, as a lathe leaves them, or in "
+    "the direction in which the texture coordinate u grows, as in glTF files. Shown when idle."
+)
+VECTORS_HINT = (
+    "What the map's colours mean: angles by their brightness, or directions, along u in red and along v in green, as "
+    "in glTF files. Shown when idle."
+)
 GAP = 4.0
 
 
@@ -171,6 +179,10 @@ def draw_tangent(context: PanelContext, state: ObjectState, width: float) -> lis
     """The rows of the rotation of an object's tangents: the angle, its map, and what white of the map means."""
     bumps, gap = state.bumps, context.px(GAP)
     actions = _tangent_row(context, state, TANGENT_ANGLE, width)
+    widgets.label(context, "Streaks", width)
+    words = "Along u" if bumps.tangent_along_u else "Around the axis"
+    if widgets.switch(context, "material.tangent_along_u", words, ALONG_U_HINT, bumps.tangent_along_u):
+        actions.append(SetBumps(state.name, "tangent_along_u", not bumps.tangent_along_u))
     widgets.label(context, "Map", width)
     room = imgui.get_content_region_avail().x - (imgui.get_frame_height() + gap if bumps.tangent_map else 0.0)
     words = image_label(bumps.tangent_map) or "Rotation map…"
@@ -180,7 +192,12 @@ def draw_tangent(context: PanelContext, state: ObjectState, width: float) -> lis
         hint = f"Remove the image; {keys_of('undo')} brings it back."
         if widgets.icon_button(context, "clear_tangent", Icon.CLOSE, hint):
             actions.append(SetBumps(state.name, "tangent_map", ""))
-        actions += _tangent_row(context, state, TANGENT_RANGE, width)
+        words = "Vectors" if bumps.tangent_vectors else "Angles"
+        widgets.label(context, "Colours", width)
+        if widgets.switch(context, "material.tangent_vectors", words, VECTORS_HINT, bumps.tangent_vectors):
+            actions.append(SetBumps(state.name, "tangent_vectors", not bumps.tangent_vectors))
+        if not bumps.tangent_vectors:
+            actions += _tangent_row(context, state, TANGENT_RANGE, width)
     return actions
 
 

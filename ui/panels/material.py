@@ -93,7 +93,7 @@ def _shows_bumps(context: PanelContext, state: ObjectState) -> bool:
 
 
 def _shows_tangent(context: PanelContext, state: ObjectState) -> bool:
-    return is_anisotropic(context) or bool(state.bumps.tangent_angle or state.bumps.tangent_map)
+    return is_anisotropic(context) or state.bumps.rotates_tangents
 
 
 def _labels_of(context: PanelContext, selection: Selection) -> float:

@@ -22,6 +22,8 @@ from engine.precompute.direct._share_kernels import distance_from_axis
 # The error of a node relative to a point's light: of its centre for the whole, and of its visible part.
 CUT_TOLERANCE = np.float32(0.003)
 PARTIAL_SHARE = np.float32(0.25)
+# The unevenness up to which a node counts as shining evenly in a highlight.
+EVEN = np.float32(0.02)
 # The largest size of a partly visible node in a highlight: relative to a band, and to its distance from the lobe axis.
 BAND_SHARE = np.float32(0.5)
 DISTANCE_SHARE = np.float32(0.1)
@@ -56,12 +58,14 @@ class Leaves(NamedTuple):
 
 
 class Emitters(NamedTuple):
-    """N nodes, the first n_roots the triangles: corners (N, 3, 3), radiance (N, 3), brightness (N,), cones (N, 4);
+    """N nodes, the first n_roots the triangles: corners (N, 3, 3), radiance (N, 3), brightness (N,); uneven (N,): how
+    far the centre of a node's light is from its own, 0 where it shines evenly, see `prepare_lighting`; cones (N, 4);
     child, parent (N,), and first (N,), the index of the leaf where a node is one, as in `EmitterTree`."""
 
     corners: np.ndarray
     radiance: np.ndarray
     brightness: np.ndarray
+    uneven: np.ndarray
     cones: np.ndarray
     child: np.ndarray
     parent: np.ndarray
@@ -130,12 +134,15 @@ def cut_emitters(words, near, emitters, place, frame, optics, ox, oy, oz, cut, x
             if high <= np.float32(0.0) or most == np.float32(0.0):
                 top -= 1
                 continue
-            # The error is of second order in the size for a fully visible node, else of first order; and of that of
-            # what its cone sends.
+            # The error is of second order in the size for a fully visible, evenly shining node, else of first order;
+            # and of that of what its cone sends.
             light = emitters.brightness[node] * omega * share * most
             partly = (child >= 0 and share < np.float32(1.0)) or low < np.float32(0.0)
-            error = light * size * (max(size, PARTIAL_SHARE) if partly else size + most - least)
-            blurred = child >= 0 and share < np.float32(1.0) and _is_blurred(unit, frame, size, optics, ox, oy, oz)
+            uneven = np.float32(1.0) if partly else emitters.uneven[node]
+            spread = size if partly else size + most - least
+            error = light * size * max(spread, PARTIAL_SHARE * uneven)
+            varies = child >= 0 and (share < np.float32(1.0) or uneven > EVEN)
+            blurred = varies and _is_blurred(unit, frame, size, optics, ox, oy, oz)
             # Too large: replace it by its children, or below a leaf by the halves of its triangle.
             if (error > bound or blurred) and left > top + 2 and top + 2 < _DEPTH:
                 if child >= 0:
@@ -168,7 +175,7 @@ def cut_emitters(words, near, emitters, place, frame, optics, ox, oy, oz, cut, x
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _is_blurred(unit, frame, size, optics, ox, oy, oz):
-    """Whether a highlight could reveal which part of a node is visible."""
+    """Whether a highlight could reveal which part of a node is visible, or is bright."""
     if not is_highlight(optics.kind_a):
         return False
     # Direction of the node's centre in the local frame.

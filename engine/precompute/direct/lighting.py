@@ -34,6 +34,7 @@ from engine.light.environment import LUMINANCE
 from engine.light.triangle_lights import PEAK_SHARE, TriangleLights
 from engine.precompute.direct._emitter_kernels import Around, Emitters, Leaves
 from engine.precompute.direct._projection_kernels import SkyLights
+from engine.scene.emission_textures import emitting_triangles_of
 from engine.scene.primary_hits import PrimaryHits
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene
@@ -154,15 +155,18 @@ def _emitters(tree: EmitterTree | None, unit: float) -> tuple[Emitters, Targets]
         balls, around = np.zeros((2, 0, 5), np.float32), _around(alone, 1)
         leaves = Leaves(halves, halves, none[:, 0].copy(), balls[0, :, :4].copy(), around, balls[1], around)
         cones, brightness = np.zeros((0, 4), np.float32), none[:, 0].copy()
-        dark = Emitters(np.zeros((0, 3, 3), np.float32), none, brightness, cones, halves, halves, nobody, 0, leaves)
+        dark = Emitters(
+            np.zeros((0, 3, 3), np.float32), none, brightness, brightness.copy(), cones, halves, halves, nobody, 0,
+            leaves,
+        )  # fmt: skip
         return dark, Targets(none, none, alone, True)
     radiance = np.asarray(tree.radiance / np.float64(unit), np.float32)
     brightness = np.asarray(radiance @ LUMINANCE, np.float32)
     samples, normals = tree.leaves.samples, np.ascontiguousarray(tree.leaves.normal, np.float32)
     neighbours = nearest_neighbours(samples, BESIDE)
     emitters = Emitters(
-        np.ascontiguousarray(tree.corners, np.float32), radiance, brightness, tree.cones, tree.child, tree.parent,
-        tree.first, tree.n_roots, _leaves(tree, neighbours),
+        np.ascontiguousarray(tree.corners, np.float32), radiance, brightness, _unevenness(tree.child, brightness),
+        tree.cones, tree.child, tree.parent, tree.first, tree.n_roots, _leaves(tree, neighbours),
     )  # fmt: skip
     flood, weak = np.ascontiguousarray(neighbours[:, :FLOOD_NEIGHBOURS]), WEAK_SENTINELS
     targets = Targets(
@@ -170,6 +174,20 @@ def _emitters(tree: EmitterTree | None, unit: float) -> tuple[Emitters, Targets]
         rotating=True,
     )  # fmt: skip
     return emitters, targets
+
+
+def _unevenness(child: np.ndarray, brightness: np.ndarray) -> np.ndarray:
+    """How unevenly nodes (N,) with halves (N,) shine, (N,) float32 in [0, 1]: the distance of the centre of their light
+    from their own is about a quarter of this, by their size. With the difference d of the halves' brightness relative
+    to their sum, and their own unevenness by their share of the light, d + (a u_a + b u_b) / 2."""
+    found = np.zeros(len(child), np.float32)
+    for node in np.flatnonzero(child >= 0)[::-1]:
+        halves = slice(child[node], child[node] + 2)
+        total = float(brightness[halves].sum())
+        if total > 0.0:
+            shares = brightness[halves] / total
+            found[node] = min(abs(float(shares[0] - shares[1])) + 0.5 * float(shares @ found[halves]), 1.0)
+    return found
 
 
 def _leaves(tree: EmitterTree, neighbours: np.ndarray) -> Leaves:
@@ -254,20 +272,18 @@ def _by_pairs(points: np.ndarray, k: int) -> np.ndarray:
 
 def emitters_for(scene: Scene, caster: RayCaster, hits: PrimaryHits, n_leaves: int) -> EmitterTree | None:
     """The scene's emitters as a tree of about n_leaves leaves, with many triangles merged; None where nothing emits."""
-    emitting = scene.emitters[scene.object_of_triangle]
-    if not emitting.any():
+    if not scene.emitters.any():
         return None
-    corners = scene.vertices[scene.triangles[emitting]].astype(np.float64)
-    objects = scene.object_of_triangle[emitting]
-    lit = emitting_triangles(corners, scene.emission[objects].astype(np.float64))
-    corners, objects = corners[lit], objects[lit]
-    if not len(corners):
+    emitting = emitting_triangles_of(scene)
+    emitting = emitting.of(emitting_triangles(emitting.corners, emitting.radiance))
+    if not len(emitting.corners):
         return None
-    radiance, cones = scene.emission[objects].astype(np.float64), scene.cones[objects]
-    corners, source = merge_triangles(corners, radiance, max(n_leaves // 2, FEWEST_MERGED), cones)
-    radiance, cones = radiance[source], cones[source]
+    most = max(n_leaves // 2, FEWEST_MERGED)
+    merged = merge_triangles(emitting.corners, emitting.radiance, most, emitting.kinds)
+    corners, radiance, cones = merged.corners, merged.radiance, emitting.cones[merged.source]
+    varying = emitting.radiance_of_parts(merged)
     if len(hits.pixel) == 0:
-        return emitter_tree(corners, radiance, n_leaves, cones=cones)
+        return emitter_tree(corners, radiance, n_leaves, cones=cones, varying=varying)
     rows = np.unique(np.linspace(0, len(hits.pixel) - 1, N_POINTS).astype(np.int32))
     tried = emitter_patches(np.repeat(corners, N_RAYS, axis=0), np.repeat(radiance, N_RAYS, axis=0), 1)
     n_seen = _trace_leaves(caster, hits, rows, tried.samples, tried.normal).reshape(len(rows), -1, N_RAYS).sum(axis=2)
@@ -278,7 +294,7 @@ def emitters_for(scene: Scene, caster: RayCaster, hits: PrimaryHits, n_leaves: i
     seen = (n_seen + UNCERTAIN_SHARE) / (N_RAYS + 2.0 * UNCERTAIN_SHARE)
     points, normals = hits.position[rows].astype(np.float64), hits.horizon[rows].astype(np.float64)
     importance = visible_importance(corners, radiance, points, normals, seen, cones)
-    return emitter_tree(corners, radiance, n_leaves, importance, cones)
+    return emitter_tree(corners, radiance, n_leaves, importance, cones, varying)
 
 
 def _trace_leaves(

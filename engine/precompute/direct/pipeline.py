@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from engine.light.emitters import EmitterPatches, EmitterTree, emitter_patches
+from engine.light.emitters import EmitterPatches, EmitterTree, emitter_patches, emitting_triangles, unmerged
 from engine.light.environment import Environment
 from engine.light.triangle_lights import cut_lights
 from engine.precompute.direct import _footprint_kernels as kernels
@@ -18,6 +18,7 @@ from engine.precompute.direct.lighting import emitters_for, prepare_lighting
 from engine.precompute.direct.near_leaves import NearLight, no_near_leaves
 from engine.precompute.direct.projection import VisibleLight
 from engine.scene.cutouts import scene_caster
+from engine.scene.emission_textures import emitting_triangles_of
 from engine.scene.primary_hits import PrimaryHits, trace_primary
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene
@@ -203,11 +204,12 @@ class Placement:
 
 def patches_of(scene: Scene, n_patches: int) -> EmitterPatches | None:
     """A scene's emitters cut into about n_patches, or None where nothing emits."""
-    emitting = (scene.emitters & scene.emission.any(axis=1))[scene.object_of_triangle]
-    if not emitting.any():
+    emitting = emitting_triangles_of(scene)
+    emitting = emitting.of(emitting_triangles(emitting.corners, emitting.radiance))
+    if not len(emitting.corners):
         return None
-    triangles, objects = scene.vertices[scene.triangles[emitting]], scene.object_of_triangle[emitting]
-    return emitter_patches(triangles, scene.emission[objects], n_patches, scene.cones[objects])
+    varying = emitting.radiance_of_parts(unmerged(emitting.corners, emitting.radiance))
+    return emitter_patches(emitting.corners, emitting.radiance, n_patches, emitting.cones, varying)
 
 
 def lattice_rows(hits: PrimaryHits, stride: int) -> np.ndarray:

@@ -144,8 +144,8 @@ class OrbitTerm(ExportedTerm):
 @dataclass(frozen=True, eq=False)
 class TermsPart:
     """What is drawn at the points: terms; the new tables by serial (others are known already); images and strokes
-    (words), None if unchanged; emission (M, 3) and its cones (M, 4); opacities (M, 8), see
-    `engine.texture.gpu_export.opacity_rows`."""
+    (words), None if unchanged; emission (M, 3), its cones (M, 4), and the textures that multiply it, by object;
+    opacities (M, 8), see `engine.texture.gpu_export.opacity_rows`."""
 
     terms: tuple[OrbitTerm, ...]
     tables: Mapping[int, TablePart]
@@ -153,6 +153,7 @@ class TermsPart:
     strokes: Words
     emission: Float32Array
     cones: Float32Array
+    emission_maps: Mapping[int, ExportedMaps]
     opacities: Float32Array
 
 
@@ -194,10 +195,11 @@ class ExportedDetail:
 @dataclass(frozen=True)
 class DeformTerm(ExportedTerm):
     """The points' light is diffuse; detail: replaces it, pixel by pixel; gloss: the glossy layer among all, -1 for a
-    diffuse one."""
+    diffuse one; emits: the term is the emission of the object's front, reflectance, and needs no light."""
 
     detail: ExportedDetail | None
     gloss: int = -1
+    emits: bool = False
 
 
 @dataclass(frozen=True, eq=False)

@@ -109,7 +109,17 @@ class PointMesh:
         camera_position = np.subtract(camera.position, self._scene.origin).astype(np.float32)
         axes = camera_plane(camera, resolution)
         what = samples, pixel, share, order, bounds, found, self._points, self._charts
-        return ViewSamples((width, height), camera_position, axes, *what)
+        view = ViewSamples((width, height), camera_position, axes, *what)
+        self._add_textures(view)
+        return view
+
+    def _add_textures(self, seen: ViewSamples) -> None:
+        """Multiply the emission of samples by its textures."""
+        emitted, textures = seen.samples.emitted, self._scene.emission_textures
+        for i in textures.tinted:
+            which = np.flatnonzero((seen.samples.i_object == i) & emitted.any(axis=1))
+            footprints = _footprints(seen, which, self._scene, i)
+            emitted[which] *= textures.over(i, seen.in_scene(which), footprints)
 
     def _group(
         self, samples: Samples, found: tuple[NDArray, ...], n_rays: int, n_pixels: int

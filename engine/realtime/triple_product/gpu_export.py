@@ -111,16 +111,22 @@ class PointExporter:
 
     def _terms_parts(self, orbit: Orbit) -> Iterator[OrbitPart]:
         made = _Terms(orbit)
+        described = orbit.scene.description.objects
+        emission_maps = {
+            i: made.exported.maps(described[i].emission_texture) for i in orbit.scene.emission_textures.tinted
+        }
         opacities = opacity_rows(orbit.scene, made.exported)
         strokes, images = made.exported.strokes, made.exported.images
-        terms_state = made.terms, strokes, orbit.scene.emission.tobytes(), opacities.tobytes()
+        emitted = orbit.scene.emission.tobytes(), tuple(emission_maps.items())
+        terms_state = made.terms, strokes, emitted, opacities.tobytes()
         if terms_state == self._terms and images == self._images:
             return
         new = {serial: _table(tables) for serial, tables in made.tables.items() if serial not in self._tables}
         words = None if images == self._images else image_words(images)
         self._terms, self._images, self._tables = terms_state, images, set(made.tables)
         emission = orbit.scene.emission.astype(np.float32)
-        yield TermsPart(made.terms, new, words, stroke_words(strokes), emission, orbit.scene.cones, opacities)
+        lamps = emission, orbit.scene.cones, emission_maps
+        yield TermsPart(made.terms, new, words, stroke_words(strokes), *lamps, opacities)
 
 
 class _Terms:

@@ -40,6 +40,7 @@ from engine.realtime.triple_product.visibility import N_UPPER, Bits, deflate_bit
 from engine.render.still import StillProgress
 from engine.scene.cutouts import scene_caster
 from engine.scene.description import CameraDescription
+from engine.scene.emission_textures import emitting_triangles_of
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene
 
@@ -97,7 +98,7 @@ class Orbit:
         scene = self.scene
         arrays = scene.vertices, scene.normals, scene.triangles, scene.object_of_triangle, scene.smooth
         own = scene.emitters, scene.reflecting, self._n_points, self._n_patches
-        return (*arrays, *own, scene.tangent_rotations.digest, scene.cutouts.digest)
+        return (*arrays, *own, scene.tangent_rotations.digest, scene.cutouts.digest, scene.emission_textures.digest)
 
     @property
     def has_traced(self) -> bool:
@@ -434,17 +435,22 @@ class Orbit:
         if self._patches is None:
             return None
         patches, owner = self._patches
-        return SceneEmitters(replace(patches, radiance=self.scene.emission[owner]), lit.patch_bits)
+        emitting = replace(patches, radiance=self.scene.emission[owner] * patches.radiance)
+        return SceneEmitters(emitting, lit.patch_bits)
 
 
 def _emitters(scene: Scene, n_patches: int) -> tuple[EmitterPatches, NDArray[np.intp]] | None:
-    """Split everything that may ever emit into about n_patches patches; also return each patch's object. None if
-    nothing may emit."""
-    mine = scene.emitters[scene.object_of_triangle]
-    if not mine.any():
+    """Split everything that may ever emit into about n_patches patches, whose radiance is that of emission 1; also
+    return each patch's object. None if nothing may emit."""
+    if not scene.emitters.any():
         return None
-    corners = scene.vertices[scene.triangles[mine]].astype(np.float64)
-    corners, owner = merged_by_object(corners, scene.object_of_triangle[mine], n_patches)
-    number = np.repeat(owner[:, None] + 1.0, 3, axis=1)  # carry the owner's index in the patches' radiance
-    patches = emitter_patches(corners, number, n_patches, scene.cones[owner])
-    return patches, np.rint(patches.radiance[:, 0]).astype(np.intp) - 1
+    white = replace(scene, emission=np.ones_like(scene.emission))
+    emitting = emitting_triangles_of(white)
+    objects = scene.object_of_triangle[emitting.triangle]
+    merged, owners = merged_by_object(emitting.corners, emitting.radiance, objects, n_patches)
+    number = np.repeat(np.arange(1.0, len(owners) + 1.0)[:, None], 3, axis=1)  # carry the triangle's in the radiance
+    patches = emitter_patches(merged.corners, number, n_patches, scene.cones[owners])
+    root = np.rint(patches.radiance[:, 0]).astype(np.intp) - 1
+    varying = emitting.radiance_of_parts(merged)
+    radiance = merged.radiance[root] if varying is None else varying(patches.corners.astype(np.float64), root)
+    return replace(patches, radiance=radiance.astype(np.float32)), owners[root].astype(np.intp)

@@ -107,6 +107,9 @@ class PictureExporter:
                     gloss.append(_gloss_row(low_gloss(layer, of.order)))
                 else:
                     terms.append(DeformTerm(i, as_triple(diffuse_albedo(layer)), maps, details.get(i)))
+        for i in of.scene.emission_textures.tinted:
+            maps = images.maps(of.scene.description.objects[i].emission_texture)
+            terms.append(DeformTerm(i, as_triple(of.scene.emission[i]), maps, None, emits=True))
         covered = tuple(dict.fromkeys(term.i_object for term in terms))
         opacities = opacity_rows(of.scene, images)
         made_of = covered, tuple(of.details.items()), images.images, images.strokes, opacities.tobytes()
@@ -180,7 +183,7 @@ def appearance_part(
 ) -> AppearancePart:
     """rows: of all glossy layers; by_points: see `gloss_rows`."""
     objects = np.zeros((len(of.scene.smooth), OBJECT_ROW), np.float32)
-    objects[:, :3], objects[:, 4:7], objects[:, 9] = of.albedos, of.scene.emission, even_light(of.bands)
+    objects[:, :3], objects[:, 4:7], objects[:, 9] = of.albedos, of.even_emission, even_light(of.bands)
     objects[:, 12:] = of.scene.cones
     for k, (i, other) in enumerate(of.lights.items()):
         objects[i, 8:10] = 1 + k, even_light(other)

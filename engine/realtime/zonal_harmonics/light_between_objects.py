@@ -13,6 +13,7 @@ from engine.realtime.zonal_harmonics.neighbours import (
     LightPaths,
     added_light,
     lamp_samples,
+    light_of_lamps,
     local_light,
     trace_light_paths,
 )
@@ -63,7 +64,7 @@ class LightBetweenObjects:
         paths, emission = self._paths[1], state.scene.emission.astype(np.float64)
         # The points that are lit as the sky's transfer says, and by lamps, are first seen by the others.
         white = pictures.shade_at_rest(state)
-        white[paths.lit] += paths.lamps @ emission[list(paths.emitters)]
+        white[paths.lit] += light_of_lamps(paths, emission)
         first = np.zeros(albedos.shape)
         first[paths.lit] = white[paths.lit] * albedos[paths.lit]
         around = local_light(paths, powers, first, emission, ORDER)

@@ -11,7 +11,7 @@ anew.
 from __future__ import annotations
 
 from collections.abc import Generator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -19,12 +19,13 @@ from numpy.typing import NDArray
 
 from engine.core.threads import even_parts, on_threads
 from engine.light.cones import cone_shares
-from engine.light.emitters import emitter_patches, merge_triangles
-from engine.light.environment import triangle_integrals
+from engine.light.emitters import emitter_tree, emitting_triangles, merge_triangles
+from engine.light.environment import LUMINANCE, triangle_integrals
 from engine.precompute.direct.pipeline import SkyState
 from engine.realtime.zonal_harmonics import _transfer_kernels as kernels
 from engine.realtime.zonal_harmonics.bending_points import BendingPoints
 from engine.realtime.zonal_harmonics.transfer import cosine_directions, ray_blocks
+from engine.scene.emission_textures import emitting_triangles_of
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene
 from engine.sphere.geodesic import geodesic
@@ -36,6 +37,7 @@ Int32Array = NDArray[np.int32]
 
 N_BOUNCE_RAYS = 256  # from each point at rest
 N_LAMP_SAMPLES = 64  # on each lamp: a ball is then 1 % off (`engine.light.emitters`)
+N_TEXTURED_SAMPLES = 128  # on a lamp with a texture
 PROBE_LEVEL = 5  # of the sphere's triangles, around each object that has light of its own
 SHORTENED = 1.0 - 1e-3  # of rays to lamps, which must not meet these themselves
 
@@ -66,7 +68,7 @@ class Hits:
 @dataclass(frozen=True, eq=False)
 class Probe:
     """What is around an object: hits (T bundles), one ray through each triangle of the sphere; is_open (T,): whether
-    the sky is seen there; lamps (L, n^2): harmonics of each lamp of radiance 1."""
+    the sky is seen there; lamps (L, n^2, 3): harmonics of each lamp of emission 1."""
 
     hits: Hits
     is_open: NDArray[np.bool_]
@@ -76,8 +78,8 @@ class Probe:
 @dataclass(frozen=True, eq=False)
 class LightPaths:
     """Where light goes between objects at rest. lit (R,): the points whose transfer has their neighbours' shadows;
-    bounces (R bundles): what these see of other objects; lamps (R, L): radiance of white diffuse ones by each lamp of
-    radiance 1; probes: of the other objects, by index; emitters (L,): indices of the objects that emit."""
+    bounces (R bundles): what these see of other objects; lamps (R, L, 3): radiance of white diffuse ones by each lamp
+    of emission 1; probes: of the other objects, by index; emitters (L,): indices of the objects that emit."""
 
     lit: NDArray[np.int64]
     bounces: Hits
@@ -95,7 +97,7 @@ def trace_light_paths(
     lit_objects = [i for i in range(n_objects) if scene.reflecting[i] and i not in alone]
     everything = tuple(range(n_objects))
     lamps = {i: lamp_samples(scene, i) for i in emitters}
-    parts, of_lamps, lit = list[tuple[NDArray, ...]](), [np.zeros((0, len(lamps)))], [np.zeros(0, np.int64)]
+    parts, of_lamps, lit = list[tuple[NDArray, ...]](), [np.zeros((0, len(lamps), 3))], [np.zeros(0, np.int64)]
     for done, i in enumerate(lit_objects):
         mine = points.points_of(i)
         lit.append(mine)
@@ -117,7 +119,7 @@ def local_light(
     found = {}
     for i, probe in paths.probes.items():
         around = np.where(probe.is_open[:, None], powers, angles * probe.hits.gather(sent, 1.0))
-        found[i] = project(around, order), probe.lamps.T @ emission[list(paths.emitters)]
+        found[i] = project(around, order), np.einsum("lnc,lc->nc", probe.lamps, emission[list(paths.emitters)])
     return found
 
 
@@ -132,30 +134,49 @@ def added_light(paths: LightPaths, sent: Float64Array, emission: Float64Array) -
     """Radiance (S, 3) of white diffuse points by one bounce of what points of other objects send (S, 3), and by lamps
     of emission (M, 3); 0 at points of objects that have light of their own."""
     added = np.zeros_like(sent)
-    added[paths.lit] = paths.bounces.gather(sent, 1.0 / N_BOUNCE_RAYS) + paths.lamps @ emission[list(paths.emitters)]
+    added[paths.lit] = paths.bounces.gather(sent, 1.0 / N_BOUNCE_RAYS) + light_of_lamps(paths, emission)
     return added
 
 
+def light_of_lamps(paths: LightPaths, emission: Float64Array) -> Float64Array:
+    """Radiance (R, 3) of the white diffuse points `lit` by lamps of emission (M, 3)."""
+    return np.asarray(np.einsum("rlc,lc->rc", paths.lamps, emission[list(paths.emitters)]))
+
+
 class LampSample(NamedTuple):
-    """A part of an emitter: a place on it (3,) with its normal (3,) and area, and the cone (4,) that it sends its light
-    into."""
+    """A part of an emitter: a place on it (3,) with its normal (3,) and area, the cone (4,) that it sends its light
+    into, and by what its texture multiplies the emission there (3,)."""
 
     place: Float64Array
     normal: Float64Array
     area: float
     cone: NDArray[np.float32]
+    tint: Float64Array
 
 
 def lamp_samples(scene: Scene, i: int) -> list[LampSample]:
-    """About `N_LAMP_SAMPLES` parts of an emitter."""
-    start, stop = scene.triangle_ranges[i]
-    corners, white = scene.vertices[scene.triangles[start:stop]].astype(np.float64), np.ones((stop - start, 3))
-    merged, source = merge_triangles(corners, white, N_LAMP_SAMPLES)
-    patches = emitter_patches(merged, white[source], N_LAMP_SAMPLES)
+    """About `N_LAMP_SAMPLES` parts of an emitter, of equal area, or `N_TEXTURED_SAMPLES` of equal power of one with a
+    texture."""
+    emitting = emitting_triangles_of(replace(scene, emission=np.ones_like(scene.emission)))
+    mine = scene.object_of_triangle[emitting.triangle] == i
+    emitting = emitting.of(mine & emitting_triangles(emitting.corners, emitting.radiance))
+    is_textured = i in scene.emission_textures.objects
+    n = N_TEXTURED_SAMPLES if is_textured else N_LAMP_SAMPLES
+    one_kind = np.zeros(len(emitting.corners), np.intp)
+    merged = merge_triangles(emitting.corners, emitting.radiance, n // 2 if is_textured else n, one_kind)
+    varying = emitting.radiance_of_parts(merged)
+    patches = emitter_tree(merged.corners, merged.radiance, n, _power if is_textured else None, varying=varying).leaves
+    numbers = (each.astype(np.float64) for each in (patches.samples, patches.normal, patches.area, patches.radiance))
     return [
-        LampSample(place.astype(np.float64), normal.astype(np.float64), float(area), scene.cones[i])
-        for place, normal, area in zip(patches.samples, patches.normal, patches.area, strict=True)
+        LampSample(place, normal, area, scene.cones[i], tint)
+        for place, normal, area, tint in zip(*numbers, strict=True)
     ]
+
+
+def _power(corners: Float64Array, roots: NDArray[np.intp], radiance: Float64Array) -> Float64Array:
+    """The power (K,) of triangles (K, 3, 3) with radiance (K, 3), twice."""
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return np.asarray(np.linalg.norm(across, axis=1) * (radiance @ LUMINANCE))
 
 
 def _bounces(
@@ -196,17 +217,18 @@ def _joined(points: BendingPoints, parts: Sequence[tuple[NDArray, ...]]) -> Hits
 def _lamp_light(
     points: BendingPoints, i: int, lamps: Sequence[list[LampSample]], everything: tuple[int, ...]
 ) -> Float64Array:
-    """Radiance (P, L) of an object's white diffuse points by each lamp of radiance 1."""
+    """Radiance (P, L, 3) of an object's white diffuse points by each lamp of emission 1."""
     mesh = points.mesh(i, ())
     places, normals = mesh.points.offset_position.astype(np.float64), mesh.frames[:, 2]
-    found = np.zeros((len(places), len(lamps)))
+    found = np.zeros((len(places), len(lamps), 3))
     for k, lamp in enumerate(lamps):
         for sample in lamp:
             directions, factor = towards_lamp(places, sample)
             cosine = np.einsum("pc,pc->p", directions, normals)
             factor *= np.maximum(cosine, 0.0) / np.pi
             lit = np.flatnonzero(factor > 0.0)
-            found[lit, k] += factor[lit] * ~_blocked(points.caster(everything), places[lit], sample.place)
+            arrives = factor[lit] * ~_blocked(points.caster(everything), places[lit], sample.place)
+            found[lit, k] += arrives[:, None] * sample.tint
     return found
 
 
@@ -241,12 +263,14 @@ def _probe(
     if not others:
         none = np.zeros(0, np.float32)
         nothing: tuple[NDArray, ...] = (np.zeros(len(directions), np.int64), np.zeros(0, np.int32), none, none)
-        return Probe(_joined(points, [nothing]), np.ones(len(directions), bool), np.zeros((len(lamps), order * order)))
+        return Probe(
+            _joined(points, [nothing]), np.ones(len(directions), bool), np.zeros((len(lamps), order * order, 3))
+        )
     is_hit, is_met, hits = _point_hits(points, others, np.tile(np.float32(middle), (len(directions), 1)), directions)
-    of_lamps = np.zeros((len(lamps), order * order))
+    of_lamps = np.zeros((len(lamps), order * order, 3))
     for k, (emitter, lamp) in enumerate(lamps.items()):
         for sample in () if emitter == i else lamp:
             towards, angle = towards_lamp(middle[None], sample)
             if angle[0] > 0.0 and not _blocked(points.caster(others), middle[None], sample.place)[0]:
-                of_lamps[k] += angle[0] * basis(towards[0], order)
+                of_lamps[k] += np.outer(angle[0] * basis(towards[0], order), sample.tint)
     return Probe(_joined(points, [(is_met.astype(np.int64), *hits)]), ~is_hit, of_lamps)

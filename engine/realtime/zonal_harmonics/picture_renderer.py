@@ -98,6 +98,13 @@ class ShadingState:
         return found
 
     @property
+    def even_emission(self) -> Float32Array:
+        """Emission of objects (M, 3) where it has no texture, which is added pixel by pixel; else 0."""
+        found = self.scene.emission.copy()
+        found[list(self.scene.emission_textures.tinted)] = 0.0
+        return found
+
+    @property
     def backdrop(self) -> Backdrop:
         environment, turn = self.light.environment, math.radians(self.light.rotation % 360.0)
         return BLACK if environment is None else Backdrop(environment.radiance, turn, self.light.scale)
@@ -221,8 +228,9 @@ class PictureRenderer:
         white, own = self._shade_points(of, poses, places, frames, turned, quality)
         gloss = self._gloss(of, places, frames, camera_position, white, own)
         drawn = self._rasterize(of.scene, places, camera, (resolution[0] * fine, resolution[1] * fine))
-        emission = of.scene.emission, of.scene.cones
+        emission = of.even_emission, of.scene.cones
         picture = paint(drawn, points.surface, white, gloss, of.albedos, *emission, of.backdrop)
+        self._add_emission(of.scene, drawn, picture, quality)
         for i in of.layers_of:
             self._add_by_pixel(of, i, drawn, white, camera_position, picture, quality)
         return _downsample(picture) if fine == 2 else picture
@@ -321,6 +329,14 @@ class PictureRenderer:
                 reached = np.minimum(reached, np.float32(1.0)).astype(np.float32)
                 add_gloss_rows(rows, views, which, frames, places, camera_position, light, reached, sent)
         return sent
+
+    def _add_emission(self, scene: Scene, drawn: RasterResult, picture: Float32Array, quality: Quality) -> None:
+        """Add the emission that has textures."""
+        for i in scene.emission_textures.tinted:
+            if (pixels := pixels_of(i, drawn, self._points)) is not None:
+                maps = scene.description.objects[i].emission_texture
+                factor = pixels.factor(scene, maps, quality == "moving") * pixels.is_front[:, None]
+                picture[pixels.rows, pixels.columns] += scene.emission[i] * factor
 
     def _add_by_pixel(
         self,

@@ -104,7 +104,7 @@ class _Rays:
 
     def light_of(self, lamp: Lamp, blocked: bool) -> Float64Array:
         """Light (B, 3) of a lamp that casters block, or that they let pass to the points."""
-        found = np.zeros(len(self.places))
+        found = np.zeros((len(self.places), 3))
         for sample in lamp.samples:
             directions, factor = towards_lamp(self.places.astype(np.float64), sample)
             factor *= np.maximum(np.einsum("pc,pc->p", directions, self.normals), 0.0) / np.pi
@@ -115,8 +115,8 @@ class _Rays:
                 is_blocked |= self._hits(caster.rays, lit, to[lit], SHORTENED)
             lit = lit[is_blocked == blocked]
             lit = lit[self._open_at_rest(lit, to[lit], SHORTENED)]
-            found[lit] += factor[lit]
-        return found[:, None] * lamp.emission
+            found[lit] += factor[lit, None] * sample.tint
+        return found * lamp.emission
 
     def _passing(self, caster: Caster, towards: Float32Array) -> NDArray[np.bool_]:
         """Lights above the horizons of points (B, L) whose rays pass a caster's bounding sphere."""

@@ -27,7 +27,7 @@ from engine.material.layer_maps import LayerMaps
 from engine.material.opacity import OPAQUE, Opacity
 from engine.scene.description import MAX_RADIANCE, LayerDescription
 from engine.scene.loaders.image_files import FileImages
-from engine.scene.loaders.model import RGB, ImportedModel, ImportedPart, UnshownProperty
+from engine.scene.loaders.model import NO_EMISSION, RGB, Emission, ImportedModel, ImportedPart, UnshownProperty
 from engine.scene.mesh import MAX_MESH_BYTES, Mesh, join_meshes, mend_mesh, place_copies, with_flat_normals
 from engine.scene.polygons import triangulate
 
@@ -125,8 +125,8 @@ def _part(
     share = min(max(float(material["opacity"]), 0.0), 1.0)
     opacity = OPAQUE if share in (0.0, 1.0) else Opacity("blend", opacity_factor=share)
     return ImportedPart(
-        mesh, tuple(layers), emission if any(emission) else None, opacity=opacity, smooth=mesh.normals is not None,
-        name=name,
+        mesh, tuple(layers), Emission(emission) if any(emission) else NO_EMISSION, opacity=opacity,
+        smooth=mesh.normals is not None, name=name,
     )  # fmt: skip
 
 

@@ -30,12 +30,12 @@ from engine.scene.loaders.gltf_file import GltfFile
 from engine.scene.loaders.gltf_images import GltfImages
 from engine.scene.loaders.gltf_json import MAX_ITEMS, JsonObject
 from engine.scene.loaders.gltf_lights import CONVERTED, read_lights
-from engine.scene.loaders.gltf_materials import COLOURED, GREY, PartMaterial, read_material, uv_sets
+from engine.scene.loaders.gltf_materials import BLACK, COLOURED, GREY, PartMaterial, read_material, uv_sets
 from engine.scene.loaders.gltf_nodes import LONGEST_NAME, MeshNode, placed_meshes, scene_nodes
 from engine.scene.loaders.gltf_primitives import TRIANGLES, read_primitive
 from engine.scene.loaders.gltf_rig import PrimitiveRig, RigReader
 from engine.scene.loaders.gltf_unshown import unshown_properties
-from engine.scene.loaders.model import ImportedModel, ImportedPart, ImportedVariant
+from engine.scene.loaders.model import NO_EMISSION, ImportedModel, ImportedPart, ImportedVariant
 from engine.scene.mesh import Mesh, face_normals, join_meshes, with_flat_normals
 from engine.scene.rig import Binding, Rig, Skeleton, join_bindings
 
@@ -141,13 +141,21 @@ def _part(
         material, variants = material.without_images(), {name: each.without_images() for name, each in variants.items()}
     if skeleton is not None:
         rig = Rig(skeleton, join_bindings([binding for _, binding in bound if binding is not None]), np.eye(4))
+    layers = material.layers or (BLACK if variants else ())
     return ImportedPart(
-        mesh, material.layers, material.emission, rig, material.bumps, material.opacity, mesh.normals is not None,
-        material.name, tuple(
-            ImportedVariant(name, each.layers, each.emission, each.bumps, each.opacity)
-            for name, each in variants.items()
-        ),
+        mesh, layers, material.emission, rig, material.bumps, material.opacity, mesh.normals is not None,
+        material.name, _variants(material, variants),
     )  # fmt: skip
+
+
+def _variants(material: PartMaterial, variants: Mapping[str, PartMaterial]) -> tuple[ImportedVariant, ...]:
+    """The materials of variants, of which those shine that have the emission texture of the part's own: an object has
+    one texture."""
+    return tuple(
+        ImportedVariant(name, each.layers or BLACK, emission.radiance, each.bumps, each.opacity)
+        for name, each in variants.items()
+        for emission in [each.emission if each.emission.is_like(material.emission) else NO_EMISSION]
+    )
 
 
 def _with_flat_normals(mesh: Mesh, binding: Binding | None) -> Bound:

@@ -1,6 +1,8 @@
 """Materials of a glTF file: what its JSON says, read as a `PbrMaterial`, whose layers `pbr_layers` makes; emission,
 normal map, and what is not shown of it.
 
+KHR_materials_unlit replaces all of that by the colour, as radiance that the camera alone sees.
+
 KHR_materials_pbrSpecularGlossiness is the dielectric whose F0 is the specular colour, as KHR_materials_specular
 converts it. Textures of colours and of strengths multiply layers, those of metalness, of roughness, glossiness and of a
 film's thickness are maps of parameters.
@@ -13,21 +15,23 @@ from __future__ import annotations
 import math
 from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 from engine.core.errors import printable_name
 from engine.material.bumps import BUMP_STRENGTH, NO_BUMPS, Bumps
-from engine.material.layer_maps import MAX_UV_SETS, ChannelImage, LayerMaps, TextureTransform
+from engine.material.layer_maps import IDENTITY_TRANSFORM, MAX_UV_SETS, ChannelImage, LayerMaps, TextureTransform
 from engine.material.opacity import OPAQUE, Mode, Opacity
 from engine.scene.description import MAX_RADIANCE, LayerDescription
-from engine.scene.loaders.gltf_images import GltfImages, uv_set_of_texture
+from engine.scene.loaders.gltf_images import GltfImages, NumberTexture, uv_set_of_texture
 from engine.scene.loaders.gltf_json import JsonObject
+from engine.scene.loaders.model import NO_EMISSION, Emission
 from engine.scene.loaders.pbr_layers import (
     LEAST_SHEEN,
     RGB,
     WHITE,
     Coat,
     Film,
+    NumberImage,
     PbrMaterial,
     SheenCoat,
     pbr_layers,
@@ -40,19 +44,20 @@ COLOURED = (
     LayerDescription(model="lambert", maps=LayerMaps(vertex_colours=True), parameters={"albedo": (1.0, 1.0, 1.0)}),
 )
 LONGEST_NAME = 120
+_OF_UNLIT = ("pbrMetallicRoughness", "baseColorTexture", "extensions")
 _ALPHA_MODES: dict[str, Mode] = {"OPAQUE": "opaque", "MASK": "mask", "BLEND": "blend"}
 _MAPPED_EXTENSIONS = ("specular", "iridescence", "sheen", "clearcoat", "anisotropy")
 _COLOURS = ("baseColorTexture", "diffuseTexture")
-_NOT_SHOWN = {"emissiveTexture": "emissive textures"}
+BLACK = (LayerDescription(model="lambert", parameters={"albedo": (0.0, 0.0, 0.0)}),)
 
 
 @dataclass(frozen=True)
 class PartMaterial:
     """Layers of a material (glTF's default, white with metal 1 and roughness 1, is replaced by plain grey), its
-    emission, what of it is not shown, its normal map, its opacity and its name."""
+    emission, whether that lights nothing, what of it is not shown, its normal map, its opacity and its name."""
 
     layers: tuple[LayerDescription, ...] = GREY
-    emission: RGB | None = None
+    emission: Emission = NO_EMISSION
     notes: tuple[str, ...] = ()
     bumps: Bumps = NO_BUMPS
     opacity: Opacity = OPAQUE
@@ -61,22 +66,26 @@ class PartMaterial:
     @property
     def has_images(self) -> bool:
         """Whether it has images, which need texture coordinates."""
-        own = self.bumps.file or self.opacity.opacity_map
-        return bool(own) or any(layer.maps.is_of_files or layer.parameter_maps for layer in self.layers)
+        own = self.opacity.opacity_map or self.emission.texture.is_of_files
+        shown = any(layer.maps.is_of_files or layer.parameter_maps for layer in self.layers)
+        return bool(own or self.bumps.files) or shown
 
     def without_images(self) -> PartMaterial:
         """The material on a mesh without texture coordinates."""
-        opacity = replace(self.opacity, opacity_map="")
-        return replace(self, layers=without_images(self.layers), bumps=NO_BUMPS, opacity=opacity)
+        opacity, emission = replace(self.opacity, opacity_map=""), self.emission.without_images
+        layers = without_images(self.layers)
+        return replace(self, layers=layers, bumps=NO_BUMPS, opacity=opacity, emission=emission)
 
 
 def read_material(fields: JsonObject, images: GltfImages, is_coloured: bool = False) -> PartMaterial:
     """Read a material as layers; values outside their range are clamped, with a note. is_coloured: whether meshes that
     have it have vertex colours, which multiply the base colour [glTF20, 3.9.2]."""
     notes: list[str] = []
+    extensions, called = fields.child("extensions"), printable_name(fields.text("name") or "", LONGEST_NAME)
+    if extensions.has("KHR_materials_unlit"):
+        return replace(_unlit(fields, images, notes, is_coloured), notes=tuple(notes), name=called)
     if not fields.flag("doubleSided") and fields.has("doubleSided"):
         fields.not_shown("doubleSided", "backs of faces reflect as their fronts do")
-    extensions = fields.child("extensions")
     if extensions.has("KHR_materials_pbrSpecularGlossiness"):
         colours, name = extensions.child("KHR_materials_pbrSpecularGlossiness"), "diffuse"
         material = _specular_glossiness(colours, images, notes)
@@ -85,21 +94,26 @@ def read_material(fields: JsonObject, images: GltfImages, is_coloured: bool = Fa
         colours, name = fields.child("pbrMetallicRoughness"), "baseColor"
         material = _metallic_roughness(fields, images, notes)
     opacity = _opacity(fields, colours, name, images, is_coloured)
+    film = _film(extensions.child("KHR_materials_iridescence"), images, notes)
+    streak = _Streak() if film else _streak(extensions.child("KHR_materials_anisotropy"), images, notes)
     material = replace(
         material,
+        anisotropy=streak.strength,
+        anisotropy_image=streak.image,
         base_texture=replace(material.base_texture, vertex_colours=is_coloured),
-        film=_film(extensions.child("KHR_materials_iridescence"), images, notes),
+        film=film,
         sheen=_sheen(extensions.child("KHR_materials_sheen"), images, notes),
         coat=_coat(extensions.child("KHR_materials_clearcoat"), images, notes),
     )
-    emission = _emission(fields)
-    _list_partly_shown(material, extensions, emits=any(emission))
-    notes += [f"{words} are not shown" for key, words in _NOT_SHOWN.items() if fields.has(key)]
-    emits = any(emission) and not fields.has("emissiveTexture")
+    emission = _emission(fields, images, notes)
+    _list_partly_shown(material, extensions, emits=emission.radiance is not None)
     bumps = _bumps(fields.child("normalTexture"), images, notes) if fields.has("normalTexture") else NO_BUMPS
-    shown = emission if emits else None
-    called = printable_name(fields.text("name") or "", LONGEST_NAME)
-    return PartMaterial(pbr_layers(material), shown, tuple(notes), bumps, opacity, called)
+    if streak.strength:
+        bumps = replace(
+            bumps, tangent_along_u=True, tangent_angle=streak.angle, tangent_map=streak.directions,
+            tangent_vectors=bool(streak.directions),
+        )  # fmt: skip
+    return PartMaterial(pbr_layers(material), emission, tuple(notes), bumps, opacity, called)
 
 
 def _metallic_roughness(fields: JsonObject, images: GltfImages, notes: list[str]) -> PbrMaterial:
@@ -155,6 +169,34 @@ def _without_effect(fields: JsonObject) -> None:
     """Count all of an extension as read, because its factor of 0, or another extension, leaves nothing of it."""
     fields.mark_read(*fields.values)
     fields.log.left_out.update(id(value) for value in fields.values.values())
+
+
+class _Streak(NamedTuple):
+    """An anisotropic highlight: its strength and the image of that, its angle in degrees and the image of its
+    directions."""
+
+    strength: float = 0.0
+    image: NumberImage | None = None
+    angle: float = 0.0
+    directions: str = ""
+
+
+def _streak(fields: JsonObject, images: GltfImages, notes: list[str]) -> _Streak:
+    """KHR_materials_anisotropy; under a thin film highlights stay round, which is listed as it is not read there."""
+    strength = fields.clamped(fields.number("anisotropyStrength", 0.0), "anisotropyStrength")
+    if not strength:
+        _without_effect(fields)
+        return _Streak()
+    angle = math.degrees(math.fmod(fields.number("anisotropyRotation", 0.0), 2.0 * math.pi))
+    found, directions = NumberTexture(), ""
+    if fields.has("anisotropyTexture"):
+        (found,) = images.numbers(fields, "anisotropyTexture", "b", notes)
+        used = images.use(fields.child("anisotropyTexture"), notes)
+        if used is not None:
+            directions = f"#{used.image}"
+            if used.scale != (1.0, 1.0) or used.transform != IDENTITY_TRANSFORM:
+                fields.not_shown("anisotropyTexture", "directions are laid out without the transform, and repeated")
+    return _Streak(strength * found.factor, found.image, angle, directions)
 
 
 def _film(fields: JsonObject, images: GltfImages, notes: list[str]) -> Film | None:
@@ -291,12 +333,42 @@ def _at_white(table: Mapping[str, Any]) -> Any:
     return max(high, least) if isinstance(high, float) else high
 
 
-def _emission(fields: JsonObject) -> RGB:
-    """Emitted radiance: the factor, in [0, 1], times the strength of KHR_materials_emissive_strength."""
+def _emission(fields: JsonObject, images: GltfImages, notes: list[str]) -> Emission:
+    """Emitted radiance: the factor, in [0, 1], times the strength of KHR_materials_emissive_strength and the texture.
+    A texture that cannot be read leaves nothing of it: files mostly have a factor of 1 and a texture that is black but
+    for a few lights."""
     factor = (fields.clamped(v, "emissiveFactor") for v in fields.numbers("emissiveFactor", 3, (0.0, 0.0, 0.0)))
     extension = fields.child("extensions").child("KHR_materials_emissive_strength")
     strength = extension.clamped(extension.number("emissiveStrength", 1.0), "emissiveStrength", 0.0, MAX_RADIANCE)
-    return _rgb(tuple(v * strength for v in factor))
+    radiance = _rgb(tuple(v * strength for v in factor))
+    if not any(radiance):
+        fields.log.left_out.add(id(fields.raw("emissiveTexture")))
+        return NO_EMISSION
+    if fields.flag("doubleSided"):
+        fields.not_shown("doubleSided", "backs of faces reflect, but do not shine")
+    texture = images.maps(fields, "emissiveTexture", notes)
+    if fields.has("emissiveTexture") and not texture.texture:
+        fields.not_shown("emissiveTexture", "the surface does not shine: its texture cannot be shown")
+        return NO_EMISSION
+    return Emission(radiance, texture)
+
+
+def _unlit(fields: JsonObject, images: GltfImages, notes: list[str], is_coloured: bool) -> PartMaterial:
+    """A surface that shows its colour, texture and vertex colours whatever the light [glTF20, KHR_materials_unlit]: as
+    radiance that the camera alone sees. It reflects nothing, and casts shadows as all objects do."""
+    pbr = fields.child("pbrMetallicRoughness")
+    red, green, blue, _ = (pbr.clamped(v, "baseColorFactor") for v in pbr.numbers("baseColorFactor", 4, (1.0,) * 4))
+    texture = replace(images.maps(pbr, "baseColorTexture", notes), vertex_colours=is_coloured)
+    opacity = _opacity(fields, pbr, "baseColor", images, is_coloured)
+    if fields.flag("doubleSided"):
+        fields.not_shown("doubleSided", "backs of faces are black")
+    # The extension replaces all of the material but its colour and its opacity.
+    for owner in (fields, pbr, fields.child("extensions")):
+        owner.mark_read(*owner.values)
+        owner.log.left_out.update(id(value) for key, value in owner.values.items() if key not in _OF_UNLIT)
+    if not any((red, green, blue)):
+        return PartMaterial(BLACK, opacity=opacity)
+    return PartMaterial((), Emission((red, green, blue), texture, unlit=True), opacity=opacity)
 
 
 def _bumps(info: JsonObject, images: GltfImages, notes: list[str]) -> Bumps:

@@ -72,6 +72,10 @@ def image_reader(path: Path) -> Callable[[int], bytes]:
         from engine.scene.loaders.usd import usd_image_reader
 
         return usd_image_reader(path)
+    if path.suffix.lower() == ".3mf":
+        from engine.scene.loaders.threemf import threemf_image_reader
+
+        return threemf_image_reader(path)
     from engine.scene.loaders.gltf_buffers import gltf_image_reader
 
     return gltf_image_reader(path)

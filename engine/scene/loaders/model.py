@@ -13,12 +13,35 @@ import numpy.typing as npt
 
 from engine.light.suns import SUN_DIAMETER
 from engine.material.bumps import NO_BUMPS, Bumps
+from engine.material.layer_maps import LayerMaps
 from engine.material.opacity import OPAQUE, Opacity
 from engine.scene.description import Camera, LayerDescription
 from engine.scene.mesh import Mesh
 from engine.scene.rig import Rig
 
 RGB = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Emission:
+    """What a material shines: radiance from its front, None for none, which its texture multiplies. unlit: the camera
+    alone sees it, and it lights nothing."""
+
+    radiance: RGB | None = None
+    texture: LayerMaps = LayerMaps()
+    unlit: bool = False
+
+    def is_like(self, other: Emission) -> bool:
+        """Whether it is another but for its radiance."""
+        return (self.texture, self.unlit) == (other.texture, other.unlit)
+
+    @property
+    def without_images(self) -> Emission:
+        """On a mesh without texture coordinates: the texture white; vertex colours remain."""
+        return replace(self, texture=LayerMaps(vertex_colours=self.texture.vertex_colours))
+
+
+NO_EMISSION = Emission()
 
 
 @dataclass(frozen=True)
@@ -41,7 +64,7 @@ class ImportedPart:
 
     mesh: Mesh
     layers: tuple[LayerDescription, ...] = ()
-    emission: RGB | None = None
+    emission: Emission = NO_EMISSION
     rig: Rig | None = None
     bumps: Bumps = NO_BUMPS
     opacity: Opacity = OPAQUE

@@ -14,7 +14,10 @@ from engine.material.layer_maps import LEAST_REPEATS, MAX_REPEATS
 
 MAX_MATERIALS = 4096
 _MOST_KEYS = 256  # of one material
-_IMAGES = {"map_kd": "map_kd", "map_ks": "map_ks", "map_d": "map_d", "map_bump": "bump", "bump": "bump", "norm": "norm"}
+_IMAGES = {
+    "map_kd": "map_kd", "map_ks": "map_ks", "map_d": "map_d", "map_bump": "bump", "bump": "bump", "norm": "norm",
+    "map_ke": "map_ke", "map_pr": "map_pr", "map_pm": "map_pm", "map_ns": "map_ns",
+}  # fmt: skip
 _NAMING = frozenset({"newmtl", "usemtl", "mtllib", *_IMAGES})
 # Options of images: how many numbers follow at most, 0 for a word.
 _OPTIONS = {"-o": 3, "-s": 3, "-t": 3, "-mm": 2, "-bm": 1, "-boost": 1, "-texres": 1,
@@ -46,8 +49,8 @@ class MtlMaterial:
 
     @property
     def is_physical(self) -> bool:
-        """Whether it has numbers of the extension for physically based materials."""
-        return "pr" in self.values or "pm" in self.values
+        """Whether it has numbers or images of the extension for physically based materials."""
+        return bool({"pr", "pm"} & self.values.keys() or {"map_pr", "map_pm"} & self.images.keys())
 
     def colour(self, key: str, default: float = 0.0, most: float = 1.0) -> tuple[float, float, float]:
         """Three numbers from 0 to `most`; a single one stands for all."""

@@ -6,13 +6,15 @@ material is:
 - **with Pr or Pm**, the extension for physically based materials: metallic-roughness as in glTF, with a sheen Ps and a
   coat Pc of roughness Pcr;
 - **by Blender**, whose first line says so: metallic-roughness too, with the roughness 1 - sqrt(Ns / 1000), the
-  metalness Ka where illum is 3, and the reflectance 0.08 Ks at normal incidence, as its exporter writes them;
+  metalness Ka where illum is 3, and the reflectance 0.08 Ks at normal incidence, as its exporter writes them; its
+  map_Ns is an image of the roughness;
 - **else** the format's own: diffuse Kd and a highlight. In light of strength 1 a surface shows
   Kd cos(theta_i) + Ks cos(theta_h)^Ns, where white shows 1. A Blinn-Phong layer with the scale 8 Ks / (Ns + 2) is equal
   to it at normal incidence. Where both together reflect more than they receive, both are scaled.
 
-Colours are linear, and images of colours are sRGB, as Blender reads and writes them. Images are looked for in the OBJ
-file's folder and those inside (`engine.core.safe_files.find_inside`).
+Colours are linear, and images of colours are sRGB, as Blender reads and writes them. Images multiply the numbers of
+their materials; a number that is 0 or missing beside its image counts as 1, since programs write it for none. Images
+are looked for in the OBJ file's folder and those inside (`engine.core.safe_files.find_inside`).
 """
 
 from __future__ import annotations
@@ -29,9 +31,9 @@ from engine.material.layer_maps import LayerMaps, Wrap
 from engine.material.opacity import OPAQUE, Opacity
 from engine.scene.description import MAX_RADIANCE, LayerDescription
 from engine.scene.loaders.image_files import FileImages
-from engine.scene.loaders.model import RGB, ImportedPart, UnshownProperty
+from engine.scene.loaders.model import NO_EMISSION, RGB, Emission, ImportedPart, UnshownProperty
 from engine.scene.loaders.mtl import MtlImage, MtlMaterial, parse_library
-from engine.scene.loaders.pbr_layers import Coat, PbrMaterial, SheenCoat, pbr_layers
+from engine.scene.loaders.pbr_layers import Coat, NumberImage, PbrMaterial, SheenCoat, pbr_layers
 from engine.scene.mesh import Mesh
 from engine.texture.texture_files import MAX_IMAGE_BYTES, read_texture
 
@@ -50,7 +52,6 @@ _UNSHOWN: dict[str, tuple[float | None, str]] = {
     "ps": (0.0, "no sheen"), "map_ps": (None, _EVEN), "pc": (0.0, "no clear coat"), "pcr": (0.0, "no clear coat"),
     "map_pc": (None, _EVEN),
     "aniso": (0.0, "a round highlight"), "anisor": (0.0, "a round highlight"), "map_ns": (None, _EVEN),
-    "map_pr": (None, _EVEN), "map_pm": (None, _EVEN), "map_ke": (None, "the emission is the same everywhere"),
     "disp": (None, _FLAT), "map_disp": (None, _FLAT), "decal": (None, "no decal"),
     "refl": (None, "the scene is reflected in place of an image"),
 }  # fmt: skip
@@ -97,10 +98,9 @@ class Materials:
             if mesh.uvs is not None and (shown := self._image(image, material.folder))
         }
         base_maps = replace(_maps(images.get("map_kd")), vertex_colours=mesh.colours is not None)
-        layers = self._layers(name, material, base_maps, _maps(images.get("map_ks")))
-        emission = material.colour("ke", most=MAX_RADIANCE)
+        layers = self._layers(name, material, base_maps, images)
         return ImportedPart(
-            mesh, layers, emission if any(emission) else None, bumps=self._bumps(images, material),
+            mesh, layers, _emission(images, material), bumps=self._bumps(images, material),
             opacity=self._opacity(name, images, material), name=name,
         )  # fmt: skip
 
@@ -171,13 +171,13 @@ class Materials:
         self._notes[line] = None
 
     def _layers(
-        self, name: str, material: MtlMaterial, base_maps: LayerMaps, glossy_maps: LayerMaps
+        self, name: str, material: MtlMaterial, base_maps: LayerMaps, images: dict[str, MtlImage]
     ) -> tuple[LayerDescription, ...]:
         base = material.colour("kd", 1.0 if base_maps.texture else 0.8)
         if base_maps.texture and (material.by_blender or not any(base)):
             base = (1.0, 1.0, 1.0)  # Blender writes a colour that it does not use; others 0, for none
         if material.by_blender or material.is_physical:
-            return _metallic_roughness(material, base, base_maps)
+            return _metallic_roughness(material, base, base_maps, images)
         glossy = material.colour("ks") if material.number("illum", 2.0, 0.0, 10.0) >= 2.0 else (0.0, 0.0, 0.0)
         exponent = material.number("ns", 10.0, 0.0, _SHARPEST)
         share = 8.0 / (exponent + 2.0)
@@ -189,22 +189,53 @@ class Materials:
         if not any(scale):
             return (diffuse,)
         parameters = {"exponent": exponent, "reflectance": 1.0, "scale": scale}
+        glossy_maps = _maps(images.get("map_ks"))
         return diffuse, LayerDescription(model="blinn_phong", maps=glossy_maps, parameters=parameters)
 
 
-def _metallic_roughness(material: MtlMaterial, base: RGB, maps: LayerMaps) -> tuple[LayerDescription, ...]:
+def _emission(images: dict[str, MtlImage], material: MtlMaterial) -> Emission:
+    """Ke times its image; without an image that the file names and that is not there, nothing of it."""
+    radiance = material.colour("ke", most=MAX_RADIANCE)
+    if "map_ke" not in material.images:
+        return Emission(radiance) if any(radiance) else NO_EMISSION
+    if "map_ke" not in images:
+        return NO_EMISSION
+    return Emission(radiance if any(radiance) else (1.0, 1.0, 1.0), _maps(images["map_ke"]))
+
+
+def _metallic_roughness(
+    material: MtlMaterial, base: RGB, maps: LayerMaps, images: dict[str, MtlImage]
+) -> tuple[LayerDescription, ...]:
     """The layers of a physically based material, or of Blender's."""
+    rough, metal = images.get("map_pr"), images.get("map_pm")
     if material.is_physical:
         metallic, roughness = material.number("pm", 0.0), material.number("pr", 0.5)
         index = material.number("ni", 1.5, 1.0, 20.0)
         facing = _scaled((1.0, 1.0, 1.0), ((index - 1.0) / (index + 1.0)) ** 2)
+        roughness = (roughness if "pr" in material.values else 0.0) or 1.0 if rough else roughness
+        metallic = metallic or 1.0 if metal else metallic
     else:
         metallic = material.number("ka", 0.0) if material.number("illum", 2.0, 0.0, 10.0) == _MIRRORS else 0.0
         roughness = 1.0 - math.sqrt(material.number("ns", 250.0, 0.0, 1000.0) / 1000.0)
-        facing = _scaled(material.colour("ks", 0.5), 0.08)
+        facing, rough = _scaled(material.colour("ks", 0.5), 0.08), images.get("map_ns")
+        roughness = 1.0 if rough else roughness  # Blender writes a number that it does not use
     sheen, coat = material.number("ps", 0.0), Coat(material.number("pc", 0.0), material.number("pcr", 0.0))
     cloth = SheenCoat(_scaled((1.0, 1.0, 1.0), sheen), _SHEEN_ROUGHNESS)
-    return pbr_layers(PbrMaterial(base, metallic, roughness, maps, facing, sheen=cloth, coat=coat))
+    return pbr_layers(
+        PbrMaterial(
+            base, metallic, roughness, maps, facing, metallic_image=_numbers(metal),
+            roughness_image=_numbers(rough), sheen=cloth, coat=coat,
+        )
+    )  # fmt: skip
+
+
+def _numbers(image: MtlImage | None) -> NumberImage | None:
+    """An image of numbers: its brightness, linear."""
+    if image is None:
+        return None
+    return NumberImage(
+        {"map": image.name, "repeats": image.scale, "offset": image.offset, "wrap": _wrap(image)},
+    )
 
 
 def _unshown_keys(material: MtlMaterial) -> dict[str, str]:
@@ -218,6 +249,8 @@ def _unshown_keys(material: MtlMaterial) -> dict[str, str]:
     is_mirror = material.number("illum", 2.0, 0.0, 10.0) >= _MIRRORS and not material.by_blender
     if is_mirror and not material.is_physical:
         found["illum"] = "no mirror beside the highlight, and nothing shines through"
+    if "map_ns" in material.images and (material.is_physical or not material.by_blender):
+        found["map_ns"] = _UNSHOWN["map_ns"][1]
     for key in material.unread:
         if key not in _ADDS_NOTHING:
             found[key] = _UNSHOWN.get(key, (None, "not read in this form"))[1]

@@ -9,6 +9,9 @@ and linear in b and in w, so that an image of either multiplies a layer: without
 gloss with F0 = (1 - m) w f + m b and F90 = (1 - m) w + m; where b of a metal is an image, the metal's b (1 - r) S is a
 layer of its own; where f is one, so is its f (1 - r) S.
 
+A gloss that is a streak (KHR_materials_anisotropy) is of `brushed` in place of `microfacet`; an image of its strength
+is a map of that.
+
 Where m is an image, the sum is in these two parts, for m = 0 and for m = 1, each with its share as the map of its
 strength [engine.material.parameter_maps]; an image of the roughness is the map of all widths, its square.
 
@@ -86,9 +89,9 @@ class Film:
 
 @dataclass(frozen=True)
 class PbrMaterial:
-    """base: linear colour; metallic, roughness in [0, 1]; facing: F0 of the dielectric part, at most 1, before its
-    strength `specular`. Images that multiply base and facing, the largest channel of the latter, the strength, and
-    the two numbers; that of the roughness goes from `roughness_at_black` to the roughness."""
+    """base: linear colour; metallic, roughness, anisotropy in [0, 1]; facing: F0 of the dielectric part, at most 1,
+    before its strength `specular`. Images that multiply base and facing, the largest channel of the latter, the
+    strength, and the three numbers; that of the roughness goes from `roughness_at_black` to the roughness."""
 
     base: RGB = WHITE
     metallic: float = 1.0
@@ -102,6 +105,8 @@ class PbrMaterial:
     metallic_image: NumberImage | None = None
     roughness_image: NumberImage | None = None
     roughness_at_black: float = 0.0
+    anisotropy: float = 0.0
+    anisotropy_image: NumberImage | None = None
     film: Film | None = None
     sheen: SheenCoat | None = None
     coat: Coat | None = None
@@ -194,7 +199,13 @@ def _gloss(material: PbrMaterial, metallic: float) -> list[LayerDescription]:
 
     def layer(name: str, f0: RGB, f90: float, maps: LayerMaps, scale: RGB = WHITE) -> LayerDescription:
         parameters = {"alpha": alpha, "f0": f0, "f90": f90, "scale": scale}
-        return LayerDescription(model="microfacet", name=name, maps=maps, parameters=parameters)
+        if not material.anisotropy:
+            return LayerDescription(model="microfacet", name=name, maps=maps, parameters=parameters)
+        parameters |= {"anisotropy": material.anisotropy}
+        streak = LayerDescription(model="brushed", name=name, maps=maps, parameters=parameters)
+        if material.anisotropy_image is None:
+            return streak
+        return _with_map(streak, "anisotropy", material.anisotropy_image.table(0.0, material.anisotropy))
 
     plain, image = LayerMaps(), material.specular_image
     weights = plain if image is None else _weighted(plain, image)

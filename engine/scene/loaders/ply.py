@@ -3,15 +3,15 @@
 Every count in the header is checked against the available bytes before anything is allocated, so that a truncated file,
 a negative count and a header that claims 10⁹ vertices all end in one line that names the error. Bytes after the last
 element are skipped with a note. Polygons and strips (`tristrips`, a list in which −1 separates strips) become
-triangles. Read are x y z, nx ny nz, texture coordinates (s t, u v or texture_u texture_v), colours of vertices and
-faces (`vertex_colours` says which are sRGB), vertex indices of faces, and the image of a `comment TextureFile`; other
-properties are listed as not shown.
+triangles. Read are x y z, nx ny nz, texture coordinates (s t, u v or texture_u texture_v of vertices, or a list
+texcoord of each face, as MeshLab writes them), colours of vertices and faces (`vertex_colours` says which are sRGB),
+vertex indices of faces, and the images of `comment TextureFile`: the first, or, where faces have a texnumber, the one
+with this number, each a part. Other properties are listed as not shown.
 trimesh reads such files differently: see `engine.scene.mesh`.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -23,14 +23,25 @@ from engine.material.layer_maps import LayerMaps
 from engine.scene.description import LayerDescription
 from engine.scene.loaders.image_files import FileImages
 from engine.scene.loaders.model import ImportedModel, ImportedPart, UnshownProperty
-from engine.scene.loaders.ply_rows import COLOURS, CORNERS, Column, Element, Lists, Property, read_ascii, read_binary
+from engine.scene.loaders.ply_rows import (
+    COLOURS,
+    CORNERS,
+    TEXCOORD,
+    TEXNUMBER,
+    Column,
+    Element,
+    Lists,
+    Property,
+    read_ascii,
+    read_binary,
+)
 from engine.scene.loaders.vertex_colours import linear_colours, vertex_opacity
-from engine.scene.mesh import MAX_MESH_BYTES, Mesh, mend_mesh
+from engine.scene.mesh import MAX_MESH_BYTES, Mesh, mend_mesh, without_unused_vertices
 from engine.scene.polygons import TooIntricateError, left_out_notes, repeated_polygons, triangulate
 
 _MAX_HEADER = 65536
 _MAX_COUNT = 2**31 - 1
-_MOST_UNSHOWN = 64
+_MOST_UNSHOWN, _MOST_TEXTURES = 64, 256
 _TYPES = {"char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2",
           "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "float": "f4", "float32": "f4",
           "double": "f8", "float64": "f8"}  # fmt: skip
@@ -46,7 +57,7 @@ Columns = dict[tuple[str, str], Column | Lists]
 def read_ply(file: Path) -> ImportedModel:
     """Read a PLY file; raises LoadError naming the line, element or byte."""
     data = read_regular_file(file, MAX_MESH_BYTES)
-    elements, byte_order, body, texture = _parse_header(data, file)
+    elements, byte_order, body, textures = _parse_header(data, file)
     if byte_order:
         columns, notes = read_binary(data, body, elements, byte_order, file)
     else:
@@ -54,15 +65,39 @@ def read_ply(file: Path) -> ImportedModel:
     columns, n_short = _without_short_faces(columns)
     vertices = _vectors(columns, _PLACES, file)
     normals = _vectors(columns, _NORMALS, file) if ("vertex", "nx") in columns else None
-    triangles, face = _triangles(columns, vertices, len(data), file)
-    kept, n_repeated = _unrepeated(columns, face, is_plain=normals is None and _uvs(columns, triangles) is None)
-    triangles, face = triangles[kept], face[kept]
-    mesh = Mesh(vertices, triangles, normals, _uvs(columns, triangles))
-    mesh, mended = mend_mesh(replace(mesh, colours=_colours(columns, elements, mesh, face)), file)
-    layers, texture_notes = _textured(texture, mesh, file)
-    part = ImportedPart(mesh, layers, opacity=vertex_opacity(mesh))
-    notes = (*notes, *mended, *left_out_notes(n_repeated, n_short), *texture_notes)
-    return ImportedModel((part,), notes, unshown=_unshown(elements))
+    triangles, face, corner = _triangles(columns, vertices, len(data), file)
+    uvs = _uvs(columns, triangles, corner)
+    kept, n_repeated = _unrepeated(columns, face, is_plain=normals is None and uvs is None)
+    triangles, face, uvs = triangles[kept], face[kept], None if uvs is None else uvs[kept]
+    mesh = Mesh(vertices, triangles, normals, uvs)
+    colours = _colours(columns, elements, mesh, face)
+    notes = (*notes, *left_out_notes(n_repeated, n_short))
+    parts = []
+    for texture, own in _by_texture(columns, textures, face):
+        part = Mesh(vertices, triangles[own], normals, None if uvs is None else uvs[own], None, _of(colours, own))
+        part, mended = mend_mesh(part if len(textures) < 2 else without_unused_vertices(part), file)
+        layers, texture_notes = _textured(texture, part, file)
+        name = Path(texture).stem if len(textures) > 1 else ""
+        parts.append(ImportedPart(part, layers, opacity=vertex_opacity(part), name=name))
+        notes = (*notes, *mended, *texture_notes)
+    return ImportedModel(tuple(parts), notes, unshown=_unshown(elements))
+
+
+def _of(values: npt.NDArray[np.float32] | None, rows: npt.NDArray[np.bool_]) -> npt.NDArray[np.float32] | None:
+    return None if values is None else values[rows]
+
+
+def _by_texture(
+    columns: Columns, textures: list[str], face: npt.NDArray[np.int64]
+) -> list[tuple[str, npt.NDArray[np.bool_]]]:
+    """The images of a file, and which triangles (T,) show each: by the number of their face, the first in strips."""
+    numbers = _stacked(columns, "face", (TEXNUMBER,))
+    if len(textures) < 2 or numbers is None:
+        return [(textures[0] if textures else "", np.ones(len(face), bool))]
+    usable = np.clip(np.nan_to_num(np.rint(numbers[:, 0])), 0, len(textures) - 1)
+    own = np.append(usable, 0)[face]
+    found = [(name, own == number) for number, name in enumerate(textures)]
+    return [(name, rows) for name, rows in found if rows.any()]
 
 
 def _textured(texture: str, mesh: Mesh, file: Path) -> tuple[tuple[LayerDescription, ...], tuple[str, ...]]:
@@ -70,7 +105,7 @@ def _textured(texture: str, mesh: Mesh, file: Path) -> tuple[tuple[LayerDescript
     if not texture:
         return (), ()
     if mesh.uvs is None:
-        return (), (f"image {describe_value(texture)} is not shown: vertices have no texture coordinates",)
+        return (), (f"image {describe_value(texture)} is not shown: there are no texture coordinates",)
     try:
         name = FileImages(file.parent).find(file.parent, texture)
     except LoadError as error:
@@ -81,18 +116,20 @@ def _textured(texture: str, mesh: Mesh, file: Path) -> tuple[tuple[LayerDescript
 
 def _triangles(
     columns: Columns, vertices: npt.NDArray[np.float64], n_bytes: int, file: Path
-) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int64]]:
-    """Triangles of all faces, then of all strips; and the face of each, −1 in strips."""
-    triangles, owners = [], []
+) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Triangles of all faces, then of all strips; the face of each, −1 in strips; and the place of each corner among
+    all corners of faces (T, 3)."""
+    triangles, owners, corners = [], [], []
     for element, read in (("face", _of_polygons), ("tristrips", _of_strips)):
         lists = next((columns[element, name] for name in CORNERS if (element, name) in columns), None)
         if isinstance(lists, Lists):
-            found, owner = read(lists, vertices, n_bytes, file)
+            found, owner, corner = read(lists, vertices, n_bytes, file)
             triangles.append(found)
             owners.append(owner)
+            corners.append(corner)
     if not triangles:
         raise LoadError(file, "element face", "no list vertex_indices", "a list of vertex indices")
-    return np.concatenate(triangles), np.concatenate(owners)
+    return np.concatenate(triangles), np.concatenate(owners), np.concatenate(corners)
 
 
 def _without_short_faces(columns: Columns) -> tuple[Columns, int]:
@@ -119,8 +156,21 @@ def _unrepeated(columns: Columns, face: npt.NDArray[np.int64], is_plain: bool) -
     return ~np.append(repeated, False)[face], int(repeated.sum())
 
 
-def _uvs(columns: Columns, triangles: npt.NDArray[np.int32]) -> npt.NDArray[np.float32] | None:
-    """Texture coordinates of the triangles' corners, (T, 3, 2), if the vertices have some."""
+def _uvs(
+    columns: Columns, triangles: npt.NDArray[np.int32], corner: npt.NDArray[np.int64]
+) -> npt.NDArray[np.float32] | None:
+    """Texture coordinates of the triangles' corners, (T, 3, 2), if faces or vertices have some. corner (T, 3): the
+    place of each among the corners of faces, −1 in strips, whose coordinates are then 0."""
+    lists = next((columns["face", name] for name in CORNERS if ("face", name) in columns), None)
+    coordinates = columns.get(("face", TEXCOORD))
+    if isinstance(lists, Lists) and isinstance(coordinates, Lists):
+        has_all = coordinates.lengths == 2 * lists.lengths
+        if has_all.any():
+            of_corners = np.zeros((len(lists.values) + 1, 2))
+            of_corners[:-1][np.repeat(has_all, lists.lengths)] = coordinates.values[
+                np.repeat(has_all, coordinates.lengths)
+            ].reshape(-1, 2)
+            return np.clip(of_corners, -1e30, 1e30).astype(np.float32)[corner]
     for names in _UV_NAMES:
         values = _stacked(columns, "vertex", names)
         if values is not None:
@@ -160,8 +210,8 @@ def _unshown(elements: list[Element]) -> tuple[UnshownProperty, ...]:
     return tuple(found)
 
 
-def _parse_header(data: bytes, file: Path) -> tuple[list[Element], str, int, str]:
-    """Elements, byte order ("" for ASCII), the start of the body, and the image of a comment, "" for none."""
+def _parse_header(data: bytes, file: Path) -> tuple[list[Element], str, int, list[str]]:
+    """Elements, byte order ("" for ASCII), the start of the body, and the images of comments."""
     if not data.startswith((b"ply\n", b"ply\r")):
         raise LoadError(file, "first line", data[:16].decode("ascii", "replace"), "ply")
     end = data.find(b"end_header", 0, _MAX_HEADER)
@@ -170,12 +220,12 @@ def _parse_header(data: bytes, file: Path) -> tuple[list[Element], str, int, str
         raise LoadError(file, "header", "no end_header", f"end_header within {_MAX_HEADER} bytes")
     elements: list[Element] = []
     byte_order: str | None = None
-    texture = ""
+    textures: list[str] = []
     for number, line in enumerate(data[:end].decode("utf-8", "replace").splitlines()[1:], start=2):
         words = line.split()
         if not words or words[0] in ("comment", "obj_info"):
             if len(words) > 2 and words[1] == "TextureFile":
-                texture = texture or line.partition("TextureFile")[2].strip()
+                textures.append(line.partition("TextureFile")[2].strip())
             continue
         if words[0] == "format" and len(words) == 3 and words[1] in _FORMATS and words[2] == "1.0":
             byte_order = _FORMATS[words[1]]
@@ -187,7 +237,7 @@ def _parse_header(data: bytes, file: Path) -> tuple[list[Element], str, int, str
             raise LoadError(file, f"line {number}", line, "a PLY 1.0 format, element or property")
     if byte_order is None:
         raise LoadError(file, "header", "no format", "format ascii, binary_little_endian or binary_big_endian")
-    return elements, byte_order, body, texture
+    return elements, byte_order, body, textures[:_MOST_TEXTURES]
 
 
 def _parse_count(word: str, number: int, file: Path) -> int:
@@ -227,22 +277,26 @@ def _vectors(columns: Columns, names: tuple[str, ...], file: Path) -> npt.NDArra
 
 def _of_polygons(
     faces: Lists, vertices: npt.NDArray[np.float64], n_bytes: int, file: Path
-) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int64]]:
-    """The polygons as triangles, in the order of the file, and the polygon of each."""
+) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """The polygons as triangles, in the order of the file; the polygon of each; and the places of their corners."""
     corners = _indices(faces, len(vertices), "face", 0, file)
     if not len(corners):
-        return np.zeros((0, 3), np.int32), np.zeros(0, np.int64)
+        return np.zeros((0, 3), np.int32), np.zeros(0, np.int64), np.zeros((0, 3), np.int64)
     try:
         triangles = triangulate(vertices[corners], faces.lengths, n_bytes)
     except TooIntricateError as error:
         found = f"{faces.lengths[error.polygon]} vertices"
         raise LoadError(file, f"face {error.polygon}", found, "a polygon that is quickly cut into triangles") from None
-    return corners[triangles], np.searchsorted(np.cumsum(faces.lengths), triangles[:, 0], "right")
+    return (
+        corners[triangles],
+        np.searchsorted(np.cumsum(faces.lengths), triangles[:, 0], "right"),
+        triangles.astype(np.int64),
+    )
 
 
 def _of_strips(
     strips: Lists, vertices: npt.NDArray[np.float64], n_bytes: int, file: Path
-) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int64]]:
+) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int64], npt.NDArray[np.int64]]:
     """Triangles of strips: each corner makes one with the two before it, every other one with opposite winding.
     Triangles that repeat a corner only connect strips."""
     corners = _indices(strips, len(vertices), "tristrips", -1, file)
@@ -257,7 +311,7 @@ def _of_strips(
     triangles[odd] = triangles[odd][:, (1, 0, 2)]
     a, b, c = triangles.T
     triangles = triangles[(a != b) & (b != c) & (c != a)]
-    return triangles, np.full(len(triangles), -1)
+    return triangles, np.full(len(triangles), -1), np.full((len(triangles), 3), -1)
 
 
 def _indices(lists: Lists, n_vertices: int, element: str, least: int, file: Path) -> npt.NDArray[np.int32]:

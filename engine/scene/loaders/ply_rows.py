@@ -18,6 +18,8 @@ from engine.core.errors import LoadError
 _CODES = {"i1": "b", "u1": "B", "i2": "h", "u2": "H", "i4": "i", "u4": "I"}
 CORNERS = ("vertex_indices", "vertex_index")
 SURFACES = ("face", "tristrips")
+# Of faces: texture coordinates of the corners, a list, and the number of the image, a scalar.
+TEXCOORD, TEXNUMBER = "texcoord", "texnumber"
 COLOURS = (("red", "green", "blue", "alpha"), ("r", "g", "b", "a"))
 
 Column = npt.NDArray[np.float64] | npt.NDArray[np.int64]
@@ -43,8 +45,9 @@ class Element:
     def reads(self, p: Property) -> bool:
         """Whether a property is used; others are skipped."""
         if p.count_type:
-            return self.name in SURFACES and p.name in CORNERS
-        return self.name == "vertex" or self.name == "face" and any(p.name in names for names in COLOURS)
+            return self.name in SURFACES and p.name in CORNERS or (self.name, p.name) == ("face", TEXCOORD)
+        of_faces = {TEXNUMBER, *(name for names in COLOURS for name in names)}
+        return self.name == "vertex" or self.name == "face" and p.name in of_faces
 
 
 @dataclass

@@ -1,8 +1,9 @@
 """3MF files [ThreeMF]: the parts that a file builds, in metres with Y up; base materials and groups of colours.
 
 A base material becomes a part of its name in its colour, which is sRGB; triangles without one become a part of their
-object's name, with colours at their corners where these are of a group of colours. Faces are flat: the format has no
-normals. Textures and mixtures are listed as not shown.
+object's name, with colours at their corners where these are of a group of colours. Triangles of a group of texture
+coordinates become a part with that texture, which is sRGB; its image is named by its number among the images of the
+archive (`threemf_image_reader`). Faces are flat: the format has no normals. Mixtures are listed as not shown.
 
 The reader is our own. Of files as slicers write them, each object in a model of its own, trimesh 5.2 (with lxml 6.1 and
 networkx 3.6) places nothing, and takes all objects of a model for the one that is named; of copies with one part number
@@ -24,12 +25,14 @@ import numpy.typing as npt
 from engine.core.errors import LoadError, describe_value, printable_name
 from engine.core.safe_files import read_regular_file
 from engine.core.zip_files import ZipArchive
+from engine.material.layer_maps import LayerMaps, Wrap
 from engine.material.opacity import OPAQUE, Opacity
 from engine.scene.description import LayerDescription
 from engine.scene.loaders.model import ImportedModel, ImportedPart, UnshownProperty
 from engine.scene.loaders.vertex_colours import linear_colours, vertex_opacity
 from engine.scene.mesh import (
     MAX_MESH_BYTES,
+    MAX_UV,
     Mesh,
     join_meshes,
     place_copies,
@@ -38,6 +41,7 @@ from engine.scene.mesh import (
     without_unused_vertices,
 )
 from engine.scene.mesh_defects import describe_holes
+from engine.texture.texture_files import check_image
 
 _MAIN = "3d/3dmodel.model"
 _METRES = {"micron": 1e-6, "millimeter": 1e-3, "centimeter": 1e-2, "inch": 0.0254, "foot": 0.3048, "meter": 1.0}
@@ -47,10 +51,12 @@ MOST_COPIED, XML_BYTES = 1_000_000, 16
 OF_A_COMPONENT = 8
 _DEEPEST = 32
 _MOST_UNSHOWN = 64
+_IMAGE_ENDINGS = (".png", ".jpg", ".jpeg")
+_WRAPS: dict[str, Wrap] = {"wrap": "repeat", "mirror": "mirror", "clamp": "clamp", "none": "clamp"}
 _MOST_PARTS = 4095
 _Y_UP = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 _NOT_SHOWN = {
-    "texture2dgroup": "textures", "compositematerials": "mixtures of materials", "multiproperties": "mixed properties",
+    "compositematerials": "mixtures of materials", "multiproperties": "mixed properties",
     "beamlattice": "lattices of beams", "slicestack": "slices",
     "pbmetallicdisplayproperties": "metalness and roughness",
     "pbspeculardisplayproperties": "specular colours and glossiness", "translucentdisplayproperties": "translucency",
@@ -59,7 +65,7 @@ _NOT_SHOWN = {
 # Elements that say what is read, or belong to others that are listed.
 _SILENT = frozenset(
     "resources build metadata metadatagroup mesh vertices triangles components trianglesets triangleset ref refrange "
-    "texture2d tex2coord composite multi beams beam beamsets beamset balls ball polygon segment slice sliceref "
+    "composite multi beams beam beamsets beamset balls ball polygon segment slice sliceref "
     "pbmetallic pbspecular translucent".split()
 )
 
@@ -89,16 +95,18 @@ class _Object:
 
 @dataclass
 class _Group:
-    """Base materials, with names, or colours: linear red, green, blue and alpha."""
+    """Base materials, with names, or colours: linear red, green, blue and alpha; or, of a texture, u, v, 0 and 0."""
 
     is_material: bool
+    texture: Key | None = None
     names: list[str] = field(default_factory=list)
-    colours: list[tuple[float, float, float, float]] = field(default_factory=list)
+    entries: list[tuple[float, float, float, float]] = field(default_factory=list)
 
 
 @dataclass
 class _Contents:
-    """What the models of a file contain. groups: by their number in `numbers`; build: objects and their places."""
+    """What the models of a file contain. groups: by their number in `numbers`; build: objects and their places;
+    textures: the image of each in the archive, and how it continues beyond its edges."""
 
     metres: float = 1e-3
     objects: dict[Key, _Object] = field(default_factory=dict)
@@ -106,6 +114,24 @@ class _Contents:
     numbers: dict[Key, int] = field(default_factory=dict)
     build: list[tuple[Key, Float64Array]] = field(default_factory=list)
     unshown: dict[str, int] = field(default_factory=dict)
+    textures: dict[Key, tuple[str, tuple[Wrap, Wrap]]] = field(default_factory=dict)
+
+
+def threemf_image_reader(file: Path) -> Callable[[int], bytes]:
+    """A function that reads the images of a 3MF file by their numbers. Raises LoadError."""
+    archive = ZipArchive(read_regular_file(file, MAX_MESH_BYTES), file)
+    names = _image_names(archive)
+
+    def read(number: int) -> bytes:
+        if number >= len(names):
+            raise LoadError(file, "image", number, f"an image from 0 to {len(names) - 1}")
+        return archive.read(names[number])
+
+    return read
+
+
+def _image_names(archive: ZipArchive) -> list[str]:
+    return sorted(name for name in archive.names if name.lower().endswith(_IMAGE_ENDINGS))
 
 
 def read_3mf(file: Path) -> ImportedModel:
@@ -130,28 +156,58 @@ def read_3mf(file: Path) -> ImportedModel:
         raise LoadError(file, "materials and objects", len(pieces), f"at most {_MOST_PARTS}")
     if not pieces:
         raise LoadError(file, "faces", 0, "at least one object with triangles in the build")
+    images = _Images(archive, contents, file)
     parts = [
-        _part(name, contents.groups[group] if group >= 0 else None, entry, meshes)
+        _part(name, contents.groups[group] if group >= 0 else None, entry, meshes, images)
         for name, group, entry, meshes in pieces.values()
     ]
     unshown = tuple(
         UnshownProperty(printable_name(name, 64), count, f"no {_NOT_SHOWN.get(name, 'element that is read')}")
         for name, count in contents.unshown.items()
     )
+    notes += dict.fromkeys(images.notes)
     notes += describe_holes(join_meshes([part.mesh for part in parts]))
     return ImportedModel(tuple(parts), tuple(notes), unshown=unshown)
+
+
+class _Images:
+    """The images of a file's textures. notes: on those that cannot be shown."""
+
+    def __init__(self, archive: ZipArchive, contents: _Contents, file: Path) -> None:
+        self._archive, self._contents, self._file = archive, contents, file
+        self._numbers = {name.lower(): number for number, name in enumerate(_image_names(archive))}
+        self.notes: list[str] = []
+
+    def maps(self, texture: Key) -> LayerMaps:
+        """A texture as what multiplies a layer; nothing, with a note, where it cannot be shown."""
+        path, wrap = self._contents.textures.get(texture, ("", ("repeat", "repeat")))
+        number = self._numbers.get(path.lower())
+        if number is None:
+            self.notes.append(f"image {describe_value(path or texture.id)} is not shown: it is not in the archive")
+            return LayerMaps()
+        try:
+            check_image(self._archive.read(_image_names(self._archive)[number]), f"{self._file}#{number}")
+        except LoadError as error:
+            self.notes.append(f"image {describe_value(path)} is not shown: {error.reason}")
+            return LayerMaps()
+        return LayerMaps(f"#{number}", "srgb", texture_wrap=wrap)
 
 
 def _main_first(name: str) -> tuple[bool, str]:
     return not name.lower().endswith(_MAIN), name
 
 
-def _part(name: str, group: _Group | None, entry: int, meshes: list[Mesh]) -> ImportedPart:
-    """A part of these triangles, of a base material where there is a group."""
+def _part(name: str, group: _Group | None, entry: int, meshes: list[Mesh], images: _Images) -> ImportedPart:
+    """A part of these triangles, of a base material or a texture where there is a group."""
     mesh = join_meshes(meshes)
     if group is None:
         return ImportedPart(mesh, opacity=vertex_opacity(mesh), smooth=False, name=name)
-    *albedo, alpha = group.colours[entry]
+    if group.texture is not None:
+        white = LayerDescription(
+            model="lambert", maps=images.maps(group.texture), parameters={"albedo": (1.0, 1.0, 1.0)}
+        )
+        return ImportedPart(mesh, (white,), smooth=False, name=name)
+    *albedo, alpha = group.entries[entry]
     layers = (LayerDescription(model="lambert", parameters={"albedo": tuple(albedo)}),)
     opacity = Opacity("blend", opacity_factor=alpha) if 0.0 < alpha < 1.0 else OPAQUE
     return ImportedPart(mesh, layers, opacity=opacity, smooth=False, name=name)
@@ -182,20 +238,22 @@ def _placed_objects(contents: _Contents, most: int, file: Path) -> tuple[dict[Ke
 
 
 class _GroupTable(NamedTuple):
-    """All groups (G,), and a last one for triangles without: is_material (G + 1,); sizes (G + 1,): their numbers of
-    entries; first (G + 1,): where their colours begin among those of all (N, 4)."""
+    """All groups (G,), and a last one for triangles without: is_material, is_textured (G + 1,); sizes (G + 1,): their
+    numbers of entries; first (G + 1,): where their entries begin among those of all (N, 4): colours, or u, v, 0, 0."""
 
     is_material: npt.NDArray[np.bool_]
+    is_textured: npt.NDArray[np.bool_]
     sizes: npt.NDArray[np.int64]
     first: npt.NDArray[np.int64]
-    colours: npt.NDArray[np.float32]
+    entries: npt.NDArray[np.float32]
 
 
 def _group_table(groups: list[_Group]) -> _GroupTable:
-    sizes = np.array([*(len(group.colours) for group in groups), 1])
-    colours = [*(colour for group in groups for colour in group.colours), (1.0,) * 4]
+    sizes = np.array([*(len(group.entries) for group in groups), 1])
+    entries = [*(entry for group in groups for entry in group.entries), (1.0,) * 4]
     is_material = np.array([*(group.is_material for group in groups), False])
-    return _GroupTable(is_material, sizes, np.cumsum(sizes) - sizes, np.array(colours, np.float32))
+    is_textured = np.array([*(group.texture is not None for group in groups), False])
+    return _GroupTable(is_material, is_textured, sizes, np.cumsum(sizes) - sizes, np.array(entries, np.float32))
 
 
 def _pieces(
@@ -211,19 +269,25 @@ def _pieces(
     _check_properties(properties, key, table, file)
     is_material = table.is_material[properties[:, 0]]
     found: dict[tuple[object, ...], tuple[str, int, int, Mesh]] = {}
-    faces = np.flatnonzero(is_material)
-    pairs, which, counts = np.unique(properties[faces, :2], axis=0, return_inverse=True, return_counts=True)
+    is_textured = table.is_textured[properties[:, 0]]
+    faces = np.flatnonzero(is_material | is_textured)
+    kinds = np.where(is_textured[:, None], properties[:, :1] * [1, 0], properties[:, :2])[faces]
+    pairs, which, counts = np.unique(kinds, axis=0, return_inverse=True, return_counts=True)
     if len(pairs) > _MOST_PARTS:
         raise LoadError(file, f"{key.model}: object {key.id}: materials", len(pairs), f"at most {_MOST_PARTS}")
     by_pair = np.split(faces[np.argsort(which.ravel(), kind="stable")], np.cumsum(counts)[:-1])
     for (number, entry), own in zip(pairs.tolist(), by_pair, strict=False):
-        piece = without_unused_vertices(select_faces(mesh, own))
-        found[number, entry] = contents.groups[number].names[entry], number, entry, piece
-    rest = ~is_material
+        piece, group = without_unused_vertices(select_faces(mesh, own)), contents.groups[number]
+        name = group.names[entry] if group.is_material else item.name
+        if not group.is_material:
+            uvs = table.entries[table.first[number] + properties[own, 1:], :2]
+            piece = replace(piece, uvs=np.ascontiguousarray(uvs))
+        found[number, entry] = name, number, entry, piece
+    rest = ~(is_material | is_textured)
     if rest.any():
         bare = mesh
         if (properties[rest, 0] >= 0).any():
-            bare = replace(mesh, colours=table.colours[table.first[properties[:, 0], None] + properties[:, 1:]])
+            bare = replace(mesh, colours=table.entries[table.first[properties[:, 0], None] + properties[:, 1:]])
         bare = bare if rest.all() else without_unused_vertices(select_faces(bare, rest))
         found[key] = item.name, -1, -1, bare
     return found
@@ -250,7 +314,8 @@ class _ModelReader:
             "model": self._read_unit, "object": self._read_object, "vertex": self._read_vertex,
             "triangle": self._read_triangle, "component": self._read_component, "item": self._read_item,
             "basematerials": self._read_group, "colorgroup": self._read_group, "base": self._read_entry,
-            "color": self._read_entry,
+            "color": self._read_entry, "texture2d": self._read_texture, "texture2dgroup": self._read_group,
+            "tex2coord": self._read_coordinates,
         }  # fmt: skip
 
     def read(self, data: bytes) -> None:
@@ -319,7 +384,8 @@ class _ModelReader:
             self._contents.build.append((self._key(own), _matrix(own)))
 
     def _read_group(self, own: Attributes) -> None:
-        self._group = _Group(self._tag == "basematerials")
+        texture = Key(self._model, own["texid"]) if self._tag == "texture2dgroup" else None
+        self._group = _Group(self._tag == "basematerials", texture)
         self._contents.numbers[Key(self._model, own["id"])] = len(self._contents.groups)
         self._contents.groups.append(self._group)
 
@@ -329,8 +395,16 @@ class _ModelReader:
         if len(digits) not in (3, 4):
             raise LoadError(self._file, f"{self._where}: colour", text, "#RRGGBB or #RRGGBBAA")
         red, green, blue, alpha = linear_colours(np.frombuffer(digits, np.uint8)[None] / 255.0)[0].tolist()
-        self._group.colours.append((red, green, blue, alpha))
+        self._group.entries.append((red, green, blue, alpha))
         self._group.names.append(printable_name(own.get("name", "") or describe_value(text), 48))
+
+    def _read_texture(self, own: Attributes) -> None:
+        u, v = (_WRAPS.get(own.get(f"tilestyle{axis}", "wrap"), "repeat") for axis in "uv")
+        self._contents.textures[Key(self._model, own["id"])] = own["path"].strip("/"), (u, v)
+
+    def _read_coordinates(self, own: Attributes) -> None:
+        u, v = (min(max(float(own[axis]), -MAX_UV), MAX_UV) for axis in "uv")
+        self._group.entries.append((u, v, 0.0, 0.0))
 
     def _number_of(self, pid: str) -> int:
         """The number of a group; −1 for one that is not shown."""

@@ -20,7 +20,7 @@ from engine.material.opacity import OPAQUE, Opacity
 from engine.scene.description import MAX_RADIANCE
 from engine.scene.loaders.baked_maps import MapMaker
 from engine.scene.loaders.gltf_materials import LONGEST_NAME, PartMaterial
-from engine.scene.loaders.model import RGB
+from engine.scene.loaders.model import NO_EMISSION, RGB, Emission
 from engine.scene.loaders.pbr_layers import Coat, NumberImage, PbrMaterial, pbr_layers
 from engine.scene.loaders.usd_prims import UsdPrim, UsdScene
 from engine.scene.loaders.usd_textures import UsdPrimvar, UsdTexture, UsdTextures
@@ -93,7 +93,7 @@ class UsdMaterials:
         for each in found.unshown:
             listed = each.name, each.effect
             self._scene.log.unshown[listed] = self._scene.log.unshown.get(listed, 0) + each.count
-        return UsdMaterial(PartMaterial(found.layers, found.emission, (), found.bumps, found.opacity))
+        return UsdMaterial(PartMaterial(found.layers, Emission(found.emission), (), found.bumps, found.opacity))
 
     def _preview(self, shader: UsdPrim) -> UsdMaterial:
         found = {key: self._textures.read(shader, f"inputs:{key}") for key in _TEXTURED}
@@ -121,9 +121,8 @@ class UsdMaterials:
                 shader.not_shown(f"inputs:{key}", effect)
         if shader.source("inputs:displacement") or shader.number("inputs:displacement", 0.0):
             shader.not_shown("inputs:displacement", "the surface keeps the shape of its mesh")
-        part = PartMaterial(
-            pbr_layers(material), emission if any(emission) else None, (), own.bumps(), own.opacity(found["opacity"])
-        )
+        shines = Emission(emission) if any(emission) else NO_EMISSION
+        part = PartMaterial(pbr_layers(material), shines, (), own.bumps(), own.opacity(found["opacity"]))
         if any(emission) and material.coat is not None:
             shader.not_shown("inputs:clearcoat", "the coat does not dim what the surface emits")
         return UsdMaterial(part, coordinates, painted)

@@ -238,8 +238,8 @@ def panel() -> np.ndarray:
 def test_a_bulb_of_many_triangles_is_merged_into_few(distance: float) -> None:
     triangles, places = bulb(0.1), np.random.default_rng(5).normal(size=(20, 3))
     places *= distance / np.linalg.norm(places, axis=1, keepdims=True)
-    merged, source = merge_triangles(triangles, np.ones((len(triangles), 3)), 128)
-    assert len(merged) == len(source) == 128
+    merged, radiance, source, _ = merge_triangles(triangles, np.ones((len(triangles), 3)), 128)
+    assert len(merged) == len(radiance) == len(source) == 128
     # A sphere covers 2 pi (1 - cos) with sin = R / d; what stands for it lies on its outside.
     expected = 2.0 * np.pi * (1.0 - np.sqrt(1.0 - (0.1 / distance) ** 2))
     found = solid_angles(merged, places).sum(axis=1, dtype=float)
@@ -248,7 +248,7 @@ def test_a_bulb_of_many_triangles_is_merged_into_few(distance: float) -> None:
 
 
 def test_a_panel_of_many_triangles_shines_as_two_do() -> None:
-    merged, _ = merge_triangles(panel(), np.ones((1250, 3)), 64)
+    merged = merge_triangles(panel(), np.ones((1250, 3)), 64).corners
     places = np.array([[0.0, 0.0, 0.0], [0.3, 0.8, 0.2], [1.0, 0.5, 0.0], [0.5, 0.9, 0.5]])
     np.testing.assert_allclose(merged[:, :, 1], 1.0, atol=1e-9)
     found, expected = (solid_angles(each, places).sum(axis=1) for each in (merged, SQUARE))
@@ -259,8 +259,7 @@ def test_few_triangles_are_not_merged_and_radiances_never_mixed() -> None:
     triangles, radiance = panel(), np.ones((1250, 3))
     assert merge_triangles(triangles, radiance, 1250)[0] is triangles
     radiance[::3] = [5.0, 1.0, 0.5]
-    merged, source = merge_triangles(triangles, radiance, 40)
-    found = radiance[source]
+    merged, found, _, _ = merge_triangles(triangles, radiance, 40)
     assert len(merged) == 40
     areas = np.linalg.norm(np.cross(*(merged[:, 1:] - merged[:, :1]).transpose(1, 0, 2)), axis=1) / 2
     for colour in ([1.0, 1.0, 1.0], [5.0, 1.0, 0.5]):
@@ -272,10 +271,45 @@ def test_few_triangles_are_not_merged_and_radiances_never_mixed() -> None:
 def test_objects_are_merged_by_themselves_and_small_ones_stay_round() -> None:
     triangles = np.concatenate([panel(), bulb(0.01), np.zeros((3, 3, 3))])
     objects = np.repeat([7, 3, 3], [1250, len(bulb(0.01)), 3])
-    merged, found = merged_by_object(triangles, objects, 128)
+    (merged, _, source), found = merged_by_object(triangles, np.ones((len(triangles), 3)), objects, 128)
     areas = np.linalg.norm(np.cross(*(merged[:, 1:] - merged[:, :1]).transpose(1, 0, 2)), axis=1) / 2
     for one, n, radius in ((7, 128, None), (3, 64, 0.01)):
         assert (found == one).sum() == n
         area = 1.0 if radius is None else 4.0 * np.pi * radius**2
         assert areas[found == one].sum() == pytest.approx(area, rel=0.01)
-    assert merged_by_object(triangles[:0], objects[:0], 64)[0].shape == (0, 3, 3)
+    # The source of each is a triangle of its object, where it is one alone.
+    assert (objects[source[source >= 0]] == found[source >= 0]).all()
+    none = merged_by_object(triangles[:0], triangles[:0, 0], objects[:0], 64)[0]
+    assert none.corners.shape == (0, 3, 3)
+
+
+def test_triangles_of_one_kind_are_merged_by_brightness_and_keep_their_power() -> None:
+    """A panel whose left half is bright: no merged triangle is of both halves."""
+    triangles = panel()
+    bright = triangles.mean(axis=1)[:, 0] < 0.0
+    radiance = np.where(bright[:, None], [4.0, 2.0, 1.0], [0.1, 0.1, 0.4])
+    merged, found, source = merge_triangles(triangles, radiance, 64, np.zeros(len(triangles), int))
+    assert len(merged) == 64 and (source[source >= 0] < len(triangles)).all()
+    areas = np.linalg.norm(np.cross(*(merged[:, 1:] - merged[:, :1]).transpose(1, 0, 2)), axis=1) / 2
+    np.testing.assert_allclose(areas @ found, radiance.mean(axis=0), rtol=1e-9)  # of a square metre
+    mixed = ~np.isclose(found[:, 0], 4.0) & ~np.isclose(found[:, 0], 0.1)
+    assert areas[mixed].sum() < 0.05
+
+
+def test_radiance_that_varies_is_that_of_parts_and_wholes_have_their_mean() -> None:
+    """Radiance x + 1 of a square from -1/2 to 1/2: of any triangle it is that at its centre."""
+
+    def varying(corners: np.ndarray, roots: np.ndarray) -> np.ndarray:
+        return np.repeat(corners.mean(axis=1)[:, :1] + 1.0, 3, axis=1)
+
+    triangles = SQUARE - SQUARE.reshape(-1, 3).mean(axis=0)
+    mean = varying(triangles, np.arange(2))
+    tree = emitter_tree(triangles, mean, 64, varying=varying)
+    np.testing.assert_allclose(tree.radiance, varying(tree.corners, np.zeros(0)), atol=1e-6)
+    np.testing.assert_allclose(tree.leaves.area @ tree.leaves.radiance, 1.0, rtol=1e-5)
+    # A tree by brightness is finer where it is bright.
+    importance = visible_importance(
+        triangles, mean, np.array([[0.0, -1.0, 0.0]]), np.array([[0.0, 1.0, 0.0]]), np.full((1, 2), 0.5)
+    )
+    leaves = emitter_tree(triangles, mean, 200, importance, varying).leaves
+    assert (leaves.centre[:, 0] > 0.0).mean() > 0.6

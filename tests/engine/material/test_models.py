@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from engine.curve.operators import Operator
 from engine.material import MODELS, make_layer
 from engine.material.layer import evaluate_by_curves
+from engine.reference.gltf_brdf import GltfInputs, gltf_brdf
 
 GAMMA = np.linspace(0.0, math.pi / 2, 301)
 WHITE_METAL = {"eta": 0.01, "k": 20.0}
@@ -110,6 +111,15 @@ def test_bounded_ward_is_the_microfacet_distribution():
     wi, wo = hemisphere(1000, 7), hemisphere(1000, 8)
     found, expected = (each.model.brdf(each.values, wi, wo) for each in (two, one))
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12 * expected.max())
+
+
+def test_brushed_is_the_formula_of_the_extension():
+    """KHR_materials_anisotropy's own words, in `engine.reference.gltf_brdf`, of metal: F = base + (1 - base) rise."""
+    values = {"alpha": 0.3**2, "anisotropy": 0.7, "f0": (0.9, 0.5, 0.2), "f90": 1.0}
+    layer = make_layer(MODELS["brushed"], values)
+    wi, wo = hemisphere(2000, 7), hemisphere(2000, 8)
+    inputs = GltfInputs(base_color=(0.9, 0.5, 0.2), metallic=1.0, roughness=0.3, anisotropy=0.7)
+    np.testing.assert_allclose(layer.model.brdf(layer.values, wi, wo), gltf_brdf(inputs, wi, wo), rtol=1e-9)
 
 
 def test_smooth_oren_nayar_is_lambert():

@@ -127,7 +127,7 @@ def test_emitters_are_drawn_with_the_reported_density(tmp_path: Path) -> None:
     found = placement.caster.intersect(np.tile(np.float32(point), (20_000, 1)), drawn.wi.astype(np.float32))
     hit = placement.scene.emitters[placement.scene.object_of_triangle[found.triangle]]
     assert hit.mean() > 0.99
-    told = light.pdf(found.triangle[hit], drawn.wi[hit], found.distance[hit].astype(np.float64))
+    told = light.pdf(found.of(hit), drawn.wi[hit])
     np.testing.assert_allclose(told, drawn.pdf[hit], rtol=1e-4)
     # A square of side 1 seen from 2 above its middle: 4 asin(1 / (1 + 4 h^2)) with h = 2.
     assert (1.0 / drawn.pdf).mean() == pytest.approx(4 * np.arcsin(1.0 / 17.0), rel=0.01)

@@ -73,13 +73,58 @@ def test_directions_are_averaged_and_not_grey_values(folder: Path) -> None:
         assert np.abs(np.sin(found)).max() < np.radians(5.0)
 
 
-def test_kernels_rotate_as_hits_do(folder: Path) -> None:
-    scene = scene_of(folder, 'tangent = { angle = 10, file = "three.png", range = 90 }', "sphere")
+# A card whose texture stands on its side: u grows along +Y; on the right half v grows along -X, on the left along +X.
+ON_ITS_SIDE = (
+    "v -0.5 -0.5 0\nv 0 -0.5 0\nv 0.5 -0.5 0\nv -0.5 0.5 0\nv 0 0.5 0\nv 0.5 0.5 0\n"
+    "vt 0 0\nvt 0 1\nvt 0 0\nvt 1 0\nvt 1 1\nvt 1 0\nf 1/1 2/2 5/5 4/4\nf 2/2 3/3 6/6 5/5\n"
+)
+
+
+@pytest.mark.parametrize("from_behind", [False, True])
+@pytest.mark.parametrize("angle", [0.0, 30.0])
+def test_tangents_along_u_turn_towards_v(folder: Path, angle: float, from_behind: bool) -> None:
+    (folder / "card.obj").write_text(ON_ITS_SIDE)
+    text = camera((0, 0, -5 if from_behind else 5), 20, (12, 12))
+    text += placed("card", "card.obj", more=f"tangent = {{ along_u = true, angle = {angle} }}\n{LAMBERT}")
+    (folder / "scene.toml").write_text(text)
+    scene = load_scene(folder / "scene.toml")
+    hits = hits_of(scene)
+    right = hits.position[:, 0] > 0.0
+    # The surface has one direction at each place, whichever side is seen: streaks are without a head or a tail.
+    towards_v = np.where(right, -1.0, 1.0)
+    expected = np.stack([towards_v * np.sin(np.radians(angle)), np.full(len(right), np.cos(np.radians(angle)))], axis=1)
+    along = np.abs(np.einsum("pk,pk->p", hits.tangent[:, :2], expected))
+    np.testing.assert_allclose(along, 1.0, atol=1e-5)
+    np.testing.assert_allclose(hits.tangent[:, 2], 0.0, atol=1e-6)
+
+
+def test_red_and_green_are_directions(folder: Path) -> None:
+    """A third of the image each: along u, along v, and halfway between them, in tangents that follow u."""
+    pixels = np.uint8([[[255, 128, 0], [128, 255, 0], [218, 218, 0]]]).repeat(16, 0).repeat(16, 1)
+    Image.fromarray(pixels).save(folder / "vectors.png")
+    scene = scene_of(folder, 'tangent = { along_u = true, file = "vectors.png", vectors = true }')
+    hits = hits_of(scene)
+    x, found = hits.position[:, 0], angles_of(hits, scene)
+    for low, high, degrees in ((-0.4, -0.25, 0.0), (-0.1, 0.1, 90.0), (0.25, 0.4, 45.0)):
+        inside = (x > low) & (x < high)
+        assert inside.sum() > 5
+        half_turns = (found[inside] - degrees) / 180.0
+        np.testing.assert_allclose(half_turns, np.rint(half_turns), atol=2e-3)
+
+
+@pytest.mark.parametrize("along_u", [False, True])
+def test_kernels_rotate_as_hits_do(folder: Path, along_u: bool) -> None:
+    more = 'along_u = true, file = "vectors.png", vectors = true' if along_u else 'file = "three.png", range = 90'
+    Image.fromarray(np.uint8([[[255, 128, 0], [218, 218, 0]]]).repeat(16, 0).repeat(16, 1)).save(folder / "vectors.png")
+    scene = scene_of(folder, f"tangent = {{ angle = 10, {more} }}", "sphere")
     hits, random = hits_of(scene), np.random.default_rng(1)
     triangle = random.integers(0, len(scene.triangles), 200).astype(np.int32)
     u, v = random.dirichlet((1.0, 1.0, 1.0), 200).T[:2].astype(np.float32)
     found = Intersections(triangle, u, v, np.zeros(200, np.float32))
     normals = random.normal(size=(200, 3))
+    if along_u:  # angles to the direction of u depend on the normal: of the surface itself
+        corners = scene.normals[scene.triangles[triangle]].astype(float)
+        normals = np.einsum("nk,nki->ni", np.stack([1.0 - u - v, u, v], axis=1), corners)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     exact = scene.tangent_rotations.tangents(np.zeros(200, int), normals, found)
     axes, codes = tangent_axes(scene), scene.tangent_rotations.codes(found)

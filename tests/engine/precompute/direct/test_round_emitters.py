@@ -73,7 +73,7 @@ def tube_irradiance(points: NDArray[np.float64], radius: float, length: float) -
 def found_of(lamp: NDArray[np.float64]) -> NDArray[np.float64]:
     """E / L (P,) as pictures have it, many triangles merged."""
     hits = points_at(PLACES, UP)
-    merged, _ = merge_triangles(lamp, np.ones((len(lamp), 3)), N_PATCHES // 2)
+    merged = merge_triangles(lamp, np.ones((len(lamp), 3)), N_PATCHES // 2).corners
     return irradiance(hits, light_of(hits, emitters=merged, n_patches=N_PATCHES))[:, 0]
 
 

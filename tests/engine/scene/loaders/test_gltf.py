@@ -369,7 +369,7 @@ def test_emission_is_factor_times_strength(triangle_glb, glb_file):
     for more, expected in (({}, (1.0, 0.5, 0.0)), (strong, (10.0, 5.0, 0.0))):
         tree["materials"] = [{"emissiveFactor": [1.5, 0.5, 0]} | more]
         model = read_gltf(glb_file(tree, binary))
-        assert model.parts[0].emission == expected
+        assert model.parts[0].emission.radiance == expected
         assert model.notes == ("materials 0: emissiveFactor = 1.5, taken as 1",)
 
 

@@ -18,6 +18,7 @@ from engine.material.layer_maps import LayerMaps
 from engine.material.opacity import OPAQUE, Opacity
 from engine.scene.description import MAX_VARIANTS
 from engine.scene.loaders.gltf import ImportedModel, read_gltf
+from engine.scene.loaders.model import NO_EMISSION, Emission
 from engine.scene.loaders.pbr_layers import PbrMaterial, pbr_layers
 from engine.scene.map_sampler import look_up_images
 from engine.scene.scene_loader import load_scene
@@ -290,6 +291,66 @@ def test_what_layers_cannot_have_together_is_listed(read: Callable[..., Imported
     # Nothing is missed of a coat that is not there.
     model = read(material={"extensions": {"KHR_materials_clearcoat": {**coat, "clearcoatFactor": 0}}})
     assert [each for each in model.unshown if "clearcoat" in each.name] == []
+
+
+def test_an_emissive_texture_multiplies_the_emission(
+    read: Callable[..., ImportedModel], scene_file: Callable[..., Path]
+) -> None:
+    shifted = {"index": 0, "extensions": {"KHR_texture_transform": {"scale": [2.0, 3.0]}}}
+    model = read(material={"emissiveFactor": [1, 0.5, 0], "emissiveTexture": shifted})
+    emission = model.parts[0].emission
+    assert emission.radiance == (1.0, 0.5, 0.0) and not emission.unlit and model.unshown == ()
+    assert emission.texture.texture == "#0" and emission.texture.texture_scale == (2.0, 3.0)
+    (toy,) = load_scene(scene_file(TOY)).description.objects
+    assert toy.emission_texture.texture == "model.glb#0" and toy.emits and toy.layers
+    # Black but for a few lights: without the image nothing shines.
+    lost = [{"extensions": {"MSFT_texture_dds": {"source": 0}}}]
+    model = read(material={"emissiveFactor": [1, 1, 1], "emissiveTexture": shifted}, textures=lost)
+    assert model.parts[0].emission == NO_EMISSION
+    assert "materials.emissiveTexture" in {each.name for each in model.unshown}
+    # Of a factor of 0 a texture leaves nothing, and nothing is missed.
+    model = read(material={"emissiveTexture": shifted})
+    assert model.parts[0].emission == NO_EMISSION
+    assert not any("emissive" in each.name for each in model.unshown)
+
+
+def test_unlit_materials_are_their_colour_and_nothing_else(
+    read: Callable[..., ImportedModel], scene_file: Callable[..., Path]
+) -> None:
+    pbr = {"baseColorFactor": [0.5, 0.25, 1, 0.5], "baseColorTexture": {"index": 0}, "metallicFactor": 0.5}
+    rest = {"normalTexture": {"index": 0}, "emissiveFactor": [1, 1, 1], "alphaMode": "BLEND"}
+    unlit = {"KHR_materials_unlit": {}, "KHR_materials_sheen": {"sheenColorFactor": [1, 1, 1]}}
+    model = read(material={"pbrMetallicRoughness": pbr, "extensions": unlit} | rest)
+    (part,) = model.parts
+    assert part.emission == Emission((0.5, 0.25, 1.0), LayerMaps("#0", "srgb"), unlit=True)
+    assert part.layers == () and not part.bumps.file and model.unshown == ()
+    assert part.opacity.opacity_mode == "blend" and part.opacity.opacity_factor == 0.5
+    scene = load_scene(scene_file(TOY))
+    assert scene.shining.tolist() == [True] and scene.emitters.tolist() == [False]
+    # What is black shines nothing, and reflects nothing.
+    (part,) = read(material={"pbrMetallicRoughness": {"baseColorFactor": [0, 0, 0, 1]}, "extensions": unlit}).parts
+    assert part.emission == NO_EMISSION and part.layers[0].parameters["albedo"] == (0.0, 0.0, 0.0)
+
+
+def test_anisotropy_is_a_streak_along_u_and_its_map(
+    read: Callable[..., ImportedModel], scene_file: Callable[..., Path]
+) -> None:
+    streak = {"anisotropyStrength": 0.6, "anisotropyRotation": 0.5, "anisotropyTexture": {"index": 0}}
+    pbr = {"metallicFactor": 1.0, "roughnessFactor": 0.5}
+    model = read(material={"pbrMetallicRoughness": pbr, "extensions": {"KHR_materials_anisotropy": streak}})
+    (part,) = model.parts
+    assert model.unshown == ()
+    (gloss,) = part.layers
+    assert gloss.model == "brushed" and gloss.parameters["alpha"] == 0.25 and gloss.parameters["anisotropy"] == 0.6
+    (name, table), *_ = gloss.parameter_maps.items()
+    assert name == "anisotropy" and table["channel"] == "b" and table["range"] == (0.0, 0.6)
+    assert part.bumps == Bumps(
+        tangent_along_u=True, tangent_angle=pytest.approx(np.degrees(0.5)), tangent_map="#0", tangent_vectors=True
+    )
+    (toy,) = load_scene(scene_file(TOY)).description.objects
+    assert toy.bumps.tangent_map == "model.glb#0" and toy.bumps.tangent_along_u
+    (plain,) = read(material={"pbrMetallicRoughness": pbr, "extensions": {"KHR_materials_anisotropy": {}}}).parts
+    assert plain.layers[0].model == "microfacet" and plain.bumps == Bumps()
 
 
 def test_variants_are_other_layers_of_a_part(

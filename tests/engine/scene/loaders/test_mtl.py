@@ -12,9 +12,10 @@ from PIL import Image
 
 from engine.core import safe_files
 from engine.material import MODELS, validate_parameters
+from engine.material.layer_maps import LayerMaps
 from engine.material.opacity import OPAQUE, Opacity
 from engine.scene.loaders.formats import read_model
-from engine.scene.loaders.model import ImportedModel, ImportedPart
+from engine.scene.loaders.model import NO_EMISSION, Emission, ImportedModel, ImportedPart
 from engine.scene.scene_loader import load_scene
 from tests.naive.exr_files import ExrPart, exr_file
 
@@ -220,8 +221,39 @@ def test_what_is_not_shown_is_listed_by_its_key(mesh_file: Callable[..., Path]) 
 
 def test_emission_and_numbers_that_are_none(material: Callable[[str], ImportedPart]) -> None:
     part = material("newmtl red\nKd nan 1 1\nKs 1e999 1 1\nKe 2 0.5 0\nNs -4\n")
-    assert part.emission == (2.0, 0.5, 0.0)
+    assert part.emission == Emission((2.0, 0.5, 0.0))
     assert part.layers[0].parameters["albedo"] == (0.8, 0.8, 0.8)
+
+
+def test_images_of_emission_multiply_it_and_stand_for_it(
+    tmp_path: Path, material: Callable[[str], ImportedPart]
+) -> None:
+    picture(tmp_path, "glow.png")
+    maps = LayerMaps("glow.png", "srgb", (2.0, 3.0))
+    assert material("newmtl red\nKe 2 1 0\nmap_Ke -s 2 3 1 glow.png\n").emission == Emission((2.0, 1.0, 0.0), maps)
+    assert material("newmtl red\nKe 0 0 0\nmap_Ke -s 2 3 1 glow.png\n").emission == Emission((1.0, 1.0, 1.0), maps)
+    # A surface does not glow all over where the image of its few lights is gone.
+    assert material("newmtl red\nKe 1 1 1\nmap_Ke gone.png\n").emission == NO_EMISSION
+
+
+def test_images_of_roughness_and_metalness_are_maps_of_parameters(
+    tmp_path: Path, mesh_file: Callable[..., Path]
+) -> None:
+    for name in ("rough.png", "metal.png"):
+        picture(tmp_path, name)
+    found = model(mesh_file, "newmtl red\nPr 0.5\nmap_Pr rough.png\nmap_Pm -clamp on metal.png\n")
+    assert found.unshown == ()
+    glosses = [layer for layer in found.parts[0].layers if layer.model == "microfacet"]
+    # Alpha is the square of 0.5 times the image; metalness is the image alone, in parts for 0 and 1.
+    assert {layer.parameter_maps["alpha"]["map"] for layer in glosses} == {"rough.png"}
+    assert all(layer.parameter_maps["alpha"]["range"] == (0.0, 0.25) for layer in glosses)
+    assert {layer.parameter_maps["scale"]["map"] for layer in glosses} == {"metal.png"}
+    assert all(layer.parameter_maps["scale"]["wrap"] == ("clamp", "clamp") for layer in glosses)
+    by_blender = model(mesh_file, "# Blender 4.2\nnewmtl red\nNs 250\nKd 1 1 1\nillum 2\nmap_Ns rough.png\n")
+    (gloss,) = (layer for layer in by_blender.parts[0].layers if layer.model == "microfacet")
+    assert gloss.parameter_maps["alpha"]["range"] == (0.0, 1.0) and by_blender.unshown == ()
+    (only,) = model(mesh_file, "newmtl red\nKs 1 1 1\nNs 9\nmap_Ns rough.png\n").unshown
+    assert only.name == "mtl.map_ns"
 
 
 def test_a_file_without_normals_is_smooth_across_materials_unless_it_says_off(mesh_file: Callable[..., Path]) -> None:

@@ -241,4 +241,42 @@ def test_the_image_of_a_comment_is_the_texture(tmp_path, mesh_file):
         assert len(found.notes) == (note is not None) and (note is None or found.notes[0].startswith(note))
     bare = header("ascii", 4, 1).replace("comment made here", "comment TextureFile a b.png")
     found = read_model(mesh_file("a.ply", bare + ASCII_CORNERS + "4 0 1 2 3\n"))
-    assert found.notes == ("image a b.png is not shown: vertices have no texture coordinates",)
+    assert found.notes == ("image a b.png is not shown: there are no texture coordinates",)
+
+
+PER_FACE = FACES + "property list uchar float texcoord\nproperty int texnumber\n"
+
+
+@pytest.mark.parametrize("order", ["", "<"])
+def test_texture_coordinates_and_images_of_faces(tmp_path, mesh_file, order):
+    """As MeshLab and scanners write them: a quad and a triangle that shows a second image."""
+    from PIL import Image
+
+    for name in ("one.png", "two.png"):
+        Image.new("RGB", (2, 2)).save(tmp_path / name)
+    quad, other = (0, 0, 1, 0, 1, 1, 0, 0.5), (0.25, 0, 0.5, 0, 0.5, 0.75)
+    kind = "binary_little_endian" if order else "ascii"
+    text = header(kind, 4, 2, face=PER_FACE)
+    text = text.replace("comment made here", "comment TextureFile one.png\ncomment TextureFile two.png")
+    if order:
+        rows = b"".join(struct.pack("<3f", *corner) for corner in CORNERS)
+        rows += struct.pack("<B4iB8fi", 4, 0, 1, 2, 3, 8, *quad, 0) + struct.pack("<B3iB6fi", 3, 0, 2, 3, 6, *other, 1)
+        file = mesh_file("a.ply", text.encode() + rows)
+    else:
+        lines = ASCII_CORNERS + f"4 0 1 2 3 8 {' '.join(map(str, quad))} 0\n"
+        file = mesh_file("a.ply", text + lines + f"3 0 2 3 6 {' '.join(map(str, other))} 1\n")
+    found = read_model(file)
+    assert found.notes == () and found.unshown == ()
+    one, two = found.parts
+    assert [part.layers[0].maps.texture for part in found.parts] == ["one.png", "two.png"]
+    assert [part.name for part in found.parts] == ["one", "two"]
+    assert one.mesh.uvs.tolist() == [[[0, 0], [1, 0], [1, 1]], [[0, 0], [1, 1], [0, 0.5]]]
+    assert two.mesh.uvs.tolist() == [[[0.25, 0], [0.5, 0], [0.5, 0.75]]]
+    assert two.mesh.vertices[two.mesh.triangles[0]].tolist() == [[0, 0, 0], [1, 1, 0], [0, 1, 0]]
+
+
+def test_faces_without_coordinates_have_those_of_the_corner(tmp_path, mesh_file):
+    face = FACES + "property list uchar float texcoord\n"
+    text = header("ascii", 4, 2, face=face) + ASCII_CORNERS + "3 0 1 2 6 0 0 1 0 1 1\n3 0 2 3 0\n"
+    (part,) = read_model(mesh_file("a.ply", text)).parts
+    assert part.mesh.uvs.tolist() == [[[0, 0], [1, 0], [1, 1]], [[0, 0]] * 3]

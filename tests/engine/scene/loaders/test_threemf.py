@@ -9,10 +9,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from engine.core.colour import decode_srgb
 from engine.core.errors import LoadError
+from engine.material.layer_maps import LayerMaps
 from engine.scene.loaders.formats import read_model
+from engine.scene.loaders.image_files import image_reader
 from engine.scene.scene_loader import load_scene
 
 CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
@@ -39,7 +42,7 @@ def model(resources: str, build: str = '<item objectid="1"/>', unit: str = ' uni
     return f"{HEAD}{unit}><resources>{resources}</resources><build>{build}</build></model>"
 
 
-def packed(*models: str, names: tuple[str, ...] = ("3D/3dmodel.model", "3D/Objects/a.model")) -> bytes:
+def packed(*models: str | bytes, names: tuple[str, ...] = ("3D/3dmodel.model", "3D/Objects/a.model")) -> bytes:
     data = io.BytesIO()
     with zipfile.ZipFile(data, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("[Content_Types].xml", "<Types/>")
@@ -109,11 +112,47 @@ def test_base_materials_are_parts_and_groups_of_colours_are_of_corners(mesh_file
     assert toy.mesh.colours.tolist() == [[green, blue, green], [blue] * 3]
 
 
-def test_textures_are_listed_as_not_shown(mesh_file: Callable[..., Path]) -> None:
-    groups = '<m:texture2dgroup id="9" texid="8"/>'
-    file = mesh_file("a.3mf", packed(model(groups + f'<object id="1" pid="9" pindex="0">{mesh()}</object>')))
-    (only,) = read_model(file).unshown
-    assert (only.name, only.count, only.effect) == ("texture2dgroup", 1, "no textures")
+def image(colour: tuple[int, int, int]) -> bytes:
+    data = io.BytesIO()
+    Image.new("RGB", (4, 4), colour).save(data, "PNG")
+    return data.getvalue()
+
+
+TEXTURES = (
+    '<m:texture2d id="8" path="/3D/Textures/b.png" contenttype="image/png" tilestyleu="mirror" tilestylev="clamp"/>'
+    '<m:texture2dgroup id="9" texid="8"><m:tex2coord u="0" v="0"/><m:tex2coord u="1" v="0"/>'
+    '<m:tex2coord u="0.5" v="2"/></m:texture2dgroup>'
+)
+
+
+def test_textures_are_those_of_the_archive(mesh_file: Callable[..., Path]) -> None:
+    own = mesh('pid="9" p1="0" p2="1" p3="2"', 'pid="9" p1="2"', "", "")
+    text = model(TEXTURES + f'<object id="1" name="toy">{own}</object>')
+    names = ("3D/3dmodel.model", "3D/Textures/a.png", "3D/Textures/b.png")
+    file = mesh_file("a.3mf", packed(text, image((255, 0, 0)), image((0, 0, 255)), names=names))
+    found = read_model(file)
+    assert found.unshown == () and found.notes == ()
+    shown, plain = sorted(found.parts, key=lambda part: len(part.layers), reverse=True)
+    # The second of the images in the archive; v grows upwards in both.
+    assert shown.layers[0].maps == LayerMaps("#1", "srgb", texture_wrap=("mirror", "clamp"))
+    assert shown.mesh.uvs is not None and plain.mesh.uvs is None and len(plain.mesh.triangles) == 2
+    assert shown.mesh.uvs.tolist() == [[[0, 0], [1, 0], [0.5, 2]], [[0.5, 2]] * 3]
+    assert image_reader(file)(1) == image((0, 0, 255))
+    scene = load_scene(file)
+    texture = scene.textures.texture(scene.description.objects[0].layers[0].maps.images)
+    assert texture is not None and texture.mean.tolist() == [0.0, 0.0, 1.0]
+    with pytest.raises(LoadError, match="image = 2, expected an image from 0 to 1"):
+        image_reader(file)(2)
+
+
+def test_textures_that_are_not_there_leave_white(mesh_file: Callable[..., Path]) -> None:
+    text = model(TEXTURES + f'<object id="1" pid="9" pindex="0">{mesh()}</object>')
+    found = read_model(mesh_file("a.3mf", packed(text)))
+    assert found.parts[0].layers[0].maps == LayerMaps()
+    assert found.notes == ("image 3D/Textures/b.png is not shown: it is not in the archive",)
+    names = ("3D/3dmodel.model", "3D/Textures/b.png")
+    damaged = read_model(mesh_file("a.3mf", packed(text, image((9, 9, 9))[:60], names=names)))
+    assert damaged.parts[0].layers[0].maps == LayerMaps() and "is not shown" in damaged.notes[0]
 
 
 def test_what_is_not_there_or_flat_does_not_refuse_the_rest(mesh_file: Callable[..., Path]) -> None:

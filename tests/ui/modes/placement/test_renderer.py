@@ -46,7 +46,11 @@ def test_pixels_at_edges_show_several_surfaces_by_their_shares(renderer: Placeme
     """Two objects, a lamp and the sky: pixel 1 shows all four, pixel 2 two points of one object."""
     share = np.array([1.0, 0.25, 0.5, 0.5, 1.0, 0.125, 0.5, 0.0], np.float32)
     lamps = Lamps(
-        np.array([1, 4]), np.array([2, 2]), np.array([0.5, 0.25], np.float32), np.tile([8.0, 4.0, 2.0], (2, 1))
+        np.array([1, 4]),
+        np.array([2, 2]),
+        np.array([0.5, 0.25], np.float32),
+        np.ones((2, 3)),
+        np.tile([8.0, 4.0, 2.0], (2, 1)),
     )
     frame = PictureFrame(
         pixel=np.array([0, 1, 2, 2, 3, 1, 4, 5], np.int32),

@@ -182,7 +182,7 @@ class PosedPicture:
     ) -> None:
         i, opacities = term.i_object, cover.opacities
         has_holes = bool(len(opacities)) and opacities[i, 0] > 0.0
-        program = self._term(term.maps is not None, term.detail is not None, has_holes)
+        program = self._term(term.maps is not None, term.detail is not None, has_holes, term.emits)
         set_uniforms(program, **view, reflectance=term.reflectance, i_object=i)
         if term.maps is not None:
             set_uniforms(program, **map_uniforms(term.maps), n_strokes=cover.n_strokes)
@@ -198,8 +198,9 @@ class PosedPicture:
         for name, binding in bindings.items():
             self._buffers[name].bind_to_storage_buffer(binding)
 
-    def _term(self, has_maps: bool, has_detail: bool, has_holes: bool) -> moderngl.Program:
+    def _term(self, has_maps: bool, has_detail: bool, has_holes: bool, emits: bool = False) -> moderngl.Program:
         switches = {"HAS_MAPS": int(has_maps), "HAS_DETAIL": int(has_detail), "HAS_HOLES": int(has_holes)}
+        switches["EMITS"] = int(emits)
         return self._programs.get("deform/term.vert.glsl", "deform/term.frag.glsl", **switches)
 
     def _surface(self, has_holes: bool) -> moderngl.Program:

@@ -34,6 +34,7 @@ from engine.realtime.core.gpu_parts import (
     n_sharp,
 )
 from engine.scene.description import Camera
+from engine.texture.gpu_export import ExportedMaps
 from ui.gl.gpu_memory import BufferMemory, TextureMemory
 from ui.gl.program import ProgramCache, map_uniforms, set_uniforms
 from ui.gl.view_target import CornerArrays, ViewTarget, view_uniforms
@@ -59,6 +60,7 @@ class PointBuffers:
         self.mesh: MeshPart | None = None
         self.terms: tuple[OrbitTerm, ...] = ()
         self.emission, self.cones = np.zeros((0, 3), np.float32), np.zeros((0, 4), np.float32)
+        self.emission_maps: Mapping[int, ExportedMaps] = {}
         self.has_holes = np.zeros(0, bool)  # which objects
         self.tables: dict[int, Tables] = {}
         self.sky: moderngl.Texture | None = None
@@ -115,6 +117,7 @@ class PointBuffers:
 
     def _take_terms(self, part: TermsPart) -> None:
         self.terms, self.emission, self.cones = part.terms, part.emission, part.cones
+        self.emission_maps = part.emission_maps
         self.has_holes = part.opacities[:, 0] > 0.0 if len(part.opacities) else np.zeros(len(part.emission), bool)
         self._replace("opacities", self._memory.filled(part.opacities))
         used = {term.tables for term in part.terms}
@@ -206,7 +209,7 @@ class ShadedPicture:
             self._programs.compute(f"orbit/{name}.comp.glsl")
         for fragment in ("emitted", "seen"):
             yield
-            self._program("emitted", fragment, HAS_HOLES=0)
+            self._program("emitted", fragment, HAS_HOLES=0, HAS_MAPS=0)
         for is_bumpy, has_maps in product((False, True), repeat=2):
             yield
             self._term_program(is_bumpy, has_maps, False)
@@ -235,11 +238,15 @@ class ShadedPicture:
 
     def _draw_surfaces(self, mesh: MeshPart, view: dict[str, object], n_coefficients: int) -> None:
         buffers = self.buffers
-        for binding, name in ((5, "images"), (14, "opacities")):
+        for binding, name in ((5, "images"), (6, "strokes"), (14, "opacities")):
             buffers[name].bind_to_storage_buffer(binding)
         for i, (emission, cone) in enumerate(zip(buffers.emission.tolist(), buffers.cones.tolist(), strict=True)):
-            emitted = self._program("emitted", "emitted", HAS_HOLES=int(buffers.has_holes[i]))
+            maps = buffers.emission_maps.get(i)
+            holes, textured = int(buffers.has_holes[i]), int(maps is not None)
+            emitted = self._program("emitted", "emitted", HAS_HOLES=holes, HAS_MAPS=textured)
             set_uniforms(emitted, **view, emission=tuple(emission), cone=tuple(cone), i_object=i)
+            if maps is not None:
+                set_uniforms(emitted, **map_uniforms(maps), n_strokes=buffers.n_strokes)
             self._draw_object(emitted, mesh, i)
         self._target.begin_terms()
         self._mark(mesh, view)
@@ -251,7 +258,7 @@ class ShadedPicture:
 
     def _mark(self, mesh: MeshPart, view: dict[str, object]) -> None:
         """Mark the visible points of objects with blunt gloss."""
-        program, buffers = self._program("emitted", "seen", HAS_HOLES=0), self.buffers
+        program, buffers = self._program("emitted", "seen", HAS_HOLES=0, HAS_MAPS=0), self.buffers
         buffers["corners"].bind_to_storage_buffer(7)
         buffers["seen"].bind_to_storage_buffer(8)
         for i in sorted({term.i_object for term in buffers.terms if term.tables and not term.sharp}):

@@ -106,7 +106,7 @@ class Compositor:
         self._first_rows = np.concatenate(([0], np.cumsum(rows))).astype(int)
         self._object_boxes = [frame.object_box(i) for i in range(frame.n_objects)]
         self._n_rows = not_a_power_of_two(int(self._first_rows[-1]))
-        self._lamps = frame.lamps._replace(radiance=np.array(frame.lamps.radiance, dtype=np.float32))
+        self._lamps = frame.lamps._replace(emission=np.array(frame.lamps.emission, dtype=np.float32))
         self._emitter_pixels = np.zeros((frame.height, frame.width, 4), dtype=np.float32)
         self._emitter_pixels[..., :3] = frame.emission_image
         self._emitter_pixels[..., 3] = frame.open_image
@@ -222,17 +222,18 @@ class Compositor:
         self._environment = made
 
     def set_emission(self, i_object: int, radiance: Sequence[float]) -> bool:
-        """Set the radiance of an emitter's front, where it is visible; returns whether that changes the backdrop."""
+        """Set the radiance of an emitter's front, before its texture, where it is visible; returns whether that changes
+        the backdrop."""
         lamps, wanted = self._lamps, np.asarray(radiance, dtype=np.float32)
         mine = lamps.object == i_object
-        if not mine.any() or (lamps.radiance[mine] == wanted).all():
+        if not mine.any() or (lamps.emission[mine] == wanted).all():
             return False
-        lamps.radiance[mine] = wanted
+        lamps.emission[mine] = wanted
         pixels = lamps.pixel[mine]
         there = np.isin(lamps.pixel, pixels)  # others may share them
         emitting = self._emitter_pixels.reshape(-1, 4)[:, :3]
         emitting[pixels] = 0.0
-        np.add.at(emitting, lamps.pixel[there], (lamps.share[:, None] * lamps.radiance)[there])
+        np.add.at(emitting, lamps.pixel[there], lamps.seen[there])
         first, last = int(pixels.min()) // self.frame.width, int(pixels.max()) // self.frame.width
         band = np.ascontiguousarray(self._emitter_pixels[first : last + 1])
         self._emission.write(band, viewport=(0, first, self.frame.width, len(band)), alignment=1)
