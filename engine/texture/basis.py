@@ -49,7 +49,10 @@ def open_ktx2(data: bytes, file: Path | str) -> Any:
 
 def decode_basis(data: bytes) -> Arrays:
     """The texels (height, width, 4) of the largest level; for `decode_natively`."""
-    import opengl_basisu
+    try:
+        import opengl_basisu
+    except ImportError:
+        raise DecoderError("opengl-basisu is not installed: it has no wheel for some systems") from None
 
     texture = opengl_basisu.open(data)
     return {"pixels": np.asarray(texture.transcode(opengl_basisu.Target.RGBA8).data)}

@@ -50,19 +50,19 @@ def read_dae(file: Path) -> ImportedModel:
     data = read_regular_file(file, MAX_MESH_BYTES)
     try:
         arrays = decode_natively(decode_dae, data)
-        told = json.loads(arrays["told"].tobytes())
+        described = json.loads(arrays["description"].tobytes())
     except (DecoderError, KeyError, ValueError) as error:
         raise LoadError(file, "COLLADA", str(error), "a COLLADA document with a scene") from None
     notes: dict[str, None] = {}
     by_material: dict[str, list[Mesh]] = {}
-    for k, primitive in enumerate(told["primitives"]):
+    for k, primitive in enumerate(described["primitives"]):
         mesh, lines = mend_mesh(_mesh(arrays, k), file)
         notes |= dict.fromkeys(lines)
-        matrices = np.array([told["places"][i] for i in primitive["places"]], np.float64).reshape(-1, 4, 4)
-        matrices = _turned(matrices, told["up"], float(told["unit"]), file)
+        matrices = np.array([described["places"][i] for i in primitive["places"]], np.float64).reshape(-1, 4, 4)
+        matrices = _turned(matrices, described["up"], float(described["unit"]), file)
         by_material.setdefault(primitive["material"], []).append(place_copies(mesh, matrices))
     if not by_material:
-        why = f": {told['errors'][0]}" if told["errors"] else ""
+        why = f": {described['errors'][0]}" if described["errors"] else ""
         raise LoadError(file, "faces", 0, f"at least one mesh of triangles in the scene{why}")
     images = FileImages(file.parent)
     unread: dict[str, int] = {}
@@ -70,13 +70,13 @@ def read_dae(file: Path) -> ImportedModel:
     for key, meshes in by_material.items():
         if any(mesh.normals is not None for mesh in meshes):
             meshes = [mesh if mesh.normals is not None else with_flat_normals(mesh)[0] for mesh in meshes]
-        mesh, material = join_meshes(meshes), told["materials"].get(key, {})
+        mesh, material = join_meshes(meshes), described["materials"].get(key, {})
         parts.append(_part(mesh, material, images, file.parent, notes))
         for name in material.get("unread", ()):
             unread[name] = unread.get(name, 0) + 1
-    unshown = [UnshownProperty(name, n, _NOT_SHOWN[name]) for name, n in told["counts"].items() if n]
+    unshown = [UnshownProperty(name, n, _NOT_SHOWN[name]) for name, n in described["counts"].items() if n]
     unshown += [UnshownProperty(f"effect.{name}", n, _UNREAD[name]) for name, n in unread.items() if _UNREAD[name]]
-    return ImportedModel(tuple(parts), (*notes, *told["errors"]), unshown=tuple(unshown))
+    return ImportedModel(tuple(parts), (*notes, *described["errors"]), unshown=tuple(unshown))
 
 
 def _mesh(arrays: Arrays, k: int) -> Mesh:
@@ -141,43 +141,43 @@ def _scaled(colour: RGB, factor: float) -> RGB:
 
 
 def decode_dae(data: bytes) -> Arrays:
-    """The primitives that the scene places and a description as JSON, for `decode_natively`: `told` and, for each
-    primitive k, `k vertices` (V, 3), `k triangles` (T, 3), `k normals` (V, 3) and `k uvs` (T, 3, 2), v upwards."""
+    """The primitives that the scene places and a description as JSON, for `decode_natively`: `description` and, for
+    each primitive k, `k vertices` (V, 3), `k triangles` (T, 3), `k normals` (V, 3) and `k uvs` (T, 3, 2), v upwards."""
     import collada
 
     if b"<!DOCTYPE" in data or b"<!ENTITY" in data:
         raise ValueError("a document type, expected none")
     document = collada.Collada(io.BytesIO(data), ignore=[collada.DaeError])
-    told: dict[str, Any] = {
+    described: dict[str, Any] = {
         "up": str(document.assetInfo.upaxis), "unit": float(document.assetInfo.unitmeter or 1.0), "places": [],
         "primitives": [], "materials": {}, "errors": [str(each)[:200] for each in document.errors[:8]],
         "counts": {"animations": len(document.animations), "controllers": len(document.controllers), "lines": 0},
     }  # fmt: skip
     if document.scene is None:
         raise ValueError("no scene")
-    told["counts"] |= {f"{kind}s": sum(1 for _ in document.scene.objects(kind)) for kind in ("camera", "light")}
+    described["counts"] |= {f"{kind}s": sum(1 for _ in document.scene.objects(kind)) for kind in ("camera", "light")}
     arrays: dict[str, npt.NDArray[np.generic]] = {}
     known: dict[tuple[int, str], int] = {}
     for bound in _bound_geometries(document):
-        told["places"].append(np.asarray(bound.matrix, np.float64).ravel().tolist())
-        if len(told["places"]) > MOST_PLACES:
+        described["places"].append(np.asarray(bound.matrix, np.float64).ravel().tolist())
+        if len(described["places"]) > MOST_PLACES:
             raise ValueError(f"more than {MOST_PLACES} places of meshes")
         for primitive in bound.original.primitives:
             node = bound.materialnodebysymbol.get(primitive.material)
             material = None if node is None else node.target
             key = "" if material is None else str(material.id)
             if not hasattr(primitive, "vcounts") and not hasattr(primitive, "ntriangles"):
-                told["counts"]["lines"] += 1
+                described["counts"]["lines"] += 1
                 continue
             number = known.get((id(primitive), key))
             if number is None:
-                number = known[id(primitive), key] = len(told["primitives"])
-                told["primitives"].append({"material": key, "places": []})
+                number = known[id(primitive), key] = len(described["primitives"])
+                described["primitives"].append({"material": key, "places": []})
                 arrays |= {f"{number} {name}": each for name, each in _primitive_arrays(primitive, len(data)).items()}
-                if material is not None and key not in told["materials"]:
-                    told["materials"][key] = _material_words(material)
-            told["primitives"][number]["places"].append(len(told["places"]) - 1)
-    return {"told": np.frombuffer(json.dumps(told).encode(), np.uint8), **arrays}
+                if material is not None and key not in described["materials"]:
+                    described["materials"][key] = _material_words(material)
+            described["primitives"][number]["places"].append(len(described["places"]) - 1)
+    return {"description": np.frombuffer(json.dumps(described).encode(), np.uint8), **arrays}
 
 
 def _bound_geometries(document: Any) -> Iterator[Any]:
