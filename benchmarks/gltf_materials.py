@@ -2,8 +2,9 @@
 of the textures: `python -m benchmarks.gltf_materials MUSEUM.exr [CASE ...]` prints the table of docs/accuracy.md.
 
 Each case is a GLB file that is read as any other: a sphere with factors alone, and a quad with a texture of each
-colour and strength, seen obliquely, under an environment and under a lamp. The judge (`engine.reference.gltf_brdf`)
-gets factors and textures, not layers; its picture of the quad has 3 x 3 rays a pixel.
+colour, strength and roughness, seen obliquely, under an environment and under a lamp. The judge
+(`engine.reference.gltf_brdf`) gets factors and textures, not layers; its picture of the quad has 3 x 3 rays a pixel.
+Columns: the error without the judge's noise, and in brackets that of the mean, and the noise.
 """
 
 from __future__ import annotations
@@ -174,18 +175,20 @@ class AuthoredScattering(Scattering):
         return value, pdf
 
 
-def measure(case: Case, shape: str, light: str, environment: Path, folder: Path) -> Errors:
-    """The error of our picture against the judge's, over the pixels that the object covers."""
+def measure(case: Case, shape: str, light: str, environment: Path, folder: Path) -> tuple[Errors, float]:
+    """The error of our picture against the judge's, over the pixels that the object covers, and the judge's noise: half
+    of the difference of two pictures of half the paths."""
     project = _project(case, shape, light, environment, folder)
     ours = render_picture(project, lambda _: None, series=BounceSeries(1))
-    truth = _judged(case, shape, project)
+    halves = [_judged(case, shape, project, seed) for seed in (0, 1)]
+    truth = 0.5 * (halves[0] + halves[1])
     hits = Placement(project.scene).hits
     begin, end = hits.object_ranges[0]
     counts = np.bincount(hits.pixel[begin:end], minlength=ours.shape[0] * ours.shape[1])
     seen = counts.reshape(ours.shape[:2]) > 0
     if shape == "quad":  # pixels whose neighbours are covered, too: the judge's rays are all over them
         seen &= np.logical_and.reduce([np.roll(seen, by, axis) for axis in (0, 1) for by in (-1, 1)])
-    return errors(ours[seen], truth[seen])
+    return errors(ours[seen], truth[seen]), 0.5 * errors(halves[0][seen], halves[1][seen]).rmse
 
 
 def measure_layers(case: Case, shape: str, light: str, environment: Path, folder: Path) -> Errors:
@@ -198,18 +201,18 @@ def measure_layers(case: Case, shape: str, light: str, environment: Path, folder
     return errors(found.radiance, _judged_paths(case, shape, project, placement, 256))
 
 
-def _judged(case: Case, shape: str, project: Project) -> NDArray[np.floating]:
-    """The judge's picture at the project's resolution."""
+def _judged(case: Case, shape: str, project: Project, seed: int) -> NDArray[np.floating]:
+    """The judge's picture at the project's resolution, of half the paths."""
     finer = FINER if shape == "quad" else 1
     camera, side = project.scene.description.camera, project.scene.resolution[0]
     placement = Placement(project.scene.from_camera(camera, (side * finer,) * 2), None, 0)
     picture = np.zeros((side * finer * side * finer, 3))
-    picture[placement.hits.pixel] = _judged_paths(case, shape, project, placement, N_SAMPLES[shape])
+    picture[placement.hits.pixel] = _judged_paths(case, shape, project, placement, N_SAMPLES[shape] // 2, seed)
     return box_averaged(picture.reshape(side * finer, side * finer, 3), finer)
 
 
 def _judged_paths(
-    case: Case, shape: str, project: Project, placement: Placement, n_samples: int
+    case: Case, shape: str, project: Project, placement: Placement, n_samples: int, seed: int = 0
 ) -> NDArray[np.floating]:
     """Radiance (P, 3) of the hits by the formula."""
     textures = case.channels if shape == "quad" else []
@@ -220,7 +223,8 @@ def _judged_paths(
     def scattering(layers: Sequence[Layer]) -> Scattering:
         return AuthoredScattering(layers, case, len(textures)) if layers else Scattering(())
 
-    return run_to_end(trace_paths(placement, layers_of, project.sky, 1, n_samples, scattering=scattering)).radiance
+    traced = trace_paths(placement, layers_of, project.sky, 1, n_samples, seed, scattering=scattering)
+    return run_to_end(traced).radiance
 
 
 def _texture_maps(k: int, texture: Texture) -> LayerMaps:
@@ -332,9 +336,14 @@ def main() -> None:
             of_layers = measure_layers(
                 CASES[name], "quad", "environment", environment, Path(folder, "quad-environment")
             )
-            found = [of_layers, *found]
-            row = [f"{100 * each.rmse:.2f} % ({100 * each.mean:+.2f} %)" for each in found]
+            row = [_words(of_layers, 0.0), *(_words(*each) for each in found)]
             print(f"| {name} | {' | '.join(row)} |", flush=True)
+
+
+def _words(found: Errors, noise: float) -> str:
+    """The error without the noise, that of the mean, and the noise, in percent."""
+    own = np.sqrt(max(found.rmse**2 - noise**2, 0.0))
+    return f"{100 * own:.2f} % ({100 * found.mean:+.2f}{f'; {100 * noise:.2f}' if noise else ''})"
 
 
 if __name__ == "__main__":

@@ -32,6 +32,9 @@ Float64Array = NDArray[np.float64]
 Factors = NDArray[np.float32]
 _N_MEAN_SAMPLES = 1 << 15
 _MOST_CACHED = 4
+# Parts of a pixel along each side, each filtered by itself, of images of nodes: a pyramid's filter is wider than a
+# pixel, and where roughness changes, a highlight's brightness does so by several times.
+_NODE_PARTS = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,19 +149,29 @@ class MapSampler:
             hit = self._found(i_object)
             return colours_at(scene, hit.triangle, hit.u, hit.v)
 
+        n_parts = 1 if images.node is None else _NODE_PARTS
         colours, shares = sample_images(
-            images, scene.textures, int(end - begin), partial(self._samples, i_object), vertex_colours
+            images, scene.textures, int(end - begin), partial(self._samples, i_object, n_parts), vertex_colours
         )
         spread = spread_points(scene, i_object, images)
         return Canvas(
             MapSamples(colours, shares, spread.means(spread.weight)), self._hits, i_object, spread, scene.origin
         )
 
-    def _samples(self, i_object: int, pyramid: Pyramid, scale: tuple[float, float]) -> NDArray[np.float32]:
-        key = i_object, pyramid, scale
+    def _samples(
+        self, i_object: int, n_parts: int, pyramid: Pyramid, scale: tuple[float, float]
+    ) -> NDArray[np.float32]:
+        """An image at an object's hits: of each pixel the mean of n_parts by n_parts parts."""
+        key = i_object, n_parts, pyramid, scale
         if key not in self._sampled:
+            uv, across, down = self.footprints(i_object)
+            steps, share = (np.arange(n_parts) + 0.5) / n_parts - 0.5, 1.0 / n_parts
+            parts = [
+                pyramid.over(uv + x * across + y * down, share * across, share * down, repeats=scale)
+                for x in steps for y in steps
+            ]  # fmt: skip
             self._sampled = dict(list(self._sampled.items())[1 - _MOST_CACHED :])
-            self._sampled[key] = pyramid.over(*self.footprints(i_object), repeats=scale)
+            self._sampled[key] = parts[0] if n_parts == 1 else np.mean(parts, axis=0, dtype=np.float32)
         return self._sampled[key]
 
     def footprints(self, i_object: int) -> tuple[Float64Array, Float64Array, Float64Array]:
