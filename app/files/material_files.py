@@ -67,7 +67,7 @@ def read_file_materials(file: Path, name: str = "") -> FileMaterials:
     notes = []
     if len(names) > 1:
         notes.append(f"{names[k]} of {len(names)} materials; Variant has the others")
-    if model.parts[k].emission is not None:
+    if model.parts[k].emission.radiance is not None:
         notes.append("it does not shine here: an object's emission is that of its scene")
     if model.unshown:
         notes.append(f"{len(model.unshown)} properties are not shown; open the file to see which")

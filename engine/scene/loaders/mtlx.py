@@ -21,7 +21,7 @@ from engine.scene.loaders.baked_maps import BakedMap, MapMaker
 from engine.scene.loaders.graph_fields import Array
 from engine.scene.loaders.graph_nodes import ImageSource, ImageValues
 from engine.scene.loaders.image_files import FileImages
-from engine.scene.loaders.model import Emission, ImportedModel, ImportedPart, UnshownProperty
+from engine.scene.loaders.model import ImportedModel, ImportedPart, UnshownProperty
 from engine.scene.loaders.mtlx_library import complete_document, complete_network
 from engine.scene.loaders.mtlx_surfaces import surface_material
 from engine.scene.loaders.mtlx_xml import read_document
@@ -94,7 +94,7 @@ def read_mtlx(file: Path) -> ImportedModel:
         own = each.material
         parts.append(
             ImportedPart(
-                place_copies(ball, place[None]), own.layers, Emission(own.emission), bumps=own.bumps,
+                place_copies(ball, place[None]), own.layers, own.emission, bumps=own.bumps,
                 opacity=own.opacity, name=each.name,
             )
         )  # fmt: skip

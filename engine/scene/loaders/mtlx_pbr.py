@@ -8,7 +8,6 @@ from engine.material.bumps import NO_BUMPS, Bumps
 from engine.material.layer_maps import ChannelImage, LayerMaps, TextureTransform
 from engine.material.opacity import OPAQUE
 from engine.material.parameters import reflectance_of_index
-from engine.scene.description import MAX_RADIANCE
 from engine.scene.loaders.baked_maps import MapMaker
 from engine.scene.loaders.graph_fields import Field, combine
 from engine.scene.loaders.pbr_layers import (
@@ -20,7 +19,7 @@ from engine.scene.loaders.pbr_layers import (
     pbr_layers,
 )
 from engine.scene.loaders.surface_inputs import RGB, Float64Array, SurfaceInputs, plain, rgb_of
-from engine.scene.loaders.surface_parts import SurfaceMaterial, blended, bumps_of, bumps_of_colours
+from engine.scene.loaders.surface_parts import SurfaceMaterial, blended, bumps_of, bumps_of_colours, emission_of
 
 
 def read_gltf_pbr(inputs: SurfaceInputs, maps: MapMaker) -> SurfaceMaterial:
@@ -48,12 +47,11 @@ def read_gltf_pbr(inputs: SurfaceInputs, maps: MapMaker) -> SurfaceMaterial:
         specular_image, metallic_image, roughness_image, film=film if film.strength > 0.0 else None, sheen=sheen,
         coat=coat,
     )  # fmt: skip
-    strength = inputs.number("emissive_strength", 0.0, MAX_RADIANCE)
-    emissive = tuple(strength * each for each in inputs.numbers("emissive", MAX_RADIANCE))
+    emitted = emission_of(inputs.field("emissive"), maps, inputs.field("emissive_strength"))
     alpha, mode = inputs.field("alpha"), int(inputs.number("alpha_mode", 0.0, 2.0))
     cutoff = inputs.number("alpha_cutoff")
     opacity = OPAQUE if mode == 0 else blended(alpha, maps, ("mask" if mode == 1 else "blend"), cutoff)
-    return SurfaceMaterial(pbr_layers(material), _lit(emissive), bumps_of(inputs, "normal", maps), opacity)
+    return SurfaceMaterial(pbr_layers(material), emitted, bumps_of(inputs, "normal", maps), opacity)
 
 
 def read_preview_surface(inputs: SurfaceInputs, maps: MapMaker) -> SurfaceMaterial:
@@ -81,7 +79,7 @@ def read_preview_surface(inputs: SurfaceInputs, maps: MapMaker) -> SurfaceMateri
     )  # fmt: skip
     threshold = inputs.number("opacityThreshold")
     opacity = blended(inputs.field("opacity"), maps, "mask" if threshold > 0.0 else "blend", threshold or 0.5)
-    emission = _lit(inputs.numbers("emissiveColor", MAX_RADIANCE))
+    emission = emission_of(inputs.field("emissiveColor"), maps)
     return SurfaceMaterial(pbr_layers(material), emission, _preview_bumps(inputs, maps), opacity)
 
 
@@ -130,8 +128,3 @@ def _largest(texture: LayerMaps) -> ChannelImage | None:
         return None
     transform = TextureTransform(texture.texture_rotation, texture.texture_offset, texture.texture_wrap)
     return ChannelImage(texture.texture, "max", texture.texture_scale, transform)
-
-
-def _lit(radiance: tuple[float, ...]) -> RGB | None:
-    red, green, blue = radiance
-    return (red, green, blue) if red + green + blue > 0.0 else None

@@ -105,7 +105,8 @@ def _open_pbr(inputs: SurfaceInputs, maps: MapMaker) -> SurfaceMaterial:
             "fuzz", "sheen", product(constant(scale), inputs.field("fuzz_color")), parameters={"alpha": alpha}
         )
         layers = covered(layers, sheen, fuzz)
-    emitted = emission_of(inputs, "emission_luminance", "emission_color", 1.0 / LUMENS_A_WATT)
+    luminance = product(inputs.field("emission_luminance"), constant(1.0 / LUMENS_A_WATT))
+    emitted = emission_of(inputs.field("emission_color"), maps, luminance)
     return SurfaceMaterial(
         layer_descriptions(layers, maps), emitted, bumps_of(inputs, "geometry_normal", maps),
         blended(inputs.field("geometry_opacity"), maps),
@@ -191,7 +192,7 @@ def _standard(inputs: SurfaceInputs, maps: MapMaker) -> SurfaceMaterial:
             "coat", "varnish", roughness=coat_roughness, parameters={"ior": inputs.number("coat_IOR", 1.01, 5.0)}
         )
         layers = covered(layers, varnish, coat)
-    emitted = emission_of(inputs, "emission", "emission_color", 1.0)
+    emitted = emission_of(inputs.field("emission_color"), maps, inputs.field("emission"))
     opacity = combine(lambda each: each[:, :3] @ _LUMINANCE, inputs.field("opacity"))
     return SurfaceMaterial(
         layer_descriptions(layers, maps), emitted, bumps_of(inputs, "normal", maps), blended(opacity, maps)

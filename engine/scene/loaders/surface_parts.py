@@ -15,9 +15,9 @@ from engine.scene.description import MAX_RADIANCE, LayerDescription
 from engine.scene.loaders.baked_maps import MapMaker
 from engine.scene.loaders.graph_fields import Field, combine
 from engine.scene.loaders.layer_stack import ONE, StackedLayer, covered
-from engine.scene.loaders.model import UnshownProperty
+from engine.scene.loaders.model import NO_EMISSION, Emission, UnshownProperty
 from engine.scene.loaders.pbr_layers import Film
-from engine.scene.loaders.surface_inputs import RGB, SurfaceInputs, mean_of, plain, product, rgb_of
+from engine.scene.loaders.surface_inputs import SurfaceInputs, mean_of, plain, product, rgb_of
 
 # The mean of max(cos(phi_i - phi_o), 0) sin(alpha) tan(beta), of Oren and Nayar's second term, over both hemispheres.
 _MEAN_LEAN = 0.213961
@@ -34,7 +34,7 @@ class SurfaceMaterial:
     the `MapMaker` that it was made with."""
 
     layers: tuple[LayerDescription, ...]
-    emission: RGB | None = None
+    emission: Emission = NO_EMISSION
     bumps: Bumps = NO_BUMPS
     opacity: Opacity = OPAQUE
     unshown: tuple[UnshownProperty, ...] = ()
@@ -135,13 +135,14 @@ def film_of(inputs: SurfaceInputs, weight: str, index: str, thickness: float) ->
     return Film(strength, inputs.number(index, 1.0, 5.0), thickness) if strength > 0.0 else None
 
 
-def emission_of(inputs: SurfaceInputs, weight: str, colour: str, scale: float) -> RGB | None:
-    """Emitted radiance: weight times colour times scale; None for nothing."""
-    strength = inputs.number(weight, 0.0, MAX_RADIANCE) * scale
-    if strength == 0.0:
-        return None
-    red, green, blue = (strength * each for each in inputs.numbers(colour, MAX_RADIANCE))
-    return (red, green, blue) if red + green + blue > 0.0 else None
+def emission_of(colour: Field, maps: MapMaker, *factors: Field) -> Emission:
+    """Emitted radiance: the product of fields, of which the part that varies is a texture."""
+    number, varying = product(colour, *factors).parts
+    red, green, blue = np.clip(rgb_of(number), 0.0, MAX_RADIANCE).tolist()
+    if red + green + blue == 0.0:
+        return NO_EMISSION
+    radiance = plain(red), plain(green), plain(blue)
+    return Emission(radiance) if varying is None else Emission(radiance, maps.colours(varying))
 
 
 def bumps_of(inputs: SurfaceInputs, name: str, maps: MapMaker) -> Bumps:

@@ -93,7 +93,7 @@ class UsdMaterials:
         for each in found.unshown:
             listed = each.name, each.effect
             self._scene.log.unshown[listed] = self._scene.log.unshown.get(listed, 0) + each.count
-        return UsdMaterial(PartMaterial(found.layers, Emission(found.emission), (), found.bumps, found.opacity))
+        return UsdMaterial(PartMaterial(found.layers, found.emission, (), found.bumps, found.opacity))
 
     def _preview(self, shader: UsdPrim) -> UsdMaterial:
         found = {key: self._textures.read(shader, f"inputs:{key}") for key in _TEXTURED}

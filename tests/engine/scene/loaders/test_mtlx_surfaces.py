@@ -256,8 +256,17 @@ def test_normal_maps_opacity_and_emission(tmp_path: Path) -> None:
     own = found.material
     assert (own.bumps.normal_map, own.bumps.bump_strength) == ("n.png", 0.5)
     assert (own.opacity.opacity_mode, own.opacity.opacity_factor) == ("blend", 0.25)
-    assert own.emission == pytest.approx((1.0, 0.5, 0.0), rel=1e-6)  # 683 nits are 1 W / (m² sr)
+    assert own.emission.radiance == pytest.approx((1.0, 0.5, 0.0), rel=1e-6)  # 683 nits are 1 W / (m² sr)
     assert own.unshown == ()
+
+
+@pytest.mark.parametrize(("shader", "name"), [("standard_surface", "emission_color"), ("gltf_pbr", "emissive")])
+def test_an_image_of_emission_is_a_texture_of_it(tmp_path: Path, shader: str, name: str) -> None:
+    write_png(tmp_path / "glow.png", np.full((2, 2, 3), 0.5))
+    text = linked(name, "color3", "i") + given("emission" if shader[0] == "s" else "emissive_strength", "float", "4")
+    (found,) = read(tmp_path, material(shader, text, image("i", "color3", "glow.png", space="srgb_texture")))
+    shines = found.material.emission
+    assert (shines.radiance, shines.texture.texture, shines.texture.texture_space) == ((4.0,) * 3, "glow.png", "srgb")
 
 
 def definition_inputs(shader: str) -> list[tuple[str, str, str]]:
