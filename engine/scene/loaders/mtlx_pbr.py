@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+
 import numpy as np
 
 from engine.material.bumps import NO_BUMPS, Bumps
@@ -42,16 +45,23 @@ def read_gltf_pbr(inputs: SurfaceInputs, maps: MapMaker) -> SurfaceMaterial:
     coat_roughness, coat_blur = _numbered(inputs.field("clearcoat_roughness"), maps)
     coat = Coat(coat_weight, coat_roughness, 1.5, coat_image, coat_blur)
     red, green, blue = (min(float(facing) * each, 1.0) for each in tint)  # type: ignore[arg-type]
+    streak, streak_image = 0.0, None
+    if not film.strength:
+        streak, streak_image = _numbered(inputs.field("anisotropy_strength"), maps)
     material = PbrMaterial(
         colour, metallic, roughness, texture, (red, green, blue), specular, tint_texture, _largest(tint_texture),
         specular_image, metallic_image, roughness_image, film=film if film.strength > 0.0 else None, sheen=sheen,
-        coat=coat,
+        coat=coat, anisotropy=streak, anisotropy_image=streak_image,
     )  # fmt: skip
     emitted = emission_of(inputs.field("emissive"), maps, inputs.field("emissive_strength"))
     alpha, mode = inputs.field("alpha"), int(inputs.number("alpha_mode", 0.0, 2.0))
     cutoff = inputs.number("alpha_cutoff")
     opacity = OPAQUE if mode == 0 else blended(alpha, maps, ("mask" if mode == 1 else "blend"), cutoff)
-    return SurfaceMaterial(pbr_layers(material), emitted, bumps_of(inputs, "normal", maps), opacity)
+    bumps = bumps_of(inputs, "normal", maps)
+    if streak:
+        turn = math.degrees(inputs.number("anisotropy_rotation", -math.tau, math.tau))
+        bumps = replace(bumps, tangent_along_u=True, tangent_angle=turn)
+    return SurfaceMaterial(pbr_layers(material), emitted, bumps, opacity)
 
 
 def read_preview_surface(inputs: SurfaceInputs, maps: MapMaker) -> SurfaceMaterial:

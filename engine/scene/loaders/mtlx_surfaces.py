@@ -15,12 +15,14 @@ KHR_materials_iridescence. gltf_pbr and UsdPreviewSurface are glTF's material (`
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
+from engine.material.bumps import Bumps
 from engine.material.parameters import reflectance_of_index
 from engine.scene.description import LayerDescription
 from engine.scene.loaders.baked_maps import MapMaker
@@ -35,6 +37,7 @@ from engine.scene.loaders.surface_inputs import Group, SurfaceInputs, mean_of, m
 from engine.scene.loaders.surface_parts import (
     SurfaceMaterial,
     blended,
+    brushed_metal,
     bumps_of,
     conductor,
     emission_of,
@@ -44,6 +47,7 @@ from engine.scene.loaders.surface_parts import (
     metal,
     preserving_diffuse,
     rough_diffuse,
+    streak_of,
 )
 
 LUMENS_A_WATT = 683.0  # docs/conventions.md
@@ -91,8 +95,13 @@ def _open_pbr(inputs: SurfaceInputs, maps: MapMaker) -> SurfaceMaterial:
         inputs.list("base_diffuse_roughness", _EVEN)
     share = product(one_minus(metalness), dim)
     layers = glossy_base(base, share, roughness, facing, inputs.field("specular_color"), film)
-    edge = product(inputs.field("specular_color"), gloss_weight)
-    layers += metal(product(weight, colour), edge, product(metalness, gloss_weight, dim), roughness, film)
+    edge, shine = product(inputs.field("specular_color"), gloss_weight), product(metalness, gloss_weight, dim)
+    stretched = _stretched(inputs, "specular_roughness_anisotropy", metalness, film)
+    if stretched:
+        width = float(mean_of(roughness)[0]) ** 2 * math.sqrt(2.0 / (1.0 + (1.0 - stretched) ** 2))
+        layers += brushed_metal(product(weight, colour), shine, streak_of(width, (1.0 - stretched) * width))
+    else:
+        layers += metal(product(weight, colour), edge, shine, roughness, film)
     if not is_everywhere(coat, 0.0):
         varnish = StackedLayer(
             "coat", "varnish", roughness=inputs.field("coat_roughness"), parameters={"ior": coat_index}
@@ -108,7 +117,7 @@ def _open_pbr(inputs: SurfaceInputs, maps: MapMaker) -> SurfaceMaterial:
     luminance = product(inputs.field("emission_luminance"), constant(1.0 / LUMENS_A_WATT))
     emitted = emission_of(inputs.field("emission_color"), maps, luminance)
     return SurfaceMaterial(
-        layer_descriptions(layers, maps), emitted, bumps_of(inputs, "geometry_normal", maps),
+        layer_descriptions(layers, maps), emitted, _along_u(bumps_of(inputs, "geometry_normal", maps), stretched),
         blended(inputs.field("geometry_opacity"), maps),
     )  # fmt: skip
 
@@ -186,7 +195,15 @@ def _standard(inputs: SurfaceInputs, maps: MapMaker) -> SurfaceMaterial:
         base = covered(base, fuzz, sheen)
     facing = float(reflectance_of_index(inputs.number("specular_IOR", 1.0, 5.0)))  # type: ignore[arg-type]
     layers = glossy_base(base, product(one_minus(metalness), dim), roughness, facing, product(gloss, tint), film)
-    layers += conductor(product(weight, colour), product(gloss, tint), product(metalness, dim), roughness, film)
+    stretched = _stretched(inputs, "specular_anisotropy", metalness, film)
+    turn = inputs.number("specular_rotation") if stretched else 0.0
+    if stretched:
+        width, aspect = float(mean_of(roughness)[0]) ** 2, math.sqrt(1.0 - min(stretched, 0.98))
+        layers += brushed_metal(
+            product(weight, colour), product(metalness, dim), streak_of(width / aspect, width * aspect)
+        )
+    else:
+        layers += conductor(product(weight, colour), product(gloss, tint), product(metalness, dim), roughness, film)
     if not is_everywhere(coat, 0.0):
         varnish = StackedLayer(
             "coat", "varnish", roughness=coat_roughness, parameters={"ior": inputs.number("coat_IOR", 1.01, 5.0)}
@@ -195,11 +212,32 @@ def _standard(inputs: SurfaceInputs, maps: MapMaker) -> SurfaceMaterial:
     emitted = emission_of(inputs.field("emission_color"), maps, inputs.field("emission"))
     opacity = combine(lambda each: each[:, :3] @ _LUMINANCE, inputs.field("opacity"))
     return SurfaceMaterial(
-        layer_descriptions(layers, maps), emitted, bumps_of(inputs, "normal", maps), blended(opacity, maps)
+        layer_descriptions(layers, maps),
+        emitted,
+        _along_u(bumps_of(inputs, "normal", maps), stretched, turn),
+        blended(opacity, maps),
     )
 
 
 _LUMINANCE = np.array([[0.2126], [0.7152], [0.0722]], np.float32)
+
+
+def _along_u(bumps: Bumps, stretched: float, turn: float = 0.0) -> Bumps:
+    """Bumps with the tangents of streaks, along u and turned by shares of a circle."""
+    return replace(bumps, tangent_along_u=True, tangent_angle=360.0 * turn) if stretched else bumps
+
+
+def _stretched(inputs: SurfaceInputs, name: str, metalness: Field, film: Film | None) -> float:
+    """The anisotropy of a metal, 0 for a round highlight. That of a gloss is not shown."""
+    found = inputs.number(name)
+    if not found:
+        return 0.0
+    if film is not None or is_everywhere(metalness, 0.0):
+        inputs.list(name, _ROUND)
+        return 0.0
+    if not is_everywhere(metalness, 1.0):
+        inputs.list(name, "the metal's highlight is a streak, and that of the gloss is round")
+    return found
 
 
 def _deepened(colour: Field, exponent: Field) -> Field:

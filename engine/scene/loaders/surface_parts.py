@@ -16,7 +16,7 @@ from engine.scene.loaders.baked_maps import MapMaker
 from engine.scene.loaders.graph_fields import Field, combine
 from engine.scene.loaders.layer_stack import ONE, StackedLayer, covered
 from engine.scene.loaders.model import NO_EMISSION, Emission, UnshownProperty
-from engine.scene.loaders.pbr_layers import Film
+from engine.scene.loaders.pbr_layers import SMOOTHEST, Film
 from engine.scene.loaders.surface_inputs import SurfaceInputs, mean_of, plain, product, rgb_of
 
 # The mean of max(cos(phi_i - phi_o), 0) sin(alpha) tan(beta), of Oren and Nayar's second term, over both hemispheres.
@@ -76,6 +76,21 @@ def glossy_base(
     ]  # fmt: skip
     found.append(StackedLayer("gloss", "thin_film", tint, roughness=roughness, parameters=own))
     return [replace(each, share=product(each.share, share)) for each in found]
+
+
+def streak_of(along: float, across: float) -> dict[str, float]:
+    """The parameters of a `brushed` layer whose microfacets have these widths along and across the streak."""
+    across = min(max(across, SMOOTHEST), 0.999)
+    return {"alpha": plain(across), "anisotropy": plain(math.sqrt(max(min(along, 1.0) - across, 0.0) / (1.0 - across)))}
+
+
+def brushed_metal(facing: Field, share: Field, streak: dict[str, float]) -> list[StackedLayer]:
+    """A metal by what it reflects head-on and Schlick's term, whose highlight is a streak."""
+    if facing.is_constant:
+        own = {"f0": tuple(map(plain, rgb_of(facing.value.astype(float)).clip(0.0, 1.0).tolist())), "f90": 1.0}
+        return [StackedLayer("metal", "brushed", ONE, share, None, own | streak)]
+    rim = StackedLayer("metal edge", "brushed", ONE, share, None, {"f0": (0.0,) * 3, "f90": 1.0} | streak)
+    return [StackedLayer("metal", "brushed", facing, share, None, {"f0": (1.0,) * 3, "f90": 0.0} | streak), rim]
 
 
 def metal(facing: Field, edge: Field, share: Field, roughness: Field, film: Film | None) -> list[StackedLayer]:

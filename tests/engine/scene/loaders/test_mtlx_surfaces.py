@@ -157,6 +157,25 @@ def test_a_metal_of_standard_surface_has_the_exact_term(tmp_path: Path) -> None:
     np.testing.assert_allclose(layer.curve("theta_d")(np.zeros(1))[0], BASE, atol=1e-5)
 
 
+@pytest.mark.parametrize("shader", ["open_pbr_surface", "standard_surface"])
+def test_an_anisotropic_metal_has_ggx_of_two_widths(tmp_path: Path, shader: str) -> None:
+    is_open = shader == "open_pbr_surface"
+    names = ("base_metalness", "specular_roughness_anisotropy") if is_open else ("metalness", "specular_anisotropy")
+    inputs = dict.fromkeys(names, "1") | {names[1]: "0.6", "specular_roughness": "0.5", "base_color": "0.6, 0.3, 0.1"}
+    # Of roughness 0.5 and anisotropy 0.6, along and across [OpenPBR; MaterialX, roughness_anisotropy].
+    width, aspect = 0.25 * math.sqrt(2.0 / (1.0 + 0.4**2)), math.sqrt(0.4)
+    a, b = (width, 0.4 * width) if is_open else (0.25 / aspect, 0.25 * aspect)
+    half = WI + WO
+    half /= np.linalg.norm(half, axis=1, keepdims=True)
+    d = 1.0 / (math.pi * a * b * ((half[:, 0] / a) ** 2 + (half[:, 1] / b) ** 2 + half[:, 2] ** 2) ** 2)
+    lengths = [np.linalg.norm(w * np.array([a, b, 1.0]), axis=1) for w in (WI, WO)]
+    masked = 0.5 / (WI[:, 2] * lengths[1] + WO[:, 2] * lengths[0])  # Smith's, correlated by height
+    schlick = BASE + (1.0 - BASE) * (1.0 - (WI * half).sum(axis=1)[:, None]) ** 5
+    check(brdf(tmp_path, shader, inputs, WI, WO), (d * masked)[:, None] * schlick, 1e-5)
+    text = "".join(given(name, "color3" if "," in value else "float", value) for name, value in inputs.items())
+    assert read(tmp_path, material(shader, text))[0].material.bumps.tangent_along_u
+
+
 def test_mixed_metalness_is_a_mixture(tmp_path: Path) -> None:
     one = {"base_color": "0.6, 0.3, 0.1", "specular_roughness": "0.5"}
     plain, metal, mixed = (
