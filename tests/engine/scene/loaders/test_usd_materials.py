@@ -42,7 +42,7 @@ def test_a_material_without_inputs_is_that_of_the_schema(tmp_path: Path) -> None
     # diffuseColor 0.18, roughness 0.5, ior 1.5, no metal and no coat.
     f0 = (0.5 / 2.5) ** 2
     assert part.layers == pbr_layers(PbrMaterial((0.18,) * 3, 0.0, 0.5, facing=(f0, f0, f0))) and part.name == "M"
-    assert not model.unshown and part.opacity.opacity_mode == "opaque" and part.emission is None
+    assert not model.unshown and part.opacity.opacity_mode == "opaque" and part.emission.radiance is None
 
 
 def test_numbers_are_those_of_metallic_roughness(tmp_path: Path) -> None:
@@ -59,7 +59,7 @@ def test_numbers_are_those_of_metallic_roughness(tmp_path: Path) -> None:
     )
     f0 = 1.0 / 9.0
     expected = PbrMaterial((0.8, 0.4, 0.2), 0.25, 0.3, facing=(f0, f0, f0), coat=Coat(0.5, 0.1))
-    assert part.layers == pbr_layers(expected) and part.emission == (3.0, 2.0, 1.0)
+    assert part.layers == pbr_layers(expected) and part.emission.radiance == (3.0, 2.0, 1.0)
     # Without useSpecularWorkflow its colour counts for nothing.
     assert unshown(model) == {"Shader.inputs:clearcoat": 1}  # which does not dim the emission
 
