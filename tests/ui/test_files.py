@@ -284,3 +284,17 @@ def test_a_picture_replaces_nothing_that_was_read(window: HeadlessWindow, tmp_pa
     window.shell.request(SavePicture(sky, False))
     window.frames(3)
     assert "the project reads this file" in window.shell.editor.status.message and sky.read_bytes() == b"light"
+
+
+@pytest.mark.gl
+def test_a_folder_opens_as_a_scene_from_the_dialog(window: HeadlessWindow, tmp_path: Path) -> None:
+    shell, opened = window.shell, list[str]()
+    (tmp_path / "one").mkdir()
+    (tmp_path / "one" / "scene.toml").touch()
+    window.shell.editor.open = opened.append  # type: ignore[method-assign, assignment]
+    shell.do(AskFile("open_scene"))
+    assert shell.state.question is not None
+    shell.do(SetPanel({"question": replace(shell.state.question, folder=tmp_path / "one")}))
+    window.frames(3)
+    window.click_handle("button.files.folder_scene")
+    assert opened == [str(tmp_path / "one")] and shell.state.question is None
