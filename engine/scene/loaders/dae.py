@@ -26,6 +26,7 @@ from engine.core.safe_files import read_regular_file
 from engine.material.layer_maps import LayerMaps
 from engine.material.opacity import OPAQUE, Opacity
 from engine.scene.description import MAX_RADIANCE, LayerDescription
+from engine.scene.loaders.gltf_nodes import are_flat
 from engine.scene.loaders.image_files import FileImages
 from engine.scene.loaders.model import NO_EMISSION, RGB, Emission, ImportedModel, ImportedPart, UnshownProperty
 from engine.scene.mesh import MAX_MESH_BYTES, Mesh, join_meshes, mend_mesh, place_copies, with_flat_normals
@@ -33,6 +34,8 @@ from engine.scene.polygons import triangulate
 
 LONGEST_NAME = 64
 MOST_PLACES = 100_000
+# Limit of vertices and faces of all copies, plus one for every byte: small files must not cost much.
+MOST_COPIED = 1_000_000
 # The axes of the file that are X, Y and Z here, and their signs.
 _AXES = {"X_UP": ((1, 0, 2), (-1, 1, 1)), "Y_UP": ((0, 1, 2), (1, 1, 1)), "Z_UP": ((0, 2, 1), (1, 1, -1))}
 _NOT_SHOWN = {
@@ -55,11 +58,22 @@ def read_dae(file: Path) -> ImportedModel:
         raise LoadError(file, "COLLADA", str(error), "a COLLADA document with a scene") from None
     notes: dict[str, None] = {}
     by_material: dict[str, list[Mesh]] = {}
+    n_copied, most = 0, MOST_COPIED + len(data)
     for k, primitive in enumerate(described["primitives"]):
         mesh, lines = mend_mesh(_mesh(arrays, k), file)
         notes |= dict.fromkeys(lines)
         matrices = np.array([described["places"][i] for i in primitive["places"]], np.float64).reshape(-1, 4, 4)
         matrices = _turned(matrices, described["up"], float(described["unit"]), file)
+        matrices = matrices[~(flat := are_flat(matrices))]
+        n_copied += (len(mesh.vertices) + len(mesh.triangles)) * len(matrices)
+        if n_copied > most:
+            raise LoadError(
+                file, "vertices and faces of all copies", n_copied, f"at most {most} in a file of this size"
+            )
+        if flat.any():
+            notes["meshes under flat transforms, as two scales of 0, are left out"] = None
+        if not len(matrices):
+            continue
         by_material.setdefault(primitive["material"], []).append(place_copies(mesh, matrices))
     if not by_material:
         why = f": {described['errors'][0]}" if described["errors"] else ""

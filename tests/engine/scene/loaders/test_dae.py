@@ -137,3 +137,26 @@ def test_what_is_no_scene_is_refused_in_one_line(tmp_path: Path, text: str, said
     with pytest.raises(LoadError) as caught:
         read_dae(tmp_path / "a.dae")
     assert said in str(caught.value) and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(("more", "is_read"), [(0, True), (-(1 << 20), False)])
+def test_copies_are_limited_by_the_files_size(
+    read: Callable[..., ImportedModel], monkeypatch: pytest.MonkeyPatch, more: int, is_read: bool
+) -> None:
+    """Four vertices and two faces, five times, in a file of some 3,000 bytes."""
+    monkeypatch.setattr("engine.scene.loaders.dae.MOST_COPIED", more)
+    nodes = f"<node>{BIND}</node>" * 5
+    if is_read:
+        assert len(read(nodes=nodes).parts[0].mesh.triangles) == 10
+    else:
+        with pytest.raises(LoadError, match="vertices and faces of all copies = 30, expected at most"):
+            read(nodes=nodes)
+
+
+def test_meshes_under_flat_transforms_are_left_out_with_a_note(read: Callable[..., ImportedModel]) -> None:
+    flat = f"<node><scale>0 0 1</scale>{BIND}</node>"
+    model = read(nodes=f"<node>{BIND}</node>{flat}")
+    assert len(model.parts[0].mesh.triangles) == 2
+    assert model.notes == ("meshes under flat transforms, as two scales of 0, are left out",)
+    with pytest.raises(LoadError, match="faces = 0"):
+        read(nodes=flat)
