@@ -9,15 +9,17 @@ copy of a surface for each before all is counted. If transforms are animated, ea
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from posixpath import commonpath
 
 import numpy as np
 
-from engine.core.errors import LoadError, describe_value
+from engine.core.errors import LoadError, describe_value, printable_name
 from engine.scene.loaders.baked_maps import BakedMap, MapMaker
-from engine.scene.loaders.gltf_materials import PartMaterial
+from engine.scene.loaders.gltf_materials import LONGEST_NAME, PartMaterial
 from engine.scene.loaders.gltf_nodes import MeshNode, are_flat
 from engine.scene.loaders.gltf_rig import place_copies_at_nodes
 from engine.scene.loaders.model import ImportedModel, ImportedPart, UnshownProperty
@@ -293,6 +295,7 @@ class _Parts:
         self._left = MOST_COPIED + n_bytes
         self._read: dict[str, Surface | None] = {}
         self._bound: dict[tuple[str, bool], list[Bound]] = {}
+        self._paths: dict[tuple[str, bool], dict[str, None]] = {}
 
     def add(self, placed: _Placed) -> None:
         """Add a surface at all of its places; one that cannot be read is listed."""
@@ -313,6 +316,8 @@ class _Parts:
             path = own or placed.material
             material = self._materials.material(path)
             is_bare = material is None or not material.part.layers
+            if material is not None and material.part.emission.radiance is not None and prim.flag("doubleSided"):
+                prim.not_shown("doubleSided", "backs of faces reflect, but do not shine")
             colours = None
             if is_bare or (material is not None and material.colours):
                 colours = surface.colours(self._scene)
@@ -320,7 +325,9 @@ class _Parts:
             mesh = surface.select(chosen, surface.coordinates(self._scene, names), colours)
             copies = place_copies(mesh, np.stack([node.matrix for node in nodes]))
             binding = None if self._nodes is None else place_copies_at_nodes(mesh, nodes)
-            self._bound.setdefault((path, colours is not None), []).append((copies, binding))
+            key = path, colours is not None
+            self._bound.setdefault(key, []).append((copies, binding))
+            self._paths.setdefault(key, {})[prim.place] = None
 
     def join(self) -> list[ImportedPart]:
         """The parts, one for each material; what has no face with an area is left out where anything has one."""
@@ -329,8 +336,8 @@ class _Parts:
         if self._nodes is not None:
             every = [binding for bound in solid.values() for _, binding in bound if binding is not None]
             skeleton = self._nodes.skeleton(self._scene, every)
-        parts = []
-        for (path, _), bound in (solid or self._bound).items():
+        parts, names = [], self._names()
+        for (path, is_coloured), bound in (solid or self._bound).items():
             material = self._materials.material(path)
             own = material.part if material is not None else PartMaterial(())
             if any(mesh.normals is not None for mesh, _ in bound):
@@ -346,10 +353,24 @@ class _Parts:
                 own = own.without_images()
             parts.append(
                 ImportedPart(
-                    mesh, own.layers, own.emission, rig, own.bumps, own.opacity, mesh.normals is not None, own.name
+                    mesh, own.layers, own.emission, rig, own.bumps, own.opacity, mesh.normals is not None, own.name,
+                    object_name=names[path, is_coloured],
                 )
-            )
+            )  # fmt: skip
         return parts
+
+    def _names(self) -> dict[tuple[str, bool], str]:
+        """What the parts are called: the name of the prim whose surface is all of a part, and all that the part has;
+        else the material's name, else that of the nearest prim above all of them."""
+        n_parts = Counter(place for places in self._paths.values() for place in places)
+        found = {}
+        for (path, is_coloured), places in self._paths.items():
+            only = next(iter(places)) if len(places) == 1 else ""
+            owner = only if n_parts[only] == 1 or not path else path
+            if not owner:
+                owner = commonpath(places).lstrip("/")
+            found[path, is_coloured] = printable_name(owner.rpartition("/")[2], LONGEST_NAME)
+        return found
 
     def _surface(self, prim: UsdPrim) -> Surface | None:
         read: Callable[[], Surface | None]

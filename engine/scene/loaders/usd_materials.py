@@ -112,16 +112,13 @@ class UsdMaterials:
         painted = colours.name if isinstance(colours, UsdPrimvar) else ""
         if painted:
             material = replace(material, base=(1.0, 1.0, 1.0), base_texture=LayerMaps(vertex_colours=True))
-        emission = own.colour("emissiveColor", MAX_RADIANCE)
-        if "emissiveColor" in textures:
-            shader.not_shown("inputs:emissiveColor", "the surface does not glow: textures of emission are not shown")
-            emission = (0.0, 0.0, 0.0)
+        emission, glow = own.painted("emissiveColor", MAX_RADIANCE)
         for key, effect in _HARMLESS.items():
             if shader.has(f"inputs:{key}") or shader.source(f"inputs:{key}"):
                 shader.not_shown(f"inputs:{key}", effect)
         if shader.source("inputs:displacement") or shader.number("inputs:displacement", 0.0):
             shader.not_shown("inputs:displacement", "the surface keeps the shape of its mesh")
-        shines = Emission(emission) if any(emission) else NO_EMISSION
+        shines = Emission(emission, glow) if any(emission) else NO_EMISSION
         part = PartMaterial(pbr_layers(material), shines, (), own.bumps(), own.opacity(found["opacity"]))
         if any(emission) and material.coat is not None:
             shader.not_shown("inputs:clearcoat", "the coat does not dim what the surface emits")
@@ -136,7 +133,7 @@ class _Inputs:
 
     def pbr(self) -> PbrMaterial:
         """The layers' numbers and images."""
-        base, base_maps = self._painted("diffuseColor")
+        base, base_maps = self.painted("diffuseColor")
         at_black, roughness, rough = self._ends("roughness")
         material = PbrMaterial(
             base, 0.0, roughness, base_maps, roughness_image=rough, roughness_at_black=at_black, coat=self._coat()
@@ -145,7 +142,7 @@ class _Inputs:
         unused = ("metallic", "ior") if is_specular else ("specularColor",)
         self._shader.mark_read(*(f"inputs:{key}" for key in unused))
         if is_specular:
-            facing, maps = self._painted("specularColor")
+            facing, maps = self.painted("specularColor")
             largest = self._weight("specularColor", "max")
             return replace(material, facing=facing, facing_texture=maps, facing_image=largest)
         at_black, metallic, metal = self._ends("metallic")
@@ -223,15 +220,16 @@ class _Inputs:
             opacity_uv_set=texture.transform.uv_set,
         )  # fmt: skip
 
-    def _painted(self, key: str) -> tuple[RGB, LayerMaps]:
+    def painted(self, key: str, most: float = 1.0) -> tuple[RGB, LayerMaps]:
+        """A colour, and the texture that it multiplies."""
         texture = self._textures.get(key)
         if texture is None:
-            return self.colour(key), LayerMaps()
+            return self.colour(key, most), LayerMaps()
         if any(texture.bias[:3]):
             texture.prim.not_shown("inputs:bias", "a colour is scaled alone")
         if texture.channel != "rgb":
             texture.prim.not_shown("outputs:" + texture.channel, "all colours of the image count")
-        return self.colour(key), texture.maps
+        return self.colour(key, most), texture.maps
 
     def _ends(self, key: str) -> tuple[float, float, NumberImage | None]:
         """What black and white of the image of a number become, and the image; without one, or where that is the same

@@ -14,7 +14,7 @@ from engine.scene.loaders.model import ImportedModel
 from engine.scene.loaders.usd import read_usd
 from engine.scene.mesh import Mesh, face_normals, join_meshes
 from tests.fuzz.usd_seeds import STAGES, write_images
-from tests.usd_text import CARD, SQUARE, place, read, unshown, usda, write
+from tests.usd_text import CARD, SQUARE, bound, material, place, read, unshown, usda, write
 
 
 def mesh_of(model: ImportedModel) -> Mesh:
@@ -463,3 +463,22 @@ def test_an_axis_and_a_unit_that_are_none_are_noted(tmp_path: Path) -> None:
     found = read(tmp_path, CARD, 'upAxis = "X"\n    metersPerUnit = 0')
     assert area(mesh_of(found)) == pytest.approx(4.0e-4)  # centimetres
     assert found.notes == ("upAxis = X, taken as Y", "metersPerUnit = 0, taken as 0.01, as without one")
+
+
+# --------------------------------------------------------------------------------------------------------------- names
+
+
+def test_parts_are_called_as_their_prims_where_these_are_all_of_them(tmp_path: Path) -> None:
+    painted = """color3f[] primvars:displayColor = [(1, 0, 0)]"""
+    body = f"""
+def Xform "Room" {{
+    def Mesh "Wall" {{{SQUARE}}}
+    def Mesh "Door" {{{SQUARE}}}
+    def Mesh "Lamp" (prepend apiSchemas = ["MaterialBindingAPI"]) {{{SQUARE}{bound("Brass")}}}
+    def Mesh "Toy" {{{SQUARE}{painted}}}
+}}
+{material("Brass", "")}
+"""
+    model = read(tmp_path, body)
+    assert sorted(part.object_name for part in model.parts) == ["Lamp", "Room", "Toy"]  # Room: of Wall and Door
+    assert [part.name for part in model.parts if part.object_name == "Lamp"] == ["Brass"]

@@ -64,6 +64,17 @@ def test_numbers_are_those_of_metallic_roughness(tmp_path: Path) -> None:
     assert unshown(model) == {"Shader.inputs:clearcoat": 1}  # which does not dim the emission
 
 
+def test_a_texture_shines_by_its_scale(tmp_path: Path) -> None:
+    image(tmp_path, "screen.png")
+    glow = "color3f inputs:emissiveColor.connect = </M/A.outputs:rgb>"
+    part, model = look(tmp_path, glow, READER + texture("A", "screen.png", "float4 inputs:scale = (8, 4, 2, 1)"))
+    assert part.emission.radiance == (8.0, 4.0, 2.0) and part.emission.texture.texture == "screen.png"
+    assert not model.unshown
+    # An image that is not there leaves the fallback of the node, black.
+    part, model = look(tmp_path, glow, READER + texture("A", "gone.png"))
+    assert part.emission.radiance is None and unshown(model)["Shader.inputs:file"] == 1
+
+
 def test_the_specular_workflow(tmp_path: Path) -> None:
     part, _ = look(
         tmp_path,
@@ -253,7 +264,7 @@ def test_what_a_material_cannot_show_is_listed(tmp_path: Path) -> None:
         + 'def Shader "Odd" { uniform token info:id = "Noise"\n float outputs:out }',
     )  # fmt: skip
     assert unshown(model) == {
-        "Shader.inputs:emissiveColor": 1, "Shader.inputs:occlusion": 1, "Shader.inputs:displacement": 1,
+        "Shader.inputs:occlusion": 1, "Shader.inputs:displacement": 1,
         "Shader.inputs:file": 1, "Shader.inputs:roughness": 1, "Shader.inputs:unheardOf": 1,
     }  # fmt: skip
     assert layer(part, "base").parameters["albedo"] == (0.5, 0.25, 0.0)  # the texture's fallback
