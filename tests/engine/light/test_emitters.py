@@ -271,7 +271,7 @@ def test_few_triangles_are_not_merged_and_radiances_never_mixed() -> None:
 def test_objects_are_merged_by_themselves_and_small_ones_stay_round() -> None:
     triangles = np.concatenate([panel(), bulb(0.01), np.zeros((3, 3, 3))])
     objects = np.repeat([7, 3, 3], [1250, len(bulb(0.01)), 3])
-    (merged, _, source), found = merged_by_object(triangles, np.ones((len(triangles), 3)), objects, 128)
+    (merged, _, source, _), found = merged_by_object(triangles, np.ones((len(triangles), 3)), objects, 128)
     areas = np.linalg.norm(np.cross(*(merged[:, 1:] - merged[:, :1]).transpose(1, 0, 2)), axis=1) / 2
     for one, n, radius in ((7, 128, None), (3, 64, 0.01)):
         assert (found == one).sum() == n
@@ -288,7 +288,7 @@ def test_triangles_of_one_kind_are_merged_by_brightness_and_keep_their_power() -
     triangles = panel()
     bright = triangles.mean(axis=1)[:, 0] < 0.0
     radiance = np.where(bright[:, None], [4.0, 2.0, 1.0], [0.1, 0.1, 0.4])
-    merged, found, source = merge_triangles(triangles, radiance, 64, np.zeros(len(triangles), int))
+    merged, found, source, _ = merge_triangles(triangles, radiance, 64, np.zeros(len(triangles), int))
     assert len(merged) == 64 and (source[source >= 0] < len(triangles)).all()
     areas = np.linalg.norm(np.cross(*(merged[:, 1:] - merged[:, :1]).transpose(1, 0, 2)), axis=1) / 2
     np.testing.assert_allclose(areas @ found, radiance.mean(axis=0), rtol=1e-9)  # of a square metre
@@ -311,5 +311,5 @@ def test_radiance_that_varies_is_that_of_parts_and_wholes_have_their_mean() -> N
     importance = visible_importance(
         triangles, mean, np.array([[0.0, -1.0, 0.0]]), np.array([[0.0, 1.0, 0.0]]), np.full((1, 2), 0.5)
     )
-    leaves = emitter_tree(triangles, mean, 200, importance, varying).leaves
+    leaves = emitter_tree(triangles, mean, 200, importance, varying=varying).leaves
     assert (leaves.centre[:, 0] > 0.0).mean() > 0.6
