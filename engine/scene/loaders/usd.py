@@ -261,10 +261,7 @@ class _Walk:
         return found
 
     def _list_once(self, prim: UsdPrim) -> None:
-        """List what of a prim is not shown by itself: skins, materials that are not there, variants that are not
-        chosen."""
-        if prim.kind == "SkelRoot":
-            prim.not_shown("skeleton", "meshes are shown at rest: they do not bend")
+        """List what of a prim is not shown by itself: materials that are not there, variants that are not chosen."""
         for key in prim.values:
             if key.startswith("material:binding") and not prim.material and key.count(":") == 1:
                 prim.not_shown(key, "a material that is not in the stage: shown in grey")

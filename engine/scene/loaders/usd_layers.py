@@ -56,9 +56,16 @@ class UsdLayers:
         return sum(map(len, self.contents))
 
     def tree(self) -> tuple[dict[str, Any], Arrays]:
-        """The tree of the stage and its arrays, see `usd_stage`. Raises LoadError."""
-        arrays = _decode(self.path, stage_tree, pack_layers({"links": self.links}, self.contents))
+        """The tree of the stage and its arrays, see `usd_stage`; with meshes at rest where their skins end the decoder.
+        Raises LoadError."""
+        try:
+            arrays = _decode(self.path, stage_tree, self._packed(with_pose=True))
+        except LoadError:
+            arrays = _decode(self.path, stage_tree, self._packed(with_pose=False))
         return _parsed(self.path, arrays, "tree"), arrays
+
+    def _packed(self, with_pose: bool) -> bytes:
+        return pack_layers({"links": self.links, "with_pose": with_pose}, self.contents)
 
     def find(self, name: str, layer: int) -> UsdPlace | None:
         """The file that a layer names; None where there is none that may be read."""

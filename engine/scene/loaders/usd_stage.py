@@ -6,8 +6,8 @@ bytes, becomes an anonymous layer, and its references, payloads and sublayers ar
 the caller found for them (`usd_layers`); the others are removed, as value clips are.
 
 The tree has what composition and schemas decide: which prims there are, the value of each authored property at one
-time, the local transform, the material that is bound, prototypes, and where a shader's input comes from. What it means
-for the picture is decided by those who read the tree (`usd_prims`).
+time, of skinned meshes in their pose (`usd_skins`), the local transform, the material that is bound, prototypes, and
+where a shader's input comes from. What it means for the picture is decided by those who read the tree (`usd_prims`).
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 
 from engine.core.native_decoders import Arrays
+from engine.scene.loaders.usd_skins import pose_skins
 
 MOST_PRIMS, MOST_PROPERTIES = 500_000, 5_000_000
 MOST_KEYS = 2_000  # of one prim's animation
@@ -134,13 +135,13 @@ def stage_tree(data: bytes) -> Arrays:
         layers = _open_layers(contents)
         n_clips = _link_layers(layers, header["links"])
         stage = Usd.Stage.Open(layers[0], Usd.Stage.LoadAll)
-        return _TreeWriter(stage, layers).arrays(n_clips)
+        return _TreeWriter(stage, layers, header["with_pose"]).arrays(n_clips)
 
 
 class _TreeWriter:
     """Writes the prims of a stage."""
 
-    def __init__(self, stage: Any, layers: list[Any]) -> None:
+    def __init__(self, stage: Any, layers: list[Any], with_pose: bool) -> None:
         from pxr import Usd
 
         self._stage = stage
@@ -149,6 +150,7 @@ class _TreeWriter:
         self._start = stage.GetStartTimeCode() if has_range else 0.0
         self._end = stage.GetEndTimeCode() if has_range else 0.0
         self._time = Usd.TimeCode(self._start) if has_range else Usd.TimeCode.EarliestTime()
+        self._posed, self._moving = pose_skins(stage, self._time) if with_pose else (set(), set())
         self._found: dict[str, np.ndarray] = {}
         self._n_properties = 0
 
@@ -208,6 +210,10 @@ class _TreeWriter:
             own["off"] = "abstract" if prim.IsAbstract() else "over"
         for prop in prim.GetAuthoredProperties():
             self._property(prop, kind, own)
+        if own["path"] in self._posed:
+            own["posed"] = True
+        if own["path"] in self._moving:
+            own["moving"] = True
         schemas = list(map(str, prim.GetAppliedSchemas()))
         if schemas:
             own["schemas"] = schemas

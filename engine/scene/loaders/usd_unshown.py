@@ -63,6 +63,8 @@ _EFFECTS = (
     ("*.userProperties:*", "data of an application"),
 )
 _NETWORKS = ("Material", "NodeGraph")  # whose connections lead on
+_OF_SKINS = ("Skeleton", "SkelAnimation", "BlendShape")
+_MOVING = "an animation that is not played: the pose at the stage's start is shown"
 _ANIMATED = "an animation that is not played: the first value is shown"
 
 
@@ -71,8 +73,12 @@ def unshown_properties(scene: UsdScene, visited: set[str]) -> list[UnshownProper
     picture has or could have."""
     unread: Counter[str] = Counter()
     effects: dict[str, str] = {}
+    are_posed = any("posed" in prim.own for prim in scene.prims)
     for prim in scene.prims:
-        if prim.place in visited:
+        if are_posed and prim.kind in _OF_SKINS:
+            if "moving" in prim.own:
+                prim.not_shown("timeSamples", _MOVING)
+        elif prim.place in visited:
             for name, effect in _of_prim(scene, prim):
                 unread[name] += 1
                 effects[name] = effect
@@ -96,6 +102,8 @@ def _of_prim(scene: UsdScene, prim: UsdPrim) -> list[tuple[str, str]]:
     read = scene.log.read.get(id(prim.values), set())
     found = []
     for key in prim.values:
+        if "posed" in prim.own and key.removeprefix("primvars:").startswith("skel:"):
+            continue
         if key not in read and not (kind in _NETWORKS and prim.source(key)):
             found.append((f"{kind}.{key}", _effect(f"{kind}.{key}")))
         elif isinstance(meta := prim.meta.get(key), dict) and "samples" in meta and not key.startswith("xformOp"):

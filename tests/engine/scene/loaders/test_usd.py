@@ -373,7 +373,7 @@ def test_what_no_reader_knows_is_listed_by_schema_and_name(tmp_path: Path) -> No
     assert unshown(read(tmp_path, body)) == {
         "variantSets.colour": 1, "PhysicsRigidBodyAPI": 1, "Xform.physics:velocity": 1,
         "Xform.userProperties:owner": 1, "Mesh.velocities": 1, "Mesh.primvars:second": 1, "BasisCurves": 1,
-        "Points": 1, "Foo": 1, "SkelRoot.skeleton": 1, "Skeleton": 1, "Material": 1,
+        "Points": 1, "Foo": 1, "Skeleton": 1, "Material": 1,
     }  # fmt: skip
 
 
@@ -482,3 +482,73 @@ def Xform "Room" {{
     model = read(tmp_path, body)
     assert sorted(part.object_name for part in model.parts) == ["Lamp", "Room", "Toy"]  # Room: of Wall and Door
     assert [part.name for part in model.parts if part.object_name == "Lamp"] == ["Brass"]
+
+
+# --------------------------------------------------------------------------------------------------------------- skins
+
+
+def _skinned(weights: str, interpolation: str) -> str:
+    """A square on two joints: one rests, the other has moved along Z by the time code, 5 at the stage's start. Its
+    third corner has a blend shape, of weight 0.5, that lifts it by 2."""
+    still = "((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1))"
+    n = 2 if interpolation == "vertex" else 1
+    return f"""
+def SkelRoot "Body" (prepend apiSchemas = ["SkelBindingAPI"]) {{
+    def Skeleton "Bones" (prepend apiSchemas = ["SkelBindingAPI"]) {{
+        uniform token[] joints = ["A", "B"]
+        uniform matrix4d[] bindTransforms = [{still}, {still}]
+        uniform matrix4d[] restTransforms = [{still}, {still}]
+        rel skel:animationSource = </Body/Walk>
+    }}
+    def SkelAnimation "Walk" {{
+        uniform token[] joints = ["A", "B"]
+        float3[] translations.timeSamples = {{ 0: [(0, 0, 0), (0, 0, 0)], 10: [(0, 0, 0), (0, 0, 10)] }}
+        quatf[] rotations = [(1, 0, 0, 0), (1, 0, 0, 0)]
+        half3[] scales = [(1, 1, 1), (1, 1, 1)]
+        uniform token[] blendShapes = ["up"]
+        float[] blendShapeWeights = [0.5]
+    }}
+    def Mesh "Skin" (prepend apiSchemas = ["SkelBindingAPI"]) {{{SQUARE}
+        rel skel:skeleton = </Body/Bones>
+        int[] primvars:skel:jointIndices = [{"0, 1" if n == 1 else "0, 1, 0, 1, 0, 1, 0, 1"}] (
+            interpolation = "{interpolation}"
+            elementSize = 2
+        )
+        float[] primvars:skel:jointWeights = [{weights}] (
+            interpolation = "{interpolation}"
+            elementSize = 2
+        )
+        uniform token[] skel:blendShapes = ["up"]
+        rel skel:blendShapeTargets = </Body/Skin/up>
+        def BlendShape "up" {{
+            uniform vector3f[] offsets = [(0, 2, 0)]
+            uniform int[] pointIndices = [2]
+        }}
+    }}
+}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("weights", "interpolation", "z"),
+    [("1, 0, 0.5, 0.5, 0, 1, 1, 0", "vertex", [0.0, 2.5, 5.0, 0.0]), ("0, 1", "constant", [5.0] * 4)],
+)
+def test_skins_have_the_pose_at_the_start(tmp_path: Path, weights: str, interpolation: str, z: list[float]) -> None:
+    # Weighted means of the joints' translations, 0 and 5; between the keys, where the library has no sample.
+    model = read(tmp_path, _skinned(weights, interpolation), "startTimeCode = 5\n endTimeCode = 10")
+    mesh = mesh_of(model)
+    assert mesh.vertices.tolist() == [[-1, -1, z[0]], [1, -1, z[1]], [1, 2, z[2]], [-1, 1, z[3]]]
+    assert unshown(model) == {"SkelAnimation.timeSamples": 1}
+
+
+def test_instances_of_skins_are_posed(tmp_path: Path) -> None:
+    body = f"""class Xform "Person" {{ {_skinned("0, 1", "constant").replace("/Body", "/Person/Body")} }}
+    def Xform "One" (instanceable = true\n prepend inherits = </Person>) {{}}
+    def Xform "Two" (instanceable = true\n prepend inherits = </Person>) {{{place(7, 0, 0)}}}"""
+    model = read(tmp_path, body, "startTimeCode = 5\n endTimeCode = 10")
+    assert box(mesh_of(model)) == [[-1, -1, 5], [8, 2, 5]]
+
+
+def test_a_skin_that_cannot_be_posed_rests_and_is_listed(tmp_path: Path) -> None:
+    model = read(tmp_path, _skinned("0", "constant"), "startTimeCode = 5\n endTimeCode = 10")
+    assert box(mesh_of(model))[0][2] == 0.0 and unshown(model)["Mesh.primvars:skel:jointWeights"] == 1
