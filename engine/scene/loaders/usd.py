@@ -9,41 +9,35 @@ copy of a surface for each before all is counted. If transforms are animated, ea
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
-from posixpath import commonpath
+from typing import Any
 
 import numpy as np
 
 from engine.core.errors import LoadError, describe_value, printable_name
+from engine.core.native_decoders import Arrays
 from engine.scene.loaders.baked_maps import BakedMap, MapMaker
-from engine.scene.loaders.gltf_materials import LONGEST_NAME, PartMaterial
-from engine.scene.loaders.gltf_nodes import MeshNode, are_flat
-from engine.scene.loaders.gltf_rig import place_copies_at_nodes
-from engine.scene.loaders.model import ImportedModel, ImportedPart, UnshownProperty
+from engine.scene.loaders.gltf_materials import LONGEST_NAME
+from engine.scene.loaders.model import ImportedModel, UnshownProperty
 from engine.scene.loaders.usd_cameras import read_cameras
-from engine.scene.loaders.usd_layers import ArchiveFiles, open_layers
+from engine.scene.loaders.usd_layers import ArchiveFiles, UsdLayers, open_layers
 from engine.scene.loaders.usd_lights import CONVERTED, LIGHTS, UsdLights
 from engine.scene.loaders.usd_materials import UsdMaterials
-from engine.scene.loaders.usd_meshes import Surface, read_mesh
+from engine.scene.loaders.usd_parts import Look, Parts, Place, Placed
 from engine.scene.loaders.usd_prims import MAX_DEPTH, Float64Array, UsdPrim, UsdScene, scene_of_tree
 from engine.scene.loaders.usd_rig import UsdNodes
-from engine.scene.loaders.usd_shapes import SHAPES, read_shape
+from engine.scene.loaders.usd_shapes import SHAPES
 from engine.scene.loaders.usd_textures import UsdTextures
 from engine.scene.loaders.usd_unshown import unshown_properties
-from engine.scene.mesh import Mesh, face_normals, join_meshes, place_copies, with_flat_normals
-from engine.scene.rig import Binding, Rig, join_bindings
 
-# Limits of what small files may cost: vertices and faces of all copies, and prims that are placed, plus one for every
-# byte.
-MOST_COPIED, MOST_PLACED = 2_000_000, 200_000
+# Limit of what small files may cost: prims that are placed, plus one for every byte.
+MOST_PLACED = 200_000
 _GROUPS = frozenset({"", "Xform", "Scope", "SkelRoot", "GeomSubset", "PointInstancer"})
 _Y_UP = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 _SHADING = frozenset({"Material", "Shader", "NodeGraph"})
 _PURPOSES = ("default", "render")
-Bound = tuple[Mesh, Binding | None]
 
 
 def read_usd(path: Path) -> ImportedModel:
@@ -76,14 +70,17 @@ def _read(path: Path) -> tuple[ImportedModel, MapMaker]:
     scene = scene_of_tree(path, tree, arrays)
     walk = _Walk(scene, MOST_PLACED + layers.n_bytes)
     walk.run()
-    materials = UsdMaterials(scene, UsdTextures(scene, layers), layers.n_files)
-    parts = _Parts(scene, materials, walk.nodes if walk.nodes.are_moving else None, layers.n_bytes)
+    materials = UsdMaterials(scene, UsdTextures(scene, layers), MapMaker(layers.n_files))
+    looks = _looks(path, tree, arrays, layers, materials.maps)
+    parts = Parts(scene, materials, looks, walk.nodes if walk.nodes.are_moving else None, layers.n_bytes)
     for placed in walk.surfaces.values():
         parts.add(placed)
     found = parts.join()
     if not found:
         why = f": {next(iter(scene.log.notes))}" if scene.log.notes else ""
         raise LoadError(path, "faces", 0, f"at least one surface in the stage{why}")
+    if looks:
+        _merge_reports(scene, looks)
     lights = UsdLights(layers, scene.metres)
     for prim, matrix in walk.lights:
         lights.add(prim, matrix)
@@ -100,39 +97,30 @@ def _read(path: Path) -> tuple[ImportedModel, MapMaker]:
     return model, materials.maps
 
 
-@dataclass(frozen=True)
-class _Place:
-    """Where the walk is: the node of the prims above, its matrix to the file's frame (4, 4), and, below a point
-    instancer, the matrices (K, 4, 4) to that node; the material of a prim above, for what has none; how deep."""
+def _looks(path: Path, tree: dict[str, Any], arrays: Arrays, layers: UsdLayers, maps: MapMaker) -> list[Look]:
+    """The variants of a decoder's tree; raises LoadError where these are none."""
+    found = []
+    try:
+        rows = [(str(each["name"]), each["prims"]) for each in tree.get("looks", [])]
+    except (KeyError, TypeError):
+        raise LoadError(path, "USD", "makes the decoder answer nonsense", "a sound USD file") from None
+    for given, prims in rows:
+        scene, name = scene_of_tree(path, {**tree, "prims": prims}, arrays), printable_name(given, LONGEST_NAME)
+        found.append(Look(name, scene, UsdMaterials(scene, UsdTextures(scene, layers), maps)))
+    return found
 
-    node: int
-    matrix: Float64Array
-    maps: Float64Array | None = None
-    material: str = ""
-    depth: int = 0
-    is_forced: bool = False
 
-
-@dataclass
-class _Placed:
-    """A surface's prim, the material that it has where none is bound to it, and its places."""
-
-    prim: UsdPrim
-    material: str
-    places: list[_Place] = field(default_factory=list)
-
-    def nodes(self) -> list[MeshNode]:
-        """A node for each copy."""
-        found: list[MeshNode] = []
-        rigid = [place for place in self.places if place.maps is None]
-        if rigid:
-            world = np.stack([place.matrix for place in rigid])
-            found += map(MeshNode, [place.node for place in rigid], world, are_flat(world).tolist())
-        for place in self.places:
-            if place.maps is not None:
-                world = place.matrix @ place.maps
-                found += map(MeshNode, [place.node] * len(world), world, are_flat(world).tolist(), place.maps)
-        return found
+def _merge_reports(scene: UsdScene, looks: list[Look]) -> None:
+    """Add what materials of variants read, note and do not show."""
+    for look in looks:
+        log = look.scene.log
+        for prim in look.scene.prims:
+            own = scene.by_path.get(prim.place)
+            if own is not None and own.kind in _SHADING and id(prim.values) in log.read:
+                own.mark_read(*log.read[id(prim.values)])
+        for listed, count in log.unshown.items():
+            scene.log.unshown.setdefault(listed, count)
+        scene.log.notes.update(log.notes)
 
 
 class _Walk:
@@ -141,7 +129,7 @@ class _Walk:
     def __init__(self, scene: UsdScene, most: int) -> None:
         self._scene, self._left = scene, most
         self.nodes = UsdNodes()
-        self.surfaces: dict[tuple[str, str], _Placed] = {}
+        self.surfaces: dict[tuple[str, str], Placed] = {}
         self.lights: list[tuple[UsdPrim, Float64Array]] = []
         self.cameras: list[tuple[UsdPrim, Float64Array]] = []
         self.visited: set[str] = set()
@@ -151,7 +139,7 @@ class _Walk:
         """Visit the stage. Raises LoadError."""
         scene = self._scene
         root = (_Y_UP if scene.up == "Z" else np.eye(4)) @ np.diag([scene.metres] * 3 + [1.0])
-        top = _Place(self.nodes.add(None, -1, root), root)
+        top = Place(self.nodes.add(None, -1, root), root)
         stack = [(prim, top) for prim in reversed(scene.children(scene.prims[0]))] if scene.prims else []
         while stack:
             prim, place = stack.pop()
@@ -172,7 +160,7 @@ class _Walk:
         source = self._scene.by_path.get(str(prototype))
         return [] if source is None else self._scene.children(source)
 
-    def _visit(self, prim: UsdPrim, place: _Place, top: _Place) -> _Place | None:
+    def _visit(self, prim: UsdPrim, place: Place, top: Place) -> Place | None:
         """Place a prim; returns where those below it are, None where these are not shown."""
         self._spend(prim, 1 if place.maps is None else len(place.maps))
         if place.depth > MAX_DEPTH:
@@ -194,7 +182,7 @@ class _Walk:
         matrix = below.matrix if below.maps is None else below.matrix @ below.maps[0]
         if prim.kind in ("Mesh", *SHAPES):
             key = prim.place, below.material
-            found = self.surfaces.setdefault(key, _Placed(prim, below.material))
+            found = self.surfaces.setdefault(key, Placed(prim, below.material))
             found.places.append(below)
         elif prim.kind in LIGHTS:
             self.lights.append((prim, matrix))
@@ -221,21 +209,21 @@ class _Walk:
         self._list_once(prim)
         return False
 
-    def _below(self, prim: UsdPrim, place: _Place, top: _Place) -> _Place:
+    def _below(self, prim: UsdPrim, place: Place, top: Place) -> Place:
         """Where a prim's surface and those below it are."""
         own, material, depth = prim.own, prim.material or place.material, place.depth + 1
         if place.maps is not None:
             if "times" in own:
                 prim.not_shown("xformOpOrder.timeSamples", "an animation that is not played: below a point instancer")
             maps = prim.affine_all(place.maps @ prim.matrix)
-            return _Place(place.node, place.matrix, maps, material, depth, place.is_forced)
+            return Place(place.node, place.matrix, maps, material, depth, place.is_forced)
         base = top if "resets" in own else place
         node, matrix = base.node, base.matrix
         if "matrix" in own or "times" in own:
             node, matrix = self.nodes.add(prim, node, prim.matrix), prim.affine(matrix @ prim.matrix)
-        return _Place(node, matrix, None, material, depth, place.is_forced)
+        return Place(node, matrix, None, material, depth, place.is_forced)
 
-    def _instances(self, prim: UsdPrim, below: _Place) -> list[tuple[UsdPrim, _Place]]:
+    def _instances(self, prim: UsdPrim, below: Place) -> list[tuple[UsdPrim, Place]]:
         """The prototypes of a point instancer, each at the places of its instances."""
         prim.mark_read(*(key for key in prim.values if key in _OF_INSTANCES))
         matrices, which = prim.stored("instances", 16), prim.stored("which")
@@ -251,7 +239,7 @@ class _Walk:
         maps = local if below.maps is None else (below.maps[:, None] @ local[None]).reshape(-1, 4, 4)
         which = which if below.maps is None else np.tile(which, len(below.maps))
         self._spend(prim, len(maps))
-        found: list[tuple[UsdPrim, _Place]] = []
+        found: list[tuple[UsdPrim, Place]] = []
         for k, target in enumerate(targets):
             prototype = self._scene.by_path.get(target)
             own = maps[which == k]
@@ -282,115 +270,6 @@ class _Walk:
 _OF_INSTANCES = frozenset(
     {"positions", "orientations", "orientationsf", "scales", "protoIndices", "ids", "invisibleIds", "prototypes"}
 )
-
-
-class _Parts:
-    """The parts of a stage: the surfaces of each material, placed. nodes: where something moves, else None."""
-
-    def __init__(self, scene: UsdScene, materials: UsdMaterials, nodes: UsdNodes | None, n_bytes: int) -> None:
-        self._scene, self._materials, self._nodes, self._n_bytes = scene, materials, nodes, n_bytes
-        self._left = MOST_COPIED + n_bytes
-        self._read: dict[str, Surface | None] = {}
-        self._bound: dict[tuple[str, bool], list[Bound]] = {}
-        self._paths: dict[tuple[str, bool], dict[str, None]] = {}
-
-    def add(self, placed: _Placed) -> None:
-        """Add a surface at all of its places; one that cannot be read is listed."""
-        prim = placed.prim
-        if prim.place not in self._read:
-            self._read[prim.place] = self._surface(prim)
-        surface = self._read[prim.place]
-        every = placed.nodes()
-        nodes = [node for node in every if not node.is_flat]
-        if len(nodes) < len(every):
-            prim.note("transform", "flat, as two scales of 0", "its surface is not shown")
-        if surface is None or not nodes:
-            return
-        self._left -= (len(surface.mesh.vertices) + len(surface.mesh.triangles)) * len(nodes)
-        if self._left < 0:
-            raise prim.error("vertices and faces of all copies", "too many", "fewer in a file of this size")
-        for own, chosen in surface.pieces(self._scene):
-            path = own or placed.material
-            material = self._materials.material(path)
-            is_bare = material is None or not material.part.layers
-            if material is not None and material.part.emission.radiance is not None and prim.flag("doubleSided"):
-                prim.not_shown("doubleSided", "backs of faces reflect, but do not shine")
-            colours = None
-            if is_bare or (material is not None and material.colours):
-                colours = surface.colours(self._scene)
-            names = (material.coordinates if material is not None else ()) or ("st",)
-            mesh = surface.select(chosen, surface.coordinates(self._scene, names), colours)
-            copies = place_copies(mesh, np.stack([node.matrix for node in nodes]))
-            binding = None if self._nodes is None else place_copies_at_nodes(mesh, nodes)
-            key = path, colours is not None
-            self._bound.setdefault(key, []).append((copies, binding))
-            self._paths.setdefault(key, {})[prim.place] = None
-
-    def join(self) -> list[ImportedPart]:
-        """The parts, one for each material; what has no face with an area is left out where anything has one."""
-        solid = {key: bound for key, bound in self._bound.items() if any(map(_has_area, bound))}
-        skeleton = None
-        if self._nodes is not None:
-            every = [binding for bound in solid.values() for _, binding in bound if binding is not None]
-            skeleton = self._nodes.skeleton(self._scene, every)
-        parts, names = [], self._names()
-        for (path, is_coloured), bound in (solid or self._bound).items():
-            material = self._materials.material(path)
-            own = material.part if material is not None else PartMaterial(())
-            if any(mesh.normals is not None for mesh, _ in bound):
-                bound = [each if each[0].normals is not None else _with_flat_normals(*each) for each in bound]
-            mesh = join_meshes([mesh for mesh, _ in bound])
-            rig = None
-            if skeleton is not None:
-                bindings = [binding for _, binding in bound if binding is not None]
-                rig = Rig(skeleton, join_bindings(bindings), np.eye(4))
-            if mesh.uvs is None:
-                if own.has_images:
-                    self._scene.log.notes[f"{path}: textures on meshes without their coordinates, not shown"] = None
-                own = own.without_images()
-            parts.append(
-                ImportedPart(
-                    mesh, own.layers, own.emission, rig, own.bumps, own.opacity, mesh.normals is not None, own.name,
-                    object_name=names[path, is_coloured],
-                )
-            )  # fmt: skip
-        return parts
-
-    def _names(self) -> dict[tuple[str, bool], str]:
-        """What the parts are called: the name of the prim whose surface is all of a part, and all that the part has;
-        else the material's name, else that of the nearest prim above all of them."""
-        n_parts = Counter(place for places in self._paths.values() for place in places)
-        found = {}
-        for (path, is_coloured), places in self._paths.items():
-            only = next(iter(places)) if len(places) == 1 else ""
-            owner = only if n_parts[only] == 1 or not path else path
-            if not owner:
-                owner = commonpath(places).lstrip("/")
-            found[path, is_coloured] = printable_name(owner.rpartition("/")[2], LONGEST_NAME)
-        return found
-
-    def _surface(self, prim: UsdPrim) -> Surface | None:
-        read: Callable[[], Surface | None]
-        read = (lambda: read_mesh(prim, self._n_bytes)) if prim.kind == "Mesh" else (lambda: read_shape(prim))
-        try:
-            surface = read()
-        except LoadError as error:
-            prim.leave_out("points" if prim.kind == "Mesh" else "size", f"a surface that is not shown: {error.reason}")
-            prim.note(prim.kind, error.reason, "left out")
-            return None
-        if prim.has("doubleSided") and not prim.flag("doubleSided"):
-            prim.not_shown("doubleSided", "backs of faces reflect as their fronts do")
-        return surface
-
-
-def _has_area(bound: Bound) -> bool:
-    mesh = bound[0]
-    return any(face_normals(mesh.vertices, faces)[1].any() for faces in (mesh.triangles[:100], mesh.triangles))
-
-
-def _with_flat_normals(mesh: Mesh, binding: Binding | None) -> Bound:
-    facets, vertices = with_flat_normals(mesh)
-    return facets, None if binding is None else binding.select_vertices(vertices)
 
 
 def _with_graphs(scene: UsdScene, nodes: list[UsdPrim]) -> set[str]:

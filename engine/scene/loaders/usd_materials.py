@@ -47,10 +47,10 @@ class UsdMaterial:
 
 
 class UsdMaterials:
-    """The materials of one stage, each read once. maps: those that networks compute, named "#N" from `first` on."""
+    """The materials of one stage, each read once. maps: those that networks compute."""
 
-    def __init__(self, scene: UsdScene, textures: UsdTextures, first: int) -> None:
-        self._scene, self._textures, self.maps = scene, textures, MapMaker(first)
+    def __init__(self, scene: UsdScene, textures: UsdTextures, maps: MapMaker) -> None:
+        self._scene, self._textures, self.maps = scene, textures, maps
         self._read: dict[str, UsdMaterial] = {}
 
     def material(self, path: str) -> UsdMaterial | None:

@@ -120,9 +120,10 @@ class Surface:
             owner.not_shown(key, f"values that cannot be used: {error.reason}")
             return None
 
-    def pieces(self, scene: UsdScene) -> list[tuple[str, npt.NDArray[np.bool_]]]:
-        """The materials of the subsets and of the rest, and which triangles (T,) have each."""
-        rest, found = np.ones(len(self.triangles), bool), []
+    def pieces(self, scene: UsdScene) -> list[tuple[UsdPrim, npt.NDArray[np.bool_]]]:
+        """The prims that have the materials, subsets and the mesh for the rest, and which triangles (T,) have each."""
+        rest = np.ones(len(self.triangles), bool)
+        found: list[tuple[UsdPrim, npt.NDArray[np.bool_]]] = []
         corner = self.triangles[:, 0] // 4**self.steps
         polygon = np.repeat(self.polygons, self.lengths)[corner]
         for subset in scene.children(self.prim):
@@ -142,8 +143,8 @@ class Surface:
             chosen = is_own[polygon] & rest
             rest &= ~chosen
             if chosen.any():
-                found.append((subset.material, chosen))
-        return [*found, (self.prim.material, rest)] if rest.any() else found
+                found.append((subset, chosen))
+        return [*found, (self.prim, rest)] if rest.any() else found
 
     def select(
         self, chosen: npt.NDArray[np.bool_], uvs: npt.NDArray[np.float32] | None,

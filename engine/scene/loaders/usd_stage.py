@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 
 from engine.core.native_decoders import Arrays
+from engine.scene.loaders.usd_looks import differ_in_materials_alone, selections
 from engine.scene.loaders.usd_skins import pose_skins
 
 MOST_PRIMS, MOST_PROPERTIES = 500_000, 5_000_000
@@ -125,8 +126,8 @@ def _prim_specs(layer: Any) -> Iterator[Any]:
 def stage_tree(data: bytes) -> Arrays:
     """The tree of the stage of these layers, see `pack_layers`, whose first is the root; for `decode_natively`.
 
-    tree: JSON with `prims` and the stage's `up`, `metres`, `start`, `seconds` for a time code, `n_clips` and `errors`;
-    arrays by the names that the tree has for them.
+    tree: JSON with `prims` and the stage's `up`, `metres`, `start`, `seconds` for a time code, `n_clips`, `errors` and
+    `looks`, variants with their prims; arrays by the names that the tree has for them.
     """
     from pxr import Usd
 
@@ -135,7 +136,35 @@ def stage_tree(data: bytes) -> Arrays:
         layers = _open_layers(contents)
         n_clips = _link_layers(layers, header["links"])
         stage = Usd.Stage.Open(layers[0], Usd.Stage.LoadAll)
-        return _TreeWriter(stage, layers, header["with_pose"]).arrays(n_clips)
+        writer = _TreeWriter(stage, layers, header["with_pose"])
+        tree = writer.tree(n_clips)
+        tree["looks"] = _looks(stage, layers, header["with_pose"], tree["prims"], writer.found)
+        return {"tree": _json(tree), **writer.found}
+
+
+def _looks(
+    stage: Any, layers: list[Any], with_pose: bool, prims: list[dict[str, Any]], arrays: Arrays
+) -> list[dict[str, Any]]:
+    """The prims of the variants of the default prim, if these differ in materials alone, else nothing."""
+    from pxr import Usd
+
+    group, names = selections(stage)
+    found: list[dict[str, Any]] = []
+    if len(prims) * len(names) > MOST_PRIMS:
+        return found
+    for name in names:
+        other = Usd.Stage.Open(layers[0], Usd.Stage.LoadAll)
+        with Usd.EditContext(other, other.GetSessionLayer()):
+            other.GetDefaultPrim().GetVariantSet(group).SetVariantSelection(name)
+        writer = _TreeWriter(other, layers, with_pose)
+        rows = writer.tree(0)["prims"]
+        if not differ_in_materials_alone(prims, arrays, rows, writer.found):
+            return []
+        found.append({"name": name, "prims": rows})
+    for row in prims if found else ():
+        if row["path"] == str(stage.GetDefaultPrim().GetPath()):
+            del row["variants"]  # all are shown
+    return found
 
 
 class _TreeWriter:
@@ -151,21 +180,21 @@ class _TreeWriter:
         self._end = stage.GetEndTimeCode() if has_range else 0.0
         self._time = Usd.TimeCode(self._start) if has_range else Usd.TimeCode.EarliestTime()
         self._posed, self._moving = pose_skins(stage, self._time) if with_pose else (set(), set())
-        self._found: dict[str, np.ndarray] = {}
+        self.found: dict[str, np.ndarray] = {}
         self._n_properties = 0
 
-    def arrays(self, n_clips: int) -> Arrays:
+    def tree(self, n_clips: int) -> dict[str, Any]:
+        """The tree but for its looks; its arrays are in `found`."""
         from pxr import UsdGeom
 
         stage = self._stage
         prims = self._prims()
         errors = list(map(str, stage.GetCompositionErrors()))
-        tree = {
+        return {
             "up": str(UsdGeom.GetStageUpAxis(stage)), "metres": float(UsdGeom.GetStageMetersPerUnit(stage)),
             "start": self._start, "seconds": 1.0 / max(stage.GetTimeCodesPerSecond(), 1e-6), "n_clips": n_clips,
             "errors": errors[:64], "prims": prims,
         }  # fmt: skip
-        return {"tree": _json(tree), **self._found}
 
     def _prims(self) -> list[dict[str, Any]]:
         """All prims, each after its parent; those of prototypes after the others."""
@@ -332,8 +361,8 @@ class _TreeWriter:
         return 0
 
     def _keep(self, array: np.ndarray) -> str:
-        name = f"array {len(self._found)}"
-        self._found[name] = array
+        name = f"array {len(self.found)}"
+        self.found[name] = array
         return name
 
 

@@ -396,3 +396,41 @@ def test_a_network_that_cannot_be_read_is_listed(tmp_path: Path) -> None:
     body = NETWORK.replace("ND_standard_surface_surfaceshader", "ND_nothing_of_the_kind") + card_of("M")
     model = read(tmp_path, body)
     assert model.parts[0].layers == () and "Shader.info:id" in unshown(model)
+
+
+def test_variants_that_differ_in_materials_alone_are_those_of_objects(tmp_path: Path) -> None:
+    """One variant binds another material, the other changes the colour of the one that is bound."""
+
+    def painted(colour: str) -> str:
+        return f'over "Red" {{ over "Surface" {{ color3f inputs:diffuseColor = {colour}\n}} }}'
+
+    body = f"""
+def Xform "Chair" (
+    prepend variantSets = "look"
+    variants = {{ string look = "red" }}
+) {{
+    def Mesh "Seat" (prepend apiSchemas = ["MaterialBindingAPI"]) {{{SQUARE}}}
+    def Mesh "Leg" {{{SQUARE}}}
+    {material("Red", "").replace("</Red", "</Chair/Red")}
+    {material("Blue", "color3f inputs:diffuseColor = (0, 0, 1)").replace("</Blue", "</Chair/Blue")}
+    variantSet "look" = {{
+        "red" {{ over "Seat" {{{bound("Chair/Red")}}}
+            {painted("(1, 0, 0)")} }}
+        "blue" {{ over "Seat" {{{bound("Chair/Blue")}}} }}
+        "dark" {{ over "Seat" {{{bound("Chair/Red")}}}
+            {painted("(0.1, 0, 0)")} }}
+    }}
+}}
+"""
+    model = read(tmp_path, body, 'defaultPrim = "Chair"')
+    seat, leg = sorted(model.parts, key=lambda part: part.object_name != "Seat")
+    assert [each.name for each in seat.variants] == ["blue", "dark", "red"] and leg.variants == ()
+    found = [each.layers[0].parameters["albedo"] for each in seat.variants]
+    assert found == [(0.0, 0.0, 1.0), (0.1, 0.0, 0.0), (1.0, 0.0, 0.0)] and seat.layers == seat.variants[2].layers
+    assert not unshown(model)
+    # A variant that moves anything is listed.
+    moved = body.replace(f'def Mesh "Leg" {{{SQUARE}}}', 'def Mesh "Leg" { }').replace(
+        '"blue" {', f'"blue" {{ over "Leg" {{{SQUARE}}}'
+    )
+    model = read(tmp_path, moved, 'defaultPrim = "Chair"')
+    assert all(part.variants == () for part in model.parts) and "variantSets.look" in unshown(model)
