@@ -99,9 +99,10 @@ class UsdLights:
         if angle >= 90.0:
             return None
         if softness:
-            prim.not_shown("inputs:shaping:cone:softness", "the edge of the cone falls off by glTF's formula")
+            effect = "the edge of the cone falls off by glTF's formula, with the power that the file gives"
+            prim.not_shown("inputs:shaping:cone:softness", effect)
         outer = math.radians(angle)
-        return outer * (1.0 - softness), outer
+        return _inner(outer, softness), outer
 
     def _add_dome(self, prim: UsdPrim, matrix: Float64Array, radiance: Float64Array) -> None:
         """A dome as the environment: its centre is seen along +Z of its own frame, with Y up, as OpenEXR has it."""
@@ -132,6 +133,21 @@ class UsdLights:
             prim.not_shown(_key(prim, "texture:file"), effect)
             return ""
         return self.layers.image_name(place)
+
+
+def _inner(outer: float, softness: float) -> float:
+    """The half angle, radians, within which glTF's cone of a flat lamp is at its full radiance, so that its power is
+    that of the cone of [UsdLux, ShapingAPI]: radiance times 1 − smoothstep from (1 − softness) outer to outer; 0 where
+    even that leaves more. With F, the integral of the file's cone over sin θ cos θ dθ, and co = cos outer, the inner
+    cosine ci solves F = (1 − ci²) / 2 + (ci − co)² / 4 + co (ci − co) / 3."""
+    if not softness:
+        return outer
+    angles = (np.arange(2_000) + 0.5) / 2_000 * outer
+    t = np.clip((angles / outer - 1.0 + softness) / softness, 0.0, 1.0)
+    shape = 1.0 - t**2 * (3.0 - 2.0 * t)
+    power, edge = float((shape * np.sin(angles) * np.cos(angles)).mean()) * outer, math.cos(outer)
+    found = math.sqrt(max(2.0 - 4.0 * power - 2.0 / 9.0 * edge**2, 0.0)) - edge / 3.0
+    return math.acos(min(max(found, edge), 1.0))
 
 
 def _radiance(prim: UsdPrim) -> Float64Array:

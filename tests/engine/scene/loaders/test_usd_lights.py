@@ -97,13 +97,21 @@ def test_cones_are_those_of_the_lamp(tmp_path: Path) -> None:
     for kind in ("SphereLight", "DiskLight"):
         model = lit(tmp_path, text.format(kind))
         (lamp,) = model.lamps
-        assert lamp.cone == pytest.approx((math.radians(22.5), math.radians(30.0))) and lamp.radiance == (8.0, 8.0, 8.0)
+        assert lamp.cone is not None and lamp.radiance == (8.0, 8.0, 8.0)
+        assert lamp.cone[1] == pytest.approx(math.radians(30.0))
+        # The power of glTF's cone is that of 1 - smoothstep from 22.5 to 30 degrees.
+        angles = np.linspace(0.0, lamp.cone[1], 5_001)
+        t = np.clip((np.degrees(angles) - 22.5) / 7.5, 0.0, 1.0)
+        inner, outer = np.cos(lamp.cone)
+        ours = np.clip((np.cos(angles) - outer) / (inner - outer), 0.0, 1.0) ** 2
+        weight = np.sin(angles) * np.cos(angles)
+        assert (ours * weight).sum() == pytest.approx(((1.0 - t**2 * (3.0 - 2.0 * t)) * weight).sum(), rel=1e-3)
         assert np.allclose(lamp.matrix[:3, 2] / np.linalg.norm(lamp.matrix[:3, 2]), [0, 0, -1])  # its cone's axis
         names = {f"{kind}.inputs:shaping:cone:softness": 1, f"{kind}.inputs:shaping:focus": 1}
         assert unshown(model) == names
         scene = load_scene(tmp_path / "a.usda", (8, 8))
         cone = scene.description.objects[scene.object_index("L")].cone
-        assert cone is not None and (cone.inner, cone.outer) == pytest.approx((22.5, 30.0))
+        assert cone is not None and (cone.inner, cone.outer) == pytest.approx(np.degrees(lamp.cone))
 
 
 def test_lamps_become_objects_and_suns_part_of_the_sky(tmp_path: Path) -> None:
