@@ -39,8 +39,8 @@ _AT_ONCE = 1 << 18
 
 @dataclass(frozen=True)
 class _Faces:
-    """Faces of all objects in the world: corners (T, 3, 3), unit normals (T, 3), object (T,); whether all normals of
-    its corners are its own (T,)."""
+    """Faces of all objects in the world: corners (T, 3, 3), unit normals (T, 3), outward where the object is closed;
+    object (T,); whether all normals of its corners are its own (T,)."""
 
     corners: Float64Array
     normals: Float64Array
@@ -77,13 +77,21 @@ def lift_overlapping_faces(meshes: Sequence[Mesh], can_move: Sequence[bool], loo
 
 def _faces_of(meshes: Sequence[Mesh]) -> _Faces:
     corners = np.concatenate([mesh.vertices[mesh.triangles] for mesh in meshes])
-    normals = np.concatenate([face_normals(mesh.vertices, mesh.triangles)[0] for mesh in meshes])
+    normals = np.concatenate([_outward_normals(mesh) for mesh in meshes])
     owner = np.repeat(np.arange(len(meshes)), [len(mesh.triangles) for mesh in meshes])
     flat = [
         np.ones(len(mesh.triangles), bool) if mesh.normals is None else _are_flat(mesh.normals[mesh.triangles])
         for mesh in meshes
     ]
     return _Faces(corners, normals, owner, np.concatenate(flat))
+
+
+def _outward_normals(mesh: Mesh) -> Float64Array:
+    """Unit normals (T, 3) of its faces; turned where it is closed and wound inwards, as some exporters leave it."""
+    normals = face_normals(mesh.vertices, mesh.triangles)[0]
+    one, two, three = np.moveaxis(mesh.vertices[mesh.triangles] - mesh.vertices.mean(axis=0), 1, 0)
+    volume = float(np.einsum("tk,tk->", one, np.cross(two, three)))
+    return -normals if volume < 0.0 and not _is_open(mesh) else normals
 
 
 def _are_flat(normals: Float64Array) -> npt.NDArray[np.bool_]:

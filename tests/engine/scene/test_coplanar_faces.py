@@ -60,7 +60,10 @@ def test_faces_of_opposite_directions_are_lifted_where_both_are_seen() -> None:
     box = Mesh(
         np.concatenate([low, high]), np.array([f for a, b, c, d in fours for f in ((a, b, c), (a, c, d))], np.int32)
     )
-    assert heights(quad((-1, -1, 0), 3.0), box)[1] == [0.0] * 12  # its bottom on a floor
+    inward = Mesh(box.vertices, box.triangles[:, ::-1])
+    floor = quad((-1, -1, 0), 3.0)
+    for each in (box, inward):  # its bottom on a floor
+        assert heights(floor, each) == [[0.0] * 2, [0.0] * 12] and heights(each, floor) == [[0.0] * 12, [0.0] * 2]
 
 
 def test_many_faces_of_one_plane_are_told_apart() -> None:
