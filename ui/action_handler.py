@@ -304,10 +304,9 @@ class ActionHandler:
         elif Path(path).is_absolute() and not os.path.exists(path):
             self._editor.notify(f"{path}: there is no such file; nothing was changed", True)
         elif suffix or Path(path).is_absolute():
-            known = (
-                f"{EXPECTED}, a measured BRDF (.binary, .brdf, .bsdf), a table (.csv) or a texture (.png, .jpg, .webp)"
-            )
-            self._editor.notify(f"{path}: expected {known}", True)
+            rest = (("a measured BRDF", MEASURED_ENDINGS), ("a table", TABLE_ENDINGS), ("a texture", PICTURE_ENDINGS))
+            measured, table, texture = (f"{kind} ({', '.join(endings)})" for kind, endings in rest)
+            self._editor.notify(f"{path}: expected {EXPECTED}, {measured}, {table} or {texture}", True)
         else:  # a built-in scene, from the menu
             self._editor.open(path)
 

@@ -121,7 +121,8 @@ def test_dropped_files_do_the_right_thing_or_say_why_not(tmp_path: Path) -> None
     said = [json.loads(line) for line in done.stdout.splitlines()]
     assert len(said) == len(drops), done.stdout + done.stderr
     lit = [str(probe.resolve()), "angular", "stand-in"]
-    expected = f"expected {EXPECTED}, a measured BRDF (.binary, .brdf, .bsdf), a table (.csv) or a texture (.png, .jpg)"
+    textures = "a texture (.png, .jpg, .jpeg, .webp, .ktx2)"
+    expected = f"expected {EXPECTED}, a measured BRDF (.binary, .brdf, .bsdf), a table (.csv, .tsv) or {textures}"
     assert said[0] == ["", False, *lit]
     for words_said, line in zip(
         said[1:7],
