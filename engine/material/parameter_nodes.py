@@ -40,7 +40,7 @@ blend is exact.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple, cast
@@ -158,9 +158,11 @@ def are_nodes_known(layer: Layer, parameter_map: ParameterMap, statistics: Chann
     return any(key._replace(n_nodes=n) in _remembered for n in (None, *range(1, MOST_NODES + 1)))
 
 
-def known_nodes(images: Collection[ChannelImage]) -> KnownNodes:
-    """All nodes that are known of maps of these images, for another process to remember."""
-    return {key: found for key, found in _remembered.items() if key.parameter_map.image in images}
+def known_nodes(statistics: Mapping[ChannelImage, ChannelStatistics]) -> KnownNodes:
+    """All nodes that are known of maps of images with these statistics, for another process to remember."""
+    return {
+        key: found for key, found in _remembered.items() if statistics.get(key.parameter_map.image) == key.statistics
+    }
 
 
 def remember_nodes(found: KnownNodes) -> None:

@@ -153,14 +153,14 @@ def test_orbit_lights_anew_what_turns_and_nothing_else(folder: Path) -> None:
     plain, turned = placement_of(folder, "", 12, ""), placement_of(folder, "tangent = { angle = 50 }", 12, "")
     fresh, orbit = orbit_of(turned), orbit_of(plain)
     expected, before = finished(fresh), finished(orbit)
-    geometry = orbit.geometry[-2]
+    geometry = orbit.geometry[-3]
     lit = orbit.lit
     assert lit is not None
     orbit.set_bumps({"floor": Bumps(tangent_angle=50.0)})
     np.testing.assert_array_equal(lit.traced, lit.points.i_object == 1)  # the wall's points keep what they see
-    assert orbit.geometry[-2] != geometry and orbit.geometry[-2] == fresh.geometry[-2]
+    assert orbit.geometry[-3] != geometry and orbit.geometry[-3] == fresh.geometry[-3]
     np.testing.assert_allclose(finished(orbit), expected, rtol=1e-4, atol=1e-6)
     assert off(before, expected) > 0.005
     orbit.set_bumps({"floor": Bumps()})
-    assert orbit.geometry[-2] == geometry
+    assert orbit.geometry[-3] == geometry
     np.testing.assert_allclose(finished(orbit), before, rtol=1e-4, atol=1e-6)

@@ -10,17 +10,11 @@ import pytest
 from PIL import Image
 
 from app.project.project import open_project
-from app.stills.stills import layers_by_object
 from engine.material.opacity import OPAQUE
 from engine.precompute.direct.pipeline import Placement
-from engine.realtime.triple_product.gpu_export import PointExporter
-from engine.realtime.triple_product.orbit_engine import Orbit
-from engine.realtime.zonal_harmonics.deform_engine import Deform, finish_deform
 from tests.engine.render.test_vertex_colours import COLOURS, card_glb
 from tests.scene_text import LAMBERT, camera, environment, facing_up, placed
-from ui.gl.gpu_memory import read_texture
-from ui.modes.deform.gl.posed_picture import PosedPicture
-from ui.modes.orbit.gl.shaded_picture import ShadedPicture
+from tests.ui.modes.moving_pictures import deform_pictures, orbit_pictures
 
 pytestmark = pytest.mark.gl
 
@@ -61,20 +55,10 @@ def assert_alike(found: np.ndarray, expected: np.ndarray, n_blended: int) -> Non
 
 def test_orbits_moving_pictures_have_holes(scene: Path, context: moderngl.Context) -> None:
     project = open_project(str(scene))
-    orbit = Orbit(project.scene, n_points=300)
-    orbit.set_light(project.sky)
-    orbit.set_layers(layers_by_object(project))
-    for _ in orbit.work():
-        pass
-    shaded, eye = ShadedPicture(context, 0), project.scene.description.camera
-    for part in PointExporter(1 << 26).parts(orbit):
-        shaded.buffers.take(part)
-    found = np.asarray(read_texture(shaded.draw(eye, SIZE, 64), np.float32)[..., :3])
-    shaded.release()
-    expected = orbit.draw(eye, SIZE, "moving", 64)
+    orbit, pictures = orbit_pictures(project, context, SIZE)
     assert orbit.lit is not None
-    met = orbit.lit.mesh.sample_view(eye, SIZE).samples.i_object
-    assert_alike(found, expected, int(np.count_nonzero(met == 3)))
+    met = orbit.lit.mesh.sample_view(project.scene.description.camera, SIZE).samples.i_object
+    assert_alike(*pictures, int(np.count_nonzero(met == 3)))
     opaque = project.scene.with_opacities({f"card {k}": OPAQUE for k in range(3)})
     whole = Placement(opaque).hits.object_image
     shares = [np.count_nonzero(met == 1 + k) / np.count_nonzero(whole == 1 + k) for k in range(3)]
@@ -84,14 +68,5 @@ def test_orbits_moving_pictures_have_holes(scene: Path, context: moderngl.Contex
 
 def test_deforms_moving_pictures_have_holes(scene: Path, context: moderngl.Context) -> None:
     project = open_project(str(scene))
-    deform = Deform(project.scene, n_points=300, n_rays=32)
-    deform.set_light(project.sky)
-    deform.set_layers(layers_by_object(project))
-    deform.set_effort(32, 1, 0)
-    finish_deform(deform)
-    eye, picture = project.scene.description.camera, PosedPicture(context, 0)
-    export = deform.export_picture(eye, (), picture.part_numbers)
-    found = np.asarray(read_texture(picture.draw(export, eye, SIZE), np.float32)[..., :3])
-    picture.release()
     blended = int(np.count_nonzero(Placement(project.scene).hits.object_image == 3))
-    assert_alike(found, deform.draw(eye, SIZE, ()), blended)
+    assert_alike(*deform_pictures(project, context, SIZE), blended)

@@ -9,15 +9,9 @@ import numpy as np
 import pytest
 
 from app.project.project import Project, open_project
-from app.stills.stills import layers_by_object
-from engine.realtime.triple_product.gpu_export import PointExporter
-from engine.realtime.triple_product.orbit_engine import Orbit
-from engine.realtime.zonal_harmonics.deform_engine import Deform, finish_deform
 from tests.engine.render.test_uv_sets import USES_BOTH, card_glb, write_images
 from tests.scene_text import camera, environment, placed
-from ui.gl.gpu_memory import read_texture
-from ui.modes.deform.gl.posed_picture import PosedPicture
-from ui.modes.orbit.gl.shaded_picture import ShadedPicture
+from tests.ui.modes.moving_pictures import deform_pictures, orbit_pictures
 
 pytestmark = pytest.mark.gl
 
@@ -46,27 +40,8 @@ def assert_alike(found: np.ndarray, expected: np.ndarray) -> None:
 
 
 def test_orbits_shader(project: Project, context: moderngl.Context) -> None:
-    orbit = Orbit(project.scene, n_points=200)
-    orbit.set_light(project.sky)
-    orbit.set_layers(layers_by_object(project))
-    for _ in orbit.work():
-        pass
-    shaded, eye = ShadedPicture(context, 0), project.scene.description.camera
-    for part in PointExporter(1 << 26).parts(orbit):
-        shaded.buffers.take(part)
-    found = np.asarray(read_texture(shaded.draw(eye, SIZE, 64), np.float32)[..., :3])
-    shaded.release()
-    assert_alike(found, orbit.draw(eye, SIZE, "moving", 64))
+    assert_alike(*orbit_pictures(project, context, SIZE, 200)[1])
 
 
 def test_deforms_shader(project: Project, context: moderngl.Context) -> None:
-    deform = Deform(project.scene, n_points=200, n_rays=32)
-    deform.set_light(project.sky)
-    deform.set_layers(layers_by_object(project))
-    deform.set_effort(32, 1, 0)
-    finish_deform(deform)
-    eye, picture = project.scene.description.camera, PosedPicture(context, 0)
-    export = deform.export_picture(eye, (), picture.part_numbers)
-    found = np.asarray(read_texture(picture.draw(export, eye, SIZE), np.float32)[..., :3])
-    picture.release()
-    assert_alike(found, deform.draw(eye, SIZE, ()))
+    assert_alike(*deform_pictures(project, context, SIZE, 200))
