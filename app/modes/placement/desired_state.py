@@ -171,11 +171,14 @@ def desired_transport(document: Document, settings: RenderSettings, curves: Curv
 
 @lru_cache(maxsize=16)  # asked for each layer in each frame
 def brightening_factors(wanted: Emission, known: Emission) -> Float64Array | None:
-    """The factors (3,) by which every emitter is brighter than it was; None where they are not the same for all."""
+    """The factors (3,) by which every emitter is brighter than it was; None where they are not the same for all.
+
+    Channels in which none emits, before or after, have 1: what else lights the scene keeps them.
+    """
     if [name for name, _ in wanted] != [name for name, _ in known] or not known:
         return None
     new, old = (np.array([radiance for _, radiance in each], dtype=np.float64) for each in (wanted, known))
-    factors = np.divide(new.sum(axis=0), old.sum(axis=0), out=np.zeros(3), where=old.sum(axis=0) > 0.0)
+    factors = np.divide(new.sum(axis=0), old.sum(axis=0), out=np.ones(3), where=old.sum(axis=0) > 0.0)
     factors.setflags(write=False)
     return factors if np.allclose(old * factors, new, rtol=1e-9, atol=0.0) else None
 

@@ -163,7 +163,11 @@ def test_factors_are_those_of_all_emitters_or_none() -> None:
     twice = (("a", (2.0, 2.0, 0.0)), ("b", (6.0, 0.0, 0.0)))
     factors = brightening_factors(twice, one)
     assert factors is not None
-    np.testing.assert_allclose(factors, [2.0, 1.0, 0.0])
+    np.testing.assert_allclose(factors, [2.0, 1.0, 1.0])  # a sky keeps its blue beside lamps without
+    dark = (("a", (0.0, 0.0, 0.0)),)
+    np.testing.assert_array_equal(brightening_factors(dark, dark), np.ones(3))
+    assert brightening_factors((("a", (0.0, 0.0, 1.0)),), dark) is None
+    np.testing.assert_array_equal(brightening_factors(dark, one[:1]), [0.0, 0.0, 1.0])
     assert brightening_factors((("a", (2.0, 2.0, 0.0)), ("b", (3.0, 0.0, 0.0))), one) is None
     assert brightening_factors(twice[:1], one) is None
     assert brightening_factors((), ()) is None
