@@ -85,6 +85,10 @@ class LightState:
         return is_file_name(self.environment)
 
 
+# The name of the variant that a scene opens in, where its file names none for that.
+AS_IN_THE_FILE = "As in the file"
+
+
 @dataclass(frozen=True)
 class Variant:
     """The material that a scene's file gives an object by the name of one of its variants; None: the object keeps what
@@ -435,10 +439,24 @@ def document_from_description(
     if animations:
         objects = tuple(replace(state, animations=own) for state, own in zip(objects, animations, strict=True))
     environment = description.environment
-    if environment is None:
-        return Document(source, objects)
-    light = LightState(rotation=environment.rotation, own_suns=_suns_of(environment))
-    return Document(source, objects, light)
+    light = (
+        LightState()
+        if environment is None
+        else LightState(rotation=environment.rotation, own_suns=_suns_of(environment))
+    )
+    document = Document(source, objects, light)
+    # What the file shows unasked may be none of its variants: it is one more, so that it can be chosen again.
+    if not document.variants or document.variant:
+        return document
+    return replace(document, objects=tuple(map(_with_own_variant, objects)))
+
+
+def _with_own_variant(state: ObjectState) -> ObjectState:
+    """An object as its file describes it, with that among its variants, where it has any."""
+    if not state.variants or AS_IN_THE_FILE in [each.name for each in state.variants]:
+        return state
+    own = Variant(AS_IN_THE_FILE, state.layers, state.own_bumps, state.own_opacity, state.emission)
+    return replace(state, variants=(own, *state.variants))
 
 
 def _suns_of(environment: EnvironmentDescription) -> tuple[Sun, ...]:

@@ -29,7 +29,7 @@ from engine.material.layer_maps import LayerMaps
 from engine.material.parameters import FRESNEL
 from engine.planner import band_counts
 from engine.precompute.direct.pipeline import SkyState
-from engine.render.light_pilot import LEAST, LightBudget, find_light_budget, is_worthwhile
+from engine.render.light_pilot import LEAST, NOT_FOUND, LightBudget, find_light_budget, is_worthwhile
 from engine.render.still import StillLayer
 
 LINES = tuple(LEAST)
@@ -48,7 +48,7 @@ class LightBudgets:
         if not is_worthwhile(self._context.open_placement) or settings.overridden >= set(LINES):
             return LightBudget(settings.n_lights, settings.n_patches)
         key = self._key(request, sky)
-        need = self._budgets.get(key) or self._context.store.get(key, _budget_of)
+        need = self._budgets.get(key) or self._context.store.get(key, budget_from)
         if need is not None:
             self._budgets[key] = need
         return need
@@ -65,7 +65,7 @@ class LightBudgets:
             need = yield from find_light_budget(placement, layers, self._unturned(sky), request.settings)
             key = self._key(request, sky)
             self._budgets[key] = need
-            self._context.store.put(key, _arrays_of(need))
+            self._context.store.put(key, budget_arrays(need))
         return need
 
     def _unedited(self, request: ComputeTransport) -> list[Layer]:
@@ -87,7 +87,7 @@ class LightBudgets:
         )
         emitting = tuple(name for name, emission in request.scene.emission if any(emission))
         return content_key(
-            "light need, unedited", self._context.view_key, radiance, sky.scale, self._unturned(sky).rotation, emitting,
+            "light budget, unedited", self._context.view_key, radiance, sky.scale, self._unturned(sky).rotation, emitting,
             layers, settings.n_lights, settings.n_patches, settings.keeps_sphere,
             tuple(sorted(settings.overridden)),
         )  # fmt: skip
@@ -104,19 +104,32 @@ def _of_file(state: LayerState, there: Layer | None) -> Layer:
     return layer.replace(parameters=values, edits=(), maps=LayerMaps())
 
 
-def _arrays_of(need: LightBudget) -> dict[str, np.ndarray]:
+_ABSENT, _MEASURED, _NOT_FOUND = range(3)  # of a line's errors
+
+
+def budget_arrays(need: LightBudget) -> dict[str, np.ndarray]:
+    """A budget as arrays; stored numbers are finite, so whether a line has errors stands beside them."""
     off = {line: (plain, sharper) for line, plain, sharper in need.errors}
+    states = [_ABSENT if line not in off else _NOT_FOUND if NOT_FOUND in off[line] else _MEASURED for line in LINES]
+    errors = [off[line] if states[k] == _MEASURED else (0.0, 0.0) for k, line in enumerate(LINES)]
     return {
         "numbers": np.array([need.lights, need.patches], np.int64),
-        "off": np.array([off.get(line, (-1.0, -1.0)) for line in LINES], np.float64),
+        "states": np.array(states, np.int64),
+        "off": np.array(errors, np.float64),
     }
 
 
-def _budget_of(arrays: Arrays) -> LightBudget:
+def budget_from(arrays: Arrays) -> LightBudget:
+    """The budget of stored arrays. Raises UnsoundArrays where they are not one's."""
     reader = ArrayReader(arrays)
     lights, patches = map(int, reader.take("numbers", np.int64, 2))
-    off = zip(LINES, reader.take("off", np.float64, 2, 2).tolist(), strict=True)
-    return LightBudget(lights, patches, tuple((line, plain, sharper) for line, (plain, sharper) in off if plain >= 0.0))
+    states, off = reader.take("states", np.int64, 2).tolist(), reader.take("off", np.float64, 2, 2).tolist()
+    errors = [
+        (line, *((NOT_FOUND, NOT_FOUND) if state == _NOT_FOUND else pair))
+        for line, state, pair in zip(LINES, states, off, strict=True)
+        if state != _ABSENT
+    ]
+    return LightBudget(lights, patches, tuple(errors))
 
 
 def plan_bands(request: PlanBands) -> Iterator[Response | None]:

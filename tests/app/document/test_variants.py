@@ -6,7 +6,7 @@ import pytest
 
 from app.cli.options import assignments
 from app.document.commands.layers import SetFrozen, SetParameter, SetVariant
-from app.document.document import Document, document_from_description
+from app.document.document import AS_IN_THE_FILE, Document, document_from_description
 from app.document.view_state import ViewState
 from app.editor.editor import Editor
 from app.files.session import fit_session, load_session, save_session
@@ -47,6 +47,18 @@ def test_a_variant_is_of_all_objects_that_have_it(document: Document) -> None:
     poppy = SetVariant("poppy").apply(fir)
     assert albedo(poppy, "pot") == (1.0, 0.0, 0.0) and albedo(poppy, "floor") == (1.0, 0.8, 0.0)
     assert SetParameter("pot.0", "albedo", 0.3).apply(fir).variant == ""
+
+
+def test_what_a_file_shows_unasked_can_be_chosen_again() -> None:
+    """It need be none of the file's variants; the window would call it edited, and have no way back."""
+    tree = {**SCENE, "object": [dict(each) for each in SCENE["object"]]}
+    pot = next(each for each in tree["object"] if each["name"] == "pot")
+    pot |= {"layer": [GOLD], "variant": [{"name": "fir", "layer": [GREEN], "emission": [0, 1, 0]}]}
+    own = document_from_description("shelf", parse_description(tree, "shelf"))
+    assert own.variants == (AS_IN_THE_FILE, "fir") and own.variant == AS_IN_THE_FILE
+    fir = SetVariant("fir").apply(own)
+    assert fir.variant == "fir" and SetVariant(AS_IN_THE_FILE).apply(fir) == own
+    assert SetParameter("pot.0", "albedo", 0.3).apply(own).variant == ""
 
 
 def test_a_variant_brings_bumps_opacity_and_emission() -> None:

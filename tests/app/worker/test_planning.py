@@ -20,6 +20,7 @@ from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.precompute.direct.pipeline import Placement, Quality, SkyState
 from engine.render import light_pilot
+from engine.render.light_pilot import NOT_FOUND, LightBudget
 from engine.settings import RenderSettings
 from tests.app.worker.ball_and_lamp import work
 from tests.opened import open_in_process, run_in_process
@@ -124,3 +125,13 @@ def test_it_is_tried_with_what_the_file_has_whatever_was_edited_by_then(
     assert len(tried) == 3 and tried[0] == tried[1]
     # The file has no such layer: as its model begins.
     assert tried[2] == (0.0, [(make_layer(MODELS["rough_conductor"], {}).parameters, ())])
+
+
+@pytest.mark.parametrize(
+    "errors", [(), (("patches", NOT_FOUND, NOT_FOUND),), (("lights", 0.002, 0.04), ("patches", NOT_FOUND, NOT_FOUND))]
+)
+def test_a_stored_light_budget_comes_back(tmp_path: Path, errors: tuple[tuple[str, float, float], ...]) -> None:
+    """Of a lamp that no sampled point sees no error is known, and stored numbers are finite."""
+    cache, need = ArrayCache(tmp_path), LightBudget(500, 768, errors)
+    cache.put("budget", light_plan.budget_arrays(need))
+    assert cache.get("budget", light_plan.budget_from) == need and cache.take_notes() == ()
