@@ -87,8 +87,8 @@ class LightBudgets:
         )
         emitting = tuple(name for name, emission in request.scene.emission if any(emission))
         return content_key(
-            "light budget, unedited", self._context.view_key, radiance, sky.scale, self._unturned(sky).rotation, emitting,
-            layers, settings.n_lights, settings.n_patches, settings.keeps_sphere,
+            "light budget, unedited", self._context.view_key, radiance, sky.scale, self._unturned(sky).rotation,
+            emitting, layers, settings.n_lights, settings.n_patches, settings.keeps_sphere,
             tuple(sorted(settings.overridden)),
         )  # fmt: skip
 
