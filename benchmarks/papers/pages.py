@@ -56,7 +56,8 @@ def carry_out(work: Work, kept: Kept, only: Sequence[str], conditions: str) -> N
         work.report(f"[{paper.key}] {entry.place}: {entry.title}")
         load = load_average() if entry.timed else None
         text = entry.make(work)
-        kept.save(paper, entry, f"{text}\nLoad {load[0]:.1f} when it began.\n" if load else text)
+        said = "" if load is None else f"\nLoad {load[0]:.1f} when it began, with what this run did before.\n"
+        kept.save(paper, entry, text + said)
     write_pages(work.papers, kept, conditions)
 
 
