@@ -27,11 +27,12 @@ from engine.scene.description import MAX_VARIANTS
 from engine.scene.loaders.gltf_buffers import open_gltf
 from engine.scene.loaders.gltf_cameras import read_cameras
 from engine.scene.loaders.gltf_file import GltfFile
+from engine.scene.loaders.gltf_forest import LONGEST_NAME, read_forest
 from engine.scene.loaders.gltf_images import GltfImages
 from engine.scene.loaders.gltf_json import MAX_ITEMS, JsonObject
 from engine.scene.loaders.gltf_lights import CONVERTED, read_lights
 from engine.scene.loaders.gltf_materials import BLACK, COLOURED, GREY, PartMaterial, read_material, uv_sets
-from engine.scene.loaders.gltf_nodes import LONGEST_NAME, MeshNode, placed_meshes, scene_nodes
+from engine.scene.loaders.gltf_nodes import MeshNode, placed_meshes, scene_nodes
 from engine.scene.loaders.gltf_primitives import TRIANGLES, read_primitive
 from engine.scene.loaders.gltf_rig import PrimitiveRig, RigReader
 from engine.scene.loaders.gltf_unshown import unshown_properties
@@ -53,11 +54,12 @@ def read_gltf(path: Path) -> ImportedModel:
     """Read a glTF file, .glb or .gltf; raises LoadError naming the place and what was expected there."""
     root, buffers = open_gltf(path)
     file = GltfFile.of(root, buffers)
-    rigs = RigReader(file, root)
+    forest = read_forest(file, root)
+    rigs = RigReader(file, root, forest.parents)
     variants = _variant_names(root)
     described = root.children("materials")
     copies, skipped = _Copies(file, rigs, described, len(variants)), 0
-    nodes = scene_nodes(file, root)
+    nodes = scene_nodes(file, forest)
     for mesh_index, placed in placed_meshes(file, nodes).items():
         for primitive in file.meshes[mesh_index].children("primitives"):
             taken = primitive.attempt(

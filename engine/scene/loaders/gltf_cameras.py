@@ -16,8 +16,9 @@ import numpy as np
 from engine.core.errors import LoadError, printable_name
 from engine.scene.description import Camera
 from engine.scene.loaders.gltf_file import GltfFile
+from engine.scene.loaders.gltf_forest import LONGEST_NAME
 from engine.scene.loaders.gltf_json import JsonObject
-from engine.scene.loaders.gltf_nodes import LONGEST_NAME, Float64Array, MeshNode
+from engine.scene.loaders.gltf_nodes import Float64Array, MeshNode
 from engine.scene.loaders.model import ImportedCamera, triple
 
 MOST_CAMERAS = 200

@@ -1,23 +1,23 @@
-"""The nodes of a glTF file: a forest of bounded depth, and the transforms of their meshes and of instances of these."""
+"""The nodes of the scene that a glTF file shows, with the transforms of their meshes and of instances of these."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from engine.core.errors import LoadError, printable_name
+from engine.core.errors import LoadError
 from engine.scene.loaders.gltf_file import GltfFile
+from engine.scene.loaders.gltf_forest import Forest
 from engine.scene.loaders.gltf_json import JsonObject
 
 Float64Array = npt.NDArray[np.float64]
 
 MAX_DEPTH = 256
-LONGEST_NAME = 64
 INSTANCING = "EXT_mesh_gpu_instancing"
 # Limit of the places of all meshes, plus one for every fourth byte: a place has at least three vertices and a face.
 MOST_PLACES = 250_000
@@ -38,20 +38,12 @@ class MeshNode(NamedTuple):
     instance: Float64Array | None = None
 
 
-def scene_nodes(file: GltfFile, root: JsonObject) -> list[MeshNode]:
+def scene_nodes(file: GltfFile, forest: Forest) -> list[MeshNode]:
     """All nodes of the scene that is shown."""
-    parents = parents_of(file)
-    stack = [(k, _IDENTITY, False, 0) for k in reversed(_roots(file, root, parents))]
+    stack = [(k, _IDENTITY, False, 0) for k in reversed(forest.roots)]
     found: list[MeshNode] = []
     while stack:
         k, above, is_flat, depth = stack.pop()
-        if depth > MAX_DEPTH or len(found) >= len(file.nodes):
-            raise LoadError(
-                file.path,
-                f"nodes {k}: depth",
-                "too deep" if depth > MAX_DEPTH else "a loop",
-                f"a tree of at most {MAX_DEPTH} levels",
-            )
         node = file.nodes[k]
         matrix = above
         if not node.values.keys().isdisjoint(_TRANSFORM):
@@ -62,11 +54,26 @@ def scene_nodes(file: GltfFile, root: JsonObject) -> list[MeshNode]:
             matrix, is_flat = placed, bool(are_flat(placed[None])[0])
         found.append(MeshNode(k, matrix, is_flat))
         if node.has("children"):
-            children = node.indices("children", len(file.nodes))
+            children = _children(file, forest, k, depth)
             stack += [(child, matrix, is_flat, depth + 1) for child in reversed(children)]
         elif not node.has("mesh"):
             node.mark_read()  # the scene has it, even if it only has a name
     return found
+
+
+def _children(file: GltfFile, forest: Forest, k: int, depth: int) -> list[int]:
+    """The nodes that hang from node k, so many levels below a root; what is left out is listed."""
+    node = file.nodes[k]
+    node.indices("children", len(file.nodes))  # lists what is no index
+    for child in forest.cut.get(k, ()):
+        node.note("children", child, "left out: a node hangs from one other, and not from itself")
+    if k in forest.cut:
+        node.not_shown("children", "nodes that hang from several are shown once", len(forest.cut[k]))
+    if depth >= MAX_DEPTH:
+        node.note("children", node.raw("children"), f"left out: deeper than {MAX_DEPTH} levels")
+        node.not_shown("children", f"nodes deeper than {MAX_DEPTH} levels are not shown")
+        return []
+    return forest.children.get(k, [])
 
 
 def placed_meshes(file: GltfFile, nodes: Iterable[MeshNode]) -> dict[int, list[MeshNode]]:
@@ -132,43 +139,6 @@ def are_flat(matrices: Float64Array) -> npt.NDArray[np.bool_]:
     return areas <= _FLATTEST * (axes**2).sum(axis=2).max(axis=1)
 
 
-def parents_of(file: GltfFile) -> dict[int, int]:
-    """The parent of each node that has one."""
-    parents: dict[int, int] = {}
-    for k, node in enumerate(file.nodes):
-        for child in node.aside().indices("children", len(file.nodes)) if node.has("children") else ():
-            if child in parents or child == k:
-                raise LoadError(
-                    file.path,
-                    f"nodes {child}: parents",
-                    f"{parents.get(child, k)} and {k}",
-                    "one parent: nodes in a tree without a loop",
-                )
-            parents[child] = k
-    return parents
-
-
-def _roots(file: GltfFile, root: JsonObject, parents: dict[int, int]) -> list[int]:
-    """The top nodes of the scene that is shown."""
-    scenes = root.children("scenes")
-    if scenes:
-        shown = root.attempt("scene", "the first scene is shown", lambda: root.integer("scene", 0, len(scenes) - 1, 0))
-        shown = shown or 0
-        roots = scenes[shown].indices("nodes", len(file.nodes))
-        for k, scene in enumerate(scenes):
-            if k != shown:
-                name = printable_name(scene.text("name") or f"scene {k}", LONGEST_NAME)
-                scene.leave_out("nodes", f"the scene {name!r} is not shown: the file opens with another")
-    else:
-        roots = [k for k in range(len(file.nodes)) if k not in parents]
-    for k in roots:
-        if k in parents:
-            raise LoadError(file.path, f"nodes {k}", f"a root below nodes {parents[k]}", "roots without a parent")
-    if file.nodes and not roots:
-        raise LoadError(file.path, "scene: nodes", "none, or a loop", "at least one root node")
-    return roots
-
-
 def node_matrix(node: JsonObject) -> Float64Array:
     """A node's own transform: `matrix` (column-major) or translation · rotation · scale."""
     if node.values.keys().isdisjoint(_TRANSFORM):
@@ -229,20 +199,20 @@ def _finite(matrix: Float64Array, node: JsonObject) -> Float64Array:
 
 
 class WorldMatrices:
-    """The matrices of a file's nodes at rest to its frame, each computed once."""
+    """The matrices of a file's nodes at rest to its frame, each computed once; parents: those of its forest."""
 
-    def __init__(self, file: GltfFile) -> None:
-        self._file, self._parents = file, parents_of(file)
+    def __init__(self, file: GltfFile, parents: Mapping[int, int]) -> None:
+        self._file, self._parents = file, parents
         self._found: dict[int, Float64Array] = {}
 
     def of(self, node: int) -> Float64Array:
-        """(4, 4). Raises LoadError for nodes that are too deep or in a loop."""
+        """(4, 4). Raises LoadError for nodes that are too deep."""
         chain = [node]
         while chain[-1] not in self._found and chain[-1] in self._parents:
             chain.append(self._parents[chain[-1]])
             if len(chain) > MAX_DEPTH:
                 expected = f"a tree of at most {MAX_DEPTH} levels"
-                raise LoadError(self._file.path, f"nodes {node}: depth", "too deep, or a loop", expected)
+                raise LoadError(self._file.path, f"nodes {node}: depth", "too deep", expected)
         for k in reversed(chain):
             if k not in self._found:
                 above = self._found[self._parents[k]] if k in self._parents else np.eye(4)

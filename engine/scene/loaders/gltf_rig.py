@@ -1,12 +1,12 @@
 """Skins, morph targets and animations of a glTF file, in the form of `engine.scene.rig`, and the meshes at rest.
 
-An invalid rig does not invalidate its mesh: a skin or an animation that cannot be read is skipped, and the reason
-becomes a note.
+An invalid rig does not invalidate its mesh: a skin or a channel of an animation that cannot be read is skipped, and the
+reason becomes a note.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import groupby
@@ -18,7 +18,7 @@ import numpy.typing as npt
 from engine.core.errors import LoadError, printable_name
 from engine.scene.loaders.gltf_file import FLOATS, QUANTIZED, SHARES, GltfFile
 from engine.scene.loaders.gltf_json import JsonObject
-from engine.scene.loaders.gltf_nodes import MAX_DEPTH, MeshNode, WorldMatrices, node_matrix, node_parts, parents_of
+from engine.scene.loaders.gltf_nodes import MAX_DEPTH, MeshNode, WorldMatrices, node_matrix, node_parts
 from engine.scene.mesh import Mesh, place_copies
 from engine.scene.rig import INTERPOLATIONS, PATHS, Binding, Clip, Morph, Skeleton, Track, rest_mesh
 
@@ -31,7 +31,7 @@ LONGEST_NAME = 64  # of an animation, in characters; sessions store it
 # Limit of numbers of all tracks, morph targets and bones, plus one for every byte: accessors may be shared, and small
 # files must not cost much.
 MOST_NUMBERS = 4_000_000
-_RESTS, _NOT_PLAYED = "what cannot be read of it does not move", "an animation that is not played: it cannot be read"
+_RESTS, _NOT_PLAYED = "what cannot be read of it does not move", "a channel that is not played: it cannot be read"
 OF_A_COPY = 4_000  # numbers whose reading takes as long as one bent copy
 
 
@@ -46,10 +46,11 @@ class PrimitiveRig:
 
 
 class RigReader:
-    """Reads what moves the meshes of a file, and their state at rest; adds omissions to `notes`."""
+    """Reads what moves the meshes of a file, and their state at rest; adds omissions to `notes`. parents: those
+    of the file's forest."""
 
-    def __init__(self, file: GltfFile, root: JsonObject) -> None:
-        self._file, self._root = file, root
+    def __init__(self, file: GltfFile, root: JsonObject, parents: Mapping[int, int]) -> None:
+        self._file, self._root, self._parents = file, root, parents
         self._skins = root.children("skins")
         self._is_animated = bool(root.children("animations"))
         self._maps: dict[int, tuple[npt.NDArray[np.int32], Float64Array]] = {}
@@ -58,7 +59,7 @@ class RigReader:
 
     @cached_property
     def _world(self) -> WorldMatrices:
-        return WorldMatrices(self._file)
+        return WorldMatrices(self._file, self._parents)
 
     @property
     def notes(self) -> list[str]:
@@ -137,7 +138,7 @@ class RigReader:
         return self._try(self._root, "animations", lambda: self._moving(bindings))
 
     def _moving(self, bindings: Iterable[Binding]) -> Skeleton | None:
-        parents, bindings = parents_of(self._file), list(bindings)
+        parents, bindings = self._parents, list(bindings)
         shaped = sorted({morph.node for binding in bindings for morph in binding.morphs})
         wanted = {int(node) for binding in bindings for node in binding.nodes} | set(shaped)
         depths: dict[int, int] = {}
@@ -151,7 +152,7 @@ class RigReader:
             depths.update({above: len(chain) - 1 - i for i, above in enumerate(chain)})
         return self._skeleton(sorted(depths, key=lambda node: (depths[node], node)), parents, shaped)
 
-    def _skeleton(self, order: list[int], parents: dict[int, int], shaped: list[int]) -> Skeleton | None:
+    def _skeleton(self, order: list[int], parents: Mapping[int, int], shaped: list[int]) -> Skeleton | None:
         """A skeleton of these nodes, parents before their children; bindings and tracks use the file's node numbers."""
         nodes = self._file.nodes
         clips = self._clips(set(order))
@@ -173,7 +174,7 @@ class RigReader:
         taken: set[str] = set()
         n_of: dict[str, int] = {}
         for i, animation in enumerate(self._root.children("animations")):
-            tracks = self._try(animation, "channels", partial(self._tracks, animation, nodes), _NOT_PLAYED)
+            tracks = self._tracks(animation, nodes)
             if tracks is None:
                 animation.log.left_out.add(id(animation.values))
                 continue
@@ -185,29 +186,40 @@ class RigReader:
             clips.append(Clip(name, max((float(t.times[-1]) for t in tracks), default=0.0), tuple(tracks)))
         return clips
 
-    def _tracks(self, animation: JsonObject, nodes: set[int]) -> list[Track]:
-        samplers = animation.children("samplers")
-        tracks, taken = [], set()
-        for channel in animation.children("channels"):
-            target = channel.child("target")
-            path = target.text("path")
-            if not target.has("node") or path not in (*PATHS, "weights"):
-                channel.leave_out("target", "a property that does not move: only nodes and morph targets do")
-                continue
-            node = target.integer("node", 0, len(self._file.nodes) - 1)
-            if node not in nodes:
-                channel.leave_out("target", "a node that does not move: no mesh hangs from it")
-                continue
-            if (node, path) in taken:
-                raise channel.error("target", f"{path} of nodes {node} a second time", "each once")
-            taken.add((node, path))
-            if path != "weights" and self._file.nodes[node].has("matrix"):
-                raise channel.error("target", f"nodes {node}, which has a matrix", "translation, rotation, scale")
-            sampler = samplers[channel.integer("sampler", 0, len(samplers) - 1)]
-            width = PATHS.get(path) or self._n_targets(self._file.nodes[node])
-            if width:
-                tracks.append(self._track(sampler, node, path, width))
-        return tracks
+    def _tracks(self, animation: JsonObject, nodes: set[int]) -> list[Track] | None:
+        """The tracks of an animation; None if it has channels, and none of them can be read."""
+        samplers, channels = animation.children("samplers"), animation.children("channels")
+        tracks: dict[tuple[int, str], Track] = {}
+        n_faulty = 0
+        for channel in channels:
+            read = partial(self._channel, channel, samplers, nodes, tracks.keys())
+            found = self._try(channel, "target", read, _NOT_PLAYED)
+            if found is None:
+                channel.log.left_out.add(id(channel.values))
+            n_faulty += found is None
+            tracks |= {(track.node, track.path): track for track in found or ()}
+        return None if channels and n_faulty == len(channels) else list(tracks.values())
+
+    def _channel(
+        self, channel: JsonObject, samplers: list[JsonObject], nodes: set[int], taken: Collection[tuple[int, str]]
+    ) -> list[Track]:
+        """The track of a channel, none where nothing shown moves by it; taken: nodes and paths of others."""
+        target = channel.child("target")
+        path = target.text("path")
+        if not target.has("node") or path not in (*PATHS, "weights"):
+            channel.leave_out("target", "a property that does not move: only nodes and morph targets do")
+            return []
+        node = target.integer("node", 0, len(self._file.nodes) - 1)
+        if node not in nodes:
+            channel.leave_out("target", "a node that does not move: no mesh hangs from it")
+            return []
+        if (node, path) in taken:
+            raise channel.error("target", f"{path} of nodes {node} a second time", "each once")
+        if path != "weights" and self._file.nodes[node].has("matrix"):
+            raise channel.error("target", f"nodes {node}, which has a matrix", "translation, rotation, scale")
+        sampler = samplers[channel.integer("sampler", 0, len(samplers) - 1)]
+        width = PATHS.get(path) or self._n_targets(self._file.nodes[node])
+        return [self._track(sampler, node, path, width)] if width else []
 
     def _track(self, sampler: JsonObject, node: int, path: str, width: int) -> Track:
         interpolation = sampler.text("interpolation") or "LINEAR"

@@ -9,7 +9,7 @@ import math
 
 from engine.core.errors import LoadError, printable_name
 from engine.scene.loaders.gltf_cameras import LEAST_FOV, MOST_CAMERAS, MOST_FOV, looking_along, orthographic
-from engine.scene.loaders.gltf_nodes import LONGEST_NAME
+from engine.scene.loaders.gltf_forest import LONGEST_NAME
 from engine.scene.loaders.model import ImportedCamera
 from engine.scene.loaders.usd_prims import Float64Array, UsdPrim
 

@@ -125,12 +125,8 @@ def test_points_and_lines_are_left_out_with_a_note(triangle_glb, glb_file):
         ("meshes.0.primitives.0", 3, "primitives 0: attributes: POSITION = nothing"),
         ("meshes.0.primitives", 3, "meshes 0: primitives = 3, expected a list"),
         ("nodes.0.mesh", 5, "nodes 0: mesh = 5, expected an integer from 0 to 0"),
-        ("nodes.0.children", [0], "nodes 0: parents = 0 and 0, expected one parent"),
-        ("nodes", [{"children": [1]}, {"children": [2]}, {"children": [1]}], "nodes 1: parents = 0 and 2"),
-        ("nodes", [{"children": [1]}, {"children": [0]}], "nodes 0 = a root below nodes 1"),
         ("nodes.0.matrix", [1e30] + [0] * 14 + [1], "nodes 0: transform = [1e+30"),
         ("nodes.0.matrix", [0] * 15 + [1], "at least one mesh of triangles in the scene: nodes 0: transform = flat"),
-        ("scenes.0.nodes", [4], "scene: nodes = none, or a loop, expected at least one root node"),
     ],
 )
 def test_each_lie_in_the_json_is_named(triangle_glb, glb_file, path, value, line):
@@ -243,7 +239,9 @@ def test_json_that_is_none_or_too_much(glb_file, text, line):
 def test_twenty_thousand_nested_nodes_are_too_deep(triangle_glb, glb_file):
     tree, binary = triangle_glb
     tree["nodes"] = [{"children": [k + 1]} for k in range(20_000)] + [{"mesh": 0}]
-    with pytest.raises(LoadError, match="depth = too deep, expected a tree of at most 256 levels"):
+    with pytest.raises(
+        LoadError, match=r"in the scene: nodes 256: children = \[257\], left out: deeper than 256 levels"
+    ):
         read_gltf(glb_file(tree, binary))
 
 
