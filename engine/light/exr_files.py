@@ -45,6 +45,8 @@ from engine.light.picture_bands import (
 EXR_MAGIC = b"\x76\x2f\x31\x01"
 # Of the pixels of all parts, where a file must be read whole.
 MAX_WHOLE_BYTES = 1 << 32
+# Pixels of a tile, which the library holds whole, where the picture has fewer.
+MAX_TILE_PIXELS = 1 << 22
 
 _WHOLE = "a whole OpenEXR image, not cut off or damaged"
 _TYPES = {"UINT": np.uint32, "HALF": np.float16, "FLOAT": np.float32}
@@ -71,6 +73,8 @@ def read_exr(file: Path, notes: list[str], is_colour: bool, most_pixels: int) ->
     if chosen is None:
         raise LoadError(file, "channels", "none", "R, G and B, or others of a picture")
     header = parts[chosen.part].header
+    for part in parts:
+        _check_tiles(file, part.header)
     sampling = {name: channels[chosen.part][name] for name in chosen.read}
     data, display = _windows(file, header, notes)
     convert = _conversion(chosen, header, is_colour, notes)
@@ -252,6 +256,17 @@ def _check_whole_size(file: Path, headers: list[dict[str, Any]]) -> None:
     if total > MAX_WHOLE_BYTES:
         expected = f"at most {MAX_WHOLE_BYTES >> 20} MB, unless the picture is the first part"
         raise LoadError(file, "pixels of all parts", f"{total >> 20} MB", expected)
+
+
+def _check_tiles(file: Path, header: dict[str, Any]) -> None:
+    """Raises LoadError for tiles that take much more memory than the part."""
+    tiles = header.get("tiles")
+    if tiles is None:
+        return
+    (left, top), (right, bottom) = _window(header, "dataWindow")
+    most = max(MAX_TILE_PIXELS, (right - left + 1) * (bottom - top + 1))
+    if tiles.xSize * tiles.ySize > most:
+        raise LoadError(file, "OpenEXR tile", f"{tiles.xSize} x {tiles.ySize} pixels", f"at most {most} pixels")
 
 
 def _open_exr(file: Path, header_only: bool) -> list[Any]:

@@ -91,6 +91,16 @@ def test_a_deep_part_is_passed_over(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read_radiance_image(tmp_path / "a.exr"), PICTURE)
 
 
+@pytest.mark.parametrize("part", [0, 1])
+def test_tiles_that_take_more_memory_than_a_picture_are_refused(tmp_path: Path, part: int) -> None:
+    """One that is larger than its picture is fine, up to a limit: the library allocates the tile."""
+    np.testing.assert_array_equal(read(tmp_path, ExrPart(planes(), tile=2048))[0], PICTURE)
+    parts = [ExrPart(planes(), name="beauty"), ExrPart({"Z": PICTURE[..., 1]}, name="depth")]
+    parts[part].tile = 1 << 20
+    with pytest.raises(LoadError, match=r"OpenEXR tile = 1048576 x 1048576 pixels, expected at most 4194304 pixels"):
+        read(tmp_path, *parts)
+
+
 def test_parts_that_do_not_fit_into_memory_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     depth, beauty = ExrPart({"Z": PICTURE[..., 1]}, name="depth"), ExrPart(planes(), name="beauty")
     monkeypatch.setattr("engine.light.exr_files.MAX_WHOLE_BYTES", 4 * 4 * HEIGHT * WIDTH - 1)
