@@ -18,6 +18,7 @@ import stat
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from threading import Lock
 
 from engine.core.errors import LoadError
 
@@ -37,6 +38,7 @@ class _FileAccess:
 
 
 _access = _FileAccess()
+_changing_temporary = Lock()  # several threads read files, each of them archives of its own
 
 
 def local_path(path: str | os.PathLike[str]) -> Path:
@@ -57,11 +59,13 @@ def local_path(path: str | os.PathLike[str]) -> Path:
 @contextlib.contextmanager
 def temporary_file(path: Path) -> Iterator[None]:
     """Opens a file of our own within the block by its path alone, whatever is recorded or redirected."""
-    _access.temporary |= {path}
+    with _changing_temporary:
+        _access.temporary |= {path}
     try:
         yield
     finally:
-        _access.temporary -= {path}
+        with _changing_temporary:
+            _access.temporary -= {path}
 
 
 def exists(path: str | os.PathLike[str]) -> bool:
@@ -74,7 +78,9 @@ def exists(path: str | os.PathLike[str]) -> bool:
 def add_unpacked(folder: Path) -> None:
     """Where files come from another machine: read those of a folder that was unpacked from one of them here."""
     if _access.places is not None:
-        _access.temporary |= {path for path in folder.rglob("*") if path.is_file()}
+        unpacked = {path for path in folder.rglob("*") if path.is_file()}
+        with _changing_temporary:
+            _access.temporary |= unpacked
 
 
 def portable_name(path: str | os.PathLike[str]) -> str:

@@ -8,6 +8,8 @@ for any outline, but which do not allow one that touches or crosses itself.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import numpy.typing as npt
 
@@ -20,19 +22,14 @@ _FEWEST_STEPS = 10_000_000
 _THIN = 1e-12
 
 
-class TooIntricateError(Exception):
-    """polygon: index of a polygon that takes longer to cut than its file's size allows."""
-
-    def __init__(self, polygon: int) -> None:
-        super().__init__(f"polygon {polygon}")
-        self.polygon = polygon
-
-
-def triangulate(places: Float64Array, lengths: Int64Array, n_bytes: int) -> Int32Array:
+def triangulate(
+    places: Float64Array, lengths: Int64Array, n_bytes: int, note: Callable[[str], object] | None = None
+) -> Int32Array:
     """Triangles (T, 3) of polygons, in their order, as indices of corners.
 
     places (C, 3): positions of the corners of all polygons one after the other; lengths (N,), each at least 3; n_bytes:
-    of the file, which limits the cost. Raises TooIntricateError.
+    of the file, which limits the cost: the largest polygons remain fans where all would take longer to cut. note: gets
+    a line on these.
     """
     fans, owner = _fans(lengths)
     if (lengths == 3).all():
@@ -43,6 +40,7 @@ def triangulate(places: Float64Array, lengths: Int64Array, n_bytes: int) -> Int3
         flat, has_area = _project_to_plane(local, lengths, starts)
         badly = np.bincount(owner, ~_are_solid(flat, fans), len(lengths)) > 0
     chosen = np.flatnonzero(badly & has_area & (lengths > 3))
+    chosen = chosen[np.argsort(lengths[chosen], kind="stable")]
     if not len(chosen):
         return fans
     from engine.scene._polygon_kernels import cut_ears  # late: most files do not need the compiler
@@ -52,7 +50,10 @@ def triangulate(places: Float64Array, lengths: Int64Array, n_bytes: int) -> Int3
     steps = max(_FEWEST_STEPS, STEPS_A_BYTE * n_bytes)
     found, failed = cut_ears(flat, starts[chosen], lengths[chosen], steps, ears, owners)
     if failed >= 0:
-        raise TooIntricateError(int(chosen[failed]))
+        if note is not None:
+            n, fewest = len(chosen) - failed, lengths[chosen[failed]]
+            note(f"faces of {fewest} corners and more: {n} not cut exactly, which would take too long")
+        chosen = chosen[:failed]
     rest = np.isin(owner, chosen, invert=True)
     triangles = np.concatenate([fans[rest], ears[:found].astype(np.int32)])
     return triangles[np.argsort(np.concatenate([owner[rest], chosen[owners[:found]]]), kind="stable")]

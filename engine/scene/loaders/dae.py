@@ -187,7 +187,8 @@ def decode_dae(data: bytes) -> Arrays:
             if number is None:
                 number = known[id(primitive), key] = len(described["primitives"])
                 described["primitives"].append({"material": key, "places": []})
-                arrays |= {f"{number} {name}": each for name, each in _primitive_arrays(primitive, len(data)).items()}
+                own = _primitive_arrays(primitive, len(data), described["errors"])
+                arrays |= {f"{number} {name}": each for name, each in own.items()}
                 if material is not None and key not in described["materials"]:
                     described["materials"][key] = _material_words(material)
             described["primitives"][number]["places"].append(len(described["places"]) - 1)
@@ -202,14 +203,14 @@ def _bound_geometries(document: Any) -> Iterator[Any]:
             yield bound.geometry
 
 
-def _primitive_arrays(primitive: Any, n_bytes: int) -> dict[str, npt.NDArray[np.generic]]:
-    """The triangles of a set of triangles or polygons; n_bytes: of the file."""
+def _primitive_arrays(primitive: Any, n_bytes: int, notes: list[str]) -> dict[str, npt.NDArray[np.generic]]:
+    """The triangles of a set of triangles or polygons; n_bytes: of the file; notes: on polygons that are not cut."""
     vertices = np.asarray(primitive.vertex, np.float64)
     corners: npt.NDArray[np.int64] = np.asarray(primitive.vertex_index, np.int64).ravel()
     are_polygons = hasattr(primitive, "vcounts")
     lengths = np.asarray(primitive.vcounts, np.int64) if are_polygons else np.full(len(corners) // 3, 3)
     shown = np.repeat(lengths >= 3, lengths)
-    triangles = triangulate(vertices[corners[shown]], lengths[lengths >= 3], n_bytes)
+    triangles = triangulate(vertices[corners[shown]], lengths[lengths >= 3], n_bytes, notes.append)
     corners, found = corners[shown][triangles], dict[str, npt.NDArray[np.generic]]()
     if primitive.normal is not None and primitive.normal_index is not None:
         # A vertex for each pair of position and normal.

@@ -42,7 +42,7 @@ def read_forest(file: GltfFile, root: JsonObject) -> Forest:
             forest.roots.append(k)
             _walk(k, named, met, forest)
     for k in chain(top, range(n_nodes)):
-        if k not in met:
+        if k in named and k not in met:
             _walk(k, named, met, forest)
     return forest
 
@@ -50,17 +50,17 @@ def read_forest(file: GltfFile, root: JsonObject) -> Forest:
 def _walk(start: int, named: dict[int, list[int]], met: set[int], forest: Forest) -> None:
     """Add the tree of a node that was not met yet."""
     met.add(start)
-    stack = [start]
+    stack = [start] if start in named else []
     while stack:
         k = stack.pop()
-        for child in named.get(k, ()):
+        for child in named[k]:
             if child in met:
                 forest.cut.setdefault(k, []).append(child)
                 continue
             met.add(child)
             forest.parents[child] = k
             forest.children.setdefault(k, []).append(child)
-        stack += reversed(forest.children.get(k, ()))
+        stack += [child for child in reversed(forest.children.get(k, [])) if child in named]
 
 
 def _named_roots(file: GltfFile, root: JsonObject, top: list[int]) -> Iterable[int]:

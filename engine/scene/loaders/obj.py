@@ -32,7 +32,7 @@ from engine.scene.mesh import (
     with_normals,
     without_unused_vertices,
 )
-from engine.scene.polygons import TooIntricateError, left_out_notes, repeated_polygons, triangulate
+from engine.scene.polygons import left_out_notes, repeated_polygons, triangulate
 
 # Lines that are skipped: what the picture lacks without them, "" for nothing.
 _SKIPPED = {
@@ -52,7 +52,8 @@ class _Lines:
 
     Positions, normals and texture coordinates are numbers one after the other, and so are the colours of the vertices
     `coloured`. corners: each (position, normal or −1, texture or −1) once; a face is `lengths` of their `ids`, on one
-    of the `lines`, with one of the `materials`, whose names are numbered, −1 for none.
+    of the `lines`, with one of the `materials`, whose names are numbered, −1 for none. uncut: notes on faces that are
+    not cut exactly.
     """
 
     file: Path
@@ -78,6 +79,7 @@ class _Lines:
     n_repeated: int = 0
     n_short: int = 0
     n_bare: int = 0
+    uncut: list[str] = field(default_factory=list)
 
 
 def read_obj(file: Path) -> ImportedModel:
@@ -158,7 +160,7 @@ def _notes(state: _Lines) -> tuple[str, ...]:
         lines.append(f"{sum(state.unknown.values())} lines of unknown kinds are left out: {names}")
     if state.n_bare:
         lines.append(f"normals are computed: {state.n_bare} corners of faces have none")
-    return (*lines, *left_out_notes(state.n_repeated, state.n_short))
+    return (*lines, *left_out_notes(state.n_repeated, state.n_short), *state.uncut)
 
 
 def _numbers(state: _Lines, words: list[str], counts: tuple[int, ...]) -> list[float]:
@@ -239,11 +241,7 @@ def _assemble(state: _Lines, n_bytes: int) -> tuple[Mesh, npt.NDArray[np.int32],
     width = max(1, len(normals))
     keys, vertex = np.unique(corners[:, 0] * width + corners[:, 1], return_inverse=True)
     lengths = np.array(state.lengths)
-    try:
-        triangles = triangulate(positions[corners[:, 0]], lengths, n_bytes)
-    except TooIntricateError as error:
-        line, found = state.lines[error.polygon], f"{state.lengths[error.polygon]} corners"
-        raise LoadError(state.file, f"line {line}", found, "a polygon that is quickly cut into triangles") from None
+    triangles = triangulate(positions[corners[:, 0]], lengths, n_bytes, state.uncut.append)
     polygon = np.searchsorted(np.cumsum(lengths), triangles[:, 0], "right")
     is_plain = not has_normals and not len(textures)
     kept = ~repeated_polygons(corners[:, 0], lengths, either_way=is_plain)[polygon]

@@ -19,7 +19,7 @@ from engine.scene.loaders.model import ImportedModel, ImportedPart, UnshownPrope
 from engine.scene.loaders.vertex_colours import linear_colours, vertex_opacity
 from engine.scene.mesh import MAX_MESH_BYTES, Mesh, mend_mesh
 from engine.scene.mesh_defects import describe_holes
-from engine.scene.polygons import TooIntricateError, left_out_notes, repeated_polygons, triangulate
+from engine.scene.polygons import left_out_notes, repeated_polygons, triangulate
 
 _HEADER = re.compile(r"(ST)?(C)?(N)?(4)?(n)?OFF")
 Rows = list[tuple[int, list[str]]]
@@ -38,11 +38,8 @@ def read_off(file: Path) -> ImportedModel:
     corners, lengths, shares, n_indexed, n_short = _read_faces(faces, n_vertices, file)
     if not lengths:
         raise LoadError(file, "faces", 0, "at least one face")
-    try:
-        triangles = triangulate(table[corners, :3], np.array(lengths), len(data))
-    except TooIntricateError as error:
-        found = f"{lengths[error.polygon]} vertices"
-        raise LoadError(file, f"face {error.polygon}", found, "a polygon that is quickly cut into triangles") from None
+    uncut = list[str]()
+    triangles = triangulate(table[corners, :3], np.array(lengths), len(data), uncut.append)
     face = np.searchsorted(np.cumsum(lengths), triangles[:, 0], "right")
     normals, colours, uvs = _columns(table, has_normals, has_uvs)
     is_plain = normals is None and uvs is None
@@ -53,7 +50,7 @@ def read_off(file: Path) -> ImportedModel:
         of_corners = np.repeat(shares[face][:, None], 3, axis=1)
     mesh = Mesh(table[:, :3], triangles, normals, None if uvs is None else uvs[triangles], colours=of_corners)
     mesh, notes = mend_mesh(mesh, file)
-    notes += left_out_notes(int(repeated.sum()), n_short)
+    notes += [*left_out_notes(int(repeated.sum()), n_short), *uncut]
     left = len(rows) - n_vertices - n_faces
     if left:
         notes.append(f"{left} lines after the last face are left out")

@@ -12,6 +12,7 @@ trimesh reads such files differently: see `engine.scene.mesh`.
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -37,7 +38,7 @@ from engine.scene.loaders.ply_rows import (
 )
 from engine.scene.loaders.vertex_colours import linear_colours, vertex_opacity
 from engine.scene.mesh import MAX_MESH_BYTES, Mesh, mend_mesh, without_unused_vertices
-from engine.scene.polygons import TooIntricateError, left_out_notes, repeated_polygons, triangulate
+from engine.scene.polygons import left_out_notes, repeated_polygons, triangulate
 
 _MAX_HEADER = 65536
 _MAX_COUNT = 2**31 - 1
@@ -65,13 +66,14 @@ def read_ply(file: Path) -> ImportedModel:
     columns, n_short = _without_short_faces(columns)
     vertices = _vectors(columns, _PLACES, file)
     normals = _vectors(columns, _NORMALS, file) if ("vertex", "nx") in columns else None
-    triangles, face, corner = _triangles(columns, vertices, len(data), file)
+    uncut = list[str]()
+    triangles, face, corner = _triangles(columns, vertices, len(data), file, uncut)
     uvs = _uvs(columns, triangles, corner)
     kept, n_repeated = _unrepeated(columns, face, is_plain=normals is None and uvs is None)
     triangles, face, uvs = triangles[kept], face[kept], None if uvs is None else uvs[kept]
     mesh = Mesh(vertices, triangles, normals, uvs)
     colours = _colours(columns, elements, mesh, face)
-    notes = (*notes, *left_out_notes(n_repeated, n_short))
+    notes = (*notes, *left_out_notes(n_repeated, n_short), *uncut)
     parts = []
     for texture, own in _by_texture(columns, textures, face):
         part = Mesh(vertices, triangles[own], normals, None if uvs is None else uvs[own], None, _of(colours, own))
@@ -115,12 +117,12 @@ def _textured(texture: str, mesh: Mesh, file: Path) -> tuple[tuple[LayerDescript
 
 
 def _triangles(
-    columns: Columns, vertices: npt.NDArray[np.float64], n_bytes: int, file: Path
+    columns: Columns, vertices: npt.NDArray[np.float64], n_bytes: int, file: Path, notes: list[str]
 ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int64], npt.NDArray[np.int64]]:
     """Triangles of all faces, then of all strips; the face of each, −1 in strips; and the place of each corner among
-    all corners of faces (T, 3)."""
+    all corners of faces (T, 3). notes: on faces that are not cut exactly."""
     triangles, owners, corners = [], [], []
-    for element, read in (("face", _of_polygons), ("tristrips", _of_strips)):
+    for element, read in (("face", partial(_of_polygons, notes)), ("tristrips", _of_strips)):
         lists = next((columns[element, name] for name in CORNERS if (element, name) in columns), None)
         if isinstance(lists, Lists):
             found, owner, corner = read(lists, vertices, n_bytes, file)
@@ -276,17 +278,13 @@ def _vectors(columns: Columns, names: tuple[str, ...], file: Path) -> npt.NDArra
 
 
 def _of_polygons(
-    faces: Lists, vertices: npt.NDArray[np.float64], n_bytes: int, file: Path
+    notes: list[str], faces: Lists, vertices: npt.NDArray[np.float64], n_bytes: int, file: Path
 ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int64], npt.NDArray[np.int64]]:
     """The polygons as triangles, in the order of the file; the polygon of each; and the places of their corners."""
     corners = _indices(faces, len(vertices), "face", 0, file)
     if not len(corners):
         return np.zeros((0, 3), np.int32), np.zeros(0, np.int64), np.zeros((0, 3), np.int64)
-    try:
-        triangles = triangulate(vertices[corners], faces.lengths, n_bytes)
-    except TooIntricateError as error:
-        found = f"{faces.lengths[error.polygon]} vertices"
-        raise LoadError(file, f"face {error.polygon}", found, "a polygon that is quickly cut into triangles") from None
+    triangles = triangulate(vertices[corners], faces.lengths, n_bytes, notes.append)
     return (
         corners[triangles],
         np.searchsorted(np.cumsum(faces.lengths), triangles[:, 0], "right"),

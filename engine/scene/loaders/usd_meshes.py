@@ -26,7 +26,7 @@ from engine.scene.mesh import (
     validate_mesh,
     without_unused_vertices,
 )
-from engine.scene.polygons import TooIntricateError, triangulate
+from engine.scene.polygons import triangulate
 from engine.scene.subdivision import ControlMesh, subdivide, subdivide_values
 
 COLOUR, OPACITY = "primvars:displayColor", "primvars:displayOpacity"
@@ -182,11 +182,10 @@ def read_mesh(prim: UsdPrim, n_bytes: int) -> Surface | None:
         steps, refined = steps + 1, subdivide(refined)
     if scheme not in _FLAT and (scheme != _SMOOTH or steps < STEPS):
         prim.not_shown("subdivisionScheme", f"a surface by subdivision, shown after {steps} steps of Catmull and Clark")
-    try:
-        triangles = triangulate(refined.points[refined.corners], refined.lengths, n_bytes).astype(np.int64)
-    except TooIntricateError as error:
-        found = f"{refined.lengths[error.polygon]} corners"
-        raise prim.error("faces", found, "a polygon that is quickly cut into triangles") from None
+    lines = list[str]()
+    triangles = triangulate(refined.points[refined.corners], refined.lengths, n_bytes, lines.append).astype(np.int64)
+    for line in lines:
+        prim.note("faces", len(refined.lengths), line)
     if prim.word("orientation", "rightHanded") == "leftHanded":
         triangles = triangles[:, ::-1]
     mesh = Mesh(refined.points, refined.corners[triangles].astype(np.int32))

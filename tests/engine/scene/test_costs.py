@@ -15,6 +15,7 @@ from PIL import Image
 from engine.core.errors import LoadError
 from engine.scene._polygon_kernels import cut_ears
 from engine.scene.description import ObjectDescription
+from engine.scene.loaders.formats import read_model
 from engine.scene.loaders.gltf import read_gltf
 from engine.scene.loaders.model import ImportedModel, ImportedPart
 from engine.scene.object_meshes import _objects_of
@@ -157,7 +158,7 @@ def test_material_libraries_cost_nothing(mesh_file: Callable[..., Path]) -> None
     assert n_calls(lambda: read_mesh(path)) <= 2 * path.stat().st_size  # it was 47
 
 
-def test_an_outline_that_crosses_itself_without_end_is_refused_after_steps_in_proportion(
+def test_an_outline_that_crosses_itself_without_end_stays_a_fan_after_steps_in_proportion(
     mesh_file: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Ears are cut in steps whose number grows with the square of such an outline's corners."""
@@ -172,8 +173,8 @@ def test_an_outline_that_crosses_itself_without_end_is_refused_after_steps_in_pr
     rng = np.random.default_rng(5)
     places = "".join(f"v {x:.3f} {y:.3f} 0\n" for x, y in rng.normal(size=(900, 2)).tolist())
     path = mesh_file("wild.obj", places + "f " + " ".join(map(str, rng.integers(1, 900, 15_000))) + "\n")
-    with pytest.raises(LoadError, match="line 901 = 15000 corners, expected a polygon that is quickly cut"):
-        read_mesh(path)
+    model = read_model(path)
+    assert "faces of 15000 corners and more: 1 not cut exactly, which would take too long" in model.notes
     assert allowed == [400 * path.stat().st_size]  # 1 s a megabyte
 
 
