@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from engine.scene.loaders.model import ImportedModel
 from engine.scene.loaders.usd import read_usd
+from engine.scene.mesh import Mesh
 
 # A square of two metres in the plane z = 0, whose corner k has the texture coordinates of a unit square.
 SQUARE = """
@@ -97,3 +100,20 @@ def read(folder: Path, body: str, head: str = "") -> ImportedModel:
 def unshown(model: ImportedModel) -> dict[str, int]:
     """The names of what is not shown, with their counts."""
     return {each.name: each.count for each in model.unshown}
+
+
+def mesh_of(model: ImportedModel) -> Mesh:
+    """The mesh of a model of one part."""
+    (part,) = model.parts
+    return part.mesh
+
+
+def area(mesh: Mesh) -> float:
+    """The area of all triangles."""
+    a, b, c = mesh.vertices[mesh.triangles].transpose(1, 0, 2)
+    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2.0)
+
+
+def box(mesh: Mesh) -> list[list[float]]:
+    """The least and the largest corner."""
+    return np.round([mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)], 9).tolist()

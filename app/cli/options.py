@@ -11,11 +11,12 @@ from typing import Annotated, Any
 import typer
 
 from app.cli.console import print_line
-from app.document.scene_files import with_axis
+from app.document.scene_files import has_variants, with_axis, with_variants
 from app.project.project import Project, parse_assignment
 from engine.core.errors import plain_line, plain_notes
 from engine.precompute.indirect.sampling_settings import MOST_BOUNCES
 from engine.scene.description import MAX_RESOLUTION
+from engine.scene.variant_choice import parse_choices
 from engine.settings import SETTINGS
 
 
@@ -79,7 +80,10 @@ Time = Annotated[
     float | None, typer.Option("--time", metavar="SECONDS", help="Time in the scene's animation; it repeats.")
 ]
 Variant = Annotated[
-    str | None, typer.Option("--variant", metavar="NAME", help="A variant of the scene's materials, as in its file.")
+    str | None,
+    typer.Option(
+        "--variant", metavar="NAME", help="A variant of the scene's materials, as in its file; of a stage SET=NAME."
+    ),
 ]
 # Path tracing follows more bounces than the view shows.
 Bounces = Annotated[int | None, setting_option("n_bounces", most=MOST_BOUNCES)]
@@ -108,9 +112,16 @@ Samples = Annotated[
 ]
 
 
-def oriented(scene: str, up: Axis) -> str:
-    """The scene's name with the axis of its mesh that points up."""
-    return with_axis(scene, "z") if up is Axis.Z else scene
+def oriented(scene: str, up: Axis, variant: str | None = None) -> str:
+    """The scene's name with the axis of its mesh that points up, and with what is chosen of the sets of a stage."""
+    scene = with_axis(scene, "z") if up is Axis.Z else scene
+    return with_variants(scene, chosen_of_sets(scene, variant))
+
+
+def chosen_of_sets(scene: str, variant: str | None) -> dict[str, str]:
+    """The variants of sets of a stage that are chosen, by the names of these; none where it is one of materials."""
+    chosen = parse_choices(variant or "")
+    return chosen if chosen is not None and has_variants(scene) else {}
 
 
 def lines(overrides: list[str] | None) -> dict[str, Any]:

@@ -35,6 +35,7 @@ from app.cli.options import (
     Variant,
     ViewName,
     assignments,
+    chosen_of_sets,
     lines,
     oriented,
     print_project_notes,
@@ -121,12 +122,12 @@ def render(
         raise InsituError("--override precision: a still is made in single floats, expected another line of the plan")
     if samples is not None and not reference:
         raise InsituError(f"--samples {samples}: transport takes no samples, expected --reference as well")
-    values = assignments(set_, rotation, time_, variant)
+    values = assignments(set_, rotation, time_, None if chosen_of_sets(scene, variant) else variant)
     if (turntable is not None or frames is not None) and mode is not StillMode.PLACEMENT and accuracy is not None:
         many = "--turntable" if frames is None else "--frames"
         raise InsituError(f"--accuracy {accuracy:g} {many}: expected --mode placement, or one picture")
     own = tuple((name, n) for name, n in (("n_edge_rays", edges), ("n_map_nodes", nodes)) if n is not None)
-    words = ProjectSpec(oriented(scene, up), resolution, tuple(values), camera, own, tuple(planned.items()))
+    words = ProjectSpec(oriented(scene, up, variant), resolution, tuple(values), camera, own, tuple(planned.items()))
     if turntable is not None or frames is not None:
         from app.stills.frame_sequence import Frames
 
@@ -264,11 +265,11 @@ def screenshot(
             check_output(step.value, (".png",))
     if problem := state_problem():
         print_error(problem)  # the user's own materials are missing; the picture is made
-    if variant is not None:
+    if variant is not None and not chosen_of_sets(scene, variant):
         steps = (Step("set", {"variant": variant}), *steps)
     if view is not None:
         steps = (Step("view", find_view(view)), *steps)
     frontend: Frontend = context.obj
-    frontend.take_screenshot(find_source(oriented(scene, up)), output, steps, size, scale, resolution)
+    frontend.take_screenshot(find_source(oriented(scene, up, variant)), output, steps, size, scale, resolution)
     print_line(f"{output}: {size[0]} x {size[1]}")
     return 0

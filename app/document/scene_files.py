@@ -5,7 +5,8 @@ user to choose. A folder is searched by names alone, without following links. An
 the process that reads the scene, and its document keeps the archive's name; only files that scenes can name are written
 (`engine.core.zip_files` bounds and checks them).
 
-A mesh whose Z axis points up is named `part.stl#z-up`, so that sessions, recent files and clusters keep the choice.
+A mesh whose Z axis points up is named `part.stl#z-up`, so that sessions, recent files and clusters keep the choice; and
+a stage of USD with variants of its sets `kitchen.usd#shape=tall,size=big`.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import hashlib
 import os
 import shutil
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Literal
 
@@ -23,12 +24,14 @@ from app.system.atomic import make_private_folder, replacing_folder, sweep_tempo
 from engine.core.errors import InsituError, list_names
 from engine.core.safe_files import add_unpacked, local_path, read_regular_file
 from engine.scene.builtin import scene_path
-from engine.scene.mesh import MATERIAL_ENDING, MAX_MESH_BYTES, MESH_ENDINGS
+from engine.scene.mesh import MATERIAL_ENDING, MAX_MESH_BYTES, MESH_ENDINGS, USD_ENDINGS
+from engine.scene.variant_choice import choices_text, parse_choices
 
 Up = Literal["y", "z"]
 Z_UP = "#z-up"
 ARCHIVE_ENDING = ".zip"
 _SCENE_ENDING = ".toml"
+_WITH_VARIANTS = (*USD_ENDINGS, ARCHIVE_ENDING)
 # Files that are written of an archive: scenes, meshes, and what these name.
 _USED = (
     _SCENE_ENDING, *MESH_ENDINGS, ".mtl", ".bin", ".png", ".jpg", ".jpeg", ".exr", ".hdr", ".pic", ".webp", ".ktx2",
@@ -40,13 +43,50 @@ _MOST_KEPT, _KEPT_SECONDS = 8, 24 * 3600.0
 
 
 def split_axis(source: str) -> tuple[str, Up]:
-    """The name of a scene without the axis of a mesh that points up, and that axis."""
-    return (source.removesuffix(Z_UP), "z") if source.endswith(Z_UP) else (source, "y")
+    """The name of a scene without what is chosen of it, and the axis of a mesh that points up."""
+    name, _, up = _parts(source)
+    return name, up
 
 
 def with_axis(source: str, up: Up) -> str:
-    """The inverse."""
-    return split_axis(source)[0] + (Z_UP if up == "z" else "")
+    """The name of a scene with this axis of its mesh up."""
+    name, chosen, _ = _parts(source)
+    return _named(name, chosen, up)
+
+
+def variants_of(source: str) -> dict[str, str]:
+    """The variants that are chosen of a stage, by the names of their sets."""
+    return _parts(source)[1]
+
+
+def with_variants(source: str, chosen: Mapping[str, str]) -> str:
+    """The name of a scene with these variants besides those that it has."""
+    name, before, up = _parts(source)
+    return _named(name, before | dict(chosen), up)
+
+
+def renamed(source: str, name: str) -> str:
+    """Another name with what is chosen of a scene."""
+    _, chosen, up = _parts(source)
+    return _named(name, chosen, up)
+
+
+def has_variants(source: str) -> bool:
+    """Whether a scene may have sets of variants: a stage of USD, or one that may be in an archive."""
+    return split_axis(source)[0].lower().endswith(_WITH_VARIANTS)
+
+
+def _parts(source: str) -> tuple[str, dict[str, str], Up]:
+    """The name of a scene, the variants and the axis that are chosen."""
+    up: Up = "z" if source.endswith(Z_UP) else "y"
+    whole = source.removesuffix(Z_UP)
+    name, mark, text = whole.rpartition("#")
+    chosen = parse_choices(text) if mark and name.lower().endswith(_WITH_VARIANTS) else None
+    return (whole, {}, up) if chosen is None else (name, chosen, up)
+
+
+def _named(name: str, chosen: Mapping[str, str], up: Up) -> str:
+    return name + (f"#{choices_text(chosen)}" if chosen else "") + (Z_UP if up == "z" else "")
 
 
 def can_turn(source: str) -> bool:

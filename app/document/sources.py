@@ -17,7 +17,7 @@ import struct
 from dataclasses import dataclass
 from pathlib import Path
 
-from app.document.scene_files import ARCHIVE_ENDING, Up, can_turn, scene_in_folder, split_axis, with_axis
+from app.document.scene_files import ARCHIVE_ENDING, Up, can_turn, renamed, scene_in_folder, split_axis, with_axis
 from app.system.paths import full_path
 from engine.core.errors import InsituError
 from engine.core.safe_files import exists, resolved
@@ -65,7 +65,7 @@ def source_of(name: str) -> Source:
     if ending == SESSION_ENDING:
         return Source(session=resolved(path))
     if ending in SCENE_ENDINGS or not os.path.exists(path):
-        return Source(with_axis(full_path(str(path)), up))
+        return Source(renamed(name, full_path(str(path))))
     raise InsituError(f"{name}: {_describe_ending(ending)}")
 
 

@@ -8,6 +8,7 @@ that of its views.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
@@ -19,7 +20,7 @@ from app.document.effective_settings import effective_view
 from app.document.history import History
 from app.document.named_files import document_with_measurements, files_of_document, layers_of_document, unread_files
 from app.document.scene_change import SceneChange, matching_parts
-from app.document.scene_files import Up, split_axis, with_axis
+from app.document.scene_files import Up, split_axis, with_axis, with_variants
 from app.document.selection import initial_selection
 from app.document.sources import source_of
 from app.document.timeline import visible_poses
@@ -201,8 +202,12 @@ class SceneController:
 
     def turn_up(self, up: Up | None = None) -> str | None:
         """Open the mesh again with this axis up, the other one by default; edits stay. Returns as `reload`."""
-        source, now = split_axis(self._source)
-        return self._read_again(with_axis(source, up or ("y" if now == "z" else "z")))
+        now = split_axis(self._source)[1]
+        return self._read_again(with_axis(self._source, up or ("y" if now == "z" else "z")))
+
+    def choose_variants(self, chosen: Mapping[str, str]) -> str | None:
+        """Open the stage again with these variants, by the names of their sets; edits stay. Returns as `reload`."""
+        return self._read_again(with_variants(self._source, chosen))
 
     @property
     def _source(self) -> str:

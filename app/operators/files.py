@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from app.document.scene_files import can_turn, split_axis
+from app.document.scene_files import can_turn, has_variants, split_axis
 from app.editor.editor import Editor
 from app.files.material_files import MARK
 from app.operators.operator import CURVE, LAYER, SCENE, Need, Operator, ScriptKey, ValueRecord
@@ -40,7 +40,17 @@ def _load_table(editor: Editor, table: CurveTable) -> str | None:
     return editor.exchange.read_table(table.file)
 
 
+class VariantChoice(ValueRecord):
+    set: Annotated[Text, Field(description="A set of variants of the stage.")]
+    variant: Annotated[Text, Field(description="One of them.")]
+
+
+def _choose_variant(editor: Editor, choice: VariantChoice) -> str | None:
+    return editor.scenes.choose_variants({choice.set: choice.variant})
+
+
 MESH = Need("a scene file says where its objects are; open a mesh", lambda context: can_turn(context.document.source))
+STAGE = Need("only stages of USD have sets of variants", lambda context: has_variants(context.document.source))
 
 FILES = (
     Operator("open", keys=("Ctrl O",), help="Open a scene or session", entry="Open…"),
@@ -58,6 +68,10 @@ FILES = (
         help="Turn a mesh whose Z axis points up, as in CAD, or turn it back; edits stay.", entry="Z is up",
         is_on=lambda context: split_axis(context.document.source)[1] == "z", needs=MESH, waits=True,
         script=ScriptKey(bool, "Whether the Z axis of an opened mesh points up."),
+    ),
+    Operator(
+        "variant_set", _choose_variant, needs=STAGE, waits=True,
+        script=ScriptKey(VariantChoice, "Opens a stage of USD with a variant of one of its sets: see below."),
     ),
     Operator("report", keys=("I",), help="What the file has, and what is not shown", entry="What the file contains"),
     Operator("save", keys=("Ctrl S",), help="Save the session", entry="Save session"),

@@ -51,7 +51,7 @@ from app.document.document import (
 )
 from app.document.named_files import document_with_measurements, files_of_document, layers_with_variants, unread_files
 from app.document.node_layers import Statistics, channel_images, with_node_layers
-from app.document.scene_files import is_archive, split_axis, unpacked_scene_file, with_axis
+from app.document.scene_files import is_archive, renamed, split_axis, unpacked_scene_file, variants_of
 from app.document.sources import find_source, likely_mapping, source_of
 from app.document.view_state import Viewpoint
 from app.files.bookmarks import camera_bookmarks, find_bookmark
@@ -205,9 +205,7 @@ class ProjectSpec:
         """The same with absolute paths, so that it can be opened from any folder; of an archive the path of its scene,
         unpacked. Raises InsituError."""
         name = full_path(self.name or DEFAULT_SCENE)
-        return replace(
-            self, name=with_axis(str(unpacked_scene_file(name)), split_axis(name)[1]) if is_archive(name) else name
-        )
+        return replace(self, name=renamed(name, str(unpacked_scene_file(name))) if is_archive(name) else name)
 
 
 def open_project(
@@ -232,7 +230,7 @@ def open_project(
         require_memory_for(size)  # before a mesh is read
     named = source.scene if session is None else session.document.source
     path = unpacked_scene_file(named)
-    scene = load_scene(path, size, split_axis(named)[1])
+    scene = load_scene(path, size, split_axis(named)[1], variants_of(named))
     if camera is not None:
         saved = () if session is None else session.view.bookmarks
         offered = (*saved, *camera_bookmarks(scene.cameras, scene.description.camera.resolution))
@@ -278,7 +276,9 @@ def sky_of(scene: Scene, light: LightState, load: Callable[[Path, str], Environm
         return SkyState(None)
     else:
         scale = described.scale
-        if scene.environment_path is None:
+        if scene.sky is not None:
+            environment = scene.sky
+        elif scene.environment_path is None:
             environment = constant_environment(described.radiance or (0.0, 0.0, 0.0))
         else:
             environment = load(scene.environment_path, described.mapping)

@@ -26,7 +26,7 @@ from app.document.named_files import (
     with_measurements,
 )
 from app.document.node_layers import channel_images, n_nodes_of, plan_layers, with_node_layers
-from app.document.scene_files import files_of_scene, split_axis, unpacked_scene_file
+from app.document.scene_files import files_of_scene, split_axis, unpacked_scene_file, variants_of
 from app.messages.worker_messages import (
     ChannelsRead,
     FetchTable,
@@ -249,7 +249,7 @@ class RequestDispatcher:
     def _open(self, request: OpenScene) -> Steps:
         yield Progress("scene", 0.0, text="reading the scene")
         path = unpacked_scene_file(request.source)
-        scene = load_scene(path, up=split_axis(request.source)[1])
+        scene = load_scene(path, None, split_axis(request.source)[1], variants_of(request.source))
         document = document_from_description(request.source, scene.description)
         names = described_paths(unread_files(layers_with_variants(document)), scene.folder, path)
         names |= {file: Path(file) for file in request.measured}

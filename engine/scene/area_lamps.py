@@ -37,8 +37,9 @@ def area_lamps_of(
     return found, left_out
 
 
-def environment_of(dome: ImportedDome) -> EnvironmentDescription:
-    """The environment of a dome; its image is scaled by the mean of its radiance."""
+def environment_of(dome: ImportedDome, file: str) -> EnvironmentDescription:
+    """The environment of a dome of a file of this name; its image is scaled by the mean of its radiance."""
     if not dome.file:
         return EnvironmentDescription(radiance=dome.radiance)
-    return EnvironmentDescription(file=dome.file, rotation=dome.rotation, scale=float(np.mean(dome.radiance)))
+    name = dome.file if dome.image is None else f"{file}{dome.file}"
+    return EnvironmentDescription(file=name, rotation=dome.rotation, scale=float(np.mean(dome.radiance)))

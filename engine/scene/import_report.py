@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from engine.core.errors import list_names, plain_line
 from engine.scene.builtin import ASSETS
-from engine.scene.loaders.model import UnshownProperty
+from engine.scene.loaders.model import UnshownProperty, VariantSet
 from engine.scene.mesh import MESH_ENDINGS
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ class ImportReport:
 
     files: all that were read, the opened one first; lights: emitters, the environment, its suns; animations, cameras,
     textures: their names; notes: what was repaired or left out, a line each; unshown: properties that the picture does
-    not show, or shows in part.
+    not show, or shows in part; variant_sets: those of a mesh that was opened alone, of which others can be chosen.
     """
 
     files: tuple[str, ...] = ()
@@ -51,6 +51,7 @@ class ImportReport:
     textures: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     unshown: tuple[UnshownProperty, ...] = ()
+    variant_sets: tuple[VariantSet, ...] = ()
 
     @property
     def n_triangles(self) -> int:
@@ -71,6 +72,8 @@ class ImportReport:
         for kind in ("materials", "lights", "cameras", "animations", "textures"):
             found: tuple[str, ...] = getattr(self, kind)
             yield kind, len(found), found
+        if self.variant_sets:
+            yield "variants", len(self.variant_sets), tuple(map(choice_line, self.variant_sets))
 
     def summary(self) -> str:
         """What there is to read, in one line; "" where that is nothing."""
@@ -81,6 +84,11 @@ class ImportReport:
             f"{n_notes} {'note' if n_notes == 1 else 'notes'} on what was repaired or left out" if n_notes else "",
         )  # fmt: skip
         return "; ".join(filter(None, parts))
+
+
+def choice_line(group: VariantSet) -> str:
+    """A set of variants, the present one and all: "shape = tall of tall, wide"."""
+    return f"{group.name} = {group.chosen or 'none'} of {list_names(group.variants)}"
 
 
 def group_of(found: UnshownProperty) -> str:
@@ -137,6 +145,7 @@ def report_scene(scene: Scene) -> ImportReport:
         textures=_distinct(images),
         notes=scene.notes,
         unshown=merge_unshown(scene.unshown),
+        variant_sets=scene.variant_sets if is_mesh else (),
     )
 
 

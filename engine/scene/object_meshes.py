@@ -15,15 +15,17 @@ whose format does not say which axis points up may have Z up: the user says so, 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
+from types import MappingProxyType
 from typing import Any, Literal
 
 import numpy as np
 
 from engine.core.errors import LoadError, list_names
 from engine.core.safe_files import resolve_inside
+from engine.light.environment import Environment
 from engine.light.suns import Sun
 from engine.material.bumps import BUMP_IMAGES, Bumps, bump_fields
 from engine.material.opacity import OPAQUE, Opacity
@@ -86,8 +88,11 @@ class ObjectMesh:
         return "" if self.model is None else self.model.unread
 
 
-def object_meshes(description: SceneDescription, folder: Path, path: Path) -> tuple[list[ObjectMesh], list[str]]:
-    """All objects with their meshes, each file read once, and notes; raises LoadError."""
+def object_meshes(
+    description: SceneDescription, folder: Path, path: Path, variants: Mapping[str, str] = MappingProxyType({})
+) -> tuple[list[ObjectMesh], list[str]]:
+    """All objects with their meshes, each file read once, with these variants of its sets, and notes; raises
+    LoadError."""
     items: list[ObjectMesh] = []
     notes: list[str] = []
     models: dict[Path, ImportedModel] = {}
@@ -98,7 +103,7 @@ def object_meshes(description: SceneDescription, folder: Path, path: Path) -> tu
             continue
         file = resolve_inside(folder, item.mesh, path, f"object {item.name!r}: mesh")
         if file not in models:
-            models[file] = read_model(file)
+            models[file] = read_model(file, variants)
             notes += [f"{item.name}: {note}" for note in models[file].notes]
         found = _objects_of(item, models[file], path, taken)
         has_lights = bool(models[file].lights or models[file].lamps)
@@ -272,19 +277,30 @@ def _image_name(file: str, image: str) -> str:
 
 @dataclass(frozen=True)
 class MeshScene:
-    """The description of the scene, its objects with their meshes, and notes."""
+    """The description of the scene, its objects with their meshes, and notes; sky: the image of the environment where
+    that is no file."""
 
     description: SceneDescription
     items: Sequence[ObjectMesh]
     notes: Sequence[str]
+    sky: Environment | None = None
+
+    def sky_path(self, folder: Path) -> Path | None:
+        """The file of the environment of a scene in this folder; None where it has none."""
+        environment = self.description.environment
+        is_file = environment is not None and environment.file is not None and self.sky is None
+        return folder / str(environment.file) if environment is not None and is_file else None
 
 
-def load_mesh_scene(path: Path, up: Literal["y", "z"] = "y") -> MeshScene:
-    """Read a mesh file and make its scene; up: the axis of the file that points up. Raises LoadError."""
+def load_mesh_scene(
+    path: Path, up: Literal["y", "z"] = "y", variants: Mapping[str, str] = MappingProxyType({})
+) -> MeshScene:
+    """Read a mesh file and make its scene; up: the axis of the file that points up; variants: those of its sets. Raises
+    LoadError."""
     turn = IDENTITY if up == "y" else _Z_UP
     item = ObjectDescription(name=valid_name(path.stem), mesh=path.name, transform=turn)
     sky = EnvironmentDescription(file=str(DEFAULT_ENVIRONMENT))
-    items, notes = object_meshes(_describe_scene(path, [item], np.zeros(3), 1.0, sky), path.parent, path)
+    items, notes = object_meshes(_describe_scene(path, [item], np.zeros(3), 1.0, sky), path.parent, path, variants)
     if len(items) >= MAX_OBJECTS:
         raise LoadError(path, "materials", len(items), f"at most {MAX_OBJECTS - 1}")
     places = np.concatenate(
@@ -301,9 +317,9 @@ def load_mesh_scene(path: Path, up: Literal["y", "z"] = "y") -> MeshScene:
     items = [*items, ObjectMesh(floor, quad())]
     dome = None if items[0].model is None else items[0].model.dome
     if dome is not None:
-        sky = environment_of(dome)
+        sky = environment_of(dome, path.name)
     described = _describe_scene(path, [item.description for item in items], centre, radius, sky)
-    return MeshScene(described, items, notes)
+    return MeshScene(described, items, notes, None if dome is None else dome.image)
 
 
 def _describe_scene(

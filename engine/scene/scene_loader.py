@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
+from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
@@ -21,6 +22,7 @@ import numpy.typing as npt
 from engine.core.errors import LoadError
 from engine.core.safe_files import record_files, resolve_inside
 from engine.light.cones import all_round, cone_row
+from engine.light.environment import Environment
 from engine.light.suns import Sun
 from engine.light.triangle_lights import turned
 from engine.material.bumps import Bumps
@@ -38,7 +40,7 @@ from engine.scene.description import (
     load_description,
 )
 from engine.scene.emission_textures import EmissionTextures, emission_textures
-from engine.scene.loaders.model import ImportedCamera, UnshownProperty
+from engine.scene.loaders.model import ImportedCamera, UnshownProperty, VariantSet
 from engine.scene.mesh import MESH_ENDINGS, Mesh, face_normals, join_meshes, place_copies, select_faces, with_normals
 from engine.scene.mesh_defects import find_defects
 from engine.scene.object_meshes import ObjectMesh, load_mesh_scene, object_meshes
@@ -66,8 +68,8 @@ class Scene:
     objects without, None if no object has them; has_uvs (M,) bool; boxes (M, 3, 4): the frames for texture
     coordinates of the others (`engine.scene.surface_uvs`); textures: the scene's images. vertex_ranges (M, 2);
     rigs: for each object how its file's animations move its vertices, in the frame of the arrays, None if none
-    does. material_names: of each object, in its file; cameras, unshown: what its files contain besides
-    (`engine.scene.import_report`).
+    does. sky: the image of its environment where that is no file. material_names: of each object, in its file;
+    cameras, unshown, variant_sets: what its files contain besides (`engine.scene.import_report`).
     """
 
     description: SceneDescription
@@ -92,11 +94,13 @@ class Scene:
     vertex_ranges: npt.NDArray[np.int32]
     rigs: tuple[Rig | None, ...]
     environment_path: Path | None = None
+    sky: Environment | None = None
     notes: tuple[str, ...] = field(default=())
     files: frozenset[Path] = frozenset()
     material_names: tuple[str, ...] = ()
     cameras: tuple[ImportedCamera, ...] = ()
     unshown: tuple[UnshownProperty, ...] = ()
+    variant_sets: tuple[VariantSet, ...] = ()
 
     @cached_property
     def bump_normals(self) -> BumpNormals:
@@ -214,20 +218,26 @@ class Scene:
         return np.subtract(self.description.camera.position, self.origin)
 
 
-def load_scene(path: str | Path, resolution: tuple[int, int] | None = None, up: Literal["y", "z"] = "y") -> Scene:
+def load_scene(
+    path: str | Path, resolution: tuple[int, int] | None = None, up: Literal["y", "z"] = "y",
+    variants: Mapping[str, str] = MappingProxyType({}),
+) -> Scene:  # fmt: skip
     """Read a scene file and its meshes, or one mesh as a scene of its own; `resolution` = (width, height) replaces the
-    file's; up: the axis of a mesh that points up. Raises LoadError."""
+    file's; up: the axis of a mesh that points up; variants: of a stage of USD, by the names of their sets. Raises
+    LoadError."""
     path = Path(path)
     with record_files() as files:
         if path.suffix.lower() not in MESH_ENDINGS:
             if up != "y":
                 raise LoadError(path, "axis that points up", up, "y in a scene file, which places its objects itself")
+            if variants:
+                raise LoadError(path, "set of variants", next(iter(variants)), "none: only stages of USD have some")
             scene = build_scene(load_description(path), path, resolution)
         else:
-            stage = load_mesh_scene(path, up)
-            sky = stage.description.environment
-            file = None if sky is None or sky.file is None else path.parent / sky.file
-            scene = _assemble(stage.description, stage.items, stage.notes, path, resolution, file)
+            stage = load_mesh_scene(path, up, variants)
+            sky_path = stage.sky_path(path.parent)
+            scene = _assemble(stage.description, stage.items, stage.notes, path, resolution, sky_path)
+            scene = replace(scene, sky=stage.sky)
     environment = () if scene.environment_path is None else (scene.environment_path,)
     return replace(scene, files=frozenset((*files, *environment)))
 
@@ -286,6 +296,7 @@ def _assemble(
         material_names=tuple(item.material for item in items),
         cameras=_place_cameras(items),
         unshown=tuple(each for model in models for each in model.unshown),
+        variant_sets=tuple(each for model in models for each in model.variant_sets),
     )
     scene = load_images(scene, [item.is_imported for item in items])
     shrunk = scene.textures.take_notes()

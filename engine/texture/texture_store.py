@@ -57,7 +57,7 @@ class TextureStore:
         self._lock = Lock()
         self._notes: list[str] = []
         # Readers of files with several images, during loading.
-        self._files: dict[Path, Callable[[int], bytes]] | None = None
+        self._files: dict[tuple[Path, str], Callable[[int], bytes]] | None = None
 
     def texture(self, images: Images) -> Pyramid | None:
         """Linear RGB of the texture, of a node times its weight; None if there is none. Of images in several sets of
@@ -159,12 +159,12 @@ class TextureStore:
 
     def _pyramid(self, what: str, name: str, space: Space, degrees: float = 0.0, channel: Channel = "grey") -> Pyramid:
         key = (what, name, space, degrees, channel)
-        path, number = self._place(what, name)
+        path, number, choices = self._place(what, name)
         stamp = _stamp(path)
         with self._lock:
             before, pyramid = self._kept.get(key, (None, None))
             if pyramid is None or before != stamp:
-                data, shown = self._read(path, number)
+                data, shown = self._read(path, number, choices)
                 pyramid = make_pyramid(
                     read_texture(data, shown, space, self._notes.append) if space
                     else read_directions(data, shown, degrees, self._notes.append) if degrees
@@ -180,26 +180,27 @@ class TextureStore:
         while len(self._kept) > 1 and sum(each.n_bytes for _, each in self._kept.values()) > MOST_BYTES:
             self._kept.popitem(last=False)
 
-    def _read(self, path: Path, number: int | None) -> tuple[bytes, str]:
+    def _read(self, path: Path, number: int | None, choices: str) -> tuple[bytes, str]:
         """The bytes of an image, and its name in errors."""
         if number is None:
             return read_regular_file(path, MAX_IMAGE_BYTES), str(path)
         from engine.scene.loaders.image_files import image_reader
 
-        reader = (self._files or {}).get(path) or image_reader(path)
+        reader = (self._files or {}).get((path, choices)) or image_reader(path, choices)
         if self._files is not None:
-            self._files[path] = reader
+            self._files[path, choices] = reader
         return reader(number), f"{path}#{number}"
 
-    def _place(self, what: str, name: str) -> tuple[Path, int | None]:
-        """The path of an image, and its number in a file of several."""
+    def _place(self, what: str, name: str) -> tuple[Path, int | None, str]:
+        """The path of an image, its number in a file of several, and the choices there that it belongs to."""
         file, number = split_image_name(name)
+        number, choices = (None, "") if number is None else number.partition("@")[::2]
         if number is not None and not (number.isascii() and number.isdecimal() and len(number) < 6):
             raise LoadError(self._scene_file, what, name, "FILE.glb#N, .gltf, .3mf, .mtlx or .usdz, with a number")
         path = Path(file)
         if not path.is_absolute():
             path = resolve_inside(self._scene_file.parent, str(path), self._scene_file, what)
-        return path, None if number is None else int(number)
+        return path, None if number is None else int(number), choices
 
 
 _READ: dict[str, Callable[..., Image]] = {

@@ -26,7 +26,8 @@ from pathlib import Path
 import psutil
 
 from tests.fuzz.child import AT, BASE_SECONDS, SECONDS_A_MEGABYTE, Source
-from tests.fuzz.formats import FORMATS, ROOT
+from tests.fuzz.formats import FORMATS
+from tests.fuzz.text_files import ROOT
 
 BLOCK = 10_000  # files a process reads
 COMMAND = (sys.executable, "-m", "tests.fuzz.child")

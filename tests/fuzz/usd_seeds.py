@@ -37,6 +37,11 @@ def DistantLight "Sun" {{ bool inputs:enableColorTemperature = 1
 }}
 def DomeLight "Sky" {{ asset inputs:texture:file = @sky.exr@
 }}
+def DomeLight "Tilted" {{ asset inputs:texture:file = @sky.exr@
+    color3f inputs:color = (1, 0.5, 0.25)
+    double xformOp:rotateX = 30
+    uniform token[] xformOpOrder = ["xformOp:rotateX"]
+}}
 def CylinderLight "Tube" {{ }}
 def Camera "View" {{ float focalLength = 35
 {place(0, 0, 9)} }}
@@ -77,10 +82,25 @@ def Mesh "Cube" (prepend apiSchemas = ["MaterialBindingAPI"]) {
     }
 }
 """
+_VARIANTS = f"""
+def Xform "Room" (
+    variants = {{ string shape = "wide"
+}}
+    prepend variantSets = "shape"
+) {{
+    variantSet "shape" = {{
+        "wide" {{ def Mesh "Card" {{{SQUARE}}}
+}}
+        "round" {{ def Sphere "Ball" {{}}
+}}
+    }}
+}}
+"""
 STAGES = {
     "card": usda(CARD),
     "look": usda(_LOOK + card_of("M")),
     "lights": usda(CARD + _LIGHTS),
+    "variants": usda(_VARIANTS),
     "moving": usda(_MOVING, "startTimeCode = 0\n endTimeCode = 24"),
     "subdivided": usda(_SUBDIVIDED + material("M", "color3f inputs:diffuseColor = (0, 0, 1)")),
 }

@@ -15,6 +15,7 @@ from app.document.commands.light import EMISSION, STRENGTH, SetEmission, emissio
 from app.document.document import RGB, ObjectState, Selection
 from app.document.linked_layers import linked_indices, possible_covers
 from app.files.materials import describe_measurement
+from app.operators.files import VariantChoice
 from app.system.lazy_import import import_named
 from engine.material import MODELS, Layer, Parameter
 from engine.material.bumps import BUMP_STRENGTH, TANGENT_ANGLE
@@ -23,7 +24,7 @@ from engine.material.opacity import OPAQUE
 from engine.material.parameters import INDICES, Value, index_of_reflectance, reflectance_of_index
 from engine.measured.measurement import Measurement
 from ui.panels import light_colour, maps, parameter_maps, rows, widgets
-from ui.panels.actions import Action, SetPanel
+from ui.panels.actions import Action, RunOperator, SetPanel
 from ui.panels.brdf import is_anisotropic
 from ui.panels.context import PanelContext
 from ui.theme import Icon
@@ -32,6 +33,7 @@ LARGEST_LABEL = 136.0
 IMAGES_HINT = (
     "A texture that multiplies the layer, maps of its parameters and of its weight, and the object's bumps and opacity."
 )
+SET_HINT = "A variant of the stage, as its file has it: the file is read again, and edits stay."
 VARIANT_HINT = "A look of the whole scene, as its file has it. It replaces edits of materials."
 UNDER_HINT = "The layer that lies on this one, a clear coat or a sheen: what it reflects is lost to this one."
 ANGLES_OF_NOTE = np.radians([0.0, 80.0])
@@ -108,14 +110,29 @@ def _labels_of(context: PanelContext, selection: Selection) -> float:
 
 def _variant(context: PanelContext, width: float) -> list[Action]:
     """The choice among the variants of the scene's materials, where its files have some."""
-    names = context.document.variants
+    actions, names = _variant_sets(context, width), context.document.variants
     if not names:
-        return []
+        return actions
     choices, now = [widgets.Choice(name, "", name) for name in names], context.document.variant
     widgets.label(context, "Variant", width, rows.WIDE_CONTROL)
     chosen = [names.index(now)] if now else []
     picked = widgets.choose(context, "material.variant", choices, chosen, VARIANT_HINT, now or "Edited")
-    return [] if picked is None else [SetVariant(names[picked])]
+    return actions if picked is None else [*actions, SetVariant(names[picked])]
+
+
+def _variant_sets(context: PanelContext, width: float) -> list[Action]:
+    """The choices among the variants of the sets of a stage, which it is opened again for."""
+    actions: list[Action] = []
+    for group in context.report.variant_sets:
+        choices = [widgets.Choice(name, "", name) for name in group.variants]
+        widgets.label(context, group.name, width, rows.WIDE_CONTROL)
+        chosen = [group.variants.index(group.chosen)] if group.chosen in group.variants else []
+        picked = widgets.choose(
+            context, f"material.set.{group.name}", choices, chosen, SET_HINT, group.chosen or "None"
+        )
+        if picked is not None:
+            actions.append(RunOperator("variant_set", VariantChoice(set=group.name, variant=group.variants[picked])))
+    return actions
 
 
 def _under(context: PanelContext, key: str, state: ObjectState, layer: Layer, width: float) -> list[Action]:

@@ -72,9 +72,11 @@ class BakedMap:
 
 @dataclass
 class MapMaker:
-    """Makes maps of fields. maps: those that are computed; layers name them "#N", from the number `first` on."""
+    """Makes maps of fields. maps: those that are computed; layers name them "#N", from the number `first` on, with a
+    mark behind it that says of which variants of the file."""
 
     first: int = 0
+    mark: str = ""
     maps: list[BakedMap] = field(default_factory=list)
     _made: dict[tuple[int, bool], tuple[str, Placement]] = field(default_factory=dict)
 
@@ -135,7 +137,7 @@ class MapMaker:
             if in_unit_square:
                 placement = Placement()
             self.maps.append(BakedMap(values, size, placement))
-            self._made[key] = f"#{self.first + len(self.maps) - 1}", placement
+            self._made[key] = f"#{self.first + len(self.maps) - 1}{self.mark}", placement
         return self._made[key]
 
 

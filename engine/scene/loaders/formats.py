@@ -7,8 +7,10 @@ suffixes alone (`engine.scene.mesh.MESH_ENDINGS`).
 from __future__ import annotations
 
 import importlib
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 
 from engine.core.errors import LoadError
 from engine.scene.loaders.model import ImportedModel
@@ -32,13 +34,16 @@ _READERS = {
 }
 
 
-def read_model(file: Path) -> ImportedModel:
-    """Read a file of geometry; parts of which no face has an area are left out, with a note, where there are others.
-    Raises LoadError."""
+def read_model(file: Path, variants: Mapping[str, str] = MappingProxyType({})) -> ImportedModel:
+    """Read a file of geometry, a stage of USD with these variants of its sets; parts of which no face has an area are
+    left out, with a note, where there are others. Raises LoadError."""
     if file.suffix.lower() not in _READERS:
         raise LoadError(file, "type", file.suffix or file.name, f"a mesh of type {', '.join(MESH_ENDINGS)}")
     module, function = _READERS[file.suffix.lower()]
-    model: ImportedModel = getattr(importlib.import_module(f"{__package__}.{module}"), function)(file)
+    if variants and module != "usd":
+        raise LoadError(file, "set of variants", next(iter(variants)), "none: only stages of USD have some")
+    read = getattr(importlib.import_module(f"{__package__}.{module}"), function)
+    model: ImportedModel = read(file, variants) if variants else read(file)
     flat = {id(part) for part in model.parts if not has_area(part.mesh)}
     if not flat or len(flat) == len(model.parts):
         return model

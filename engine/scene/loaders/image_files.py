@@ -8,6 +8,7 @@ from pathlib import Path
 from engine.core.errors import LoadError
 from engine.core.safe_files import find_inside, read_regular_file
 from engine.scene.mesh import USD_ENDINGS
+from engine.scene.variant_choice import parse_choices
 from engine.texture.texture_files import MAX_IMAGE_BYTES, check_image, image_size, is_image, reduction
 
 # Limit of pixels of all images of one file, plus more for every byte: a few kilobytes can claim millions of pixels.
@@ -61,9 +62,9 @@ class FileImages:
         return path.relative_to(self._root.resolve()).as_posix()
 
 
-def image_reader(path: Path) -> Callable[[int], bytes]:
+def image_reader(path: Path, choices: str = "") -> Callable[[int], bytes]:
     """A function from an image's number to its bytes in a glTF file or a .usdz archive, or of a computed map of
-    MaterialX; it, too, raises LoadError."""
+    MaterialX; it, too, raises LoadError. choices: the variants of a stage that it belongs to (`variant_choice`)."""
     if path.suffix.lower() == ".mtlx":
         from engine.scene.loaders.mtlx import mtlx_image_reader
 
@@ -71,7 +72,7 @@ def image_reader(path: Path) -> Callable[[int], bytes]:
     if path.suffix.lower() in USD_ENDINGS:
         from engine.scene.loaders.usd import usd_image_reader
 
-        return usd_image_reader(path)
+        return usd_image_reader(path, parse_choices(choices) or {})
     if path.suffix.lower() == ".3mf":
         from engine.scene.loaders.threemf import threemf_image_reader
 

@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from engine.light.environment import Environment
 from engine.light.suns import SUN_DIAMETER
 from engine.material.bumps import NO_BUMPS, Bumps
 from engine.material.layer_maps import LayerMaps
@@ -128,11 +129,12 @@ class ImportedLamp:
 @dataclass(frozen=True)
 class ImportedDome:
     """Light from infinity: a radiance, or, where there is an image by its name from the file's folder, what multiplies
-    it; rotation: degrees, of `EnvironmentDescription`."""
+    it; rotation: degrees, of `EnvironmentDescription`; image: that of this name (`#domes`), where it is no file."""
 
     radiance: RGB
     file: str = ""
     rotation: float = 0.0
+    image: Environment | None = None
 
 
 def triple(vector: npt.NDArray[np.float64]) -> RGB:
@@ -155,10 +157,19 @@ class UnshownProperty:
 
 
 @dataclass(frozen=True)
+class VariantSet:
+    """A choice that a file offers of what it shows: its name, the variants, and the one that was read, "" for none."""
+
+    name: str
+    variants: tuple[str, ...]
+    chosen: str = ""
+
+
+@dataclass(frozen=True)
 class ImportedModel:
     """Parts, one for each material in use; notes on what was repaired or left out; cameras; lights without size, lamps,
-    the dome; properties that are not shown. unread: the names of materials that are not read, empty if there are
-    none."""
+    the dome; properties that are not shown; sets of variants, of which others are read anew. unread: the names of
+    materials that are not read, empty if there are none."""
 
     parts: tuple[ImportedPart, ...]
     notes: tuple[str, ...] = ()
@@ -168,3 +179,4 @@ class ImportedModel:
     lights: tuple[ImportedLight, ...] = ()
     lamps: tuple[ImportedLamp, ...] = ()
     dome: ImportedDome | None = None
+    variant_sets: tuple[VariantSet, ...] = ()

@@ -9,19 +9,21 @@ copy of a surface for each before all is counted. If transforms are animated, ea
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
-from engine.core.errors import LoadError, describe_value, printable_name
+from engine.core.errors import LoadError, describe_value, list_names, printable_name
 from engine.core.native_decoders import Arrays
 from engine.scene.loaders.baked_maps import BakedMap, MapMaker
 from engine.scene.loaders.gltf_materials import LONGEST_NAME
-from engine.scene.loaders.model import ImportedModel, UnshownProperty
+from engine.scene.loaders.model import ImportedModel, UnshownProperty, VariantSet
 from engine.scene.loaders.usd_cameras import read_cameras
+from engine.scene.loaders.usd_domes import UsdDomes
 from engine.scene.loaders.usd_layers import ArchiveFiles, UsdLayers, open_layers
 from engine.scene.loaders.usd_lights import CONVERTED, LIGHTS, UsdLights
 from engine.scene.loaders.usd_materials import UsdMaterials
@@ -31,6 +33,7 @@ from engine.scene.loaders.usd_rig import UsdNodes
 from engine.scene.loaders.usd_shapes import SHAPES
 from engine.scene.loaders.usd_textures import UsdTextures
 from engine.scene.loaders.usd_unshown import unshown_properties
+from engine.scene.variant_choice import choices_text
 
 # Limit of what small files may cost: prims that are placed, plus one for every byte.
 MOST_PLACED = 200_000
@@ -40,14 +43,15 @@ _SHADING = frozenset({"Material", "Shader", "NodeGraph"})
 _PURPOSES = ("default", "render")
 
 
-def read_usd(path: Path) -> ImportedModel:
-    """Read a USD file; raises LoadError naming the prim and what was expected there."""
-    return _read(path)[0]
+def read_usd(path: Path, variants: Mapping[str, str] = MappingProxyType({})) -> ImportedModel:
+    """Read a USD file with these variants of its sets, by the names of the sets; raises LoadError naming the prim and
+    what was expected there."""
+    return _read(path, variants)[0]
 
 
-def usd_image_reader(path: Path) -> Callable[[int], bytes]:
+def usd_image_reader(path: Path, variants: Mapping[str, str] = MappingProxyType({})) -> Callable[[int], bytes]:
     """A function from a number to the bytes of that file of a .usdz archive, or, from their number on, of a map that a
-    network of MaterialX computes; both raise LoadError."""
+    network of MaterialX computes under these variants; both raise LoadError."""
     files = ArchiveFiles(path)
     computed: list[BakedMap] = []
 
@@ -55,7 +59,7 @@ def usd_image_reader(path: Path) -> Callable[[int], bytes]:
         if number < files.count:
             return files.read(number)
         if not computed:
-            computed.extend(_read(path)[1].maps)
+            computed.extend(_read(path, variants)[1].maps)
         if number - files.count >= len(computed):
             raise LoadError(path, f"image {number}", "nothing", f"a number below {files.count + len(computed)}")
         return computed[number - files.count].exr()
@@ -63,15 +67,17 @@ def usd_image_reader(path: Path) -> Callable[[int], bytes]:
     return read
 
 
-def _read(path: Path) -> tuple[ImportedModel, MapMaker]:
+def _read(path: Path, variants: Mapping[str, str]) -> tuple[ImportedModel, MapMaker]:
     """The model of a file, and the maps that its networks compute."""
     layers = open_layers(path)
-    tree, arrays = layers.tree()
+    tree, arrays = layers.tree(variants)
     scene = scene_of_tree(path, tree, arrays)
+    sets = _variant_sets(path, tree, variants)
     walk = _Walk(scene, MOST_PLACED + layers.n_bytes)
     walk.run()
-    materials = UsdMaterials(scene, UsdTextures(scene, layers), MapMaker(layers.n_files))
-    looks = _looks(path, tree, arrays, layers, materials.maps)
+    maps = MapMaker(layers.n_files, f"@{choices_text(variants)}" if variants else "")
+    materials = UsdMaterials(scene, UsdTextures(scene, layers), maps)
+    looks = _looks(path, tree, arrays, layers, maps)
     parts = Parts(scene, materials, looks, walk.nodes if walk.nodes.are_moving else None, layers.n_bytes)
     for placed in walk.surfaces.values():
         parts.add(placed)
@@ -81,9 +87,10 @@ def _read(path: Path) -> tuple[ImportedModel, MapMaker]:
         raise LoadError(path, "faces", 0, f"at least one surface in the stage{why}")
     if looks:
         _merge_reports(scene, looks)
-    lights = UsdLights(layers, scene.metres)
+    lights = UsdLights(scene.metres, UsdDomes(layers, scene))
     for prim, matrix in walk.lights:
         lights.add(prim, matrix)
+    dome = lights.domes.environment()
     low, high = (end([end(part.mesh.vertices, axis=0) for part in found], axis=0) for end in (np.min, np.max))
     cameras = read_cameras(walk.cameras, (low + high) / 2.0)
     notes = [*scene.log.notes, *([CONVERTED] if walk.lights else []), *_composition_notes(tree)]
@@ -92,9 +99,27 @@ def _read(path: Path) -> tuple[ImportedModel, MapMaker]:
     unshown = [*layers.list_unshown(), *_of_stage(tree), *unshown_properties(scene, visited)]
     model = ImportedModel(
         tuple(found), tuple(notes), cameras, tuple(unshown), lights=tuple(lights.lights), lamps=tuple(lights.lamps),
-        dome=lights.dome,
+        dome=dome, variant_sets=sets,
     )  # fmt: skip
-    return model, materials.maps
+    return model, maps
+
+
+def _variant_sets(path: Path, tree: dict[str, Any], chosen: Mapping[str, str]) -> tuple[VariantSet, ...]:
+    """The sets of variants of a decoder's tree. Raises LoadError where these are none, or lack one that is chosen."""
+    try:
+        rows = [(str(name), str(own), tuple(map(str, names))) for name, (own, names) in tree["sets"].items()]
+    except (AttributeError, KeyError, TypeError, ValueError):
+        raise LoadError(path, "USD", "makes the decoder answer nonsense", "a sound USD file") from None
+    there = {name: names for name, _, names in rows}
+    # Without those that differ in materials alone, which are variants of objects.
+    offered = {name for prim in tree.get("prims", ()) for name in prim.get("variants", ())}
+    for name, variant in chosen.items():
+        if name not in there:
+            known = f"one of {list_names(there)}" if there else "none: the stage has no sets of variants"
+            raise LoadError(path, "set of variants", name, known)
+        if variant not in there[name]:
+            raise LoadError(path, f"variant of {printable_name(name, LONGEST_NAME)}", variant, list_names(there[name]))
+    return tuple(VariantSet(name, names, own) for name, own, names in rows if name in offered)
 
 
 def _looks(path: Path, tree: dict[str, Any], arrays: Arrays, layers: UsdLayers, maps: MapMaker) -> list[Look]:
@@ -257,7 +282,8 @@ class _Walk:
             more = [describe_value(other) for other in others if other != chosen]
             if more:
                 shown = ", ".join(more[:6]) + (f" and {len(more) - 6} more" if len(more) > 6 else "")
-                listed = f"variantSets.{name}", f"shown as {describe_value(chosen or 'none')}; others: {shown}"
+                effect = f"shown as {describe_value(chosen or 'none')}; others, by --variant {name}=NAME: {shown}"
+                listed = f"variantSets.{name}", effect
                 prim.log.unshown[listed] = prim.log.unshown.get(listed, 0) + 1
 
     def _spend(self, prim: UsdPrim, count: int) -> None:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import importlib.util
 import json
 import posixpath
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -55,17 +56,15 @@ class UsdLayers:
         """The bytes of all layers, by which the cost of what they describe is limited."""
         return sum(map(len, self.contents))
 
-    def tree(self) -> tuple[dict[str, Any], Arrays]:
-        """The tree of the stage and its arrays, see `usd_stage`; with meshes at rest where their skins end the decoder.
-        Raises LoadError."""
+    def tree(self, variants: Mapping[str, str]) -> tuple[dict[str, Any], Arrays]:
+        """The tree of the stage with these variants of sets, and its arrays, see `usd_stage`; with meshes at rest where
+        their skins end the decoder. Raises LoadError."""
+        header = {"links": self.links, "variants": dict(variants)}
         try:
-            arrays = _decode(self.path, stage_tree, self._packed(with_pose=True))
+            arrays = _decode(self.path, stage_tree, pack_layers({**header, "with_pose": True}, self.contents))
         except LoadError:
-            arrays = _decode(self.path, stage_tree, self._packed(with_pose=False))
+            arrays = _decode(self.path, stage_tree, pack_layers({**header, "with_pose": False}, self.contents))
         return _parsed(self.path, arrays, "tree"), arrays
-
-    def _packed(self, with_pose: bool) -> bytes:
-        return pack_layers({"links": self.links, "with_pose": with_pose}, self.contents)
 
     def find(self, name: str, layer: int) -> UsdPlace | None:
         """The file that a layer names; None where there is none that may be read."""

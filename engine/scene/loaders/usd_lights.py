@@ -1,5 +1,5 @@
 """The lights of a USD stage [UsdLux], in the file's frame: spheres, discs and rectangles as lamps of their size,
-distant lights as suns, a dome as the environment.
+distant lights as suns, domes as the environment (`usd_domes`).
 
 The radiance of a light is intensity · 2^exposure · colour, and with `normalize` that divided by the light's area in the
 units of the stage; it is taken as W/(m² sr) one to one, as that of domes and of emissive surfaces is, so that all keep
@@ -13,20 +13,18 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from engine.core.errors import LoadError, describe_value
+from engine.core.errors import LoadError
 from engine.scene.description import MAX_RADIANCE, check_transform, valid_name
-from engine.scene.loaders.model import RGB, ImportedDome, ImportedLamp, ImportedLight, LampShape
-from engine.scene.loaders.usd_layers import UsdLayers
+from engine.scene.loaders.model import ImportedLamp, ImportedLight, LampShape, triple
+from engine.scene.loaders.usd_domes import DOMES, UsdDomes
 from engine.scene.loaders.usd_prims import Float64Array, UsdPrim
 
 MOST_LIGHTS = 64
 CONVERTED = "radiance of lights, in nits, counts as W/(m² sr)"
 _AREAS: dict[str, LampShape] = {"SphereLight": "sphere", "DiskLight": "disc", "RectLight": "quad"}
-_DOMES = ("DomeLight", "DomeLight_1")
 _DISTANT = "DistantLight"
-LIGHTS = (*_AREAS, *_DOMES, _DISTANT)
+LIGHTS = (*_AREAS, *DOMES, _DISTANT)
 _STRONGEST = 1e12
-_TILTED = math.cos(math.radians(0.5))
 # Lamps shine along −Z, shapes along +Z.
 _TURNED = np.diag([-1.0, 1.0, -1.0, 1.0])
 
@@ -35,11 +33,10 @@ _TURNED = np.diag([-1.0, 1.0, -1.0, 1.0])
 class UsdLights:
     """What the lights of a stage become. metres: of one unit of the stage."""
 
-    layers: UsdLayers
     metres: float
+    domes: UsdDomes
     lamps: list[ImportedLamp] = field(default_factory=list)
     lights: list[ImportedLight] = field(default_factory=list)
-    dome: ImportedDome | None = None
 
     def add(self, prim: UsdPrim, matrix: Float64Array) -> None:
         """Take a light at its place (4, 4); one that cannot be shown is listed."""
@@ -48,8 +45,8 @@ class UsdLights:
             if len(self.lamps) + len(self.lights) >= MOST_LIGHTS:
                 raise prim.error("light", f"light {MOST_LIGHTS + 1}", f"at most {MOST_LIGHTS}")
             radiance = _radiance(prim)
-            if prim.kind in _DOMES:
-                self._add_dome(prim, matrix, radiance)
+            if prim.kind in DOMES:
+                self.domes.add(prim, matrix, radiance)
             elif prim.kind == _DISTANT:
                 self._add_sun(prim, matrix, radiance, name)
             else:
@@ -67,7 +64,7 @@ class UsdLights:
         direction = -matrix[:3, 2] / length
         irradiance = radiance if is_normal else radiance * size
         self.lights.append(
-            ImportedLight(name, "directional", _triple(irradiance), direction=_triple(direction), diameter=angle)
+            ImportedLight(name, "directional", triple(irradiance), direction=triple(direction), diameter=angle)
         )
 
     def _add_lamp(self, prim: UsdPrim, matrix: Float64Array, radiance: Float64Array, name: str) -> None:
@@ -90,7 +87,7 @@ class UsdLights:
         placed = matrix @ np.diag([*sides, depth, 1.0]) @ turned
         if problem := check_transform(placed.ravel().tolist()):
             raise prim.error("xformOpOrder", "a flat transform", problem)
-        self.lamps.append(ImportedLamp(name, shape, placed, _triple(np.minimum(radiance, MAX_RADIANCE)), cone))
+        self.lamps.append(ImportedLamp(name, shape, placed, triple(np.minimum(radiance, MAX_RADIANCE)), cone))
 
     def _cone(self, prim: UsdPrim) -> tuple[float, float] | None:
         """The half angles of a lamp's cone, radians; None where it has none."""
@@ -103,36 +100,6 @@ class UsdLights:
             prim.not_shown("inputs:shaping:cone:softness", effect)
         outer = math.radians(angle)
         return _inner(outer, softness), outer
-
-    def _add_dome(self, prim: UsdPrim, matrix: Float64Array, radiance: Float64Array) -> None:
-        """A dome as the environment: its centre is seen along +Z of its own frame, with Y up, as OpenEXR has it."""
-        if self.dome is not None:
-            raise prim.error("light", "a second dome", "one, as there is one environment")
-        name, layer = prim.asset(_key(prim, "texture:file"))
-        file = self._environment(prim, name, layer) if name else ""
-        frame = matrix[:3, :3] / np.maximum(np.linalg.norm(matrix[:3, :3], axis=0), 1e-300)
-        if file and frame[1, 1] < _TILTED:
-            prim.not_shown("xformOpOrder", "the dome is upright, and only turned about the vertical axis")
-        centre = frame[:, 2] if abs(frame[1, 2]) < 0.9 else np.cross(frame[:, 0], (0.0, 1.0, 0.0))
-        rotation = math.degrees(math.atan2(-centre[0], -centre[2]))
-        self.dome = ImportedDome(_triple(np.minimum(radiance, MAX_RADIANCE)), file, rotation)
-        if file and np.ptp(radiance) > 1e-6 * radiance.max(initial=0.0):
-            prim.not_shown("inputs:color", "the environment is not tinted")
-
-    def _environment(self, prim: UsdPrim, name: str, layer: int) -> str:
-        """The image of a dome by its name from the file's folder; "", listed, where it cannot be shown."""
-        kind = prim.word(_key(prim, "texture:format"), "automatic")
-        place, effect = self.layers.find(name, layer), ""
-        if kind not in ("automatic", "latlong"):
-            effect = f"the dome has one radiance: {describe_value(kind)} images are not shown"
-        elif place is None:
-            effect = "the dome has one radiance: its image is not in the file's folder"
-        elif place.inner or place.file.suffix.lower() not in (".exr", ".hdr", ".pic"):
-            effect = "the dome has one radiance: its image is in an archive, or not OpenEXR or Radiance"
-        if place is None or effect:
-            prim.not_shown(_key(prim, "texture:file"), effect)
-            return ""
-        return self.layers.image_name(place)
 
 
 def _inner(outer: float, softness: float) -> float:
@@ -154,8 +121,8 @@ def _radiance(prim: UsdPrim) -> Float64Array:
     """The radiance (3,) of a light, before its size counts. Raises LoadError."""
     strength = _number(prim, "intensity", 50_000.0 if prim.kind == _DISTANT else 1.0)
     exposure = prim.clamped(_number(prim, "exposure", 0.0), "inputs:exposure", -100.0, 100.0)
-    colour = np.array(prim.numbers(_key(prim, "color"), 3, (1.0, 1.0, 1.0)))
-    key = _key(prim, "colorTemperature")
+    colour = np.array(prim.numbers(prim.input("color"), 3, (1.0, 1.0, 1.0)))
+    key = prim.input("colorTemperature")
     if _flag(prim, "enableColorTemperature"):
         prim.number(key, 6500.0)
         colour = colour * prim.triple("temperature")
@@ -166,7 +133,7 @@ def _radiance(prim: UsdPrim) -> Float64Array:
         raise prim.error("inputs:intensity", radiance.tolist(), f"radiance from 0 to {_STRONGEST:g}")
     for share in ("diffuse", "specular"):
         if _number(prim, share, 1.0) != 1.0:
-            prim.not_shown(_key(prim, share), "the light counts in full for diffuse and glossy reflection")
+            prim.not_shown(prim.input(share), "the light counts in full for diffuse and glossy reflection")
     return radiance
 
 
@@ -180,19 +147,9 @@ def _area(axes: Float64Array, shape: LampShape) -> float:
     return 4.0 * math.pi * float((a * b + a * c + b * c) / 3.0) ** (1.0 / 1.6075)
 
 
-def _key(prim: UsdPrim, name: str) -> str:
-    """The name of an input of a light; files before USD 21 have no `inputs:`."""
-    return name if prim.has(name) else f"inputs:{name}"
-
-
 def _number(prim: UsdPrim, name: str, default: float) -> float:
-    return prim.number(_key(prim, name), default)
+    return prim.number(prim.input(name), default)
 
 
 def _flag(prim: UsdPrim, name: str) -> bool:
-    return prim.flag(_key(prim, name))
-
-
-def _triple(vector: Float64Array) -> RGB:
-    x, y, z = vector.tolist()
-    return x, y, z
+    return prim.flag(prim.input(name))

@@ -69,6 +69,10 @@ class UsdPrim(JsonObject):
             raise self.error(key, value, "a token")
         return value
 
+    def input(self, name: str) -> str:
+        """The key of an input of a light; files before USD 21 have no `inputs:`."""
+        return name if self.has(name) else f"inputs:{name}"
+
     def paths(self, key: str) -> list[str]:
         """The targets of a relationship."""
         value = self.raw(key)

@@ -25,6 +25,7 @@ import numpy as np
 from engine.core.native_decoders import Arrays
 from engine.scene.loaders.usd_looks import differ_in_materials_alone, selections
 from engine.scene.loaders.usd_skins import pose_skins
+from engine.scene.loaders.usd_variants import choose_variants, variant_sets
 
 MOST_PRIMS, MOST_PROPERTIES = 500_000, 5_000_000
 MOST_KEYS = 2_000  # of one prim's animation
@@ -126,8 +127,8 @@ def _prim_specs(layer: Any) -> Iterator[Any]:
 def stage_tree(data: bytes) -> Arrays:
     """The tree of the stage of these layers, see `pack_layers`, whose first is the root; for `decode_natively`.
 
-    tree: JSON with `prims` and the stage's `up`, `metres`, `start`, `seconds` for a time code, `n_clips`, `errors` and
-    `looks`, variants with their prims; arrays by the names that the tree has for them.
+    tree: JSON with `prims` and the stage's `up`, `metres`, `start`, `seconds` for a time code, `n_clips`, `errors`,
+    `sets` of variants and `looks`, variants with their prims; arrays by the names that the tree has for them.
     """
     from pxr import Usd
 
@@ -136,14 +137,16 @@ def stage_tree(data: bytes) -> Arrays:
         layers = _open_layers(contents)
         n_clips = _link_layers(layers, header["links"])
         stage = Usd.Stage.Open(layers[0], Usd.Stage.LoadAll)
+        choose_variants(stage, header["variants"])
+        sets = variant_sets(stage)
         writer = _TreeWriter(stage, layers, header["with_pose"])
         tree = writer.tree(n_clips)
-        tree["looks"] = _looks(stage, layers, header["with_pose"], tree["prims"], writer.found)
+        tree["sets"], tree["looks"] = sets, _looks(stage, layers, header, tree["prims"], writer.found)
         return {"tree": _json(tree), **writer.found}
 
 
 def _looks(
-    stage: Any, layers: list[Any], with_pose: bool, prims: list[dict[str, Any]], arrays: Arrays
+    stage: Any, layers: list[Any], header: Mapping[str, Any], prims: list[dict[str, Any]], arrays: Arrays
 ) -> list[dict[str, Any]]:
     """The prims of the variants of the default prim, if these differ in materials alone, else nothing."""
     from pxr import Usd
@@ -154,9 +157,8 @@ def _looks(
         return found
     for name in names:
         other = Usd.Stage.Open(layers[0], Usd.Stage.LoadAll)
-        with Usd.EditContext(other, other.GetSessionLayer()):
-            other.GetDefaultPrim().GetVariantSet(group).SetVariantSelection(name)
-        writer = _TreeWriter(other, layers, with_pose)
+        choose_variants(other, {**header["variants"], group: name})
+        writer = _TreeWriter(other, layers, header["with_pose"])
         rows = writer.tree(0)["prims"]
         if not differ_in_materials_alone(prims, arrays, rows, writer.found):
             return []

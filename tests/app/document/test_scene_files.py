@@ -16,11 +16,14 @@ from app.document.document import document_from_description
 from app.document.named_files import files_of_document
 from app.document.scene_files import (
     can_turn,
+    renamed,
     scene_file,
     scene_in_folder,
     split_axis,
     unpacked_scene_file,
+    variants_of,
     with_axis,
+    with_variants,
 )
 from app.document.sources import find_source, source_of
 from app.document.view_state import ViewState
@@ -176,6 +179,19 @@ def test_names_keep_the_axis_that_points_up(tmp_path: Path) -> None:
     for wrong in (tmp_path / "scene.toml", tmp_path, "teatray"):
         with pytest.raises(InsituError, match="Z is up, expected a mesh"):
             find_source(str(wrong), "z")
+
+
+def test_names_of_stages_say_which_variants_are_chosen() -> None:
+    name = with_variants("a.usd", {"shape": "tall"})
+    assert name == "a.usd#shape=tall" and with_variants(name, {"size": "big"}) == "a.usd#shape=tall,size=big"
+    assert with_axis(with_variants(name, {"shape": "low"}), "z") == "a.usd#shape=low#z-up"
+    assert split_axis("a.usd#shape=low#z-up") == ("a.usd", "z") and variants_of("a.usd#shape=low#z-up") == {
+        "shape": "low"
+    }
+    assert renamed("a.zip#shape=low", "/b/c.usda") == "/b/c.usda#shape=low"
+    # Other names keep what looks alike.
+    for other in ("a.obj#shape=tall", "a.usd#tall", "a.usd#a=b/c.usd", "a#b=c.usd", "teatray"):
+        assert split_axis(other) == (other, "y") and variants_of(other) == {}
 
 
 def test_a_mesh_with_z_up_stands_and_its_session_too(tmp_path: Path) -> None:

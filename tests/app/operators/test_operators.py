@@ -18,7 +18,7 @@ from app.messages.worker_messages import OpenScene
 from app.operators.camera import MoveCamera
 from app.operators.curve_drawing import CurvePoints, CurveStroke
 from app.operators.edits import Deform
-from app.operators.files import CurveTable, MaterialFile, MeasuredFile
+from app.operators.files import CurveTable, MaterialFile, MeasuredFile, VariantChoice
 from app.operators.operator import Gesture
 from app.operators.registry import GROUPS, MENUS, OPERATORS, keys_of, listed_lines, run_operator
 from app.operators.script import StepRecord
@@ -36,7 +36,7 @@ VALUES: dict[str, Any] = {
     "rotate": 75.0, "accuracy": 0.0, "override": {"lights": 600}, "view": "AgX", "rename_view": ("View 1", "Spout"),
     "mode": "orbit", "lobe": (2, 3), "resolution": (24, 16), "camera": MoveCamera(orbit=(30.0, 10.0), dolly=0.5),
     "measured": MeasuredFile(file="velvet.binary"), "material_file": MaterialFile(file="wood.mtlx", material="oak"),
-    "table": CurveTable(file="peak.csv"),
+    "table": CurveTable(file="peak.csv"), "variant_set": VariantChoice(set="shape", variant="tall"),
     "draw_curve": CurveStroke(points=((0.0, 1.0), (30.0, 2.0))), "set_points": CurvePoints(points=((5.0, 1.0),)),
 }  # fmt: skip
 
@@ -66,6 +66,8 @@ def test_each_operator_does_something(worked: Editor, client: FakeClient, name: 
         assert run_operator(worked, name.replace("redo", "undo")) is None
     if name == "z_up":  # only a mesh that was opened alone can be turned
         worked.history.document = replace(worked.document, source="/models/pot.stl")
+    if name == "variant_set":  # only a stage of USD has sets
+        worked.history.document = replace(worked.document, source="/models/pot.usda")
     before = worked.document, worked.view, len(client.requests)
     if name == "resume":
         worked.cancel_work()
@@ -160,6 +162,15 @@ def test_a_declaration_names_what_it_is_for() -> None:
     panels = "".join(path.read_text() for path in (Path(__file__).parents[3] / "ui" / "panels").glob("*.py"))
     for name, each in OPERATORS.items():
         assert each.keys or each.entry or each.script or (name in by_controls and f'RunOperator("{name}"' in panels)
+
+
+def test_a_stage_is_opened_again_with_variants_of_its_sets(worked: Editor, client: FakeClient) -> None:
+    why = run_operator(worked, "variant_set", VariantChoice(set="shape", variant="tall"))
+    assert why == "only stages of USD have sets of variants"
+    worked.history.document = replace(worked.document, source="/models/pot.usdz#shape=low,size=big#z-up")
+    assert run_operator(worked, "variant_set", VariantChoice(set="shape", variant="tall")) is None
+    (last, *_) = [each for each in reversed(client.requests) if isinstance(each, OpenScene)]
+    assert last.source == "/models/pot.usdz#shape=tall,size=big#z-up"
 
 
 def test_a_mesh_is_turned_and_turned_back_with_its_edits(worked: Editor, client: FakeClient) -> None:
