@@ -10,6 +10,8 @@ import pytest
 from engine.scene.mesh import face_normals
 from tests.usd_text import CARD, SQUARE, area, box, mesh_of, place, read
 
+pytest.importorskip("pxr", reason="usd-core, the extra insitu[usd], is not installed")
+
 # ------------------------------------------------------------------------------------------------------------ topology
 
 

@@ -19,6 +19,8 @@ from engine.scene.scene_loader import Scene, load_scene
 from tests.pictures import write_exr
 from tests.usd_text import CARD, unshown, usda, write
 
+pytest.importorskip("pxr", reason="usd-core, the extra insitu[usd], is not installed")
+
 
 def bright_spot(height: int, direction: tuple[float, float, float]) -> np.ndarray:
     """A smooth light (H, 2 H, 3) about a direction, in the frame of our images."""
@@ -105,7 +107,7 @@ def test_a_colour_tints_the_image(tmp_path: Path) -> None:
     scene = opened(tmp_path, dome("D", SKY + more))
     # 2 * 2^1 times the colour, times 0.5.
     assert radiance(scene, (0.0, 1.0, 0.0)) == pytest.approx([2.0, 1.0, 0.0])
-    assert scene.sky is not None and scene.sky.radiance.shape == (4, 8, 3) and not scene.notes[:0] and not scene.unshown
+    assert scene.sky is not None and scene.sky.radiance.shape == (4, 8, 3) and not scene.unshown
 
 
 def test_several_domes_are_added_up(tmp_path: Path) -> None:
@@ -136,9 +138,7 @@ def test_the_image_of_a_dome_may_lie_in_the_archive(tmp_path: Path) -> None:
 def test_pictures_of_integers_are_decoded_by_srgb(tmp_path: Path) -> None:
     Image.new("RGB", (8, 4), (188, 188, 188)).save(tmp_path / "sky.png")
     scene = opened(tmp_path, dome("D", "asset inputs:texture:file = @sky.png@\n"))
-    assert radiance(scene, (0.0, 1.0, 0.0)) == pytest.approx(
-        [0.503] * 3, abs=0.002
-    )  # ((188 / 255 + 0.055) / 1.055)^2.4
+    assert radiance(scene, (0.0, 1.0, 0.0)) == pytest.approx([0.503] * 3, abs=0.002)  # sRGB 0.737
 
 
 @pytest.mark.parametrize(

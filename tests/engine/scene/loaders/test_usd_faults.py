@@ -12,6 +12,8 @@ from engine.scene.mesh import join_meshes
 from tests.fuzz.usd_seeds import STAGES, write_images
 from tests.usd_text import CARD, SQUARE, area, mesh_of, read, unshown, usda, write
 
+pytest.importorskip("pxr", reason="usd-core, the extra insitu[usd], is not installed")
+
 # ----------------------------------------------------------------------------------------------------------- all of it
 
 

@@ -17,6 +17,8 @@ from engine.scene.loaders.usd import read_usd
 from engine.scene.scene_loader import load_scene
 from tests.usd_text import CARD, READER, card_of, material, place, read, texture, unshown, usda, write
 
+pytest.importorskip("pxr", reason="usd-core, the extra insitu[usd], is not installed")
+
 USE = 'def "{0}" (prepend references = @{1}@{2}) {{ }}\n'
 
 

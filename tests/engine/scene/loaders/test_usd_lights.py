@@ -14,6 +14,8 @@ from engine.scene.scene_loader import load_scene
 from tests.pictures import write_exr
 from tests.usd_text import CARD, place, read, unshown, usda, write
 
+pytest.importorskip("pxr", reason="usd-core, the extra insitu[usd], is not installed")
+
 
 def lit(folder: Path, light: str, head: str = "") -> ImportedModel:
     return read(folder, f"{CARD}\n{light}", head)

@@ -19,6 +19,8 @@ from engine.scene.scene_loader import load_scene
 from tests.engine.scene.conftest import pack_glb
 from tests.usd_text import READER, SQUARE, bound, card_of, material, read, texture, unshown, usda
 
+pytest.importorskip("pxr", reason="usd-core, the extra insitu[usd], is not installed")
+
 NUMBERS = np.random.default_rng(3).integers(20, 220, (4, 4, 3)).astype(np.uint8)
 
 

@@ -11,6 +11,8 @@ from engine.realtime.zonal_harmonics.pose import Pose
 from engine.realtime.zonal_harmonics.posed_scene import animated_pose
 from tests.usd_text import SQUARE, box, mesh_of, place, read, unshown
 
+pytest.importorskip("pxr", reason="usd-core, the extra insitu[usd], is not installed")
+
 # ---------------------------------------------------------------------------------------------------------- animations
 
 

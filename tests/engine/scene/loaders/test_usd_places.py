@@ -11,6 +11,8 @@ from engine.core.errors import LoadError
 from engine.scene.loaders.usd import read_usd
 from tests.usd_text import SQUARE, bound, box, material, mesh_of, place, read, unshown
 
+pytest.importorskip("pxr", reason="usd-core, the extra insitu[usd], is not installed")
+
 # ---------------------------------------------------------------------------------------------------------- transforms
 
 

@@ -16,6 +16,8 @@ from engine.scene.loaders.usd import read_usd
 from engine.scene.scene_loader import load_scene
 from tests.usd_text import SQUARE, area, box, mesh_of, unshown, write
 
+pytest.importorskip("pxr", reason="usd-core, the extra insitu[usd], is not installed")
+
 
 def scaled(size: float) -> str:
     return f'float3 xformOp:scale = ({size}, {size}, {size})\n uniform token[] xformOpOrder = ["xformOp:scale"]\n'
