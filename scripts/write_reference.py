@@ -36,7 +36,7 @@ from app.files.records import (
 from app.operators.camera import MoveCamera
 from app.operators.curve_drawing import CurvePoints, CurveStroke
 from app.operators.edits import Deform, Drag, PaintStroke
-from app.operators.files import CurveTable, MaterialFile, MeasuredFile
+from app.operators.files import CurveTable, MaterialFile, MeasuredFile, VariantChoice
 from app.operators.registry import GROUPS, MENUS, OPERATORS, Menu, keys_of, listed_lines
 from app.operators.script import ScriptRecord, StepRecord
 from engine.material import MODELS
@@ -77,7 +77,7 @@ SESSION: Tables = [
 SCRIPT: Tables = [
     ("Top of the file", ScriptRecord), ("[[step]]", StepRecord), ("drag", Drag), ("deform", Deform),
     ("paint", PaintStroke), ("measured", MeasuredFile), ("material_file", MaterialFile), ("table", CurveTable),
-    ("draw_curve", CurveStroke), ("set_points", CurvePoints), ("camera", MoveCamera),
+    ("variant_set", VariantChoice), ("draw_curve", CurveStroke), ("set_points", CurvePoints), ("camera", MoveCamera),
 ]  # fmt: skip
 SHOWN: dict[tuple[type[BaseModel], str], str] = {(ObjectDescription, "bumps"): "`normal_map` or `bump_map`, `tangent`"}
 PLAIN = {bool: "true or false", int: "an integer", float: "a number", str: "text", tuple: "2 values", Any: "a value"}
