@@ -22,6 +22,7 @@ from engine.core.native_decoders import Arrays
 from engine.scene.loaders.baked_maps import BakedMap, MapMaker
 from engine.scene.loaders.gltf_materials import LONGEST_NAME
 from engine.scene.loaders.model import ImportedModel, UnshownProperty, VariantSet
+from engine.scene.loaders.usd_bindings import UsdBindings
 from engine.scene.loaders.usd_cameras import read_cameras
 from engine.scene.loaders.usd_domes import UsdDomes
 from engine.scene.loaders.usd_layers import ArchiveFiles, UsdLayers, open_layers
@@ -29,7 +30,7 @@ from engine.scene.loaders.usd_lights import CONVERTED, LIGHTS, UsdLights
 from engine.scene.loaders.usd_materials import UsdMaterials
 from engine.scene.loaders.usd_parts import Look, Parts, Place, Placed
 from engine.scene.loaders.usd_prims import MAX_DEPTH, Float64Array, UsdPrim, UsdScene, scene_of_tree
-from engine.scene.loaders.usd_rig import UsdNodes
+from engine.scene.loaders.usd_rig import Samples, UsdNodes, samples_of
 from engine.scene.loaders.usd_shapes import SHAPES
 from engine.scene.loaders.usd_textures import UsdTextures
 from engine.scene.loaders.usd_unshown import unshown_properties
@@ -78,7 +79,9 @@ def _read(path: Path, variants: Mapping[str, str]) -> tuple[ImportedModel, MapMa
     maps = MapMaker(layers.n_files, f"@{choices_text(variants)}" if variants else "")
     materials = UsdMaterials(scene, UsdTextures(scene, layers), maps)
     looks = _looks(path, tree, arrays, layers, maps)
-    parts = Parts(scene, materials, looks, walk.nodes if walk.nodes.are_moving else None, layers.n_bytes)
+    skins = UsdBindings(scene, walk.nodes, walk.skeletons)
+    skins.add_joints()
+    parts = Parts(scene, materials, looks, skins if skins.are_moving else None, layers.n_bytes)
     for placed in walk.surfaces.values():
         parts.add(placed)
     found = parts.join()
@@ -96,7 +99,8 @@ def _read(path: Path, variants: Mapping[str, str]) -> tuple[ImportedModel, MapMa
     notes = [*scene.log.notes, *([CONVERTED] if walk.lights else []), *_composition_notes(tree)]
     read = [prim for prim in scene.prims if prim.kind in _SHADING and id(prim.values) in scene.log.read]
     visited = walk.visited | _with_graphs(scene, read)
-    unshown = [*layers.list_unshown(), *_of_stage(tree), *unshown_properties(scene, visited)]
+    listed = unshown_properties(scene, visited, skins.played - skins.resting)
+    unshown = [*layers.list_unshown(), *_of_stage(tree), *listed]
     model = ImportedModel(
         tuple(found), tuple(notes), cameras, tuple(unshown), lights=tuple(lights.lights), lamps=tuple(lights.lamps),
         dome=dome, variant_sets=sets,
@@ -157,6 +161,7 @@ class _Walk:
         self.surfaces: dict[tuple[str, str], Placed] = {}
         self.lights: list[tuple[UsdPrim, Float64Array]] = []
         self.cameras: list[tuple[UsdPrim, Float64Array]] = []
+        self.skeletons: dict[str, int] = {}
         self.visited: set[str] = set()
         self._hidden: dict[str, bool] = {}
 
@@ -164,7 +169,7 @@ class _Walk:
         """Visit the stage. Raises LoadError."""
         scene = self._scene
         root = (_Y_UP if scene.up == "Z" else np.eye(4)) @ np.diag([scene.metres] * 3 + [1.0])
-        top = Place(self.nodes.add(None, -1, root), root)
+        top = Place(self.nodes.add(-1, root), root)
         stack = [(prim, top) for prim in reversed(scene.children(scene.prims[0]))] if scene.prims else []
         while stack:
             prim, place = stack.pop()
@@ -213,6 +218,9 @@ class _Walk:
             self.lights.append((prim, matrix))
         elif prim.kind == "Camera":
             self.cameras.append((prim, matrix))
+        elif prim.kind == "Skeleton" and below.maps is None:
+            self.skeletons.setdefault(prim.place, below.node)
+            prim.log.left_out.add(id(prim.values))
         elif prim.kind not in _GROUPS:
             prim.log.left_out.add(id(prim.values))
         return below
@@ -245,8 +253,16 @@ class _Walk:
         base = top if "resets" in own else place
         node, matrix = base.node, base.matrix
         if "matrix" in own or "times" in own:
-            node, matrix = self.nodes.add(prim, node, prim.matrix), prim.affine(matrix @ prim.matrix)
+            node, matrix = self.nodes.add(node, prim.matrix, self._samples(prim)), prim.affine(matrix @ prim.matrix)
         return Place(node, matrix, None, material, depth, place.is_forced)
+
+    def _samples(self, prim: UsdPrim) -> Samples | None:
+        """How a prim moves; what cannot be read is listed, and rests."""
+        try:
+            return samples_of(prim)
+        except LoadError as error:
+            prim.not_shown("xformOpOrder.timeSamples", f"an animation that is not played: {error.reason}")
+            return None
 
     def _instances(self, prim: UsdPrim, below: Place) -> list[tuple[UsdPrim, Place]]:
         """The prototypes of a point instancer, each at the places of its instances."""

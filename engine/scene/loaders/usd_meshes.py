@@ -42,7 +42,7 @@ class Surface:
     """The triangles of a prim in its own frame, without what belongs to corners; and where the values of its primvars
     stand. triangles (T, 3): as corners of all polygons, after so many steps of subdivision; lengths (N,) and numbers
     (N,) of the polygons that are shown; points and corners (C,): the numbers of their corners in the file; counts: of
-    points, polygons and corners there."""
+    points, polygons and corners there; control: the mesh of the file before these steps, None of a shape."""
 
     prim: UsdPrim
     mesh: Mesh
@@ -53,6 +53,7 @@ class Surface:
     corners: Int64Array
     counts: tuple[int, int, int]
     steps: int = 0
+    control: ControlMesh | None = None
 
     def values(self, owner: UsdPrim, key: str, width: int, interpolation: str = "constant") -> Float64Array | None:
         """The values of a primvar at the corners of all triangles, (T, 3, width); None where there are none. owner: the
@@ -80,6 +81,17 @@ class Surface:
         for _ in range(self.steps):
             found, lengths = subdivide_values(lengths, found), np.full(len(found), 4)
         return found[self.triangles]
+
+    def of_points(self, rows: Float64Array) -> Float64Array:
+        """Rows (P, W) of the points in the file at the vertices (V, W) of the mesh: refined as their places are."""
+        if self.steps and self.control is not None:
+            refined = replace(self.control, points=rows)
+            for _ in range(self.steps):
+                refined = subdivide(refined)
+            return refined.points
+        found = np.zeros((len(self.mesh.vertices), rows.shape[1]))
+        found[self.mesh.triangles.ravel()] = rows[self.points[self.triangles.ravel()]]
+        return found
 
     def colours(self, scene: UsdScene) -> npt.NDArray[np.float32] | None:
         """Linear display colours and opacities of the corners (T, 3, 4); None where neither the prim nor one above it
@@ -191,7 +203,7 @@ def read_mesh(prim: UsdPrim, n_bytes: int) -> Surface | None:
     mesh = Mesh(refined.points, refined.corners[triangles].astype(np.int32))
     surface = Surface(
         prim, mesh, triangles, control.lengths, np.flatnonzero(kept), control.corners, numbers,
-        (len(points), len(counts), len(corners)), steps,
+        (len(points), len(counts), len(corners)), steps, control,
     )  # fmt: skip
     if scheme in _FLAT:
         mesh = _with_file_normals(surface)

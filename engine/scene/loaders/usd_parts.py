@@ -10,16 +10,17 @@ from dataclasses import dataclass, field
 from posixpath import commonpath
 
 import numpy as np
+import numpy.typing as npt
 
 from engine.core.errors import LoadError, printable_name
 from engine.scene.loaders.gltf_materials import COLOURED, GREY, LONGEST_NAME, PartMaterial
 from engine.scene.loaders.gltf_nodes import MeshNode, are_flat
 from engine.scene.loaders.gltf_rig import place_copies_at_nodes
 from engine.scene.loaders.model import ImportedPart, ImportedVariant
+from engine.scene.loaders.usd_bindings import UsdBindings
 from engine.scene.loaders.usd_materials import UsdMaterial, UsdMaterials
 from engine.scene.loaders.usd_meshes import Surface, read_mesh
 from engine.scene.loaders.usd_prims import Float64Array, UsdPrim, UsdScene
-from engine.scene.loaders.usd_rig import UsdNodes
 from engine.scene.loaders.usd_shapes import read_shape
 from engine.scene.mesh import Mesh, face_normals, join_meshes, place_copies, with_flat_normals
 from engine.scene.rig import Binding, Rig, join_bindings
@@ -81,12 +82,12 @@ class Look:
 
 
 class Parts:
-    """The parts of a stage: the surfaces of each material, placed. nodes: where something moves, else None."""
+    """The parts of a stage: the surfaces of each material, placed. skins: where something moves, else None."""
 
     def __init__(
-        self, scene: UsdScene, materials: UsdMaterials, looks: list[Look], nodes: UsdNodes | None, n_bytes: int
+        self, scene: UsdScene, materials: UsdMaterials, looks: list[Look], skins: UsdBindings | None, n_bytes: int
     ) -> None:
-        self._scene, self._materials, self._nodes, self._n_bytes = scene, materials, nodes, n_bytes
+        self._scene, self._materials, self._skins, self._n_bytes = scene, materials, skins, n_bytes
         self._looks = looks
         self._left = MOST_COPIED + n_bytes
         self._read: dict[str, Surface | None] = {}
@@ -121,7 +122,7 @@ class Parts:
             names = (material.coordinates if material is not None else ()) or ("st",)
             mesh = surface.select(chosen, surface.coordinates(self._scene, names), colours)
             copies = place_copies(mesh, np.stack([node.matrix for node in nodes]))
-            binding = None if self._nodes is None else place_copies_at_nodes(mesh, nodes)
+            binding = self._binding(surface, chosen, mesh, copies, nodes)
             key = path, others, colours is not None
             self._bound.setdefault(key, []).append((copies, binding))
             self._paths.setdefault(key, {})[prim.place] = None
@@ -130,9 +131,9 @@ class Parts:
         """The parts, one for each material; what has no face with an area is left out where anything has one."""
         solid = {key: bound for key, bound in self._bound.items() if any(map(_has_area, bound))}
         skeleton = None
-        if self._nodes is not None:
+        if self._skins is not None:
             every = [binding for bound in solid.values() for _, binding in bound if binding is not None]
-            skeleton = self._nodes.skeleton(self._scene, every)
+            skeleton = self._skins.nodes.skeleton(self._scene, every)
         parts, names = [], self._names()
         for use, bound in (solid or self._bound).items():
             path, others, is_coloured = use
@@ -167,6 +168,16 @@ class Parts:
                 )
             )  # fmt: skip
         return parts
+
+    def _binding(
+        self, surface: Surface, chosen: npt.NDArray[np.bool_], mesh: Mesh, copies: Mesh, nodes: list[MeshNode]
+    ) -> Binding | None:
+        """What moves the copies of a part of a surface: its skin, else the nodes; None where nothing moves."""
+        if self._skins is None:
+            return None
+        whole = np.arange(len(surface.mesh.vertices))
+        used = whole if chosen.all() else np.unique(surface.mesh.triangles[chosen])
+        return self._skins.binding(surface, used, copies, len(nodes)) or place_copies_at_nodes(mesh, nodes)
 
     def _in_looks(self, owner: UsdPrim, path: str) -> tuple[str, ...]:
         """The materials of a prim in the variants; nothing where none differs from its own of this path."""

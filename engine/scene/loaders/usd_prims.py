@@ -8,7 +8,7 @@ shown (`usd_unshown`), by the prim's schema and the property's name.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -109,6 +109,13 @@ class UsdPrim(JsonObject):
         """An array that the tree has beside the properties; None where there is none."""
         name = self.own.get(key)
         return None if name is None else self._stored(key, name, width)
+
+    def inner(self, key: str) -> UsdPrim:
+        """The prim with what the tree has of it under a key, in place of the rest. Raises LoadError."""
+        own = self.own.get(key)
+        if not isinstance(own, dict):
+            raise self.error(key, own, "a table")
+        return replace(self, own=own)
 
     def _stored(self, key: str, name: object, width: int) -> Float64Array:
         rows = self.arrays.get(name) if isinstance(name, str) else None

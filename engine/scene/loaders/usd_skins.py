@@ -18,10 +18,11 @@ def pose_skins(stage: Any, time: Any) -> tuple[set[str], set[str]]:
     with more than one key."""
     from pxr import Gf, Tf, Usd, UsdSkel
 
-    _open_instances(stage)
     roots = [prim for prim in stage.Traverse() if prim.IsA(UsdSkel.Root) and not prim.IsInstanceProxy()]
     if not roots:
         return set(), set()
+    # Times of a layer of another rate would be scaled.
+    stage.GetSessionLayer().timeCodesPerSecond = stage.GetTimeCodesPerSecond()
     at = 0.0 if time.IsEarliestTime() else time.GetValue()
     posed, moving = set[str](), set[str]()
     with Usd.EditContext(stage, stage.GetSessionLayer()):
@@ -57,7 +58,7 @@ def _whole_skins(root: Any) -> set[str]:
     }
 
 
-def _open_instances(stage: Any) -> None:
+def open_instances(stage: Any) -> None:
     """Make prims of their own of instances with skinned meshes, which the library cannot pose otherwise."""
     from pxr import Usd
 

@@ -24,7 +24,8 @@ import numpy as np
 
 from engine.core.native_decoders import Arrays
 from engine.scene.loaders.usd_looks import differ_in_materials_alone, selections
-from engine.scene.loaders.usd_skins import pose_skins
+from engine.scene.loaders.usd_skeletons import SkinData, read_skins
+from engine.scene.loaders.usd_skins import open_instances, pose_skins
 from engine.scene.loaders.usd_variants import choose_variants, variant_sets
 
 MOST_PRIMS, MOST_PROPERTIES = 500_000, 5_000_000
@@ -181,7 +182,12 @@ class _TreeWriter:
         self._start = stage.GetStartTimeCode() if has_range else 0.0
         self._end = stage.GetEndTimeCode() if has_range else 0.0
         self._time = Usd.TimeCode(self._start) if has_range else Usd.TimeCode.EarliestTime()
-        self._posed, self._moving = pose_skins(stage, self._time) if with_pose else (set(), set())
+        self._skins: SkinData = {}
+        self._posed, self._moving = set[str](), set[str]()
+        if with_pose:
+            open_instances(stage)
+            self._skins = read_skins(stage, self._start)
+            self._posed, self._moving = pose_skins(stage, self._time)
         self.found: dict[str, np.ndarray] = {}
         self._n_properties = 0
 
@@ -245,6 +251,12 @@ class _TreeWriter:
             own["posed"] = True
         if own["path"] in self._moving:
             own["moving"] = True
+        if own["path"] in self._skins:
+            skin = self._skins[own["path"]]
+            key = "skin" if "skeleton" in skin else "joints"
+            own[key] = {
+                name: self._keep(value) if isinstance(value, np.ndarray) else value for name, value in skin.items()
+            }
         schemas = list(map(str, prim.GetAppliedSchemas()))
         if schemas:
             own["schemas"] = schemas

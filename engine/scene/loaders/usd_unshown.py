@@ -9,6 +9,7 @@ effect on a picture by rays (`_HARMLESS`), and what is below a prim that is hidd
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Set
 from fnmatch import fnmatchcase
 
 from engine.core.errors import printable_name
@@ -68,15 +69,15 @@ _MOVING = "an animation that is not played: the pose at the stage's start is sho
 _ANIMATED = "an animation that is not played: the first value is shown"
 
 
-def unshown_properties(scene: UsdScene, visited: set[str]) -> list[UnshownProperty]:
+def unshown_properties(scene: UsdScene, visited: set[str], played: Set[str] = frozenset()) -> list[UnshownProperty]:
     """What no reader has asked for, and what readers list as not shown; visited: the paths of all prims that the
-    picture has or could have."""
+    picture has or could have; played: those of animations of skins that play."""
     unread: Counter[str] = Counter()
     effects: dict[str, str] = {}
     are_posed = any("posed" in prim.own for prim in scene.prims)
     for prim in scene.prims:
         if are_posed and prim.kind in _OF_SKINS:
-            if "moving" in prim.own:
+            if "moving" in prim.own and prim.place not in played:
                 prim.not_shown("timeSamples", _MOVING)
         elif prim.place in visited:
             for name, effect in _of_prim(scene, prim):
