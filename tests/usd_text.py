@@ -20,6 +20,63 @@ SQUARE = """
 """
 CARD = f'def Mesh "Card" {{{SQUARE}}}'
 
+# An arm of two boards along X, to be filled in with "more" of the mesh and "inbetween" shapes: the first hangs from the
+# shoulder, which turns, the second from the elbow, which bends; a blend shape makes it wide there.
+ARM = """
+def Xform "World" {{
+    double3 xformOp:translate = (0, 0, 3)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+    def SkelRoot "Body" (prepend apiSchemas = ["SkelBindingAPI"]) {{
+        def Skeleton "Bones" (prepend apiSchemas = ["SkelBindingAPI"]) {{
+            uniform token[] joints = ["Root", "Root/Elbow"]
+            uniform matrix4d[] bindTransforms = [
+                ((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)),
+                ((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (2, 0, 0, 1))]
+            uniform matrix4d[] restTransforms = [
+                ((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)),
+                ((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (2, 0, 0, 1))]
+            rel skel:animationSource = </World/Body/Wave>
+            double xformOp:rotateY = 30
+            uniform token[] xformOpOrder = ["xformOp:rotateY"]
+        }}
+        def SkelAnimation "Wave" {{
+            uniform token[] joints = ["Root", "Root/Elbow"]
+            float3[] translations = [(0, 0, 0), (2, 0, 0)]
+            quatf[] rotations.timeSamples = {{
+                0: [(1, 0, 0, 0), (1, 0, 0, 0)],
+                10: [(0.9238795, 0, 0, 0.3826834), (0.7071068, 0, 0.7071068, 0)] }}
+            half3[] scales = [(1, 1, 1), (1, 1, 1)]
+            uniform token[] blendShapes = ["fat"]
+            float[] blendShapeWeights.timeSamples = {{ 0: [0], 8: [1] }}
+        }}
+        def Mesh "Skin" (prepend apiSchemas = ["SkelBindingAPI"]) {{
+            int[] faceVertexCounts = [4, 4]
+            int[] faceVertexIndices = [0, 1, 4, 3, 1, 2, 5, 4]
+            point3f[] points = [(0, -1, 0), (2, -1, 0), (4, -1, 0), (0, 1, 0), (2, 1, 0), (4, 1, 0)]
+            {more}
+            rel skel:skeleton = </World/Body/Bones>
+            uniform token[] skel:joints = ["Root/Elbow", "Root"]
+            matrix4d primvars:skel:geomBindTransform = ((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0.5, 1))
+            int[] primvars:skel:jointIndices = [1, 0, 1, 0, 0, 1, 1, 0, 1, 0, 0, 1] (
+                interpolation = "vertex"
+                elementSize = 2
+            )
+            float[] primvars:skel:jointWeights = [1, 0, 0.5, 0.5, 1, 0, 1, 0, 0.5, 0.5, 1, 0] (
+                interpolation = "vertex"
+                elementSize = 2
+            )
+            uniform token[] skel:blendShapes = ["fat"]
+            rel skel:blendShapeTargets = </World/Body/Skin/fat>
+            def BlendShape "fat" {{
+                uniform vector3f[] offsets = [(0, -0.5, 0), (0, 0.5, 0)]
+                uniform int[] pointIndices = [1, 4]
+                {inbetween}
+            }}
+        }}
+    }}
+}}
+"""
+
 
 def usda(body: str, head: str = "") -> str:
     """A stage in metres with Y up, of this body; head: more of its metadata, which comes last and counts."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tests.usd_text import CARD, READER, SQUARE, card_of, material, place, texture, usda
+from tests.usd_text import ARM, CARD, READER, SQUARE, card_of, material, place, texture, usda
 
 _LOOK = material(
     "M",
@@ -101,6 +101,7 @@ STAGES = {
     "look": usda(_LOOK + card_of("M")),
     "lights": usda(CARD + _LIGHTS),
     "variants": usda(_VARIANTS),
+    "arm": usda(ARM.format(more="", inbetween=""), "startTimeCode = 0\n endTimeCode = 10"),
     "moving": usda(_MOVING, "startTimeCode = 0\n endTimeCode = 24"),
     "subdivided": usda(_SUBDIVIDED + material("M", "color3f inputs:diffuseColor = (0, 0, 1)")),
 }

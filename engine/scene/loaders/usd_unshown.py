@@ -65,6 +65,10 @@ _EFFECTS = (
 )
 _NETWORKS = ("Material", "NodeGraph")  # whose connections lead on
 _OF_SKINS = ("Skeleton", "SkelAnimation", "BlendShape")
+_KEYS_OF_SKINS = (
+    "joints", "jointNames", "*Transforms", "skel:*", "xformOp*", "translations", "rotations", "scales", "blendShape*",
+    "offsets", "normalOffsets", "pointIndices", "inbetweens:*", "visibility", "purpose", "timeSamples",
+)  # fmt: skip
 _MOVING = "an animation that is not played: the pose at the stage's start is shown"
 _ANIMATED = "an animation that is not played: the first value is shown"
 
@@ -79,6 +83,10 @@ def unshown_properties(scene: UsdScene, visited: set[str], played: Set[str] = fr
         if are_posed and prim.kind in _OF_SKINS:
             if "moving" in prim.own and prim.place not in played:
                 prim.not_shown("timeSamples", _MOVING)
+            for key in prim.values:
+                if not any(fnmatchcase(key, pattern) for pattern in _KEYS_OF_SKINS):
+                    unread[f"{prim.kind}.{key}"] += 1
+                    effects[f"{prim.kind}.{key}"] = UNKNOWN
         elif prim.place in visited:
             for name, effect in _of_prim(scene, prim):
                 unread[name] += 1

@@ -10,7 +10,7 @@ import pytest
 from engine.realtime.zonal_harmonics.pose import Pose
 from engine.realtime.zonal_harmonics.posed_scene import animated_pose
 from engine.scene.loaders.model import ImportedPart
-from tests.usd_text import SQUARE, box, mesh_of, place, read, unshown
+from tests.usd_text import ARM, SQUARE, box, mesh_of, place, read, unshown
 
 pytest.importorskip("pxr", reason="usd-core, the extra insitu[usd], is not installed")
 
@@ -115,61 +115,6 @@ def test_skins_have_the_pose_at_the_start(tmp_path: Path, weights: str, interpol
     assert not model.unshown
 
 
-# An arm of three boards along X: the first two hang from the shoulder, which moves, the last from the elbow as well.
-_ARM = """
-def Xform "World" {{
-    double3 xformOp:translate = (0, 0, 3)
-    uniform token[] xformOpOrder = ["xformOp:translate"]
-    def SkelRoot "Body" (prepend apiSchemas = ["SkelBindingAPI"]) {{
-        def Skeleton "Bones" (prepend apiSchemas = ["SkelBindingAPI"]) {{
-            uniform token[] joints = ["Root", "Root/Elbow"]
-            uniform matrix4d[] bindTransforms = [
-                ((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)),
-                ((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (2, 0, 0, 1))]
-            uniform matrix4d[] restTransforms = [
-                ((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)),
-                ((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (2, 0, 0, 1))]
-            rel skel:animationSource = </World/Body/Wave>
-            double xformOp:rotateY = 30
-            uniform token[] xformOpOrder = ["xformOp:rotateY"]
-        }}
-        def SkelAnimation "Wave" {{
-            uniform token[] joints = ["Root", "Root/Elbow"]
-            float3[] translations = [(0, 0, 0), (2, 0, 0)]
-            quatf[] rotations.timeSamples = {{
-                0: [(1, 0, 0, 0), (1, 0, 0, 0)],
-                10: [(0.9238795, 0, 0, 0.3826834), (0.7071068, 0, 0.7071068, 0)] }}
-            half3[] scales = [(1, 1, 1), (1, 1, 1)]
-            uniform token[] blendShapes = ["fat"]
-            float[] blendShapeWeights.timeSamples = {{ 0: [0], 8: [1] }}
-        }}
-        def Mesh "Skin" (prepend apiSchemas = ["SkelBindingAPI"]) {{
-            int[] faceVertexCounts = [4, 4]
-            int[] faceVertexIndices = [0, 1, 4, 3, 1, 2, 5, 4]
-            point3f[] points = [(0, -1, 0), (2, -1, 0), (4, -1, 0), (0, 1, 0), (2, 1, 0), (4, 1, 0)]
-            {more}
-            rel skel:skeleton = </World/Body/Bones>
-            uniform token[] skel:joints = ["Root/Elbow", "Root"]
-            matrix4d primvars:skel:geomBindTransform = ((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0.5, 1))
-            int[] primvars:skel:jointIndices = [1, 0, 1, 0, 0, 1, 1, 0, 1, 0, 0, 1] (
-                interpolation = "vertex"
-                elementSize = 2
-            )
-            float[] primvars:skel:jointWeights = [1, 0, 0.5, 0.5, 1, 0, 1, 0, 0.5, 0.5, 1, 0] (
-                interpolation = "vertex"
-                elementSize = 2
-            )
-            uniform token[] skel:blendShapes = ["fat"]
-            rel skel:blendShapeTargets = </World/Body/Skin/fat>
-            def BlendShape "fat" {{
-                uniform vector3f[] offsets = [(0, -0.5, 0), (0, 0.5, 0)]
-                uniform int[] pointIndices = [1, 4]
-                {inbetween}
-            }}
-        }}
-    }}
-}}
-"""
 _HEAD = "startTimeCode = {}\n endTimeCode = 10\n timeCodesPerSecond = 10"
 _FLAT = 'uniform token subdivisionScheme = "none"'
 
@@ -185,7 +130,7 @@ def _posed_at(part: ImportedPart, time: float) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("time", [0.0, 3.0, 7.5, 10.0])
 def test_skins_play_as_the_library_poses_them(tmp_path: Path, time: float) -> None:
-    body = _ARM.format(more=_FLAT, inbetween="")
+    body = ARM.format(more=_FLAT, inbetween="")
     model, there = (read(tmp_path, body, _HEAD.format(start)) for start in (0, time))
     (part,), (other,) = model.parts, there.parts
     assert part.rig is not None and [(a.name, a.duration) for a in part.rig.animations] == [("stage", 1.0)]
@@ -197,7 +142,7 @@ def test_skins_play_as_the_library_poses_them(tmp_path: Path, time: float) -> No
 def test_normals_turn_with_the_bones(tmp_path: Path) -> None:
     along = "normal3f[] normals = [(0, 0, 1), (0, 0, 1), (0, 0, 1), (0, 0, 1), (0, 0, 1), (0, 0, 1)]"
     normals = f'{_FLAT}\n {along} (interpolation = "vertex")'
-    model, there = (read(tmp_path, _ARM.format(more=normals, inbetween=""), _HEAD.format(start)) for start in (0, 6))
+    model, there = (read(tmp_path, ARM.format(more=normals, inbetween=""), _HEAD.format(start)) for start in (0, 6))
     _, found = _posed_at(model.parts[0], 0.6)
     assert there.parts[0].mesh.normals is not None
     # At the ends each point follows one bone: there linear blending of normals is a rotation, as the library's is.
@@ -206,7 +151,7 @@ def test_normals_turn_with_the_bones(tmp_path: Path) -> None:
 
 
 def test_subdivided_skins_play_nearly_as_the_library_poses_them(tmp_path: Path) -> None:
-    model, there = (read(tmp_path, _ARM.format(more="", inbetween=""), _HEAD.format(start)) for start in (0, 8))
+    model, there = (read(tmp_path, ARM.format(more="", inbetween=""), _HEAD.format(start)) for start in (0, 8))
     positions, _ = _posed_at(model.parts[0], 0.8)
     # Two faces for an arm of 4 m, whose elbow bends by 72 degrees: bending what was refined misses the refinement of
     # what was bent by at most a tenth of its length.
@@ -215,7 +160,7 @@ def test_subdivided_skins_play_nearly_as_the_library_poses_them(tmp_path: Path) 
 
 def test_a_skin_with_shapes_in_between_rests_and_is_listed(tmp_path: Path) -> None:
     more = "uniform vector3f[] inbetweens:half = [(0, -1, 0), (0, 1, 0)] ( weight = 0.5\n )"
-    model = read(tmp_path, _ARM.format(more=_FLAT, inbetween=more), "startTimeCode = 0\n endTimeCode = 10")
+    model = read(tmp_path, ARM.format(more=_FLAT, inbetween=more), "startTimeCode = 0\n endTimeCode = 10")
     assert model.parts[0].rig is None and unshown(model) == {"Mesh.skel:skeleton": 1, "SkelAnimation.timeSamples": 1}
 
 
