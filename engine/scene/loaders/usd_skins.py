@@ -40,6 +40,7 @@ def pose_skins(stage: Any, time: Any) -> tuple[set[str], set[str]]:
             with contextlib.suppress(Tf.ErrorException):  # its meshes rest, and are listed
                 whole = _whole_skins(prim)
                 UsdSkel.BakeSkinning(UsdSkel.Root(prim), Gf.Interval(at, at))
+                prim.SetTypeName("SkelRoot")  # which the library has made an Xform
                 posed |= whole
     return posed, moving
 
