@@ -4,20 +4,21 @@ dome as the environment of a scene that has none of its own."""
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import numpy.typing as npt
 
+from engine.material.layer_maps import LayerMaps
 from engine.scene.description import ConeDescription, EnvironmentDescription, ObjectDescription, check_transform
 from engine.scene.loaders.model import ImportedDome, ImportedLamp
 
 
 def area_lamps_of(
-    lamps: Sequence[ImportedLamp], matrix: npt.NDArray[np.float64]
+    lamps: Sequence[ImportedLamp], matrix: npt.NDArray[np.float64], image_name: Callable[[str], str]
 ) -> tuple[list[ObjectDescription], list[str]]:
     """The lamps as objects under the matrix (4, 4) of their model, and the names of those whose transform has no
-    inverse; those without radiance are omitted."""
+    inverse; those without radiance are omitted. image_name: the name of an image in the scene by that in its file."""
     found: list[ObjectDescription] = []
     left_out: list[str] = []
     for lamp in lamps:
@@ -31,7 +32,8 @@ def area_lamps_of(
                 cone = ConeDescription(inner=inner, outer=outer)
             found.append(
                 ObjectDescription(
-                    name=lamp.name, primitive=lamp.shape, emission=lamp.radiance, cone=cone, transform=transform
+                    name=lamp.name, primitive=lamp.shape, emission=lamp.radiance, cone=cone, transform=transform,
+                    emission_texture=LayerMaps(image_name(lamp.texture)),
                 )
             )  # fmt: skip
     return found, left_out

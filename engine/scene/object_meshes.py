@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path, PurePosixPath
 from types import MappingProxyType
 from typing import Any, Literal
@@ -169,7 +170,7 @@ def _with_lamps(
     places = np.concatenate([part.mesh.vertices[np.unique(part.mesh.triangles)] for part in model.parts])
     low, high = places.min(axis=0), places.max(axis=0)
     lamps, left_out = lamps_of(model.lights, matrix, (low + high) / 2.0, float(np.linalg.norm(high - low)) / 2.0)
-    area_lamps, without_size = area_lamps_of(model.lamps, matrix)
+    area_lamps, without_size = area_lamps_of(model.lamps, matrix, partial(_image_name, str(item.mesh)))
     left_out += without_size
     notes += [f"{item.name}: lamp {name} is left out, too small or too far away" for name in left_out]
     for lamp in (*lamps, *area_lamps):

@@ -116,14 +116,15 @@ LampShape = Literal["sphere", "disc", "quad"]
 @dataclass(frozen=True)
 class ImportedLamp:
     """A light of some size: a primitive of that shape under a matrix (4, 4), which shines from its front with a
-    radiance, RGB in W/(m² sr), in all directions or into a cone about its +Z with these half angles, radians. The name
-    is one for an object."""
+    radiance, RGB in W/(m² sr), in all directions or into a cone about its +Z with these half angles, radians; texture:
+    an image, by its name in parts, that multiplies it. The name is one for an object."""
 
     name: str
     shape: LampShape
     matrix: npt.NDArray[np.float64]
     radiance: RGB
     cone: tuple[float, float] | None = None
+    texture: str = ""
 
 
 @dataclass(frozen=True)

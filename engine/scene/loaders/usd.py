@@ -77,7 +77,8 @@ def _read(path: Path, variants: Mapping[str, str]) -> tuple[ImportedModel, MapMa
     walk = _Walk(scene, MOST_PLACED + layers.n_bytes)
     walk.run()
     maps = MapMaker(layers.n_files, f"@{choices_text(variants)}" if variants else "")
-    materials = UsdMaterials(scene, UsdTextures(scene, layers), maps)
+    textures = UsdTextures(scene, layers)
+    materials = UsdMaterials(scene, textures, maps)
     looks = _looks(path, tree, arrays, layers, maps)
     skins = UsdBindings(scene, walk.nodes, walk.skeletons)
     skins.add_joints()
@@ -90,7 +91,7 @@ def _read(path: Path, variants: Mapping[str, str]) -> tuple[ImportedModel, MapMa
         raise LoadError(path, "faces", 0, f"at least one surface in the stage{why}")
     if looks:
         _merge_reports(scene, looks)
-    lights = UsdLights(scene.metres, UsdDomes(layers, scene))
+    lights = UsdLights(scene.metres, UsdDomes(layers, scene), textures)
     for prim, matrix in walk.lights:
         lights.add(prim, matrix)
     dome = lights.domes.environment()

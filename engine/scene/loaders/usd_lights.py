@@ -18,6 +18,7 @@ from engine.scene.description import MAX_RADIANCE, check_transform, valid_name
 from engine.scene.loaders.model import ImportedLamp, ImportedLight, LampShape, triple
 from engine.scene.loaders.usd_domes import DOMES, UsdDomes
 from engine.scene.loaders.usd_prims import Float64Array, UsdPrim
+from engine.scene.loaders.usd_textures import UsdTextures
 
 MOST_LIGHTS = 64
 CONVERTED = "radiance of lights, in nits, counts as W/(m² sr)"
@@ -35,6 +36,7 @@ class UsdLights:
 
     metres: float
     domes: UsdDomes
+    textures: UsdTextures
     lamps: list[ImportedLamp] = field(default_factory=list)
     lights: list[ImportedLight] = field(default_factory=list)
 
@@ -83,11 +85,27 @@ class UsdLights:
         if _flag(prim, "normalize"):
             radiance = radiance / (area / self.metres**2)
         cone = self._cone(prim)
+        texture = self._texture(prim, cone is not None) if shape == "quad" else ""
         turned = np.eye(4) if shape == "sphere" and cone is None else _TURNED
         placed = matrix @ np.diag([*sides, depth, 1.0]) @ turned
         if problem := check_transform(placed.ravel().tolist()):
             raise prim.error("xformOpOrder", "a flat transform", problem)
-        self.lamps.append(ImportedLamp(name, shape, placed, triple(np.minimum(radiance, MAX_RADIANCE)), cone))
+        radiance = np.minimum(radiance, MAX_RADIANCE)
+        self.lamps.append(ImportedLamp(name, shape, placed, triple(radiance), cone, texture))
+
+    def _texture(self, prim: UsdPrim, has_cone: bool) -> str:
+        """The image of a rectangle, upright as seen from its front; "", listed, where it cannot be shown."""
+        key = prim.input("texture:file")
+        name, layer = prim.asset(key)
+        if not name:
+            return ""
+        try:
+            if has_cone:
+                raise prim.error(key, name, "none on a lamp with a cone")
+            return self.textures.image(name, layer)
+        except LoadError as error:
+            prim.not_shown(key, f"the lamp has one radiance: {error.reason}")
+            return ""
 
     def _cone(self, prim: UsdPrim) -> tuple[float, float] | None:
         """The half angles of a lamp's cone, radians; None where it has none."""

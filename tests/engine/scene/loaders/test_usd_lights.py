@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from engine.scene.loaders.model import ImportedModel
 from engine.scene.loaders.usd import read_usd
@@ -114,6 +115,26 @@ def test_cones_are_those_of_the_lamp(tmp_path: Path) -> None:
         scene = load_scene(tmp_path / "a.usda", (8, 8))
         cone = scene.description.objects[scene.object_index("L")].cone
         assert cone is not None and (cone.inner, cone.outer) == pytest.approx(np.degrees(lamp.cone))
+
+
+def test_an_image_of_a_rectangle_is_upright_as_seen_from_its_front(tmp_path: Path) -> None:
+    Image.fromarray(np.array([[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [255, 255, 255]]], np.uint8)).save(
+        tmp_path / "four.png"
+    )
+    image = "asset inputs:texture:file = @four.png@\n float inputs:intensity = 3"
+    scene = load_scene(write(tmp_path / "a.usda", f'{CARD}\ndef RectLight "Panel" {{ {image}\n}}'), (8, 8))
+    k = scene.object_index("Panel")
+    panel = scene.description.objects[k]
+    assert panel.emission == (3.0, 3.0, 3.0) and panel.emission_texture.texture == "four.png" and not scene.unshown
+    # The image begins, at its upper left, at (+X, +Y) [UsdLux, RectLight]: there the lamp has (u, v) = (0, 1).
+    start, stop = scene.triangle_ranges[k]
+    corners = (scene.vertices[scene.triangles[start:stop]] + scene.origin).reshape(-1, 3)
+    assert scene.uvs is not None
+    uvs = scene.uvs[start:stop].reshape(-1, scene.uvs.shape[2])[:, :2]
+    assert np.allclose(uvs, np.stack([0.5 - corners[:, 0], 0.5 + corners[:, 1]], axis=1))
+    cone = "float inputs:shaping:cone:angle = 30"
+    spot = lit(tmp_path, f'def RectLight "L" (prepend apiSchemas = ["ShapingAPI"]) {{ {image}\n {cone}\n}}')
+    assert unshown(spot) == {"RectLight.inputs:texture:file": 1} and spot.lamps[0].texture == ""
 
 
 def test_lamps_become_objects_and_suns_part_of_the_sky(tmp_path: Path) -> None:
