@@ -9,7 +9,7 @@ listed. A surface by subdivision has the points and weights of its control mesh,
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from engine.scene.mesh import Mesh, normalize
 from engine.scene.rig import Binding, Morph, normal_matrices
 
 MOST_BONES = 8  # of a vertex of a subdivided surface
-MOST_WEIGHTS = 4_000_000
+MOST_WEIGHTS = 1_000_000  # of one, which refining makes sixteen times as many
 # Of the extent of a mesh: how far our pose may be from the library's, of polygons and of subdivided surfaces.
 _NEAR, _NEAR_SMOOTH = 1e-3, 0.1
 _KEY = "skel:skeleton"
@@ -107,7 +107,7 @@ class UsdBindings:
             samples = Samples(prim, "joints", times, own, int(keys)) if np.ptp(own, axis=0).any() else None
             nodes[k] = self.nodes.add(nodes[parent] if parent >= 0 else node, by_time[0, k], samples)
         try:
-            inverses = np.linalg.inv(binds.reshape(-1, 4, 4))
+            inverses = np.asarray(np.linalg.inv(binds.reshape(-1, 4, 4)), np.float64)
         except np.linalg.LinAlgError:
             raise prim.error("bindTransforms", "a flat transform", "three axes") from None
         return _Joints(prim, nodes, inverses)
@@ -149,10 +149,8 @@ class UsdBindings:
         turns = found.blend_matrices(normal_matrices(at_rest))
         is_flat = np.abs(np.linalg.det(turns)) < 1e-12
         turns[is_flat] = np.eye(3)
-        normals = np.linalg.solve(turns, mesh.normals[..., None])[..., 0]
-        return Binding(
-            found.nodes, maps, found.bones, shares, places, normalize(normals, mesh.normals), morphs
-        )  # fmt: skip
+        normals = np.asarray(np.linalg.solve(turns, mesh.normals[..., None])[..., 0], np.float64)
+        return replace(found, normals=normalize(normals, mesh.normals))
 
     def _morphs(
         self, surface: Surface, rows: UsdPrim, used: Int64Array, joints: _Joints
@@ -210,8 +208,9 @@ def _influences(
         order = np.argsort(-dense, axis=1)[:, :MOST_BONES]
         weights, bones = np.take_along_axis(dense, order, axis=1), numbers[order]
     else:
-        weights, bones = surface.of_points(weights)[used], surface.of_points(bones.astype(np.float64))[used]
+        weights = surface.of_points(weights)[used]
+        bones = np.round(surface.of_points(bones.astype(np.float64))[used]).astype(np.int64)
     total = weights.sum(axis=1, keepdims=True)
     if not (np.abs(total) > 1e-9).all():
         raise surface.prim.error("primvars:skel:jointWeights", "points without weights", "a joint for each point")
-    return weights / total, np.round(bones).astype(np.int64)
+    return weights / total, bones

@@ -175,8 +175,9 @@ class Parts:
         """What moves the copies of a part of a surface: its skin, else the nodes; None where nothing moves."""
         if self._skins is None:
             return None
-        whole = np.arange(len(surface.mesh.vertices))
-        used = whole if chosen.all() else np.unique(surface.mesh.triangles[chosen])
+        used = np.arange(len(surface.mesh.vertices))
+        if not chosen.all():
+            used = np.unique(surface.mesh.triangles[chosen]).astype(np.int64)
         return self._skins.binding(surface, used, copies, len(nodes)) or place_copies_at_nodes(mesh, nodes)
 
     def _in_looks(self, owner: UsdPrim, path: str) -> tuple[str, ...]:

@@ -89,7 +89,7 @@ def _mesh(target: Any, query: Any, times: np.ndarray, start: float) -> dict[str,
         bones = own[bones]
     bind = np.array(target.GetGeomBindTransform(start)).T
     found = {"points": points, "bones": bones, "weights": weights, "bind": bind}
-    return found | _shapes(target, query.GetAnimQuery(), len(points), times)
+    return {**found, **_shapes(target, query.GetAnimQuery(), len(points), times)}
 
 
 def _shapes(target: Any, animation: Any, n_points: int, times: np.ndarray) -> Mapping[str, Any]:
