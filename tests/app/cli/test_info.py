@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -40,8 +41,8 @@ def mesh(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "kite.obj").write_text(TRIANGLE)
     read = object_meshes.read_model
 
-    def with_more(file: Path) -> ImportedModel:
-        model = read(file)
+    def with_more(file: Path, variants: Mapping[str, str]) -> ImportedModel:
+        model = read(file, variants)
         return replace(
             model, notes=("one normal computed",), cameras=(FRONT,),
             unshown=(THICKNESS, UnshownProperty(HIDDEN, 1, "x")),
