@@ -8,6 +8,9 @@ import pytest
 
 from app.document.commands.layers import AddLayers, SetVariant, new_layer
 from app.document.document import Variant
+from app.messages.worker_messages import OpenScene
+from engine.scene.import_report import ImportReport
+from engine.scene.loaders.model import VariantSet
 from ui.headless import HeadlessWindow
 from ui.panels.material import _cover_note
 
@@ -45,3 +48,16 @@ def test_a_variant_is_chosen(window: HeadlessWindow) -> None:
     window.frames(2)
     assert editor.document.object("teapot").layers == gold and editor.document.variant == "gold"
     assert SetVariant("plain").apply(editor.document).object("teapot").layers == pot.layers
+
+
+def test_a_variant_of_a_stage_is_opened_again(window: HeadlessWindow) -> None:
+    editor = window.shell.editor
+    editor.history.document = replace(editor.document, source="/models/room.usda")
+    sets = (VariantSet("shape", ("low", "tall"), "low"), VariantSet("size", ("big", "small")))
+    editor.scenes.report = ImportReport(variant_sets=sets)
+    window.frames(2)
+    window.click_handle("material.set.shape")
+    window.frames(2)
+    window.click_handle("material.set.shape.tall")
+    requests = editor._client.requests  # type: ignore[attr-defined]
+    assert [each.source for each in requests if isinstance(each, OpenScene)][-1] == "/models/room.usda#shape=tall"

@@ -165,7 +165,7 @@ def model_with_lights(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A cube of a file that has three lights."""
     sun = ImportedLight("Sun", "directional", INTENSITY, direction=(0.0, -1.0, 0.0))
     model = ImportedModel((ImportedPart(cube()),), lights=(POINT, spot(0, 45), sun, POINT))
-    monkeypatch.setattr("engine.scene.object_meshes.read_model", lambda file: model)
+    monkeypatch.setattr("engine.scene.object_meshes.read_model", lambda file, variants: model)
     path = tmp_path / "box.glb"
     path.write_bytes(b"glTF")
     return path
