@@ -27,6 +27,7 @@ from app.files.records import (
     DeformerRecord,
     LayerRecord,
     LightRecord,
+    MixRecord,
     ObjectRecord,
     OperatorRecord,
     SessionRecord,
@@ -69,7 +70,8 @@ SCENE: Tables = [
     ("object.deform.patch", surface_kinds.Detail), ("object.deform.wrinkles", surface_kinds.Wrinkles),
 ]  # fmt: skip
 SESSION: Tables = [
-    ("Top of the file", SessionRecord), ("[light]", LightRecord), ("light.suns", SunRecord), ("[view]", ViewRecord),
+    ("Top of the file", SessionRecord), ("[light]", LightRecord), ("light.suns", SunRecord),
+    ("light.mix", MixRecord), ("[view]", ViewRecord),
     ("[[object]]", ObjectRecord),
     ("[[object.layer]]", LayerRecord), ("[[object.layer.curve]]", CurveRecord), ("its operator", OperatorRecord),
     ("[[object.deformer]]", DeformerRecord), ("[[bookmark]]", BookmarkRecord),

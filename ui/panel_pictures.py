@@ -186,6 +186,7 @@ def panel_context(editor: Editor, source: PictureFeed | None, pictures: PanelPic
         mode_before="" if source.mode_before is None else source.mode_before.title,
         error_overlay=pictures.error_map(status.error_colours),
         environment=pictures.picture(source.environment),
+        has_environment=source.has_environment,
         map_thumbnails={} if selected is None else pictures.maps(source, selected.key),
         map_refusal=refusal,
         heading=source.heading,

@@ -78,6 +78,11 @@ class SceneView:
         return self._thumbnail
 
     @property
+    def has_environment(self) -> bool:
+        """Whether the scene's own file has an environment."""
+        return self._description is not None and self._description.environment is not None
+
+    @property
     def thumbnail_is_ready(self) -> bool:
         """Whether a new thumbnail only has to be shown."""
         return self._thumbnail_due is not None and self._thumbnail_due.done()

@@ -8,7 +8,7 @@ model with change signals, which undo, the journal and the worker would each hav
 Names: a layer's *key* is ``"object.index"``; a *path* names anything that can be set, written with the layer's index or
 its name: ``"teapot"``, ``"teapot.1"``, ``"teapot.coat.theta_h"``, ``"teapot.1.alpha"``, ``"teapot.1.alpha_map"``,
 ``"teapot.bend"``, ``"bat.time"``, ``"bat.membrane.translucency"``, ``"lamp.emission"``, ``"light.rotation"``,
-``"light.Noon.direction"``.
+``"light.Noon.direction"``, ``"lamp.strength"`` (of its row in the mix, `app.document.light_state`).
 """
 
 from __future__ import annotations
@@ -20,10 +20,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple
 
+from app.document.light_state import MIX_FIELDS, RGB, LightState, group_key
 from app.document.linked_layers import layers_from_descriptions, linked_indices, with_covers, with_layer
-from app.system.paths import is_file_name
 from engine.core.errors import InsituError
-from engine.light.probe_mappings import Mapping
 from engine.light.suns import Sun
 from engine.material.bumps import NO_BUMPS, Bumps, BumpsByObject, bump_fields
 from engine.material.layer import Layer
@@ -41,48 +40,8 @@ from engine.settings import LineValue
 
 Kind = Literal[
     "object", "layer", "factor", "parameter", "map", "parameter_map", "switch", "deformer", "time", "bumps",
-    "opacity", "surface", "light", "sun",
+    "opacity", "surface", "light", "sun", "mix",
 ]  # fmt: skip
-RGB = tuple[float, float, float]
-
-SCENE_ENVIRONMENT = "scene"
-CONSTANT_ENVIRONMENT = "constant"
-
-
-@dataclass(frozen=True)
-class LightState:
-    """The environment, its rotation and intensity.
-
-    ``environment`` is ``"scene"`` (that of the scene file, with its ``scale``), ``"constant"`` (``radiance`` from
-    everywhere), a built-in environment's name or a file's path, read with ``mapping``. ``rotation`` in degrees rotates
-    it counter-clockwise about +Y seen from above. ``intensity`` multiplies all light, emitters included: it is applied
-    to the finished picture, so it costs nothing and transport does not depend on it. ``new_suns`` replace the
-    ``own_suns`` of the scene's file; they turn with the environment.
-    """
-
-    environment: str = SCENE_ENVIRONMENT
-    mapping: Mapping = "latlong"
-    rotation: float = 0.0
-    intensity: float = 1.0
-    radiance: RGB | None = None
-    own_suns: tuple[Sun, ...] = ()
-    new_suns: tuple[Sun, ...] | None = None
-
-    @property
-    def suns(self) -> tuple[Sun, ...]:
-        """The suns that shine, whatever the environment is; their names differ."""
-        return self.own_suns if self.new_suns is None else self.new_suns
-
-    def with_edited_suns(self, suns: Iterable[Sun]) -> LightState:
-        """The light with its own suns, and those of these in their places that have their names."""
-        edited = {each.name: each for each in suns}
-        found = tuple(edited.get(own.name, own) for own in self.own_suns)
-        return replace(self, new_suns=None if found == self.own_suns else found)
-
-    @property
-    def is_file(self) -> bool:
-        """Whether the environment is a file that was opened: built-in ones have names without a suffix."""
-        return is_file_name(self.environment)
 
 
 # The name of the variant that a scene opens in, where its file names none for that.
@@ -346,10 +305,17 @@ def resolve(document: Document, path: str) -> Target:
     sun, _, last = rest.rpartition(".")
     if head == "light" and last in SUN_FIELDS and sun in [each.name for each in document.light.suns]:
         return Target("sun", sun, name=last)
+    key, _, _ = path.rpartition(".")
+    keys = (*document.light.keys, *map(group_key, document.light.groups))
+    if last in MIX_FIELDS and key in keys:
+        return Target("mix", key, name=last)
     if head == "light" and all(state.name != "light" for state in document.objects):
         suns = [f"{each.name}.{name}" for each in document.light.suns for name in SUN_FIELDS]
-        raise _unknown("property of the light", rest, (*LIGHT_FIELDS, *suns))
+        rows = [f"{key.removeprefix('light.')}.{name}" for key in keys for name in MIX_FIELDS]
+        raise _unknown("property of the light", rest, (*LIGHT_FIELDS, *suns, *rows))
     state, rest = _split_object(document, path)
+    if rest in MIX_FIELDS and state.emits and rest not in [layer.name for layer in state.layers]:
+        return Target("mix", state.name, name=rest)
     if not rest:
         return Target("object", state.name)
     kind = _kind_of(rest)
@@ -461,7 +427,7 @@ def _with_own_variant(state: ObjectState) -> ObjectState:
 
 def _suns_of(environment: EnvironmentDescription) -> tuple[Sun, ...]:
     """The suns of a scene's environment, with names of their own."""
-    suns, taken = list[Sun](), set[str]()
+    suns, taken = list[Sun](), {"environment"}  # has a row of its own in the mix
     for number, each in enumerate(environment.suns, 1):
         red, green, blue = (environment.scale * value for value in each.irradiance)
         length, (x, y, z) = math.hypot(*each.direction), each.direction

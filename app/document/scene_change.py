@@ -15,7 +15,8 @@ from collections.abc import Mapping
 from dataclasses import fields, replace
 from typing import Any
 
-from app.document.document import Document, LightState, ObjectState
+from app.document.document import Document, ObjectState
+from app.document.light_state import LightState
 from app.document.linked_layers import Layers, synchronize_layers
 from engine.material.layer import Layer
 from engine.scene.description import SceneDescription
@@ -48,7 +49,8 @@ class SceneChange:
         objects = tuple(self._object(there.get(self._names[own.name]), own) for own in self._scene.objects)
         taken = {state.name for state in objects}
         absent = tuple(there[name] for name in self.gone(document) if name not in taken)
-        light = _merge_light(document.light, self._light, self._scene.light)
+        light = document.light.with_renamed_rows({was: now for now, was in self._names.items() if was})
+        light = _merge_light(light, self._light, self._scene.light)
         return replace(document, source=self._scene.source, objects=objects, absent=absent, light=light)
 
     def gone(self, document: Document) -> tuple[str, ...]:

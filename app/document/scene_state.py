@@ -13,7 +13,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from app.document.document import RGB, Document, LightState
+from app.document.document import Document
+from app.document.light_mix import emission_of, mixed_light
+from app.document.light_state import RGB, LightState
 from engine.material.layer import Layer, object_of
 from engine.material.layer_maps import MapMeans
 
@@ -74,7 +76,8 @@ class LayerState:
 
 @dataclass(frozen=True)
 class SceneState:
-    """A scene's light, at intensity 1, the radiance of its emitters by name, and the layers of all other objects."""
+    """A scene's light, mixed (`mixed_light`) and at intensity 1, the radiance of its emitters by name, and the layers
+    of all other objects."""
 
     light: LightState
     layers: tuple[LayerState, ...]
@@ -94,6 +97,5 @@ def layer_state(document: Document, key: str, bands: tuple[int, ...] = (), means
 
 def scene_state(document: Document, layer: Callable[[Document, str], LayerState] = layer_state) -> SceneState:
     """The state of a document for the worker. layer: makes that of one of the layers, by key."""
-    emission = {state.name: state.emission for state in document.objects if state.emission is not None}
     layers = tuple(layer(document, key) for key, _ in document.layers())
-    return SceneState(replace(document.light, intensity=1.0), layers, tuple(emission.items()))
+    return SceneState(replace(mixed_light(document), intensity=1.0), layers, emission_of(document))

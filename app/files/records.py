@@ -27,9 +27,11 @@ from pydantic import (
 
 from app.document.commands.curves import MAX_OPERATORS, CurveEdit
 from app.document.commands.light import INTENSITY
+from app.document.commands.mix import changed_row
 from app.document.commands.plan import FirstBands
 from app.document.commands.poses import MAX_DEFORMERS
 from app.document.document import all_factors, layer_key
+from app.document.light_state import MIX_FIELDS, PLAIN_ROW, MixRow
 from app.document.linked_layers import FRESNEL_NAME, Layers, layers_from_descriptions, synchronize_layers
 from app.document.view_state import Bookmark, Viewpoint
 from app.files.bookmarks import MAX_BOOKMARKS, MAX_NAME, MAX_THUMBNAIL_BYTES, check_thumbnail, is_name
@@ -46,7 +48,7 @@ from engine.material.layer_maps import LayerMaps
 from engine.material.map_tables import map_values
 from engine.material.opacity import Opacity, opacity_of_parts
 from engine.material.parameter_maps import parameter_map_table
-from engine.material.parameters import FRESNEL, Value
+from engine.material.parameters import FRESNEL, ParameterError, Value
 from engine.measured.measurement import Measurement
 from engine.realtime.zonal_harmonics.pose import MAX_GROWTH, Deformation, largest_growth
 from engine.scene.description import (
@@ -77,6 +79,7 @@ from engine.settings import (
 )
 
 MAX_OVERRIDES = 4096
+MAX_MIX_ROWS = 2 * MAX_OBJECTS  # each light in a group of its own
 # A path of any length that systems take, each byte of it as "%E9".
 PathText = Annotated[str, Field(min_length=1, max_length=3 * 4096 + 5, strict=True)]
 MAX_TABLE = 8192
@@ -204,6 +207,34 @@ class SunRecord(SunDescription):
         return Sun(self.direction, self.irradiance, self.diameter, self.name)
 
 
+class MixRecord(StrictModel):
+    """A light's row in the mix, by its key."""
+
+    light: Annotated[Text, Field(min_length=1)]
+    on: Flag = True
+    solo: Flag = False
+    strength: Number = 0.0
+    colour: Triple = (1.0, 1.0, 1.0)
+    kelvin: Number = 0.0
+    group: Text = ""
+
+    @model_validator(mode="after")
+    def _is_a_row(self) -> MixRecord:
+        try:
+            assert self.row
+        except ParameterError as error:
+            raise ValueError(f"{error.what}: {error.expected}") from None
+        return self
+
+    @property
+    def row(self) -> MixRow:
+        row = PLAIN_ROW
+        for name in MIX_FIELDS:
+            if name in self.model_fields_set:
+                row = changed_row(row, name, getattr(self, name))
+        return row
+
+
 class LightRecord(StrictModel):
     environment: PathText
     mapping: Mapping = "latlong"
@@ -211,6 +242,7 @@ class LightRecord(StrictModel):
     intensity: Annotated[Number, Field(ge=0.0, le=INTENSITY.maximum)] = 1.0
     radiance: Radiance | None = None
     suns: Annotated[tuple[SunRecord, ...], Field(max_length=MAX_SUNS)] | None = None
+    mix: Annotated[tuple[MixRecord, ...], Field(max_length=MAX_MIX_ROWS)] = ()
 
 
 def _type_of(setting: Setting) -> Any:

@@ -20,7 +20,8 @@ from pydantic import (
 )
 
 from app.document.commands.light import check_light
-from app.document.document import Document, LightState, ObjectState, Selection, all_factors
+from app.document.document import Document, ObjectState, Selection, all_factors
+from app.document.light_state import MIX_FIELDS, PLAIN_ROW, LightState, MixRow
 from app.document.named_files import with_full_paths
 from app.document.sources import SESSION_ENDING
 from app.document.view_state import Bookmark, SetView, ViewState
@@ -155,6 +156,8 @@ def parse_session(data: bytes, path: Path, folder: Path | None) -> Session:
         full_path(saved.environment, folder), saved.mapping, saved.rotation, saved.intensity, saved.radiance,
         new_suns=None if saved.suns is None else tuple(each.sun for each in saved.suns),
     )  # fmt: skip
+    for each in saved.mix:
+        light = light.with_row(each.light, each.row)
     document = Document(full_path(record.scene, folder), objects, check_light(light, str(path)), record.first_bands)
     document = replace(document, overrides=tuple(sorted(record.overrides.items())))
     view = replace(_view(record.view, document), bookmarks=tuple(each.bookmark for each in record.bookmarks))
@@ -207,7 +210,8 @@ def _with_present_names(session: Session, scene: Document) -> Session:
     if not names:
         return session
     objects = tuple(replace(each, name=names.get(each.name, each.name)) for each in session.document.objects)
-    return replace(session, document=replace(session.document, objects=objects))
+    light = session.document.light.with_renamed_rows(names)
+    return replace(session, document=replace(session.document, objects=objects, light=light))
 
 
 def _lost_clip(scene: ObjectState, saved: ObjectState) -> bool:
@@ -238,6 +242,7 @@ def dump_session(
     del light["own_suns"]
     new_suns = light.pop("new_suns")
     light["suns"] = None if new_suns is None else [each._asdict() for each in new_suns]
+    light["mix"] = [{"light": key, **_changed(row)} for key, row in document.light.mix] or None
     lines = [
         "# An Insitu session: materials, light and poses on top of a scene. Angles of operators in radians.",
         *toml_lines({"version": SESSION_VERSION, "ends": True, "scene": written_path(document.source, folder)}),
@@ -252,6 +257,11 @@ def dump_session(
     for bookmark in view.bookmarks:
         lines += ["[[bookmark]]", *toml_lines(_bookmark_values(bookmark))]
     return "\n".join([*lines, "[end]"]) + "\n"
+
+
+def _changed(row: MixRow) -> dict[str, Any]:
+    """The values of a row that are not as at first."""
+    return {name: getattr(row, name) for name in MIX_FIELDS if getattr(row, name) != getattr(PLAIN_ROW, name)}
 
 
 def _object_lines(state: ObjectState, folder: Path | None) -> Iterator[str]:

@@ -33,6 +33,7 @@ from app.document.document import (
     resolve,
 )
 from app.document.history import History
+from app.document.light_state import MIX_FIELDS, group_key, sun_key
 from app.document.view_state import Viewpoint
 from app.project.project import read_measurements, set_path
 from engine.core.errors import InsituError
@@ -158,36 +159,44 @@ class LightNode(Node):
     about +Y, and `intensity`, which multiplies all light. Suns are found by their names, and have `direction`,
     `irradiance` (W/m²) and `diameter` (degrees). Emitters in the scene are set by the `emission` of their object.
 
+    Each light has a row in the mix: `light["environment"]`, suns, `light["groups.Key"]` for all lights whose group is
+    "Key", and emitters, by their object: `on`, `solo`, `strength` in stops, `colour` or `kelvin`, and `group`.
+
     >>> import insitu
     >>> light = insitu.open("shapes").light
     >>> light.rotation = 450
     >>> light.rotation
     90.0
+    >>> light["environment"].strength = -1
     """
 
-    def __getitem__(self, sun: str) -> SunNode:
+    def __getitem__(self, light: str) -> RowNode:
         names = list(self)
-        if sun not in names:
-            raise InsituError(f"there is no sun {sun!r}; available: {', '.join(names) or 'none'}")
-        return SunNode(self._editing, f"{self._path}.{sun}")
+        if light not in names:
+            raise InsituError(f"there is no light {light!r}; available: {', '.join(names)}")
+        return RowNode(self._editing, f"{self._path}.{light}")
 
     def __iter__(self) -> Iterator[str]:
-        return iter([each.name for each in self._editing.document.light.suns])
+        light = self._editing.document.light
+        return iter([key.removeprefix("light.") for key in (*light.keys, *map(group_key, light.groups))])
 
     def _names(self) -> Sequence[str]:
         return LIGHT_FIELDS
 
 
-class SunNode(Node):
-    """A sun: `direction` towards it at rotation 0, `irradiance` of a surface that faces it (W/m², three numbers), and
-    `diameter` in degrees."""
+class RowNode(Node):
+    """A light's row in the mix: `on`, `solo`, `strength`, `colour`, `kelvin` and `group`. A sun has also `direction`
+    towards it at rotation 0, `irradiance` of a surface that faces it (W/m², three numbers), and `diameter` in
+    degrees."""
 
     def _names(self) -> Sequence[str]:
-        return SUN_FIELDS
+        is_sun = self._path in map(sun_key, [each.name for each in self._editing.document.light.suns])
+        return (*SUN_FIELDS, *MIX_FIELDS) if is_sun else MIX_FIELDS
 
 
 class ObjectNode(Node):
-    """An object: `visible`, `frozen`, `editable`, `emission` (of a lamp, three numbers), `time` of its animation,
+    """An object: `visible`, `frozen`, `editable`, `emission` (of a lamp, three numbers) and its row in the mix of
+    lights (`on`, `solo`, `strength`, `colour`, `kelvin`, `group`), `time` of its animation,
     amounts of deformers (`bend`, `twist` …), parts of bumps and opacity; `material`, which can be set alone, to the
     name of a material of the library, a material's file or a measured BRDF's. Its layers are found by name or number.
 
@@ -211,7 +220,8 @@ class ObjectNode(Node):
         return iter([layer.name for layer in self._editing.document.object(self._path).layers])
 
     def _names(self) -> Sequence[str]:
-        return (*SWITCHES, EMISSION, TIME, *KINDS, *bump_fields(), *opacity_fields())
+        mix = MIX_FIELDS if self._editing.document.object(self._path).emits else ()
+        return (*SWITCHES, EMISSION, *mix, TIME, *KINDS, *bump_fields(), *opacity_fields())
 
 
 class LayerNode(Node):
@@ -389,6 +399,8 @@ def value_at(document: Document, path: str) -> Any:
         return getattr(document.light, name)
     if target.kind == "sun":
         return next(getattr(each, name) for each in document.light.suns if each.name == target.object)
+    if target.kind == "mix":
+        return getattr(document.light.row(target.object), name)
     if target.key is not None and target.layer is not None:
         layer = document.layer(target.key)
         match target.kind:

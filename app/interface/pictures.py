@@ -22,6 +22,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from app.document.light_mix import mixed_light
 from app.project.project import Project
 from app.stills.stills import (
     chosen_bounces,
@@ -199,7 +200,7 @@ class PlacementPictures:
 
     def _lit(self, project: Project, view: _View, layers: Sequence[StillLayer], plan: Plan) -> _Light:
         settings = plan.light_settings.of_direct_light
-        key = (view.key, replace(project.document.light, intensity=1.0), settings)
+        key = (view.key, replace(mixed_light(project.document), intensity=1.0), settings)
         if self._light is None or self._light.key != key:
             placement, sky = view.placement, project.sky
             quality = still_quality(run_to_end(with_light_budget(placement, layers, sky, plan)))

@@ -26,29 +26,28 @@ from app.document.commands.light import (
     SetIntensity,
     SetMapping,
     SetRotation,
-    emission_of,
     set_environment_file,
 )
 from app.document.commands.maps import SetBumps, SetMap, SetOpacity, SetParameterMap, surface_named
+from app.document.commands.mix import SetMix
 from app.document.commands.plan import FIRST_BANDS, active_overrides, override_from_value, set_first_bands
 from app.document.commands.poses import with_amounts, with_time
 from app.document.commands.suns import SetSun
 from app.document.document import (
-    CONSTANT_ENVIRONMENT,
     EMISSION,
     FRESNEL_TERM,
     MATERIAL,
-    SCENE_ENVIRONMENT,
     TIME,
     UNDER,
     VARIANT,
     Document,
-    LightState,
     Target,
     document_from_description,
     reflecting_layers,
     resolve,
 )
+from app.document.light_mix import emission_of, mixed_light
+from app.document.light_state import CONSTANT_ENVIRONMENT, ENVIRONMENT_KEY, SCENE_ENVIRONMENT, LightState
 from app.document.named_files import document_with_measurements, files_of_document, layers_with_variants, unread_files
 from app.document.node_layers import Statistics, channel_images, with_node_layers
 from app.document.scene_files import is_archive, renamed, split_axis, unpacked_scene_file, variants_of
@@ -101,7 +100,7 @@ class Project:
     @cached_property
     def sky(self) -> SkyState:
         """The distant light; loads the environment, once."""
-        return sky_of(self.scene, self.document.light)
+        return sky_of(self.scene, mixed_light(self.document))
 
     @cached_property
     def statistics(self) -> Statistics:
@@ -175,7 +174,9 @@ class Project:
         if turned or look.resolution not in (None, scene.resolution):
             scene = scene.from_camera(look.camera, look.resolution)
         project = replace(self, document=document, scene=scene, at_rest=at_rest)
-        if "sky" in vars(self) and replace(document.light, intensity=1.0) == replace(old.light, intensity=1.0):
+        if "sky" in vars(self) and replace(mixed_light(document), intensity=1.0) == replace(
+            mixed_light(old), intensity=1.0
+        ):
             vars(project)["sky"] = self.sky
         return project
 
@@ -259,9 +260,9 @@ def open_project(
 
 
 def sky_of(scene: Scene, light: LightState, load: Callable[[Path, str], Environment] | None = None) -> SkyState:
-    """The distant light of a document's light state: environment, suns, rotation and the scene's scale. `intensity` is
-    left out: it multiplies the finished picture. load: reads a file's environment, None for the engine's own reader."""
-    from engine.light.environment import constant_environment, load_environment
+    """The distant light of a document's light, mixed (`mixed_light`): environment, suns, rotation and the scene's
+    scale. `intensity` is left out: it multiplies the finished picture. load: reads a file's environment, None for the engine's own reader."""
+    from engine.light.environment import constant_environment, load_environment, tinted
     from engine.light.suns import with_suns
     from engine.precompute.direct.pipeline import SkyState
 
@@ -282,8 +283,13 @@ def sky_of(scene: Scene, light: LightState, load: Callable[[Path, str], Environm
             environment = constant_environment(described.radiance or (0.0, 0.0, 0.0))
         else:
             environment = load(scene.environment_path, described.mapping)
-    if light.suns and scale == 0.0:
+    gain = light.row(ENVIRONMENT_KEY).gain
+    brightest = max(gain)
+    if brightest == 0.0 or light.suns and scale == 0.0:
         environment, scale = constant_environment(0.0), 1.0
+    else:
+        red, green, blue = (each / brightest for each in gain)
+        environment, scale = tinted(environment, (red, green, blue)), scale * brightest
     return SkyState(
         with_suns(environment, tuple(each.scaled(1.0 / scale) for each in light.suns)), light.rotation, scale
     )
@@ -374,6 +380,8 @@ def set_path(document: Document, path: str, value: Any) -> EditCommand:
         return _set_light(path, target, value)
     if target.kind == "sun" and target.name is not None:
         return SetSun(target.object, target.name, value)
+    if target.kind == "mix" and target.name is not None:
+        return SetMix(target.object, target.name, value)
     if target.kind == "switch":
         return _set_switch(path, target, value)
     raise InsituError(f"{path!r} is a {target.kind} and has no value; name a parameter of it")

@@ -17,7 +17,7 @@ from functools import partial
 
 import numpy as np
 
-from app.document.document import LightState
+from app.document.light_state import LightState
 from app.document.scene_state import LayerState
 from app.messages.worker_messages import Response
 from app.modes.placement.placement_messages import LayerPicture, LayerTransport

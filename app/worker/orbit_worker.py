@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from app.document.document import RGB
+from app.document.light_state import RGB
 from app.document.scene_state import LayerState
 from app.messages.worker_messages import Progress, WorkerWarnings
 from app.modes.mode import ModeWorker

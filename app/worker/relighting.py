@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from app.document.document import LightState
+from app.document.light_state import LightState
 from app.document.scene_state import LayerState, SceneState
 from app.messages.worker_messages import Response
 from app.modes.placement.desired_state import brightening_factors

@@ -17,7 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from app.document.document import LightState, document_from_description
+from app.document.document import document_from_description
+from app.document.light_state import LightState
 from app.document.named_files import (
     document_with_measurements,
     layers_of_document,
@@ -155,12 +156,12 @@ class WorkerContext:
             yield WorkerWarnings(lines)
 
     def sky(self, light: LightState) -> SkyState:
-        """The sky of the open scene, under a document's light. Raises LoadError."""
+        """The sky of the open scene, under a document's light, mixed. Raises LoadError."""
         return sky_of(self.open_placement.scene, light, self._environment)
 
     def sky_image(self, sky: SkyState, light: LightState) -> SkyImage | None:
         """The image of the sky, when it is not the one that was sent last."""
-        shown = (light.environment, light.mapping, light.radiance, light.suns)
+        shown = (light.environment, light.mapping, light.radiance, light.suns, light.mix)
         if shown == self._sent_sky:
             return None
         self._sent_sky = shown

@@ -113,6 +113,14 @@ def _constant(*radiance: float) -> Environment:
     return Environment(np.array([[radiance]], np.float32), "constant")
 
 
+@lru_cache(maxsize=2)  # the same object again, whose integrals are known
+def tinted(environment: Environment, colour: tuple[float, float, float]) -> Environment:
+    """The environment times a colour, linear Rec. 709; itself for white."""
+    if colour == (1.0, 1.0, 1.0):
+        return environment
+    return Environment(environment.radiance * np.array(colour, np.float32), environment.source, environment.notes)
+
+
 def load_environment(path: str | Path, mapping: Mapping = "latlong") -> Environment:
     """Loads an OpenEXR or Radiance HDR file; what is no lat-long map is resampled to one (`probe_mappings`).
 

@@ -12,7 +12,7 @@ import pytest
 from app.cli.options import print_project_notes
 from app.document.commands.layers import SetParameter
 from app.document.commands.light import SetEnvironment
-from app.document.document import LightState
+from app.document.light_state import LightState
 from app.document.sources import find_source
 from app.document.view_state import ViewState
 from app.files.session import save_session

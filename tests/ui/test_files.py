@@ -11,7 +11,7 @@ import pytest
 from imgui_bundle import imgui
 
 from app.document.commands.light import SetIntensity
-from app.document.document import LightState
+from app.document.light_state import LightState
 from app.document.sources import likely_mapping, probe_size
 from app.editor.editor import Editor
 from app.files.session import load_session

@@ -117,7 +117,7 @@ def no_spot(column: int, row: int) -> SurfaceSpot | None:
 @dataclass(frozen=True)
 class PanelContext:
     """What every panel reads. `picture` is the scene, `environment` the thumbnail; None until there is one.
-    `error_overlay` is the map of its error, None while unknown.
+    `error_overlay` is the map of its error, None while unknown. `has_environment`: whether the scene's file has one.
 
     `map_thumbnails` are the selected layer's "texture" and "weight", `map_refusal` says why they cannot be used.
     `undo_label` and `redo_label` name what would be undone or redone. `object_at` returns the object's name at a pixel
@@ -157,6 +157,7 @@ class PanelContext:
     object_at: Callable[[int, int], str | None] = no_object
     spot_at: Callable[[int, int], SurfaceSpot | None] = no_spot
     heading: float = 0.0
+    has_environment: bool = True
     environments: tuple[str, ...] = ()
     library: tuple[LibraryEntry, ...] = ()
     thumbnail: Callable[[LibraryEntry], Picture | None] = no_thumbnail

@@ -1,4 +1,4 @@
-"""The Light panel: the environment's picture with its rotation, a dial that rotates it, its strength, and suns.
+"""The Light panel: the environment's picture with its rotation, a dial that rotates it, its strength, and the mix.
 
 An environment from a file can be read as a lat-long or as an angular map; the default is guessed from its shape.
 
@@ -23,10 +23,10 @@ from app.document.commands.light import (
     SetMapping,
     SetRotation,
 )
-from app.document.document import CONSTANT_ENVIRONMENT, SCENE_ENVIRONMENT
+from app.document.light_state import CONSTANT_ENVIRONMENT, SCENE_ENVIRONMENT
 from engine.light.probe_mappings import MAPPINGS
 from ui import theme as look
-from ui.panels import rows, suns, widgets
+from ui.panels import light_mixer, rows, widgets
 from ui.panels.actions import Action, AskFile, BeginDrag, EndDrag, HoldGrip, MergedEdit, SetPanel
 from ui.panels.context import PanelContext
 from ui.panels.pictures import Picture
@@ -70,7 +70,7 @@ def draw(context: PanelContext) -> list[Action]:
         actions += rows.draw(context, row)
     note = context.status.light_note
     widgets.caption(note[:1].upper() + note[1:])  # its line stays, so that no scroll bar appears during a drag
-    return actions + suns.draw(context)
+    return actions + light_mixer.draw(context)
 
 
 def environment_label(environment: str) -> str:

@@ -41,6 +41,7 @@ from app.document.commands.maps import (
     SetParameterMap,
     SetSurface,
 )
+from app.document.commands.mix import SetMix
 from app.document.commands.plan import OverrideLine, SetFirstBands
 from app.document.commands.poses import AddDeformer, MoveDeformer, RemoveDeformer, SetDeformer, SetPose, SetTime
 from app.document.commands.suns import SetSun
@@ -51,5 +52,5 @@ EditCommand = (
     | SetBumps | SetOpacity | SetMap | SetParameterMap | Paint | BlendByMap | ClearMap | SetMaterial | SetVariant
     | AddLayers | RemoveLayer | SetRotation | SetIntensity | SetEnvironment | SetMapping | SetEmission | SetFirstBands
     | SetPose | AddDeformer | SetDeformer | MoveDeformer | RemoveDeformer | SetTime | SetSurface | OverrideLine
-    | SetSun
+    | SetSun | SetMix
 )  # fmt: skip

@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
 
-from app.document.document import RGB, Document, LightState
+from app.document.document import Document
+from app.document.light_state import RGB, LightState
 from app.document.sources import likely_mapping, probe_size
 from engine.core.errors import InsituError, LoadError
 from engine.core.safe_files import resolved
@@ -171,11 +172,6 @@ class SetEmission:
             raise InsituError(f"{self.object} is frozen; thaw it to change its light")
         red, green, blue = cast(RGB, EMISSION.accept(self.emission))
         return document.with_object(replace(state, emission=(red, green, blue)))
-
-
-def emission_of(document: Document) -> tuple[tuple[str, RGB], ...]:
-    """(name, radiance) of all emitters."""
-    return tuple((state.name, state.emission) for state in document.objects if state.emission is not None)
 
 
 def check_light(light: LightState, where: str) -> LightState:

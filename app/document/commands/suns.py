@@ -6,7 +6,8 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any, cast
 
-from app.document.document import RGB, Document
+from app.document.document import Document
+from app.document.light_state import RGB
 from engine.core.errors import InsituError
 from engine.light.suns import SUN_DIAMETER, Sun
 from engine.material.parameters import Parameter, ParameterError

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 from itertools import count
 
-from app.document.document import Document, LightState
+from app.document.document import Document
 from app.document.history import History
+from app.document.light_state import LightState
 from app.document.view_state import ViewState
 from app.messages.picture_events import PictureEvent
 from app.messages.worker_messages import Request, Response

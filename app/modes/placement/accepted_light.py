@@ -9,8 +9,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 from app.document.commands.light import SetEnvironment
-from app.document.document import Document, LightState
+from app.document.document import Document
 from app.document.history import History
+from app.document.light_state import LightState
 
 Source = tuple[object, ...]
 

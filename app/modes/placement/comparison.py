@@ -23,8 +23,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from app.document.commands.light import emission_of
 from app.document.document import Document
+from app.document.light_mix import emission_of
 from app.document.scene_state import layer_state
 from app.messages.picture_events import PictureEvent
 from app.messages.worker_messages import Request

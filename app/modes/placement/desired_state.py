@@ -9,7 +9,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from app.document.document import RGB, Document, LightState
+from app.document.document import Document
+from app.document.light_state import RGB, LightState
 from app.document.scene_state import LayerState
 from app.document.view_state import ViewState
 from app.modes.placement.curves import Coefficients, Curves, Float64Array
@@ -74,8 +75,9 @@ class DesiredTransport:
     is_drag: bool = False
 
     def moved_from(self, other: DesiredTransport) -> bool:
-        """Whether only the environment's rotation and suns differ, or what emitters emit."""
-        light = replace(self.light, rotation=other.light.rotation, new_suns=other.light.new_suns)
+        """Whether only the environment's rotation and gain and its suns differ, or what emitters emit."""
+        moved = {name: getattr(other.light, name) for name in ("rotation", "new_suns", "mix")}
+        light = replace(self.light, **moved)
         stayed = replace(self, light=light, emission=other.emission, layers=other.layers, is_drag=other.is_drag)
         return stayed == other and not self.lights_like(other)
 

@@ -25,8 +25,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from app.document.commands.light import emission_of
-from app.document.document import SCENE_ENVIRONMENT, Document, layer_key
+from app.document.document import Document, layer_key
+from app.document.light_mix import emission_of, mixed_light
+from app.document.light_state import SCENE_ENVIRONMENT
 from app.messages.picture_events import PictureEvent, SkyChanged
 from app.modes.placement.curves import Coefficients, Curves, Float64Array, picture_identity
 from app.modes.placement.desired_state import DesiredTransport, brightening_factors, same_coefficients
@@ -254,7 +255,7 @@ class PictureTransition:
 
     def _has_same_light(self, document: Document, desired: DesiredTransport | None) -> bool:
         """Whether a document's light is that of the transport, apart from what multiplies its pictures."""
-        if desired is None or replace(document.light, intensity=1.0) != desired.light:
+        if desired is None or replace(mixed_light(document), intensity=1.0) != desired.light:
             return False
         emission = emission_of(document)
         if emission == desired.emission:

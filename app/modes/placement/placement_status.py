@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from app.document.document import LightState
+from app.document.light_state import LightState
 from app.messages.editor_status import Status
 from app.modes.placement.placement_messages import BouncesPlanned, IndirectFound, LightPlanned, StageDone
 from app.modes.placement.transport_controller import TransportController

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 from app.document.display_names import with_display_names
 from app.document.document import Document, reflecting_layers
+from app.document.light_mix import emission_of
 from app.document.node_layers import nodes_reason
 from app.document.view_state import ViewState
 from app.messages.editor_status import Status, duration
@@ -97,7 +98,7 @@ def _light_lines(document: Document, view: ViewState, status: PlacementStatus) -
         reason = why.get("lights", "triangles cut from the sky where it is bright")
         yield _setting_line(document, "lights", status.needed_lights or settings.n_lights, reason)
         yield _setting_line(document, "sphere", 1, sphere_reason(True, True), SPHERE)
-    if any(state.emission is not None and any(state.emission) for state in document.objects):
+    if any(any(emission) for _, emission in emission_of(document)):
         reason = why.get("patches", "parts of the emitters in the scene")
         yield _setting_line(document, "patches", status.needed_patches or settings.n_patches, reason)
     if dict(document.overrides).get("bounces", settings.n_bounces) != 1:

@@ -17,8 +17,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from app.document.commands.light import emission_of
-from app.document.document import SCENE_ENVIRONMENT, Document, LightState, Selection
+from app.document.document import Document, Selection
+from app.document.light_mix import emission_of
+from app.document.light_state import SCENE_ENVIRONMENT, LightState
 from app.messages.worker_messages import Request, RequestFailed
 from app.modes.placement.contraction_controller import ContractionController
 from app.modes.placement.curves import Curves, Float64Array, picture_identity

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.document.document import Document, LightState, ObjectState
+from app.document.document import Document, ObjectState
+from app.document.light_state import LightState
 from app.document.view_state import ViewState
 from app.export.mitsuba import export_scene
 from app.files.materials import Material, save_material

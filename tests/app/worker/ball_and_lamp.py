@@ -5,7 +5,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 
-from app.document.document import LightState
+from app.document.light_state import LightState
 from app.document.scene_state import LayerState, SceneState
 from app.messages.worker_messages import Progress, RequestFailed, Response, ViewTraced
 from app.modes.placement.placement_messages import (

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.document.document import LightState
+from app.document.light_state import LightState
 from app.messages.worker_messages import Response, SkyImage
 from app.modes.placement.placement_messages import (
     LayerPicture,

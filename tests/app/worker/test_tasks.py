@@ -8,7 +8,7 @@ from typing import cast
 import numpy as np
 import pytest
 
-from app.document.document import LightState
+from app.document.light_state import LightState
 from app.editor.view_controller import describe_empty_frame
 from app.messages.worker_messages import Progress, Response, SceneOpened, SkyImage, ViewTraced
 from app.modes.placement.placement_messages import (

@@ -19,8 +19,9 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from app.document.commands.light import emission_of
-from app.document.document import RGB, Document, LightState, ObjectState, layer_key
+from app.document.document import Document, ObjectState, layer_key
+from app.document.light_mix import emission_of
+from app.document.light_state import RGB, LightState
 from app.document.selection import is_layer_visible
 from app.editor.editor import Editor
 from app.messages.picture_events import PictureEvent, SceneFrame, SkyChanged

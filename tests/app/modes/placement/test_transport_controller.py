@@ -23,8 +23,9 @@ from app.document.commands.layers import (
 )
 from app.document.commands.light import SetEnvironment, SetIntensity, SetRotation
 from app.document.commands.plan import OverrideLine, active_overrides
-from app.document.document import LightState, reflecting_layers
+from app.document.document import reflecting_layers
 from app.document.effective_settings import effective_view
+from app.document.light_state import LightState
 from app.document.view_state import SetView
 from app.editor.editor import Editor
 from app.files.session import load_session

@@ -1,0 +1,66 @@
+"""The light that a document's mix makes: what each light sends, times the gains of its row and of its group."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import lru_cache
+
+from app.document.document import Document
+from app.document.light_state import (
+    ENVIRONMENT_KEY,
+    PLAIN_ROW,
+    RGB,
+    LightState,
+    MixRow,
+    group_key,
+    scaled,
+    sun_key,
+)
+
+BLACK = (0.0, 0.0, 0.0)
+
+
+def lights_of(document: Document) -> tuple[str, ...]:
+    """The keys of all lights: the environment, which may be none, suns, and emitters."""
+    return *document.light.keys, *_emitters(document)
+
+
+def gains_of(document: Document) -> Mapping[str, RGB]:
+    """The gain of each light, by its key: 0 where it or its group is off, or others are solo."""
+    return _gains(document.light, _emitters(document))
+
+
+def emission_of(document: Document) -> tuple[tuple[str, RGB], ...]:
+    """(name, radiance) of all emitters in the mix."""
+    gains = gains_of(document)
+    return tuple(
+        (each.name, scaled(each.emission, gains[each.name])) for each in document.objects if each.emission is not None
+    )
+
+
+def mixed_light(document: Document) -> LightState:
+    """The distant light of the mix: suns that are on have their irradiance in it, and the mix is no more than the
+    environment's gain, as a colour. Equal ones light equally."""
+    light = document.light
+    if not light.mix:
+        return light
+    gains = gains_of(document)
+    suns = tuple(
+        sun._replace(irradiance=scaled(sun.irradiance, gains[sun_key(sun.name)]))
+        for sun in light.suns if any(gains[sun_key(sun.name)])
+    )  # fmt: skip
+    mixed = replace(light, new_suns=None if suns == light.own_suns else suns, mix=())
+    return mixed.with_row(ENVIRONMENT_KEY, MixRow(colour=gains[ENVIRONMENT_KEY]))
+
+
+def _emitters(document: Document) -> tuple[str, ...]:
+    return tuple(state.name for state in document.objects if state.emits)
+
+
+@lru_cache(maxsize=16)  # asked several times a frame
+def _gains(light: LightState, emitters: tuple[str, ...]) -> Mapping[str, RGB]:
+    rows = {key: light.row(key) for key in (*light.keys, *emitters)}
+    groups = {key: light.row(group_key(row.group)) if row.group else PLAIN_ROW for key, row in rows.items()}
+    solo = {key for key, row in rows.items() if row.solo or groups[key].solo}
+    return {key: scaled(row.gain, groups[key].gain) if key in solo or not solo else BLACK for key, row in rows.items()}

@@ -1,0 +1,134 @@
+"""The light of a document: the environment with its suns, and the mix of all lights.
+
+The mix has a row for each light: each emitter, each sun, and the environment. A row multiplies what its light sends;
+what that is (an emitter's radiance, a sun's irradiance, the environment's map) stands where it stood before. So a row
+that is as at first is no edit, a light that is off keeps its strength, and pictures of single lights, weighted by the
+gains of their rows, sum to the picture. As in Blender a light's exposure and temperature multiply its power. Rejected:
+strength and colour as an emitter's radiance itself, which has no zero of its stops, and is lost where a light is black.
+
+A row's *key* begins the paths of its values: ``"lamp"``, ``"light.Noon"`` (a sun), ``"light.environment"``, and
+``"light.groups.Key"`` for all lights whose group is "Key": ``"lamp.strength"``, ``"light.groups.Key.solo"``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from collections.abc import Mapping as NameMap
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+from app.system.paths import is_file_name
+from engine.core.blackbody import blackbody_colour
+from engine.light.probe_mappings import Mapping
+from engine.light.suns import Sun
+
+RGB = tuple[float, float, float]
+
+SCENE_ENVIRONMENT = "scene"
+CONSTANT_ENVIRONMENT = "constant"
+ENVIRONMENT_KEY = "light.environment"
+MIX_FIELDS = ("on", "solo", "strength", "colour", "kelvin", "group")
+
+
+@dataclass(frozen=True)
+class MixRow:
+    """A light in the mix. strength: in stops; colour: linear Rec. 709; kelvin: the temperature of a black body, whose
+    colour is used in place of `colour`; 0 for none. solo: lights that are not solo are off where any is. group: the
+    name of its group, whose row multiplies it as well; a group's own row has none."""
+
+    on: bool = True
+    solo: bool = False
+    strength: float = 0.0
+    colour: RGB = (1.0, 1.0, 1.0)
+    kelvin: float = 0.0
+    group: str = ""
+
+    @cached_property
+    def gain(self) -> RGB:
+        """The factor of each channel, 0 for a light that is off."""
+        if not self.on:
+            return 0.0, 0.0, 0.0
+        red, green, blue = blackbody_colour(self.kelvin) if self.kelvin else self.colour
+        factor = 2.0**self.strength
+        return factor * red, factor * green, factor * blue
+
+
+PLAIN_ROW = MixRow()
+# The rows that are not as at first, by their keys, in their order.
+Mix = tuple[tuple[str, MixRow], ...]
+
+
+def sun_key(name: str) -> str:
+    """The key of a sun's row."""
+    return f"light.{name}"
+
+
+def group_key(name: str) -> str:
+    """The key of a group's row."""
+    return f"light.groups.{name}"
+
+
+def scaled(colour: RGB, gain: RGB) -> RGB:
+    """A colour times a gain, channel by channel."""
+    return colour[0] * gain[0], colour[1] * gain[1], colour[2] * gain[2]
+
+
+@dataclass(frozen=True)
+class LightState:
+    """The environment, its rotation and intensity, and the mix of all lights.
+
+    ``environment`` is ``"scene"`` (that of the scene file, with its ``scale``), ``"constant"`` (``radiance`` from
+    everywhere), a built-in environment's name or a file's path, read with ``mapping``. ``rotation`` in degrees rotates
+    it counter-clockwise about +Y seen from above. ``intensity`` multiplies all light, emitters included: it is applied
+    to the finished picture, so it costs nothing and transport does not depend on it. ``new_suns`` replace the
+    ``own_suns`` of the scene's file; they turn with the environment.
+    """
+
+    environment: str = SCENE_ENVIRONMENT
+    mapping: Mapping = "latlong"
+    rotation: float = 0.0
+    intensity: float = 1.0
+    radiance: RGB | None = None
+    own_suns: tuple[Sun, ...] = ()
+    new_suns: tuple[Sun, ...] | None = None
+    mix: Mix = ()
+
+    @property
+    def suns(self) -> tuple[Sun, ...]:
+        """The suns that shine, whatever the environment is; their names differ."""
+        return self.own_suns if self.new_suns is None else self.new_suns
+
+    def with_edited_suns(self, suns: Iterable[Sun]) -> LightState:
+        """The light with its own suns, and those of these in their places that have their names."""
+        edited = {each.name: each for each in suns}
+        found = tuple(edited.get(own.name, own) for own in self.own_suns)
+        return replace(self, new_suns=None if found == self.own_suns else found)
+
+    @property
+    def is_file(self) -> bool:
+        """Whether the environment is a file that was opened: built-in ones have names without a suffix."""
+        return is_file_name(self.environment)
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """The keys of the rows of the environment and the suns."""
+        return ENVIRONMENT_KEY, *(sun_key(each.name) for each in self.suns)
+
+    @property
+    def groups(self) -> tuple[str, ...]:
+        """The names of the groups that lights are in, sorted."""
+        return tuple(sorted({row.group for _, row in self.mix if row.group}))
+
+    def row(self, key: str) -> MixRow:
+        """The row of a light or group, as at first where it has not been edited."""
+        return dict(self.mix).get(key, PLAIN_ROW)
+
+    def with_row(self, key: str, row: MixRow) -> LightState:
+        """The light with another row of this key."""
+        rows = {**dict(self.mix), key: row}
+        return replace(self, mix=tuple((key, rows[key]) for key in sorted(rows) if rows[key] != PLAIN_ROW))
+
+    def with_renamed_rows(self, names: NameMap[str, str]) -> LightState:
+        """The light with the rows of emitters that have other names now. names: those, by the names before."""
+        rows = {names.get(key, key): row for key, row in self.mix}
+        return replace(self, mix=tuple((key, rows[key]) for key in sorted(rows)))

@@ -1,0 +1,101 @@
+"""The mix of lights in the Light panel: a line for the environment, each sun, each emitter and each group.
+
+A line has the light's name, its strength in stops, and whether it is on and solo. Opened, it has its temperature or
+colour and its group, and of a sun where it is seen.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+
+from imgui_bundle import imgui
+
+from app.document.commands.mix import COLOUR, KELVIN, STRENGTH, SetMix
+from app.document.light_state import ENVIRONMENT_KEY, PLAIN_ROW, SCENE_ENVIRONMENT, group_key, sun_key
+from ui.panels import light_colour, rows, suns, widgets
+from ui.panels.actions import Action
+from ui.panels.context import PanelContext
+from ui.theme import Icon
+
+GAP = 4.0
+ENVIRONMENT_HINT = "The environment, without suns. Opened: its colour and its group."
+SUN_HINT = "A directional light: a distant disc that lights all objects alike. Opened: where it is seen, its colour."
+EMITTER_HINT = "An object that emits light. Opened: its colour and its group; its radiance is in the Material panel."
+GROUP_HINT = "All lights of this group: what is set here multiplies each of them."
+GROUP_OF_HINT = "Lights of a group have a line together, which multiplies all of them."
+
+
+def draw(context: PanelContext) -> list[Action]:
+    """All lines; of a single sun the rows are open at first."""
+    document, light, actions = context.document, context.document.light, list[Action]()
+    if context.has_environment or light.environment != SCENE_ENVIRONMENT or light.suns:
+        actions += _light(context, ENVIRONMENT_KEY, "Environment", ENVIRONMENT_HINT)
+    for sun in light.suns:
+        is_open, changed = _line(context, sun_key(sun.name), sun.name, SUN_HINT, len(light.suns) == 1)
+        actions += changed
+        if is_open:
+            actions += suns.draw(context, sun) + _details(context, sun_key(sun.name))
+            imgui.tree_pop()
+    for state in document.objects:
+        if state.emits:
+            actions += _light(context, state.name, state.name, EMITTER_HINT)
+    for name in light.groups:
+        actions += _light(context, group_key(name), f"{name} (group)", GROUP_HINT)
+    return actions
+
+
+def _light(context: PanelContext, key: str, name: str, hint: str) -> list[Action]:
+    is_open, actions = _line(context, key, name, hint)
+    if is_open:
+        actions += _details(context, key)
+        imgui.tree_pop()
+    return actions
+
+
+def _line(context: PanelContext, key: str, name: str, hint: str, opened: bool = False) -> tuple[bool, list[Action]]:
+    """A light's line; whether it is open, and what the user did."""
+    row, at = context.document.light.row(key), f"mix.{key}"
+    start, gap, side = imgui.get_cursor_pos_x(), context.px(GAP), imgui.get_frame_height()
+    width = context.px(widgets.LABEL_WIDTH)
+    imgui.set_next_item_open(opened, imgui.Cond_.once)
+    shown = widgets.shortened(name, width - imgui.get_tree_node_to_label_spacing())
+    is_open = imgui.tree_node_ex(f"{shown}###{at}", imgui.TreeNodeFlags_.frame_padding)
+    context.handles.note_item(at)
+    widgets.tooltip(f"{name}. {hint}")
+    imgui.same_line(start + width)
+    imgui.set_next_item_width(max(imgui.get_content_region_avail().x - 2.0 * (side + gap), 1.0))
+    strength = rows.Row(
+        STRENGTH, row.strength, partial(SetMix, key, "strength"), f"{at}.strength", PLAIN_ROW.strength, origin=0.0
+    )
+    actions = rows.control(context, strength)
+    imgui.same_line(0.0, gap)
+    if widgets.icon_button(context, f"{at}.on", Icon.EMITTER, "Switch it off or on; its values stay.", lit=row.on):
+        actions.append(SetMix(key, "on", not row.on))
+    imgui.same_line(0.0, gap)
+    hint = "Solo: only lights that are solo shine; again: all of them."
+    if widgets.icon_button(context, f"{at}.solo", Icon.SOLO, hint, lit=row.solo):
+        actions.append(SetMix(key, "solo", not row.solo))
+    return is_open, actions
+
+
+def _details(context: PanelContext, key: str) -> list[Action]:
+    """A light's temperature and colour, and its group, where it is not one."""
+    row, at = context.document.light.row(key), f"mix.{key}"
+    kelvin = rows.Row(
+        KELVIN, row.kelvin or KELVIN.default, partial(SetMix, key, "kelvin"), f"{at}.kelvin", 0.0,
+        note="0 K is none: then the colour counts.", shown="" if row.kelvin else "none",
+    )  # fmt: skip
+    actions = rows.draw(context, kelvin)
+    colour = rows.Row(COLOUR, row.gain if row.kelvin else row.colour, partial(SetMix, key, "colour"), f"{at}.colour")
+    actions += light_colour.draw(context, colour)
+    return actions if key.startswith(group_key("")) else actions + _group(context, key)
+
+
+def _group(context: PanelContext, key: str) -> list[Action]:
+    names, now = context.document.light.groups, context.document.light.row(key).group
+    new = next(name for i in range(1, len(names) + 2) if (name := f"Group {i}") not in names)
+    choices = [widgets.Choice("None", key=""), *map(widgets.Choice, names), widgets.Choice("A new group", apart=True)]
+    widgets.label(context, "Group")
+    chosen = [names.index(now) + 1 if now else 0]
+    picked = widgets.choose(context, f"mix.{key}.group", choices, chosen, GROUP_OF_HINT)
+    return [] if picked is None else [SetMix(key, "group", ("", *names, new)[picked])]
