@@ -145,6 +145,11 @@ class PictureFeed:
         return self._scene.environment
 
     @property
+    def has_environment(self) -> bool:
+        """Whether the scene's own file has an environment."""
+        return self._scene.has_environment
+
+    @property
     def heading(self) -> float:
         """The camera's direction, degrees clockwise from -Z seen from above."""
         return self._scene.heading

@@ -261,7 +261,8 @@ def open_project(
 
 def sky_of(scene: Scene, light: LightState, load: Callable[[Path, str], Environment] | None = None) -> SkyState:
     """The distant light of a document's light, mixed (`mixed_light`): environment, suns, rotation and the scene's
-    scale. `intensity` is left out: it multiplies the finished picture. load: reads a file's environment, None for the engine's own reader."""
+    scale. `intensity` is left out: it multiplies the finished picture. load: reads a file's environment, None for the
+    engine's own reader."""
     from engine.light.environment import constant_environment, load_environment, tinted
     from engine.light.suns import with_suns
     from engine.precompute.direct.pipeline import SkyState

@@ -60,4 +60,4 @@ def test_a_drag_is_one_step_and_a_right_click_goes_back(sunny: HeadlessWindow, r
 def test_a_scene_without_suns_has_no_rows(window: HeadlessWindow) -> None:
     assert not window.shell.editor.document.light.suns
     with pytest.raises(KeyError):
-        window.shell.handle_position(AT)
+        window.shell.handle_position(f"mix.{AT}")

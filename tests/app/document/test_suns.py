@@ -73,7 +73,7 @@ def test_suns_are_set_by_path(lit: Document) -> None:
         ("light.Noon.direction", [0, 0, 0], "expected a direction other than 0 0 0"),
         ("light.Noon.direction", "up", "direction = 'up', expected"),
         ("light.Moon.diameter", 1, "there is no property of the light 'Moon.diameter'; did you mean 'Noon.diameter'?"),
-        ("light.Noon.colour", 1, "there is no property of the light 'Noon.colour'"),
+        ("light.Noon.hue", 1, "there is no property of the light 'Noon.hue'"),
     ],
 )
 def test_what_is_no_sun_is_refused_in_a_line(lit: Document, path: str, value: Any, says: str) -> None:
@@ -147,7 +147,7 @@ def test_a_floor_is_lit_as_its_sun_says(tmp_path: Path, environment: str) -> Non
     floor = placed("floor", "quad", facing_up(4), LAMBERT)
     (tmp_path / "scene.toml").write_text(camera((0, 4, 3), 20, (12, 8), head="bounces = 1\n") + light + floor)
     scene = insitu.open(str(tmp_path / "scene.toml"))
-    assert list(scene.light) == ["Noon"] and scene.light["Noon"].irradiance == (3.0, 3.0, 3.0)
+    assert list(scene.light) == ["environment", "Noon"] and scene.light["Noon"].irradiance == (3.0, 3.0, 3.0)
     scene.light["Noon"].direction = direction_of(70.0, 30.0)
     scene.light["Noon"].irradiance = (4.0, 2.0, 1.0)
     if environment == "constant":
