@@ -40,16 +40,13 @@ def emission_of(document: Document) -> tuple[tuple[str, RGB], ...]:
 
 
 def mixed_light(document: Document) -> LightState:
-    """The distant light of the mix: suns that are on have their irradiance in it, and the mix is no more than the
-    environment's gain, as a colour. Equal ones light equally."""
+    """The distant light of the mix: suns have their irradiance in it, and the mix is no more than the environment's
+    gain, as a colour. Equal ones light equally."""
     light = document.light
     if not light.mix:
         return light
     gains = gains_of(document)
-    suns = tuple(
-        sun._replace(irradiance=scaled(sun.irradiance, gains[sun_key(sun.name)]))
-        for sun in light.suns if any(gains[sun_key(sun.name)])
-    )  # fmt: skip
+    suns = tuple(sun._replace(irradiance=scaled(sun.irradiance, gains[sun_key(sun.name)])) for sun in light.suns)
     mixed = replace(light, new_suns=None if suns == light.own_suns else suns, mix=())
     return mixed.with_row(ENVIRONMENT_KEY, MixRow(colour=gains[ENVIRONMENT_KEY]))
 

@@ -286,14 +286,13 @@ def sky_of(scene: Scene, light: LightState, load: Callable[[Path, str], Environm
             environment = load(scene.environment_path, described.mapping)
     gain = light.row(ENVIRONMENT_KEY).gain
     brightest = max(gain)
-    if brightest == 0.0 or light.suns and scale == 0.0:
+    suns = tuple(each for each in light.suns if any(each.irradiance))
+    if brightest == 0.0 or suns and scale == 0.0:
         environment, scale = constant_environment(0.0), 1.0
     else:
         red, green, blue = (each / brightest for each in gain)
         environment, scale = tinted(environment, (red, green, blue)), scale * brightest
-    return SkyState(
-        with_suns(environment, tuple(each.scaled(1.0 / scale) for each in light.suns)), light.rotation, scale
-    )
+    return SkyState(with_suns(environment, tuple(each.scaled(1.0 / scale) for each in suns)), light.rotation, scale)
 
 
 def with_overrides(project: Project, lines: Mapping[str, Any]) -> Project:

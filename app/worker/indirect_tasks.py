@@ -11,13 +11,15 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
+from app.document.light_state import LightState
 from app.document.scene_state import LayerState
+from app.document.single_lights import SingleLight, Weights
 from app.messages.worker_messages import Progress, Response
 from app.modes.placement.placement_messages import (
     BouncesPlanned,
@@ -117,6 +119,7 @@ class IndirectTasks:
         self._freeze_request: FreezeIndirect | None = None
         self._scene_id = scene_id
         self._requested: tuple[str, int] | None = None
+        self._weights: dict[str, Weights] = {}  # of the lights that were found, by their keys
         self._sent = 0
         self._noise_found: tuple[int, FreezeIndirect, tuple[float, float]] | None = None
         self._representations: GatherPolynomial | None = None
@@ -151,12 +154,16 @@ class IndirectTasks:
         return BouncesPlanned(plan.n_bounces, plan.reason, plan.warning)
 
     def find(
-        self, layers: Sequence[LayerState], sky: SkyState, lit_by: str, n_bounces: int, is_last: bool, n_rays: int = 0
-    ) -> Steps:
+        self, layers: Sequence[LayerState], sky: SkyState, lit_by: str, n_bounces: int, is_last: bool, n_rays: int = 0,
+        weights: Weights | None = None,
+    ) -> Steps:  # fmt: skip
         """Compute what a stage of the direct light calls for: `is_last` all light, else what is quick.
 
-        lit_by: a key of the light; n_rays: hemisphere samples of fine light, 0 for as many as are needed.
+        lit_by: a key of the light; n_rays: hemisphere samples of fine light, 0 for as many as are needed; weights: of
+        the lights in it, None where it is not to be mixed.
         """
+        held = {each.lit_by for each in (self._found, self._frozen_light) if each is not None}
+        self._weights = {key: each for key, each in self._weights.items() if key in held} | {lit_by: weights or {}}
         fine = FINE.with_rays(n_rays)
         self._requested = lit_by, n_bounces
         models = tuple((each.key, each.model) for each in layers)
@@ -275,24 +282,33 @@ class IndirectTasks:
         yield IndirectImproved(self._found_message(found), frozen, noise, id=self._scene_id)
         return noise.noise
 
-    def relight(self, layers: Sequence[LayerState], sky: SkyState, n_bounces: int) -> Steps:
+    def relight(self, layers: Sequence[LayerState], sky: SkyState, n_bounces: int, weights: Weights) -> Steps:
         """The light that was frozen last, of these layers, under another sky and the emitters as they are: the answer
-        to a light that is dragged. None where no such light was frozen."""
+        to a light that is dragged. None where no such light was frozen. weights: of the lights in it."""
         relighting, found = self._relighting_of(layers), self._frozen_light
         if relighting is None or found is None or n_bounces not in (0, found.light.n_bounces):
             return
-        relit = yield from relighting.relit(self._scene_light(sky))
+        resting = self._weights.get(found.lit_by)
+        relit = relighting.mixed(weights, resting) if resting else None
+        if relit is None:
+            relit = yield from relighting.relit(self._scene_light(sky))
         parts = (
             {each.key: getattr(layer, what) for each, layer in zip(layers, relit, strict=True)}
             for what in ("now", "resting", "gloss", "mirrored")
         )
         yield IndirectRelit(found.number, *parts)
 
-    def prepare_relighting(self, layers: Sequence[LayerState]) -> Steps:
-        """Do of `relight` what does not depend on the other light."""
-        relighting = self._relighting_of(layers)
-        if relighting is not None:
-            yield from relighting.prepare()
+    def prepare_relighting(
+        self, layers: Sequence[LayerState], lights: Iterable[SingleLight], sky_of: Callable[[LightState], SkyState]
+    ) -> Steps:
+        """Do of `relight` what does not depend on the other light. lights: those that may be mixed."""
+        relighting, scene = self._relighting_of(layers), self._placement.scene
+        if relighting is None:
+            return
+        yield from relighting.prepare()
+        for light in lights:
+            emission = scene.with_emission(light.emission(scene.object_names)).emission
+            yield from relighting.reflect_alone(light, SceneLight(sky_of(light.light), emission))
 
     def _relighting_of(self, layers: Sequence[LayerState]) -> IndirectRelighting | None:
         """That of the light that was frozen last and these layers; None where it was not frozen for such."""

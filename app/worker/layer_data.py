@@ -132,6 +132,14 @@ class LayerData:
         yield LayerTransport(work.key, factor, self.stage, planes.numbers, planes.norms, planes.scale)
 
 
+def reflects_alike(one: LayerState, two: LayerState) -> bool:
+    """Whether two layers of one object have the same curves and quotient."""
+    if one.layer == two.layer:
+        return True
+    alike = one.quotient == two.quotient and len(one.coefficients) == len(two.coefficients)
+    return alike and all(map(np.array_equal, one.coefficients, two.coefficients))
+
+
 def both_curves(work: LayerState) -> tuple[np.ndarray, np.ndarray]:
     """The layer's coefficients, (J, 3) and (K, 3): one of 1 in place of the second curve where there is none."""
     first, *second = work.coefficients

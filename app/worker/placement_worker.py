@@ -12,7 +12,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from app.document.scene_state import LayerState
+from app.document.scene_state import LayerState, SceneState
+from app.document.single_lights import Weights, light_weights
 from app.messages.worker_messages import Progress, Response
 from app.modes.mode import ModeWorker
 from app.modes.placement.placement_messages import (
@@ -37,6 +38,7 @@ from app.worker.layer_data import (
     LayerData,
     LightingState,
 )
+from app.worker.light_pictures import LightPictures
 from app.worker.planning import LightBudgets, plan_bands
 from app.worker.relighting import Relighting
 from app.worker.schedule import Handlers, Steps
@@ -73,7 +75,7 @@ class PlacementWorker(ModeWorker):
         self._current: dict[str, LayerData] = {}
         self._sent: set[str] = set()
         self._maps: MapTasks | None = None
-        self._relighting = Relighting()
+        self._relighting, self._lights = Relighting(), LightPictures()
         self._light_plans = LightBudgets(context)
 
     @property
@@ -91,7 +93,8 @@ class PlacementWorker(ModeWorker):
 
     def view_traced(self) -> None:
         self._layers, self._current = {}, {}
-        self._indirect, self._maps, self._relighting = None, None, Relighting()
+        self._indirect, self._maps = None, None
+        self._relighting, self._lights = Relighting(), LightPictures()
         self._light_plans = LightBudgets(self._context)
         self._selected = {}
         self._stages = TransportStages(self._context)
@@ -142,8 +145,9 @@ class PlacementWorker(ModeWorker):
         context, scene = self._context, request.scene
         yield from self._relighting.prepare(context.open_placement, scene, context.sky(scene.light), self._current)
         if self._indirect is not None:
-            yield from self._indirect.prepare_relighting(scene.visible)
-        yield RelightingPrepared(self._n_bytes)
+            yield from self._indirect.prepare_relighting(scene.visible, _weights_of(scene), context.sky)
+        yield from self._lights.prepare(context.open_placement, scene, context.sky, self._current)
+        yield RelightingPrepared(self._n_bytes, self._lights.n_lights)
 
     # -------------------------------------------------------------------------------------------------------- transport
 
@@ -197,10 +201,11 @@ class PlacementWorker(ModeWorker):
                 yield from self._until_compiled(INDIRECT, "indirect light")
                 tasks = self._indirect_tasks()
                 yield from tasks.find(
-                    scene.visible, sky, lit_key(sky, placement.scene), n_bounces, exact, settings.n_hemisphere_rays
-                )
+                    scene.visible, sky, lit_key(sky, placement.scene), n_bounces, exact, settings.n_hemisphere_rays,
+                    _weights_of(scene),
+                )  # fmt: skip
             if quality is DRAG and self._indirect is not None and n_bounces != 1:
-                yield from self._indirect.relight(scene.visible, sky, n_bounces)
+                yield from self._indirect.relight(scene.visible, sky, n_bounces, _weights_of(scene))
             # A cached picture waits for the first indirect light, and for nothing else.
             if due or exact or quality.name == COARSE.name and n_bounces > 1:
                 spent = time.process_time() - begun
@@ -219,7 +224,8 @@ class PlacementWorker(ModeWorker):
     def _n_bytes(self) -> int:
         """Memory of all that was computed."""
         n_bytes = sum(data.store.n_bytes for data in self._layers.values()) + sum(self._stages.dropped_bytes.values())
-        return n_bytes + self._relighting.n_bytes + (0 if self._indirect is None else self._indirect.n_bytes)
+        n_bytes += self._relighting.n_bytes + self._lights.n_bytes
+        return n_bytes + (0 if self._indirect is None else self._indirect.n_bytes)
 
     def _indirect_tasks(self) -> IndirectTasks:
         """The indirect light's tasks, made and their kernels loaded when a scene first needs more than direct light."""
@@ -269,10 +275,16 @@ class PlacementWorker(ModeWorker):
     def _send_relit(
         self, placement: Placement, request: ComputeTransport, sky: SkyState, lit_by: LightingState
     ) -> Steps:
-        """Answer with relit pictures, where nothing better is there."""
-        light = None
+        """Answer with mixed or relit pictures, where nothing better is there."""
+        light, weights = None, _weights_of(request.scene)
         for work in self._selected_first(request):
-            if self._is_needless(work, lit_by, RELIT.name, False) or not self._relighting.takes(work, lit_by):
+            if self._is_needless(work, lit_by, RELIT.name, False):
+                continue
+            if self._lights.takes(work, weights):
+                mixed = FixedPicture(self._lights.picture(work, weights))
+                yield from self._answers(self._hold(LayerData(work, lit_by, RELIT.name, mixed, 1.0)), None, "half")
+                continue
+            if not self._relighting.takes(work, lit_by):
                 continue
             if light is None:
                 light = yield from self._relighting.light_of(placement, sky)
@@ -353,6 +365,11 @@ class PlacementWorker(ModeWorker):
             yield StageFootprint(*self._context.open_placement.footprint(stride), data.stage, id=self._context.view_id)
         # The selected curve may belong to the model that the layer had before.
         yield from data.responses(factor if factor in data.work.factors else None, precision, picture)
+
+
+def _weights_of(scene: SceneState) -> Weights:
+    """The weights of a scene's lights."""
+    return light_weights(scene.light, scene.emission)
 
 
 def _light_plan_message(need: LightBudget, most: RenderSettings) -> Iterator[LightPlanned]:

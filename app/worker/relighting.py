@@ -18,7 +18,7 @@ from app.document.scene_state import LayerState, SceneState
 from app.messages.worker_messages import Response
 from app.modes.placement.desired_state import brightening_factors
 from app.system.memory import available_memory
-from app.worker.layer_data import LayerData, LightingState
+from app.worker.layer_data import LayerData, LightingState, reflects_alike
 from engine.core.generators import map_steps
 from engine.light.environment import Environment, constant_environment
 from engine.precompute.direct._relight_kernels import Reflection
@@ -65,11 +65,7 @@ class _LayerRows:
 
     def is_of(self, work: LayerState) -> bool:
         """Whether the work reflects the same."""
-        mine, theirs = self.work, work
-        if mine.layer == theirs.layer:
-            return True
-        alike = mine.quotient == theirs.quotient and len(mine.coefficients) == len(theirs.coefficients)
-        return alike and all(map(np.array_equal, mine.coefficients, theirs.coefficients))
+        return reflects_alike(self.work, work)
 
     def lit(self, light: _DistantLight) -> NDArray[np.float32]:
         """The layer's radiance (p, 3), without f_q and f_o, under a sky alone."""

@@ -46,11 +46,10 @@ class IdleWork:
         self.sampling = SamplingController(send, curves)
 
     def update(
-        self, now: float, document: Document, view: ViewState, revision: int, rests: bool, lacks_rays: bool, turns: bool
+        self, now: float, document: Document, view: ViewState, revision: int, rests: bool, lacks_rays: bool
     ) -> None:
         """Request what it is time for. revision: of the transport that the picture is made with; rests: whether all of
-        the picture is there, and no drag is under way; lacks_rays: whether its materials may need other rays; turns:
-        whether a sky lights it that can turn."""
+        the picture is there, and no drag is under way; lacks_rays: whether its materials may need other rays."""
 
         def request() -> EstimateError:
             scene = self._curves.scene_state(document)
@@ -58,7 +57,7 @@ class IdleWork:
 
         self.sampling.update(now, document, revision, rests, lacks_rays)
         self._error.update(now, RestingPicture.of(document, view), rests, request, revision)
-        self.relight.update(now, document, revision, rests and turns)
+        self.relight.update(now, document, revision, rests)
 
     def estimated(self, document: Document, view: ViewState) -> ErrorEstimated | None:
         """The estimate of the error of this picture; None while unknown."""

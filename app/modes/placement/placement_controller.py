@@ -204,8 +204,7 @@ class PlacementController(ModeController):
         rests = state in ("finished", "exact") and not self._services.history.dragging
         rests &= view.settings.lighting == "scene"
         lacks_rays = self.indirect.lacks_rays and state != "exact"
-        turns = self._transport.requested_rotation is not None
-        self.idle.update(now, document, view, self._transport.revision, rests, lacks_rays, turns)
+        self.idle.update(now, document, view, self._transport.revision, rests, lacks_rays)
         return events + self._services.barrier.run("Side A", compare, none, (document, view))
 
     def _request_missing(self, now: float, document: Document, view: ViewState) -> bool:
@@ -213,7 +212,9 @@ class PlacementController(ModeController):
         controller, revision = self._transport, self._transport.revision
         planned = self._bands.update(document)
         settings = view.settings.of_light
-        dragging, is_fine = self._services.history.dragging, self._changeover.is_fine
+        # A light that the worker is prepared for is mixed at once, dragged or not.
+        dragging = self._services.history.dragging or self.idle.relight.mixes(document)
+        is_fine = self._changeover.is_fine
         controller.update(now, document, view.selected, settings, dragging, view.settings.precision, planned, is_fine)
         if controller.revision != revision:
             self._changeover.transport_requested(controller.received)
@@ -329,6 +330,7 @@ class PlacementController(ModeController):
             "indirect_noise": self.indirect.noise,
             "transport_note": missing,
             "has_sky": controller.has_sky,
+            "mixed_lights": self.idle.relight.n_lights,
             "planned_bands": self.curves.all_planned(self._document),
             **self.idle.sampling_status(status),
             **self.indirect.status(status),

@@ -131,8 +131,8 @@ class EstimateError(Request):
 
 @dataclass(frozen=True, eq=False)
 class PrepareRelighting(Request):
-    """Prepare the scene so that another sky can light it at once, where the picture of the transport requested last is
-    there; what is ready stays. Answered by `RelightingPrepared`."""
+    """Prepare the scene so that another sky, or another mix of its lights, can light it at once, where the picture of
+    the transport requested last is there; what is ready stays. Answered by `RelightingPrepared`."""
 
     built_on = (ComputeTransport,)
     answered_once = True
@@ -371,9 +371,11 @@ class ErrorEstimated(Response):
 
 @dataclass(frozen=True)
 class RelightingPrepared(Response):
-    """The sky may be rotated; transport_bytes: the memory held for the scene, this included."""
+    """The sky may be rotated, and lights mixed; transport_bytes: the memory held for the scene, this included;
+    n_lights: the lights whose pictures are there, 0 where these would take too much memory."""
 
     transport_bytes: int
+    n_lights: int = 0
 
 
 @dataclass(frozen=True)

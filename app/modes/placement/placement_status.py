@@ -45,6 +45,7 @@ class PlacementStatus(Status):
     bounces_note: str = ""
     transport_note: str = ""
     has_sky: bool = True
+    mixed_lights: int = 0
     planned_bands: tuple[tuple[str, Mapping[str, int]], ...] = ()
     needed_lights: int = 0
     needed_patches: int = 0

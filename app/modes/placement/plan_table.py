@@ -101,6 +101,9 @@ def _light_lines(document: Document, view: ViewState, status: PlacementStatus) -
     if any(any(emission) for _, emission in emission_of(document)):
         reason = why.get("patches", "parts of the emitters in the scene")
         yield _setting_line(document, "patches", status.needed_patches or settings.n_patches, reason)
+    if status.mixed_lights > 1:
+        reason = "pictures of each light alone, whose weighted sum shows a mix at once"
+        yield PlanTableRow("mix", "Mixed lights", f"{status.mixed_lights:,}", reason, (), False)
     if dict(document.overrides).get("bounces", settings.n_bounces) != 1:
         n_rays = settings.n_hemisphere_rays or status.found_rays or "as needed"
         reason = BY_USER if settings.n_hemisphere_rays else why.get("rays") or RAYS_REASON

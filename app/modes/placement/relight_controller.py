@@ -1,4 +1,5 @@
-"""Requests that the worker prepares a scene for another sky, once its picture is idle and nothing else is left to do.
+"""Requests that the worker prepares a scene for other light, another sky or mix, once its picture is idle and nothing
+else is left to do.
 
 The request is cancelled as soon as the picture changes: an edit has the processors to itself.
 """
@@ -12,6 +13,7 @@ from app.messages.worker_messages import CancelRequests, Request
 from app.modes.placement.curves import Curves
 from app.modes.placement.placement_messages import PrepareRelighting, RelightingPrepared
 from app.modes.reconciler import Reconciler
+from engine.material.layer import Layer
 
 # The error of the picture is requested before.
 IDLE_SECONDS = 1.0
@@ -20,31 +22,42 @@ IDLE_SECONDS = 1.0
 _LitDocument = tuple[Document, int]
 
 
+def _layers_of(document: Document) -> tuple[Layer, ...]:
+    return tuple(layer for _, layer in document.layers())
+
+
 def _is_same(one: _LitDocument, two: _LitDocument) -> bool:
     return one[0] is two[0] and one[1] == two[1]
 
 
 class RelightController:
-    """Requests preparation for a rotating sky. ``send`` sends a request."""
+    """Requests preparation for other light. ``send`` sends a request. n_lights: those that can be mixed."""
 
     def __init__(self, send: Callable[[Request], int], curves: Curves) -> None:
         self._send, self._curves = send, curves
         self._reconciler = Reconciler[_LitDocument, RelightingPrepared](
             IDLE_SECONDS, cancels_at_once=True, covers=_is_same
         )
+        self.forget()
 
     @property
     def is_ready(self) -> bool:
         """Whether the scene is prepared for other light."""
         return self._reconciler.is_ready
 
+    def mixes(self, document: Document) -> bool:
+        """Whether the lights of a document can be mixed: the worker has pictures of its layers under each alone."""
+        return self.n_lights > 0 and self._layers == _layers_of(document)
+
     def forget(self) -> None:
         """Forget what is ready: another picture, or another worker."""
         self._reconciler.clear()
+        self.n_lights = 0
+        self._layers: tuple[Layer, ...] = ()
 
     def update(self, now: float, document: Document, revision: int, rests: bool) -> None:
         """Request preparation where it is time to. revision: of the transport that the picture is made with; rests:
-        whether all of the picture is there, a sky lights it, and no drag is under way."""
+        whether all of the picture is there, and no drag is under way."""
         reconciler = self._reconciler
         reconciler.desire(now, (document, revision))
         match reconciler.action(now, rests):
@@ -56,7 +69,8 @@ class RelightController:
 
     def receive(self, response: RelightingPrepared) -> None:
         """Take the response."""
-        self._reconciler.receive(response.id, response)
+        if self._reconciler.receive(response.id, response) and self._reconciler.ready_for is not None:
+            self.n_lights, self._layers = response.n_lights, _layers_of(self._reconciler.ready_for[0])
 
     def interrupted(self) -> None:
         """The user or a fault stopped it: it is not requested again before the picture changes."""

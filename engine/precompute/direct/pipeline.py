@@ -118,6 +118,12 @@ class Placement:
         part.has_shadows, part._emitters = False, {}
         return part
 
+    def with_emission(self, emission: Mapping[str, tuple[float, float, float]]) -> "Placement":
+        """The same where emitters have another radiance, by name; with the same sphere's visibility."""
+        part = copy(self)
+        part.scene, part._emitters = self.scene.with_emission(emission), {}
+        return part
+
     def at_rows(self, rows: np.ndarray) -> "Placement":
         """The same for some of its points, by ascending rows, with no visibility known."""
         part = copy(self)

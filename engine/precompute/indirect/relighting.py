@@ -17,7 +17,7 @@ share concerns only what the rows leave out.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -47,6 +47,7 @@ _MOST_SEPARATE = 3
 _LEAST_GLOSS = 0.2
 
 Float32Array = NDArray[np.float32]
+RGB = tuple[float, float, float]
 # What each layer reflects at its gather points, (p, 3).
 Reflected = list[Float32Array]
 # What each layer reflects of a light, (p, D, 3) by power.
@@ -133,6 +134,7 @@ class IndirectRelighting:
         self._skies: list[_ReflectedSky] = []
         self._changing: dict[int, Reflected] = {}  # emitters by object, as if they were white
         self._others: Reflected | None = None
+        self._alone: dict[Hashable, Reflected] = {}  # lights that are alone
         self._rows: GlossRows | None = None
         self._is_prepared = False
 
@@ -140,7 +142,7 @@ class IndirectRelighting:
     def n_bytes(self) -> int:
         """Memory of what was reflected of each source, and of rows."""
         of_skies = [part for sky in self._skies for part in (sky.by_albedo, sky.added)]
-        parts = [*of_skies, *self._changing.values(), self._others or []]
+        parts = [*of_skies, *self._changing.values(), *self._alone.values(), self._others or []]
         of_rows = 0 if self._rows is None else self._rows.n_bytes
         return self._lighting.n_bytes + of_rows + sum(layer.nbytes for part in parts for layer in part)
 
@@ -177,6 +179,39 @@ class IndirectRelighting:
             squares += float(np.sum(((one - other) * layer.gain) ** 2, dtype=np.float64))
             total, n = total + float(np.sum(one * layer.gain, dtype=np.float64)), n + one.size
         return n > 0 and math.sqrt(squares / n) > _LEAST_GLOSS * total / n
+
+    def reflect_alone(self, light: Hashable, alone: SceneLight) -> Generator[None, None, None]:
+        """Reflects a light that is alone in the scene, an emitter or in the sky, by albedo; once."""
+        if light not in self._alone:
+            lit = (
+                self._lighting.by_emitters(alone.emission) if alone.emission.any() else self._lighting.by_sky(alone.sky)
+            )
+            self._alone[light] = yield from self._reflected((yield from lit))
+
+    def mixed(self, now: Mapping[Hashable, RGB], then: Mapping[Hashable, RGB]) -> list[RelitLayer] | None:
+        """Each layer in a mix of lights that were reflected alone, by their weights, `then` at rest; None where one was
+        not. Of what glossy surfaces add at rest, each light keeps its share."""
+        shining = [light for light, weight in (*now.items(), *then.items()) if any(weight)]
+        if not all(light in self._alone for light in shining):
+            return None
+        kept = {light: weight for light, weight in now.items() if any(then.get(light, ()))}
+        sums = [self._weighted(weights) for weights in (now, then, kept)]
+        gloss = _ratios(sums[2], sums[1])
+        return [
+            RelitLayer(lit, resting, share, np.zeros_like(lit))
+            for lit, resting, share in zip(sums[0], sums[1], gloss, strict=True)
+        ]
+
+    def _weighted(self, weights: Mapping[Hashable, RGB]) -> Reflected:
+        """What the layers reflect of lights, each times its weight."""
+        terms = [(self._alone[light], np.array(weight, np.float32)) for light, weight in weights.items() if any(weight)]
+        sums = []
+        for i, like in enumerate(self._skies[0].by_albedo):
+            total = np.zeros_like(like)
+            for reflected, weight in terms:
+                total += reflected[i] * weight
+            sums.append(clamp_radiance(total, BRIGHTEST))
+        return sums
 
     def relit(self, light: SceneLight) -> Generator[None, None, list[RelitLayer]]:
         """Each layer under a light. A generator of steps."""

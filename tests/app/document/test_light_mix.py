@@ -77,7 +77,7 @@ def test_a_temperature_takes_the_place_of_a_colour(lit: Document) -> None:
 def test_lights_that_are_off_or_not_solo_are_black(lit: Document) -> None:
     black, plain = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
     off = edited(lit, light__Noon__on=False)
-    assert gains(off) == [plain, black, plain] and mixed_light(off).suns == ()
+    assert gains(off) == [plain, black, plain] and mixed_light(off).suns[0].irradiance == black
     solo = edited(lit, light__environment__solo=True)
     assert gains(solo) == [plain, black, black]
     assert gains(edited(solo, lamp__solo=True)) == [plain, black, plain]

@@ -1,0 +1,41 @@
+"""The lights of a scene, each alone and white: light adds up, so a mix of them is a weighted sum of pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from typing import NamedTuple
+
+from app.document.light_state import CONSTANT_ENVIRONMENT, ENVIRONMENT_KEY, RGB, LightState
+
+BLACK, WHITE = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
+_DARK = LightState(CONSTANT_ENVIRONMENT, radiance=BLACK)
+
+
+class SingleLight(NamedTuple):
+    """A light alone: an environment of gain 1, a sun of irradiance 1, or, by name, an emitter of radiance 1."""
+
+    light: LightState
+    emitter: str = ""
+
+    def emission(self, names: Iterable[str]) -> dict[str, RGB]:
+        """The radiance of the emitters of these names."""
+        return {name: WHITE if name == self.emitter else BLACK for name in names}
+
+
+Emission = tuple[tuple[str, RGB], ...]
+# What each light sends, as a multiple of what it sends alone.
+Weights = Mapping[SingleLight, RGB]
+
+
+def light_weights(light: LightState, emission: Emission) -> dict[SingleLight, RGB]:
+    """The weights of a scene's lights, mixed: the gain of its environment, the irradiance of its suns, the radiance of
+    its emitters by name; 0 for lights that are off."""
+    environment = SingleLight(replace(light, own_suns=(), new_suns=None, mix=()))
+    suns = {
+        SingleLight(replace(_DARK, rotation=light.rotation, new_suns=(each._replace(irradiance=WHITE),))):
+            each.irradiance
+        for each in light.suns
+    }  # fmt: skip
+    emitters = {SingleLight(_DARK, name): radiance for name, radiance in emission}
+    return {environment: light.row(ENVIRONMENT_KEY).gain, **suns, **emitters}
