@@ -50,7 +50,7 @@ def relight_figures(effort: RelightEffort | None, report: Callable[[str], None],
         return [not_measured(name, "left out of a quick run") for name in NAMES]
     report(f"a turned sky in Placement: {source}")
     with tempfile.TemporaryDirectory(prefix="insitu-measure-") as folder:
-        ready = _Ready(source, effort, Path(folder, "ready"))
+        ready = ReadyScene(source, effort, Path(folder, "ready"))
         begun = time.process_time()
         prepared = ready.ask(PrepareRelighting(ready.scene))
         rows_s = time.process_time() - begun
@@ -59,7 +59,7 @@ def relight_figures(effort: RelightEffort | None, report: Callable[[str], None],
         for degrees in effort.turns:
             found = ready.pictures(ready.turned(degrees), "relit")
             off[f"{degrees:g}"] = _error(found, ready.pictures(ready.turned(degrees, effort.n_final), "final"))
-        quick = _frames(_Ready(source, effort, Path(folder, "quick")), effort, "drag")
+        quick = _frames(ReadyScene(source, effort, Path(folder, "quick")), effort, "drag")
     size = "{}x{}".format(*effort.resolution)
     last = f"{effort.turns[-1]:g}"
     how = f"{source}, {size}"
@@ -70,7 +70,7 @@ def relight_figures(effort: RelightEffort | None, report: Callable[[str], None],
     ]
 
 
-class _Ready:
+class ReadyScene:
     """A scene whose exact picture there is, in a worker of this process."""
 
     def __init__(self, source: str, effort: RelightEffort, cache: Path) -> None:
@@ -83,7 +83,7 @@ class _Ready:
             raise NotMeasured(f"{source} has no layers")
         self._tasks, self._n_preview = RequestDispatcher(ArrayCache(cache)), min(PREVIEW.n_lights, effort.n_final // 4)
         self.ask(OpenScene(source, id=1), SetCamera(1, None, effort.resolution))
-        self.ask(self._transport(self.scene, effort.n_final))
+        self.ask(self.transport(self.scene, effort.n_final))
 
     def ask(self, *requests: Request) -> list[Response]:
         """All answers. Raises NotMeasured for a failure."""
@@ -99,7 +99,7 @@ class _Ready:
     def turned(self, degrees: float, n_final: int = 0) -> ComputeTransport:
         """The sky turned by so much, as a hand has it, or with so many lights in the end."""
         light = self.scene.light
-        return self._transport(replace(self.scene, light=replace(light, rotation=light.rotation + degrees)), n_final)
+        return self.transport(replace(self.scene, light=replace(light, rotation=light.rotation + degrees)), n_final)
 
     def pictures(self, request: ComputeTransport, stage: str) -> Pictures:
         """What each layer sends, (p, 3) by key."""
@@ -110,14 +110,15 @@ class _Ready:
             raise NotMeasured(f"no picture {stage!r} came")
         return found
 
-    def _transport(self, scene: SceneState, n_final: int) -> ComputeTransport:
+    def transport(self, scene: SceneState, n_final: int = 0) -> ComputeTransport:
+        """The request for a scene's transport, as of a light that is dragged, or with so many lights in the end."""
         key = scene.layers[0].key
         factor = scene.layers[0].layer.model.factors[0].name
         settings = RenderSettings(n_final or self._n_preview)
         return ComputeTransport(scene, key, factor, self._n_preview, settings, is_drag=n_final == 0)
 
 
-def _frames(ready: _Ready, effort: RelightEffort, stage: str) -> tuple[float, ...]:
+def _frames(ready: ReadyScene, effort: RelightEffort, stage: str) -> tuple[float, ...]:
     """Processor time of frames of a sky that turns."""
     ready.pictures(ready.turned(1.0), stage)  # what is found once
     seconds = []

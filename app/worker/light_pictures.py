@@ -106,7 +106,7 @@ class LightPictures:
             weights = light_weights(data.lit_by.light, data.lit_by.emission)
             if ready.at != weights and weights.keys() <= ready.alone.keys():
                 data = data.with_curves(work) if data.fits_curves(work) else data
-                rest = data.radiance - _sum(ready.alone, weights, data.store.n_points)
+                rest = data.radiance - weighted_sum(ready.alone, weights, data.store.n_points)
                 self._ready[work.key] = replace(ready, rest=rest, at=weights)
                 yield None
 
@@ -157,7 +157,7 @@ class LightPictures:
         """The radiance (p, 3) of a layer in a mix, without f_q and f_o."""
         ready = self._ready[work.key]
         assert ready.rest is not None and ready.at is not None
-        total = _sum(ready.alone, weights, len(ready.rest))
+        total = weighted_sum(ready.alone, weights, len(ready.rest))
         total += ready.rest * _remaining(weights, ready.at)
         return np.maximum(total, np.float32(0.0), out=total)
 
@@ -176,7 +176,7 @@ def _remaining(now: Weights, then: Weights) -> Float32Array:
     return np.min([np.ones(3), *ratios], axis=0).astype(np.float32)
 
 
-def _sum(alone: Mapping[SingleLight, Float32Array | None], weights: Weights, n_points: int) -> Float32Array:
+def weighted_sum(alone: Mapping[SingleLight, Float32Array | None], weights: Weights, n_points: int) -> Float32Array:
     """Σ_l w_l B_l of pictures (p, 3), block by block, so that sums stay in the cache while pictures are read once."""
     total = np.zeros((n_points, 3), np.float32)
     terms = [

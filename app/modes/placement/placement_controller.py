@@ -18,6 +18,7 @@ from app.document.commands import EditCommand
 from app.document.commands.layers import SetMaterial, SetVariant
 from app.document.document import Document
 from app.document.effective_settings import effective_view
+from app.document.light_mix import mixed_light
 from app.document.view_state import SetView, ViewState
 from app.messages.editor_status import PictureState, Status
 from app.messages.picture_events import PictureEvent, SkyChanged
@@ -319,7 +320,7 @@ class PlacementController(ModeController):
             "image_error": error if estimate is None else estimate.overall,
             "estimate": estimate,
             "error_colours": None if estimated is None else estimated.colours,
-            "light_note": light_note(controller, self._changeover.drawn.light) if has_picture else "",
+            "light_note": light_note(controller, mixed_light(self._changeover.drawn)) if has_picture else "",
             "material_note": material_note(controller) if has_picture else "",
             "emitter_note": emitter_note(controller) if has_picture else "",
             "missing_note": missing or "Wavelet coefficients, or light of further bounces, are still being added.",

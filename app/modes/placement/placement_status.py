@@ -28,7 +28,8 @@ class PlacementStatus(Status):
     none of a layer that is fixed. ``indirect_noise`` is the noise of the indirect light, RMS relative to its own mean;
     None while unknown. ``bounces_note`` says what light that many bounces leave out, empty where that is little;
     ``transport_note`` which bands or which precision of the transport are still to come. ``has_sky``: whether an
-    environment lights the scene. Of the plan: ``planned_bands`` are those of each layer by key and factor,
+    environment lights the scene. ``mixed_lights``: how many can be mixed at once. Of the plan: ``planned_bands`` are
+    those of each layer by key and factor,
     ``needed_lights`` and ``needed_patches`` what the worker found to be enough of those requested (0: it did not look),
     ``found_rays`` those of the hemisphere samples of the indirect light that is there (0: none is), ``plan_reasons``
     why, by line. ``spent_seconds`` of processor time the picture has taken since its last change, None while it is
