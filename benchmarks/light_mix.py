@@ -1,8 +1,8 @@
 """What a mix of lights costs in Placement once pictures of each light are there, and its error.
 
 The error is that of direct light: a mix by the worker's weighted sum against the final transport of that very light, in
-a scene of eight lights. Each of both has an error of its own against brute force (`oracle_error`), so that a part of the
-difference is not added by the mix. Times are of made-up pictures, whose numbers do not matter, of 512 x 512 pixels.
+a scene of eight lights. Each of both has an error of its own against brute force (`oracle_error`), so that a part of
+the difference is not added by the mix. Times are of made-up pictures of 512 x 512 pixels, whose numbers do not matter.
 """
 
 from __future__ import annotations

@@ -196,7 +196,7 @@ class ServingClient(FakeClient):
             # The error of each request is another one, so that a test can tell which of them was answered.
             self._answers[EstimateError] = [with_numbers(ErrorEstimated(ErrorEstimate(float(id))), id, sent.revision)]
         elif isinstance(sent, PrepareRelighting):
-            self._answers[PrepareRelighting] = [with_numbers(RelightingPrepared(0), id, sent.revision)]
+            self._answers[PrepareRelighting] = [with_numbers(RelightingPrepared(0, 2), id, sent.revision)]
         elif isinstance(sent, CancelRequests) and sent.of in ((EstimateError,), (PrepareRelighting,)):
             self._answers.pop(sent.of[0], None)
         return id

@@ -27,6 +27,7 @@ from app.document.commands.layers import (
 )
 from app.document.commands.light import SetEnvironment, SetRotation
 from app.document.commands.maps import SetBumps
+from app.document.commands.mix import SetMix
 from app.document.view_state import SetView
 from app.editor.editor import Editor
 from app.files.materials import Library
@@ -186,6 +187,8 @@ COMMANDS: dict[str, Callable[[Walk], object]] = {
     "hide": lambda w: w.editor.do(SetVisible("ball.0", False)),
     "show": lambda w: w.editor.do(SetVisible("ball.0", True)),
     "turn": lambda w: w.editor.do(SetRotation(w.editor.document.light.rotation + 20.0)),
+    "brighten the sky": lambda w: w.editor.do(SetMix("light.environment", "strength", 1.0)),
+    "warm the sky": lambda w: w.editor.do(SetMix("light.environment", "kelvin", 3000.0)),
     "hall": lambda w: w.editor.do(SetEnvironment("hall")),
     "studio": lambda w: w.editor.do(SetEnvironment("studio")),
     "no such sky": lambda w: w.editor.do(SetEnvironment("/nowhere/sky.exr")),

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from app.document.commands.layers import SetParameter
+from app.document.commands.mix import SetMix
 from app.document.document import document_from_description
 from app.messages.worker_messages import CancelRequests, Request
 from app.modes.placement.curves import Curves
@@ -65,6 +67,16 @@ def test_what_came_is_not_given_up(controller: RelightController, sent: list[Req
     controller.receive(RelightingPrepared(0, id=1))
     controller.update(5.0, OTHER, 1, False)
     assert len(sent) == 1
+
+
+def test_lights_can_be_mixed_until_a_material_changes(controller: RelightController, sent: list[Request]) -> None:
+    rest(controller)
+    assert not controller.mixes(DOCUMENT)
+    controller.receive(RelightingPrepared(0, 2, id=1))
+    assert controller.mixes(DOCUMENT) and controller.mixes(SetMix("lamp", "strength", 1.0).apply(DOCUMENT))
+    assert not controller.mixes(SetParameter("pot.0", "albedo", 0.2).apply(DOCUMENT))
+    controller.forget()
+    assert not controller.mixes(DOCUMENT)
 
 
 def test_what_failed_is_not_asked_for_again(controller: RelightController, sent: list[Request]) -> None:

@@ -22,9 +22,11 @@ from app.document.commands.layers import (
     new_layer,
 )
 from app.document.commands.light import SetEnvironment, SetIntensity, SetRotation
+from app.document.commands.mix import SetMix
 from app.document.commands.plan import OverrideLine, active_overrides
 from app.document.document import reflecting_layers
 from app.document.effective_settings import effective_view
+from app.document.light_mix import emission_of, mixed_light
 from app.document.light_state import LightState
 from app.document.view_state import SetView
 from app.editor.editor import Editor
@@ -59,6 +61,11 @@ ACTIONS: dict[str, Any] = {
     "turn": lambda editor: editor.do(SetRotation(editor.document.light.rotation + 10.0)),
     "sky": lambda editor: editor.do(SetEnvironment("studio")),
     "dim": lambda editor: editor.do(SetIntensity(0.5)),
+    "brighter lamp": lambda editor: editor.do(SetMix("lamp", "strength", 1.0)),
+    "warmer sky": lambda editor: editor.do(SetMix("light.environment", "kelvin", 4000.0)),
+    "lamp off or on": lambda editor: editor.do(SetMix("lamp", "on", not editor.document.light.row("lamp").on)),
+    "solo or not": lambda editor: editor.do(SetMix("lamp", "solo", not editor.document.light.row("lamp").solo)),
+    "group": lambda editor: editor.do(SetMix("lamp", "group", "Key")),
     "undo": lambda editor: editor.undo(),
     "redo": lambda editor: editor.redo(),
     "take hold": lambda editor: editor.begin_drag(),
@@ -191,7 +198,37 @@ def test_the_picture_comes_right(seed: int, actions: list[str], step: float) -> 
     last = client.sent(ComputeTransport)[-1]
     fixed = {layer.key for layer in last.scene.layers if layer.fixed}
     assert fixed == {key for key, _ in editor.document.layers() if not editor.document.object(key[:-2]).editable}
-    assert last.scene.light.rotation == editor.document.light.rotation and not last.is_drag
+    assert not last.is_drag
+    assert (last.scene.light, last.scene.emission) == (
+        replace(mixed_light(editor.document), intensity=1.0), emission_of(editor.document)
+    )  # fmt: skip
+
+
+def test_lights_that_were_made_ready_are_mixed_at_once() -> None:
+    """An edit of the mix asks for a quick picture in the same frame, and for the last one when idle; before the worker
+    is prepared, only for that."""
+    client = ServingClient(3)
+    editor = Editor(client, "shelf")
+    renderer = Renderer(editor)
+    now = settle(editor, renderer, 0.0)
+    for prepared in (False, True):
+        n_before = len(client.sent(ComputeTransport))
+        editor.do(SetMix("lamp", "strength", 2.0 if prepared else 1.0))
+        renderer.frame(now + 0.01)
+        asked = client.sent(ComputeTransport)[n_before:]
+        assert [request.is_drag for request in asked] == ([True] if prepared else [])
+        now = settle(editor, renderer, now)
+        asked = client.sent(ComputeTransport)[n_before:]
+        assert [request.is_drag for request in asked] == ([True, False] if prepared else [False])
+        assert asked[-1].scene.emission == emission_of(editor.document)
+        for _ in range(12):  # rests until the worker is prepared
+            now += 0.3
+            renderer.frame(now)
+    editor.do(SetParameter("floor.0", "albedo", 0.7))
+    editor.do(SetMix("lamp", "strength", 3.0))
+    n_before = len(client.sent(ComputeTransport))
+    renderer.frame(now + 0.01)
+    assert len(client.sent(ComputeTransport)) == n_before
 
 
 def test_a_long_drag_does_not_flood_the_worker() -> None:
