@@ -18,8 +18,9 @@ import moderngl
 import numpy as np
 
 from app.document.commands import EditCommand
-from app.document.commands.light import SetEmission, SetRotation, emission_of
+from app.document.commands.light import SetEmission, SetRotation
 from app.document.document import Document
+from app.document.light_mix import emission_of
 from app.document.view_state import SetView
 from app.editor.editor import Editor
 from app.measure.subject import errors

@@ -11,8 +11,9 @@ import numpy as np
 from imgui_bundle import imgui
 
 from app.document.commands.layers import SetFresnelTerm, SetModel, SetParameter, SetUnder, SetVariant
-from app.document.commands.light import EMISSION, STRENGTH, SetEmission, emission_of
+from app.document.commands.light import EMISSION, STRENGTH, SetEmission
 from app.document.document import ObjectState, Selection
+from app.document.light_mix import emission_of
 from app.document.light_state import RGB
 from app.document.linked_layers import linked_indices, possible_covers
 from app.files.materials import describe_measurement

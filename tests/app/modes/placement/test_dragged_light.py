@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from app.document.commands.curves import SetOperators
-from app.document.commands.light import SetEmission, SetEnvironment, SetRotation, emission_of
+from app.document.commands.light import SetEmission, SetEnvironment, SetRotation
 from app.document.document import Document
+from app.document.light_mix import emission_of
 from app.document.scene_state import SceneState
 from app.document.view_state import SetView
 from app.editor.editor import Editor
