@@ -57,7 +57,8 @@ def _emitters(document: Document) -> tuple[str, ...]:
 
 @lru_cache(maxsize=16)  # asked several times a frame
 def _gains(light: LightState, emitters: tuple[str, ...]) -> Mapping[str, RGB]:
-    rows = {key: light.row(key) for key in (*light.keys, *emitters)}
-    groups = {key: light.row(group_key(row.group)) if row.group else PLAIN_ROW for key, row in rows.items()}
+    edited = dict(light.mix)
+    rows = {key: edited.get(key, PLAIN_ROW) for key in (*light.keys, *emitters)}
+    groups = {key: edited.get(group_key(row.group), PLAIN_ROW) if row.group else PLAIN_ROW for key, row in rows.items()}
     solo = {key for key, row in rows.items() if row.solo or groups[key].solo}
     return {key: scaled(row.gain, groups[key].gain) if key in solo or not solo else BLACK for key, row in rows.items()}

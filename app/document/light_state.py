@@ -125,10 +125,12 @@ class LightState:
 
     def with_row(self, key: str, row: MixRow) -> LightState:
         """The light with another row of this key."""
-        rows = {**dict(self.mix), key: row}
+        return self.with_rows({**dict(self.mix), key: row})
+
+    def with_rows(self, rows: NameMap[str, MixRow]) -> LightState:
+        """The light with these rows, by key, and no others."""
         return replace(self, mix=tuple((key, rows[key]) for key in sorted(rows) if rows[key] != PLAIN_ROW))
 
     def with_renamed_rows(self, names: NameMap[str, str]) -> LightState:
         """The light with the rows of emitters that have other names now. names: those, by the names before."""
-        rows = {names.get(key, key): row for key, row in self.mix}
-        return replace(self, mix=tuple((key, rows[key]) for key in sorted(rows)))
+        return self.with_rows({names.get(key, key): row for key, row in self.mix})

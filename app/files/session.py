@@ -156,8 +156,7 @@ def parse_session(data: bytes, path: Path, folder: Path | None) -> Session:
         full_path(saved.environment, folder), saved.mapping, saved.rotation, saved.intensity, saved.radiance,
         new_suns=None if saved.suns is None else tuple(each.sun for each in saved.suns),
     )  # fmt: skip
-    for each in saved.mix:
-        light = light.with_row(each.light, each.row)
+    light = light.with_rows({each.light: each.row for each in saved.mix})
     document = Document(full_path(record.scene, folder), objects, check_light(light, str(path)), record.first_bands)
     document = replace(document, overrides=tuple(sorted(record.overrides.items())))
     view = replace(_view(record.view, document), bookmarks=tuple(each.bookmark for each in record.bookmarks))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from imgui_bundle import imgui
+
 from ui.panels import rows, widgets
 from ui.panels.actions import Action
 from ui.panels.context import PanelContext
@@ -14,9 +16,11 @@ def draw(context: PanelContext, row: rows.Row) -> list[Action]:
     """Label, three numbers and swatch of a parameter of a light."""
     actions: list[Action] = []
     widgets.label(context, "Colour")
+    imgui.push_id(row.handle)
     for touch, moved in rows.triple(context, row, has_swatch=True):
         actions += rows.one_step(touch, [row.make(moved)])
     touch, picked = rows.swatch(context, row.handle, scaled(row.value, 1.0), SWATCH_HINT)
+    imgui.pop_id()
     return actions + rows.one_step(touch, [row.make(scaled(picked, max(row.value)))])
 
 
