@@ -25,7 +25,7 @@ from app.messages.worker_messages import Response
 from app.system.memory import available_memory
 from app.worker.layer_data import LayerData, join_tile_contents, reflects_alike, shape_of, tile_content
 from engine.core.generators import map_steps
-from engine.core.threads import n_threads, on_threads
+from engine.core.threads import even_parts, on_threads
 from engine.precompute.direct.pipeline import FINAL, Placement, SkyState, final_quality
 from engine.precompute.direct.projection import project_layer
 
@@ -34,7 +34,7 @@ Steps = Iterator[Response | None]
 # Of all pictures of single lights, and of the free memory.
 MOST_BYTES = 512e6
 SHARE_OF_MEMORY = 0.25
-_BLOCK = 16384  # points that are summed at a time, in the cache of a processor
+_BLOCK = 4096  # points that are summed at a time
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,19 +177,25 @@ def _remaining(now: Weights, then: Weights) -> Float32Array:
 
 
 def weighted_sum(alone: Mapping[SingleLight, Float32Array | None], weights: Weights, n_points: int) -> Float32Array:
-    """Σ_l w_l B_l of pictures (p, 3), block by block, so that sums stay in the cache while pictures are read once."""
-    total = np.zeros((n_points, 3), np.float32)
+    """Σ_l w_l B_l of pictures (p, 3), (p, 3) float32.
+
+    Block by block, so that sums stay in the cache of a processor while each picture is read once. Weights are repeated
+    for a block: numpy is ten times slower where it goes through three numbers at a time.
+    """
+    total = np.zeros(3 * n_points, np.float32)
     terms = [
-        (picture, np.array(weight, np.float32))
+        (picture.reshape(-1), np.tile(np.array(weight, np.float32), _BLOCK))
         for light, weight in weights.items() if any(weight) and (picture := alone[light]) is not None
     ]  # fmt: skip
 
     def add(begin: int, end: int) -> None:
-        for first in range(begin, end, _BLOCK):
-            part = slice(first, min(first + _BLOCK, end))
-            for picture, weight in terms:
-                total[part] += picture[part] * weight
+        product = np.empty(3 * _BLOCK, np.float32)
+        for first in range(3 * begin, 3 * end, 3 * _BLOCK):
+            part = total[first : min(first + 3 * _BLOCK, 3 * end)]
+            for picture, repeated in terms:
+                of_part = product[: len(part)]
+                np.multiply(picture[first : first + len(part)], repeated[: len(part)], out=of_part)
+                part += of_part
 
-    bounds = np.linspace(0, n_points, n_threads() + 1).astype(int).tolist()
-    on_threads(add, bounds[:-1], bounds[1:])
-    return total
+    on_threads(add, *even_parts(n_points))
+    return total.reshape(-1, 3)
