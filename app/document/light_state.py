@@ -68,6 +68,11 @@ def group_key(name: str) -> str:
     return f"light.groups.{name}"
 
 
+def group_of(key: str) -> str:
+    """The name of the group whose row has this key; "" for the row of a light."""
+    return key.removeprefix(group_key("")) if key.startswith(group_key("")) else ""
+
+
 def scaled(colour: RGB, gain: RGB) -> RGB:
     """A colour times a gain, channel by channel."""
     return colour[0] * gain[0], colour[1] * gain[1], colour[2] * gain[2]
@@ -130,6 +135,17 @@ class LightState:
     def with_rows(self, rows: NameMap[str, MixRow]) -> LightState:
         """The light with these rows, by key, and no others."""
         return replace(self, mix=tuple((key, rows[key]) for key in sorted(rows) if rows[key] != PLAIN_ROW))
+
+    def with_renamed_group(self, before: str, name: str) -> LightState:
+        """The light with another name of a group, whose lights join the group that has it; "" dissolves the group."""
+        edited = dict(self.mix)
+        rows = {
+            key: replace(row, group=name) if row.group == before else row
+            for key, row in edited.items() if key != group_key(before)
+        }  # fmt: skip
+        if name:
+            rows.setdefault(group_key(name), edited.get(group_key(before), PLAIN_ROW))
+        return self.with_rows(rows)
 
     def with_renamed_rows(self, names: NameMap[str, str]) -> LightState:
         """The light with the rows of emitters that have other names now. names: those, by the names before."""

@@ -33,7 +33,7 @@ from app.document.document import (
     resolve,
 )
 from app.document.history import History
-from app.document.light_state import MIX_FIELDS, group_key, sun_key
+from app.document.light_state import MIX_FIELDS, group_key, group_of, sun_key
 from app.document.view_state import Viewpoint
 from app.project.project import read_measurements, set_path
 from engine.core.errors import InsituError
@@ -400,7 +400,8 @@ def value_at(document: Document, path: str) -> Any:
     if target.kind == "sun":
         return next(getattr(each, name) for each in document.light.suns if each.name == target.object)
     if target.kind == "mix":
-        return getattr(document.light.row(target.object), name)
+        row = document.light.row(target.object)
+        return group_of(target.object) or row.group if name == "group" else getattr(row, name)
     if target.key is not None and target.layer is not None:
         layer = document.layer(target.key)
         match target.kind:

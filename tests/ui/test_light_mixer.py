@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from imgui_bundle import imgui
 
 from app.document.light_mix import gains_of
 from app.document.view_state import OpenPanel
@@ -63,5 +64,11 @@ def test_an_opened_line_has_temperature_colour_and_group(mixer: HeadlessWindow) 
     assert editor.document.light.row("lamp").group == "Group 1"
     mixer.drag_handle("mix.light.groups.Group 1.strength", (25, 0))
     assert editor.document.light.row("light.groups.Group 1").strength > 0.0
+    click(mixer, "mix.light.groups.Group 1")
+    click(mixer, "mix.light.groups.Group 1.name")
+    mixer.type("Key")
+    mixer.key(imgui.Key.enter)
+    mixer.frames(2)
+    assert editor.document.light.groups == ("Key",)
     click(mixer, "mix.lamp.kelvin", button=1)
     assert editor.document.light.row("lamp").kelvin == 0.0

@@ -11,7 +11,7 @@ from functools import partial
 from imgui_bundle import imgui
 
 from app.document.commands.mix import COLOUR, KELVIN, STRENGTH, SetMix
-from app.document.light_state import ENVIRONMENT_KEY, PLAIN_ROW, SCENE_ENVIRONMENT, group_key, sun_key
+from app.document.light_state import ENVIRONMENT_KEY, PLAIN_ROW, SCENE_ENVIRONMENT, group_key, group_of, sun_key
 from ui.panels import light_colour, rows, suns, widgets
 from ui.panels.actions import Action
 from ui.panels.context import PanelContext
@@ -88,7 +88,17 @@ def _details(context: PanelContext, key: str) -> list[Action]:
     actions = rows.draw(context, kelvin)
     colour = rows.Row(COLOUR, row.gain if row.kelvin else row.colour, partial(SetMix, key, "colour"), f"{at}.colour")
     actions += light_colour.draw(context, colour)
-    return actions if key.startswith(group_key("")) else actions + _group(context, key)
+    return actions + (_group_name(context, key) if group_of(key) else _group(context, key))
+
+
+def _group_name(context: PanelContext, key: str) -> list[Action]:
+    """The name of a group, to be typed."""
+    widgets.label(context, "Name")
+    _, typed = imgui.input_text("##name", group_of(key), imgui.InputTextFlags_.auto_select_all)
+    context.handles.note_item(f"mix.{key}.name")
+    widgets.tooltip("Another name, then Enter. An empty one dissolves the group.")
+    is_renamed = imgui.is_item_deactivated_after_edit() and typed.strip() != group_of(key)
+    return [SetMix(key, "group", typed)] if is_renamed else []
 
 
 def _group(context: PanelContext, key: str) -> list[Action]:

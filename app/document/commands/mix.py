@@ -7,7 +7,7 @@ from typing import Any, cast
 
 from app.document.document import Document
 from app.document.light_mix import lights_of
-from app.document.light_state import MIX_FIELDS, PLAIN_ROW, RGB, MixRow, group_key
+from app.document.light_state import MIX_FIELDS, PLAIN_ROW, RGB, MixRow, group_key, group_of
 from engine.core.blackbody import LEAST_KELVIN, MOST_KELVIN
 from engine.core.errors import InsituError, list_names
 from engine.material.parameters import Parameter, ParameterError
@@ -52,7 +52,8 @@ MOST_LETTERS = 64
 class SetMix:
     """Set a value of a light's row in the mix, or of a group's, by its key (`app.document.light_state`).
 
-    A colour takes the place of a temperature, and a temperature (0: none) that of a colour.
+    A colour takes the place of a temperature, and a temperature (0: none) that of a colour. The group of a group is its
+    name: another one renames it, "" dissolves it.
     """
 
     light: str
@@ -68,9 +69,9 @@ class SetMix:
         there = (*lights_of(document), *map(group_key, light.groups))
         if self.light not in there:
             raise InsituError(f"there is no light {self.light!r}; available: {list_names(there)}")
-        if self.name == "group" and self.light not in lights_of(document):
-            raise InsituError(f"{self.light} is a group, which is in no other")
         row = changed_row(light.row(self.light), self.name, self.value)
+        if self.name == "group" and self.light not in lights_of(document):
+            return replace(document, light=light.with_renamed_group(group_of(self.light), row.group))
         return replace(document, light=light.with_row(self.light, row))
 
 

@@ -119,10 +119,15 @@ def test_what_no_row_has_is_refused_in_a_line(lit: Document, path: str, value: A
     assert says in str(found.value) and "\n" not in str(found.value)
 
 
-def test_a_group_is_in_no_group(lit: Document) -> None:
-    grouped = edited(lit, lamp__group="Key")
-    with pytest.raises(InsituError, match="is a group, which is in no other"):
-        edited(grouped, light__groups__Key__group="Fill")
+def test_the_group_of_a_group_is_its_name(lit: Document) -> None:
+    grouped = edited(lit, lamp__group="Key", light__Noon__group="Key", light__groups__Key__strength=1)
+    renamed = edited(grouped, light__groups__Key__group="Fill")
+    assert renamed.light.groups == ("Fill",) and gains(renamed) == gains(grouped)
+    assert edited(renamed, light__groups__Fill__group="Key") == grouped
+    # Lights that join another group follow its row; those of none are as on their own.
+    both = edited(grouped, light__environment__group="Rim", light__groups__Rim__strength=-1)
+    assert gains(edited(both, light__groups__Key__group="Rim")) == [(0.5, 0.5, 0.5)] * 3
+    assert edited(grouped, light__groups__Key__group="") == lit
 
 
 def some_value(random: np.random.Generator, name: str) -> Any:
