@@ -134,7 +134,8 @@ class LightPictures:
         scene = placement.scene
         alone = placement.with_emission(light.emission(scene.object_names))
         settings = like.lit_by.planned_settings or like.lit_by.settings
-        visible = yield from map_steps(alone.light(sky, final_quality(settings)), lambda fraction: None)
+        lit_by = SkyState(None) if _is_dark(sky) else sky
+        visible = yield from map_steps(alone.light(lit_by, final_quality(settings)), lambda fraction: None)
         for work in due:
             fixed, rows = replace(work, fixed=True), alone.rows_of(scene.object_index(work.object))
             parts = {}
