@@ -62,7 +62,7 @@ class SetMix:
 
     @property
     def label(self) -> str:
-        return f"{self.light.removeprefix('light.')} {self.name}"
+        return f"{group_of(self.light) or self.light.removeprefix('light.')} {self.name}"
 
     def apply(self, document: Document) -> Document:
         light = document.light
