@@ -135,23 +135,24 @@ def _frame_ms(n_lights: int, effort: MixEffort) -> tuple[float, ...]:
     renderer = PlacementRenderer(context)
     renderer.set_frame(_whole_frame(effort.side))
     renderer.set_layer("wall.0", 0, n_points)
-    seconds = []
+    milliseconds = []
     for _ in range(effort.n_frames + 1):
         weights = {light: tuple(random.random(3).tolist()) for light in lights}
         begun = time.perf_counter()
         renderer.set_layer_radiance("wall.0", weighted_sum(alone, weights, n_points))
         renderer.composite(DisplayView())
         context.finish()
-        seconds.append(1e3 * (time.perf_counter() - begun))
+        milliseconds.append(1e3 * (time.perf_counter() - begun))
     renderer.release()
     context.release()
-    return tuple(seconds[1:])  # the first compiles shaders
+    return tuple(milliseconds[1:])  # the first compiles shaders
 
 
 def _whole_frame(side: int) -> PictureFrame:
     """A picture all of which is one object."""
+    rays = np.tile(np.array((0.0, 0.0, -1.0), np.float32), (side, side, 1))
     return PictureFrame(
         pixel=np.arange(side**2, dtype=np.int32), object_ranges=np.array([[0, side**2]], np.int32),
         object_image=np.zeros((side, side), np.int16), emission_image=np.zeros((side, side, 3), np.float32),
-        ray_directions=np.tile(np.float32((0.0, 0.0, -1.0)), (side, side, 1)), theta_o=np.zeros(side**2, np.float32),
+        ray_directions=rays, theta_o=np.zeros(side**2, np.float32),
     )  # fmt: skip

@@ -23,7 +23,7 @@ from app.document.scene_state import LayerState, SceneState
 from app.document.single_lights import SingleLight, Weights, light_weights
 from app.messages.worker_messages import Response
 from app.system.memory import available_memory
-from app.worker.layer_data import LayerData, join_tile_contents, reflects_alike, shape_of, tile_content
+from app.worker.layer_data import LayerData, both_curves, join_tile_contents, reflects_alike, shape_of, tile_content
 from engine.core.generators import map_steps
 from engine.core.threads import even_parts, on_threads
 from engine.precompute.direct.pipeline import FINAL, Placement, SkyState, final_quality
@@ -125,7 +125,7 @@ class LightPictures:
         weight = light_weights(data.lit_by.light, data.lit_by.emission).get(light, ())
         if weight and all(weight):
             data = data.with_curves(work) if data.fits_curves(work) else data
-            self._ready[work.key].alone[light] = data.radiance / np.array(weight, np.float32)
+            self._ready[work.key].alone[light] = np.asarray(data.radiance / np.array(weight), np.float32)
 
     def _add_light(
         self, placement: Placement, light: SingleLight, sky: SkyState, due: list[LayerState], like: LayerData
@@ -142,7 +142,7 @@ class LightPictures:
             for tile in project_layer(alone.hits, rows, visible, shape_of(work)):
                 parts[tile.begin] = tile_content(fixed, tile)
                 yield None
-            picture = join_tile_contents(fixed, parts).radiance() * np.float32(visible.lighting.unit)
+            picture = join_tile_contents(fixed, parts).radiance(*both_curves(fixed)) * visible.lighting.unit
             self._ready[work.key].alone[light] = np.ascontiguousarray(picture, np.float32)
 
     # ----------------------------------------------------------------------------------------------------------- mixing

@@ -19,6 +19,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Generator, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +49,7 @@ _LEAST_GLOSS = 0.2
 
 Float32Array = NDArray[np.float32]
 RGB = tuple[float, float, float]
+Light = TypeVar("Light", bound=Hashable)  # whatever names a light
 # What each layer reflects at its gather points, (p, 3).
 Reflected = list[Float32Array]
 # What each layer reflects of a light, (p, D, 3) by power.
@@ -188,7 +190,7 @@ class IndirectRelighting:
             )
             self._alone[light] = yield from self._reflected((yield from lit))
 
-    def mixed(self, now: Mapping[Hashable, RGB], then: Mapping[Hashable, RGB]) -> list[RelitLayer] | None:
+    def mixed(self, now: Mapping[Light, RGB], then: Mapping[Light, RGB]) -> list[RelitLayer] | None:
         """Each layer in a mix of lights that were reflected alone, by their weights, `then` at rest; None where one was
         not. Of what glossy surfaces add at rest, each light keeps its share."""
         shining = [light for light, weight in (*now.items(), *then.items()) if any(weight)]
@@ -202,7 +204,7 @@ class IndirectRelighting:
             for lit, resting, share in zip(sums[0], sums[1], gloss, strict=True)
         ]
 
-    def _weighted(self, weights: Mapping[Hashable, RGB]) -> Reflected:
+    def _weighted(self, weights: Mapping[Light, RGB]) -> Reflected:
         """What the layers reflect of lights, each times its weight."""
         terms = [(self._alone[light], np.array(weight, np.float32)) for light, weight in weights.items() if any(weight)]
         sums = []
