@@ -52,7 +52,7 @@ def mixed_light(document: Document) -> LightState:
 
 
 def _emitters(document: Document) -> tuple[str, ...]:
-    return tuple(state.name for state in document.objects if state.emits)
+    return tuple(state.name for state in document.objects if state.emission is not None)
 
 
 @lru_cache(maxsize=16)  # asked several times a frame

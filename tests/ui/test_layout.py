@@ -67,7 +67,7 @@ def test_no_panel_overlaps_or_is_cut_off(
             assert left >= 0 and top >= 0 and right <= size[0] and bottom <= size[1]
         for panel in layout.PANELS:
             each = imgui.internal.find_window_by_name(panel.window)
-            scrolls = panel is layout.PLAN  # a sheet has as many lines as the scene has curves
+            scrolls = panel in (layout.PLAN, layout.LIGHT)  # as many lines as the scene has curves, or lights
             assert not each.scrollbar_x and (scrolls or not each.scrollbar_y), f"{panel.title} does not fit"
 
 

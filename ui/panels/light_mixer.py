@@ -17,7 +17,7 @@ from ui.panels.actions import Action
 from ui.panels.context import PanelContext
 from ui.theme import Icon
 
-GAP = 4.0
+GAP, NAME_WIDTH = 4.0, 102.0
 ENVIRONMENT_HINT = "The environment, without suns. Opened: its colour and its group."
 SUN_HINT = "A directional light: a distant disc that lights all objects alike. Opened: where it is seen, its colour."
 EMITTER_HINT = "An object that emits light. Opened: its colour and its group; its radiance is in the Material panel."
@@ -56,7 +56,7 @@ def _line(context: PanelContext, key: str, name: str, hint: str, opened: bool = 
     """A light's line; whether it is open, and what the user did."""
     row, at = context.document.light.row(key), f"mix.{key}"
     start, gap, side = imgui.get_cursor_pos_x(), context.px(GAP), imgui.get_frame_height()
-    width = context.px(widgets.LABEL_WIDTH)
+    width = context.px(NAME_WIDTH)
     imgui.set_next_item_open(opened, imgui.Cond_.once)
     shown = widgets.shortened(name, width - imgui.get_tree_node_to_label_spacing())
     is_open = imgui.tree_node_ex(f"{shown}###{at}", imgui.TreeNodeFlags_.frame_padding)

@@ -21,7 +21,7 @@ STRENGTH = Parameter(
     minimum=-20.0,
     maximum=20.0,
     soft=(-6.0, 6.0),
-    form="%+.2f stops",
+    form="%+.2f",
 )
 COLOUR = Parameter(
     "colour",
