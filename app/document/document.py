@@ -18,31 +18,22 @@ import functools
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
-from app.document.light_state import MIX_FIELDS, RGB, LightState, group_key
+from app.document.light_state import RGB, LightState
 from app.document.linked_layers import layers_from_descriptions, linked_indices, with_covers, with_layer
 from engine.core.errors import InsituError
 from engine.light.suns import Sun
-from engine.material.bumps import NO_BUMPS, Bumps, BumpsByObject, bump_fields
+from engine.material.bumps import NO_BUMPS, Bumps, BumpsByObject
 from engine.material.layer import Layer
 from engine.material.layer_maps import LayerMaps
-from engine.material.map_tables import map_fields
 from engine.material.model import Factor, Model
-from engine.material.opacity import OPAQUE, Opacity, OpacityByObject, opacity_fields
-from engine.material.parameter_maps import MAPPED_KINDS
-from engine.realtime.deformers import KINDS
+from engine.material.opacity import OPAQUE, Opacity, OpacityByObject
 from engine.realtime.zonal_harmonics.pose import Deformation, Moment, Motion, Poses, without_identity
 from engine.scene.description import EnvironmentDescription, ObjectDescription, SceneDescription, free_name
 from engine.scene.rig import Animations
-from engine.scene.surface_kinds import NO_SURFACE, SURFACES, DeformSurface, SurfacesByObject
+from engine.scene.surface_kinds import NO_SURFACE, DeformSurface, SurfacesByObject
 from engine.settings import LineValue
-
-Kind = Literal[
-    "object", "layer", "factor", "parameter", "map", "parameter_map", "switch", "deformer", "time", "bumps",
-    "opacity", "surface", "light", "sun", "mix",
-]  # fmt: skip
-
 
 # The name of the variant that a scene opens in, where its file names none for that.
 AS_IN_THE_FILE = "As in the file"
@@ -175,7 +166,7 @@ class Document:
         for state in self.objects:
             if state.name == name:
                 return state
-        raise _unknown("object", name, [state.name for state in self.objects])
+        raise unknown("object", name, [state.name for state in self.objects])
 
     def layer(self, key: str) -> Layer:
         """The layer with this key (or path to a layer)."""
@@ -254,110 +245,18 @@ class Document:
         return state.visible and state.layers[index].visible
 
 
-@dataclass(frozen=True)
-class Target:
-    """The target of a path. ``key`` is None for an object or the light, ``name`` None for an object or a layer;
-    ``object`` is the name of a sun where that is the target."""
-
-    kind: Kind
-    object: str = ""
-    layer: int | None = None
-    name: str | None = None
-
-    @property
-    def key(self) -> str | None:
-        return None if self.layer is None else layer_key(self.object, self.layer)
-
-
-SWITCHES = ("visible", "frozen", "editable")
-MATERIAL = "material"
-TIME = "time"
-SURFACE = "surface"
-EMISSION = "emission"
-FRESNEL_TERM = "fresnel_term"
-UNDER = "under"
-VARIANT = "variant"
-MAP_SUFFIX = "_map"  # of the path to the map of a parameter: "teapot.1.alpha_map"
-LIGHT_FIELDS = ("rotation", "intensity", "environment", "mapping")
-SUN_FIELDS = ("direction", "irradiance", "diameter")
-
-
 def layer_key(object_name: str, index: int) -> str:
     return f"{object_name}.{index}"
 
 
 def split_key(document: Document, key: str) -> tuple[str, int]:
     """(object name, layer index) of a layer's key; the layer may be written by its name."""
-    target = resolve(document, key)
-    if target.kind != "layer" or target.layer is None:
-        raise InsituError(f"{key!r} is not a layer; layers of this scene: {', '.join(k for k, _ in document.layers())}")
-    return target.object, target.layer
-
-
-def resolve(document: Document, path: str) -> Target:
-    """The target of a path in this document.
-
-    Raises InsituError that says which part is unknown and what exists in its place.
-    """
-    head, _, rest = path.partition(".")
-    if head == "light" and rest in LIGHT_FIELDS:
-        return Target("light", name=rest)
-    sun, _, last = rest.rpartition(".")
-    if head == "light" and last in SUN_FIELDS and sun in [each.name for each in document.light.suns]:
-        return Target("sun", sun, name=last)
-    key, _, _ = path.rpartition(".")
-    keys = (*document.light.keys, *map(group_key, document.light.groups))
-    if last in MIX_FIELDS and key in keys:
-        return Target("mix", key, name=last)
-    if head == "light" and all(state.name != "light" for state in document.objects):
-        suns = [f"{each.name}.{name}" for each in document.light.suns for name in SUN_FIELDS]
-        rows = [f"{key.removeprefix('light.')}.{name}" for key in keys for name in MIX_FIELDS]
-        raise _unknown("property of the light", rest, (*LIGHT_FIELDS, *suns, *rows))
-    state, rest = _split_object(document, path)
-    if rest in MIX_FIELDS and state.emits and rest not in [layer.name for layer in state.layers]:
-        return Target("mix", state.name, name=rest)
-    if not rest:
-        return Target("object", state.name)
-    kind = _kind_of(rest)
-    if kind is not None and rest.partition(".")[0] not in [layer.name for layer in state.layers]:
-        return Target(kind, state.name, name=rest)
-    index, rest = _split_layer(state, rest)
-    if not rest:
-        return Target("layer", state.name, index)
-    if rest in ("visible", "frozen", FRESNEL_TERM, UNDER):
-        return Target("switch", state.name, index, rest)
-    return _resolve_in_layer(state, index, rest)
-
-
-def _kind_of(name: str) -> Kind | None:
-    """The kind of an object's value with this name, besides its layers."""
-    if name in (*SWITCHES, MATERIAL, EMISSION):
-        return "switch"
-    if name in KINDS:
-        return "deformer"
-    if name == TIME:
-        return "time"
-    if name in bump_fields():
-        return "bumps"
-    if name in opacity_fields():
-        return "opacity"
-    return "surface" if name.partition(".")[0] in (SURFACE, *SURFACES) else None
-
-
-def _resolve_in_layer(state: ObjectState, index: int, name: str) -> Target:
-    layer = state.layers[index]
-    factors = [factor.name for factor in all_factors(layer.model)]
-    parameters = [parameter.name for parameter in layer.parameter_table]
-    if name in factors:
-        return Target("factor", state.name, index, name)
-    if name in parameters:
-        return Target("parameter", state.name, index, name)
-    if name in map_fields():
-        return Target("map", state.name, index, name)
-    own = name.removesuffix(MAP_SUFFIX)
-    if own != name and any(own == each.name and each.kind in MAPPED_KINDS for each in layer.model.parameters):
-        return Target("parameter_map", state.name, index, own)
-    raise _unknown(f"curve or parameter of {layer_key(state.name, index)}", name, [*factors, *parameters])
+    state, rest = split_object(document, key)
+    if rest:
+        index, tail = split_layer(state, rest)
+        if not tail:
+            return state.name, index
+    raise InsituError(f"{key!r} is not a layer; layers of this scene: {', '.join(k for k, _ in document.layers())}")
 
 
 def all_factors(model: Model) -> tuple[Factor, ...]:
@@ -366,13 +265,13 @@ def all_factors(model: Model) -> tuple[Factor, ...]:
     return tuple(factor for factor in there if factor.name not in model.shared)
 
 
-def _split_object(document: Document, path: str) -> tuple[ObjectState, str]:
-    """The object a path begins with and the rest of the path."""
+def split_object(document: Document, path: str) -> tuple[ObjectState, str]:
+    """The object that a path begins with, and the rest of the path."""
     name, _, rest = path.partition(".")
     return document.object(name), rest
 
 
-def _split_layer(state: ObjectState, rest: str) -> tuple[int, str]:
+def split_layer(state: ObjectState, rest: str) -> tuple[int, str]:
     """The index of the layer that ``rest`` begins with (number or name) and what follows."""
     names = [layer.name for layer in state.layers]
     head, _, tail = rest.partition(".")
@@ -381,10 +280,11 @@ def _split_layer(state: ObjectState, rest: str) -> tuple[int, str]:
     if head and head in names:
         return names.index(head), tail
     there = [f"{index}" + (f" ({name})" if name else "") for index, name in enumerate(names)]
-    raise _unknown(f"layer of {state.name}", head, there)
+    raise unknown(f"layer of {state.name}", head, there)
 
 
-def _unknown(what: str, name: str, there: Iterable[str]) -> InsituError:
+def unknown(what: str, name: str, there: Iterable[str]) -> InsituError:
+    """The error for a name that is not there: it offers the closest, and lists all."""
     options = list(there)
     close = difflib.get_close_matches(name, options, n=1)
     hint = f"did you mean {close[0]!r}? " if close else ""

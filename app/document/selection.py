@@ -7,7 +7,8 @@ indirect light, including what the hidden layers reflect onto others.
 from __future__ import annotations
 
 from app.document.commands.curves import CurveEdit
-from app.document.document import Document, Selection, all_factors, resolve, split_key
+from app.document.document import Document, Selection, all_factors, split_key
+from app.document.targets import resolve
 from app.document.view_state import SetView, ViewState
 from engine.core.errors import InsituError
 from engine.curve.operators import edits_of

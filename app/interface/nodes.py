@@ -19,7 +19,10 @@ from pydantic import ValidationError
 
 from app.document.commands import EditCommand
 from app.document.commands.curves import AddOperator, ResetCurve, SetOperators
-from app.document.document import (
+from app.document.document import Document, all_factors
+from app.document.history import History
+from app.document.light_state import MIX_FIELDS, group_key, group_of, sun_key
+from app.document.targets import (
     EMISSION,
     LIGHT_FIELDS,
     MAP_SUFFIX,
@@ -28,12 +31,8 @@ from app.document.document import (
     SWITCHES,
     TIME,
     UNDER,
-    Document,
-    all_factors,
     resolve,
 )
-from app.document.history import History
-from app.document.light_state import MIX_FIELDS, group_key, group_of, sun_key
 from app.document.view_state import Viewpoint
 from app.project.project import read_measurements, set_path
 from engine.core.errors import InsituError

@@ -33,25 +33,14 @@ from app.document.commands.mix import SetMix
 from app.document.commands.plan import FIRST_BANDS, active_overrides, override_from_value, set_first_bands
 from app.document.commands.poses import with_amounts, with_time
 from app.document.commands.suns import SetSun
-from app.document.document import (
-    EMISSION,
-    FRESNEL_TERM,
-    MATERIAL,
-    TIME,
-    UNDER,
-    VARIANT,
-    Document,
-    Target,
-    document_from_description,
-    reflecting_layers,
-    resolve,
-)
+from app.document.document import Document, document_from_description, reflecting_layers
 from app.document.light_mix import emission_of, mixed_light
 from app.document.light_state import CONSTANT_ENVIRONMENT, ENVIRONMENT_KEY, SCENE_ENVIRONMENT, LightState
 from app.document.named_files import document_with_measurements, files_of_document, layers_with_variants, unread_files
 from app.document.node_layers import Statistics, channel_images, with_node_layers
 from app.document.scene_files import is_archive, renamed, split_axis, unpacked_scene_file, variants_of
 from app.document.sources import find_source, likely_mapping, source_of
+from app.document.targets import EMISSION, FRESNEL_TERM, MATERIAL, TIME, UNDER, VARIANT, Target, resolve
 from app.document.view_state import Viewpoint
 from app.files.bookmarks import camera_bookmarks, find_bookmark
 from app.files.material_files import complete_material, import_material, is_material_file, read_file_materials

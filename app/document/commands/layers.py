@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from app.document.document import Document, ObjectState, Variant, all_factors, resolve, split_key
+from app.document.document import Document, ObjectState, Variant, all_factors, split_key
 from app.document.linked_layers import Layers, linked_indices, possible_covers, with_fresnel, without_fresnel
 from app.document.named_files import variant_with_scene_names, with_scene_names
+from app.document.targets import resolve
 from engine.core.errors import InsituError
 from engine.curve.operators import Edit, collapse
 from engine.material import MODELS

@@ -14,8 +14,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from app.document.commands.layers import editable_layer
-from app.document.document import SURFACE, Document, ObjectState, split_key
+from app.document.document import Document, ObjectState, split_key
 from app.document.linked_layers import Layers
+from app.document.targets import SURFACE
 from engine.core.errors import InsituError, LoadError
 from engine.material.bumps import set_bump_field
 from engine.material.layer import Layer

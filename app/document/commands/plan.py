@@ -11,7 +11,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
 
-from app.document.document import Document, resolve
+from app.document.document import Document
+from app.document.targets import resolve
 from app.document.view_state import SetView
 from engine.core.errors import InsituError, LoadError
 from engine.settings import PICTURE_LINES, SETTINGS, LineValue, bands_of_lines, checked_bands, checked_line

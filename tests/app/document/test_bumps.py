@@ -8,8 +8,8 @@ import pytest
 from PIL import Image
 
 from app.document.commands.maps import SetBumps
-from app.document.document import resolve
 from app.document.named_files import files_of_document
+from app.document.targets import resolve
 from app.document.view_state import ViewState
 from app.editor.editor import Editor
 from app.editor.view_controller import REST_SECONDS

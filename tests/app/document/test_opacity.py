@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from app.document.commands.maps import SetOpacity
-from app.document.document import resolve
+from app.document.targets import resolve
 from app.document.view_state import ViewState
 from app.files.session import save_session
 from app.messages.worker_messages import OpenScene, SetCamera, ViewTraced

@@ -1,0 +1,114 @@
+"""Paths: what can be set of a document, by name (`app.document.document` says how they are written)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from app.document.document import Document, ObjectState, all_factors, layer_key, split_layer, split_object, unknown
+from app.document.light_state import MIX_FIELDS, group_key
+from engine.material.bumps import bump_fields
+from engine.material.map_tables import map_fields
+from engine.material.opacity import opacity_fields
+from engine.material.parameter_maps import MAPPED_KINDS
+from engine.realtime.deformers import KINDS
+from engine.scene.surface_kinds import SURFACES
+
+Kind = Literal[
+    "object", "layer", "factor", "parameter", "map", "parameter_map", "switch", "deformer", "time", "bumps",
+    "opacity", "surface", "light", "sun", "mix",
+]  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Target:
+    """The target of a path. ``key`` is None for an object or the light, ``name`` None for an object or a layer;
+    ``object`` is the name of a sun where that is the target."""
+
+    kind: Kind
+    object: str = ""
+    layer: int | None = None
+    name: str | None = None
+
+    @property
+    def key(self) -> str | None:
+        return None if self.layer is None else layer_key(self.object, self.layer)
+
+
+SWITCHES = ("visible", "frozen", "editable")
+MATERIAL = "material"
+TIME = "time"
+SURFACE = "surface"
+EMISSION = "emission"
+FRESNEL_TERM = "fresnel_term"
+UNDER = "under"
+VARIANT = "variant"
+MAP_SUFFIX = "_map"  # of the path to the map of a parameter: "teapot.1.alpha_map"
+LIGHT_FIELDS = ("rotation", "intensity", "environment", "mapping")
+SUN_FIELDS = ("direction", "irradiance", "diameter")
+
+
+def resolve(document: Document, path: str) -> Target:
+    """The target of a path in this document.
+
+    Raises InsituError that says which part is unknown and what exists in its place.
+    """
+    head, _, rest = path.partition(".")
+    if head == "light" and rest in LIGHT_FIELDS:
+        return Target("light", name=rest)
+    sun, _, last = rest.rpartition(".")
+    if head == "light" and last in SUN_FIELDS and sun in [each.name for each in document.light.suns]:
+        return Target("sun", sun, name=last)
+    key, _, _ = path.rpartition(".")
+    keys = (*document.light.keys, *map(group_key, document.light.groups))
+    if last in MIX_FIELDS and key in keys:
+        return Target("mix", key, name=last)
+    if head == "light" and all(state.name != "light" for state in document.objects):
+        suns = [f"{each.name}.{name}" for each in document.light.suns for name in SUN_FIELDS]
+        rows = [f"{key.removeprefix('light.')}.{name}" for key in keys for name in MIX_FIELDS]
+        raise unknown("property of the light", rest, (*LIGHT_FIELDS, *suns, *rows))
+    state, rest = split_object(document, path)
+    if rest in MIX_FIELDS and state.emits and rest not in [layer.name for layer in state.layers]:
+        return Target("mix", state.name, name=rest)
+    if not rest:
+        return Target("object", state.name)
+    kind = _kind_of(rest)
+    if kind is not None and rest.partition(".")[0] not in [layer.name for layer in state.layers]:
+        return Target(kind, state.name, name=rest)
+    index, rest = split_layer(state, rest)
+    if not rest:
+        return Target("layer", state.name, index)
+    if rest in ("visible", "frozen", FRESNEL_TERM, UNDER):
+        return Target("switch", state.name, index, rest)
+    return _resolve_in_layer(state, index, rest)
+
+
+def _kind_of(name: str) -> Kind | None:
+    """The kind of an object's value with this name, besides its layers."""
+    if name in (*SWITCHES, MATERIAL, EMISSION):
+        return "switch"
+    if name in KINDS:
+        return "deformer"
+    if name == TIME:
+        return "time"
+    if name in bump_fields():
+        return "bumps"
+    if name in opacity_fields():
+        return "opacity"
+    return "surface" if name.partition(".")[0] in (SURFACE, *SURFACES) else None
+
+
+def _resolve_in_layer(state: ObjectState, index: int, name: str) -> Target:
+    layer = state.layers[index]
+    factors = [factor.name for factor in all_factors(layer.model)]
+    parameters = [parameter.name for parameter in layer.parameter_table]
+    if name in factors:
+        return Target("factor", state.name, index, name)
+    if name in parameters:
+        return Target("parameter", state.name, index, name)
+    if name in map_fields():
+        return Target("map", state.name, index, name)
+    own = name.removesuffix(MAP_SUFFIX)
+    if own != name and any(own == each.name and each.kind in MAPPED_KINDS for each in layer.model.parameters):
+        return Target("parameter_map", state.name, index, own)
+    raise unknown(f"curve or parameter of {layer_key(state.name, index)}", name, [*factors, *parameters])
