@@ -68,8 +68,8 @@ def draw(context: PanelContext) -> list[Action]:
         rows.Row(INTENSITY, light.intensity, SetIntensity, "light.intensity", own.intensity, origin=1.0),
     ):
         actions += rows.draw(context, row)
-    note = context.status.light_note
-    widgets.caption(note[:1].upper() + note[1:])  # its line stays, so that no scroll bar appears during a drag
+    note = context.status.light_note or "lights"  # what is said during a drag takes the heading's place
+    widgets.caption(note[:1].upper() + note[1:])
     return actions + light_mixer.draw(context)
 
 
