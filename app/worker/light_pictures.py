@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +25,8 @@ from app.document.single_lights import SingleLight, Weights, light_weights
 from app.messages.worker_messages import Response
 from app.system.memory import available_memory
 from app.worker.layer_data import LayerData, both_curves, join_tile_contents, reflects_alike, shape_of, tile_content
+from app.worker.weighted_sum import ChangingSum, weighted_sum
 from engine.core.generators import map_steps
-from engine.core.threads import even_parts, on_threads
 from engine.precompute.direct.pipeline import FINAL, Placement, SkyState, final_quality
 from engine.precompute.direct.projection import project_layer
 
@@ -34,7 +35,6 @@ Steps = Iterator[Response | None]
 # Of all pictures of single lights, and of the free memory.
 MOST_BYTES = 512e6
 SHARE_OF_MEMORY = 0.25
-_BLOCK = 4096  # points that are summed at a time
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,9 +51,16 @@ class _LayerPictures:
         """Whether the work reflects the same."""
         return reflects_alike(self.work, work)
 
+    @cached_property
+    def mix(self) -> ChangingSum[SingleLight | None]:
+        """The weighted sum of the pictures and, as None, of the rest."""
+        assert self.rest is not None
+        return ChangingSum(lambda light: self.rest if light is None else self.alone[light], len(self.rest))
+
     @property
     def n_bytes(self) -> int:
-        pictures = (each for each in (*self.alone.values(), self.rest) if each is not None)
+        """Memory of the pictures; what the mix stores is as large as the rest."""
+        pictures = (each for each in (*self.alone.values(), self.rest, self.rest) if each is not None)
         return sum(each.nbytes for each in pictures)
 
 
@@ -86,7 +93,7 @@ class LightPictures:
         works = [work for work in scene.layers if work.key in pictures]
         lights = list(light_weights(scene.light, scene.emission))
         n_points = sum(pictures[work.key].store.n_points for work in works)
-        if 12 * n_points * (len(lights) + 1) > min(MOST_BYTES, SHARE_OF_MEMORY * available_memory() + self.n_bytes):
+        if 12 * n_points * (len(lights) + 2) > min(MOST_BYTES, SHARE_OF_MEMORY * available_memory() + self.n_bytes):
             self._ready = {}
             return
         self._ready = {work.key: self._kept(work, lights) for work in works}
@@ -158,8 +165,8 @@ class LightPictures:
         """The radiance (p, 3) of a layer in a mix, without f_q and f_o."""
         ready = self._ready[work.key]
         assert ready.rest is not None and ready.at is not None
-        total = weighted_sum(ready.alone, weights, len(ready.rest))
-        total += ready.rest * _remaining(weights, ready.at)
+        terms: list[tuple[SingleLight | None, RGB]] = [*weights.items(), (None, _remaining(weights, ready.at))]
+        total = ready.mix.at(dict(terms))
         return np.maximum(total, np.float32(0.0), out=total)
 
 
@@ -167,36 +174,12 @@ def _is_dark(sky: SkyState) -> bool:
     return sky.environment is None or not sky.scale or not sky.environment.radiance.any()
 
 
-def _remaining(now: Weights, then: Weights) -> Float32Array:
-    """s (3,), see above."""
+def _remaining(now: Weights, then: Weights) -> RGB:
+    """s, see above."""
     black: RGB = (0.0, 0.0, 0.0)
     ratios = [
         np.divide(now.get(light, black), weight, out=np.ones(3), where=np.array(weight) > 0.0)
         for light, weight in then.items()
     ]
-    return np.min([np.ones(3), *ratios], axis=0).astype(np.float32)
-
-
-def weighted_sum(alone: Mapping[SingleLight, Float32Array | None], weights: Weights, n_points: int) -> Float32Array:
-    """Σ_l w_l B_l of pictures (p, 3), (p, 3) float32.
-
-    Block by block, so that sums stay in the cache of a processor while each picture is read once. Weights are repeated
-    for a block: numpy is ten times slower where it goes through three numbers at a time.
-    """
-    total = np.zeros(3 * n_points, np.float32)
-    terms = [
-        (picture.reshape(-1), np.tile(np.array(weight, np.float32), _BLOCK))
-        for light, weight in weights.items() if any(weight) and (picture := alone[light]) is not None
-    ]  # fmt: skip
-
-    def add(begin: int, end: int) -> None:
-        product = np.empty(3 * _BLOCK, np.float32)
-        for first in range(3 * begin, 3 * end, 3 * _BLOCK):
-            part = total[first : min(first + 3 * _BLOCK, 3 * end)]
-            for picture, repeated in terms:
-                of_part = product[: len(part)]
-                np.multiply(picture[first : first + len(part)], repeated[: len(part)], out=of_part)
-                part += of_part
-
-    on_threads(add, *even_parts(n_points))
-    return total.reshape(-1, 3)
+    red, green, blue = np.min([np.ones(3), *ratios], axis=0).tolist()
+    return red, green, blue
