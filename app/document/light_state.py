@@ -48,9 +48,13 @@ class MixRow:
         """The factor of each channel, 0 for a light that is off."""
         if not self.on:
             return 0.0, 0.0, 0.0
-        red, green, blue = blackbody_colour(self.kelvin) if self.kelvin else self.colour
         factor = 2.0**self.strength
-        return factor * red, factor * green, factor * blue
+        return scaled(self.tint, (factor, factor, factor))
+
+    @property
+    def tint(self) -> RGB:
+        """Its colour, or that of its temperature."""
+        return blackbody_colour(self.kelvin) if self.kelvin else self.colour
 
 
 PLAIN_ROW = MixRow()

@@ -17,7 +17,7 @@ from ui.panels.actions import Action
 from ui.panels.context import PanelContext
 from ui.theme import Icon
 
-GAP, NAME_WIDTH = 4.0, 102.0
+GAP, NAME_WIDTH = 4.0, 108.0
 ENVIRONMENT_HINT = "The environment, without suns. Opened: its colour and its group."
 SUN_HINT = "A directional light: a distant disc that lights all objects alike. Opened: where it is seen, its colour."
 EMITTER_HINT = "An object that emits light. Opened: its colour and its group; its radiance is in the Material panel."
@@ -39,8 +39,10 @@ def draw(context: PanelContext) -> list[Action]:
     for state in document.objects:
         if state.emits:
             actions += _light(context, state.name, state.name, EMITTER_HINT)
+    if light.groups:
+        widgets.caption("Groups")
     for name in light.groups:
-        actions += _light(context, group_key(name), f"{name} (group)", GROUP_HINT)
+        actions += _light(context, group_key(name), name, GROUP_HINT)
     return actions
 
 
@@ -55,23 +57,22 @@ def _light(context: PanelContext, key: str, name: str, hint: str) -> list[Action
 def _line(context: PanelContext, key: str, name: str, hint: str, opened: bool = False) -> tuple[bool, list[Action]]:
     """A light's line; whether it is open, and what the user did."""
     row, at = context.document.light.row(key), f"mix.{key}"
-    start, gap, side = imgui.get_cursor_pos_x(), context.px(GAP), imgui.get_frame_height()
-    width = context.px(NAME_WIDTH)
+    start, width, side = imgui.get_cursor_pos_x(), context.px(NAME_WIDTH), imgui.get_frame_height()
     imgui.set_next_item_open(opened, imgui.Cond_.once)
-    shown = widgets.shortened(name, width - imgui.get_tree_node_to_label_spacing())
+    shown = widgets.shortened(name, width - imgui.get_tree_node_to_label_spacing() - context.px(GAP))
     is_open = imgui.tree_node_ex(f"{shown}###{at}", imgui.TreeNodeFlags_.frame_padding)
     context.handles.note_item(at)
     widgets.tooltip(f"{name}. {hint}")
     imgui.same_line(start + width)
-    imgui.set_next_item_width(max(imgui.get_content_region_avail().x - 2.0 * (side + gap), 1.0))
+    imgui.set_next_item_width(max(imgui.get_content_region_avail().x - 2.0 * side, 1.0))
     strength = rows.Row(
         STRENGTH, row.strength, partial(SetMix, key, "strength"), f"{at}.strength", PLAIN_ROW.strength, origin=0.0
     )
     actions = rows.control(context, strength)
-    imgui.same_line(0.0, gap)
+    imgui.same_line(0.0, 0.0)
     if widgets.icon_button(context, f"{at}.on", Icon.EMITTER, "Switch it off or on; its values stay.", lit=row.on):
         actions.append(SetMix(key, "on", not row.on))
-    imgui.same_line(0.0, gap)
+    imgui.same_line(0.0, 0.0)
     hint = "Solo: only lights that are solo shine; again: all of them."
     if widgets.icon_button(context, f"{at}.solo", Icon.SOLO, hint, lit=row.solo):
         actions.append(SetMix(key, "solo", not row.solo))
@@ -86,7 +87,7 @@ def _details(context: PanelContext, key: str) -> list[Action]:
         note="0 K is none: then the colour counts.", shown="" if row.kelvin else "none",
     )  # fmt: skip
     actions = rows.draw(context, kelvin)
-    colour = rows.Row(COLOUR, row.gain if row.kelvin else row.colour, partial(SetMix, key, "colour"), f"{at}.colour")
+    colour = rows.Row(COLOUR, row.tint, partial(SetMix, key, "colour"), f"{at}.colour")
     actions += light_colour.draw(context, colour)
     return actions + (_group_name(context, key) if group_of(key) else _group(context, key))
 

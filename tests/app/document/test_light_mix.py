@@ -71,6 +71,7 @@ def test_a_temperature_takes_the_place_of_a_colour(lit: Document) -> None:
     warm = edited(lit, lamp__colour=[1, 0, 0], lamp__kelvin=2700)
     assert gains_of(warm)["lamp"] == blackbody_colour(2700) and warm.light.row("lamp").colour == (1, 1, 1)
     assert gains_of(edited(warm, lamp__colour=0.5))["lamp"] == (0.5, 0.5, 0.5)
+    assert edited(warm, lamp__strength=3.0, lamp__on=False).light.row("lamp").tint == blackbody_colour(2700)
     assert edited(warm, lamp__kelvin=0) == lit
 
 
