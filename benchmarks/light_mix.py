@@ -15,12 +15,11 @@ from pathlib import Path
 
 import numpy as np
 
-from app.document.light_state import ENVIRONMENT_KEY, LightState, MixRow
+from app.document.light_state import ENVIRONMENT_KEY, MixRow
 from app.document.scene_state import SceneState
-from app.document.single_lights import SingleLight
 from app.measure.subject import errors
 from app.modes.placement.placement_messages import PrepareRelighting
-from app.worker.light_pictures import weighted_sum
+from app.worker.weighted_sum import ChangingSum
 from benchmarks.figures import Figure, NotMeasured, not_measured
 from benchmarks.relighting import Pictures, ReadyScene, RelightEffort
 from engine.precompute.direct.pipeline import FINAL
@@ -50,12 +49,12 @@ def mix_figures(effort: MixEffort | None, report: Callable[[str], None]) -> list
     for n_lights in (8, 64):
         name, how = f"mix_ms_{n_lights}", f"{effort.side} x {effort.side} pixels"
         try:
-            frames = _frame_ms(n_lights, effort)
+            frames, of_one = (_frame_ms(n_lights, n_changing, effort) for n_changing in (n_lights, 1))
         except NotMeasured as error:
             figures.append(not_measured(name, str(error)))
             continue
         how = f"{how}, all of {n_lights} lights change: weighted sum, upload, shading, view (glFinish)"
-        figures.append(Figure(name, frames, how))
+        figures.append(Figure(name, frames, how, {"one light changes": float(np.median(of_one))}))
     with tempfile.TemporaryDirectory(prefix="insitu-measure-") as folder:
         off = _errors(effort, Path(folder))
     how = "{}x{}".format(*effort.resolution) + f", {N_LAMPS} lamps and a sky, one light times ten or alone"
@@ -119,8 +118,9 @@ layer = [{ model = "lambert" }]
     return text
 
 
-def _frame_ms(n_lights: int, effort: MixEffort) -> tuple[float, ...]:
-    """Milliseconds from weights to a finished frame. Raises NotMeasured where there is no OpenGL."""
+def _frame_ms(n_lights: int, n_changing: int, effort: MixEffort) -> tuple[float, ...]:
+    """Milliseconds from weights to a finished frame while so many lights change. Raises NotMeasured where there is no
+    OpenGL."""
     from ui.gl.context import GraphicsError, create_headless_context
     from ui.gl.display import DisplayView
     from ui.modes.placement.gl.renderer import PlacementRenderer
@@ -130,22 +130,24 @@ def _frame_ms(n_lights: int, effort: MixEffort) -> tuple[float, ...]:
     except GraphicsError as error:
         raise NotMeasured(str(error)) from None
     random, n_points = np.random.default_rng(8), effort.side**2
-    lights = [SingleLight(LightState(), str(i)) for i in range(n_lights)]
-    alone = {light: random.random((n_points, 3), np.float32) for light in lights}
+    pictures = [random.random((n_points, 3), np.float32) for _ in range(n_lights)]
+    mix, weights = ChangingSum[int](pictures.__getitem__, n_points), dict.fromkeys(range(n_lights), (1.0, 1.0, 1.0))
     renderer = PlacementRenderer(context)
     renderer.set_frame(_whole_frame(effort.side))
     renderer.set_layer("wall.0", 0, n_points)
     milliseconds = []
-    for _ in range(effort.n_frames + 1):
-        weights = {light: tuple(random.random(3).tolist()) for light in lights}
+    for _ in range(effort.n_frames + 2):
+        for i in range(n_changing):
+            red, green, blue = random.random(3).tolist()
+            weights[i] = red, green, blue
         begun = time.perf_counter()
-        renderer.set_layer_radiance("wall.0", weighted_sum(alone, weights, n_points))
+        renderer.set_layer_radiance("wall.0", mix.at(weights))
         renderer.composite(DisplayView())
         context.finish()
         milliseconds.append(1e3 * (time.perf_counter() - begun))
     renderer.release()
     context.release()
-    return tuple(milliseconds[1:])  # the first compiles shaders
+    return tuple(milliseconds[2:])  # the first compiles shaders, the second finds which lights change
 
 
 def _whole_frame(side: int) -> PictureFrame:
