@@ -79,12 +79,17 @@ def sample_addresses(samples: NDArray[np.integer]) -> NDArray[np.int32]:
 
 def pack_samples(values: NDArray[np.generic], n_components: int) -> NDArray[np.generic]:
     """Values (p,n) per sample as texels (rows, 1024, n_components), padded with 0."""
-    n_samples, n_given = values.shape
-    rows = row_count(n_samples)
-    padded = np.zeros((rows * SAMPLES_PER_ROW, n_components), dtype=values.dtype)
-    padded[:n_samples, :n_given] = values
-    lanes = padded.reshape(rows, GROUPS_PER_ROW, GROUP_SIZE, n_components).swapaxes(1, 2)
-    return np.ascontiguousarray(lanes).reshape(rows, SAMPLES_PER_ROW, n_components)
+    (n_samples, n_given), whole = values.shape, len(values) // SAMPLES_PER_ROW
+    texels = np.zeros((row_count(n_samples), GROUP_SIZE, GROUPS_PER_ROW, n_components), dtype=values.dtype)
+    rows = [values[: whole * SAMPLES_PER_ROW]]
+    if n_samples % SAMPLES_PER_ROW:
+        rows.append(np.zeros((SAMPLES_PER_ROW, n_given), dtype=values.dtype))
+        rows[1][: n_samples % SAMPLES_PER_ROW] = values[whole * SAMPLES_PER_ROW :]
+    for first, part in zip((0, whole), rows, strict=False):
+        lanes = part.reshape(-1, GROUPS_PER_ROW, GROUP_SIZE, n_given).swapaxes(1, 2)
+        for i in range(n_given):  # one at a time is three times as fast as all three
+            texels[first : first + len(lanes), ..., i] = lanes[..., i]
+    return texels.reshape(-1, SAMPLES_PER_ROW, n_components)
 
 
 def unpack_samples(texels: NDArray[np.generic], n_samples: int) -> NDArray[np.generic]:
