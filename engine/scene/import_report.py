@@ -87,8 +87,8 @@ class ImportReport:
 
 
 def choice_line(group: VariantSet) -> str:
-    """A set of variants, the present one and all: "shape = tall of tall, wide"."""
-    return f"{group.name} = {group.chosen or 'none'} of {list_names(group.variants)}"
+    """A set of variants, the present one and all: "shape = tall (tall, wide)"."""
+    return f"{group.name} = {group.chosen or 'none'} ({list_names(group.variants)})"
 
 
 def group_of(found: UnshownProperty) -> str:

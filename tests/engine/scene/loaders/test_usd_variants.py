@@ -68,7 +68,7 @@ def test_the_report_names_the_sets_and_the_choice(tmp_path: Path) -> None:
     assert unshown(model) == {"variantSets.shape": 1, "variantSets.size": 1}
     assert "shown as wide; others, by --variant shape=NAME: split" in {each.effect for each in model.unshown}
     report = report_scene(load_scene(path, (8, 8), variants={"size": "big"}))
-    assert any(line.split() == "variants 2 shape = wide of split, wide, size = big of big, small".split()
+    assert any(line.split() == "variants 2 shape = wide (split, wide), size = big (big, small)".split()
                for line in report_lines(report))  # fmt: skip
     (_, size) = report_values(report)["variant_sets"]
     assert size == {"name": "size", "variants": ("big", "small"), "chosen": "big"}
