@@ -70,6 +70,12 @@ def _sphere_uvs(triangles: np.ndarray) -> np.ndarray:
     return np.stack([np.where(pole, middle, u), v], axis=2).astype(np.float32)
 
 
+def sphere_places(uv: np.ndarray) -> np.ndarray:
+    """The places (N, 3) on the true sphere of texture coordinates (N, 2) of `sphere`."""
+    phi, theta = 2.0 * np.pi * uv[:, 0].astype(float), np.pi * (1.0 - uv[:, 1].astype(float))
+    return 0.5 * np.stack([np.sin(theta) * np.sin(phi), np.cos(theta), np.sin(theta) * np.cos(phi)], axis=1)
+
+
 def disc() -> Mesh:
     """The disc of diameter 1 in the XY plane, normal +Z, as a regular polygon."""
     phi = 2.0 * np.pi * np.arange(_SIDES) / _SIDES

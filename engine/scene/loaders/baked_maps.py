@@ -2,8 +2,9 @@
 store asks for them.
 
 The texels of a computed map lie as those of its images do. Where all of these have one affine mapping, the map has it
-as its own, and each texel is computed from texels without resampling; else it covers the unit square of texture
-coordinates, at a resolution for the image that repeats most. A map without images has `_SIDE` squared texels.
+as its own, and each texel is computed from texels without resampling; else, and where there are patterns, it covers the
+unit square of texture coordinates, at a resolution for the image that repeats most, at least `PATTERN_SIDE` squared for
+patterns.
 """
 
 from __future__ import annotations
@@ -15,11 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.material.layer_maps import MAX_REPEATS, Channel, ChannelImage, LayerMaps, TextureTransform, Wrap
-from engine.scene.loaders.graph_fields import AddressMode, Array, Field, Samples, affine_map
+from engine.scene.loaders.graph_fields import AddressMode, Array, Field, Samples, affine_map, texels_of_unit_square
 from engine.scene.loaders.graph_nodes import MOST_TEXELS
 from engine.scene.loaders.pbr_layers import NumberImage
 
-_SIDE = 1024
 _BAND = 1 << 16  # samples at a time
 _LEAST_REPEAT = 1e-3
 _WRAPS: dict[AddressMode, Wrap] = {"periodic": "repeat", "mirror": "mirror", "clamp": "clamp", "constant": "clamp"}
@@ -142,7 +142,10 @@ class MapMaker:
 
 
 def _placement(values: Field) -> Placement | None:
-    """The mapping that all images of a field have; None where they differ, or where none of a layer is the same."""
+    """The mapping that all images of a field have; None where they differ, where none of a layer is the same, or where
+    it has patterns besides."""
+    if values.is_pattern:
+        return None
     maps = [affine_map(use.coordinates) for use in values.images]
     if not maps or maps[0] is None:
         return None
@@ -179,14 +182,10 @@ def _whole_part_removed(offset: float, wrap: Wrap) -> float:
 def _size(values: Field, in_unit_square: bool) -> tuple[int, int]:
     """The texels of a map (width, height): as many as those of its largest image, in the unit square times its
     repeats."""
-    width, height = 1, 1
-    for use in values.images:
-        across, up = 1.0, 1.0
-        if in_unit_square and (mapping := affine_map(use.coordinates)) is not None:
-            across, up = (max(float(np.linalg.norm(mapping[0][:, k])), 1.0) for k in (0, 1))
-        width, height = max(width, round(use.size[0] * across)), max(height, round(use.size[1] * up))
-    if not values.images:
-        width = height = _SIDE
+    if in_unit_square:
+        width, height = texels_of_unit_square(values)
+    else:
+        width, height = (max(use.size[k] for use in values.images) for k in (0, 1))
     while width * height > MOST_TEXELS:
         width, height = max(width // 2, 1), max(height // 2, 1)
     return width, height

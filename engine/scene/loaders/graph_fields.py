@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float32]
 AddressMode = Literal["periodic", "clamp", "mirror", "constant"]
+PATTERN_SIDE = 1024  # texels of a pattern without images along each side of the unit square
 
 
 @dataclass(eq=False)
@@ -45,12 +46,14 @@ class PlainImage(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class Field:
     """compute: the values (N, C) at samples, or (1, C) where they are the same; images: those that it reads;
-    is_constant: whether it depends on nothing; plain: the image that it is, if it is nothing but that; scaled: numbers
-    (C,) and the field that it is their product with."""
+    is_constant: whether it depends on nothing; is_pattern: whether it depends on texture coordinates in another way
+    than by images; plain: the image that it is, if it is nothing but that; scaled: numbers (C,) and the field that it
+    is their product with."""
 
     compute: Callable[[Samples], Array]
     is_constant: bool = False
     images: tuple[ImageUse, ...] = ()
+    is_pattern: bool = False
     plain: PlainImage | None = None
     scaled: tuple[Array, Field] | None = None
 
@@ -81,7 +84,7 @@ def constant(*numbers: float) -> Field:
     return Field(lambda _: values, is_constant=True)
 
 
-COORDINATES = Field(lambda samples: samples.uv)
+COORDINATES = Field(lambda samples: samples.uv, is_pattern=True)
 
 
 def combine(compute: Callable[..., Array], *fields: Field) -> Field:
@@ -98,7 +101,7 @@ def combine(compute: Callable[..., Array], *fields: Field) -> Field:
     if all(each.is_constant for each in fields):
         values = evaluate(Samples(np.zeros((1, 2), np.float32)))
         return Field(lambda _: values, is_constant=True)
-    return Field(evaluate, images=images)
+    return Field(evaluate, images=images, is_pattern=any(each.is_pattern for each in fields))
 
 
 def image_field(use: ImageUse, texels: Callable[[], Array], default: Array, plain: PlainImage | None = None) -> Field:
@@ -150,3 +153,15 @@ def affine_map(coordinates: Field) -> tuple[NDArray[np.float64], NDArray[np.floa
     if error > 1e-4 * max(1.0, float(np.abs(found).max())) or abs(np.linalg.det(matrix)) < 1e-9:
         return None
     return matrix, offset
+
+
+def texels_of_unit_square(values: Field) -> tuple[int, int]:
+    """The texels along u and v that the unit square of texture coordinates has in the finest image of a field, or those
+    that a pattern gets."""
+    width, height = (PATTERN_SIDE,) * 2 if values.is_pattern or not values.images else (1, 1)
+    for use in values.images:
+        across, up = 1.0, 1.0
+        if (mapping := affine_map(use.coordinates)) is not None:
+            across, up = (max(float(np.linalg.norm(mapping[0][:, k])), 1.0) for k in (0, 1))
+        width, height = max(width, round(use.size[0] * across)), max(height, round(use.size[1] * up))
+    return width, height

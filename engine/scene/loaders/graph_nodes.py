@@ -1,6 +1,7 @@
-"""Networks of shading nodes as fields over texture coordinates: images, arithmetic and colour corrections.
+"""Networks of shading nodes as fields over texture coordinates: images, patterns, arithmetic and colour corrections.
 
-What cannot be evaluated there, such as noise in space, counts as the middle of its values and is listed with its
+Places in space are known where the mesh is, as on the balls of .mtlx files. What cannot be evaluated, such as noise in
+space on a mesh of which only texture coordinates are known, counts as the middle of its values and is listed with its
 effect.
 """
 
@@ -26,17 +27,23 @@ from engine.scene.loaders.graph_fields import (
     constant,
     image_field,
 )
+from engine.scene.loaders.graph_noise import MOST_OCTAVES, PATTERNS, pattern
 from engine.scene.loaders.graph_operations import OPERATIONS, apply_operation, operation_inputs
+from engine.scene.loaders.graph_relief import normals_of_heights
 from engine.scene.loaders.model import UnshownProperty
 from engine.scene.loaders.shader_graph import N_CHANNELS, ShaderInput, ShaderNode
 
 MOST_TEXELS = 1 << 22  # of images in networks, and of what is made of them
 _MOST_IMAGES = 4  # in memory
+_MOST_NOISE = 128  # octaves of one network: a second each for a map
 _SEPARATED = frozenset({"separate2", "separate3", "separate4"})
 _ONE_INPUT = _SEPARATED | {"convert", "blur"}
 _COORDINATES = frozenset({"texcoord", "geompropvalue", "geompropvalueuniform", "UsdPrimvarReader"})
 _UV_NAMES = frozenset({"", "UV0", "UV", "uv", "st", "st0", "map1", "uvmap", "UVMap"})
-EVALUATED = frozenset(OPERATIONS) | _SEPARATED | _COORDINATES | {"image", "hextiledimage", "convert", "blur"}
+EVALUATED = frozenset(
+    {*OPERATIONS, *PATTERNS, *_SEPARATED, *_COORDINATES, "image", "hextiledimage", "convert", "blur", "position",
+     "heighttonormal"}
+)  # fmt: skip
 """Categories of nodes that become fields here."""
 _MODES: dict[str, AddressMode] = {"periodic": "periodic", "clamp": "clamp", "mirror": "mirror", "constant": "constant",
                                   "black": "constant"}  # fmt: skip
@@ -60,7 +67,9 @@ _SPACES: dict[str, tuple[float, tuple[float, ...]]] = {
 }  # fmt: skip
 # What a node that is not evaluated counts as, and the effect.
 _MIDDLE, _NO_PATTERN = 0.5, "its pattern is not shown: the middle of its values counts everywhere"
-_CENTRED = frozenset({"noise2d", "noise3d", "fractal2d", "fractal3d", "unifiednoise2d", "unifiednoise3d"})
+_IN_UNIT_SQUARE = "in the unit square of texture coordinates; beyond it goes on as at its edges"
+_CENTRED = frozenset({"noise2d", "noise3d", "fractal2d", "fractal3d"})
+_PLACES = frozenset({"Pobject", "Pworld"})
 _UP = {"normal": (0.0, 0.0, 1.0), "tangent": (1.0, 0.0, 0.0), "bitangent": (0.0, 1.0, 0.0)}
 
 
@@ -86,13 +95,15 @@ class ImageSource(Protocol):
 
 
 class NodeFields:
-    """Fields of the nodes of one network. unshown: what was not evaluated."""
+    """Fields of the nodes of one network. positions: places in object space, for a mesh whose texture coordinates are
+    in the unit square; None for meshes that are not known. unshown: what was not evaluated."""
 
-    def __init__(self, images: ImageSource) -> None:
-        self._images = images
+    def __init__(self, images: ImageSource, positions: Field | None = None) -> None:
+        self._images, self._positions = images, positions
         self._texels = lru_cache(maxsize=_MOST_IMAGES)(self._read_texels)
         self._known: dict[tuple[int, str], Field] = {}
         self._listed: dict[tuple[str, str], set[int]] = {}
+        self._n_octaves = 0
 
     @property
     def unshown(self) -> tuple[UnshownProperty, ...]:
@@ -116,6 +127,13 @@ class NodeFields:
             return constant(*values[0].tolist()), len(given.value)
         if given.geometry[:1] in ("N", "T"):  # Nworld, Tobject
             return constant(*_UP["normal" if given.geometry[0] == "N" else "tangent"]), 3
+        if given.geometry in _PLACES:
+            if self._positions is not None:
+                return self._positions, 3
+            self._listed.setdefault((f"nodes.{given.geometry}", "counts as the middle of the object"), set()).add(
+                id(given)
+            )
+            return constant(0.0, 0.0, 0.0), 3
         return constant(0.0), 1
 
     def of_node(self, node: ShaderNode, output: str = "out") -> Field:
@@ -144,10 +162,19 @@ class NodeFields:
             whole = self.of_input(node.inputs["in"])
             found = combine(lambda values: values[:, min(k, values.shape[1] - 1)][:, None], whole)
             return found if whole.plain is None else _channel(found, whole.plain, k)
+        if category in PATTERNS and all(name in node.inputs for name in PATTERNS[category]):
+            return self._pattern(node)
+        if category == "position" and self._positions is not None:
+            return self._positions
+        if category == "heighttonormal" and {"in", "scale", "texcoord"} <= node.inputs.keys():
+            return normals_of_heights(*(self.of_input(node.inputs[name]) for name in ("in", "scale", "texcoord")))
         if category == "blur":
             self._list(node, category, "the image is as sharp as its file")
             return self.of_input(node.inputs["in"], node.kind)
         names = operation_inputs(category, tuple(node.inputs)) if category in OPERATIONS else ()
+        if category == "switch" and len(names) > 1 and (which := self.of_input(node.inputs["which"])).is_constant:
+            k = min(max(int(which.value[0]), 0), len(names) - 2)
+            return self.of_input(node.inputs[names[1 + k]], node.kind)
         if not names or names == ("which",) or any(name not in node.inputs for name in names):
             return self._middle(node)
         operation = partial(apply_operation, category, names)
@@ -165,6 +192,26 @@ class NodeFields:
         if category == "extract" and fields[0].plain is not None and fields[1].is_constant:
             return _channel(found, fields[0].plain, int(fields[1].value[0]))
         return found
+
+    def _pattern(self, node: ShaderNode) -> Field:
+        """Noise or cells at coordinates; the middle of its values at places that are not known."""
+        names, n = PATTERNS[node.category], N_CHANNELS.get(node.kind, 1)
+        place = node.inputs[names[0]]
+        if self._positions is None and place.node is None and place.geometry in _PLACES:
+            return self._middle(node)
+        inputs = [self.of_input(node.inputs[name]) for name in names]
+        if names[0] == "position" and self._positions is None and inputs[0].is_constant:
+            return self._middle(node)
+        octaves = int(np.clip(inputs[names.index("octaves")].value[0], 0, 1 << 30)) if "octaves" in names else 1
+        if octaves > MOST_OCTAVES:
+            self._list(node, f"{node.category}.octaves", f"those after {MOST_OCTAVES} are left out")
+        # Worley's distances are to points of 9 cells or of 27.
+        self._n_octaves += min(octaves, MOST_OCTAVES) * (9 if node.category.startswith("worley") else 1)
+        if self._n_octaves > _MOST_NOISE:
+            return self._middle(node)
+        if self._positions is None and not inputs[0].is_constant:
+            self._list(node, node.category, _IN_UNIT_SQUARE)
+        return combine(partial(pattern, node.category, n), *inputs)
 
     def _middle(self, node: ShaderNode) -> Field:
         """What a node counts as that is not evaluated."""

@@ -73,6 +73,15 @@ def rotate2d(in_: Array, amount: Array) -> Array:
     return np.stack([cosine * in_[:, 0] + sine * in_[:, 1], cosine * in_[:, 1] - sine * in_[:, 0]], axis=1)
 
 
+def rotate3d(in_: Array, amount: Array, axis: Array) -> Array:
+    """Turned about an axis by degrees, clockwise as seen from its tip [MaterialX; Rodrigues' formula]."""
+    if not in_.shape[1] == axis.shape[1] == 3:
+        raise ValueError("vectors of other than three numbers have no axis")
+    axis, angle = axis / np.maximum(np.linalg.norm(axis, axis=1, keepdims=True), _TINY), np.radians(amount)
+    along = axis * (axis * in_).sum(axis=1, keepdims=True)
+    return in_ * np.cos(angle) + np.cross(in_, axis) * np.sin(angle) + along * (1.0 - np.cos(angle))
+
+
 def combine(**channels: Array) -> Array:
     return np.concatenate([*channels.values()], axis=1)
 
@@ -198,6 +207,7 @@ OPERATIONS: dict[str, Callable[..., Any]] = {
     "dotproduct": lambda in1, in2: (in1 * in2).sum(axis=1, keepdims=True),
     "crossproduct": cross_product,
     "rotate2d": rotate2d,
+    "rotate3d": rotate3d,
     "remap": remap,
     "smoothstep": smoothstep,
     "luminance": luminance,

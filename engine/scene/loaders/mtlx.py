@@ -1,7 +1,9 @@
 """Materials of MaterialX: .mtlx files, each material on a ball of its own, and networks in other files.
 
 A file opened by itself is rows of balls, objects with the names of the materials, on the floor of meshes that are
-opened alone. Images that a network computes are named `FILE.mtlx#N`; they are computed again whenever they are read.
+opened alone. Patterns in space are those on the ball, by its texture coordinates, also where an object of another shape
+gets the material. Images that a network computes are named `FILE.mtlx#N`; they are computed again whenever they are
+read.
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ from engine.core.errors import LoadError, printable_name
 from engine.core.safe_files import read_regular_file
 from engine.scene.import_report import merge_unshown
 from engine.scene.loaders.baked_maps import BakedMap, MapMaker
-from engine.scene.loaders.graph_fields import Array
+from engine.scene.loaders.graph_fields import Array, Field
 from engine.scene.loaders.graph_nodes import ImageSource, ImageValues
 from engine.scene.loaders.image_files import FileImages
 from engine.scene.loaders.model import ImportedModel, ImportedPart, UnshownProperty
@@ -28,7 +30,7 @@ from engine.scene.loaders.mtlx_xml import read_document
 from engine.scene.loaders.shader_graph import NetworkNode
 from engine.scene.loaders.surface_parts import SurfaceMaterial
 from engine.scene.mesh import place_copies
-from engine.scene.primitives import sphere
+from engine.scene.primitives import sphere, sphere_places
 from engine.texture.texture_files import (
     MAX_IMAGE_BYTES,
     has_alpha,
@@ -41,6 +43,7 @@ from engine.texture.texture_files import (
 MOST_MATERIALS = 256
 _GAP = 1.25  # between the centres of balls of diameter 1
 _LONGEST_NAME = 120
+_ON_BALL = Field(lambda samples: sphere_places(samples.uv).astype(np.float32), is_pattern=True)
 
 
 @dataclass(frozen=True)
@@ -72,7 +75,7 @@ def read_materials(file: Path) -> MtlxFile:
     materials = []
     for each in found:
         try:
-            material = surface_material(each.surface, images, maps)
+            material = surface_material(each.surface, images, maps, _ON_BALL)
         except RecursionError:
             raise LoadError(file, f"material {each.name!r}", "nodes too deep", "a network of fewer nodes") from None
         if each.is_displaced:

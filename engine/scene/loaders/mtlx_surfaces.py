@@ -59,15 +59,17 @@ _EVEN = "the base is even under a thin film"
 _AS_BASE = "the coat has the normals of what lies under it"
 
 
-def surface_material(surface: ShaderNode, images: ImageSource, maps: MapMaker) -> SurfaceMaterial:
-    """The material of a surface shader; maps: takes its computed maps, after those of others. A shader that is not
-    known is grey, and listed."""
+def surface_material(
+    surface: ShaderNode, images: ImageSource, maps: MapMaker, positions: Field | None = None
+) -> SurfaceMaterial:
+    """The material of a surface shader; maps: takes its computed maps, after those of others; positions: see
+    `NodeFields`. A shader that is not known is grey, and listed."""
     if surface.category not in _SHADERS:
         effect = "a surface shader that is not read: shown in a grey that can be edited"
         grey = LayerDescription(model="lambert", parameters={"albedo": (0.5, 0.5, 0.5)})
         return SurfaceMaterial((grey,), unshown=(UnshownProperty(f"materials.{surface.category}", 1, effect),))
     shader = _SHADERS[surface.category]
-    inputs = SurfaceInputs(surface, NodeFields(images), shader.groups, shader.effects)
+    inputs = SurfaceInputs(surface, NodeFields(images, positions), shader.groups, shader.effects)
     return replace(shader.read(inputs, maps), unshown=inputs.unshown())
 
 

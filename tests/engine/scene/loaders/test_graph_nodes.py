@@ -9,7 +9,8 @@ from PIL import Image
 from engine.scene.loaders.baked_maps import MapMaker
 from engine.scene.loaders.graph_fields import Samples
 from engine.scene.loaders.graph_nodes import NodeFields
-from engine.scene.loaders.mtlx import folder_images
+from engine.scene.loaders.graph_noise import noise
+from engine.scene.loaders.mtlx import folder_images, read_materials
 from engine.scene.loaders.mtlx_library import complete_document
 from tests.engine.scene.loaders.mtlx_samples import document, given, image, linked, material, node, write_png
 
@@ -105,6 +106,13 @@ LUMA = np.dot(A, [0.2722287, 0.6740818, 0.0536895])  # the default of MaterialX:
         # Red of ACEScg, whose primaries lie outside of Rec. 709's.
         (node("acescg_to_lin_rec709", "color3", "last", RED), [1.705051, -0.1302564, -0.0240034]),
         (node("switch", "color3", "last", ONE_OF_TWO + number("which", 1.0)), B),
+        # x about z by 90 degrees, clockwise as seen from the tip of z: −y.
+        (
+            node("rotate3d", "vector3", "r", given("in", "vector3", "1, 0, 0") + number("amount", 90.0)
+                 + given("axis", "vector3", "0, 0, 2"))
+            + node("convert", "color3", "last", linked("in", "vector3", "r")),
+            [0.0, -1.0, 0.0],
+        ),
     ],
 )  # fmt: skip
 def test_an_operation_is_its_definition(tmp_path: Path, nodes: str, expected: object) -> None:
@@ -143,10 +151,158 @@ def test_a_comparison_is_its_condition(tmp_path: Path) -> None:
     assert values_of(tmp_path, nodes)[0].tolist() == [1.0, 1.0, 1.0]
 
 
-def test_noise_counts_as_its_middle_and_is_listed(tmp_path: Path) -> None:
+def test_noise_in_space_that_is_not_known_counts_as_its_middle_and_is_listed(tmp_path: Path) -> None:
     field, made = fields_of(tmp_path, node("noise3d", "color3", "last", given("pivot", "float", "0.25")))
     assert field.is_constant and field.value.tolist() == [0.25] * 3
     assert [each.name for each in made.unshown] == ["nodes.noise3d"]
+    # So do places that go through arithmetic first, which are listed themselves.
+    field, made = fields_of(tmp_path, node("unifiednoise3d", "float", "last", given("type", "integer", "2")), "float")
+    assert field.is_constant and {each.name for each in made.unshown} == {"nodes.Pobject", "nodes.worleynoise3d"}
+
+
+def test_noise_over_texture_coordinates_is_its_pattern(tmp_path: Path) -> None:
+    # At (0.25, 0.75) and (0.8, 0.1) times (4, 2), of amplitude 0.5 about 0.3.
+    nodes = node("texcoord", "vector2", "t", "") + node(
+        "multiply", "vector2", "p", linked("in1", "vector2", "t") + given("in2", "vector2", "4, 2")
+    )
+    more = linked("texcoord", "vector2", "p") + given("amplitude", "vector3", "0.5, 0.5, 0.5") + number("pivot", 0.3)
+    field, made = fields_of(tmp_path, nodes + node("noise2d", "color3", "last", more))
+    expected = 0.3 + 0.5 * noise(PLACES * np.array([4, 2], np.float32), 3)
+    np.testing.assert_allclose(field.at(Samples(PLACES)), expected, atol=1e-6)
+    # Maps cover the unit square; that is listed where the mesh's coordinates may go beyond.
+    assert [each.effect[:18] for each in made.unshown] == ["in the unit square"]
+    maps = MapMaker()
+    assert maps.colours(field).texture_wrap == ("clamp", "clamp") and maps.maps[0].size == (1024, 1024)
+
+
+def test_noise_on_a_ball_is_at_its_places(tmp_path: Path) -> None:
+    text = material(
+        "standard_surface", linked("base", "float", "n"), node("noise3d", "float", "n", number("pivot", 0.5))
+    )
+    (tmp_path / "it.mtlx").write_text(text, encoding="utf-8")
+    read = read_materials(tmp_path / "it.mtlx")
+    assert read.materials[0].material.unshown == ()
+    texels = read.maps[0].texels()[..., 0]
+    # The texel of u = 1/4 + half a texel on the equator: x is the radius, 1/2, there.
+    phi = 2.0 * np.pi * (256 + 0.5) / 1024
+    theta = np.pi * (512 + 0.5) / 1024
+    place = 0.5 * np.array([[np.sin(theta) * np.sin(phi), np.cos(theta), np.sin(theta) * np.cos(phi)]])
+    expected = 0.5 + noise(place.astype(np.float32), 1)[0, 0]
+    assert texels[512, 256] == pytest.approx(expected, abs=2e-5)
+
+
+def test_many_octaves_are_bounded_and_listed(tmp_path: Path) -> None:
+    field, made = fields_of(
+        tmp_path, node("fractal2d", "float", "last", given("octaves", "integer", "2000000000")), "float"
+    )
+    assert np.isfinite(field.at(Samples(PLACES))).all()
+    assert "nodes.fractal2d.octaves" in {each.name for each in made.unshown}
+    # So are nodes: of those that are too many the middle counts.
+    many = node("fractal2d", "float", "n0", given("octaves", "integer", "16"))
+    for k in range(1, 12):
+        more = linked("amplitude", "float", f"n{k - 1}") + given("octaves", "integer", "16")
+        many += node("fractal2d", "float", f"n{k}", more)
+    _, made = fields_of(tmp_path, many, "float", output="n11")
+    assert ("nodes.fractal2d", 4) in {(each.name, each.count) for each in made.unshown}
+
+
+def test_corner_ramps_and_ramps_of_points(tmp_path: Path) -> None:
+    corners = "".join(given(f"value{name}", "float", str(value)) for name, value in
+                      zip(("tl", "tr", "bl", "br"), (0.1, 0.3, 0.5, 0.9), strict=True))  # fmt: skip
+    found = values_of(tmp_path, node("ramp4", "float", "last", corners), "float")[:, 0]
+    # Bilinear, with v upwards.
+    expected = [(1 - v) * ((1 - u) * 0.5 + u * 0.9) + v * ((1 - u) * 0.1 + u * 0.3) for u, v in PLACES]
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+    points = given("interval1", "float", "0.2") + given("color1", "color4", "1, 0, 0, 1")
+    points += given("interval2", "float", "0.6") + given("color2", "color4", "0, 1, 0, 1")
+    points += given("num_intervals", "integer", "2") + given("interpolation", "integer", "0")
+    nodes = node("ramp", "color4", "r", points) + node("convert", "color3", "last", linked("in", "color4", "r"))
+    share = (0.25 - 0.2) / 0.4  # at u = 0.25 between the points, at 0.8 beyond the last
+    np.testing.assert_allclose(values_of(tmp_path, nodes), [[1 - share, share, 0], [0, 1, 0]], atol=1e-6)
+
+
+@pytest.mark.parametrize("order", [0, 1])
+def test_place2d_turns_scales_and_moves_in_its_order(tmp_path: Path, order: int) -> None:
+    place = given("pivot", "vector2", "0.5, 0.25") + given("scale", "vector2", "2, 4") + number("rotate", 30.0)
+    place += given("offset", "vector2", "0.1, -0.2") + given("operationorder", "integer", str(order))
+    place += linked("texcoord", "vector2", "t")
+    nodes = node("texcoord", "vector2", "t", "") + node("place2d", "vector2", "p", place)
+    nodes += node("separate2", "multioutput", "s", linked("in", "vector2", "p"))
+    nodes += node("combine3", "color3", "last", linked("in1", "float", "s", 'output="outx"')
+                  + linked("in2", "float", "s", 'output="outy"'))  # fmt: skip
+    cosine, sine = np.cos(np.radians(30.0)), np.sin(np.radians(30.0))
+    turn = np.array([[cosine, sine], [-sine, cosine]])  # clockwise [MaterialX, rotate2d]
+    pivot, scale, offset = np.array([0.5, 0.25]), np.array([2.0, 4.0]), np.array([0.1, -0.2])
+    if order == 0:  # scale, turn, move; of coordinates, so that images do the inverse
+        expected = ((PLACES - pivot) / scale) @ turn.T - offset + pivot
+    else:
+        expected = ((PLACES - pivot - offset) @ turn.T) / scale + pivot
+    np.testing.assert_allclose(values_of(tmp_path, nodes)[:, :2], expected, atol=1e-6)
+
+
+def test_a_pattern_on_an_image_that_repeats_is_not_repeated_with_it(pictures: Path) -> None:
+    nodes = node("tiledimage", "color3", "i", given("file", "filename", "colour.png")
+                 + given("uvtiling", "vector2", "2, 1"))  # fmt: skip
+    ends = given("valuel", "color3", "0, 0, 0") + given("valuer", "color3", "1, 1, 1")
+    nodes += node("ramplr", "color3", "r", ends)
+    nodes += node("multiply", "color3", "last", linked("in1", "color3", "i") + linked("in2", "color3", "r"))
+    maps = MapMaker()
+    assert maps.colours(fields_of(pictures, nodes)[0]).texture_scale == (1.0, 1.0)
+    texels = np.asarray(Image.open(pictures / "colour.png"), np.float64) / 255.0
+    # The middle of the third texel of the second repeat: u = (1 + 2.5 / 4) / 2, the ramp's value there.
+    u = (1.0 + 2.5 / 4.0) / 2.0
+    found = maps.maps[0].texels()
+    column = int(u * found.shape[1])
+    u = (column + 0.5) / found.shape[1]
+    assert found[found.shape[0] // 4, column] == pytest.approx(texels[0, 2] * u, abs=5e-3)
+
+
+def test_heights_become_normals(pictures: Path) -> None:
+    # H = 0.7 s over coordinates s = 3 u: the slope along s is 0.7, times scale / 16.
+    nodes = node("texcoord", "vector2", "t", "") + node(
+        "multiply", "vector2", "p", linked("in1", "vector2", "t") + given("in2", "vector2", "3, 3")
+    )
+    nodes += node("separate2", "multioutput", "s", linked("in", "vector2", "p"))
+    nodes += node("multiply", "float", "h", linked("in1", "float", "s", 'output="outx"') + number("in2", 0.7))
+    more = linked("in", "float", "h") + number("scale", 8.0) + linked("texcoord", "vector2", "p")
+    found = values_of(pictures, nodes + node("heighttonormal", "vector3", "last", more), "vector3")[0]
+    normal = np.array([-0.7 * 8.0 / 16.0, 0.0, 1.0])
+    np.testing.assert_allclose(found, 0.5 + 0.5 * normal / np.linalg.norm(normal), atol=1e-4)
+
+
+def test_heights_of_an_image_have_central_differences(tmp_path: Path) -> None:
+    heights = np.round(np.random.default_rng(4).random((4, 4)) * 255) / 255
+    write_png(tmp_path / "h.png", heights)
+    nodes = image("i", "float", "h.png") + node("heighttonormal", "vector3", "last", linked("in", "float", "i"))
+    field, _ = fields_of(tmp_path, nodes, "vector3")
+    # At the middle of the texel of row 1 and column 2, v upwards, 4 texels to the unit.
+    found = field.at(Samples(np.array([[2.5 / 4, 1.0 - 1.5 / 4]], np.float32)))[0]
+    slope = [(heights[1, 3] - heights[1, 1]) * 2.0 / 16.0, (heights[0, 2] - heights[2, 2]) * 2.0 / 16.0]
+    normal = np.array([-slope[0], -slope[1], 1.0])
+    np.testing.assert_allclose(found, 0.5 + 0.5 * normal / np.linalg.norm(normal), atol=1e-5)
+
+
+@pytest.mark.parametrize("mirror", [1.0, -1.0])
+def test_flat_and_mirrored_heights_look_up(tmp_path: Path, mirror: float) -> None:
+    nodes = node("texcoord", "vector2", "t", "") + node(
+        "multiply", "vector2", "p", linked("in1", "vector2", "t") + given("in2", "vector2", f"{mirror}, 1")
+    )
+    more = number("in", 0.5) + linked("texcoord", "vector2", "p")
+    found = values_of(tmp_path, nodes + node("heighttonormal", "vector3", "last", more), "vector3")[0]
+    np.testing.assert_allclose(found, [0.5, 0.5, 1.0], atol=1e-6)
+
+
+def test_bumps_are_a_normal_map_of_their_strength(tmp_path: Path) -> None:
+    write_png(tmp_path / "h.png", np.array([[0.0, 1.0], [0.2, 0.6]]))
+    nodes = image("i", "float", "h.png") + node(
+        "bump", "vector3", "b", linked("height", "float", "i") + number("scale", 0.5)
+    )
+    (tmp_path / "it.mtlx").write_text(material("standard_surface", linked("normal", "vector3", "b"), nodes))
+    read = read_materials(tmp_path / "it.mtlx")
+    bumps = read.materials[0].material.bumps
+    assert (bumps.normal_map, bumps.bump_strength) == ("#0", 0.5) and read.materials[0].material.unshown == ()
+    texels = read.maps[0].texels()
+    np.testing.assert_allclose(np.linalg.norm(2.0 * texels - 1.0, axis=2), 1.0, atol=1e-5)
 
 
 @pytest.fixture
