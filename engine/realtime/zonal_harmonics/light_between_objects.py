@@ -78,4 +78,6 @@ class LightBetweenObjects:
         self._lights = lit.lights
         self._added = added_light(paths, white * albedos, emission).astype(np.float32)
         lamps = tuple(Lamp(lamp_samples(state.scene, i), emission[i]) for i in paths.emitters)
-        return replace(lit, added=self._added, lamps=lamps)
+        by_lamp = np.zeros((len(points), len(lamps), 3), np.float32)
+        by_lamp[paths.lit] = paths.lamps * emission[list(paths.emitters)]
+        return replace(lit, added=self._added, lamps=lamps, by_lamp=by_lamp)

@@ -20,6 +20,7 @@ from engine.realtime.core.terms import MOVING_PROBES, LayersOf, diffuse_albedo, 
 from engine.realtime.zonal_harmonics.bending_points import BendingPoints, PosedPoints
 from engine.realtime.zonal_harmonics.gloss_rows import GlossBasis, add_gloss_rows
 from engine.realtime.zonal_harmonics.gloss_transfer import LayerGloss
+from engine.realtime.zonal_harmonics.lamp_gloss import add_lamp_gloss
 from engine.realtime.zonal_harmonics.pose import Poses
 from engine.realtime.zonal_harmonics.posed_shadows import Lamp, blocked_light
 from engine.realtime.zonal_harmonics.shading import (
@@ -57,8 +58,8 @@ class ShadingState:
     transfer does not contain. lights: of the objects, by index, that have other light than the sky's `bands`; unlit:
     the same without lamps, of those that lamps light by rays at rest; added (S, 3): radiance of white points by
     neighbours and lamps (`engine.realtime.zonal_harmonics.neighbours`), None for none; lamps: those whose light is part
-    of it. gloss: how glossy layers, by object, are drawn; the others are one
-    lobe each. version: differs for different pictures."""
+    of it; by_lamp (S, L, 3): that of each with all at rest, 0 at points of objects that have light of their own. gloss:
+    how glossy layers, by object, are drawn; the others are one lobe each. version: differs for different pictures."""
 
     version: int
     scene: Scene
@@ -74,6 +75,7 @@ class ShadingState:
     added: Float32Array | None = None
     gloss: Mapping[tuple[int, Layer], LayerGloss] = field(default_factory=dict)
     lamps: tuple[Lamp, ...] = ()
+    by_lamp: Float32Array | None = None
 
     @property
     def casting_objects(self) -> list[int]:
@@ -204,13 +206,22 @@ def pixels_of(i_object: int, drawn: RasterResult, points: BendingPoints) -> Pixe
     return Pixels(rows, columns, triangle, drawn.weights(rows, columns), is_front, sides, drawn, points)
 
 
+@dataclass(frozen=True, eq=False)
+class WhitePoints:
+    """Radiance of white Lambertian points: white (S, 3), with all shadows and all light; own (S, 3), as their own
+    transfer has it; by_lamp (S, L, 3): the part of white by each lamp that gloss mirrors by itself, none in motion."""
+
+    white: Float32Array
+    own: Float32Array
+    by_lamp: Float32Array
+
+
 class PictureRenderer:
     """Draws pictures of one scene's points."""
 
     def __init__(self, scene: Scene, points: BendingPoints) -> None:
         self._points = points
-        none = np.zeros((0, 3), np.float32)
-        self._white: tuple[tuple[object, ...], Float32Array, Float32Array] = (), none, none
+        self._white: tuple[tuple[object, ...], WhitePoints] | None = None
         self._added: Float32Array | None = None  # in these
         self.posed, self.blockers = PosedPoints(scene, points), Blockers(points)
 
@@ -225,8 +236,8 @@ class PictureRenderer:
             2 if quality == "rest" else 1,
         )
         places, frames = self.posed.at(poses)
-        white, own = self._shade_points(of, poses, places, frames, turned, quality)
-        gloss = self._gloss(of, places, frames, camera_position, white, own)
+        found = self._shade_points(of, poses, places, frames, turned, quality)
+        white, gloss = found.white, self._gloss(of, places, frames, camera_position, found, quality)
         drawn = self._rasterize(of.scene, places, camera, (resolution[0] * fine, resolution[1] * fine))
         emission = of.even_emission, of.scene.cones
         picture = paint(drawn, points.surface, white, gloss, of.albedos, *emission, of.backdrop)
@@ -266,27 +277,32 @@ class PictureRenderer:
     def _shade_points(
         self, of: ShadingState, poses: Poses, places: Float32Array, frames: Float32Array, turned: bool,
         quality: Quality,
-    ) -> tuple[Float32Array, Float32Array]:  # fmt: skip
-        """Radiance of white Lambertian points (S, 3): with the shadows and the light that transfer does not contain,
-        and without. Shadows are those of clusters while objects move, and found by rays at rest."""
-        made_of = (poses, turned, quality, of.lobes, of.bands, of.casters, of.lights)
-        if self._white[0] != made_of or self._added is not of.added:
+    ) -> WhitePoints:  # fmt: skip
+        """Radiance of white Lambertian points. Shadows are those of clusters while objects move, and found by rays at
+        rest."""
+        made_of = (poses, turned, quality, of.lobes, of.bands, of.casters, of.lights, of.lamps)
+        if self._white is None or self._white[0] != made_of or self._added is not of.added:
             turns = frames if turned else self._points.rest_frames_of_drawn
             own = shade_objects(of, self._points, turns)
+            if quality == "rest":
+                shade_own_light(of.unlit, of.lobes, self._points, turns, own)
             white = own.copy()
             objects, normals = of.casting_objects, np.ascontiguousarray(frames[:, 2])
+            by_lamp = np.zeros((len(own), 0, 3), np.float32)
             if quality == "rest":
-                shade_own_light(of.unlit, of.lobes, self._points, turns, white)
-                lack = blocked_light(
+                of_sky, of_lamps = blocked_light(
                     self._points, of.light, of.lamps, of.lights, of.unlit, of.casts, objects, places, normals
                 )
-                white = np.maximum(white - lack[0], np.float32(0.0)) - lack[1]
+                white = np.maximum(white - of_sky, np.float32(0.0)) - of_lamps.sum(axis=1)
+                if of.by_lamp is not None:
+                    by_lamp = np.maximum(of.by_lamp - of_lamps, np.float32(0.0))
             else:
                 add_shadows(self.blockers.rows(objects), of.casts, self._points, places, normals, of.bands, white)
             if of.added is not None:
                 white += of.added
-            self._white, self._added = (made_of, np.maximum(white, np.float32(0.0)), own), of.added
-        return self._white[1:]
+            found = WhitePoints(np.maximum(white, np.float32(0.0)), own, by_lamp)
+            self._white, self._added = (made_of, found), of.added
+        return self._white[1]
 
     def shade_at_rest(self, of: ShadingState) -> Float32Array:
         """Radiance of white Lambertian points (S, 3) with all objects at rest, without what neighbours add."""
@@ -297,37 +313,30 @@ class PictureRenderer:
         return white
 
     def _gloss(
-        self,
-        of: ShadingState,
-        places: Float32Array,
-        frames: Float32Array,
-        camera_position: NDArray[np.float64],
-        white: Float32Array,
-        own: Float32Array,
-    ) -> Float32Array:
-        """Radiance that points with glossy layers send to the camera (S, 3). white, own: see `_shade_points`; rows,
-        which have an object's own shadows, take from them the share that others leave."""
-        sent = np.zeros_like(white)
+        self, of: ShadingState, places: Float32Array, frames: Float32Array, camera_position: Float64Array,
+        found: WhitePoints, quality: Quality,
+    ) -> Float32Array:  # fmt: skip
+        """Radiance that points with glossy layers send to the camera (S, 3). Rows, which have an object's own shadows,
+        take from these points the share that others leave. At rest the BRDF is evaluated towards lamps."""
+        sent, own = np.zeros_like(found.white), found.own
+        white = found.white - found.by_lamp.sum(axis=1)
         normals = np.ascontiguousarray(frames[:, 2])
         for i in of.layers_of:
-            for low, factor in of.glosses_of(i):
-                add_gloss(
-                    low,
-                    factor,
-                    self._points.points_of(i),
-                    places,
-                    normals,
-                    camera_position,
-                    of.light_of(i),
-                    white,
-                    sent,
-                )
             which, light = self._points.points_of(i), of.light_of(i)
+            if quality == "rest":
+                light = of.unlit.get(i, light)
+            for low, factor in of.glosses_of(i):
+                add_gloss(low, factor, which, places, normals, camera_position, light, white, sent)
             even = even_light(light)
             for rows, views in of.rows_of(i):
                 reached = (white[which].sum(axis=1) + even) / np.maximum(own[which].sum(axis=1) + even, 1e-20)
-                reached = np.minimum(reached, np.float32(1.0)).astype(np.float32)
+                reached = np.clip(reached, 0.0, 1.0).astype(np.float32)
                 add_gloss_rows(rows, views, which, frames, places, camera_position, light, reached, sent)
+            for layer in filter(is_glossy, of.layers_of[i] if i not in of.details and found.by_lamp.size else ()):
+                factor = mean_factor(of.scene, i, layer.maps)
+                for k, lamp in enumerate(of.lamps):
+                    arrives = found.by_lamp[:, k]
+                    add_lamp_gloss(layer, factor, lamp, arrives, which, frames, places, camera_position, sent)
         return sent
 
     def _add_emission(self, scene: Scene, drawn: RasterResult, picture: Float32Array, quality: Quality) -> None:

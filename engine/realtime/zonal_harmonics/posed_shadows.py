@@ -56,13 +56,13 @@ def blocked_light(
     casts: NDArray[np.bool_], objects: Sequence[int], places: Float32Array, normals: Float32Array,
 ) -> tuple[Float32Array, Float32Array]:  # fmt: skip
     """Radiance (S, 3) of white Lambertian points, at places (V, 3) with normals (S, 3), by the light of a sky that
-    objects block in their current pose; and by that of lamps.
+    objects block in their current pose; and by that of each lamp (S, L, 3).
 
     casts (M, C): whether each of the C objects casts such a shadow on each of the M. apart: objects whose light from
     lamps is part of light of their own (`engine.realtime.zonal_harmonics.neighbours`), so that they lack none of them.
     unlit: those of them without that part, which lack as much as they get of lamps, with a negative sign.
     """
-    of_sky, of_lamps = np.zeros((len(normals), 3)), np.zeros((len(normals), 3))
+    of_sky, of_lamps = np.zeros((len(normals), 3)), np.zeros((len(normals), len(lamps), 3))
     lit_anew = set(unlit) if lamps else set()
     casters = [_caster(points, i, places) for i in objects] if casts.any() or lit_anew else []
     resting = tuple(i for i in np.unique(points.surface.i_object).tolist() if i not in objects)
@@ -74,9 +74,11 @@ def blocked_light(
                 of_sky[block] = rays.blocked_lights(*_lights_of(sky))
             if i_object in lit_anew:
                 rays = replace(rays, casters=casters)
-                of_lamps[block] = -sum(rays.light_of(lamp, blocked=False) for lamp in lamps)
+                for k, lamp in enumerate(lamps):
+                    of_lamps[block, k] = -rays.light_of(lamp, blocked=False)
             elif i_object not in apart:
-                of_lamps[block] = sum(rays.light_of(lamp, blocked=True) for lamp in lamps)
+                for k, lamp in enumerate(lamps):
+                    of_lamps[block, k] = rays.light_of(lamp, blocked=True)
     return of_sky.astype(np.float32), of_lamps.astype(np.float32)
 
 

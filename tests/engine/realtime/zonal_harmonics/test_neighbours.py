@@ -49,8 +49,8 @@ def made(
 def white(deform: Deform, name: str, quality: Quality = "moving") -> np.ndarray:
     """Radiance of an object's white points at rest (P, 3), all on its front."""
     deform.draw(deform.scene.description.camera, SIZE, (), quality)
-    assert deform._pictures is not None
-    return deform._pictures._white[1][front(deform, name)]
+    assert deform._pictures is not None and deform._pictures._white is not None
+    return deform._pictures._white[1].white[front(deform, name)]
 
 
 def front(deform: Deform, name: str) -> np.ndarray:

@@ -39,7 +39,7 @@ def blocked(deform: Deform, poses: Poses, sky: SkyState) -> tuple[np.ndarray, np
     of_sky, of_lamps = blocked_light(
         pictures._points, sky, state.lamps, state.lights, (), state.casts, state.casting_objects, places, normals
     )
-    return of_sky, of_lamps, (places[: len(normals)] + deform.scene.origin).astype(np.float32), normals
+    return of_sky, of_lamps.sum(axis=1), (places[: len(normals)] + deform.scene.origin).astype(np.float32), normals
 
 
 def test_a_ball_on_a_floor_blocks_what_it_covers_of_an_even_sky(tmp_path: Path) -> None:
