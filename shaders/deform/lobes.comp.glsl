@@ -8,13 +8,15 @@ layout(local_size_x = 64) in;
 #include "deform/gloss.glsl"
 
 layout(std430, binding = 0) readonly buffer Lobes { float lobes[]; };    // a point: low (4), lobes of axis and bands; rows
-layout(std430, binding = 1) readonly buffer Posed { float posed[]; };    // a point: rows of its frame (9), place (3)
+layout(std430, binding = 1) readonly buffer Posed { float posed[]; };    // a point: frame (9), place (3); lamps' gloss
 layout(std430, binding = 2) readonly buffer Owners { ivec2 owners[]; };  // of each point: object, number among its points
 layout(std430, binding = 5) readonly buffer Objects { float objects[]; };  // see `AppearancePart.objects`
 layout(std430, binding = 7) writeonly buffer Sent { float sent[]; };     // a point: white (3), gloss (3)
 uniform int n_points, n_lobes;
 uniform int n_row_lobes, first_row_layer, first_views;  // of glossy rows; where in `gloss` their layers and views begin
 uniform int added_light;  // after how many lights what neighbours add begins, −1 for none
+uniform int n_own_lights;  // of objects; then follow the parts of these that gloss mirrors
+uniform int first_lamp_gloss;  // in `posed`, −1 for none
 uniform vec3 camera_position;
 
 const int OBJECT = 16, SIDE = 32;  // numbers of an object; entries along the square of views
@@ -88,16 +90,21 @@ void main() {
         choose_light(added_light);
         white += light_at(p);
     }
-    choose_light(own_light);
+    int mirrored = own_light > 0 ? own_light + n_own_lights : 0;
     int first = int(objects[object + 3]), count = int(objects[object + 7]);
     for (int layer = first; layer < first + count; layer++)
-        to_camera += shiny(layer, frame[2], wo / max(length(wo), 1e-30), white, objects[object + 9]);
+        to_camera += shiny(
+            layer, frame[2], wo / max(length(wo), 1e-30), white, objects[object + 9], own_light, mirrored
+        );
     // Rows have the object's own shadows, and take from the others' the share of light that these leave.
     vec3 local = transpose(frame) * wo / max(length(wo), 1e-30);
     float even = objects[object + 9], reached = (dot(white, vec3(1.0)) + even) / max(dot(own, vec3(1.0)) + even, 1e-20);
+    choose_light(mirrored);
     first = int(objects[object + 10]), count = int(objects[object + 11]);
     for (int layer = first; layer < first + count && local.z > 0.0; layer++)
         to_camera += min(reached, 1.0) * by_rows(layer, owners[p].y, frame, local);
+    for (int i = 0; i < 3 && first_lamp_gloss >= 0; i++)
+        to_camera[i] += posed[first_lamp_gloss + 3 * p + i];
     for (int i = 0; i < 3; i++) {
         sent[6 * p + i] = white[i];
         sent[6 * p + 3 + i] = to_camera[i];

@@ -138,7 +138,7 @@ def test_a_moving_picture_is_the_windows_where_it_draws_and_one_at_rest_the_work
     controller.receive(OrbitProgress(1, False, id=table.id_of(PrepareDeform)))
     (asked,) = [each for each in table.update() if isinstance(each, DrawDeform)]
     assert (asked.quality, asked.sent_parts) == ("moving", NO_PARTS)
-    pose = PosedPart(*(np.zeros((0, n), np.float32) for n in (12, 9, 14)), (0.0, 0.0, 0.0))
+    pose = PosedPart(*(np.zeros((0, n), np.float32) for n in (12, 9, 14, 3)), (0.0, 0.0, 0.0))
     told, radiance = PictureExport(pose, (3, 4, 5, 6), None, None, None, None), np.zeros((0, 0, 3), np.float32)
     (came,) = controller.receive(PoseExported(radiance, 1, 1, False, 0.01, export=told, id=table.id_of(DrawDeform)))
     assert isinstance(came, PoseArrived) and came.export is told and came.resolution == asked.resolution

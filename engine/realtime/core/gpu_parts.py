@@ -227,16 +227,17 @@ OBJECT_ROW = 16
 
 @dataclass(frozen=True, eq=False)
 class AppearancePart:
-    """harmonics (n^2, 3) and table (rows, columns, n, 3) of the sky's light, see `BandLight`; lights (K, n^2 + rows
-    columns n, 3): both of the objects that have other light; added (S, 3): radiance of points by their neighbours,
-    (0, 3) for none; objects (M, `OBJECT_ROW`): albedo, first glossy layer, emission, number of glossy layers, light
-    (0 for the sky's) and the `even` of that, first layer that is drawn by rows, their number, the emission's cone;
-    gloss (G, A, 3 n + 1): for each glossy layer that is one lobe and polar angles of wo up to `steepest`, its bands
-    and its lean, see `LowGloss`; row_layers (K, 3): of each layer that is drawn by rows, its first among the
-    shape's rows, their number at each point, and where its views begin in views (V,), see `GlossBasis`; cosine
-    (n,): the bands of a white Lambertian surface; even: see `engine.realtime.zonal_harmonics.shading.even_light`;
-    casts (M, C), spread (n,), least: see `engine.realtime.zonal_harmonics.shading`; turn, scale: of the sky, see
-    `Backdrop`; terms: refer to the cover that is exported with it or was before."""
+    """harmonics (n^2, 3) and table (rows, columns, n, 3) of the sky's light, see `BandLight`; lights (2 K, n^2 + rows
+    columns n, 3): both of the K objects that have other light, then of the part of it that gloss mirrors in bands;
+    added (S, 3): radiance of points by their neighbours, (0, 3) for none; objects (M, `OBJECT_ROW`): albedo, first
+    glossy layer, emission, number of glossy layers, light (0 for the sky's) and the `even` of that, first layer that
+    is drawn by rows, their number, the emission's cone; gloss (G, A, 3 n + 1): for each glossy layer that is one lobe
+    and polar angles of wo up to `steepest`, its bands and its lean, see `LowGloss`; row_layers (K, 3): of each layer
+    that is drawn by rows, its first among the shape's rows, their number at each point, and where its views begin in
+    views (V,), see `GlossBasis`; cosine (n,): the bands of a white Lambertian surface; even: see
+    `engine.realtime.zonal_harmonics.shading.even_light`; casts (M, C), spread (n,), least: see
+    `engine.realtime.zonal_harmonics.shading`; turn, scale: of the sky, see `Backdrop`; terms: refer to the cover that
+    is exported with it or was before."""
 
     number: int
     harmonics: Float32Array
@@ -269,12 +270,13 @@ class BackdropPart:
 class PosedPart:
     """places (V, 12) of everything that is drawn: of points the rows of their axes, then the position; of emitters'
     corners the position alone. axes (A, 9) of details: along u, along v, outwards. blockers (K, 14): clusters that
-    shade other objects, see `engine.realtime.zonal_harmonics.shading`. camera_position (3,): in the same coordinates.
-    """
+    shade other objects, see `engine.realtime.zonal_harmonics.shading`. lamp_gloss (S, 3): what points send of lamps to
+    the camera, (0, 3) for nothing. camera_position (3,): in the same coordinates."""
 
     places: Float32Array
     axes: Float32Array
     blockers: Float32Array
+    lamp_gloss: Float32Array
     camera_position: tuple[float, float, float]
 
 

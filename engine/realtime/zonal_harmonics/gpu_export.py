@@ -28,7 +28,7 @@ from engine.realtime.core.terms import diffuse_albedo, is_glossy
 from engine.realtime.zonal_harmonics._shading_kernels import LEAST_BLOCKED
 from engine.realtime.zonal_harmonics.bending_points import BendingPoints, PosedPoints
 from engine.realtime.zonal_harmonics.gloss_rows import N_ROW_LOBES
-from engine.realtime.zonal_harmonics.picture_renderer import ShadingState
+from engine.realtime.zonal_harmonics.picture_renderer import ShadingState, add_gloss_of_lamps, moving_shares
 from engine.realtime.zonal_harmonics.pose import Poses
 from engine.realtime.zonal_harmonics.shading import (
     STEEPEST,
@@ -78,7 +78,11 @@ class PictureExporter:
             np.concatenate(axes) if axes else np.zeros((0, 9), np.float32),
             self._blockers.rows(of.casting_objects),
         )
-        posed = posed_part(places, frames, all_axes, rows, camera_position)
+        of_lamps = np.zeros((len(frames) if of.lamps else 0, 3), np.float32)
+        if of.lamps:
+            shares = moving_shares(of, self._points, frames)
+            add_gloss_of_lamps(of, self._points, places, frames, camera_position, shares, of_lamps, is_moving=True)
+        posed = posed_part(places, frames, all_axes, rows, of_lamps, camera_position)
         numbers = shape.number, appearance.number, cover.number, sky.number
         is_new = [number != here for number, here in zip(numbers, known, strict=True)]
         return PictureExport(
@@ -200,7 +204,8 @@ def appearance_part(
         objects[i, 3], objects[i, 7] = first, last - first
     light, backdrop = of.bands, of.backdrop
     order = light.table.shape[2]
-    whole = [np.concatenate([each.harmonics, each.table.reshape(-1, 3)]) for each in of.lights.values()]
+    each_light = [*of.lights.values(), *map(of.mirrored_light, of.lights)]
+    whole = [np.concatenate([each.harmonics, each.table.reshape(-1, 3)]) for each in each_light]
     lights = np.array(whole, np.float32).reshape(len(whole), len(light.harmonics) + light.table.size // 3, 3)
     added = np.zeros((0, 3), np.float32) if of.added is None else of.added
     gloss = np.array(rows, np.float32) if rows else np.zeros((0, 2, 3 * order + 1), np.float32)
@@ -217,12 +222,13 @@ def posed_part(
     frames: Float32Array,
     axes: Float32Array,
     blockers: Float32Array,
+    lamp_gloss: Float32Array,
     camera_position: NDArray[np.float64],
 ) -> PosedPart:
     """places (V, 3) of everything that is drawn; frames (S, 3, 3) of the points, which come first."""
     rows = np.zeros((len(places), 12), np.float32)
     rows[: len(frames), :9], rows[:, 9:] = frames.reshape(-1, 9), places
-    return PosedPart(rows, axes, blockers, as_triple(camera_position))
+    return PosedPart(rows, axes, blockers, lamp_gloss, as_triple(camera_position))
 
 
 def _corners(points: BendingPoints, which: NDArray[np.integer]) -> NDArray[np.int32]:

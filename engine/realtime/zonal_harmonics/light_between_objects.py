@@ -9,17 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.realtime.zonal_harmonics.bending_points import BendingPoints
+from engine.realtime.zonal_harmonics.lamp_gloss import LampLight
 from engine.realtime.zonal_harmonics.neighbours import (
+    Lamp,
     LightPaths,
     added_light,
-    lamp_samples,
     light_of_lamps,
     local_light,
     trace_light_paths,
 )
 from engine.realtime.zonal_harmonics.object_transfer import ORDER
 from engine.realtime.zonal_harmonics.picture_renderer import PictureRenderer, ShadingState, shade_own_light
-from engine.realtime.zonal_harmonics.posed_shadows import Lamp
 from engine.realtime.zonal_harmonics.shading import BandLight, band_light
 from engine.scene.scene_loader import Scene
 
@@ -70,14 +70,21 @@ class LightBetweenObjects:
         around = local_light(paths, powers, first, emission, ORDER)
         lit = replace(
             state,
-            lights={i: band_light(distant + of_lamps) for i, (distant, of_lamps) in around.items()},
+            lights={i: band_light(distant + of_lamps.sum(axis=0)) for i, (distant, of_lamps) in around.items()},
             unlit={i: band_light(around[i][0]) for i in opaque if i in around},
+            lamp_lights={
+                i: tuple(map(LampLight, map(band_light, around[i][1]), paths.probes[i].shares.tolist()))
+                for i in opaque
+                if i in around
+            },
         )
         shade_own_light(lit.lights, lit.lobes, points, points.rest_frames_of_drawn, white)
         white = np.maximum(white, np.float32(0.0))
         self._lights = lit.lights
         self._added = added_light(paths, white * albedos, emission).astype(np.float32)
-        lamps = tuple(Lamp(lamp_samples(state.scene, i), emission[i]) for i in paths.emitters)
+        lamps = tuple(Lamp(*parts, emission[i]) for i, parts in paths.emitters.items())
         by_lamp = np.zeros((len(points), len(lamps), 3), np.float32)
         by_lamp[paths.lit] = paths.lamps * emission[list(paths.emitters)]
-        return replace(lit, added=self._added, lamps=lamps, by_lamp=by_lamp)
+        shares = np.zeros((len(points), len(lamps)), np.float32)
+        shares[paths.lit] = paths.shares
+        return replace(lit, added=self._added, lamps=lamps, by_lamp=by_lamp, lamp_shares=shares)

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -38,6 +39,7 @@ Int32Array = NDArray[np.int32]
 N_BOUNCE_RAYS = 256  # from each point at rest
 N_LAMP_SAMPLES = 64  # on each lamp: a ball is then 1 % off (`engine.light.emitters`)
 N_TEXTURED_SAMPLES = 128  # on a lamp with a texture
+N_MOVING_SAMPLES = 8  # on a wide lamp that moving gloss mirrors
 PROBE_LEVEL = 5  # of the sphere's triangles, around each object that has light of its own
 SHORTENED = 1.0 - 1e-3  # of rays to lamps, which must not meet these themselves
 
@@ -68,24 +70,27 @@ class Hits:
 @dataclass(frozen=True, eq=False)
 class Probe:
     """What is around an object: hits (T bundles), one ray through each triangle of the sphere; is_open (T,): whether
-    the sky is seen there; lamps (L, n^2, 3): harmonics of each lamp of emission 1."""
+    the sky is seen there; lamps (L, n^2, 3): harmonics of each lamp of emission 1, of which the shares (L,) arrive."""
 
     hits: Hits
     is_open: NDArray[np.bool_]
     lamps: Float64Array
+    shares: Float64Array
 
 
 @dataclass(frozen=True, eq=False)
 class LightPaths:
     """Where light goes between objects at rest. lit (R,): the points whose transfer has their neighbours' shadows;
     bounces (R bundles): what these see of other objects; lamps (R, L, 3): radiance of white diffuse ones by each lamp
-    of emission 1; probes: of the other objects, by index; emitters (L,): indices of the objects that emit."""
+    of emission 1, of which the shares (R, L) arrive; probes: of the other objects, by index; emitters: by the indices
+    of the L objects that emit, their parts, and fewer for moving pictures."""
 
     lit: NDArray[np.int64]
     bounces: Hits
     lamps: Float64Array
+    shares: Float64Array
     probes: Mapping[int, Probe]
-    emitters: tuple[int, ...]
+    emitters: Mapping[int, tuple[list[LampSample], list[LampSample]]]
 
 
 def trace_light_paths(
@@ -93,33 +98,38 @@ def trace_light_paths(
 ) -> Generator[float, None, LightPaths]:
     """Trace them; alone: the objects whose transfer contains only themselves. Yields the share that is done."""
     n_objects = len(scene.smooth)
-    emitters = tuple(np.flatnonzero(scene.emitters).tolist())
+    lamps = {i: lamp_samples(scene, i) for i in np.flatnonzero(scene.emitters).tolist()}
     lit_objects = [i for i in range(n_objects) if scene.reflecting[i] and i not in alone]
     everything = tuple(range(n_objects))
-    lamps = {i: lamp_samples(scene, i) for i in emitters}
-    parts, of_lamps, lit = list[tuple[NDArray, ...]](), [np.zeros((0, len(lamps), 3))], [np.zeros(0, np.int64)]
+    parts, lit = list[tuple[NDArray, ...]](), [np.zeros(0, np.int64)]
+    of_lamps, shares = [np.zeros((0, len(lamps), 3))], [np.zeros((0, len(lamps)))]
     for done, i in enumerate(lit_objects):
         mine = points.points_of(i)
         lit.append(mine)
         for stop, hits in _bounces(points, i, everything):
             parts.append(hits)
             yield (done + stop / max(len(mine), 1)) / (len(lit_objects) + 1)
-        of_lamps.append(_lamp_light(points, i, list(lamps.values()), everything))
+        radiance, share = _lamp_light(points, i, list(lamps.values()), everything)
+        of_lamps.append(radiance)
+        shares.append(share)
     probes = {i: _probe(scene, points, i, alone, lamps, order) for i in alone if scene.reflecting[i]}
     yield 1.0
-    return LightPaths(np.concatenate(lit), _joined(points, parts), np.concatenate(of_lamps), probes, emitters)
+    emitters = {i: (samples, lamp_samples(scene, i, N_MOVING_SAMPLES)) for i, samples in lamps.items()}
+    arrives = np.concatenate(of_lamps), np.concatenate(shares)
+    return LightPaths(np.concatenate(lit), _joined(points, parts), *arrives, probes, emitters)
 
 
 def local_light(
     paths: LightPaths, powers: Float64Array, sent: Float64Array, emission: Float64Array, order: int
 ) -> dict[int, tuple[Float64Array, Float64Array]]:
-    """Harmonics (n^2, 3) of the light around each object that has light of its own: of what is distant or reflected,
-    and of lamps; powers (T, 3): of the sky, by triangle; sent (S, 3): radiance of all points; emission (M, 3)."""
+    """Harmonics of the light around each object that has light of its own: of what is distant or reflected (n^2, 3),
+    and of lamps (L, n^2, 3); powers (T, 3): of the sky, by triangle; sent (S, 3): radiance of all points; emission (M,
+    3)."""
     angles = geodesic(PROBE_LEVEL).solid_angles[:, None]
     found = {}
     for i, probe in paths.probes.items():
         around = np.where(probe.is_open[:, None], powers, angles * probe.hits.gather(sent, 1.0))
-        found[i] = project(around, order), np.einsum("lnc,lc->nc", probe.lamps, emission[list(paths.emitters)])
+        found[i] = project(around, order), probe.lamps * emission[list(paths.emitters)][:, None]
     return found
 
 
@@ -154,14 +164,28 @@ class LampSample(NamedTuple):
     tint: Float64Array
 
 
-def lamp_samples(scene: Scene, i: int) -> list[LampSample]:
-    """About `N_LAMP_SAMPLES` parts of an emitter, of equal area, or `N_TEXTURED_SAMPLES` of equal power of one with a
-    texture."""
+@dataclass(frozen=True, eq=False)
+class Lamp:
+    """An emitter: its parts, fewer for moving pictures, and its radiance (3,)."""
+
+    samples: Sequence[LampSample]
+    few: Sequence[LampSample]
+    emission: Float64Array
+
+    @cached_property
+    def rows(self) -> Float64Array:
+        """Its parts (N, 14): place, normal, area, cone, tint."""
+        return np.array([np.hstack([*each]) for each in self.samples]).reshape(-1, 14)
+
+
+def lamp_samples(scene: Scene, i: int, n: int = 0) -> list[LampSample]:
+    """About n parts of an emitter, of equal area, or of equal power of one with a texture; n = 0: `N_LAMP_SAMPLES`, or
+    `N_TEXTURED_SAMPLES` with a texture."""
     emitting = emitting_triangles_of(replace(scene, emission=np.ones_like(scene.emission)))
     mine = scene.object_of_triangle[emitting.triangle] == i
     emitting = emitting.of(mine & emitting_triangles(emitting.corners, emitting.radiance))
     is_textured = i in scene.emission_textures.objects
-    n = N_TEXTURED_SAMPLES if is_textured else N_LAMP_SAMPLES
+    n = n or (N_TEXTURED_SAMPLES if is_textured else N_LAMP_SAMPLES)
     one_kind = np.zeros(len(emitting.corners), np.intp)
     merged = merge_triangles(emitting.corners, emitting.radiance, n // 2 if is_textured else n, one_kind)
     varying = emitting.radiance_of_parts(merged)
@@ -216,11 +240,12 @@ def _joined(points: BendingPoints, parts: Sequence[tuple[NDArray, ...]]) -> Hits
 
 def _lamp_light(
     points: BendingPoints, i: int, lamps: Sequence[list[LampSample]], everything: tuple[int, ...]
-) -> Float64Array:
-    """Radiance (P, L, 3) of an object's white diffuse points by each lamp of emission 1."""
+) -> tuple[Float64Array, Float64Array]:
+    """Radiance (P, L, 3) of an object's white diffuse points by each lamp of emission 1; the share (P, L) of its light
+    that arrives."""
     mesh = points.mesh(i, ())
     places, normals = mesh.points.offset_position.astype(np.float64), mesh.frames[:, 2]
-    found = np.zeros((len(places), len(lamps), 3))
+    found, unblocked = np.zeros((len(places), len(lamps), 3)), np.zeros((len(places), len(lamps)))
     for k, lamp in enumerate(lamps):
         for sample in lamp:
             directions, factor = towards_lamp(places, sample)
@@ -229,7 +254,8 @@ def _lamp_light(
             lit = np.flatnonzero(factor > 0.0)
             arrives = factor[lit] * ~_blocked(points.caster(everything), places[lit], sample.place)
             found[lit, k] += arrives[:, None] * sample.tint
-    return found
+            unblocked[:, k] += factor * sample.tint.sum()
+    return found, found.sum(axis=2) / np.maximum(unblocked, 1e-30)
 
 
 def towards_lamp(places: Float64Array, sample: LampSample) -> tuple[Float64Array, Float64Array]:
@@ -263,14 +289,16 @@ def _probe(
     if not others:
         none = np.zeros(0, np.float32)
         nothing: tuple[NDArray, ...] = (np.zeros(len(directions), np.int64), np.zeros(0, np.int32), none, none)
-        return Probe(
-            _joined(points, [nothing]), np.ones(len(directions), bool), np.zeros((len(lamps), order * order, 3))
-        )
+        of_lamps = np.zeros((len(lamps), order * order, 3))
+        return Probe(_joined(points, [nothing]), np.ones(len(directions), bool), of_lamps, np.zeros(len(lamps)))
     is_hit, is_met, hits = _point_hits(points, others, np.tile(np.float32(middle), (len(directions), 1)), directions)
-    of_lamps = np.zeros((len(lamps), order * order, 3))
+    of_lamps, arrives, unblocked = np.zeros((len(lamps), order * order, 3)), np.zeros(len(lamps)), np.zeros(len(lamps))
     for k, (emitter, lamp) in enumerate(lamps.items()):
         for sample in () if emitter == i else lamp:
             towards, angle = towards_lamp(middle[None], sample)
+            unblocked[k] += angle[0] * sample.tint.sum()
             if angle[0] > 0.0 and not _blocked(points.caster(others), middle[None], sample.place)[0]:
                 of_lamps[k] += np.outer(angle[0] * basis(towards[0], order), sample.tint)
-    return Probe(_joined(points, [(is_met.astype(np.int64), *hits)]), ~is_hit, of_lamps)
+                arrives[k] += angle[0] * sample.tint.sum()
+    shares = arrives / np.maximum(unblocked, 1e-30)
+    return Probe(_joined(points, [(is_met.astype(np.int64), *hits)]), ~is_hit, of_lamps, shares)

@@ -4,7 +4,7 @@ what needs more detail than interpolation between points gives."""
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -20,9 +20,10 @@ from engine.realtime.core.terms import MOVING_PROBES, LayersOf, diffuse_albedo, 
 from engine.realtime.zonal_harmonics.bending_points import BendingPoints, PosedPoints
 from engine.realtime.zonal_harmonics.gloss_rows import GlossBasis, add_gloss_rows
 from engine.realtime.zonal_harmonics.gloss_transfer import LayerGloss
-from engine.realtime.zonal_harmonics.lamp_gloss import add_lamp_gloss
+from engine.realtime.zonal_harmonics.lamp_gloss import LampLight, add_lamp_gloss, share_by_rays, share_by_transfer
+from engine.realtime.zonal_harmonics.neighbours import Lamp
 from engine.realtime.zonal_harmonics.pose import Poses
-from engine.realtime.zonal_harmonics.posed_shadows import Lamp, blocked_light
+from engine.realtime.zonal_harmonics.posed_shadows import blocked_light
 from engine.realtime.zonal_harmonics.shading import (
     BandLight,
     Blockers,
@@ -58,8 +59,9 @@ class ShadingState:
     transfer does not contain. lights: of the objects, by index, that have other light than the sky's `bands`; unlit:
     the same without lamps, of those that lamps light by rays at rest; added (S, 3): radiance of white points by
     neighbours and lamps (`engine.realtime.zonal_harmonics.neighbours`), None for none; lamps: those whose light is part
-    of it; by_lamp (S, L, 3): that of each with all at rest, 0 at points of objects that have light of their own. gloss:
-    how glossy layers, by object, are drawn; the others are one lobe each. version: differs for different pictures."""
+    of it; by_lamp (S, L, 3): that of each with all at rest, of which lamp_shares (S, L) arrive, 0 at points of objects
+    that have light of their own; lamp_lights: the light of each lamp in the others of `unlit`. gloss: how glossy
+    layers, by object, are drawn; the others are one lobe each. version: differs for different pictures."""
 
     version: int
     scene: Scene
@@ -76,6 +78,8 @@ class ShadingState:
     gloss: Mapping[tuple[int, Layer], LayerGloss] = field(default_factory=dict)
     lamps: tuple[Lamp, ...] = ()
     by_lamp: Float32Array | None = None
+    lamp_shares: Float32Array | None = None
+    lamp_lights: Mapping[int, Sequence[LampLight]] = field(default_factory=dict)
 
     @property
     def casting_objects(self) -> list[int]:
@@ -139,6 +143,10 @@ class ShadingState:
     def light_of(self, i: int) -> BandLight:
         """The light that comes to an object as if from afar."""
         return self.lights.get(i, self.bands)
+
+    def mirrored_light(self, i: int) -> BandLight:
+        """The part of it that gloss mirrors in bands: without lamps, where these are mirrored by the BRDF."""
+        return self.unlit.get(i, self.light_of(i))
 
     @property
     def order(self) -> int:
@@ -208,12 +216,13 @@ def pixels_of(i_object: int, drawn: RasterResult, points: BendingPoints) -> Pixe
 
 @dataclass(frozen=True, eq=False)
 class WhitePoints:
-    """Radiance of white Lambertian points: white (S, 3), with all shadows and all light; own (S, 3), as their own
-    transfer has it; by_lamp (S, L, 3): the part of white by each lamp that gloss mirrors by itself, none in motion."""
+    """Radiance of white Lambertian points: white (S, 3), with all shadows and all light; distant (S, 3), at rest
+    without lamps; own (S, 3), as their own transfer has it. shares (S, L): of each lamp's light that arrives."""
 
     white: Float32Array
+    distant: Float32Array
     own: Float32Array
-    by_lamp: Float32Array
+    shares: Float32Array
 
 
 class PictureRenderer:
@@ -288,19 +297,25 @@ class PictureRenderer:
                 shade_own_light(of.unlit, of.lobes, self._points, turns, own)
             white = own.copy()
             objects, normals = of.casting_objects, np.ascontiguousarray(frames[:, 2])
-            by_lamp = np.zeros((len(own), 0, 3), np.float32)
+            of_lamps = np.zeros((1, 3), np.float32)
             if quality == "rest":
-                of_sky, of_lamps = blocked_light(
+                of_sky, lacking = blocked_light(
                     self._points, of.light, of.lamps, of.lights, of.unlit, of.casts, objects, places, normals
                 )
-                white = np.maximum(white - of_sky, np.float32(0.0)) - of_lamps.sum(axis=1)
+                white = np.maximum(white - of_sky, np.float32(0.0)) - lacking.sum(axis=1)
+                shares = np.zeros((len(own), len(of.lamps)), np.float32)
                 if of.by_lamp is not None:
-                    by_lamp = np.maximum(of.by_lamp - of_lamps, np.float32(0.0))
+                    by_lamp = np.maximum(of.by_lamp - lacking, np.float32(0.0))
+                    of_lamps = by_lamp.sum(axis=1)
+                    for k, lamp in enumerate(of.lamps):
+                        shares[:, k] = share_by_rays(lamp, by_lamp[:, k], places, normals)
             else:
+                shares = moving_shares(of, self._points, turns)
                 add_shadows(self.blockers.rows(objects), of.casts, self._points, places, normals, of.bands, white)
             if of.added is not None:
                 white += of.added
-            found = WhitePoints(np.maximum(white, np.float32(0.0)), own, by_lamp)
+            white = np.maximum(white, np.float32(0.0))
+            found = WhitePoints(white, white - of_lamps, own, shares)
             self._white, self._added = (made_of, found), of.added
         return self._white[1]
 
@@ -317,26 +332,20 @@ class PictureRenderer:
         found: WhitePoints, quality: Quality,
     ) -> Float32Array:  # fmt: skip
         """Radiance that points with glossy layers send to the camera (S, 3). Rows, which have an object's own shadows,
-        take from these points the share that others leave. At rest the BRDF is evaluated towards lamps."""
-        sent, own = np.zeros_like(found.white), found.own
-        white = found.white - found.by_lamp.sum(axis=1)
+        take from these points the share that others leave."""
+        sent, own, white = np.zeros_like(found.white), found.own, found.distant
         normals = np.ascontiguousarray(frames[:, 2])
         for i in of.layers_of:
-            which, light = self._points.points_of(i), of.light_of(i)
-            if quality == "rest":
-                light = of.unlit.get(i, light)
+            which, mirrored = self._points.points_of(i), of.mirrored_light(i)
+            light = mirrored if quality == "rest" else of.light_of(i)
             for low, factor in of.glosses_of(i):
-                add_gloss(low, factor, which, places, normals, camera_position, light, white, sent)
+                add_gloss(low, factor, which, places, normals, camera_position, light, mirrored, white, sent)
             even = even_light(light)
             for rows, views in of.rows_of(i):
                 reached = (white[which].sum(axis=1) + even) / np.maximum(own[which].sum(axis=1) + even, 1e-20)
                 reached = np.clip(reached, 0.0, 1.0).astype(np.float32)
-                add_gloss_rows(rows, views, which, frames, places, camera_position, light, reached, sent)
-            for layer in filter(is_glossy, of.layers_of[i] if i not in of.details and found.by_lamp.size else ()):
-                factor = mean_factor(of.scene, i, layer.maps)
-                for k, lamp in enumerate(of.lamps):
-                    arrives = found.by_lamp[:, k]
-                    add_lamp_gloss(layer, factor, lamp, arrives, which, frames, places, camera_position, sent)
+                add_gloss_rows(rows, views, which, frames, places, camera_position, mirrored, reached, sent)
+        add_gloss_of_lamps(of, self._points, places, frames, camera_position, found.shares, sent, quality == "moving")
         return sent
 
     def _add_emission(self, scene: Scene, drawn: RasterResult, picture: Float32Array, quality: Quality) -> None:
@@ -369,7 +378,8 @@ class PictureRenderer:
             if normals is not None and is_glossy(layer):
                 sent = np.zeros_like(diffuse)
                 low, every, places = low_gloss(layer, of.order), np.arange(len(diffuse)), pixels.places()
-                add_gloss(low, np.ones(3), every, places, normals, camera_position, of.light_of(i), diffuse, sent)
+                light = of.light_of(i)
+                add_gloss(low, np.ones(3), every, places, normals, camera_position, light, light, diffuse, sent)
             else:
                 sent = diffuse * diffuse_albedo(layer).astype(np.float32)
             sent = sent * pixels.factor(of.scene, layer.maps, quality == "moving") * (pixels.points[:, :1] >= 0)
@@ -399,6 +409,32 @@ def shade_own_light(
     """Fill white (S, 3) at the points of objects that have these lights of their own; it may be negative."""
     for i, light in lights.items():
         shade_some(points.points_of(i), lobes, frames, light, white)
+
+
+def moving_shares(of: ShadingState, points: BendingPoints, frames: Float32Array) -> Float32Array:
+    """The shares (S, L) of the light of lamps that arrive at points in axes (S, 3, 3), in motion."""
+    if of.lamp_shares is None:
+        return np.zeros((len(points), len(of.lamps)), np.float32)
+    shares = of.lamp_shares.copy()
+    for i, lights in of.lamp_lights.items():
+        which = points.points_of(i)
+        for k, light in enumerate(lights if any(map(is_glossy, of.layers_of.get(i, ()))) else ()):
+            shares[which, k] = share_by_transfer(light, of.lobes, which, frames)
+    return shares
+
+
+def add_gloss_of_lamps(
+    of: ShadingState, points: BendingPoints, places: Float32Array, frames: Float32Array, camera_position: Float64Array,
+    shares: Float32Array, sent: Float32Array, is_moving: bool,
+) -> None:  # fmt: skip
+    """Add to sent (S, 3) what points send to the camera (3,) of lamps, of whose light the shares (S, L) arrive."""
+    for i, layers in of.layers_of.items():
+        for layer in filter(is_glossy, layers if i not in of.details else ()):
+            factor, which = mean_factor(of.scene, i, layer.maps), points.points_of(i)
+            for k, lamp in enumerate(of.lamps):
+                add_lamp_gloss(
+                    layer, factor, lamp, shares[:, k], which, frames, places, camera_position, sent, is_moving
+                )
 
 
 def camera_position_of(scene: Scene, camera: CameraDescription) -> NDArray[np.float64]:

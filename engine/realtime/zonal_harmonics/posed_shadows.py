@@ -24,7 +24,7 @@ from engine.light.triangle_lights import cut_lights
 from engine.precompute.direct.pipeline import SkyState
 from engine.realtime.zonal_harmonics import _posed_shadow_kernels as kernels
 from engine.realtime.zonal_harmonics.bending_points import BendingPoints
-from engine.realtime.zonal_harmonics.neighbours import SHORTENED, LampSample, towards_lamp
+from engine.realtime.zonal_harmonics.neighbours import SHORTENED, Lamp, towards_lamp
 from engine.scene.raycaster import RayCaster
 
 Float32Array = NDArray[np.float32]
@@ -41,14 +41,6 @@ class Caster:
     rays: RayCaster
     centre: Float64Array
     radius: float
-
-
-@dataclass(frozen=True, eq=False)
-class Lamp:
-    """An emitter: its parts, and its radiance (3,)."""
-
-    samples: Sequence[LampSample]
-    emission: Float64Array
 
 
 def blocked_light(
