@@ -1,4 +1,4 @@
-"""Highlights of lamps at rest: the BRDF itself in closed form, shadows, and path tracing."""
+"""Highlights of lamps: the BRDF itself in closed form, cones, shadows, and path tracing."""
 
 from __future__ import annotations
 
@@ -10,10 +10,14 @@ import pytest
 from scipy.ndimage import binary_erosion
 
 from engine.core.generators import run_to_end
+from engine.light.cones import cone_row
 from engine.material import MODELS
 from engine.material.layer import evaluate_layer, make_layer
 from engine.precompute.direct.pipeline import Placement, SkyState
 from engine.realtime.zonal_harmonics.deform_engine import Deform, finish_deform
+from engine.realtime.zonal_harmonics.lamp_gloss import view_lamp
+from engine.realtime.zonal_harmonics.neighbours import N_MOVING_SAMPLES, Lamp, LampSample, towards_lamp
+from engine.realtime.zonal_harmonics.picture_renderer import Quality
 from engine.render.still import render_paths
 from engine.scene.scene_loader import load_scene
 from tests.engine.realtime.zonal_harmonics.test_neighbours import LAMP
@@ -37,12 +41,12 @@ def metallic(folder: Path, text: str, sky: SkyState, bends: tuple[str, ...] = ()
     return finish_deform(deform)
 
 
-def off_paths(deform: Deform, sky: SkyState) -> float:
-    """relRMSE of the first object at rest, two pixels off its outline, of its picture against paths, whose noise is 1 %
-    of the mean."""
+def off_paths(deform: Deform, sky: SkyState, quality: Quality) -> float:
+    """relRMSE of the first object in its rest pose, two pixels off its outline, of its picture against paths, whose
+    noise is 1 % of the mean."""
     eye = deform.scene.description.camera
     truth = run_to_end(render_paths(Placement(deform.scene), {0: (METAL,)}, sky, 1, 6144))
-    found = deform.draw(eye, SIZE, (), "rest")
+    found = deform.draw(eye, SIZE, (), quality)
     assert deform._pictures is not None and deform._points is not None
     shown = deform._pictures._rasterize(deform.scene, deform._points.places, eye, SIZE).found
     inside = binary_erosion((shown >= 0) & (deform._points.surface.i_object[shown] == 0), iterations=2)
@@ -55,21 +59,82 @@ def off_paths(deform: Deform, sky: SkyState) -> float:
     "lamp", [BULB, placed("lamp", "quad", facing_down(1.5, (0.3, 2.0, 0.5)), LAMP)], ids=["point", "quad"]
 )
 def test_a_metal_ball_under_a_lamp_is_what_paths_find(tmp_path: Path, lamp: str, bends: tuple[str, ...]) -> None:
-    assert off_paths(metallic(tmp_path, BALL + lamp, DARK, bends), DARK) < 0.05
+    """In motion a ball that bends is shaded by its own transfer, and wide lamps are fewer parts."""
+    deform = metallic(tmp_path, BALL + lamp, DARK, bends)
+    assert off_paths(deform, DARK, "rest") < 0.05
+    assert off_paths(deform, DARK, "moving") < 0.1
 
 
-def test_a_highlight_on_a_floor_is_the_brdf_times_the_light(tmp_path: Path) -> None:
-    """f cos L s² cos / d², of a lamp of side s that faces down from the height d over the middle; none of it in the
-    shadow of a board."""
-    lamp = placed("lamp", "quad", facing_down(0.05, (0.0, 2.0, -1.5)), LAMP)
+@pytest.mark.parametrize(
+    ("shape", "cone", "area"),
+    [
+        ("quad", "", 1.0),
+        ("disc", "", math.pi / 4.0),
+        # 36.9 degrees from the axis.
+        ("disc", "cone = { inner = 10, outer = 50 }\n", math.pi / 4.0),
+        ("disc", "cone = { inner = 10, outer = 35 }\n", math.pi / 4.0),
+    ],
+    ids=["quad", "disc", "spot", "beside the spot"],
+)
+@pytest.mark.parametrize("quality", ["rest", "moving"])
+def test_a_highlight_on_a_floor_is_the_brdf_times_the_light(
+    tmp_path: Path, shape: str, cone: str, area: float, quality: Quality
+) -> None:
+    """f cos L A cos / d², of a lamp of area A that faces down from the height d over the middle, times the share of its
+    cone; at rest none of it in the shadow of a board that bends."""
+    lamp = placed("lamp", shape, facing_down(0.05, (0.0, 2.0, -1.5)), LAMP + cone)
     floor = placed("floor", "quad", facing_up(6))
     deform = metallic(tmp_path, floor + lamp, DARK)
     eye = deform.scene.description.camera
-    found = deform.draw(eye, SIZE, (), "rest")[SIZE[1] // 2, SIZE[0] // 2]
+    found = deform.draw(eye, SIZE, (), quality)[SIZE[1] // 2, SIZE[0] // 2]
     # The picture's middle is the origin. With the floor's normal as z, the world's y: (x, -z, y).
     wo, wi = (np.array([[0.0, z, y]]) / math.hypot(z, y) for z, y in ((-3.0, 0.8), (1.5, 2.0)))
-    power = np.array([5.0, 4.0, 3.0]) * 0.05**2 * (2.0 / 2.5) / 2.5**2
-    assert found == pytest.approx(evaluate_layer(METAL, wi, wo)[0] * power, rel=0.04)
+    power = np.array([5.0, 4.0, 3.0]) * area * 0.05**2 * (2.0 / 2.5) / 2.5**2
+    if cone:
+        inner, outer = 10.0, 50.0 if "50" in cone else 35.0
+        start, end = math.cos(math.radians(outer)), math.cos(math.radians(inner))
+        power *= np.clip((2.0 / 2.5 - start) / (end - start), 0.0, 1.0) ** 2
+    assert found == pytest.approx(evaluate_layer(METAL, wi, wo)[0] * power, rel=0.04, abs=1e-9)
     board = placed("board", "quad", facing_up(0.5, (0.0, 1.0, -0.75)))
     shaded = metallic(tmp_path, floor + lamp + board, DARK, ("board",))
     assert shaded.draw(eye, SIZE, (), "rest")[SIZE[1] // 2, SIZE[0] // 2].max() < 1e-6
+
+
+def test_parts_are_summed_as_one_by_one() -> None:
+    """Solid angles, cones and cosines of random parts, some of which face away, at random points."""
+    generator = np.random.default_rng(5)
+    unit = generator.standard_normal((2, 40, 3))
+    unit /= np.linalg.norm(unit, axis=2, keepdims=True)
+    cones = (cone_row((0.2, -1.0, 0.3), 0.3, 1.4), np.array([0.0, 0.0, 0.0, 1.0], np.float32))
+    samples = [
+        LampSample(
+            *generator.uniform(-2.0, 2.0, (1, 3)), unit[0, k], float(k + 1) / 20.0, cones[k % 2], generator.random(3)
+        )
+        for k in range(9)
+    ]
+    emission = np.array([3.0, 2.0, 1.0])
+    places, normals = generator.uniform(-1.0, 1.0, (40, 3)).astype(np.float32), unit[1].astype(np.float32)
+    which = np.arange(40)[::3]
+    found = view_lamp(Lamp(samples, samples[:N_MOVING_SAMPLES], emission), which, places, normals)
+    mean, angles, power, unblocked = np.zeros((14, 3)), np.zeros((14, 1)), np.zeros((14, 3)), np.zeros((14, 3))
+    for sample in samples:
+        towards, angle = towards_lamp(places[which].astype(np.float64), sample)
+        cosine = np.maximum((towards * normals[which]).sum(axis=1), 0.0)
+        mean += angle[:, None] * towards
+        angles += angle[:, None]
+        power += angle[:, None] * sample.tint * emission
+        unblocked += (angle * cosine / math.pi)[:, None] * sample.tint * emission
+    np.testing.assert_allclose(found.mean, mean / np.maximum(angles, 1e-30), rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(found.power, power, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(found.unblocked, unblocked, rtol=1e-6, atol=1e-9)
+
+
+def test_a_hidden_lamp_makes_no_highlight_in_motion(tmp_path: Path) -> None:
+    """Behind a board that rests, on a ball that rests or bends."""
+    lamp = placed("lamp", "sphere", scaled(0.06, (0.0, 3.0, 0.0)), "emission = [5000, 4000, 3000]\n")
+    board = placed("board", "quad", facing_down(1.5, (0.0, 2.0, 0.0)))
+    for bends in ((), ("ball",)):
+        (shown, hidden) = (metallic(tmp_path, BALL + lamp + more, DARK, bends) for more in ("", board))
+        eye = shown.scene.description.camera
+        bright = shown.draw(eye, SIZE)
+        assert hidden.draw(eye, SIZE).max() < 0.05 * bright.max()

@@ -12,7 +12,7 @@ import pytest
 
 from benchmarks.deform import DeformEffort
 from benchmarks.programs.deform import frame_rates
-from engine.light.environment import Environment
+from engine.light.environment import Environment, constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.precompute.direct.pipeline import SkyState
@@ -22,7 +22,7 @@ from engine.scene.camera_moves import orbit_camera
 from engine.scene.description import Camera
 from engine.scene.scene_loader import Scene, load_scene
 from engine.sphere.geodesic import geodesic
-from tests.scene_text import camera, environment, facing_up, placed, scaled
+from tests.scene_text import camera, environment, facing_down, facing_up, placed, scaled
 from ui.gl.context import MOVING_VARIABLE, GraphicsError, shader_bytes
 from ui.gl.gpu_memory import read_texture
 from ui.modes.deform.gl.posed_picture import PosedPicture
@@ -111,6 +111,24 @@ def test_gloss_by_rows_is_that_of_compiled_code(
     off = np.abs(found - expected).max(axis=2)
     assert (off > 0.01).mean() < 0.01 and np.median(off) < 1e-4
     assert np.abs(found - by_lobe).max() > 0.05
+
+
+@pytest.mark.parametrize("poses", [(), BENT])
+def test_gloss_of_lamps_is_that_of_compiled_code(tmp_path: Path, picture: PosedPicture, poses: Poses) -> None:
+    """Of a lamp that is narrow and one that is wide, on a ball that bends and a floor that rests."""
+    lamps = placed("bulb", "sphere", scaled(0.05, (1.2, 1.6, 0.9)), "emission = [900, 700, 500]\n")
+    lamps += placed("board", "quad", facing_down(0.8, (-0.6, 1.5, 0.4)), "emission = [6, 7, 8]\n")
+    (tmp_path / "lamps.toml").write_text(BALL_AND_LEAF + lamps)
+    deform = Deform(load_scene(tmp_path / "lamps.toml"), n_points=1500, n_rays=32)
+    deform.set_light(SkyState(constant_environment((0.2, 0.2, 0.2))))
+    deform.set_layers({0: (MATT, GLOSS), 1: (MATT,), 2: (MATT, GLOSS)})
+    deform.set_bending(["ball", "leaf"])
+    deform.set_effort(64, 2, 0)
+    eye = finish_deform(deform).scene.description.camera
+    expected, found = deform.draw(eye, SIZE, poses), shown(picture, deform, eye, poses)
+    off = np.abs(found - expected).max(axis=2)
+    assert (off > 0.01).mean() < 0.01 and np.median(off) < 1e-4
+    assert np.abs(deform.export_picture(eye, poses).posed.lamp_gloss).max() > 0.1
 
 
 def test_gloss_under_a_small_sun_is_the_same_and_has_no_rings(deform: Deform, picture: PosedPicture) -> None:
