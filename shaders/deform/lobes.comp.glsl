@@ -15,7 +15,7 @@ layout(std430, binding = 7) writeonly buffer Sent { float sent[]; };     // a po
 uniform int n_points, n_lobes;
 uniform int n_row_lobes, first_row_layer, first_views;  // of glossy rows; where in `gloss` their layers and views begin
 uniform int added_light;  // after how many lights what neighbours add begins, −1 for none
-uniform int n_own_lights;  // of objects; then follow the parts of these that gloss mirrors
+uniform int n_own_lights;  // of objects; then follow the parts of these, and of the sky, that gloss mirrors
 uniform int first_lamp_gloss;  // in `posed`, −1 for none
 uniform vec3 camera_position;
 
@@ -90,7 +90,7 @@ void main() {
         choose_light(added_light);
         white += light_at(p);
     }
-    int mirrored = own_light > 0 ? own_light + n_own_lights : 0;
+    int mirrored = own_light > 0 ? own_light + n_own_lights : 2 * n_own_lights + 1;
     int first = int(objects[object + 3]), count = int(objects[object + 7]);
     for (int layer = first; layer < first + count; layer++)
         to_camera += shiny(

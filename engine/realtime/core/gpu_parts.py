@@ -227,14 +227,14 @@ OBJECT_ROW = 16
 
 @dataclass(frozen=True, eq=False)
 class AppearancePart:
-    """harmonics (n^2, 3) and table (rows, columns, n, 3) of the sky's light, see `BandLight`; lights (2 K, n^2 + rows
-    columns n, 3): both of the K objects that have other light, then of the part of it that gloss mirrors in bands;
-    added (S, 3): radiance of points by their neighbours, (0, 3) for none; objects (M, `OBJECT_ROW`): albedo, first
-    glossy layer, emission, number of glossy layers, light (0 for the sky's) and the `even` of that, first layer that
-    is drawn by rows, their number, the emission's cone; gloss (G, A, 3 n + 1): for each glossy layer that is one lobe
-    and polar angles of wo up to `steepest`, its bands and its lean, see `LowGloss`; row_layers (K, 3): of each layer
-    that is drawn by rows, its first among the shape's rows, their number at each point, and where its views begin in
-    views (V,), see `GlossBasis`; cosine (n,): the bands of a white Lambertian surface; even: see
+    """harmonics (n^2, 3) and table (rows, columns, n, 3) of the sky's light, see `BandLight`; lights (2 K + 1, n^2 +
+    rows columns n, 3): both of the K objects that have other light, then of the part of these, and of the sky, that
+    gloss mirrors; added (S, 3): radiance of points by their neighbours, (0, 3) for none; objects (M, `OBJECT_ROW`):
+    albedo, first glossy layer, emission, number of glossy layers, light (0 for the sky's) and the `even` of that,
+    first layer that is drawn by rows, their number, the emission's cone; gloss (G, A, 3 n + 1): for each glossy layer
+    that is one lobe and polar angles of wo up to `steepest`, its bands and its lean, see `LowGloss`; row_layers (K,
+    3): of each layer that is drawn by rows, its first among the shape's rows, their number at each point, and where
+    its views begin in views (V,), see `GlossBasis`; cosine (n,): the bands of a white Lambertian surface; even: see
     `engine.realtime.zonal_harmonics.shading.even_light`; casts (M, C), spread (n,), least: see
     `engine.realtime.zonal_harmonics.shading`; turn, scale: of the sky, see `Backdrop`; terms: refer to the cover that
     is exported with it or was before."""

@@ -56,6 +56,7 @@ from engine.realtime.zonal_harmonics.picture_renderer import (
 )
 from engine.realtime.zonal_harmonics.pose import Poses
 from engine.realtime.zonal_harmonics.shading import BandLight, Lobes, band_light, low_gloss, unshadowed_points
+from engine.realtime.zonal_harmonics.sun_lights import SkyLight, sky_light
 from engine.realtime.zonal_harmonics.surface_details import Detail, detail
 from engine.realtime.zonal_harmonics.transfer import N_RAYS
 from engine.realtime.zonal_harmonics.zonal import Zonal
@@ -90,10 +91,9 @@ class Deform:
         self._rays, self._n_lobes = (min(FEW_RAYS, n_rays), n_rays), N_LOBES
         self._points: BendingPoints | None = None
         self._light = SkyState(None)
-        self._bands: BandLight | None = None
+        self._sky: SkyLight | None = None
         self._layers_of: dict[int, tuple[Layer, ...]] = {}
         self._albedos: dict[int, Float64Array] = {}  # of points (P, 3), computed on request
-        self._powers: Float64Array | None = None  # of the sky, by triangle
         self._between = LightBetweenObjects()
         self._state: ShadingState | None = None
         self._surfaces: dict[str, DeformSurface] = {}
@@ -115,9 +115,8 @@ class Deform:
 
     def set_light(self, sky: SkyState) -> None:
         """Set the distant light."""
-        if sky != self._light or self._bands is None:
-            self._light, self._powers = sky, sky_powers(sky)
-            self._bands = band_light(project(self._powers, ORDER))
+        if sky != self._light or self._sky is None:
+            self._light, self._sky = sky, sky_light(sky, float(np.abs(self.scene.vertices).max(initial=0.0)))
             self.version += 1
 
     def set_emission(self, emission: Mapping[str, tuple[float, float, float]]) -> None:
@@ -168,7 +167,7 @@ class Deform:
     @property
     def is_ready(self) -> bool:
         """Whether a picture shows more than black."""
-        return self._lobes is not None and self._bands is not None
+        return self._lobes is not None and self._sky is not None
 
     @property
     def is_done(self) -> bool:
@@ -421,16 +420,16 @@ class Deform:
 
     def _shading_state(self) -> tuple[ShadingState, PictureRenderer]:
         """A snapshot of everything that pictures use."""
-        if self._pictures is None or self._lobes is None or self._errors is None or self._bands is None:
+        if self._pictures is None or self._lobes is None or self._errors is None or self._sky is None:
             raise ValueError("nothing is ready to be drawn: expected some steps of work before")
         if self._state is None or self._state.version != self.version:
             known = self._layers_of, self._lobes, self._errors, self._details, self._missing_casters()
-            state = ShadingState(self.version, self.scene, self._light, self._bands, *known, gloss=self.gloss)
+            state = ShadingState(self.version, self.scene, self._light, self._sky, *known, gloss=self.gloss)
             if self._n_lobes != UNSHADOWED:
-                assert self._points is not None and self._powers is not None
+                assert self._points is not None
                 opaque = tuple(i for i in self._alone if not self._surface_of(i).kind)
                 state = self._between.added_to(
-                    state, self._pictures, self._points, self._powers, self._alone, opaque, self._albedos_of_all()
+                    state, self._pictures, self._points, self._alone, opaque, self._albedos_of_all()
                 )
             self._state = state
         return self._state, self._pictures

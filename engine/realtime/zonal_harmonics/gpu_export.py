@@ -78,8 +78,8 @@ class PictureExporter:
             np.concatenate(axes) if axes else np.zeros((0, 9), np.float32),
             self._blockers.rows(of.casting_objects),
         )
-        of_lamps = np.zeros((len(frames) if of.lamps else 0, 3), np.float32)
-        if of.lamps:
+        of_lamps = np.zeros((len(frames) if of.mirrored_lamps else 0, 3), np.float32)
+        if of.mirrored_lamps:
             shares = moving_shares(of, self._points, frames)
             add_gloss_of_lamps(of, self._points, places, frames, camera_position, shares, of_lamps, is_moving=True)
         posed = posed_part(places, frames, all_axes, rows, of_lamps, camera_position)
@@ -187,7 +187,7 @@ def appearance_part(
 ) -> AppearancePart:
     """rows: of all glossy layers; by_points: see `gloss_rows`."""
     objects = np.zeros((len(of.scene.smooth), OBJECT_ROW), np.float32)
-    objects[:, :3], objects[:, 4:7], objects[:, 9] = of.albedos, of.even_emission, even_light(of.bands)
+    objects[:, :3], objects[:, 4:7], objects[:, 9] = of.albedos, of.even_emission, even_light(of.sky.bands)
     objects[:, 12:] = of.scene.cones
     for k, (i, other) in enumerate(of.lights.items()):
         objects[i, 8:10] = 1 + k, even_light(other)
@@ -202,9 +202,9 @@ def appearance_part(
         objects[i, 10:12] = first_layer, len(row_layers) - first_layer
     for i, (first, last) in by_points.items():
         objects[i, 3], objects[i, 7] = first, last - first
-    light, backdrop = of.bands, of.backdrop
+    light, backdrop = of.sky.bands, of.backdrop
     order = light.table.shape[2]
-    each_light = [*of.lights.values(), *map(of.mirrored_light, of.lights)]
+    each_light = [*of.lights.values(), *map(of.mirrored_light, of.lights), of.sky.dull_bands]
     whole = [np.concatenate([each.harmonics, each.table.reshape(-1, 3)]) for each in each_light]
     lights = np.array(whole, np.float32).reshape(len(whole), len(light.harmonics) + light.table.size // 3, 3)
     added = np.zeros((0, 3), np.float32) if of.added is None else of.added

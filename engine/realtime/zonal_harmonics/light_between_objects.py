@@ -52,12 +52,12 @@ class LightBetweenObjects:
         self._paths = alone, paths
 
     def added_to(
-        self, state: ShadingState, pictures: PictureRenderer, points: BendingPoints, powers: Float64Array,
+        self, state: ShadingState, pictures: PictureRenderer, points: BendingPoints,
         alone: tuple[int, ...], opaque: tuple[int, ...], albedos: Float64Array,
     ) -> ShadingState:  # fmt: skip
-        """Add the light between objects, as it is at rest, where it has been traced; powers: of the sky, by triangle,
-        see `sky_powers`; opaque: those of the objects alone that lamps light by rays in pictures at rest; albedos (P,
-        3): the share of light that each point sends on."""
+        """Add the light between objects, as it is at rest, where it has been traced; opaque: those of the objects
+        alone that lamps light by rays in pictures at rest; albedos (P, 3): the share of light that each point sends
+        on."""
         if not self.has_paths(alone):  # what there was
             return replace(state, lights={i: each for i, each in self._lights.items() if i in alone}, added=self._added)
         assert self._paths is not None
@@ -67,13 +67,21 @@ class LightBetweenObjects:
         white[paths.lit] += light_of_lamps(paths, emission)
         first = np.zeros(albedos.shape)
         first[paths.lit] = white[paths.lit] * albedos[paths.lit]
-        around = local_light(paths, powers, first, emission, ORDER)
+        around = local_light(paths, state.sky.dull_powers, first, emission, ORDER)
+        suns = {
+            i: probe.is_open[state.sky.suns, None, None] * state.sky.sun_harmonics for i, probe in paths.probes.items()
+        }
+        distant = {i: dull + suns[i].sum(axis=0) for i, (dull, _) in around.items()}
         lit = replace(
             state,
-            lights={i: band_light(distant + of_lamps.sum(axis=0)) for i, (distant, of_lamps) in around.items()},
-            unlit={i: band_light(around[i][0]) for i in opaque if i in around},
+            lights={i: band_light(distant[i] + of_lamps.sum(axis=0)) for i, (_, of_lamps) in around.items()},
+            unlit={i: band_light(distant[i]) for i in opaque if i in around},
+            mirrored={i: band_light(around[i][0]) for i in opaque if i in around},
             lamp_lights={
-                i: tuple(map(LampLight, map(band_light, around[i][1]), paths.probes[i].shares.tolist()))
+                i: (
+                    *map(LampLight, map(band_light, around[i][1]), paths.probes[i].shares.tolist()),
+                    *map(LampLight, map(band_light, suns[i]), paths.probes[i].is_open[state.sky.suns].astype(float)),
+                )
                 for i in opaque
                 if i in around
             },

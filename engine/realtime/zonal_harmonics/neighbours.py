@@ -39,7 +39,7 @@ Int32Array = NDArray[np.int32]
 N_BOUNCE_RAYS = 256  # from each point at rest
 N_LAMP_SAMPLES = 64  # on each lamp: a ball is then 1 % off (`engine.light.emitters`)
 N_TEXTURED_SAMPLES = 128  # on a lamp with a texture
-N_MOVING_SAMPLES = 8  # on a wide lamp that moving gloss mirrors
+N_MOVING_SAMPLES = 32  # on a wide lamp that moving gloss mirrors
 PROBE_LEVEL = 5  # of the sphere's triangles, around each object that has light of its own
 SHORTENED = 1.0 - 1e-3  # of rays to lamps, which must not meet these themselves
 

@@ -36,6 +36,7 @@ from engine.realtime.zonal_harmonics.shading import (
     shade,
     shade_some,
 )
+from engine.realtime.zonal_harmonics.sun_lights import SkyLight
 from engine.realtime.zonal_harmonics.surface_details import Detail, detail_frames
 from engine.render.display import error_to_radiance
 from engine.scene.cutouts import pixel_chances
@@ -56,17 +57,18 @@ Float64Array = NDArray[np.float64]
 class ShadingState:
     """A scene in some light: the visible layers of its objects by index, lobes of all points and errors (S,) of their
     fit, details of the objects that have any; casters: for each object the other bending objects whose shadows its
-    transfer does not contain. lights: of the objects, by index, that have other light than the sky's `bands`; unlit:
+    transfer does not contain. lights: of the objects, by index, that have other light than the sky; unlit:
     the same without lamps, of those that lamps light by rays at rest; added (S, 3): radiance of white points by
     neighbours and lamps (`engine.realtime.zonal_harmonics.neighbours`), None for none; lamps: those whose light is part
     of it; by_lamp (S, L, 3): that of each with all at rest, of which lamp_shares (S, L) arrive, 0 at points of objects
-    that have light of their own; lamp_lights: the light of each lamp in the others of `unlit`. gloss: how glossy
-    layers, by object, are drawn; the others are one lobe each. version: differs for different pictures."""
+    that have light of their own; of those of `unlit` lamp_lights: that of each lamp and sun in their own, and mirrored:
+    the rest. gloss: how glossy layers, by object, are drawn; the others are one lobe each. version: differs for
+    different pictures."""
 
     version: int
     scene: Scene
     light: SkyState
-    bands: BandLight
+    sky: SkyLight
     layers_of: LayersOf
     lobes: Lobes
     errors: Float32Array
@@ -80,6 +82,7 @@ class ShadingState:
     by_lamp: Float32Array | None = None
     lamp_shares: Float32Array | None = None
     lamp_lights: Mapping[int, Sequence[LampLight]] = field(default_factory=dict)
+    mirrored: Mapping[int, BandLight] = field(default_factory=dict)
 
     @property
     def casting_objects(self) -> list[int]:
@@ -142,16 +145,21 @@ class ShadingState:
 
     def light_of(self, i: int) -> BandLight:
         """The light that comes to an object as if from afar."""
-        return self.lights.get(i, self.bands)
+        return self.lights.get(i, self.sky.bands)
 
     def mirrored_light(self, i: int) -> BandLight:
-        """The part of it that gloss mirrors in bands: without lamps, where these are mirrored by the BRDF."""
-        return self.unlit.get(i, self.light_of(i))
+        """The part of it that gloss mirrors in bands: without the lamps and suns that the BRDF mirrors."""
+        return self.mirrored.get(i, self.lights[i]) if i in self.lights else self.sky.dull_bands
+
+    @property
+    def mirrored_lamps(self) -> tuple[Lamp, ...]:
+        """What the BRDF mirrors: lamps, then suns."""
+        return (*self.lamps, *self.sky.lamps)
 
     @property
     def order(self) -> int:
         """Number of bands of light."""
-        return self.bands.table.shape[2]
+        return self.sky.bands.table.shape[2]
 
 
 @dataclass(frozen=True, eq=False)
@@ -289,7 +297,7 @@ class PictureRenderer:
     ) -> WhitePoints:  # fmt: skip
         """Radiance of white Lambertian points. Shadows are those of clusters while objects move, and found by rays at
         rest."""
-        made_of = (poses, turned, quality, of.lobes, of.bands, of.casters, of.lights, of.lamps)
+        made_of = (poses, turned, quality, of.lobes, of.sky, of.casters, of.lights, of.lamps)
         if self._white is None or self._white[0] != made_of or self._added is not of.added:
             turns = frames if turned else self._points.rest_frames_of_drawn
             own = shade_objects(of, self._points, turns)
@@ -297,21 +305,23 @@ class PictureRenderer:
                 shade_own_light(of.unlit, of.lobes, self._points, turns, own)
             white = own.copy()
             objects, normals = of.casting_objects, np.ascontiguousarray(frames[:, 2])
-            of_lamps = np.zeros((1, 3), np.float32)
+            of_lamps, shares = np.zeros((1, 3), np.float32), moving_shares(of, self._points, turns)
             if quality == "rest":
                 of_sky, lacking = blocked_light(
                     self._points, of.light, of.lamps, of.lights, of.unlit, of.casts, objects, places, normals
                 )
-                white = np.maximum(white - of_sky, np.float32(0.0)) - lacking.sum(axis=1)
-                shares = np.zeros((len(own), len(of.lamps)), np.float32)
+                white = np.maximum(white - of_sky, np.float32(0.0))
+                # What bends hides of suns the share that it hides of the sky.
+                left = white.sum(axis=1) / np.maximum(own.sum(axis=1), np.float32(1e-20))
+                shares[:, len(of.lamps) :] *= np.clip(left, 0.0, 1.0)[:, None]
+                white -= lacking.sum(axis=1)
                 if of.by_lamp is not None:
                     by_lamp = np.maximum(of.by_lamp - lacking, np.float32(0.0))
                     of_lamps = by_lamp.sum(axis=1)
                     for k, lamp in enumerate(of.lamps):
                         shares[:, k] = share_by_rays(lamp, by_lamp[:, k], places, normals)
             else:
-                shares = moving_shares(of, self._points, turns)
-                add_shadows(self.blockers.rows(objects), of.casts, self._points, places, normals, of.bands, white)
+                add_shadows(self.blockers.rows(objects), of.casts, self._points, places, normals, of.sky.bands, white)
             if of.added is not None:
                 white += of.added
             white = np.maximum(white, np.float32(0.0))
@@ -324,7 +334,7 @@ class PictureRenderer:
         points, frames = self._points, self._points.rest_frames_of_drawn
         white = shade_objects(of, points, frames)
         rows, normals = self.blockers.rows(of.casting_objects, points.rest_places), np.ascontiguousarray(frames[:, 2])
-        add_shadows(rows, of.casts, points, points.rest_places, normals, of.bands, white)
+        add_shadows(rows, of.casts, points, points.rest_places, normals, of.sky.bands, white)
         return white
 
     def _gloss(
@@ -337,7 +347,7 @@ class PictureRenderer:
         normals = np.ascontiguousarray(frames[:, 2])
         for i in of.layers_of:
             which, mirrored = self._points.points_of(i), of.mirrored_light(i)
-            light = mirrored if quality == "rest" else of.light_of(i)
+            light = of.unlit.get(i, of.light_of(i)) if quality == "rest" else of.light_of(i)
             for low, factor in of.glosses_of(i):
                 add_gloss(low, factor, which, places, normals, camera_position, light, mirrored, white, sent)
             even = even_light(light)
@@ -398,7 +408,7 @@ def shade_objects(of: ShadingState, points: BendingPoints, frames: Float32Array)
     """Radiance (S, 3) of white Lambertian points in axes (S, 3, 3), each object in its own light."""
     white = np.empty((len(points), 3), np.float32)
     of_sky = np.flatnonzero(~np.isin(points.owners, list(of.lights)))
-    shade_some(of_sky, of.lobes, frames, of.bands, white)
+    shade_some(of_sky, of.lobes, frames, of.sky.bands, white)
     shade_own_light(of.lights, of.lobes, points, frames, white)
     return np.maximum(white, np.float32(0.0), out=white)
 
@@ -412,13 +422,15 @@ def shade_own_light(
 
 
 def moving_shares(of: ShadingState, points: BendingPoints, frames: Float32Array) -> Float32Array:
-    """The shares (S, L) of the light of lamps that arrive at points in axes (S, 3, 3), in motion."""
-    if of.lamp_shares is None:
-        return np.zeros((len(points), len(of.lamps)), np.float32)
-    shares = of.lamp_shares.copy()
-    for i, lights in of.lamp_lights.items():
+    """The shares (S, L) of the light of `mirrored_lamps` that arrive at points in axes (S, 3, 3), in motion."""
+    n_lamps = len(of.lamps)
+    shares = np.zeros((len(points), len(of.mirrored_lamps)), np.float32)
+    if of.lamp_shares is not None:
+        shares[:, :n_lamps] = of.lamp_shares
+    for i, layers in of.layers_of.items():
+        first, lights = (0, of.lamp_lights.get(i, ())) if i in of.lights else (n_lamps, of.sky.sun_lights)
         which = points.points_of(i)
-        for k, light in enumerate(lights if any(map(is_glossy, of.layers_of.get(i, ()))) else ()):
+        for k, light in enumerate(lights if any(map(is_glossy, layers)) else (), first):
             shares[which, k] = share_by_transfer(light, of.lobes, which, frames)
     return shares
 
@@ -427,11 +439,12 @@ def add_gloss_of_lamps(
     of: ShadingState, points: BendingPoints, places: Float32Array, frames: Float32Array, camera_position: Float64Array,
     shares: Float32Array, sent: Float32Array, is_moving: bool,
 ) -> None:  # fmt: skip
-    """Add to sent (S, 3) what points send to the camera (3,) of lamps, of whose light the shares (S, L) arrive."""
+    """Add to sent (S, 3) what points send to the camera (3,) of `mirrored_lamps`, of whose light the shares (S, L)
+    arrive."""
     for i, layers in of.layers_of.items():
         for layer in filter(is_glossy, layers if i not in of.details else ()):
             factor, which = mean_factor(of.scene, i, layer.maps), points.points_of(i)
-            for k, lamp in enumerate(of.lamps):
+            for k, lamp in enumerate(of.mirrored_lamps):
                 add_lamp_gloss(
                     layer, factor, lamp, shares[:, k], which, frames, places, camera_position, sent, is_moving
                 )

@@ -87,14 +87,14 @@ def test_what_is_bent_too_far_is_finite(deform: Deform, scene: Scene, row: tuple
 
 def test_at_rest_it_is_the_transfer_to_the_error_of_the_fit(deform: Deform) -> None:
     points = deform._points
-    assert points is not None and deform._lobes is not None and deform._bands is not None
+    assert points is not None and deform._lobes is not None and deform._sky is not None
     mesh = points.mesh(0, (0, 1))
     vectors = run_to_end(simulate_shadows(mesh, points.caster((0, 1)), ORDER, 64))
     vectors = run_to_end(add_bounces(mesh, points.caster((0, 1)), vectors, 0.5, 2))
     error = run_to_end(fit(vectors, N_LOBES)).errors
-    light = np.asarray(deform._bands.harmonics, np.float64)
+    light = np.asarray(deform._sky.bands.harmonics, np.float64)
     truth = rotate_transfer(vectors, mesh.frames.transpose(0, 2, 1)) @ light
-    found = shade(deform._lobes, points.frames, deform._bands)[points.points_of(0)]
+    found = shade(deform._lobes, points.frames, deform._sky.bands)[points.points_of(0)]
     off = np.sqrt(((found - truth) ** 2).mean()) / truth.mean()
     assert off < 2.0 * np.sqrt((error**2).sum() / (vectors**2).sum())
 

@@ -11,6 +11,8 @@ from scipy.ndimage import binary_erosion
 
 from engine.core.generators import run_to_end
 from engine.light.cones import cone_row
+from engine.light.environment import constant_environment
+from engine.light.suns import Sun, with_suns
 from engine.material import MODELS
 from engine.material.layer import evaluate_layer, make_layer
 from engine.precompute.direct.pipeline import Placement, SkyState
@@ -18,6 +20,7 @@ from engine.realtime.zonal_harmonics.deform_engine import Deform, finish_deform
 from engine.realtime.zonal_harmonics.lamp_gloss import view_lamp
 from engine.realtime.zonal_harmonics.neighbours import N_MOVING_SAMPLES, Lamp, LampSample, towards_lamp
 from engine.realtime.zonal_harmonics.picture_renderer import Quality
+from engine.realtime.zonal_harmonics.sun_lights import sky_light
 from engine.render.still import render_paths
 from engine.scene.scene_loader import load_scene
 from tests.engine.realtime.zonal_harmonics.test_neighbours import LAMP
@@ -138,3 +141,30 @@ def test_a_hidden_lamp_makes_no_highlight_in_motion(tmp_path: Path) -> None:
         eye = shown.scene.description.camera
         bright = shown.draw(eye, SIZE)
         assert hidden.draw(eye, SIZE).max() < 0.05 * bright.max()
+
+
+@pytest.mark.parametrize("bends", [(), ("ball",)])
+def test_a_metal_ball_under_a_sun_is_what_paths_find(tmp_path: Path, bends: tuple[str, ...]) -> None:
+    sun = Sun((0.5, 0.7, 0.5), (3.0, 2.5, 2.0))
+    sky = SkyState(with_suns(constant_environment((0.02, 0.02, 0.02)), (sun,)))
+    deform = metallic(tmp_path, BALL, sky, bends)
+    assert off_paths(deform, sky, "rest") < 0.1
+    assert off_paths(deform, sky, "moving") < 0.1
+
+
+def test_a_sky_is_its_suns_and_the_rest() -> None:
+    """A sun's irradiance and direction are those that it was given; none is left in the rest, nor in an even sky."""
+    direction = np.array([0.5, 0.7, 0.5]) / math.sqrt(0.99)
+    irradiance = (3.0, 2.5, 2.0)
+    even = constant_environment((0.1, 0.1, 0.1))
+    found = sky_light(SkyState(with_suns(even, (Sun((0.5, 0.7, 0.5), irradiance),))), 2.0)
+    powers = np.zeros(3)
+    for lamp in found.lamps:
+        view = view_lamp(lamp, np.zeros(1, np.int64), np.ones((1, 3), np.float32), direction[None].astype(np.float32))
+        powers += view.power[0]
+        assert view.mean[0] @ direction > math.cos(math.radians(0.5))
+    # The rest of these triangles, of 4 pi / 20480 sr each, is even sky.
+    assert powers == pytest.approx(irradiance, rel=2e-3)
+    assert found.dull_powers.max() < 1e-3 and found.dull_bands is not found.bands
+    assert found.powers.sum(axis=0) == pytest.approx(found.dull_powers.sum(axis=0) + powers, rel=1e-6)
+    assert sky_light(SkyState(even), 2.0).lamps == ()
