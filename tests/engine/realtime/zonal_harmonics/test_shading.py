@@ -206,7 +206,7 @@ def share_left(made: Deform) -> np.ndarray:
     white = np.ones((len(frames), 3), np.float32)
     rows = pictures.blockers.rows(subject.casting_objects)
     normals = np.ascontiguousarray(frames[:, 2])
-    add_shadows(rows, subject.casts, made._points, places, normals, subject.bands, white)
+    add_shadows(rows, subject.casts, made._points, places, normals, subject.sky.bands, white)
     return white[:, 0]
 
 
