@@ -85,21 +85,25 @@ void main() {
     vec3 own = max(by_lobes(p * (4 + n_lobes * (3 + ORDER)), n_lobes, frame), 0.0);
     vec3 to_camera = vec3(0.0), wo = camera_position - place;
     choose_light(0);
-    vec3 white = with_shadows(own, owners[p].x, place, frame[2]);
+    vec3 white = with_shadows(own, owners[p].x, place, frame[2]), left = (white + 1e-20) / (own + 1e-20);
+    // Of the light that gloss mirrors, as the point's own transfer has it, and with shadows.
+    int mirrored = own_light > 0 ? own_light + n_own_lights : 2 * n_own_lights + 1;
+    choose_light(mirrored);
+    own = max(by_lobes(p * (4 + n_lobes * (3 + ORDER)), n_lobes, frame), 0.0);
+    vec3 reached_white = own * left;
     if (added_light >= 0) {
         choose_light(added_light);
         white += light_at(p);
+        reached_white += light_at(p);
     }
-    int mirrored = own_light > 0 ? own_light + n_own_lights : 2 * n_own_lights + 1;
+    choose_light(mirrored);
     int first = int(objects[object + 3]), count = int(objects[object + 7]);
     for (int layer = first; layer < first + count; layer++)
-        to_camera += shiny(
-            layer, frame[2], wo / max(length(wo), 1e-30), white, objects[object + 9], own_light, mirrored
-        );
+        to_camera += shiny(layer, frame[2], wo / max(length(wo), 1e-30), reached_white, objects[object + 9]);
     // Rows have the object's own shadows, and take from the others' the share of light that these leave.
     vec3 local = transpose(frame) * wo / max(length(wo), 1e-30);
-    float even = objects[object + 9], reached = (dot(white, vec3(1.0)) + even) / max(dot(own, vec3(1.0)) + even, 1e-20);
-    choose_light(mirrored);
+    float even = objects[object + 9];
+    float reached = (dot(reached_white, vec3(1.0)) + even) / max(dot(own, vec3(1.0)) + even, 1e-20);
     first = int(objects[object + 10]), count = int(objects[object + 11]);
     for (int layer = first; layer < first + count && local.z > 0.0; layer++)
         to_camera += min(reached, 1.0) * by_rows(layer, owners[p].y, frame, local);

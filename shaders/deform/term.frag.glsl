@@ -49,9 +49,7 @@ void main() {
     choose_light(own_light);
     vec3 sent = white_of_detail(uvs.xy, frame);
     if (gloss_layer >= 0)
-        sent = shiny(
-            gloss_layer, detail_normal(uvs.xy, frame), normalize(camera_position - here), sent, even, own_light, own_light
-        );
+        sent = shiny(gloss_layer, detail_normal(uvs.xy, frame), normalize(camera_position - here), sent, even);
 #else
     vec3 sent = is_front ? front_white : back_white;
 #endif

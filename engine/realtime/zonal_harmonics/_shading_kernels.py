@@ -144,13 +144,13 @@ def _look_up(table: Float32Array, x: float, y: float, z: float, bands: Float32Ar
 @njit(cache=True, nogil=True, error_model="numpy")
 def gloss_range(
     which: NDArray[np.int64], places: Float32Array, normals: Float32Array, camera_position: Float64Array,
-    table: Float32Array, mirrored: Float32Array, bands: Float32Array,
+    table: Float32Array, bands: Float32Array,
     lean: Float32Array, steepest: float, cosine: Float32Array, even: float, white: Float32Array, sent: Float32Array,
 ) -> None:  # fmt: skip
     """Add the radiance that points send to the camera to sent (S, 3); bands (A, n, 3) and lean (A,) of the reflection
-    at polar angles 0 to steepest of wo; table, mirrored: of all light, and of the part that is reflected; cosine (n,):
-    the bands of a white Lambertian surface; even: the radiance that such a surface reflects of the mean light, summed
-    over the channels, times `engine.realtime.zonal_harmonics.shading.EVEN`."""
+    at polar angles 0 to steepest of wo; cosine (n,): the bands of a white Lambertian surface; even: the radiance that
+    such a surface reflects of the mean light, summed over the channels, times
+    `engine.realtime.zonal_harmonics.shading.EVEN`."""
     n = table.shape[2]
     light = np.empty((n, 3), np.float32)
     for at in range(len(which)):
@@ -175,7 +175,7 @@ def gloss_range(
         turn = lean[low] + share * (lean[low + 1] - lean[low])
         # The lobe's axis: the normal, rotated by lean away from wo, towards its mirror direction.
         c, s = math.cos(turn), -math.sin(turn) / across
-        _look_up(mirrored, c * nx + s * ax, c * ny + s * ay, c * nz + s * az, light)
+        _look_up(table, c * nx + s * ax, c * ny + s * ay, c * nz + s * az, light)
         values = np.zeros(3, np.float32)
         # Radiance: Σ_l bands_l × light_l along the axis.
         for l in range(n):  # noqa: E741

@@ -191,7 +191,7 @@ def lobe_radiance(
     white, sent = np.maximum(shade(diffuse, frames, light), np.float32(0.0)), np.zeros((len(wo), 3), np.float32)
     normals, which = np.ascontiguousarray(frames[:, 2], np.float32), np.arange(len(wo))
     gloss, places = low_gloss(layer, light.table.shape[2]), (-wo).astype(np.float32)
-    add_gloss(gloss, np.ones(3), which, places, normals, np.zeros(3), light, light, white, sent)
+    add_gloss(gloss, np.ones(3), which, places, normals, np.zeros(3), light, white, sent)
     return sent
 
 

@@ -187,10 +187,10 @@ def appearance_part(
 ) -> AppearancePart:
     """rows: of all glossy layers; by_points: see `gloss_rows`."""
     objects = np.zeros((len(of.scene.smooth), OBJECT_ROW), np.float32)
-    objects[:, :3], objects[:, 4:7], objects[:, 9] = of.albedos, of.even_emission, even_light(of.sky.bands)
+    objects[:, :3], objects[:, 4:7], objects[:, 9] = of.albedos, of.even_emission, even_light(of.sky.dull_bands)
     objects[:, 12:] = of.scene.cones
-    for k, (i, other) in enumerate(of.lights.items()):
-        objects[i, 8:10] = 1 + k, even_light(other)
+    for k, i in enumerate(of.lights):
+        objects[i, 8:10] = 1 + k, even_light(of.mirrored_light(i))
     row_layers, views = list[tuple[int, int, int]](), [np.zeros(0, np.float32)]
     first_row = first_view = 0
     for i in of.layers_of:

@@ -52,6 +52,8 @@ Float32Array = NDArray[np.float32]
 IntegerArray = NDArray[np.integer]
 Float64Array = NDArray[np.float64]
 
+_TINY = np.float32(1e-20)  # so that what nothing lights has all of its light left
+
 
 @dataclass(frozen=True, eq=False)
 class ShadingState:
@@ -149,7 +151,9 @@ class ShadingState:
 
     def mirrored_light(self, i: int) -> BandLight:
         """The part of it that gloss mirrors in bands: without the lamps and suns that the BRDF mirrors."""
-        return self.mirrored.get(i, self.lights[i]) if i in self.lights else self.sky.dull_bands
+        if i in self.lights or i in self.details:
+            return self.mirrored.get(i, self.light_of(i))
+        return self.sky.dull_bands
 
     @property
     def mirrored_lamps(self) -> tuple[Lamp, ...]:
@@ -224,11 +228,12 @@ def pixels_of(i_object: int, drawn: RasterResult, points: BendingPoints) -> Pixe
 
 @dataclass(frozen=True, eq=False)
 class WhitePoints:
-    """Radiance of white Lambertian points: white (S, 3), with all shadows and all light; distant (S, 3), at rest
-    without lamps; own (S, 3), as their own transfer has it. shares (S, L): of each lamp's light that arrives."""
+    """Radiance of white Lambertian points: white (S, 3), with all shadows and all light; of it mirrored (S, 3), by the
+    light that gloss mirrors in bands; own (S, 3), that as their own transfer has it. shares (S, L): of each lamp's
+    light that arrives."""
 
     white: Float32Array
-    distant: Float32Array
+    mirrored: Float32Array
     own: Float32Array
     shares: Float32Array
 
@@ -305,27 +310,32 @@ class PictureRenderer:
                 shade_own_light(of.unlit, of.lobes, self._points, turns, own)
             white = own.copy()
             objects, normals = of.casting_objects, np.ascontiguousarray(frames[:, 2])
-            of_lamps, shares = np.zeros((1, 3), np.float32), moving_shares(of, self._points, turns)
+            shares, mirrored = moving_shares(of, self._points, turns), own
+            if of.mirrored_lamps:
+                mirrored = np.zeros_like(own)
+                for i in of.layers_of:
+                    shade_some(self._points.points_of(i), of.lobes, turns, of.mirrored_light(i), mirrored)
+                np.maximum(mirrored, np.float32(0.0), out=mirrored)
+            added = np.zeros((1, 3), np.float32) if of.added is None else of.added
+            bounced = added
             if quality == "rest":
                 of_sky, lacking = blocked_light(
                     self._points, of.light, of.lamps, of.lights, of.unlit, of.casts, objects, places, normals
                 )
                 white = np.maximum(white - of_sky, np.float32(0.0))
+                left = (white + _TINY) / (own + _TINY)
                 # What bends hides of suns the share that it hides of the sky.
-                left = white.sum(axis=1) / np.maximum(own.sum(axis=1), np.float32(1e-20))
-                shares[:, len(of.lamps) :] *= np.clip(left, 0.0, 1.0)[:, None]
+                shares[:, len(of.lamps) :] *= np.clip(left.mean(axis=1), 0.0, 1.0)[:, None]
                 white -= lacking.sum(axis=1)
                 if of.by_lamp is not None:
-                    by_lamp = np.maximum(of.by_lamp - lacking, np.float32(0.0))
-                    of_lamps = by_lamp.sum(axis=1)
+                    by_lamp, bounced = np.maximum(of.by_lamp - lacking, np.float32(0.0)), added - of.by_lamp.sum(axis=1)
                     for k, lamp in enumerate(of.lamps):
                         shares[:, k] = share_by_rays(lamp, by_lamp[:, k], places, normals)
             else:
                 add_shadows(self.blockers.rows(objects), of.casts, self._points, places, normals, of.sky.bands, white)
-            if of.added is not None:
-                white += of.added
-            white = np.maximum(white, np.float32(0.0))
-            found = WhitePoints(white, white - of_lamps, own, shares)
+                left = (white + _TINY) / (own + _TINY)
+            white = np.maximum(white + added, np.float32(0.0))
+            found = WhitePoints(white, mirrored * left + bounced, mirrored, shares)
             self._white, self._added = (made_of, found), of.added
         return self._white[1]
 
@@ -343,18 +353,17 @@ class PictureRenderer:
     ) -> Float32Array:  # fmt: skip
         """Radiance that points with glossy layers send to the camera (S, 3). Rows, which have an object's own shadows,
         take from these points the share that others leave."""
-        sent, own, white = np.zeros_like(found.white), found.own, found.distant
+        sent, own, white = np.zeros_like(found.white), found.own, found.mirrored
         normals = np.ascontiguousarray(frames[:, 2])
         for i in of.layers_of:
-            which, mirrored = self._points.points_of(i), of.mirrored_light(i)
-            light = of.unlit.get(i, of.light_of(i)) if quality == "rest" else of.light_of(i)
+            which, light = self._points.points_of(i), of.mirrored_light(i)
             for low, factor in of.glosses_of(i):
-                add_gloss(low, factor, which, places, normals, camera_position, light, mirrored, white, sent)
+                add_gloss(low, factor, which, places, normals, camera_position, light, white, sent)
             even = even_light(light)
             for rows, views in of.rows_of(i):
                 reached = (white[which].sum(axis=1) + even) / np.maximum(own[which].sum(axis=1) + even, 1e-20)
                 reached = np.clip(reached, 0.0, 1.0).astype(np.float32)
-                add_gloss_rows(rows, views, which, frames, places, camera_position, mirrored, reached, sent)
+                add_gloss_rows(rows, views, which, frames, places, camera_position, light, reached, sent)
         add_gloss_of_lamps(of, self._points, places, frames, camera_position, found.shares, sent, quality == "moving")
         return sent
 
@@ -388,8 +397,7 @@ class PictureRenderer:
             if normals is not None and is_glossy(layer):
                 sent = np.zeros_like(diffuse)
                 low, every, places = low_gloss(layer, of.order), np.arange(len(diffuse)), pixels.places()
-                light = of.light_of(i)
-                add_gloss(low, np.ones(3), every, places, normals, camera_position, light, light, diffuse, sent)
+                add_gloss(low, np.ones(3), every, places, normals, camera_position, of.light_of(i), diffuse, sent)
             else:
                 sent = diffuse * diffuse_albedo(layer).astype(np.float32)
             sent = sent * pixels.factor(of.scene, layer.maps, quality == "moving") * (pixels.points[:, :1] >= 0)

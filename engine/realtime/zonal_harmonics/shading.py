@@ -170,20 +170,20 @@ def low_gloss(layer: Layer, n: int) -> LowGloss:
 def add_gloss(
     gloss: LowGloss, factor: NDArray[np.floating], which: NDArray[np.int64], places: Float32Array,
     normals: Float32Array,
-    camera_position: Float64Array, light: BandLight, mirrored: BandLight, white: Float32Array, sent: Float32Array,
+    camera_position: Float64Array, light: BandLight, white: Float32Array, sent: Float32Array,
 ) -> None:  # fmt: skip
     """Add to sent (S, 3) what points (P,), out of all, send to the camera (3,), times factor (3,).
 
-    places (S, 3), normals (S, 3); mirrored: the part of the light that is reflected; white (S, 3): radiance of white
-    Lambertian points by all of it, which tells how much is blocked.
+    places (S, 3), normals (S, 3); white (S, 3): radiance of white Lambertian points, which tells how much light is
+    blocked.
     """
     cosine = (clamped_cosine(light.table.shape[2]) / np.pi).astype(np.float32)
     bands = np.ascontiguousarray(gloss.bands * np.asarray(factor, np.float32))
 
     def part(start: int, stop: int) -> None:
         kernels.gloss_range(
-            which[start:stop], places, normals, camera_position, light.table, mirrored.table, bands, gloss.lean,
-            float(STEEPEST), cosine,
+            which[start:stop], places, normals, camera_position, light.table, bands, gloss.lean, float(STEEPEST),
+            cosine,
             even_light(light), white, sent,
         )  # fmt: skip
 
