@@ -106,7 +106,7 @@ def read_material(fields: JsonObject, images: GltfImages, is_coloured: bool = Fa
         coat=_coat(extensions.child("KHR_materials_clearcoat"), images, notes),
     )
     emission = _emission(fields, images, notes)
-    _list_partly_shown(material, extensions, emits=emission.radiance is not None)
+    _list_partly_shown(material, extensions, emits=emission.radiance is not None, is_bumpy=fields.has("normalTexture"))
     bumps = _bumps(fields.child("normalTexture"), images, notes) if fields.has("normalTexture") else NO_BUMPS
     if streak.strength:
         bumps = replace(
@@ -244,8 +244,6 @@ def _coat(fields: JsonObject, images: GltfImages, notes: list[str]) -> Coat | No
         return None
     roughness = fields.clamped(fields.number("clearcoatRoughnessFactor", 0.0), "clearcoatRoughnessFactor")
     (shares,) = images.numbers(fields, "clearcoatRoughnessTexture", "g", notes)
-    if fields.has("clearcoatNormalTexture"):
-        fields.not_shown("clearcoatNormalTexture", "the coat has the normals of what lies under it")
     image = images.channel(fields, "clearcoatTexture", "r", notes)
     return Coat(strength, roughness * shares.factor, image=image, roughness_image=shares.image)
 
@@ -258,13 +256,16 @@ def _largest(maps: LayerMaps) -> ChannelImage | None:
     return ChannelImage(maps.texture, "max", maps.texture_scale, transform)
 
 
-def _list_partly_shown(material: PbrMaterial, extensions: JsonObject, emits: bool) -> None:
-    """List what the layers of a material cannot have together."""
+def _list_partly_shown(material: PbrMaterial, extensions: JsonObject, emits: bool, is_bumpy: bool) -> None:
+    """List what the layers of a material cannot have together. is_bumpy: whether the base has a normal map, which a
+    coat without one of its own would not follow."""
     specular, coat = (extensions.child(f"KHR_materials_{name}") for name in ("specular", "clearcoat"))
     if material.film is not None:
         for key in ("specularTexture", "specularColorTexture"):
             if specular.has(key):
                 specular.not_shown(key, "counts as white under iridescence")
+    if material.coat is not None and (is_bumpy or coat.has("clearcoatNormalTexture")):
+        coat.not_shown("clearcoatNormalTexture", "the coat has the normals of what lies under it")
     if material.coat is not None and emits:
         coat.not_shown("clearcoatFactor", "the coat does not dim what the surface emits")
 

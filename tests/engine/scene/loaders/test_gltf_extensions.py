@@ -116,6 +116,11 @@ def test_what_layers_cannot_have_together_is_listed(read: Callable[..., Imported
     assert "clearcoatFactor" in found
     shown = {"clearcoatTexture", "clearcoatRoughnessTexture", "specularTexture", "emissiveFactor"}
     assert not shown & found.keys()
+    # A coat without normals of its own has the geometry's, not those of a bumpy base.
+    plain = {"KHR_materials_clearcoat": {"clearcoatFactor": 1}}
+    for bumps in ({}, {"normalTexture": texture}):
+        names = [each.name.rpartition(".")[2] for each in read(material={"extensions": plain, **bumps}).unshown]
+        assert names.count("clearcoatNormalTexture") == len(bumps)
     # Nothing is missed of a coat that is not there.
     model = read(material={"extensions": {"KHR_materials_clearcoat": {**coat, "clearcoatFactor": 0}}})
     assert [each for each in model.unshown if "clearcoat" in each.name] == []
