@@ -75,7 +75,7 @@ class DeformWorker(ModeWorker):
         scene = request.scene
         yield from ensure_tables((state.layer for state in scene.layers), self._context.store)
         sky = self._context.sky(scene.light)
-        if (image := self._context.sky_image(sky, scene.light)) is not None:
+        if (image := self._context.sky_image(sky)) is not None:
             yield image
         yield from until_compiled(self._context, DEFORM)
         first_time, reported_version = not are_compiled(DEFORM), None  # still, where no other process compiles

@@ -175,8 +175,8 @@ class IndirectTasks:
             if (found.lit_by, found.light.n_bounces) == (lit_by, n_bounces):
                 yield self._found_message(found)
                 return
-            yield Progress("indirect light", 0.0, text="light on surfaces")
-            light = relit(found.light, self._placement, sky, found.settings, n_bounces)
+            steps = relit(found.light, self._placement, sky, found.settings, n_bounces)
+            light = yield from _as_progress(map_steps(steps, lambda share: (share, "light on surfaces")))
             yield from self._cache_light(replace(found, light=light, lit=self._scene_light(sky), lit_by=lit_by))
         else:
             yield from self._find_anew(layers, sky, lit_by, n_bounces, is_last, n_rays)
@@ -306,6 +306,8 @@ class IndirectTasks:
         if relighting is None:
             return
         yield from relighting.prepare()
+        lights = tuple(lights)
+        relighting.forget_alone(but=lights)
         for light in lights:
             emission = scene.with_emission(light.emission(scene.object_names)).emission
             yield from relighting.reflect_alone(light, SceneLight(sky_of(light.light), emission))
@@ -315,12 +317,15 @@ class IndirectTasks:
         found, models = self._frozen_light, tuple((each.key, each.model) for each in layers)
         if found is None or found.models != models:
             return None
-        if self._relit_for != (found.number, self._frozen_bands, tuple(layers)):
+        relit_for = found.number, self._frozen_bands, tuple(layers)
+        if self._relit_for != relit_for:
             reflecting = [self._reflecting(each, self._frozen_bands) for each in layers]
             lighting = SourceLighting(found.light, self._placement.scene, found.lit.sky)
             reflect = partial(self._reflected, found.light, reflecting)
-            self._relighting = IndirectRelighting(lighting, found.lit, reflecting, reflect)
-            self._relit_for = found.number, self._frozen_bands, tuple(layers)
+            before, self._relighting = self._relighting, IndirectRelighting(lighting, found.lit, reflecting, reflect)
+            if before is not None and self._relit_for is not None and self._relit_for[1:] == relit_for[1:]:
+                self._relighting.take_over(before)
+            self._relit_for = relit_for
         return self._relighting
 
     def _reflected(

@@ -159,7 +159,7 @@ class PlacementWorker(ModeWorker):
         sky = self._context.sky(scene.light)
         if self._indirect is not None:
             self._indirect.transport_requested(lit_key(sky, placement.scene), settings.n_bounces)
-        if (image := self._context.sky_image(sky, scene.light)) is not None:
+        if (image := self._context.sky_image(sky)) is not None:
             yield image
         lit_by = LightingState(scene.light, request.lit, scene.emission)
         yield from self._send_held(placement, request, lit_by)

@@ -80,14 +80,14 @@ class LightBudgets:
         return replace(sky, rotation=0.0 if described is None else described.rotation)
 
     def _key(self, request: ComputeTransport, sky: SkyState) -> str:
-        settings, radiance = request.settings, None if sky.environment is None else sky.environment.radiance
+        settings, environment = request.settings, "" if sky.environment is None else sky.environment.digest
         layers = tuple(
             (each.key, each.model, each.bands, each.fixed, repr(layer.parameters))
             for each, layer in zip(request.scene.visible, self._unedited(request), strict=True)
         )
         emitting = tuple(name for name, emission in request.scene.emission if any(emission))
         return content_key(
-            "light budget, unedited", self._context.view_key, radiance, sky.scale, self._unturned(sky).rotation,
+            "light budget, unedited", self._context.view_key, environment, sky.scale, self._unturned(sky).rotation,
             emitting, layers, settings.n_lights, settings.n_patches, settings.keeps_sphere,
             tuple(sorted(settings.overridden)),
         )  # fmt: skip

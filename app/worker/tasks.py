@@ -105,7 +105,7 @@ class WorkerContext:
         self._placement: Placement | None = None
         self._scene = self._loaded = _LoadedScene()
         self._environments: dict[tuple[str, str], Environment] = {}
-        self._sent_sky: object = None
+        self._sent_sky: tuple[object, ...] | None = None
 
     @property
     def open_placement(self) -> Placement:
@@ -159,18 +159,18 @@ class WorkerContext:
         """The sky of the open scene, under a document's light, mixed. Raises LoadError."""
         return sky_of(self.open_placement.scene, light, self._environment)
 
-    def sky_image(self, sky: SkyState, light: LightState) -> SkyImage | None:
+    def sky_image(self, sky: SkyState) -> SkyImage | None:
         """The image of the sky, when it is not the one that was sent last."""
-        shown = (light.environment, light.mapping, light.radiance, light.suns, light.mix)
+        environment = sky.environment
+        shown = () if environment is None else (environment.digest, sky.scale, environment.notes)
         if shown == self._sent_sky:
             return None
         self._sent_sky = shown
-        if sky.environment is None:
+        if environment is None:
             return SkyImage(np.zeros((1, 2, 3), np.float32), id=self.view_id)
-        environment = sky.environment
         if environment.radiance.shape[0] > BACKGROUND_HEIGHT:
             environment = downsample(environment, BACKGROUND_HEIGHT)
-        return SkyImage(environment.radiance * np.float32(sky.scale), sky.environment.notes, id=self.view_id)
+        return SkyImage(environment.radiance * np.float32(sky.scale), environment.notes, id=self.view_id)
 
     def _environment(self, path: Path, mapping: str) -> Environment:
         key = (str(path), mapping)

@@ -175,8 +175,8 @@ def _unit(arrays: Arrays) -> float:
 
 def lit_key(sky: SkyState, scene: Scene) -> str:
     """The key of all light in the scene."""
-    radiance = None if sky.environment is None else sky.environment.radiance
-    return content_key(radiance, sky.rotation, sky.scale, scene.emission)
+    environment = "" if sky.environment is None else sky.environment.digest
+    return content_key(environment, sky.rotation, sky.scale, scene.emission)
 
 
 def rows_of(placement: Placement, work: LayerState, quality: Quality) -> np.ndarray:

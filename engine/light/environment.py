@@ -29,6 +29,7 @@ time it left a constant sky uneven by 3 % RMS at level 7, even after balancing t
 
 from __future__ import annotations
 
+import hashlib
 import math
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -83,6 +84,13 @@ class Environment:
         summed = np.zeros((self.radiance.shape[0] + 1, *self.radiance.shape[1:]))
         np.cumsum(self.radiance * steps[:, None, None], axis=0, out=summed[1:])
         return summed
+
+    @cached_property
+    def digest(self) -> str:
+        """Identifies the radiance. Equal images have equal digests."""
+        found = hashlib.blake2b(repr(self.radiance.shape).encode(), digest_size=16)
+        found.update(self.radiance)
+        return found.hexdigest()
 
     def evaluate(self, directions: ArrayLike, rotation: float = 0.0) -> NDArray[np.float32]:
         """Radiance arriving from world `directions` (N, 3), which need not be unit; (N, 3) float32.

@@ -23,7 +23,8 @@ from app.document.commands.light import (
     SetMapping,
     SetRotation,
 )
-from app.document.light_state import CONSTANT_ENVIRONMENT, SCENE_ENVIRONMENT
+from app.document.light_mix import gains_of
+from app.document.light_state import CONSTANT_ENVIRONMENT, ENVIRONMENT_KEY, SCENE_ENVIRONMENT
 from engine.light.probe_mappings import MAPPINGS
 from ui import theme as look
 from ui.panels import light_mixer, rows, widgets
@@ -164,8 +165,11 @@ def _scrolled(draw_list: imgui.ImDrawList, picture: Picture, corner: ImVec2, end
 def _even(context: PanelContext, draw_list: imgui.ImDrawList, corner: ImVec2, end: ImVec2) -> None:
     if not context.document.objects:  # a scene that is being opened has no light yet
         return
-    constant = context.document.light.environment == CONSTANT_ENVIRONMENT
-    text = "even light" if constant else "no environment"
+    light = context.document.light
+    text = "even light" if light.environment == CONSTANT_ENVIRONMENT else "no environment"
+    has_any = context.has_environment or light.environment != SCENE_ENVIRONMENT
+    if has_any and not any(gains_of(context.document)[ENVIRONMENT_KEY]):
+        text = "off in the mix"
     extent = imgui.calc_text_size(text)
     place = ImVec2(0.5 * (corner.x + end.x - extent.x), 0.5 * (corner.y + end.y - extent.y))
     draw_list.add_text(place, look.pack(look.TEXT_FAINT), text)

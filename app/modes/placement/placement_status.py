@@ -173,7 +173,7 @@ def light_note(controller: TransportController, shown: LightState) -> str:
         return f"shown for {requested} until idle"
     if controller.delivered_final:
         return ""
-    return f"{'being refined' if controller.running else 'a preview'} for {requested}"
+    return "the light is being refined" if controller.running else "a preview of the light"
 
 
 def emitter_note(controller: TransportController) -> str:

@@ -37,6 +37,8 @@ from app.modes.reconciler import Reconciler
 from engine.settings import Precision, RenderSettings
 
 IDLE_SECONDS = 0.25
+# Seconds for which a quick picture of a light that has stopped moving is worth waiting for.
+QUICK_PATIENCE = 0.5
 N_LIGHTS_PREVIEW = 400
 FINAL_STAGE = "final"
 
@@ -262,10 +264,11 @@ class TransportController:
         curves = desired_curves(document, selected, self._curves, precision)
         if self._requested is None:
             reconciler.skip_idle()
-        if reconciler.action(now) == "request":
-            self._compute(now, desired, document, curves, precision, is_fine)
-        elif dragging and self._is_drag_due(desired):
+        is_due = reconciler.action(now) == "request"
+        if dragging and self._is_drag_due(desired):
             self._compute(now, replace(desired, is_drag=True), document, curves, precision, is_fine=False)
+        elif is_due and not (dragging and self._awaits_quick_picture(now)):
+            self._compute(now, desired, document, curves, precision, is_fine)
         if not self.drag_quality:
             self.contractions.update(now, document, curves, self.revision)
 
@@ -274,6 +277,11 @@ class TransportController:
         if self._requested is None or self._reconciler.is_refused or self.drag_quality and self.running:
             return False
         return desired.moved_from(self._requested)
+
+    def _awaits_quick_picture(self, now: float) -> bool:
+        """Whether a quick picture is about to come: the stages of other transport, which take longer, would void it."""
+        sent = self._reconciler.requested
+        return self.drag_quality and self.running and sent is not None and now - sent.sent_at < QUICK_PATIENCE
 
     def _compute(
         self, now: float, desired: DesiredTransport, document: Document, curves: tuple[DesiredCurve, ...],

@@ -17,7 +17,7 @@ share concerns only what the rows leave out.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator, Hashable, Mapping, Sequence
+from collections.abc import Callable, Generator, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -148,6 +148,12 @@ class IndirectRelighting:
         of_rows = 0 if self._rows is None else self._rows.n_bytes
         return self._lighting.n_bytes + of_rows + sum(layer.nbytes for part in parts for layer in part)
 
+    def take_over(self, before: IndirectRelighting) -> None:
+        """Use what lights alone were reflected of in an earlier light of the same layers, where its rays were these."""
+        light, earlier = self._lighting.at_rest, before._lighting.at_rest
+        if light.cache is earlier.cache and light.points.samples is earlier.points.samples:
+            self._alone = before._alone
+
     def prepare(self) -> Generator[None, None, None]:
         """Reflects the sources of the light at rest, and makes rows of what glossy surfaces mirror of the sky, where
         that shows."""
@@ -182,6 +188,10 @@ class IndirectRelighting:
             total, n = total + float(np.sum(one * layer.gain, dtype=np.float64)), n + one.size
         return n > 0 and math.sqrt(squares / n) > _LEAST_GLOSS * total / n
 
+    def forget_alone(self, but: Iterable[Hashable]) -> None:
+        """Frees what lights alone were reflected of, except for these."""
+        self._alone = {light: self._alone[light] for light in but if light in self._alone}
+
     def reflect_alone(self, light: Hashable, alone: SceneLight) -> Generator[None, None, None]:
         """Reflects a light that is alone in the scene, an emitter or in the sky, by albedo; once."""
         if light not in self._alone:
@@ -194,7 +204,7 @@ class IndirectRelighting:
         """Each layer in a mix of lights that were reflected alone, by their weights, `then` at rest; None where one was
         not. Of what glossy surfaces add at rest, each light keeps its share."""
         shining = [light for light, weight in (*now.items(), *then.items()) if any(weight)]
-        if not all(light in self._alone for light in shining):
+        if not self._alone or not all(light in self._alone for light in shining):
             return None
         kept = {light: weight for light, weight in now.items() if any(then.get(light, ()))}
         sums = [self._weighted(weights) for weights in (now, then, kept)]
@@ -208,7 +218,7 @@ class IndirectRelighting:
         """What the layers reflect of lights, each times its weight."""
         terms = [(self._alone[light], np.array(weight, np.float32)) for light, weight in weights.items() if any(weight)]
         sums = []
-        for i, like in enumerate(self._skies[0].by_albedo):
+        for i, like in enumerate(next(iter(self._alone.values()))):
             total = np.zeros_like(like)
             for reflected, weight in terms:
                 total += reflected[i] * weight

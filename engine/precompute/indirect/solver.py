@@ -17,7 +17,6 @@ from itertools import chain, repeat
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.core.generators import run_to_end
 from engine.core.stored_arrays import ArrayReader, Arrays
 from engine.precompute.direct.pipeline import Placement, SkyState, footprint, lattice_rows
 from engine.precompute.indirect._ray_kernels import NORMAL
@@ -298,11 +297,12 @@ def _sampled_scene(
 
 def relit(
     found: IndirectLight, placement: Placement, sky: SkyState, settings: SamplingSettings, n_bounces: int
-) -> IndirectLight:
-    """The same rays under another light. n_bounces: at most the number they were traced for.
+) -> Generator[float, None, IndirectLight]:
+    """The same rays under another light; yields the fraction done. n_bounces: at most the number they were traced for.
 
     Glossy hits store the old light, so glossy surfaces reflect by albedo until the rays are traced anew.
     """
     emitting = scene_emission(placement, sky)
-    light = replace(found.light, direct=run_to_end(direct_irradiance(found.cache, emitting.lights, settings.n_samples)))
+    direct = yield from direct_irradiance(found.cache, emitting.lights, settings.n_samples)
+    light = replace(found.light, direct=direct)
     return replace(found.without_glossy_hits(), light=light, n_bounces=n_bounces, unit=emitting.unit)

@@ -258,6 +258,13 @@ def test_environments_are_frozen_and_copied() -> None:
         environment.radiance[0] = 2.0
 
 
+def test_equal_environments_have_equal_digests() -> None:
+    image = np.random.default_rng(3).random((4, 8, 3)).astype(np.float32)
+    others = [image.reshape(8, 4, 3), np.nextafter(image, np.float32(2.0)), image[::-1]]
+    assert Environment(image, "one").digest == Environment(image.copy(), "two").digest
+    assert len({Environment(each, "one").digest for each in (image, *others)}) == 4
+
+
 @pytest.mark.parametrize("bad", [np.ones((2, 4)), np.ones((2, 4, 4)), np.ones((0, 4, 3)), -np.ones((1, 1, 3))])
 def test_environments_of_other_shapes_or_signs_are_refused(bad: np.ndarray) -> None:
     with pytest.raises(ValueError, match="radiance"):

@@ -39,6 +39,25 @@ def test_turning_asks_for_quick_pictures_one_at_a_time(settled: Editor, client: 
     assert settled.status.picture == "exact" and settled.status.light_note == ""
 
 
+def test_a_light_that_is_held_still_has_its_quick_picture_before_the_last(settled: Editor, client: FakeClient) -> None:
+    """The stages of the last picture take long, and void what is under way: the quick picture of the light as it is
+    comes first, and is waited for half a second at most."""
+    settled.begin_drag()
+    settled.do(SetRotation(31.0))
+    settled.tick(2.0)
+    settled.do(SetRotation(33.0))
+    for now in (2.05, 2.2, 2.35):  # idle for long enough, but the first quick picture is under way
+        settled.tick(now)
+    assert [request.is_drag for request in computed(client)] == [True]
+    client.finish_stage("drag", exact=True)
+    for now in (2.4, 2.8):
+        settled.tick(now)
+    asked = computed(client)
+    assert [(request.is_drag, request.scene.light.rotation) for request in asked] == [(True, 31.0), (True, 33.0)]
+    settled.tick(2.95)  # the second one has not come
+    assert not computed(client)[-1].is_drag and computed(client)[-1].scene.light.rotation == 33.0
+
+
 def test_while_the_picture_waits_for_the_light_it_is_said_what_it_is_lit_by(
     settled: Editor, client: FakeClient
 ) -> None:
@@ -51,7 +70,7 @@ def test_while_the_picture_waits_for_the_light_it_is_said_what_it_is_lit_by(
     assert settled.status.light_note == "shown for 30.0° until 90.0° is ready"
     client.finish_stage("preview", exact=False)
     settled.tick(2.5)
-    assert settled.status.light_note == "being refined for 90.0°"
+    assert settled.status.light_note == "the light is being refined"
 
 
 def test_another_environment_at_the_same_rotation_is_not_refined_before_it_is_shown(
@@ -67,7 +86,7 @@ def test_another_environment_at_the_same_rotation_is_not_refined_before_it_is_sh
     client.finish_stage("preview", exact=False)
     settled.tick(2.5)
     assert settled.controller.picture.document.light.environment == "studio"
-    assert settled.status.light_note == "being refined for 30.0°"
+    assert settled.status.light_note == "the light is being refined"
 
 
 def test_where_no_environment_lights_the_scene_nothing_is_said_of_its_rotation(client: FakeClient) -> None:

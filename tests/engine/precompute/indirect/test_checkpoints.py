@@ -219,7 +219,7 @@ def test_stored_light_is_the_light():
     np.testing.assert_array_equal(restored.picture(layers), light.picture(layers))
     # Half of the sky on the same rays: the cells are where they were.
     evening = SkyState(constant_environment((0.5, 0.4, 0.3)))
-    one, two = (relit(each, placement, evening, fineness, 4).picture(layers) for each in (light, restored))
+    one, two = (run_to_end(relit(each, placement, evening, fineness, 4)).picture(layers) for each in (light, restored))
     np.testing.assert_array_equal(one, two)
 
 

@@ -51,8 +51,9 @@ def solved() -> tuple[Placement, SkyState, IndirectLight]:
 class Lit:
     """The corner with two lamps under a sun, and its relighting."""
 
-    def __init__(self) -> None:
+    def __init__(self, light: IndirectLight | None = None) -> None:
         self.placement, self.sky, self.light = solved()
+        self.light = light or self.light
         self.emission = self.placement.scene.emission.copy()
         self.lighting = SourceLighting(self.light, self.placement.scene, self.sky)
         self.n_reflected, self._representation = 0, GatherPolynomial(self.light)
@@ -112,10 +113,42 @@ def test_it_is_the_light_of_records_lit_from_scratch(lit: Lit) -> None:
     np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-5 * float(expected.mean()))
 
 
+def test_lights_alone_are_taken_over_by_the_same_rays(lit: Lit) -> None:
+    """Under another light the same records are lit anew: what single lights give stays."""
+    alone = np.zeros_like(lit.emission)
+    alone[LEFT] = lit.emission[LEFT]
+    run_to_end(lit.relighting.reflect_alone("left", SceneLight(SkyState(None), alone)))
+    before = lit.relighting.mixed({"left": (2.0, 1.0, 1.0)}, {"left": (1.0, 1.0, 1.0)})
+    assert before is not None
+
+    found = run_to_end(relit(lit.light, lit.placement, replace(lit.sky, rotation=90.0), QUICK, 3))
+    later = Lit(found)
+    later.relighting.take_over(lit.relighting)
+    run_to_end(later.relighting.reflect_alone("left", SceneLight(SkyState(None), alone)))
+    assert later.n_reflected == 0
+    after = later.relighting.mixed({"left": (2.0, 1.0, 1.0)}, {"left": (1.0, 1.0, 1.0)})
+    assert after is not None
+    for one, other in zip(before, after, strict=True):
+        np.testing.assert_array_equal(one.now, other.now)
+
+    later.relighting.forget_alone(but=["right"])
+    assert later.relighting.mixed({"left": (2.0, 1.0, 1.0)}, {}) is None
+
+
+def test_lights_alone_are_not_taken_over_by_other_rays(lit: Lit) -> None:
+    alone = np.zeros_like(lit.emission)
+    alone[LEFT] = 1.0
+    run_to_end(lit.relighting.reflect_alone("left", SceneLight(SkyState(None), alone)))
+    anew = Solver(lit.placement, dict.fromkeys(range(3), ["lambert"]), lit.sky, 3, QUICK)
+    later = Lit(run_to_end(anew.solve(LAYERS)))
+    later.relighting.take_over(lit.relighting)
+    assert later.relighting.mixed({"left": (1.0, 1.0, 1.0)}, {}) is None
+
+
 def test_it_is_near_light_by_all_samples(lit: Lit) -> None:
     placement = copy(lit.placement)
     placement.scene = placement.scene.with_emission({"left": (6.0, 1.0, 0.5), "right": (0.0, 0.0, 0.0)})
-    truth = relit(lit.light, placement, replace(lit.sky, rotation=140.0), QUICK, 3).at_points(LAYERS)
+    truth = run_to_end(relit(lit.light, placement, replace(lit.sky, rotation=140.0), QUICK, 3)).at_points(LAYERS)
     found = lit.picture(lit.under(140.0, left=(6.0, 1.0, 0.5), right=(0.0, 0.0, 0.0)))
     assert np.sqrt(np.mean((found - truth) ** 2)) < 0.08 * truth.mean()
 
