@@ -89,7 +89,7 @@ class Environment:
     def digest(self) -> str:
         """Identifies the radiance. Equal images have equal digests."""
         found = hashlib.blake2b(repr(self.radiance.shape).encode(), digest_size=16)
-        found.update(self.radiance)
+        found.update(self.radiance.data)
         return found.hexdigest()
 
     def evaluate(self, directions: ArrayLike, rotation: float = 0.0) -> NDArray[np.float32]:
