@@ -32,8 +32,10 @@ from app.files.records import (
     OperatorRecord,
     SessionRecord,
     SunRecord,
+    TransformRecord,
     ViewRecord,
 )
+from app.operators.arrange import Move
 from app.operators.camera import MoveCamera
 from app.operators.curve_drawing import CurvePoints, CurveStroke
 from app.operators.edits import Deform, Drag, PaintStroke
@@ -74,10 +76,10 @@ SESSION: Tables = [
     ("light.mix", MixRecord), ("[view]", ViewRecord),
     ("[[object]]", ObjectRecord),
     ("[[object.layer]]", LayerRecord), ("[[object.layer.curve]]", CurveRecord), ("its operator", OperatorRecord),
-    ("[[object.deformer]]", DeformerRecord), ("[[bookmark]]", BookmarkRecord),
+    ("object.transform", TransformRecord), ("[[object.deformer]]", DeformerRecord), ("[[bookmark]]", BookmarkRecord),
 ]  # fmt: skip
 SCRIPT: Tables = [
-    ("Top of the file", ScriptRecord), ("[[step]]", StepRecord), ("drag", Drag), ("deform", Deform),
+    ("Top of the file", ScriptRecord), ("[[step]]", StepRecord), ("drag", Drag), ("deform", Deform), ("move", Move),
     ("paint", PaintStroke), ("measured", MeasuredFile), ("material_file", MaterialFile), ("table", CurveTable),
     ("variant_set", VariantChoice), ("draw_curve", CurveStroke), ("set_points", CurvePoints), ("camera", MoveCamera),
 ]  # fmt: skip

@@ -169,6 +169,7 @@ def panel_context(editor: Editor, source: PictureFeed | None, pictures: PanelPic
         camera_undo_label=editor.camera_undo_label,
         camera_redo_label=editor.camera_redo_label,
         box_of=partial(_box_of, editor),
+        resting_box_of=history.resting_box,
         view_thumbnail=pictures.view,
         thumbnail=pictures.material,
         **window,

@@ -25,7 +25,7 @@ from engine.scene.builtin import builtin_environments, builtin_scenes
 from ui.gl.display import is_table_ready
 from ui.headless import DEFAULT_SIZE, HeadlessWindow
 from ui.layout import PANELS
-from ui.panels.actions import ShowPanel
+from ui.panels.actions import SetPanel, ShowPanel
 from ui.picture_feed import PictureFeed
 from ui.scene_view import sample_path, spots_at, stroke_at
 
@@ -147,6 +147,10 @@ def _set(window: HeadlessWindow, editor: Editor, values: dict[str, Any]) -> None
         _run_operator(window, editor, "set", {path: value})
 
 
+def _show_gizmo(window: HeadlessWindow, editor: Editor, tool: str) -> None:
+    window.shell.do(SetPanel({"gizmo": "" if tool == "none" else tool}))
+
+
 def _choose_view(window: HeadlessWindow, editor: Editor, name: str) -> None:
     _run_operator(window, editor, "view", name)
     window.run_until(lambda: is_table_ready(editor.view.tone_mapping), WAIT_SECONDS)
@@ -215,6 +219,6 @@ def _assert_error(window: HeadlessWindow, editor: Editor, bound: float) -> None:
 
 # The steps that only a window can carry out, by their operator's name.
 WINDOW_STEPS: dict[str, Callable[[HeadlessWindow, Editor, Any], None]] = {
-    "set": _set, "view": _choose_view, "drag": _drag, "paint": _paint, "show": _show, "wait": wait_for_picture,
-    "capture": _capture, "assert_error_below": _assert_error,
+    "gizmo": _show_gizmo, "set": _set, "view": _choose_view, "drag": _drag, "paint": _paint, "show": _show,
+    "wait": wait_for_picture, "capture": _capture, "assert_error_below": _assert_error,
 }  # fmt: skip

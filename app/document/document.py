@@ -7,8 +7,9 @@ model with change signals, which undo, the journal and the worker would each hav
 
 Names: a layer's *key* is ``"object.index"``; a *path* names anything that can be set, written with the layer's index or
 its name: ``"teapot"``, ``"teapot.1"``, ``"teapot.coat.theta_h"``, ``"teapot.1.alpha"``, ``"teapot.1.alpha_map"``,
-``"teapot.bend"``, ``"bat.time"``, ``"bat.membrane.translucency"``, ``"lamp.emission"``, ``"light.rotation"``,
-``"light.Noon.direction"``, ``"lamp.strength"`` (of its row in the mix, `app.document.light_state`).
+``"teapot.bend"``, ``"teapot.position"``, ``"bat.time"``, ``"bat.membrane.translucency"``, ``"lamp.emission"``,
+``"light.rotation"``, ``"light.Noon.direction"``, ``"lamp.strength"`` (of its row in the mix,
+`app.document.light_state`).
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ from engine.realtime.zonal_harmonics.pose import Deformation, Moment, Motion, Po
 from engine.scene.description import EnvironmentDescription, ObjectDescription, SceneDescription, free_name
 from engine.scene.rig import Animations
 from engine.scene.surface_kinds import NO_SURFACE, DeformSurface, SurfacesByObject
+from engine.scene.transform import Transform
 from engine.settings import LineValue
 
 # The name of the variant that a scene opens in, where its file names none for that.
@@ -67,10 +69,10 @@ class ObjectState:
 
     ``frozen`` objects and layers refuse edits of their material until they are unfrozen. ``editable`` False marks an
     object that the scene declares fixed. Its ``deformations`` apply one after another, to its pose by its file's
-    animation at a ``moment``; None: to its rest pose. ``animations`` are those of its file. ``new_bumps`` replace the
-    ``own_bumps`` of the scene's file, ``new_opacity`` its ``own_opacity``, ``new_surface`` its ``own_surface``, which
-    only Deform draws. ``emission_texture`` multiplies its emission. ``variants`` are the materials that its file gives
-    it by the names of the scene's variants.
+    animation at a ``moment``; None: to its rest pose; and its ``transform`` after these. ``animations`` are those of
+    its file. ``new_bumps`` replace the ``own_bumps`` of the scene's file, ``new_opacity`` its ``own_opacity``,
+    ``new_surface`` its ``own_surface``, which only Deform draws. ``emission_texture`` multiplies its emission.
+    ``variants`` are the materials that its file gives it by the names of the scene's variants.
     ``former_name`` is its name in sessions of version 2, empty where that is the same.
     """
 
@@ -83,6 +85,7 @@ class ObjectState:
     deformations: tuple[Deformation, ...] = ()
     moment: Moment | None = None
     animations: Animations = ()
+    transform: Transform = Transform()
     emission_texture: LayerMaps = LayerMaps()
     own_bumps: Bumps = NO_BUMPS
     new_bumps: Bumps | None = None
@@ -100,8 +103,10 @@ class ObjectState:
 
     @property
     def motion_stack(self) -> Motion:
-        """Its animation and all its deformers."""
-        return self.deformations if self.moment is None else (self.moment, *self.deformations)
+        """Its animation, all its deformers, and its transform where it was moved."""
+        moment = () if self.moment is None else (self.moment,)
+        transform = () if self.transform.is_identity else (self.transform,)
+        return *moment, *self.deformations, *transform
 
     @property
     def bumps(self) -> Bumps:

@@ -18,6 +18,7 @@ from app.document.light_mix import emission_of, mixed_light
 from app.document.light_state import RGB, LightState
 from engine.material.layer import Layer, object_of
 from engine.material.layer_maps import MapMeans
+from engine.realtime.zonal_harmonics.pose import Poses
 
 Float64Array = NDArray[np.float64]
 
@@ -99,3 +100,9 @@ def scene_state(document: Document, layer: Callable[[Document, str], LayerState]
     """The state of a document for the worker. layer: makes that of one of the layers, by key."""
     layers = tuple(layer(document, key) for key, _ in document.layers())
     return SceneState(replace(mixed_light(document), intensity=1.0), layers, emission_of(document))
+
+
+def moved_objects(document: Document) -> tuple[tuple[str, ...], Poses]:
+    """The names of the objects that were moved by hand, and the transforms of emitters among them, for Deform."""
+    moved = [state for state in document.objects if not state.transform.is_identity]
+    return tuple(state.name for state in moved), tuple((each.name, (each.transform,)) for each in moved if each.emits)

@@ -15,8 +15,8 @@ from engine.realtime.deformers import KINDS
 from engine.scene.surface_kinds import SURFACES
 
 Kind = Literal[
-    "object", "layer", "factor", "parameter", "map", "parameter_map", "switch", "deformer", "time", "bumps",
-    "opacity", "surface", "light", "sun", "mix",
+    "object", "layer", "factor", "parameter", "map", "parameter_map", "switch", "deformer", "transform", "time",
+    "bumps", "opacity", "surface", "light", "sun", "mix",
 ]  # fmt: skip
 
 
@@ -38,6 +38,8 @@ class Target:
 SWITCHES = ("visible", "frozen", "editable")
 MATERIAL = "material"
 TIME = "time"
+# The paths of a transform's parts, and its fields.
+TRANSFORM_FIELDS = {"position": "translation", "rotation": "rotation", "scale": "scale"}
 SURFACE = "surface"
 EMISSION = "emission"
 FRESNEL_TERM = "fresnel_term"
@@ -91,6 +93,8 @@ def _kind_of(name: str) -> Kind | None:
         return "deformer"
     if name == TIME:
         return "time"
+    if name in TRANSFORM_FIELDS:
+        return "transform"
     if name in bump_fields():
         return "bumps"
     if name in opacity_fields():

@@ -144,11 +144,20 @@ class CameraHistory:
             raise InsituError(f"there is no object {name!r} to be framed; available: {', '.join(self._boxes)}")
         left_out = {state.name for state in self._host.document.objects if state.is_lamp or not state.visible}
         names = [name] if name is not None else [each for each in self._boxes if each not in left_out]
-        boxes = np.array([self._boxes[each] for each in names or self._boxes])
+        boxes = np.array([self._moved_box(each) for each in names or self._boxes])
         if not len(boxes):
             raise InsituError("there is nothing to be framed")
         boxes = boxes[~find_ground_boxes(boxes)]
         return np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
+
+    def resting_box(self, name: str) -> Box | None:
+        """The box (2, 3) of an object where its file has it, in metres; None where it has no surface."""
+        return self._boxes.get(name)
+
+    def _moved_box(self, name: str) -> Box:
+        """The box (2, 3) of an object where it was moved to."""
+        state = next((each for each in self._host.document.objects if each.name == name), None)
+        return self._boxes[name] if state is None else state.transform.moved_box(self._boxes[name])
 
     def _history_now(self) -> History[Viewpoint]:
         """The history, with its present state set to the view: a session or a script may have set that directly."""

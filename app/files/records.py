@@ -68,6 +68,7 @@ from engine.scene.description import (
 )
 from engine.scene.surface_kinds import DeformSurface
 from engine.scene.toml_text import toml_lines, toml_value
+from engine.scene.transform import Transform
 from engine.settings import (
     PICTURE_LINES,
     SETTINGS,
@@ -170,6 +171,24 @@ class DeformerRecord(StrictModel):
         return Deformation(self.kind, self.amount, self.axis)
 
 
+class TransformRecord(StrictModel):
+    """Where an object was moved to, about the centre of its box as its file has it."""
+
+    position: tuple[Number, Number, Number] = (0.0, 0.0, 0.0)
+    rotation: tuple[Number, Number, Number] = (0.0, 0.0, 0.0)
+    scale: tuple[Number, Number, Number] = (1.0, 1.0, 1.0)
+
+    @model_validator(mode="after")
+    def _is_one(self) -> TransformRecord:
+        self.transform  # noqa: B018 - it says what is wrong
+        return self
+
+    @property
+    def transform(self) -> Transform:
+        """The transform."""
+        return Transform(self.position, self.rotation, self.scale)
+
+
 SavedBumps = Annotated[Bumps, PlainValidator(table_validator(Bumps, bumps_of_parts))]
 SavedOpacity = Annotated[Opacity, PlainValidator(table_validator(Opacity, opacity_of_parts))]
 
@@ -186,6 +205,7 @@ class ObjectRecord(StrictModel):
     deform: DeformSurface | None = None
     time: Number | None = None
     clip: Text | None = None
+    transform: TransformRecord | None = None
     deformers: tuple[DeformerRecord, ...] = Field(default=(), alias="deformer", max_length=MAX_DEFORMERS)
 
     @model_validator(mode="after")

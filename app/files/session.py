@@ -24,6 +24,7 @@ from app.document.document import Document, ObjectState, Selection, all_factors
 from app.document.light_state import MIX_FIELDS, PLAIN_ROW, LightState, MixRow
 from app.document.named_files import with_full_paths
 from app.document.sources import SESSION_ENDING
+from app.document.targets import TRANSFORM_FIELDS
 from app.document.view_state import Bookmark, SetView, ViewState
 from app.files.old_names import upgrade_session
 from app.files.records import (
@@ -45,6 +46,7 @@ from engine.material.opacity import opacity_parts
 from engine.realtime.zonal_harmonics.pose import Moment
 from engine.scene.description import Camera
 from engine.scene.toml_text import check_version, first_validation_error, parse_toml_bytes, toml_lines, toml_value
+from engine.scene.transform import Transform
 
 SUFFIX = SESSION_ENDING
 SESSION_VERSION = 2
@@ -275,6 +277,9 @@ def _object_lines(state: ObjectState, folder: Path | None) -> Iterator[str]:
         yield f"deform = {toml_value(state.new_surface.model_dump(exclude_none=True))}"
     if state.moment is not None:
         yield from toml_lines(vars(state.moment))
+    if not state.transform.is_identity:
+        own = {name: getattr(state.transform, field) for name, field in TRANSFORM_FIELDS.items()}
+        yield f"transform = {toml_value(own)}"
     yield from layer_lines(state.layers, "object.layer", folder)
     for deformation in state.deformations:
         yield "[[object.deformer]]"
@@ -313,6 +318,7 @@ def _object(file: str, folder: Path | None, record: ObjectRecord) -> ObjectState
         record.frozen,
         deformations,
         moment,
+        transform=Transform() if record.transform is None else record.transform.transform,
         new_bumps=record.bumps,
         new_opacity=record.opacity,
         new_surface=record.deform,

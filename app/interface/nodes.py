@@ -30,6 +30,7 @@ from app.document.targets import (
     SUN_FIELDS,
     SWITCHES,
     TIME,
+    TRANSFORM_FIELDS,
     UNDER,
     resolve,
 )
@@ -195,8 +196,9 @@ class RowNode(Node):
 
 class ObjectNode(Node):
     """An object: `visible`, `frozen`, `editable`, `emission` (of a lamp, three numbers) and its row in the mix of
-    lights (`on`, `solo`, `strength`, `colour`, `kelvin`, `group`), `time` of its animation,
-    amounts of deformers (`bend`, `twist` …), parts of bumps and opacity; `material`, which can be set alone, to the
+    lights (`on`, `solo`, `strength`, `colour`, `kelvin`, `group`), `position` (metres), `rotation` (degrees) and
+    `scale` relative to its place in the file, `time` of its animation, amounts of deformers (`bend`, `twist` …), parts
+    of bumps and opacity; `material`, which can be set alone, to the
     name of a material of the library, a material's file or a measured BRDF's. Its layers are found by name or number.
 
     >>> import insitu
@@ -423,6 +425,8 @@ def value_at(document: Document, path: str) -> Any:
             return getattr(state, name)
         case "deformer":
             return next((each.amount for each in state.deformations if each.kind == name), 0.0)
+        case "transform":
+            return getattr(state.transform, TRANSFORM_FIELDS[name])
         case "time":
             return None if state.moment is None else state.moment.time
         case "bumps":

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.document.light_mix import mixed_light
+from app.document.scene_state import moved_objects
 from app.project.project import Project
 from app.stills.stills import (
     chosen_bounces,
@@ -379,6 +380,7 @@ class Pictures:
         deform.set_layers(layers_by_object(project))
         deform.set_surfaces(document.new_surfaces)
         deform.set_bending(posed)
+        deform.set_moved(*moved_objects(document))
         deform.set_bounces(n_bounces or project.chosen_bounces or 0)
         finish_work(deform)
         return deform.draw(scene.description.camera, scene.resolution, document.poses, "rest")

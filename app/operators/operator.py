@@ -118,3 +118,4 @@ LAYER = Need(
     "select an object with a material", lambda context: layer_shown(context.document, context.view.selected) is not None
 )
 CURVE = Need("select a curve", _has_curve)
+OBJECT = Need("select an object", lambda context: context.view.selected is not None)

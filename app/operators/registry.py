@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from app.editor.editor import Editor
+from app.operators.arrange import ARRANGE
 from app.operators.camera import CAMERA, CONVENTIONS
 from app.operators.curve_drawing import DRAWING
 from app.operators.edits import CURVES, EDITS, MATERIAL
@@ -16,8 +17,8 @@ from app.operators.view import HELP, PICTURE
 from engine.core.errors import InsituError
 
 GROUPS: dict[str, tuple[Operator | Gesture, ...]] = {
-    "Edit": EDITS, "Picture": PICTURE, "Camera": CAMERA, **CONVENTIONS, "File": FILES, "Material": MATERIAL,
-    "Curve": (*CURVES, *DRAWING), "Help": HELP,
+    "Edit": EDITS, "Arrange": ARRANGE, "Picture": PICTURE, "Camera": CAMERA, **CONVENTIONS, "File": FILES,
+    "Material": MATERIAL, "Curve": (*CURVES, *DRAWING), "Help": HELP,
 }  # fmt: skip
 OPERATORS = {each.name: each for group in GROUPS.values() for each in group if isinstance(each, Operator)}
 
@@ -46,7 +47,8 @@ MENUS = (
     )),
     Menu("Edit", (
         "undo", "redo", "undo_view", "redo_view", None, "copy_material", "copy_curve", "copy_table", "paste",
-        "paste_layers", None, "table", "mute", "delete", "reset_curve",
+        "paste_layers", None, "gizmo_move", "gizmo_rotate", "gizmo_scale", "put_back", None, "table", "mute", "delete",
+        "reset_curve",
     )),
     # The picture's entries come first: in a small window the rest of the menu scrolls.
     Menu("View", (

@@ -31,7 +31,7 @@ from app.document.commands.light import (
 from app.document.commands.maps import SetBumps, SetMap, SetOpacity, SetParameterMap, surface_named
 from app.document.commands.mix import SetMix
 from app.document.commands.plan import FIRST_BANDS, active_overrides, override_from_value, set_first_bands
-from app.document.commands.poses import with_amounts, with_time
+from app.document.commands.poses import with_amounts, with_placement, with_time
 from app.document.commands.suns import SetSun
 from app.document.document import Document, document_from_description, reflecting_layers
 from app.document.light_mix import emission_of, mixed_light
@@ -363,6 +363,8 @@ def set_path(document: Document, path: str, value: Any) -> EditCommand:
         return surface_named(target.object, target.name, value)
     if target.kind == "deformer" and target.name is not None:
         return with_amounts(document, target.object, {target.name: value})
+    if target.kind == "transform" and target.name is not None:
+        return with_placement(path, target.object, target.name, value)
     if target.kind == "time":
         return with_time(value, target.object)
     if target.kind == "light":

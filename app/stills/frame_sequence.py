@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.document.commands import SetTime
+from app.document.scene_state import moved_objects
 from app.document.timeline import timeline
 from app.document.view_state import ViewState
 from app.project.project import Project
@@ -185,6 +186,7 @@ class _DeformFrames:
 
     def __init__(self, project: Project, frames: Frames, poses: Sequence[Poses]) -> None:
         self._deform = prepared_deform(project, project.resting, [name for name, _ in poses[0]], frames.series)
+        self._deform.set_moved(*moved_objects(project.document))
         self._scene, self._poses = project.scene, poses
         self._intensity = np.float64(project.document.light.intensity)
 

@@ -87,6 +87,7 @@ class DeformWorker(ModeWorker):
         deform.set_layers(layers_by_object(deform.scene, scene.layers))
         deform.set_surfaces(request.surfaces)
         deform.set_bending(request.posed)
+        deform.set_moved(request.moved, request.lamps)
         deform.set_effort(self.n_rays or request.n_rays, request.n_lobes, request.n_gloss_rows)
         deform.set_bounces(request.n_bounces)
         self._prepared = request.id

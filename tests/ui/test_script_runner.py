@@ -248,3 +248,12 @@ def test_a_script_moves_the_camera_keeps_views_and_goes_to_them(window: Headless
 def test_what_a_camera_step_cannot_do_is_said(window: HeadlessWindow, tmp_path: Path, step: str, says: str) -> None:
     with pytest.raises(ScriptError, match=says):
         run(window, tmp_path, f"[[step]]\n{step}")
+
+
+def test_a_script_drags_the_gizmo(window: HeadlessWindow, tmp_path: Path) -> None:
+    editor = window.shell.editor
+    boxes = np.tile([[-0.3, 0.0, -0.3], [0.3, 1.0, 0.3]], (len(editor.document.objects), 1, 1))
+    editor.camera_history.scene_opened(editor.scenes.opened.description, boxes)
+    steps = ('select = "teapot"', 'gizmo = "move"', 'drag = { item = "gizmo.y", by = [0, -30] }', 'gizmo = "none"')
+    run(window, tmp_path, "".join(f"[[step]]\n{step}\n" for step in steps))
+    assert editor.document.object("teapot").transform.translation[1] > 0.0 and window.shell.state.gizmo == ""

@@ -127,13 +127,13 @@ class PanelContext:
     frame times and errors. `camera` is the camera that the scene is seen from, or is about to be, `picture_camera` that
     of the picture shown; `own_camera` and `own_resolution`, (width, height), are the scene's; `camera_undo_label` and
     `camera_redo_label` name what the view's own history would undo or redo; `box_of` returns the corners (2, 3) of an
-    object, for None of all that is visible; `view_thumbnail` is the picture of a bookmarked view. `preferences` are the
-    user's. `mode` is the one of `modes` that makes the picture. `mode_before` is the title of the mode whose picture is
-    still shown, "" where it is the present one's. `scene_document` is the document as the scene's own file has it.
-    `name` is the name of what is open, `unsaved` whether there are edits that no session has. `recent` are the files
-    opened last, `recoveries` edits that the program left behind when it ended. `keys_taken`: keys go to a text field, a
-    list or a menu; `alt_tapped`: Alt was pressed and released by itself; `repeated`: the key that the system repeats in
-    this pass, while it is held.
+    object, for None of all that is visible, `resting_box_of` those where its file has it; `view_thumbnail` is the
+    picture of a bookmarked view. `preferences` are the user's. `mode` is the one of `modes` that makes the picture.
+    `mode_before` is the title of the mode whose picture is still shown, "" where it is the present one's.
+    `scene_document` is the document as the scene's own file has it. `name` is the name of what is open, `unsaved`
+    whether there are edits that no session has. `recent` are the files opened last, `recoveries` edits that the program
+    left behind when it ended. `keys_taken`: keys go to a text field, a list or a menu; `alt_tapped`: Alt was pressed
+    and released by itself; `repeated`: the key that the system repeats in this pass, while it is held.
     """
 
     document: Document
@@ -172,6 +172,7 @@ class PanelContext:
     camera_undo_label: str | None = None
     camera_redo_label: str | None = None
     box_of: Callable[[str | None], NDArray[np.float64] | None] = no_box
+    resting_box_of: Callable[[str], NDArray[np.float64] | None] = no_box
     view_thumbnail: Callable[[Bookmark], Picture | None] = no_view_thumbnail
     preferences: Preferences = Preferences()
     unsaved: bool = False

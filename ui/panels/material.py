@@ -25,7 +25,7 @@ from engine.material.measured import HIGHLIGHT_MODELS
 from engine.material.opacity import OPAQUE
 from engine.material.parameters import INDICES, Value, index_of_reflectance, reflectance_of_index
 from engine.measured.measurement import Measurement
-from ui.panels import light_colour, maps, parameter_maps, rows, widgets
+from ui.panels import light_colour, maps, parameter_maps, rows, transform, widgets
 from ui.panels.actions import Action, RunOperator, SetPanel
 from ui.panels.brdf import is_anisotropic
 from ui.panels.context import PanelContext
@@ -46,9 +46,9 @@ FRESNEL_HINT = (
 
 
 def draw(context: PanelContext) -> list[Action]:
-    """The whole panel, inside its window: the mode's controls for the selected object, and its material."""
+    """The whole panel, inside its window: the mode's controls for the selected object, its material and transform."""
     tools = import_named(context.mode.tools)(context) if context.mode.tools else []
-    return [*tools, *_material(context)]
+    return [*tools, *_material(context), *transform.draw(context)]
 
 
 def _material(context: PanelContext) -> list[Action]:

@@ -26,6 +26,8 @@ RGB = tuple[float, float, float]
 WIDE_CONTROL = 136.0
 GAP = 4.0
 EDIT: tuple[Action, Action] = (BeginDrag(), EndDrag())
+# The three numbers of a row: letters for scripts, and names.
+CHANNELS, AXES = (("r", "red"), ("g", "green"), ("b", "blue")), (("x", "X"), ("y", "Y"), ("z", "Z"))
 HOW = "Drag sideways, or double-click to type."
 
 
@@ -37,7 +39,7 @@ class Row:
     back to, None for nothing. drag: the actions around a drag, which make it one step of a history; None for none.
     origin: where a slider's fill starts, None for its least value. pixels_a_unit: a drag of its slider by so many
     changes the value by 1, instead of following the track. note: added to the tooltip. shown: words in place of the
-    number.
+    number. parts: what its three numbers are, `CHANNELS` or `AXES`.
     """
 
     parameter: Parameter
@@ -50,6 +52,7 @@ class Row:
     pixels_a_unit: float | None = None
     note: str = ""
     shown: str = ""
+    parts: tuple[tuple[str, str], ...] = CHANNELS
 
     @property
     def hint(self) -> str:
@@ -200,14 +203,14 @@ def _colour(context: PanelContext, row: Row) -> list[Action]:
 
 
 def triple(context: PanelContext, row: Row, has_swatch: bool) -> Iterator[tuple[number_fields.Touch, RGB]]:
-    """Three numbers marked red, green and blue, with room for a swatch: the touch of each, and the resulting colour."""
+    """Three numbers marked red, green and blue, with room for a swatch: the touch of each, and the resulting three."""
     parameter, value = row.parameter, row.value
     height, gap = imgui.get_frame_height(), context.px(GAP)
     room = imgui.get_content_region_avail().x - (height + gap if has_swatch else 0.0)
     width = (room - 2 * gap) / 3.0
     low, high = parameter.limits
     speed = parameter.step or min((high - low) / 400.0, 0.02)
-    for channel, (letter, name) in enumerate((("r", "red"), ("g", "green"), ("b", "blue"))):
+    for channel, (letter, name) in enumerate(row.parts):
         imgui.set_next_item_width(width)
         corner = imgui.get_cursor_screen_pos()
         imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(gap, imgui.get_style().frame_padding.y))

@@ -167,6 +167,7 @@ def _way_out(context: PanelContext) -> list[Action]:
         (state.shows_camera, SetPanel({"shows_camera": False, "renames": None})),
         (state.single_panel, SetPanel({"single_panel": False})),
         (state.picks_lobe, SetPanel({"picks_lobe": False})),
+        (bool(state.gizmo), SetPanel({"gizmo": ""})),
         (message is not None and message.is_error, SetPanel({"message": None})),
         (view.operator is not None, SetView.of(operator=None)),
         (view.lobe_pixel is not None, SetView.of(lobe_pixel=None)),

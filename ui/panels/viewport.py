@@ -13,11 +13,11 @@ from app.operators.registry import keys_of
 from app.system.lazy_import import import_named
 from engine.material.layer import object_of
 from ui import theme as look
-from ui.panels import camera, paint, picture_overlays, widgets
+from ui.panels import camera, gizmo, paint, picture_handles, picture_overlays, widgets
 from ui.panels.actions import Action, BeginDrag, EndDrag, HoldGrip, RunOperator, SetPanel
 from ui.panels.context import PanelContext
 from ui.panels.library import apply, dropped_material
-from ui.panels.picture_overlays import PictureHandle
+from ui.panels.picture_handles import PictureHandle
 from ui.panels.pictures import Picture
 from ui.panels.viewport_layout import PAN, PictureRect, ViewportRect, gestures, viewport_rect
 from ui.panels.window_state import Grip, PaintGrip
@@ -63,8 +63,8 @@ def _draw_picture(context: PanelContext, corner: ImVec2, room: ImVec2) -> list[A
     if context.view.shows_error and context.error_overlay is not None:
         draw_list.add_image(context.error_overlay.reference, ImVec2(placed.x, placed.y), far)
     picture_overlays.draw_sketch(context, placed, picture)
-    handles = picture_overlays.handles_of(context, placed)
-    picture_overlays.draw_handles(context, handles)
+    handles = [*picture_handles.handles_of(context, placed), *gizmo.handles(context, placed)]
+    picture_handles.draw_handles(context, handles)
     actions = _gestures(context, picture, space, placed, handles)
     if context.view.compare is not None:
         _draw_divider(context, placed, corner.y, end.y)
@@ -108,20 +108,20 @@ def _interact(
     actions: list[Action] = []
     if grip is not None and grip.handle == PAN:
         return actions
-    handle = picture_overlays.held_handle(context, handles) or picture_overlays.under_mouse(context, handles)
+    handle = picture_handles.held_handle(context, handles) or picture_handles.under_mouse(context, handles)
     if handle is not None and imgui.is_item_hovered() and grip is None:
-        picture_overlays.hover(handle)
+        picture_handles.hover(handle)
         actions += [SetView.of(hovered=None)] if context.view.hovered is not None else []
     elif imgui.is_item_hovered() and grip is None:
         actions += _hover(context, picture, placed, on_divider)
     elif context.view.hovered is not None and not imgui.is_item_active():
         actions.append(SetView.of(hovered=None))
     if imgui.is_item_activated() and handle is not None:
-        actions += picture_overlays.take_hold(handle)
+        actions += picture_handles.take_hold(handle)
     elif imgui.is_item_activated():
         actions += _take_hold(context, picture, placed, on_divider)
     elif imgui.is_item_active() and grip is not None and handle is not None and handle.name == grip.handle:
-        actions += picture_overlays.drag_actions(context, handle)
+        actions += picture_handles.drag_actions(context, handle)
     elif imgui.is_item_active() and grip is not None:
         actions += _drag(context, picture, placed, grip, mouse)
     if imgui.is_item_deactivated() and grip is not None:

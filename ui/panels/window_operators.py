@@ -18,7 +18,7 @@ from app.operators.registry import OPERATORS
 from engine.curve.operators import collapse
 from engine.curve.table_text import MAX_ROWS, table_text
 from engine.scene.builtin import DEFAULT_SCENE
-from ui.panels import paint, timeline
+from ui.panels import gizmo, paint, timeline
 from ui.panels.actions import (
     Action,
     AskFile,
@@ -76,6 +76,8 @@ def is_on(context: PanelContext, name: str) -> bool:
         return context.state.single_panel
     if name == "camera_panel":
         return context.state.shows_camera
+    if name.startswith("gizmo_"):
+        return name == f"gizmo_{context.state.gizmo}"
     if name == "report":
         return context.state.shows_report
     is_on = OPERATORS[name].is_on
@@ -93,6 +95,11 @@ def play_or_leave_alone(context: PanelContext) -> list[Action]:
 
 def _toggle_camera_panel(context: PanelContext) -> list[Action]:
     return [SetPanel({"shows_camera": not context.state.shows_camera, "renames": None})]
+
+
+def _choose_gizmo(tool: str, context: PanelContext) -> list[Action]:
+    """Show the handles of a tool of the gizmo, or none where they are there already."""
+    return [SetPanel({"gizmo": "" if context.state.gizmo == tool else tool})]
 
 
 def _toggle_report(context: PanelContext) -> list[Action]:
@@ -172,6 +179,7 @@ WINDOW_OPERATORS: dict[str, Callable[[PanelContext], list[Action]]] = {
     "table": _always(AskFile("open_table")),
     "paste": _always(Paste()),
     "paste_layers": _always(Paste(as_layers=True)),
+    **{f"gizmo_{tool}": partial(_choose_gizmo, tool) for tool in gizmo.TOOLS},
     "brdf": _always(ShowPanel("brdf")),
     "reset_layout": _always(ResetLayout()),
     "resolution": _set_resolution,

@@ -218,9 +218,10 @@ class PanelState:
     rotation of the light by the mouse wheel. `scroll` is the last move of the camera by it; `shows_camera`: the
     camera's controls are over the picture, where the bookmarked view `renames` is being renamed. `picks_lobe`: the next
     click on the picture chooses where it shows the lobe. `paints`: dragging over the selected object paints its layer's
-    weight map, with `brush`. `shows_report`: the sheet on what the file contains is open; `report_by_count`: it lists
-    first what is missing most often. `single_panel`: the picture has the place of all panels. `front` are panels that
-    come in front of the others in their dock, in the coming frame.
+    weight map, with `brush`. `gizmo`: which of its tools is over the picture, "" for none. `shows_report`: the sheet on
+    what the file contains is open; `report_by_count`: it lists first what is missing most often. `single_panel`: the
+    picture has the place of all panels. `front` are panels that come in front of the others in their dock, in the
+    coming frame.
     """
 
     grip: Grip | None = None
@@ -232,6 +233,7 @@ class PanelState:
     front: tuple[str, ...] = ()
     single_panel: bool = False
     picks_lobe: bool = False
+    gizmo: str = ""
     shows_report: bool = False
     report_by_count: bool = False
     message: StatusMessage | None = None

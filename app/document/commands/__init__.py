@@ -43,7 +43,16 @@ from app.document.commands.maps import (
 )
 from app.document.commands.mix import SetMix
 from app.document.commands.plan import OverrideLine, SetFirstBands
-from app.document.commands.poses import AddDeformer, MoveDeformer, RemoveDeformer, SetDeformer, SetPose, SetTime
+from app.document.commands.poses import (
+    AddDeformer,
+    MoveDeformer,
+    MoveObject,
+    RemoveDeformer,
+    SetDeformer,
+    SetPose,
+    SetTime,
+    SetTransform,
+)
 from app.document.commands.suns import SetSun
 
 EditCommand = (
@@ -52,5 +61,5 @@ EditCommand = (
     | SetBumps | SetOpacity | SetMap | SetParameterMap | Paint | BlendByMap | ClearMap | SetMaterial | SetVariant
     | AddLayers | RemoveLayer | SetRotation | SetIntensity | SetEnvironment | SetMapping | SetEmission | SetFirstBands
     | SetPose | AddDeformer | SetDeformer | MoveDeformer | RemoveDeformer | SetTime | SetSurface | OverrideLine
-    | SetSun | SetMix
+    | SetSun | SetMix | SetTransform | MoveObject
 )  # fmt: skip

@@ -1,5 +1,5 @@
-"""The edits of poses: the time of animations, and the deformers of each object, as commands like those of
-`app.document.commands`."""
+"""The edits of poses: the time of animations, the deformers and the transform of each object, as commands like those
+of `app.document.commands`."""
 
 from __future__ import annotations
 
@@ -9,11 +9,26 @@ from math import isfinite
 from typing import Any
 
 from app.document.document import Document, ObjectState
+from app.document.targets import TRANSFORM_FIELDS
 from engine.core.errors import InsituError, LoadError
+from engine.material.parameters import Parameter
 from engine.realtime.deformers import KINDS
 from engine.realtime.zonal_harmonics.pose import MAX_GROWTH, Deformation, Moment, largest_growth
+from engine.scene.transform import LEAST_SCALE, MOST_DEGREES, MOST_METRES, MOST_SCALE, Transform, Triple
 
 MAX_DEFORMERS = 16
+POSITION = Parameter(
+    "position", "rgb", (0.0, 0.0, 0.0), "Position", "Metres from its place in the scene's file, along X, Y and Z.",
+    minimum=-MOST_METRES, maximum=MOST_METRES, form="%.3f",
+)  # fmt: skip
+ROTATION = Parameter(
+    "rotation", "rgb", (0.0, 0.0, 0.0), "Rotation", "Degrees about X, then Y, then Z, through the centre of its box.",
+    minimum=-MOST_DEGREES, maximum=MOST_DEGREES, step=0.5, form="%.1f°",
+)  # fmt: skip
+SCALE = Parameter(
+    "scale", "rgb", (1.0, 1.0, 1.0), "Scale", "Factors along X, Y and Z, before the rotation.",
+    minimum=LEAST_SCALE, maximum=MOST_SCALE, step=0.005, form="%.3f",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -141,6 +156,70 @@ class SetTime:
             return None
         clip = self.clip or (state.moment.clip if state.moment is not None else state.animations[0].name)
         return _at(clip, self.time) if clip in [each.name for each in state.animations] else state.moment
+
+
+@dataclass(frozen=True)
+class SetTransform:
+    """Place an object by hand: its translation, metres, rotation, degrees, and scale, relative to its place in the
+    scene's file (`engine.scene.transform`); None: the present ones. Without any: back to that place."""
+
+    object: str
+    translation: Triple | None = None
+    rotation: Triple | None = None
+    scale: Triple | None = None
+
+    @property
+    def label(self) -> str:
+        set_parts = [name for name in _VERBS if getattr(self, name) is not None]
+        verb = _VERBS[set_parts[0]] if len(set_parts) == 1 else "place" if set_parts else "put back"
+        return f"{verb} {self.object}"
+
+    def apply(self, document: Document) -> Document:
+        state = document.object(self.object)
+        given = {name: value for name in _VERBS if (value := getattr(self, name)) is not None}
+        try:
+            transform = replace(state.transform, **given) if given else Transform()
+        except ValueError as error:
+            raise InsituError(f"{self.object}: {error}") from None
+        return document.with_object(replace(state, transform=transform))
+
+
+_VERBS = {"translation": "move", "rotation": "rotate", "scale": "scale"}
+
+
+@dataclass(frozen=True)
+class MoveObject:
+    """Move an object further: by metres, by rotations about the axes of the world, degrees, and by factors."""
+
+    object: str
+    by: Triple = (0.0, 0.0, 0.0)
+    rotate: Triple = (0.0, 0.0, 0.0)
+    scale: Triple = (1.0, 1.0, 1.0)
+
+    @property
+    def label(self) -> str:
+        return f"move {self.object}"
+
+    def apply(self, document: Document) -> Document:
+        old = document.object(self.object).transform
+        x, y, z = (a + b for a, b in zip(old.translation, self.by, strict=True))
+        along_x, along_y, along_z = (a * b for a, b in zip(old.scale, self.scale, strict=True))
+        rotation = old.rotated(self.rotate).rotation if any(self.rotate) else old.rotation
+        return SetTransform(self.object, (x, y, z), rotation, (along_x, along_y, along_z)).apply(document)
+
+
+def with_placement(path: str, name: str, part: str, value: Any) -> SetTransform:
+    """The command that sets a part of an object's transform, `position`, `rotation` or `scale`, to a value from a file
+    or a command line; one number is a scale in all directions. Raises LoadError."""
+    numbers = [value] * 3 if part == "scale" and _is_number(value) else value
+    if not isinstance(numbers, (list, tuple)) or len(numbers) != 3 or not all(map(_is_number, numbers)):
+        raise LoadError(path, "value", value, "three numbers, along X, Y and Z" + " or one" * (part == "scale"))
+    x, y, z = map(float, numbers)
+    return SetTransform(name, **{TRANSFORM_FIELDS[part]: (x, y, z)})
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
 def with_time(value: Any, name: str | None = None) -> SetTime:

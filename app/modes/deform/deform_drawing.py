@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 from app.document.document import Document
 from app.document.history import History
+from app.document.scene_state import moved_objects
 from app.document.timeline import visible_poses
 from app.document.view_state import ViewState
 from app.messages.picture_events import PictureEvent
@@ -29,14 +30,16 @@ from app.modes.orbit.orbit_drawing import OrbitDrawing
 from app.modes.orbit.orbit_messages import AnimationOffsets, DrawHeadlight, OrbitPictureDrawn
 from app.modes.orbit.orbit_status import OrbitStatus
 from engine.realtime.core.gpu_parts import NO_PARTS, Numbers
+from engine.realtime.zonal_harmonics.pose import Poses
 from engine.scene.description import Camera
 from engine.scene.surface_kinds import SurfacesByObject
 
 
 @dataclass(frozen=True)
 class DesiredDeform(DesiredOrbit):
-    """All that pictures are drawn of, except camera and amounts; posed: the objects that deform; surfaces: what the
-    document sets of surfaces; traced: what path tracing is to show beside them."""
+    """All that pictures are drawn of, except camera and amounts; posed: the objects that deform or were moved;
+    surfaces: what the document sets of surfaces; traced: what path tracing is to show beside them; moved: the objects
+    that were moved; lamps: the transforms of emitters among these."""
 
     posed: tuple[str, ...] = ()
     surfaces: SurfacesByObject = ()
@@ -44,6 +47,8 @@ class DesiredDeform(DesiredOrbit):
     n_rays: int = 1000
     n_lobes: int = 4
     n_gloss_rows: int | None = None
+    moved: tuple[str, ...] = ()
+    lamps: Poses = ()
 
 
 class DeformDrawing(OrbitDrawing):
@@ -84,13 +89,16 @@ class DeformDrawing(OrbitDrawing):
     def desired_state(self, document: Document, view: ViewState) -> DesiredOrbit:
         self._deform_only = tuple(state.name for state in document.objects if state.surface.kind)
         desired, plays = DesiredOrbit.of(document, view), view.playing is not None
+        moved, lamps = moved_objects(document)
         posed = tuple(
             state.name for state in document.objects
             if state.deformations or state.moment is not None or plays and state.animations
+            or state.name in moved
         )  # fmt: skip
         return DesiredDeform(
             desired.scene, desired.n_bounces, posed=posed, surfaces=document.new_surfaces, n_rays=view.settings.n_rays,
             n_lobes=view.settings.n_lobes, n_gloss_rows=view.settings.n_gloss_rows,
+            moved=moved, lamps=lamps,
         )  # fmt: skip
 
     def content(self, document: Document, view: ViewState) -> PictureContent:
@@ -144,7 +152,10 @@ class DeformDrawing(OrbitDrawing):
     def preparation(self, desired: DesiredOrbit) -> Request:
         assert isinstance(desired, DesiredDeform)
         effort = desired.n_rays, desired.n_lobes, desired.n_gloss_rows
-        return PrepareDeform(desired.scene, desired.n_bounces, desired.posed, desired.surfaces, desired.traced, *effort)
+        return PrepareDeform(
+            desired.scene, desired.n_bounces, desired.posed, desired.surfaces, desired.traced, *effort,
+            desired.moved, desired.lamps,
+        )  # fmt: skip
 
     def headlight_request(self, camera: Camera, wanted: PictureRequest, desired: DesiredOrbit) -> Request:
         return DrawHeadlight(camera, wanted.resolution, desired.scene, wanted.poses)

@@ -29,7 +29,8 @@ class PrepareDeform(Request):
     """Draw this scene, of visible layers, from now on; precompute the transfer of all objects, coarse first. Answered
     by `OrbitProgress` whenever it changes pictures, by `DeformLoss`, and by `PathsTraced` where paths are traced.
 
-    posed: names of the objects that deform, which have only shadows of their own. surfaces: what replaces the scene
+    posed: names of the objects that deform or have moved, which have only shadows of their own; moved: those that have
+    moved; lamps: the transforms of emitters among these. surfaces: what replaces the scene
     file's settings of objects' surfaces. traced: what is path-traced after that, until another request comes; each pass
     raises the pictures' version. n_rays: from each point; n_lobes: zonal lobes fitted to what these rays find;
     n_gloss_rows: of glossy layers, None for as many as a pilot finds, which `GlossDecided` tells.
@@ -45,6 +46,8 @@ class PrepareDeform(Request):
     n_rays: int = 1000
     n_lobes: int = 4
     n_gloss_rows: int | None = None
+    moved: tuple[str, ...] = ()
+    lamps: Poses = ()
 
 
 @dataclass(frozen=True)

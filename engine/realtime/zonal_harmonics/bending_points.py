@@ -21,8 +21,15 @@ from engine.core.frames import local_frames, orthonormal
 from engine.realtime.core.lit_sides import lit_sides
 from engine.realtime.core.raster import RasterTriangles
 from engine.realtime.core.shading_points import ShadingPoints, shading_points, with_backs
-from engine.realtime.zonal_harmonics.pose import Motion, Pose, Poses, check_extent, deform
-from engine.realtime.zonal_harmonics.posed_scene import animate_vertices, animation_offset, deformers, moment_of
+from engine.realtime.zonal_harmonics.pose import Motion, Pose, Poses, check_extent, deform, transformed
+from engine.realtime.zonal_harmonics.posed_scene import (
+    animate_vertices,
+    animation_offset,
+    deformers,
+    moment_of,
+    resting_box,
+    transform_of,
+)
 from engine.realtime.zonal_harmonics.transfer import TransferPoints
 from engine.scene.raycaster import Intersections, RayCaster, SurfacePoints
 from engine.scene.scene_loader import MAX_EXTENT, Scene
@@ -294,6 +301,8 @@ class PosedPoints:
                 animation_offset(rest, moment),
             )
         pose = deform(carried, deformers(row), resting.box + self._shifts[i])
+        if (transform := transform_of(row)) is not None:
+            pose = transformed(pose, transform, resting_box(self._scene, i).mean(axis=0))
         check_extent(self._scene.object_names[i], pose.positions, MAX_EXTENT)
         return pose
 

@@ -143,6 +143,11 @@ class Deform:
             self._posed = posed
             self.version += 1
 
+    def set_moved(self, moved: Sequence[str], lamps: Poses) -> None:
+        """Set the names of objects that stand elsewhere than at rest, and the transforms of emitters, by name."""
+        if self._between.set_moved(tuple(moved), lamps):
+            self.version += 1
+
     def set_surfaces(self, surfaces: SurfacesByObject) -> None:
         """Set descriptions of objects' surfaces, by name, which replace those of the scene's file. Raises LoadError if
         an image cannot be used."""
@@ -424,7 +429,8 @@ class Deform:
             raise ValueError("nothing is ready to be drawn: expected some steps of work before")
         if self._state is None or self._state.version != self.version:
             known = self._layers_of, self._lobes, self._errors, self._details, self._missing_casters()
-            state = ShadingState(self.version, self.scene, self._light, self._sky, *known, gloss=self.gloss)
+            scene = self._between.lit_scene(self.scene)
+            state = ShadingState(self.version, scene, self._light, self._sky, *known, gloss=self.gloss)
             if self._n_lobes != UNSHADOWED:
                 assert self._points is not None
                 opaque = tuple(i for i in self._alone if not self._surface_of(i).kind)

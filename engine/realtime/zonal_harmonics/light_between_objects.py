@@ -20,6 +20,8 @@ from engine.realtime.zonal_harmonics.neighbours import (
 )
 from engine.realtime.zonal_harmonics.object_transfer import ORDER
 from engine.realtime.zonal_harmonics.picture_renderer import PictureRenderer, ShadingState, shade_own_light
+from engine.realtime.zonal_harmonics.pose import Poses
+from engine.realtime.zonal_harmonics.posed_scene import pose_scene
 from engine.realtime.zonal_harmonics.shading import BandLight, band_light
 from engine.scene.scene_loader import Scene
 
@@ -31,13 +33,33 @@ class LightBetweenObjects:
     """Light between objects, of which some are `alone`: their transfer contains only themselves."""
 
     def __init__(self) -> None:
-        self._paths: tuple[tuple[int, ...], LightPaths] | None = None
+        self._paths: tuple[tuple[object, ...], LightPaths] | None = None
+        self._moved: tuple[str, ...] = ()
+        self._lamps: Poses = ()
+        self._lit: tuple[Scene, Scene] | None = None
         self._lights: Mapping[int, BandLight] = {}
         self._added: Float32Array | None = None
 
+    def set_moved(self, moved: tuple[str, ...], lamps: Poses) -> bool:
+        """Set the names of objects that stand elsewhere than at rest, which block no light there, and the transforms
+        of emitters; returns whether they are others than before."""
+        if (moved, lamps) == (self._moved, self._lamps):
+            return False
+        self._moved, self._lamps, self._lit = moved, lamps, None
+        return True
+
+    def lit_scene(self, scene: Scene) -> Scene:
+        """The scene at rest with its emitters where they shine; the same one as long as both are."""
+        if self._lit is None or self._lit[0] is not scene:
+            self._lit = scene, pose_scene(scene, self._lamps)
+        return self._lit[1]
+
     def has_paths(self, alone: tuple[int, ...]) -> bool:
         """Whether it has been traced where light goes between objects, with these alone."""
-        return self._paths is not None and self._paths[0] == alone
+        return self._paths is not None and self._paths[0] == self._made_of(alone)
+
+    def _made_of(self, alone: tuple[int, ...]) -> tuple[object, ...]:
+        return alone, self._moved, self._lamps
 
     def take_over_points(self, nearest: NDArray[np.integer] | None) -> None:
         """Forget the paths of points that are made anew; nearest (P,): the former points nearest to the new ones, whose
@@ -48,8 +70,9 @@ class LightBetweenObjects:
 
     def trace(self, scene: Scene, points: BendingPoints, alone: tuple[int, ...]) -> Generator[float, None, None]:
         """Trace where light goes between objects, see `neighbours`; yields the share done."""
-        paths = yield from trace_light_paths(scene, points, alone, ORDER)
-        self._paths = alone, paths
+        made_of, away = self._made_of(alone), [i for i, name in enumerate(scene.object_names) if name in self._moved]
+        paths = yield from trace_light_paths(self.lit_scene(scene), points, alone, ORDER, away)
+        self._paths = made_of, paths
 
     def added_to(
         self, state: ShadingState, pictures: PictureRenderer, points: BendingPoints,

@@ -10,7 +10,7 @@ anew.
 
 from __future__ import annotations
 
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Collection, Generator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -94,13 +94,14 @@ class LightPaths:
 
 
 def trace_light_paths(
-    scene: Scene, points: BendingPoints, alone: Sequence[int], order: int
+    scene: Scene, points: BendingPoints, alone: Sequence[int], order: int, away: Sequence[int] = ()
 ) -> Generator[float, None, LightPaths]:
-    """Trace them; alone: the objects whose transfer contains only themselves. Yields the share that is done."""
+    """Trace them; scene: with emitters where they shine; alone: the objects whose transfer contains only themselves;
+    away: those that stand elsewhere than at rest, and block no light there. Yields the share that is done."""
     n_objects = len(scene.smooth)
     lamps = {i: lamp_samples(scene, i) for i in np.flatnonzero(scene.emitters).tolist()}
     lit_objects = [i for i in range(n_objects) if scene.reflecting[i] and i not in alone]
-    everything = tuple(range(n_objects))
+    everything = tuple(i for i in range(n_objects) if i not in away)
     parts, lit = list[tuple[NDArray, ...]](), [np.zeros(0, np.int64)]
     of_lamps, shares = [np.zeros((0, len(lamps), 3))], [np.zeros((0, len(lamps)))]
     for done, i in enumerate(lit_objects):
@@ -112,7 +113,8 @@ def trace_light_paths(
         radiance, share = _lamp_light(points, i, list(lamps.values()), everything)
         of_lamps.append(radiance)
         shares.append(share)
-    probes = {i: _probe(scene, points, i, alone, lamps, order) for i in alone if scene.reflecting[i]}
+    hidden = {*alone, *away}
+    probes = {i: _probe(scene, points, i, hidden, lamps, order) for i in alone if scene.reflecting[i]}
     yield 1.0
     emitters = {i: (samples, lamp_samples(scene, i, N_MOVING_SAMPLES)) for i, samples in lamps.items()}
     arrives = np.concatenate(of_lamps), np.concatenate(shares)
@@ -277,14 +279,15 @@ def _blocked(caster: RayCaster, places: Float64Array, place: Float64Array) -> ND
 
 
 def _probe(
-    scene: Scene, points: BendingPoints, i: int, alone: Sequence[int], lamps: Mapping[int, list[LampSample]], order: int
-) -> Probe:
+    scene: Scene, points: BendingPoints, i: int, hidden: Collection[int], lamps: Mapping[int, list[LampSample]],
+    order: int,
+) -> Probe:  # fmt: skip
     """What is around the middle of an object, without those whose shadows move, and without its own emission."""
     first, last = scene.vertex_ranges[i]
     vertices = scene.vertices[first:last].astype(np.float64)
     middle = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
     shown = set(np.unique(points.surface.i_object).tolist())
-    others = tuple(sorted(shown.difference((i, *alone))))
+    others = tuple(sorted(shown.difference((i, *hidden))))
     directions = geodesic(PROBE_LEVEL).centres.astype(np.float32)
     if not others:
         none = np.zeros(0, np.float32)

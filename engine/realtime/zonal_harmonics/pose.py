@@ -1,4 +1,4 @@
-"""A mesh in a pose: a sequence of deformers, and the axes that its points get [Sloan05, 5].
+"""A mesh in a pose: a sequence of deformers and a transform, and the axes that its points get [Sloan05, 5].
 
 The Jacobian of the whole sequence, by the chain rule, transforms tangents; its cofactors transform normals and need no
 inverse: where space collapses, a point keeps as much of its axes as possible.
@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from engine.core.errors import InsituError
 from engine.core.threads import even_parts, on_threads
 from engine.realtime.deformers import KINDS
+from engine.scene.transform import Transform
 
 Float64Array = NDArray[np.float64]
 
@@ -43,6 +44,11 @@ class Deformation:
         if self.axis not in AXES:
             raise ValueError(f"axis {self.axis!r}, expected one of x, y, z")
 
+    @property
+    def is_identity(self) -> bool:
+        """Whether it deforms nothing."""
+        return self.amount == 0.0
+
 
 @dataclass(frozen=True)
 class Moment:
@@ -55,14 +61,20 @@ class Moment:
         if not isfinite(self.time):
             raise ValueError(f"time {self.time:g}, expected a finite number of seconds")
 
+    @property
+    def is_identity(self) -> bool:
+        """Never: the pose of the file may be that of no time."""
+        return False
 
-Motion = tuple[Moment | Deformation, ...]  # the steps that pose an object, in order; a moment comes first
+
+# The steps that pose an object, in order: at most one moment comes first, at most one transform last.
+Motion = tuple[Moment | Deformation | Transform, ...]
 Poses = tuple[tuple[str, Motion], ...]  # by object name
 
 
 def without_identity(poses: Sequence[tuple[str, Motion]]) -> Poses:
-    """Remove what moves nothing: deformers of amount 0 and objects without any."""
-    rows = ((name, tuple(each for each in row if isinstance(each, Moment) or each.amount)) for name, row in poses)
+    """Remove what moves nothing: deformers of amount 0, identity transforms, and objects without others."""
+    rows = ((name, tuple(each for each in row if not each.is_identity)) for name, row in poses)
     return tuple((name, row) for name, row in rows if row)
 
 
@@ -102,6 +114,13 @@ def deform(pose: Pose, deformations: Sequence[Deformation], box: Float64Array | 
 
     on_threads(part, *even_parts(len(positions)))
     return Pose(positions, deformed_frames(pose.frames, jacobians))
+
+
+def transformed(pose: Pose, transform: Transform, pivot: Float64Array) -> Pose:
+    """Apply a transform about a pivot (3,)."""
+    linear = transform.linear
+    positions = (pose.positions - pivot) @ linear.T + (pivot + transform.translation)
+    return Pose(positions, deformed_frames(pose.frames, np.broadcast_to(linear, pose.frames.shape)))
 
 
 def largest_growth(deformations: Sequence[Deformation]) -> float:

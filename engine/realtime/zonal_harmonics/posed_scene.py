@@ -1,14 +1,20 @@
-"""A scene with objects in other poses: the same triangles, with vertices and normals moved by animations and deformers.
+"""A scene with objects in other poses: the same triangles, with vertices and normals moved by animations, deformers and
+transforms.
 
 An animation from the object's file poses its mesh at a time: morph targets, then the skin [glTF20, 3.7, 3.11]. Each
 vertex moves by the sum of the displacements of its bones and targets relative to rest, so that a mesh at rest stays
 bit-identical. Axes are transformed from the mesh at rest to the accessors' mesh, then by the Jacobian of the morph
 targets (differences over the triangles), and then by the mean of the bones' linear parts; normals use the mean of their
 inverse transposes. The variation of weights along the surface is ignored, as usual [Sloan05, 5].
+
+A transform comes last. With the vertices it moves all that belongs to the object's own frame: the transform in the
+scene's description, so cones of spots and tangents, the box that images are projected from, and the file's tangents.
+The scene is then the one whose file has the object there.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -26,12 +32,14 @@ from engine.realtime.zonal_harmonics.pose import (
     check_extent,
     deform,
     deformed_frames,
+    transformed,
 )
 from engine.scene.loaders.gltf_nodes import matrix_of
 from engine.scene.mesh import face_normals
 from engine.scene.rig import PATHS, Clip, Rig, Track, morph_weight, normal_matrices
 from engine.scene.scene_loader import MAX_EXTENT, Scene
 from engine.scene.tangents import object_tangents
+from engine.scene.transform import Transform
 
 Float64Array = NDArray[np.float64]
 Values = dict[tuple[int, str], Float64Array]
@@ -55,22 +63,60 @@ def pose_scene(scene: Scene, poses: Poses) -> Scene:
     if not moving:
         return scene
     vertices, normals = scene.vertices.copy(), scene.normals.copy()
+    placed = dict[int, Float64Array]()
     for i, row in moving:
         rest, moment = animate_vertices(scene, i, row)
         shift = animation_offset(rest, moment)
         which = np.unique(scene.triangles[slice(*scene.triangle_ranges[i])])
         mine = which - scene.vertex_ranges[i, 0]
-        box = Pose(rest.positions[mine], rest.frames[mine]).box + shift
-        pose = deform(Pose(moment.positions[mine], moment.frames[mine]), deformers(row), box)
+        box, transform = resting_box(scene, i), transform_of(row)
+        pose = deform(Pose(moment.positions[mine], moment.frames[mine]), deformers(row), box + shift)
+        if transform is not None:
+            pose = transformed(pose, transform, box.mean(axis=0))
+            placed[i] = transform.matrix(box.mean(axis=0))
         check_extent(scene.object_names[i], pose.positions, MAX_EXTENT)
         vertices[which], normals[which] = pose.positions, pose.frames[:, 2]
     geometric, solid = face_normals(vertices, scene.triangles)
     geometric = np.where(solid[:, None], geometric, scene.geometric_normals)
-    return replace(scene, vertices=vertices, normals=normals, geometric_normals=geometric.astype(np.float32))
+    posed = replace(scene, vertices=vertices, normals=normals, geometric_normals=geometric.astype(np.float32))
+    return _with_frames(posed, placed) if placed else posed
+
+
+def _with_frames(scene: Scene, placed: Mapping[int, Float64Array]) -> Scene:
+    """The scene with the frames of objects, by index, under further transforms (4, 4) in the frame of its arrays."""
+    objects, boxes = list(scene.description.objects), scene.boxes.copy()
+    tangents = None if scene.tangents is None else scene.tangents.copy()
+    to_world, from_world = np.eye(4), np.eye(4)
+    to_world[:3, 3], from_world[:3, 3] = scene.origin, -scene.origin
+    for i, matrix in placed.items():
+        in_file = np.reshape(objects[i].transform, (4, 4))
+        in_world = to_world @ matrix @ from_world @ in_file
+        objects[i] = objects[i].model_copy(update={"transform": tuple(in_world.ravel().tolist())})
+        # Points go back to where they were before they meet the box.
+        boxes[i] = boxes[i] @ np.linalg.inv(matrix)
+        if tangents is not None:
+            own = tangents[slice(*scene.triangle_ranges[i])]
+            along = own[..., :3] @ matrix[:3, :3].T
+            length = np.linalg.norm(along, axis=-1, keepdims=True)
+            own[..., :3] = along / np.where(length > 0.0, length, 1.0)
+    description = scene.description.model_copy(update={"objects": tuple(objects)})
+    return replace(scene, description=description, boxes=boxes, tangents=tangents)
+
+
+def resting_box(scene: Scene, i: int) -> Float64Array:
+    """The bounding box (2, 3) of object i in the scene's file, in the frame of the arrays; its centre is the pivot of
+    transforms."""
+    corners = scene.vertices[scene.triangles[slice(*scene.triangle_ranges[i])].ravel()].astype(np.float64)
+    return np.stack([corners.min(axis=0), corners.max(axis=0)])
+
+
+def transform_of(row: Motion) -> Transform | None:
+    """The transform of a motion, None where it has none."""
+    return next((each for each in row if isinstance(each, Transform)), None)
 
 
 def deformers(row: Motion) -> list[Deformation]:
-    """The deformers of a motion, without its moment."""
+    """The deformers of a motion alone."""
     return [each for each in row if isinstance(each, Deformation)]
 
 

@@ -10,11 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from app.document.commands import SetTransform
 from app.document.commands.curves import SetOperators
 from app.document.commands.light import SetRotation
 from app.document.view_state import SetView, Viewpoint
 from app.editor.editor import Editor
 from app.messages.worker_messages import OpenScene
+from app.operators.arrange import Move
 from app.operators.camera import MoveCamera
 from app.operators.curve_drawing import CurvePoints, CurveStroke
 from app.operators.edits import Deform
@@ -33,6 +35,7 @@ RUN_BY_EDITOR = sorted(name for name, each in OPERATORS.items() if each.run is n
 # What an operator is carried out with here; the others have a default.
 VALUES: dict[str, Any] = {
     "set": {"pot.1.alpha": 0.37, "light.intensity": 2.0}, "select": "floor", "deform": Deform(object="pot", bend=20.0),
+    "move": Move(object="pot", by=(0.1, 0.0, 0.0)),
     "rotate": 75.0, "accuracy": 0.0, "override": {"lights": 600}, "view": "AgX", "rename_view": ("View 1", "Spout"),
     "mode": "orbit", "lobe": (2, 3), "resolution": (24, 16), "camera": MoveCamera(orbit=(30.0, 10.0), dolly=0.5),
     "measured": MeasuredFile(file="velvet.binary"), "material_file": MaterialFile(file="wood.mtlx", material="oak"),
@@ -44,13 +47,14 @@ VALUES: dict[str, Any] = {
 @pytest.fixture
 def worked(client: FakeClient) -> Editor:
     """An editor in which all can be done: an edited curve whose operator is selected, a camera that was moved, a saved
-    view, an animation, and something to undo."""
+    view, an animation, a moved object, and something to undo."""
     editor = Editor(client, "shelf")
     boxes = np.array([[[-1, -1, -1], [1, 1, 1]]] * 3, float)
     client.open_scene(animations=((Animation("flap", 1.2),), (), ()), boxes=boxes)
     editor.tick(0.0)
     editor.select("pot.1.theta_h")
     editor.do(SetOperators("pot.1", "theta_h", (LIFT,)))
+    editor.do(SetTransform("pot", (0.5, 0.0, 0.0)))
     editor.do(SetRotation(50.0))
     editor.do(SetView.of(operator=0, fit=False, zoom=3.0))
     tilted = orbit_camera(editor.camera_history.camera, 0.3, 0.4).model_copy(update={"up": (0.3, 1.0, 0.0)})

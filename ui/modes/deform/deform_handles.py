@@ -16,14 +16,12 @@ from numpy.typing import NDArray
 
 from app.document.commands import SetDeformer
 from app.document.view_state import SetView
-from engine.core.camera import camera_frame, project
 from engine.realtime.deformers import KINDS
 from engine.realtime.zonal_harmonics.pose import AXES, Deformation, Pose, deform
-from engine.scene.camera_moves import distance
 from ui import theme as look
 from ui.panels.actions import Action
 from ui.panels.context import PanelContext
-from ui.panels.picture_overlays import PictureHandle, Place
+from ui.panels.picture_handles import PictureHandle, Place, on_screen, value_at
 from ui.panels.viewport_layout import PictureRect
 
 PARTS = ("Path traced", "Not rotated", "Deform")
@@ -77,27 +75,27 @@ Float64Array = NDArray[np.float64]
 
 N_LINE = 33
 BESIDE = 0.07  # of the height, between grips that would overlap
-_ROUNDS, _STEP = 4, {"degrees": 0.5, "": 0.005}
+_STEP = {"degrees": 0.5, "": 0.005}
 _FURTHEST = {"degrees": 15.0, "": 0.15}  # the most that an amount changes in a step
-_NEAREST = 1e-3  # of the distance to the target
 
 
 def _grips(context: PanelContext, placed: PictureRect) -> list[PictureHandle]:
     """The handles of the selected object, where it is visible."""
     selected = context.view.selected
-    box = None if selected is None else context.box_of(selected.object)
+    box = None if selected is None else context.resting_box_of(selected.object)
     if selected is None or box is None or not np.isfinite(box).all():
         return []
+    state = context.document.object(selected.object)
+    matrix, row = state.transform.matrix(box.mean(axis=0)), state.deformations
     box = box + dict(getattr(context.status, "carried", ())).get(selected.object, (0.0, 0.0, 0.0))
-    row = context.document.object(selected.object).deformations
     found = []
     for index, deformation in enumerate(row):
-        line = _on_screen(context, placed, _posed(box, row, _axis(box, row, index)))
+        line = on_screen(context, placed, _posed(box, row, matrix, _axis(box, row, index)))
         if line is None:
             continue
         kind = KINDS[deformation.kind]
         amount = f"{deformation.amount:.1f}°" if kind.unit == "degrees" else f"{deformation.amount:.3f}"
-        drag = partial(_dragged_grip, context, placed, selected.object, box, row, index)
+        drag = partial(_dragged_grip, context, placed, selected.object, box, row, matrix, index)
         places = [(float(x), float(y)) for x, y in line]
         label = f"{deformation.kind} {selected.object}"
         found.append(
@@ -125,19 +123,10 @@ def _axis(box: Float64Array, row: tuple[Deformation, ...], index: int) -> Float6
     return line
 
 
-def _posed(box: Float64Array, row: tuple[Deformation, ...], points: Float64Array) -> Float64Array:
-    """Points (N, 3) after the row of deformers."""
+def _posed(box: Float64Array, row: tuple[Deformation, ...], matrix: Float64Array, points: Float64Array) -> Float64Array:
+    """Points (N, 3) after the row of deformers and the object's transform (4, 4)."""
     frames = np.broadcast_to(np.eye(3), (len(points), 3, 3))
-    return deform(Pose(points, frames), row, box).positions
-
-
-def _on_screen(context: PanelContext, placed: PictureRect, points: Float64Array) -> Float64Array | None:
-    """Points (N, 3) on screen (N, 2); None where one is beside or behind the camera."""
-    towards = points - np.array(context.camera.position)
-    if not (towards @ camera_frame(context.camera)[2] > _NEAREST * distance(context.camera)).all():
-        return None
-    size = max(round(placed.width), 1), max(round(placed.height), 1)
-    return np.asarray(project(context.camera, size, towards) + (placed.x, placed.y))
+    return deform(Pose(points, frames), row, box).positions @ matrix[:3, :3].T + matrix[:3, 3]
 
 
 def _dragged_grip(
@@ -146,6 +135,7 @@ def _dragged_grip(
     name: str,
     box: Float64Array,
     row: tuple[Deformation, ...],
+    matrix: Float64Array,
     index: int,
     to: Place,
 ) -> list[Action]:
@@ -155,20 +145,8 @@ def _dragged_grip(
 
     def seen(amount: float) -> Float64Array | None:
         changed = (*row[:index], replace(deformation, amount=amount), *row[index + 1 :])
-        found = _on_screen(context, placed, _posed(box, changed, grip))
+        found = on_screen(context, placed, _posed(box, changed, matrix, grip))
         return None if found is None else np.asarray(found[0])
 
-    (low, high), amount = kind.limits, deformation.amount
-    for _ in range(_ROUNDS):
-        step = _STEP[kind.unit] if amount + _STEP[kind.unit] <= high else -_STEP[kind.unit]
-        here, there = seen(amount), seen(amount + step)
-        if here is None or there is None:
-            break
-        slope = (there - here) / step
-        steepness = float(slope @ slope)
-        if steepness < 1e-6:  # it moves towards the camera: the pointer does not determine the amount
-            break
-        wanted = float(slope @ (np.array(to) - here)) / steepness
-        furthest = _FURTHEST[kind.unit]
-        amount = min(max(amount + min(max(wanted, -furthest), furthest), low), high)
+    amount = value_at(seen, deformation.amount, to, _STEP[kind.unit], _FURTHEST[kind.unit], kind.limits)
     return [SetDeformer(name, index, amount=amount)] if amount != deformation.amount else []

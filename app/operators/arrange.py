@@ -1,0 +1,68 @@
+"""Operators that place objects and lamps by hand: handles over the picture, and moves by numbers in scripts."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from app.document.commands.poses import MoveObject, SetTransform
+from app.editor.editor import Editor
+from app.operators.operator import OBJECT, Gesture, Need, Operator, OperatorContext, ScriptKey, ValueRecord
+from engine.scene.description import Number, Text, Vector
+
+
+class Move(ValueRecord):
+    """An object, and by how much it is moved, rotated and scaled from where it is."""
+
+    object: Annotated[Text, Field(description="Which one is moved.")]
+    by: Annotated[Vector, Field(description="Metres along the axes of the world.")] = (0.0, 0.0, 0.0)
+    rotate: Annotated[Vector, Field(description="Degrees about the world's X, then Y, then Z, through its pivot.")] = (
+        0.0, 0.0, 0.0
+    )  # fmt: skip
+    scale: Annotated[Number | Vector, Field(description="One factor, or one along each axis.")] = 1.0
+
+    @model_validator(mode="after")
+    def _moves(self) -> Move:
+        if not self.model_fields_set & {"by", "rotate", "scale"}:
+            raise ValueError("object, and at least one of by, rotate, scale")
+        return self
+
+    @property
+    def command(self) -> MoveObject:
+        """The edit."""
+        scale = self.scale if isinstance(self.scale, tuple) else (self.scale, self.scale, self.scale)
+        return MoveObject(self.object, self.by, self.rotate, scale)
+
+
+def _has_moved(context: OperatorContext) -> bool:
+    selected = context.view.selected
+    return selected is not None and not context.document.object(selected.object).transform.is_identity
+
+
+def _put_back(editor: Editor, value: None) -> str | None:
+    selected = editor.view.selected
+    return None if selected is None else editor.do(SetTransform(selected.object))
+
+
+MOVED = Need("select an object that was moved", _has_moved)
+
+ARRANGE = (
+    Operator(
+        "move", lambda editor, move: editor.do(move.command),
+        script=ScriptKey(Move, "Moves, rotates and scales an object from where it is: see below."),
+    ),
+    Operator(
+        "gizmo_move", keys=("V",), help="Move the selected object by handles in the picture", entry="Move",
+        needs=OBJECT,
+    ),
+    Operator("gizmo", script=ScriptKey(
+        Literal["move", "rotate", "scale", "none"], "Shows handles of the selected object, which `drag` takes by name."
+    )),
+    Operator("gizmo_rotate", keys=("R",), help="Rotate it", entry="Rotate", needs=OBJECT),
+    Operator("gizmo_scale", keys=("Z",), help="Scale it", entry="Scale", needs=OBJECT),
+    Operator(
+        "put_back", _put_back, help="Where the scene's file has the object.", entry="Put back", needs=MOVED, waits=True
+    ),
+    Gesture("Ctrl drag", "Snap: 0.1 m, 15°, tenths"),
+)  # fmt: skip
