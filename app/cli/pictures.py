@@ -99,8 +99,13 @@ def render(
     ] = None,
     scheduler: Scheduler = None,
     accuracy: Accuracy = None,
+    aovs: Annotated[
+        bool, typer.Option("--aovs", help="With layers: each light, direct and indirect light, masks, normals, depth.")
+    ] = False,
 ) -> int:
     """Render a picture with the editor's engine, without a window."""
+    if aovs:
+        _check_layers(output, mode, reference, turntable, frames)
     if reference and mode is not StillMode.PLACEMENT:
         raise InsituError(f"--mode {mode.value} --reference: brute force is their reference, expected one of them")
     if mode is not StillMode.PLACEMENT and (series is not None or lights != N_LIGHTS):
@@ -139,12 +144,15 @@ def render(
         raise InsituError(
             f"--scheduler {scheduler}: one picture is drawn here, expected --turntable or --frames as well"
         )
-    how = {"reference": reference, "series": chosen, "n_samples": samples, "mode": mode.value, **settings}
-    return _still(words, output, view, how)
+    how = {"series": chosen, **settings}
+    if not aovs:
+        how |= {"reference": reference, "n_samples": samples, "mode": mode.value, "estimates_error": True}
+    return _still(words, output, view, how, aovs)
 
 
-def _still(words: ProjectSpec, output: Path, view: str | None, how: Mapping[str, Any]) -> int:
-    """Draw one picture; how: as `render_project` takes it."""
+def _still(words: ProjectSpec, output: Path, view: str | None, how: Mapping[str, Any], aovs: bool) -> int:
+    """Draw one picture, with its layers or without; how: as `render_layers` or `render_project` takes it."""
+    from app.stills.picture_layers import render_layers
     from app.stills.stills import StillProgress, check_output, render_project, write_picture
     from engine.core.clamping import TOO_BRIGHT, is_clamped
 
@@ -163,12 +171,12 @@ def _still(words: ProjectSpec, output: Path, view: str | None, how: Mapping[str,
             noise = step.noise
             report(step.fraction, step.text)
 
-        still = render_project(project, follow, estimates_error=True, **how)
+        still = (render_layers if aovs else render_project)(project, follow, **how)
     print_project_notes(project)
     picture, error = still.picture, still.error
     remains = "" if noise is None else f"noise {noise:.2%}"
     said = remains if error is None else error.text
-    write_picture(output, picture, shown or project.view, said)
+    write_picture(output, picture, shown or project.view, said, still.layers)
     if is_clamped(picture):
         print(TOO_BRIGHT, file=sys.stderr)
     line = f"{output}: {picture.shape[1]} x {picture.shape[0]}, {time.monotonic() - started:.1f} s"
@@ -178,6 +186,18 @@ def _still(words: ProjectSpec, output: Path, view: str | None, how: Mapping[str,
     if still.warning:
         print_line(f"note: {still.warning}")
     return 0
+
+
+def _check_layers(output: Path, mode: StillMode, reference: bool, turntable: int | None, frames: int | None) -> None:
+    """Refuse what has no layers."""
+    if output.suffix.lower() != ".exr":
+        raise InsituError(f"--aovs: {output} holds one picture, expected a name that ends in .exr")
+    others = {
+        f"--mode {mode.value}": mode is not StillMode.PLACEMENT, "--reference": reference,
+        f"--turntable {turntable}": turntable is not None, f"--frames {frames}": frames is not None,
+    }  # fmt: skip
+    for other in (name for name, is_given in others.items() if is_given):
+        raise InsituError(f"--aovs {other}: layers are those of one picture of Placement, expected one of them")
 
 
 def _settings_at(accuracy: float, mode: StillMode, reference: bool, chosen: Mapping[str, int]) -> Mapping[str, int]:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal
@@ -25,7 +26,7 @@ from engine.core.errors import InsituError
 from engine.core.generators import StillProgress, run_to_end
 from engine.material.layer import Layer, object_of
 from engine.planner import Plan, plan_scene
-from engine.precompute.direct.pipeline import Placement
+from engine.precompute.direct.pipeline import Placement, Quality, SkyState
 from engine.precompute.indirect.sampling_settings import STILL, BounceSeries
 from engine.realtime.stills import render_deform, render_orbit
 from engine.realtime.triple_product.orbit_engine import Orbit
@@ -33,7 +34,7 @@ from engine.realtime.zonal_harmonics.deform_engine import Deform
 from engine.realtime.zonal_harmonics.transfer import N_RAYS as DEFORM_RAYS
 from engine.reference.path_tracer import N_SAMPLES
 from engine.render.bounce_plan import planned_bounces
-from engine.render.display import exr_bytes, png_bytes
+from engine.render.display import PictureLayer, exr_bytes, png_bytes
 from engine.render.error_estimate import estimate_drawn_errors, estimate_error
 from engine.render.light_pilot import with_light_budget
 from engine.render.picture_error import ErrorEstimate
@@ -80,11 +81,12 @@ def check_output(path: Path, endings: tuple[str, ...] = ENDINGS) -> Path:
 @dataclass(frozen=True, eq=False)
 class Still:
     """Linear radiance (H, W, 3), and its estimated error, None where that was not requested. warning: about light that
-    is left out, else ""."""
+    is left out, else ""; layers: besides the picture itself, where they were requested."""
 
     picture: NDArray[np.float32]
     error: ErrorEstimate | None = None
     warning: str = ""
+    layers: tuple[PictureLayer, ...] = ()
 
 
 def render_picture(
@@ -109,41 +111,86 @@ def render_project(
     which knows its noise. caster: the ray caster of the scene's triangles, where there is one already; settings: those
     that differ from `STILL_SETTINGS`, the numbers of lights and patches at most (`engine.render.light_pilot`).
     """
-    sky, chosen = project.sky, still_settings(project, mode, settings)
-    plan = plan_still(project, chosen)
-    placement = Placement(project.scene, caster, plan.n_edge_rays)
-    wanted = series.n_bounces if series else chosen_bounces(project, plan)
-    bounces = planned_bounces(placement, project.indexed_layers, wanted)
-    series = series or BounceSeries(bounces.n_bounces)
-    intensity, error, indirect, noise = np.float64(project.document.light.intensity), None, None, None
+    chosen = still_settings(project, mode, settings)
+    parts = still_parts(project, chosen, series, caster)
+    placement, layers, series, warning = parts.placement, parts.layers, parts.series, parts.warning
     if reference:
         steps = _reference(placement, project, series.n_bounces, n_samples)
-        return Still(clamp_radiance(run_to_end(steps, report) * intensity, BRIGHTEST), warning=bounces.warning)
-    layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
+        return Still(with_intensity(project, run_to_end(steps, report)), warning=warning)
     if mode != "placement":
         how = report, placement, layers, series, chosen
-        return _real_time_still(project, mode, *how, estimates_error, bounces.warning)
-    series = replace(series, first=series.first or project.document.first_bands)
-    limited = first_bounce_layers(layers, series)
-    if not series.whole_direct:
-        layers = limited
-    if series.n_bounces > 1:
-        n_rays = plan.settings.n_hemisphere_rays
-        fineness, as_needed = STILL.with_rays(n_rays), not n_rays
-        found = run_to_end(find_indirect(placement, limited, sky, series, fineness, as_needed), report)
-        bands = series.second, series.third
-        indirect = run_to_end(reflected_light(found, limited, bands[0], placement.hits, third=bands[1]))
-        noise = run_to_end(noise_in(found, limited, *bands)) if estimates_error else None
-    plan = run_to_end(with_light_budget(placement, layers, sky, plan))
-    quality = still_quality(plan)
+        return _real_time_still(project, mode, *how, estimates_error, warning)
+    sky, error = project.sky, None
+    layers = parts.direct_layers
+    indirect, noise = parts.indirect(placement, sky, report, estimates_error)
+    quality = parts.quality(placement, sky)
     radiance = run_to_end(reflect_layers(placement, layers, sky, quality, indirect), report)
     if estimates_error:
         estimating = estimate_error(
             placement, layers, sky, quality, series.n_bounces, radiance, indirect, noise=noise
         )  # fmt: skip
         error = run_to_end(estimating, report)
-    picture = compose(placement, radiance, sky)
-    return Still(clamp_radiance(picture * intensity, BRIGHTEST), error, bounces.warning)
+    return Still(with_intensity(project, compose(placement, radiance, sky)), error, warning)
+
+
+def with_intensity(project: Project, picture: NDArray[np.floating]) -> NDArray[np.float32]:
+    """A picture (H, W, 3) times the intensity of the project's light, clamped to what a picture holds."""
+    return clamp_radiance(picture * np.float64(project.document.light.intensity), BRIGHTEST)
+
+
+@dataclass(frozen=True, eq=False)
+class StillParts:
+    """What a still is computed from. layers: with their images, and the plan's bands; warning: about light that is left
+    out, else ""."""
+
+    placement: Placement
+    plan: Plan
+    layers: tuple[StillLayer, ...]
+    series: BounceSeries
+    warning: str
+
+    @cached_property
+    def limited(self) -> tuple[StillLayer, ...]:
+        """The layers as the first number of the series limits them."""
+        return first_bounce_layers(self.layers, self.series)
+
+    @property
+    def direct_layers(self) -> tuple[StillLayer, ...]:
+        """The layers that reflect direct light."""
+        return self.layers if self.series.whole_direct else self.limited
+
+    def indirect(
+        self, placement: Placement, sky: SkyState, report: Report, finds_noise: bool
+    ) -> tuple[NDArray[np.float32] | None, float | None]:
+        """Indirect light (P, 3) of a placement's emitters and a sky, None where the series has one bounce; and its
+        noise, RMS radiance, None where it is not asked for."""
+        series = self.series
+        if series.n_bounces == 1:
+            return None, None
+        n_rays = self.plan.settings.n_hemisphere_rays
+        fineness, as_needed = STILL.with_rays(n_rays), not n_rays
+        found = run_to_end(find_indirect(placement, self.limited, sky, series, fineness, as_needed), report)
+        light = run_to_end(reflected_light(found, self.limited, series.second, placement.hits, third=series.third))
+        noise = run_to_end(noise_in(found, self.limited, series.second, series.third)) if finds_noise else None
+        return light, noise
+
+    def quality(self, placement: Placement, sky: SkyState) -> Quality:
+        """How finely the direct light of a placement's emitters and a sky is computed."""
+        return still_quality(run_to_end(with_light_budget(placement, self.direct_layers, sky, self.plan)))
+
+
+def still_parts(
+    project: Project, settings: RenderSettings, series: BounceSeries | None = None, caster: RayCaster | None = None
+) -> StillParts:
+    """The parts of a project's still; arguments: see `render_project`."""
+    plan = plan_still(project, settings)
+    placement = Placement(project.scene, caster, plan.n_edge_rays)
+    wanted = series.n_bounces if series else chosen_bounces(project, plan)
+    bounces = planned_bounces(placement, project.indexed_layers, wanted)
+    series = series or BounceSeries(bounces.n_bounces)
+    series = replace(series, first=series.first or project.document.first_bands)
+    layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
+    return StillParts(placement, plan, layers, series, bounces.warning)
 
 
 def _real_time_still(
@@ -167,8 +214,7 @@ def _real_time_still(
         estimating = estimate_drawn_errors(placement, layers, project.sky, series.n_bounces, [picture])
         (estimated,) = run_to_end(estimating, report)
         error = estimated.estimate
-    intensity = np.float64(project.document.light.intensity)
-    return Still(clamp_radiance(picture * intensity, BRIGHTEST), error, warning)
+    return Still(with_intensity(project, picture), error, warning)
 
 
 def estimate_picture_error(
@@ -258,15 +304,22 @@ def chosen_bounces(project: Project, plan: Plan) -> int | None:
     return project.chosen_bounces or plan.settings.n_bounces or None
 
 
-def write_picture(path: Path, radiance: NDArray[np.float32], view: ToneMapping = "filmic", comment: str = "") -> None:
+def write_picture(
+    path: Path, radiance: NDArray[np.float32], view: ToneMapping = "filmic", comment: str = "",
+    layers: Sequence[PictureLayer] = (),
+) -> None:  # fmt: skip
     """Write a picture to a file, whole or not at all; see `picture_bytes`."""
-    save_file(path, picture_bytes(path, radiance, view, comment))
+    save_file(path, picture_bytes(path, radiance, view, comment, layers))
 
 
-def picture_bytes(path: Path, radiance: NDArray[np.float32], view: ToneMapping = "filmic", comment: str = "") -> bytes:
-    """The bytes of a picture's file: an .exr (linear, 32 bits, with a comment) or a .png (as the viewport shows it)."""
+def picture_bytes(
+    path: Path, radiance: NDArray[np.float32], view: ToneMapping = "filmic", comment: str = "",
+    layers: Sequence[PictureLayer] = (),
+) -> bytes:  # fmt: skip
+    """The bytes of a picture's file: an .exr (linear, 32 bits, with a comment and layers) or a .png (as the viewport
+    shows it, without)."""
     is_png = path.suffix.lower() == ".png"
-    return png_bytes(radiance, tone_mapping=view) if is_png else exr_bytes(radiance, comment)
+    return png_bytes(radiance, tone_mapping=view) if is_png else exr_bytes(radiance, comment, layers)
 
 
 def layers_by_object(project: Project, layers: Mapping[str, Layer] | None = None) -> Mapping[int, tuple[Layer, ...]]:

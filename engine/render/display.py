@@ -14,6 +14,8 @@ from __future__ import annotations
 import io
 import struct
 import zlib
+from collections.abc import Iterable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -87,19 +89,43 @@ def error_to_radiance(share: ArrayLike) -> NDArray[np.float64]:
     return np.asarray((np.asarray(share, np.float64) / MIDDLE_ERROR) ** 2)
 
 
-def exr_bytes(radiance: NDArray[np.float32], comment: str = "") -> bytes:
-    """An OpenEXR file of linear radiance (H, W, 3), all values finite: 32-bit channels R, G, B, ZIP-compressed.
+class PictureLayer(NamedTuple):
+    """A layer of a picture: values (H, W, n), or (H, W) for one channel, and the letters of its channels, such as
+    "RGB", "XYZ" or "Z". The channels are named "name.R" and so on, without a name "R"."""
+
+    name: str
+    letters: str
+    values: NDArray[np.floating]
+
+    def channels(self) -> dict[str, NDArray[np.float32]]:
+        """Each channel (H, W) by its name. Raises ValueError for another number of channels, or values that are not
+        finite."""
+        planes = self.values[..., None] if self.values.ndim == 2 else self.values
+        if planes.ndim != 3 or planes.shape[2] != len(self.letters) or not np.isfinite(planes).all():
+            what = self.name or "radiance"
+            expected = f"(H, W, {len(self.letters)}) and every value finite"
+            raise ValueError(f"{what} has shape {self.values.shape}, expected {expected}")
+        prefix = f"{self.name}." if self.name else ""
+        return {
+            prefix + letter: np.ascontiguousarray(planes[..., i], np.float32) for i, letter in enumerate(self.letters)
+        }
+
+
+def exr_bytes(radiance: NDArray[np.float32], comment: str = "", layers: Iterable[PictureLayer] = ()) -> bytes:
+    """An OpenEXR file of linear radiance (H, W, 3), all values finite: 32-bit channels R, G, B, ZIP-compressed, and
+    those of more layers, whose names differ.
 
     comment: for the file's header, if not empty.
     """
     import OpenEXR
 
-    if radiance.ndim != 3 or radiance.shape[2] != 3 or not np.isfinite(radiance).all():
-        raise ValueError(f"radiance has shape {radiance.shape}, expected (H, W, 3) and every value finite")
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     header |= {"comments": comment} if comment else {}
+    channels: dict[str, NDArray[np.float32]] = {}
+    for layer in (PictureLayer("", "RGB", radiance), *layers):
+        channels |= layer.channels()
     buffer = io.BytesIO()
-    OpenEXR.File(header, {"RGB": np.ascontiguousarray(radiance, np.float32)}).write(buffer)
+    OpenEXR.File(header, channels).write(buffer)
     return buffer.getvalue()
 
 

@@ -181,14 +181,33 @@ def trace_primary_steps(
         object_ranges=np.stack([bounds[:-1], bounds[1:]], axis=1),
         object_image=centres.ids.reshape(height, width).astype(np.int16),
         open_image=background.reshape(height, width),
-        emission_image=_emission_picture(emitting, size),
+        emission_image=emission_picture(emitting, size),
         lamps=emitting,
         ray_directions=directions,
         **{name: np.ascontiguousarray(array[order]) for name, array in points.items()},
     )
 
 
-def _emission_picture(lamps: Lamps, size: tuple[int, int]) -> Float32Array:
+def centre_surfaces(scene: Scene, caster: RayCaster, hits: PrimaryHits) -> tuple[Float64Array, Float64Array]:
+    """Position and normal (H, W, 3) of the surfaces at the pixels' centres, of emitters as well; 0 for the background.
+    Points that reflect have their shading normals, others those of their faces."""
+    width, height = hits.resolution
+    position, normal = np.zeros((2, height * width, 3))
+    rows = hits.row_image.ravel()
+    shaded = np.flatnonzero(rows >= 0)
+    position[shaded], normal[shaded] = hits.position[rows[shaded]], hits.normal[rows[shaded]]
+    others = np.flatnonzero((hits.object_image.ravel() >= 0) & (rows < 0)).astype(np.int32)
+    directions = hits.ray_directions.reshape(-1, 3)[others]
+    rays = _trace_pixels(scene, caster, others, np.zeros((len(others), 2), np.float32), directions, width)
+    met = np.flatnonzero(rays.ids >= 0)
+    position[others[met]] = scene.camera_position + rays.found.distance[met, None].astype(np.float64) * directions[met]
+    faces = scene.geometric_normals[rays.found.triangle[met]]
+    towards = np.einsum("rk,rk->r", faces, directions[met])[:, None] < 0.0
+    normal[others[met]] = np.where(towards, faces, -faces)
+    return position.reshape(height, width, 3), normal.reshape(height, width, 3)
+
+
+def emission_picture(lamps: Lamps, size: tuple[int, int]) -> Float32Array:
     """The picture (H, W, 3) of emitters."""
     image = np.zeros((size[0] * size[1], 3), np.float32)
     np.add.at(image, lamps.pixel, lamps.seen)

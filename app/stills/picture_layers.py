@@ -1,0 +1,195 @@
+"""A still in layers, as compositing programs take them from one OpenEXR file.
+
+| channels | |
+| --- | --- |
+| R, G, B | the picture |
+| direct, indirect | light that surfaces reflect once, and more often |
+| emission | what is seen of lamps and the environment |
+| light_NAME | what one light, or one group of the mix, adds to the picture |
+| albedo | the share of light that surfaces reflect |
+| normal, position (X, Y, Z) and Z | at pixels' centres, in the scene's frame, and the depth along the camera's axis |
+| mask_NAME.A | the share of each pixel that an object covers |
+| error.Y | the estimated error of the picture, relative to its mean |
+
+Light adds up [BenArtzi07, eq. 7.4]: each light is computed alone, with bounces of its own, and the picture is their
+sum. So lights sum to the picture, as direct light, indirect light and emission do, and each may be scaled or coloured
+afterwards. Rejected: light by light from the samples of one solution, whose glossy second bounces are those of all
+lights together.
+
+Names are `layer.channel`, which Nuke and Blender show as layers; Blender's depth is Z as well. In names of objects
+and lights, what is no letter, digit or "-" is "_": a dot would begin another layer.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.document.document import Document
+from app.document.light_mix import emission_of, gains_of, lights_of, mixed_light
+from app.document.light_state import RGB, group_key
+from app.project.project import Project, sky_of
+from app.stills.stills import Report, Still, StillParts, still_parts, still_settings, with_intensity
+from engine.core.generators import StillProgress, run_to_end
+from engine.precompute.direct.pipeline import Placement, SkyState
+from engine.precompute.indirect.sampling_settings import BounceSeries
+from engine.render.data_layers import albedo_layer, object_coverage, point_picture, surface_layers
+from engine.render.display import PictureLayer
+from engine.render.error_estimate import MAP_POINTS, PointErrors, error_map, estimate_point_errors
+from engine.render.still import compose, reflect_layers
+from engine.scene.primary_hits import PrimaryHits, emission_picture
+
+# Share of the time that indirect light takes, for an even progress bar.
+INDIRECT = 0.75
+
+Float64Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class _LitPart:
+    """What some of the lights add: radiance (P, 3) that points reflect, directly and indirectly; emission (H, W, 3):
+    what is seen of them; noise: RMS radiance of that in the indirect light."""
+
+    direct: Float64Array
+    indirect: Float64Array
+    emission: Float64Array
+    noise: float
+
+
+def render_layers(project: Project, report: Report, *, series: BounceSeries | None = None, **settings: Any) -> Still:
+    """A still of a project in Placement with its layers; arguments: see `render_project`."""
+    parts = still_parts(project, still_settings(project, "placement", settings), series)
+    lights = light_groups(project.document)
+    ends = np.linspace(0.0, 1.0, len(lights) + 2)  # of the lights and the error, which take about as long
+    lit = [
+        _lit_part(parts, project, keys, _within(report, begin, end, name))
+        for (name, keys), begin, end in zip(lights.items(), ends[:-2], ends[1:-1], strict=True)
+    ]
+    whole = _sum(parts.placement.hits, lit)
+    errors = _estimated_errors(parts, project.sky, whole, _within(report, ends[-2], 1.0, "error"))
+
+    def shown(part: _LitPart) -> NDArray[np.float32]:
+        """The picture (H, W, 3) of a part."""
+        return with_intensity(project, point_picture(parts.placement.hits, part.direct + part.indirect) + part.emission)
+
+    none = np.zeros_like(whole.direct), np.zeros_like(whole.emission)
+    layers = (
+        PictureLayer("direct", "RGB", shown(replace(whole, indirect=none[0], emission=none[1]))),
+        PictureLayer("indirect", "RGB", shown(replace(whole, direct=none[0], emission=none[1]))),
+        PictureLayer("emission", "RGB", shown(replace(whole, direct=none[0], indirect=none[0]))),
+        *_named("light", "RGB", zip(lights, map(shown, lit), strict=True)),
+        *_data_layers(parts),
+        *_named("mask", "A", zip(project.object_names, object_coverage(parts.placement.hits), strict=True)),
+        PictureLayer("error", "Y", np.nan_to_num(run_to_end(error_map(parts.placement.hits, errors)))),
+    )
+    return Still(shown(whole), errors.estimate, parts.warning, layers)
+
+
+def light_groups(document: Document) -> dict[str, tuple[str, ...]]:
+    """The keys of the lights that are on, by the names of their groups, or by their own where they are in none."""
+    gains, groups = gains_of(document), dict[str, tuple[str, ...]]()
+    emission = dict(emission_of(document))
+    for key in lights_of(document):
+        if not any(emission.get(key, gains[key])):
+            continue
+        name = document.light.row(key).group or key.removeprefix("light.")
+        groups[name] = (*groups.get(name, ()), key)
+    return groups
+
+
+def only_lights(document: Document, keys: Collection[str]) -> Document:
+    """The document with all lights off but these, which are as they were, whatever is solo."""
+    light = document.light
+    groups = {group_key(name) for name in light.groups}
+    rows = {
+        key: replace(light.row(key), solo=False, on=light.row(key).on and key in (*keys, *groups))
+        for key in (*lights_of(document), *groups)
+    }
+    return replace(document, light=light.with_rows(rows))
+
+
+def _lit_part(parts: StillParts, project: Project, keys: Collection[str], report: Report) -> _LitPart:
+    """What these lights add to the picture."""
+    document = only_lights(project.document, keys)
+    sky = sky_of(project.scene, mixed_light(document))
+    placement = _with_emission(parts.placement, dict(emission_of(document)))
+    if not (placement.scene.emission.any() or sky.environment is not None and sky.environment.radiance.any()):
+        return _black(placement.hits)
+    indirect, noise = parts.indirect(placement, sky, _within(report, 0.0, INDIRECT), finds_noise=True)
+    steps = reflect_layers(placement, parts.direct_layers, sky, parts.quality(placement, sky))
+    direct = run_to_end(steps, _within(report, INDIRECT, 1.0))
+    nothing = np.zeros_like(direct)
+    emission = compose(placement, nothing, sky).astype(np.float64)
+    return _LitPart(direct, nothing if indirect is None else indirect.astype(np.float64), emission, noise or 0.0)
+
+
+def _with_emission(placement: Placement, emission: Mapping[str, RGB]) -> Placement:
+    """The placement where emitters have this radiance, by name, and are seen with it."""
+    lit = placement.with_emission(emission)
+    lamps = lit.hits.lamps
+    lamps = lamps._replace(emission=lit.scene.emission[lamps.object])
+    lit.hits = replace(lit.hits, lamps=lamps, emission_image=emission_picture(lamps, lit.hits.resolution))
+    return lit
+
+
+def _black(hits: PrimaryHits) -> _LitPart:
+    """No light."""
+    width, height = hits.resolution
+    direct, indirect = np.zeros((2, len(hits.pixel), 3))
+    return _LitPart(direct, indirect, np.zeros((height, width, 3)), 0.0)
+
+
+def _sum(hits: PrimaryHits, parts: Iterable[_LitPart]) -> _LitPart:
+    """All of the light."""
+    total = _black(hits)
+    for each in parts:
+        total = _LitPart(
+            total.direct + each.direct, total.indirect + each.indirect, total.emission + each.emission,
+            math.hypot(total.noise, each.noise),
+        )  # fmt: skip
+    return total
+
+
+def _estimated_errors(parts: StillParts, sky: SkyState, whole: _LitPart, report: Report) -> PointErrors:
+    """The error of the whole picture at some of its points, as finely as `error_map` needs it."""
+    placement, n_bounces = parts.placement, parts.series.n_bounces
+    indirect, noise = (None, None) if n_bounces == 1 else (whole.indirect, whole.noise)
+    steps = estimate_point_errors(
+        placement, parts.direct_layers, sky, parts.quality(placement, sky), n_bounces, whole.direct + whole.indirect,
+        indirect, n_points=MAP_POINTS, noise=noise,
+    )  # fmt: skip
+    return run_to_end(steps, report)
+
+
+def _data_layers(parts: StillParts) -> tuple[PictureLayer, ...]:
+    surfaces = surface_layers(parts.placement)
+    return (
+        PictureLayer("albedo", "RGB", albedo_layer(parts.placement.hits, parts.layers)),
+        PictureLayer("normal", "XYZ", surfaces.normal),
+        PictureLayer("position", "XYZ", surfaces.position),
+        PictureLayer("", "Z", surfaces.depth),
+    )
+
+
+def _named(kind: str, letters: str, values: Iterable[tuple[str, NDArray[np.floating]]]) -> Iterator[PictureLayer]:
+    """Layers "kind_NAME" whose names differ; what is black is left out."""
+    taken = set[str]()
+    for name, image in values:
+        if image.any():
+            plain = f"{kind}_" + re.sub(r"[^\w-]", "_", name)
+            numbers = (plain, *(f"{plain}_{n}" for n in range(2, len(taken) + 3)))
+            free = next(each for each in numbers if each not in taken)
+            taken.add(free)
+            yield PictureLayer(free, letters, image)
+
+
+def _within(report: Report, begin: float, end: float, text: str = "") -> Report:
+    """Reports the progress of a part of the work, from one fraction of the whole to another."""
+    before = f"{text}: " if text else ""
+    return lambda step: report(StillProgress(begin + (end - begin) * step.fraction, before + step.text))
