@@ -50,6 +50,13 @@ def export(folder: Path, *values: tuple[str, object]) -> tuple[ElementTree.Eleme
     return ElementTree.parse(folder / "out" / "scene.xml").getroot(), notes
 
 
+@pytest.fixture
+def small_tables(monkeypatch: pytest.MonkeyPatch) -> None:
+    """For what is asked of a table besides its accuracy."""
+    monkeypatch.setattr("app.export.materials.ROUND_SHAPE", (1, 8, 9, 8))
+    monkeypatch.setattr("app.export.materials.TURNED_SHAPE", (6, 8, 9, 8))
+
+
 def test_the_folder_holds_all_of_the_scene(tmp_path: Path) -> None:
     root, notes = export(tmp_path, ("ball.coat.scale", 0.4), ("light.intensity", 2.0))
     assert not notes
@@ -92,6 +99,7 @@ def write_measured_scene(folder: Path, **acquisition: object) -> Path:
     return folder / "ball.toml"
 
 
+@pytest.mark.usefixtures("small_tables")
 @pytest.mark.parametrize(
     ("edit", "acquisition", "is_handed_back"),
     [
@@ -114,6 +122,7 @@ def test_a_measurement_is_handed_back(tmp_path: Path, edit: tuple, acquisition: 
         assert bsdf.get("type") == "insitu"
 
 
+@pytest.mark.usefixtures("small_tables")
 def test_a_coat_on_a_measurement_is_written(tmp_path: Path) -> None:
     file = write_measured_scene(tmp_path, n_theta=4, n=8, n_facets=12)
     file.write_text(file.read_text().replace("layer = [", 'layer = [{ model = "clearcoat", name = "coat" }, '))
@@ -122,6 +131,7 @@ def test_a_coat_on_a_measurement_is_written(tmp_path: Path) -> None:
     assert bsdf is not None and bsdf.get("type") == "insitu"
 
 
+@pytest.mark.usefixtures("small_tables")
 def test_images_multiply_tables_in_their_mapping(tmp_path: Path) -> None:
     tint = np.zeros((4, 4, 3), np.uint8)
     tint[:2] = 255, 128, 0
@@ -146,6 +156,7 @@ def test_images_multiply_tables_in_their_mapping(tmp_path: Path) -> None:
         assert not data["vertex_colours_0"]
 
 
+@pytest.mark.usefixtures("small_tables")
 def test_nodes_of_a_map_are_tables_with_their_weights(tmp_path: Path) -> None:
     random = np.random.default_rng(6)
     Image.fromarray(random.integers(0, 256, (8, 8)).astype(np.uint8)).save(tmp_path / "rough.png")
