@@ -16,6 +16,7 @@ from engine.scene.mesh import place_copies
 from engine.scene.primitives import PRIMITIVES, cube
 from engine.scene.punctual_lights import LAMP_RADIUS, lamps_of, suns_of
 from engine.scene.scene_loader import load_scene
+from tests.few_points import use_few_points
 from tests.scene_text import camera, facing_up, material, placed
 
 INTENSITY = (10.0, 20.0, 30.0)
@@ -128,8 +129,11 @@ def text_of(lamp: ObjectDescription) -> str:
 
 @pytest.mark.parametrize("kind", ["point", "spot", "sun"])
 @pytest.mark.parametrize("mode", ["placement", "orbit", "deform", "paths"])
-def test_a_floor_is_lit_as_by_the_light_itself(tmp_path: Path, kind: str, mode: str) -> None:
+def test_a_floor_is_lit_as_by_the_light_itself(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str, mode: str
+) -> None:
     """Albedo over pi times the closed form of the irradiance, through all of Insitu."""
+    use_few_points(monkeypatch, 4000, 800)
     towards = np.array([0.4, 1.0, 0.3])
     if kind == "sun":
         sun = f"direction = {towards.tolist()}, irradiance = {list(INTENSITY)}"
