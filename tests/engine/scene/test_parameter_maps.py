@@ -169,8 +169,9 @@ def test_paths_dim_what_lies_under_a_sheen_by_the_texel(tmp_path: Path) -> None:
     scene = load_scene(tmp_path / "scene.toml")
     document = document_from_description("scene.toml", scene.description)
     placement, sky = Placement(scene), SkyState(constant_environment((1.0, 1.0, 1.0)))
-    authored = run_to_end(trace_paths(placement, {0: document.object("card").layers}, sky, 1, 256)).radiance
-    nodes = run_to_end(trace_paths(placement, {0: with_nodes(scene, document)}, sky, 1, 256)).radiance
+    # The means of 484 pixels have a standard error of 0.24 % at 64 paths.
+    authored = run_to_end(trace_paths(placement, {0: document.object("card").layers}, sky, 1, 64)).radiance
+    nodes = run_to_end(trace_paths(placement, {0: with_nodes(scene, document)}, sky, 1, 64)).radiance
     assert authored.mean() == pytest.approx(1.0, abs=0.01)
     assert nodes.mean() == pytest.approx(1.0, abs=0.01)
 
