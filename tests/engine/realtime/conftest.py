@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +29,12 @@ def with_ball(folder: Path, n_subdivisions: int) -> str:
     """The scene with a ball of fewer triangles, whose mesh is written to the folder."""
     trimesh.creation.icosphere(n_subdivisions, radius=0.5).export(folder / "ball.ply")
     return VIEW + FLOOR + placed("ball", "ball.ply", HALF_UP, METAL)
+
+
+def icosphere(folder: Path, diameter: float, centre: Sequence[float] = (0.0, 0.0, 0.0), n_subdivisions: int = 3) -> str:
+    """The object "ball" of so few triangles, 1,280 of them, 0.4 % less wide than a ball on average."""
+    trimesh.creation.icosphere(n_subdivisions, radius=0.5).export(folder / "ball.ply")
+    return placed("ball", "ball.ply", scaled(diameter, centre))
 
 
 @pytest.fixture(scope="session")

@@ -16,11 +16,12 @@ from engine.realtime.zonal_harmonics.deform_engine import Deform
 from engine.realtime.zonal_harmonics.picture_renderer import Quality
 from engine.realtime.zonal_harmonics.pose import Deformation, Poses
 from engine.realtime.zonal_harmonics.posed_shadows import N_LIGHTS, blocked_light
+from tests.engine.realtime.conftest import icosphere
 from tests.engine.realtime.zonal_harmonics.test_deform_engine import SIZE, seen
 from tests.engine.realtime.zonal_harmonics.test_neighbours import FLOOR, GREY, WHITE_SKY, made
 from tests.scene_text import facing_up, placed, scaled
 
-BALL = placed("ball", "sphere", scaled(1.0, (0.0, 0.5, 0.0)))  # of radius 0.5
+CENTRE = (0.0, 0.5, 0.0)  # of a ball of radius 0.5
 BENT: Poses = (("ball", (Deformation("bend", 20.0),)),)
 
 
@@ -45,9 +46,9 @@ def blocked(deform: Deform, poses: Poses, sky: SkyState) -> tuple[np.ndarray, np
 def test_a_ball_on_a_floor_blocks_what_it_covers_of_an_even_sky(tmp_path: Path) -> None:
     """A sphere of radius r whose centre is d away, at an angle θ from the normal, all of it above the horizon, covers
     (r / d)² cos θ of a white sky's irradiance."""
-    deform = made(tmp_path, FLOOR + BALL, bends=("ball",))
+    deform = made(tmp_path, FLOOR + icosphere(tmp_path, 1.0, CENTRE), bends=("ball",))
     of_sky, _, places, normals = blocked(deform, (), WHITE_SKY)
-    centre, floor = np.array([0.0, 0.5, 0.0]), deform.scene.object_index("floor")
+    centre, floor = np.array(CENTRE), deform.scene.object_index("floor")
     to = centre - places
     distance = np.linalg.norm(to, axis=1)
     up = normals[:, 1] > 0.5
@@ -61,7 +62,7 @@ def test_a_ball_on_a_floor_blocks_what_it_covers_of_an_even_sky(tmp_path: Path) 
 
 def test_it_is_what_a_slow_twin_finds(tmp_path: Path) -> None:
     sky = side_lit()
-    deform = made(tmp_path, FLOOR + BALL, sky, ("ball",))
+    deform = made(tmp_path, FLOOR + icosphere(tmp_path, 1.0, CENTRE), sky, ("ball",))
     of_sky, _, places, normals = blocked(deform, BENT, sky)
     points, floor = deform._points, deform.scene.object_index("floor")
     assert points is not None and sky.environment is not None
@@ -91,7 +92,7 @@ def test_a_lamp_behind_a_ball_is_lacked_whole_and_one_above_not_at_all(tmp_path:
     small = "emission = [5, 4, 3]\n"
     lamp = placed("lamp", "quad", "0,0,-0.2,3, 0.2,0,0,0.5, 0,-0.2,0,0, 0,0,0,1", small)
     floor = placed("floor", "quad", facing_up(6))
-    deform = made(tmp_path, floor + BALL + lamp, SkyState(None), ("ball",))
+    deform = made(tmp_path, floor + icosphere(tmp_path, 1.0, CENTRE) + lamp, SkyState(None), ("ball",))
     state, _ = deform._shading_state()
     assert state.added is not None and len(state.lamps) == 1
     _, of_lamps, places, normals = blocked(deform, (), SkyState(None))
