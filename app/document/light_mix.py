@@ -1,4 +1,5 @@
-"""The light that a document's mix makes: what each light sends, times the gains of its row and of its group."""
+"""The light that a document's mix makes: what each light sends, times the gains of its row and of its group, and the
+objects that it does not light: those that its row or its group excludes."""
 
 from __future__ import annotations
 
@@ -31,6 +32,18 @@ def gains_of(document: Document) -> Mapping[str, RGB]:
     return _gains(document.light, _emitters(document))
 
 
+def exclusions_of(document: Document) -> dict[str, tuple[str, ...]]:
+    """The names of the objects that each light does not light, by its key; sorted."""
+    light, names = document.light, {state.name for state in document.objects}
+    edited = dict(light.mix)
+    found = {}
+    for key in lights_of(document):
+        row = edited.get(key, PLAIN_ROW)
+        of_group = edited.get(group_key(row.group), PLAIN_ROW).excludes if row.group else ()
+        found[key] = tuple(sorted(names & {*row.excludes, *of_group}))
+    return found
+
+
 def emission_of(document: Document) -> tuple[tuple[str, RGB], ...]:
     """(name, radiance) of all emitters in the mix."""
     gains = gains_of(document)
@@ -41,14 +54,15 @@ def emission_of(document: Document) -> tuple[tuple[str, RGB], ...]:
 
 def mixed_light(document: Document) -> LightState:
     """The distant light of the mix: suns have their irradiance in it, and the mix is no more than the environment's
-    gain, as a colour. Equal ones light equally."""
+    gain, as a colour, and what each light excludes, emitters too. Equal ones light equally."""
     light = document.light
     if not light.mix:
         return light
     gains = gains_of(document)
     suns = tuple(sun._replace(irradiance=scaled(sun.irradiance, gains[sun_key(sun.name)])) for sun in light.suns)
     mixed = replace(light, new_suns=None if suns == light.own_suns else suns, mix=())
-    return mixed.with_row(ENVIRONMENT_KEY, MixRow(colour=gains[ENVIRONMENT_KEY]))
+    rows = {key: MixRow(excludes=names) for key, names in exclusions_of(document).items()}
+    return mixed.with_rows(rows | {ENVIRONMENT_KEY: replace(rows[ENVIRONMENT_KEY], colour=gains[ENVIRONMENT_KEY])})
 
 
 def _emitters(document: Document) -> tuple[str, ...]:

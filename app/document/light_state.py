@@ -27,14 +27,15 @@ RGB = tuple[float, float, float]
 SCENE_ENVIRONMENT = "scene"
 CONSTANT_ENVIRONMENT = "constant"
 ENVIRONMENT_KEY = "light.environment"
-MIX_FIELDS = ("on", "solo", "strength", "colour", "kelvin", "group")
+MIX_FIELDS = ("on", "solo", "strength", "colour", "kelvin", "group", "excludes")
 
 
 @dataclass(frozen=True)
 class MixRow:
     """A light in the mix. strength: in stops; colour: linear Rec. 709; kelvin: the temperature of a black body, whose
     colour is used in place of `colour`; 0 for none. solo: lights that are not solo are off where any is. group: the
-    name of its group, whose row multiplies it as well; a group's own row has none."""
+    name of its group, whose row multiplies it as well; a group's own row has none. excludes: the names of objects that
+    it does not light, sorted, as Blender's light linking excludes receivers; their shadows stay."""
 
     on: bool = True
     solo: bool = False
@@ -42,6 +43,7 @@ class MixRow:
     colour: RGB = (1.0, 1.0, 1.0)
     kelvin: float = 0.0
     group: str = ""
+    excludes: tuple[str, ...] = ()
 
     @cached_property
     def gain(self) -> RGB:
@@ -152,5 +154,10 @@ class LightState:
         return self.with_rows(rows)
 
     def with_renamed_rows(self, names: NameMap[str, str]) -> LightState:
-        """The light with the rows of emitters that have other names now. names: those, by the names before."""
-        return self.with_rows({names.get(key, key): row for key, row in self.mix})
+        """The light with rows of objects that have other names now. names: those, by the names before."""
+        return self.with_rows(
+            {
+                names.get(key, key): replace(row, excludes=tuple(sorted(names.get(each, each) for each in row.excludes)))
+                for key, row in self.mix
+            }
+        )

@@ -6,14 +6,15 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
-from app.document.light_state import CONSTANT_ENVIRONMENT, ENVIRONMENT_KEY, RGB, LightState
+from app.document.light_state import CONSTANT_ENVIRONMENT, ENVIRONMENT_KEY, RGB, LightState, MixRow, sun_key
 
 BLACK, WHITE = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
 _DARK = LightState(CONSTANT_ENVIRONMENT, radiance=BLACK)
 
 
 class SingleLight(NamedTuple):
-    """A light alone: an environment of gain 1, a sun of irradiance 1, or, by name, an emitter of radiance 1."""
+    """A light alone: an environment of gain 1, a sun of irradiance 1, or, by name, an emitter of radiance 1. Its row in
+    `light` has no more than what it excludes."""
 
     light: LightState
     emitter: str = ""
@@ -31,11 +32,14 @@ Weights = Mapping[SingleLight, RGB]
 def light_weights(light: LightState, emission: Emission) -> dict[SingleLight, RGB]:
     """The weights of a scene's lights, mixed: the gain of its environment, the irradiance of its suns, the radiance of
     its emitters by name; 0 for lights that are off."""
-    environment = SingleLight(replace(light, own_suns=(), new_suns=None, mix=()))
-    suns = {
-        SingleLight(replace(_DARK, rotation=light.rotation, new_suns=(each._replace(irradiance=WHITE),))):
-            each.irradiance
-        for each in light.suns
-    }  # fmt: skip
-    emitters = {SingleLight(_DARK, name): radiance for name, radiance in emission}
+
+    def alone(key: str, own: LightState) -> LightState:
+        return replace(own, mix=()).with_row(key, MixRow(excludes=light.row(key).excludes))
+
+    environment = SingleLight(alone(ENVIRONMENT_KEY, replace(light, own_suns=(), new_suns=None)))
+    suns = {}
+    for each in light.suns:
+        sun = replace(_DARK, rotation=light.rotation, new_suns=(each._replace(irradiance=WHITE),))
+        suns[SingleLight(alone(sun_key(each.name), sun))] = each.irradiance
+    emitters = {SingleLight(alone(name, _DARK), name): radiance for name, radiance in emission}
     return {environment: light.row(ENVIRONMENT_KEY).gain, **suns, **emitters}

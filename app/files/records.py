@@ -237,6 +237,7 @@ class MixRecord(StrictModel):
     colour: Triple = (1.0, 1.0, 1.0)
     kelvin: Number = 0.0
     group: Text = ""
+    excludes: Annotated[tuple[Text, ...], Field(max_length=MAX_OBJECTS)] = ()
 
     @model_validator(mode="after")
     def _is_a_row(self) -> MixRecord:

@@ -160,7 +160,8 @@ class LightNode(Node):
     `irradiance` (W/m²) and `diameter` (degrees). Emitters in the scene are set by the `emission` of their object.
 
     Each light has a row in the mix: `light["environment"]`, suns, `light["groups.Key"]` for all lights whose group is
-    "Key", and emitters, by their object: `on`, `solo`, `strength` in stops, `colour` or `kelvin`, and `group`.
+    "Key", and emitters, by their object: `on`, `solo`, `strength` in stops, `colour` or `kelvin`, `group`,
+    and `excludes`, the names of objects that it does not light.
 
     >>> import insitu
     >>> light = insitu.open("shapes").light
@@ -185,8 +186,8 @@ class LightNode(Node):
 
 
 class RowNode(Node):
-    """A light's row in the mix: `on`, `solo`, `strength`, `colour`, `kelvin` and `group`. A sun has also `direction`
-    towards it at rotation 0, `irradiance` of a surface that faces it (W/m², three numbers), and `diameter` in
+    """A light's row in the mix: `on`, `solo`, `strength`, `colour`, `kelvin`, `group` and `excludes`. A sun has also
+    `direction` towards it at rotation 0, `irradiance` of a surface that faces it (W/m², three numbers), and `diameter` in
     degrees."""
 
     def _names(self) -> Sequence[str]:
@@ -196,9 +197,9 @@ class RowNode(Node):
 
 class ObjectNode(Node):
     """An object: `visible`, `frozen`, `editable`, `emission` (of a lamp, three numbers) and its row in the mix of
-    lights (`on`, `solo`, `strength`, `colour`, `kelvin`, `group`), `position` (metres), `rotation` (degrees) and
-    `scale` relative to its place in the file, `time` of its animation, amounts of deformers (`bend`, `twist` …), parts
-    of bumps and opacity; `material`, which can be set alone, to the
+    lights (`on`, `solo`, `strength`, `colour`, `kelvin`, `group`, `excludes`), `position` (metres), `rotation`
+    (degrees) and `scale` relative to its place in the file, `time` of its animation, amounts of deformers (`bend`,
+    `twist` …), parts of bumps and opacity; `material`, which can be set alone, to the
     name of a material of the library, a material's file or a measured BRDF's. Its layers are found by name or number.
 
     >>> import insitu

@@ -1,7 +1,7 @@
 """The mix of lights in the Light panel: a line for the environment, each sun, each emitter and each group.
 
 A line has the light's name, its strength in stops, and whether it is on and solo. Opened, it has its temperature or
-colour and its group, and of a sun where it is seen.
+colour, its group and the objects that it lights, and of a sun where it is seen.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ SUN_HINT = "A directional light: a distant disc that lights all objects alike. O
 EMITTER_HINT = "An object that emits light. Opened: its colour and its group; its radiance is in the Material panel."
 GROUP_HINT = "All lights of this group: what is set here multiplies each of them."
 GROUP_OF_HINT = "Lights of a group have a line together, which multiplies all of them."
+LIT_HINT = "The objects that it lights. Those without a tick still throw its shadow."
 
 
 def draw(context: PanelContext) -> list[Action]:
@@ -80,7 +81,7 @@ def _line(context: PanelContext, key: str, name: str, hint: str, opened: bool = 
 
 
 def _details(context: PanelContext, key: str) -> list[Action]:
-    """A light's temperature and colour, and its group, where it is not one."""
+    """A light's temperature and colour, its group, where it is not one, and the objects that it lights."""
     row, at = context.document.light.row(key), f"mix.{key}"
     kelvin = rows.Row(
         KELVIN, row.kelvin or KELVIN.default, partial(SetMix, key, "kelvin"), f"{at}.kelvin", 0.0,
@@ -89,7 +90,8 @@ def _details(context: PanelContext, key: str) -> list[Action]:
     actions = rows.draw(context, kelvin)
     colour = rows.Row(COLOUR, row.tint, partial(SetMix, key, "colour"), f"{at}.colour")
     actions += light_colour.draw(context, colour)
-    return actions + (_group_name(context, key) if group_of(key) else _group(context, key))
+    actions += _group_name(context, key) if group_of(key) else _group(context, key)
+    return actions + _lit_objects(context, key)
 
 
 def _group_name(context: PanelContext, key: str) -> list[Action]:
@@ -110,3 +112,23 @@ def _group(context: PanelContext, key: str) -> list[Action]:
     chosen = [names.index(now) + 1 if now else 0]
     picked = widgets.choose(context, f"mix.{key}.group", choices, chosen, GROUP_OF_HINT)
     return [] if picked is None else [SetMix(key, "group", ("", *names, new)[picked])]
+
+
+def _lit_objects(context: PanelContext, key: str) -> list[Action]:
+    """A tick for each object that reflects: whether the light reaches it."""
+    names = [state.name for state in context.document.objects if not state.is_lamp]
+    excluded, actions = set(context.document.light.row(key).excludes), list[Action]()
+    n_lit = sum(name not in excluded for name in names)
+    shown = "all objects" if n_lit == len(names) else f"{n_lit} of {len(names)} objects"
+    is_open = imgui.tree_node_ex(f"Lights {shown}###lit.{key}")
+    context.handles.note_item(f"mix.{key}.excludes")
+    widgets.tooltip(LIT_HINT)
+    if not is_open:
+        return actions
+    for name in names:
+        is_pressed, _ = imgui.checkbox(f"{name}##lit.{key}", name not in excluded)
+        context.handles.note_item(f"mix.{key}.excludes.{name}")
+        if is_pressed:
+            actions.append(SetMix(key, "excludes", tuple(excluded ^ {name})))
+    imgui.tree_pop()
+    return actions

@@ -1,7 +1,8 @@
-"""The edits of the mix of lights: which are on, how strong they are, their colours and groups."""
+"""The edits of the mix of lights: which are on, how strong they are, their colours and groups, and what they exclude."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, cast
 
@@ -70,6 +71,9 @@ class SetMix:
         if self.light not in there:
             raise InsituError(f"there is no light {self.light!r}; available: {list_names(there)}")
         row = changed_row(light.row(self.light), self.name, self.value)
+        names = [state.name for state in document.objects]
+        if self.name == "excludes" and (unknown := set(row.excludes).difference(names)):
+            raise InsituError(f"there is no object {min(unknown)!r}; available: {list_names(names)}")
         if self.name == "group" and self.light not in lights_of(document):
             return replace(document, light=light.with_renamed_group(group_of(self.light), row.group))
         return replace(document, light=light.with_row(self.light, row))
@@ -93,4 +97,8 @@ def changed_row(row: MixRow, name: str, value: Any) -> MixRow:
             if not isinstance(value, str) or len(value) > MOST_LETTERS or not value.isprintable():
                 raise ParameterError(name, value, f"a name of at most {MOST_LETTERS} letters")
             return replace(row, group=value.strip())
+        case "excludes":
+            if isinstance(value, str) or not isinstance(value, Sequence) or not all(isinstance(n, str) for n in value):
+                raise ParameterError(name, value, "a list of names of objects")
+            return replace(row, excludes=tuple(sorted(set(value))))
     raise InsituError(f"a light has no {name!r} in the mix; it has {list_names(MIX_FIELDS)}")
