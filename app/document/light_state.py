@@ -155,9 +155,8 @@ class LightState:
 
     def with_renamed_rows(self, names: NameMap[str, str]) -> LightState:
         """The light with rows of objects that have other names now. names: those, by the names before."""
-        return self.with_rows(
-            {
-                names.get(key, key): replace(row, excludes=tuple(sorted(names.get(each, each) for each in row.excludes)))
-                for key, row in self.mix
-            }
-        )
+
+        def renamed(row: MixRow) -> MixRow:
+            return replace(row, excludes=tuple(sorted(names.get(each, each) for each in row.excludes)))
+
+        return self.with_rows({names.get(key, key): renamed(row) for key, row in self.mix})

@@ -187,8 +187,8 @@ class LightNode(Node):
 
 class RowNode(Node):
     """A light's row in the mix: `on`, `solo`, `strength`, `colour`, `kelvin`, `group` and `excludes`. A sun has also
-    `direction` towards it at rotation 0, `irradiance` of a surface that faces it (W/m², three numbers), and `diameter` in
-    degrees."""
+    `direction` towards it at rotation 0, `irradiance` of a surface that faces it (W/m², three numbers), and `diameter`
+    in degrees."""
 
     def _names(self) -> Sequence[str]:
         is_sun = self._path in map(sun_key, [each.name for each in self._editing.document.light.suns])

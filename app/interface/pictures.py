@@ -41,6 +41,7 @@ from engine.material.layer import Layer, object_of
 from engine.material.layer_maps import Images
 from engine.planner import LayerPlan, Plan, plan_scene
 from engine.precompute.direct.bandstore import join_tiles
+from engine.precompute.direct.linking import light_groups
 from engine.precompute.direct.pipeline import Placement, Quality, SkyState
 from engine.precompute.direct.projection import LayerShape, VisibleLight, project_layer
 from engine.precompute.indirect.gather_polynomial import GatherPolynomial
@@ -81,13 +82,18 @@ class _View:
 
 @dataclass(frozen=True, eq=False)
 class _Light:
-    """The light of a view; background (H, W, 3): what pixels show that see no reflecting object."""
+    """The light of a view; visible: for each group of objects (M,) that the same lights reach; background (H, W, 3):
+    what pixels show that see no reflecting object."""
 
     key: Key
     sky: SkyState
     quality: Quality
-    visible: VisibleLight
+    visible: tuple[tuple[NDArray[np.bool_], VisibleLight], ...]
     background: Picture
+
+    def reaching(self, i_object: int) -> VisibleLight:
+        """The light that reaches an object."""
+        return next(light for objects, light in self.visible if objects[i_object])
 
 
 @dataclass(eq=False)
@@ -206,7 +212,11 @@ class PlacementPictures:
             placement, sky = view.placement, project.sky
             quality = still_quality(run_to_end(with_light_budget(placement, layers, sky, plan)))
             background = compose(placement, np.zeros((len(placement.hits.pixel), 3)), sky)
-            self._light = _Light(key, sky, quality, run_to_end(placement.light(sky, quality)), background)
+            visible = tuple(
+                (group.objects, run_to_end(group.placement.light(group.sky, quality)))
+                for group in light_groups(placement, sky)
+            )
+            self._light = _Light(key, sky, quality, visible, background)
             self._layers.clear()
             self._indirect = None
         return self._light
@@ -233,14 +243,16 @@ class PlacementPictures:
             kept.shape == shape or draft and (kept.shape.model, kept.shape.bands) == (shape.model, shape.bands)
         )
         if kept is None or not stays:
-            tiles = project_layer(hits, view.placement.rows_of(each.i_object), light.visible, shape)
+            tiles = project_layer(hits, view.placement.rows_of(each.i_object), light.reaching(each.i_object), shape)
             kept = _KeptLayer(shape, LayerTransport(join_tiles(shape.bands, tiles)))
             self._layers[key] = kept
         if kept.radiance is not None and kept.layer == each.layer:
             return kept.radiance
         if kept.factor is None or kept.layer is None or _factor_key(kept.layer) != _factor_key(each.layer):
             rows = view.placement.rows_of(each.i_object)
-            kept.factor = np.asarray(view_factors(hits, rows, each) * light.visible.lighting.unit, np.float32)
+            kept.factor = np.asarray(
+                view_factors(hits, rows, each) * light.reaching(each.i_object).lighting.unit, np.float32
+            )
         if kept.layer is None or _curves_key(kept.layer) != _curves_key(each.layer):
             kept.curves = curves_of(each)
         kept.layer, kept.radiance = each.layer, kept.transport.radiance(kept.curves) * kept.factor

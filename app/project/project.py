@@ -35,7 +35,7 @@ from app.document.commands.poses import with_amounts, with_placement, with_time
 from app.document.commands.suns import SetSun
 from app.document.document import Document, document_from_description, reflecting_layers
 from app.document.light_mix import emission_of, mixed_light
-from app.document.light_state import CONSTANT_ENVIRONMENT, ENVIRONMENT_KEY, SCENE_ENVIRONMENT, LightState
+from app.document.light_state import CONSTANT_ENVIRONMENT, ENVIRONMENT_KEY, SCENE_ENVIRONMENT, LightState, sun_key
 from app.document.named_files import document_with_measurements, files_of_document, layers_with_variants, unread_files
 from app.document.node_layers import Statistics, channel_images, with_node_layers
 from app.document.scene_files import is_archive, renamed, split_axis, unpacked_scene_file, variants_of
@@ -250,8 +250,35 @@ def open_project(
 
 def sky_of(scene: Scene, light: LightState, load: Callable[[Path, str], Environment] | None = None) -> SkyState:
     """The distant light of a document's light, mixed (`mixed_light`): environment, suns, rotation and the scene's
-    scale. `intensity` is left out: it multiplies the finished picture. load: reads a file's environment, None for the
-    engine's own reader."""
+    scale; and the links of objects that some lights exclude. `intensity` is left out: it multiplies the finished
+    picture. load: reads a file's environment, None for the engine's own reader."""
+    from engine.precompute.direct.pipeline import LightLink
+
+    excluding = [(key, row.excludes) for key, row in light.mix if row.excludes]
+    groups: dict[tuple[str, ...], list[int]] = {}
+    for i, name in enumerate(scene.object_names):
+        if keys := tuple(key for key, names in excluding if name in names):
+            groups.setdefault(keys, []).append(i)
+    whole = _distant_light(scene, light, load)
+    links = []
+    for keys, objects in groups.items():
+        dark = frozenset(i for i, name in enumerate(scene.object_names) if name in keys)
+        is_distant = any(key in light.keys for key in keys)
+        reaching = _distant_light(scene, _without(light, keys), load) if is_distant else whole
+        links.append(LightLink(frozenset(objects), reaching, dark))
+    return replace(whole, links=tuple(links))
+
+
+def _without(light: LightState, keys: tuple[str, ...]) -> LightState:
+    """A mixed light without the environment or the suns of these keys."""
+    suns = tuple(sun for sun in light.suns if sun_key(sun.name) not in keys)
+    row = light.row(ENVIRONMENT_KEY)
+    without = replace(light, new_suns=suns)
+    return without.with_row(ENVIRONMENT_KEY, replace(row, on=False)) if ENVIRONMENT_KEY in keys else without
+
+
+def _distant_light(scene: Scene, light: LightState, load: Callable[[Path, str], Environment] | None) -> SkyState:
+    """The distant light without links, as `sky_of` has it."""
     from engine.light.environment import constant_environment, load_environment, tinted
     from engine.light.suns import with_suns
     from engine.precompute.direct.pipeline import SkyState

@@ -27,6 +27,7 @@ from app.system.memory import available_memory
 from app.worker.layer_data import LayerData, both_curves, join_tile_contents, reflects_alike, shape_of, tile_content
 from app.worker.weighted_sum import ChangingSum, weighted_sum
 from engine.core.generators import map_steps
+from engine.precompute.direct.linking import light_groups
 from engine.precompute.direct.pipeline import FINAL, Placement, SkyState, final_quality
 from engine.precompute.direct.projection import project_layer
 
@@ -102,7 +103,7 @@ class LightPictures:
         for light in lights:
             for work in (work for work in works if light not in self._ready[work.key].alone):
                 if light not in shining:
-                    self._ready[work.key].alone[light] = None
+                    self._set_black(light, [work])
                 elif len(shining) == 1:
                     self._add_only_light(light, work, pictures[work.key])
             due = [work for work in works if light not in self._ready[work.key].alone]
@@ -139,18 +140,29 @@ class LightPictures:
     ) -> Steps:
         """Add the pictures under one light, with the settings of a layer's final picture."""
         scene = placement.scene
-        alone = placement.with_emission(light.emission(scene.object_names))
+        whole = placement.with_emission(light.emission(scene.object_names))
         settings = like.lit_by.planned_settings or like.lit_by.settings
-        lit_by = SkyState(None) if _is_dark(sky) else sky
-        visible = yield from map_steps(alone.light(lit_by, final_quality(settings)), lambda fraction: None)
-        for work in due:
-            fixed, rows = replace(work, fixed=True), alone.rows_of(scene.object_index(work.object))
-            parts = {}
-            for tile in project_layer(alone.hits, rows, visible, shape_of(work)):
-                parts[tile.begin] = tile_content(fixed, tile)
-                yield None
-            picture = join_tile_contents(fixed, parts).radiance(*both_curves(fixed)) * visible.lighting.unit
-            self._ready[work.key].alone[light] = np.ascontiguousarray(picture, np.float32)
+        i_object = {work.key: scene.object_index(work.object) for work in due}
+        for objects, alone, reaching in light_groups(whole, sky):
+            own = [work for work in due if objects[i_object[work.key]]]
+            lit_by = SkyState(None) if _is_dark(reaching) else reaching
+            if not own or lit_by.environment is None and not alone.scene.emission.any():
+                self._set_black(light, own)
+                continue
+            visible = yield from map_steps(alone.light(lit_by, final_quality(settings)), lambda fraction: None)
+            for work in own:
+                fixed, rows = replace(work, fixed=True), alone.rows_of(i_object[work.key])
+                parts = {}
+                for tile in project_layer(alone.hits, rows, visible, shape_of(work)):
+                    parts[tile.begin] = tile_content(fixed, tile)
+                    yield None
+                picture = join_tile_contents(fixed, parts).radiance(*both_curves(fixed)) * visible.lighting.unit
+                self._ready[work.key].alone[light] = np.ascontiguousarray(picture, np.float32)
+
+    def _set_black(self, light: SingleLight, works: list[LayerState]) -> None:
+        """Note that a light does not reach these layers."""
+        for work in works:
+            self._ready[work.key].alone[light] = None
 
     # ----------------------------------------------------------------------------------------------------------- mixing
 

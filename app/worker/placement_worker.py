@@ -48,6 +48,7 @@ from engine.light.environment import downsample
 from engine.material.layer import Layer
 from engine.planner import band_counts
 from engine.precompute.direct.bandstore import FixedPicture
+from engine.precompute.direct.linking import light_groups
 from engine.precompute.direct.pipeline import COARSE, DRAG, FINAL, Placement, Quality, SkyState, final_quality
 from engine.precompute.direct.simple_lighting import simple_lighting
 from engine.render.light_pilot import LightBudget
@@ -260,12 +261,14 @@ class PlacementWorker(ModeWorker):
             quality = final_quality(lit_by.planned_settings)
         if quality.name != FINAL.name or self._context.fills:
             return
-        light_key = self._stages.light_key(sky, placement, quality)
-        unit = self._stages.cached_unit(light_key)
-        if unit is None:
-            return
+        groups = light_groups(placement, sky)
+        keys = [self._stages.light_key(group.sky, group.placement, quality) for group in groups]
+        units = {key: self._stages.cached_unit(key) for key in keys}
         for work in self._selected_first(request):
-            if self._is_needless(work, lit_by, quality.name, True):
+            i_object = placement.scene.object_index(work.object)
+            light_key = next(key for group, key in zip(groups, keys, strict=True) if group.objects[i_object])
+            unit = units[light_key]
+            if unit is None or self._is_needless(work, lit_by, quality.name, True):
                 continue
             kept = self._stages.cached_store(light_key, work, len(rows_of(placement, work, quality)))
             if kept is not None:
@@ -320,25 +323,33 @@ class PlacementWorker(ModeWorker):
         self, placement: Placement, works: list[LayerState], sky: SkyState, lit_by: LightingState, quality: Quality
     ) -> Steps:
         clock = StageClock(quality.name)
-        if quality is DRAG and sky.environment is not None:
-            sky = replace(sky, environment=downsample(sky.environment, DRAG_ENVIRONMENT_HEIGHT))
-        key = self._stages.light_key(sky, placement, quality) if quality.name == FINAL.name else ""
-        light = yield from self._stages.final_light(placement, sky, quality, key, clock)
+        sky = _downsampled(sky) if quality is DRAG else sky
+        groups, is_final = light_groups(placement, sky), quality.name == FINAL.name
+        keys = [self._stages.light_key(each.sky, each.placement, quality) if is_final else "" for each in groups]
+        self._stages.keep_lights(keys)
+        i_object = {work.key: placement.scene.object_index(work.object) for work in works}
         total = (
             sum(len(placement.rows_of(placement.scene.object_index(work.object), quality.stride)) for work in works)
             or 1
         )
         done = 0
-        for work in works:
-            rows = rows_of(placement, work, quality)
-            store = yield from self._stages.project(placement, rows, work, light, key, clock, done, total)
-            done += len(rows)
-            data = LayerData(work, lit_by, quality.name, store, light.lighting.unit)
-            if self._context.fills:
-                self._current[work.key] = data
+        # The group of the selected layer first.
+        first = i_object[works[0].key]
+        for group, key in sorted(zip(groups, keys, strict=True), key=lambda pair: not pair[0].objects[first]):
+            own = [work for work in works if group.objects[i_object[work.key]]]
+            if not own:
                 continue
-            data = self._hold(data)
-            yield from self._answers(data, self._selected_factor(work.key), self._precision)
+            light = yield from self._stages.final_light(group.placement, group.sky, quality, key, clock)
+            for work in own:
+                rows = rows_of(placement, work, quality)
+                store = yield from self._stages.project(placement, rows, work, light, key, clock, done, total)
+                done += len(rows)
+                data = LayerData(work, lit_by, quality.name, store, light.lighting.unit)
+                if self._context.fills:
+                    self._current[work.key] = data
+                    continue
+                data = self._hold(data)
+                yield from self._answers(data, self._selected_factor(work.key), self._precision)
 
     def _selected_factor(self, key: str) -> str | None:
         """The curve of a layer that was selected last."""
@@ -370,6 +381,13 @@ class PlacementWorker(ModeWorker):
 def _weights_of(scene: SceneState) -> Weights:
     """The weights of a scene's lights."""
     return light_weights(scene.light, scene.emission)
+
+
+def _downsampled(sky: SkyState) -> SkyState:
+    """A sky of few pixels, for a light that is dragged."""
+    links = tuple(link._replace(sky=_downsampled(link.sky)) for link in sky.links)
+    environment = None if sky.environment is None else downsample(sky.environment, DRAG_ENVIRONMENT_HEIGHT)
+    return replace(sky, environment=environment, links=links)
 
 
 def _light_plan_message(need: LightBudget, most: RenderSettings) -> Iterator[LightPlanned]:

@@ -96,7 +96,7 @@ class Relighting:
         """Make the rows that the layers lack, and compare them with their final pictures."""
         pictures = {key: data for key, data in current.items() if data.stage == FINAL.name}
         works = [work for work in scene.layers if work.key in pictures]
-        if sky.environment is None or not placement.sphere.done.all() or not works:
+        if sky.environment is None or sky.links or not placement.sphere.done.all() or not works:
             return
         rows_of = {work.key: placement.rows_of(placement.scene.object_index(work.object)) for work in works}
         maker = yield from self._maker_for(placement, sky.environment, sky.scale, works, rows_of)
@@ -136,7 +136,9 @@ class Relighting:
 
     def takes(self, work: LayerState, lit_by: LightingState) -> bool:
         """Whether a layer can be relit: its material is that of its rows, and emitters are as they were, or all of them
-        brighter by one factor."""
+        brighter by one factor. Rows are of light that reaches all objects."""
+        if any(row.excludes for _, row in lit_by.light.mix):
+            return False
         ready = self._ready.get(work.key)
         if ready is None or not ready.is_of(work) or ready.rest is None or ready.lit_by is None:
             return False

@@ -9,9 +9,10 @@ before opens at once and a worker that follows one that died continues where tha
 from __future__ import annotations
 
 import time
-from collections.abc import Generator
+from collections.abc import Collection, Generator
 from dataclasses import replace
 from functools import partial
+from itertools import chain
 
 import numpy as np
 
@@ -67,7 +68,7 @@ class TransportStages:
 
     def __init__(self, context: WorkerContext) -> None:
         self._context, self._cache = context, context.store
-        self._light: tuple[str, VisibleLight] | None = None
+        self._lights: dict[str, VisibleLight] = {}
         # Bytes of layers that are cached and not held, by key.
         self.dropped_bytes: dict[str, int] = {}
 
@@ -99,16 +100,19 @@ class TransportStages:
         """A layer's cached transport; None where there is none."""
         return self._cache.get(_transport_key(light_key, work), partial(store_of, work, n_points))
 
+    def keep_lights(self, keys: Collection[str]) -> None:
+        """Drop the stored light of other keys than these."""
+        self._lights = {key: light for key, light in self._lights.items() if key in keys}
+
     def final_light(
         self, placement: Placement, sky: SkyState, quality: Quality, key: str, clock: StageClock
     ) -> Generator[Response | None, None, VisibleLight]:
         """The light of a stage; that of the last final stage is stored, for layers that change under it."""
-        if key and self._light is not None and self._light[0] == key:
-            return self._light[1]
-        self._light = None
+        if key in self._lights:
+            return self._lights[key]
         light = yield from self._trace_visibility(placement, sky, quality, clock)
         if key:
-            self._light = key, light
+            self._lights[key] = light
             self._cache.put(_unit_key(key), {"unit": np.array([light.lighting.unit], np.float64)})
         return light
 
@@ -176,7 +180,8 @@ def _unit(arrays: Arrays) -> float:
 def lit_key(sky: SkyState, scene: Scene) -> str:
     """The key of all light in the scene."""
     environment = "" if sky.environment is None else sky.environment.digest
-    return content_key(environment, sky.rotation, sky.scale, scene.emission)
+    links = [(repr((sorted(each.objects), sorted(each.dark))), lit_key(each.sky, scene)) for each in sky.links]
+    return content_key(environment, sky.rotation, sky.scale, scene.emission, *chain.from_iterable(links))
 
 
 def rows_of(placement: Placement, work: LayerState, quality: Quality) -> np.ndarray:

@@ -53,7 +53,8 @@ class MergedTriangles(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class EmitterPatches:
     """M flat patches: corners (M, 3, 3), centre (M, 3), unit normal (M, 3), radiance (M, 3), area (M,), and the cones
-    (M, 4) into which they send it (`engine.light.cones`), all float32."""
+    (M, 4) into which they send it (`engine.light.cones`), all float32; owner (M,): the number of the triangle that each
+    is part of, or of a scene's patches that of the object."""
 
     corners: NDArray[np.float32]
     centre: NDArray[np.float32]
@@ -61,6 +62,7 @@ class EmitterPatches:
     radiance: NDArray[np.float32]
     area: NDArray[np.float32]
     cones: NDArray[np.float32]
+    owner: NDArray[np.int32]
 
     def __len__(self) -> int:
         return len(self.area)
@@ -143,7 +145,7 @@ def emitter_tree(
     return EmitterTree(
         nodes.astype(np.float32), radiance_of.astype(np.float32), of_triangles[root], child.astype(np.int32),
         parent.astype(np.int32), first, len(corners),
-        _patches(nodes[leaf], radiance_of[leaf], of_triangles[root[leaf]]),
+        _patches(nodes[leaf], radiance_of[leaf], of_triangles[root[leaf]], np.flatnonzero(emitting)[root[leaf]]),
     )  # fmt: skip
 
 
@@ -326,7 +328,9 @@ def solid_angles(corners: Float64Array, points: ArrayLike) -> NDArray[np.float32
     return np.maximum(result, 0.0)
 
 
-def _patches(corners: Float64Array, radiance: Float64Array, cones: NDArray[np.float32]) -> EmitterPatches:
+def _patches(
+    corners: Float64Array, radiance: Float64Array, cones: NDArray[np.float32], owner: NDArray[np.integer]
+) -> EmitterPatches:
     """Patches of triangles (M, 3, 3) with area."""
     normal = _area_vectors(corners)
     area = np.linalg.norm(normal, axis=1)
@@ -337,6 +341,7 @@ def _patches(corners: Float64Array, radiance: Float64Array, cones: NDArray[np.fl
         radiance=radiance.astype(np.float32),
         area=area.astype(np.float32),
         cones=np.ascontiguousarray(cones),
+        owner=owner.astype(np.int32),
     )
 
 

@@ -134,6 +134,12 @@ def cut_lights(
     return _with_split_peaks(lights, environment, rotation, max_level, peak_level)
 
 
+def powers_in(lights: TriangleLights, environment: Environment, rotation: float) -> NDArray[np.float32]:
+    """The power (M, 3) of another environment in the triangles of lights, which were cut down to MAX_LEVEL."""
+    powers = _pyramid(triangle_integrals(environment, rotation, MAX_LEVEL), MAX_LEVEL)
+    return np.concatenate(powers)[lights.rows].astype(np.float32)
+
+
 def _with_split_peaks(
     lights: TriangleLights, environment: Environment, rotation: float, finest: int, peak_level: int
 ) -> TriangleLights:

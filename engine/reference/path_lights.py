@@ -6,6 +6,7 @@ found by BRDF sampling has the complementary weight [Veach97, sect. 9.2].
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 
 from engine.light.cones import cone_shares
 from engine.light.environment import LUMINANCE, downsample
+from engine.precompute.direct.linking import sky_numbers
 from engine.precompute.direct.pipeline import SkyState
 from engine.scene.emission_textures import emitting_parts
 from engine.scene.raycaster import Intersections
@@ -21,6 +23,7 @@ from engine.scene.scene_loader import Scene
 from engine.scene.surface_uvs import between
 
 Float64Array = NDArray[np.float64]
+Rows = NDArray[np.integer]
 
 # Rows of the sky's table: more than a coarse image has, because texels blend, and fewer than one with millions of them.
 _FEWEST_ROWS, _MOST_ROWS = 64, 1024
@@ -42,8 +45,8 @@ class LightSamples:
 class PathLight(Protocol):
     """A light that the path tracer can sample."""
 
-    def sample(self, points: Float64Array, u: Float64Array) -> LightSamples:
-        """Draw one sample for each of the points (N, 3), with random numbers u (N, 3) in [0, 1)."""
+    def sample(self, points: Float64Array, objects: Rows, u: Float64Array) -> LightSamples:
+        """Draw one sample for each of the points (N, 3) on objects (N,), with random numbers u (N, 3) in [0, 1)."""
 
 
 class SkyLight:
@@ -90,12 +93,56 @@ class SkyLight:
         return self._environment.evaluate(wi, self._rotation).astype(np.float64) * self._scale
 
 
+class LinkedSky:
+    """The distant light that reaches each object (M,): all of it, or that of the object's link."""
+
+    def __init__(self, sky: SkyState, n_objects: int) -> None:
+        skies = (sky, *(link.sky for link in sky.links))
+        lights = [None if each.environment is None else SkyLight(each) for each in skies]
+        self._lights = [light if light is not None and light.emits else None for light in lights]
+        self._numbers = sky_numbers(sky, n_objects)
+
+    @property
+    def emits(self) -> bool:
+        """Whether any light reaches any object."""
+        return any(light is not None for light in self._lights)
+
+    def sample(self, points: Float64Array, objects: Rows, u: Float64Array) -> LightSamples:
+        """A direction for each of the points; density 0 where no light reaches the object."""
+        n = len(points)
+        wi, pdf, radiance = np.zeros((n, 3)), np.zeros(n), np.zeros((n, 3))
+        for light, rows in self._rows(objects):
+            drawn = light.sample(points[rows], u[rows])
+            wi[rows], pdf[rows], radiance[rows] = drawn.wi, drawn.pdf, drawn.radiance
+        return LightSamples(wi, None, pdf, radiance)
+
+    def pdf(self, objects: Rows, wi: Float64Array) -> Float64Array:
+        """Density (N,) with which `sample` draws directions (N, 3) at objects (N,)."""
+        density = np.zeros(len(wi))
+        for light, rows in self._rows(objects):
+            density[rows] = light.pdf(wi[rows])
+        return density
+
+    def radiance(self, objects: Rows, wi: Float64Array) -> Float64Array:
+        """Radiance (N, 3) that reaches objects (N,) from directions (N, 3)."""
+        found = np.zeros((len(wi), 3))
+        for light, rows in self._rows(objects):
+            found[rows] = light.radiance(wi[rows])
+        return found
+
+    def _rows(self, objects: Rows) -> Iterator[tuple[SkyLight, Rows]]:
+        numbers = self._numbers[objects]
+        for i, light in enumerate(self._lights):
+            if light is not None and len(rows := np.flatnonzero(numbers == i)):
+                yield light, rows
+
+
 class EmitterLight:
     """All emitting triangles, in parts that are sampled by power and uniformly over their area; they radiate from their
-    front, as their textures say at the very point."""
+    front, as their textures say at the very point. reach (M, M): which objects each lights, None for all."""
 
-    def __init__(self, scene: Scene) -> None:
-        self._scene, self._parts = scene, emitting_parts(scene)
+    def __init__(self, scene: Scene, reach: NDArray[np.bool_] | None = None) -> None:
+        self._scene, self._parts, self._reach = scene, emitting_parts(scene), reach
         power = self._parts.power
         self._table = np.cumsum(power) / power.sum() if power.any() else np.zeros(0)
         self._by_area = np.diff(self._table, prepend=0.0) / self._parts.area if power.any() else np.zeros(0)
@@ -105,7 +152,7 @@ class EmitterLight:
         """Whether there is any emitter."""
         return len(self._table) > 0
 
-    def sample(self, points: Float64Array, u: Float64Array) -> LightSamples:
+    def sample(self, points: Float64Array, objects: Rows, u: Float64Array) -> LightSamples:
         scene, parts = self._scene, self._parts
         which = np.minimum(np.searchsorted(self._table, u[:, 0], side="right"), len(self._table) - 1)
         root = np.sqrt(u[:, 1])  # uniform over a triangle
@@ -121,6 +168,8 @@ class EmitterLight:
         radiance *= scene.emission_textures.at(triangle, along, across)
         if scene.cutouts.passable.any():  # rays end before the surface, whether it is there or not
             radiance *= scene.cutouts.opacity_at(triangle, along, across)[:, None]
+        if self._reach is not None:
+            radiance[~self._reach[owner, objects]] = 0.0
         return LightSamples(wi, distance, _by_solid_angle(self._by_area[which], distance, facing), radiance)
 
     def pdf(self, found: Intersections, wi: Float64Array) -> Float64Array:

@@ -23,9 +23,10 @@ from engine.core.generators import StillProgress
 from engine.core.threads import n_threads, pool
 from engine.light.environment import LUMINANCE
 from engine.material.layer import Layer
+from engine.precompute.direct.linking import emitter_reach
 from engine.precompute.direct.pipeline import Placement, SkyState
 from engine.precompute.indirect.sampling_settings import MOST_BOUNCES
-from engine.reference.path_lights import EmitterLight, LightSamples, PathLight, SkyLight
+from engine.reference.path_lights import EmitterLight, LightSamples, LinkedSky, PathLight
 from engine.reference.path_lobes import N_NUMBERS, Scattering
 from engine.reference.texel_parameters import PixelTexels, TexelParameters, sampling_layers
 from engine.scene.map_sampler import MapFactors
@@ -100,14 +101,15 @@ class PathTracer:
         scattering: what an object's layers reflect, another for another BRDF of the same images. Layers that have
         parameter maps are evaluated with their values at each hit, see `texel_parameters`."""
         self._scene, self._caster = scene, caster
-        self._emitters = EmitterLight(scene)
-        self._sky = SkyLight(sky) if sky.environment is not None else None
-        if self._sky is not None and not self._sky.emits:
-            self._sky = None
+        n_objects = len(scene.emission)
+        # The objects that each emitter lights; None: all of them.
+        self._reach = emitter_reach(sky, n_objects) if sky.links else None
+        self._emitters = EmitterLight(scene, self._reach)
+        linked = LinkedSky(sky, n_objects)
+        self._sky = linked if linked.emits else None
         self._lights: list[PathLight] = [self._emitters] if self._emitters.emits else []
         self._lights += [self._sky] if self._sky is not None else []
         stages = [layers_of, *later]
-        n_objects = len(scene.emission)
         self._texels = [TexelParameters(scene, each) for each in stages]
         self._scattering = [
             [
@@ -152,7 +154,8 @@ class PathTracer:
             stage = min(bounce, len(self._maps)) - 1
             # Next event estimation: one sample of each light, weighted by the balance heuristic.
             for i, light in enumerate(self._lights):
-                drawn = light.sample(vertices.position, u[:, N_NUMBERS + _LIGHT_NUMBERS * i :][:, :_LIGHT_NUMBERS])
+                random = u[:, N_NUMBERS + _LIGHT_NUMBERS * i :][:, :_LIGHT_NUMBERS]
+                drawn = light.sample(vertices.position, vertices.objects, random)
                 radiance[path] += weight * self._from_light(stage, vertices, wo, drawn)
             # BRDF sampling extends the path and adds the light that its rays find.
             path, vertices, weight = self._extend_paths(
@@ -207,10 +210,13 @@ class PathTracer:
         # Sky: rays that miss, weighted by the balance heuristic.
         if self._sky is not None:
             out = np.flatnonzero(ids < 0)
-            share = pdf[out] / (pdf[out] + self._sky.pdf(wi[out]))
-            radiance[path[out]] += weight[out] * share[:, None] * self._sky.radiance(wi[out])
-        # Emitters that rays hit, weighted likewise.
+            at = vertices.objects[out]
+            share = pdf[out] / (pdf[out] + self._sky.pdf(at, wi[out]))
+            radiance[path[out]] += weight[out] * share[:, None] * self._sky.radiance(at, wi[out])
+        # Emitters that rays hit and that light the object where the rays begin, weighted likewise.
         emission = emission_towards(self._scene, found, ids, directions)
+        if self._reach is not None:
+            emission[~self._reach[ids, vertices.objects]] = 0.0
         lamp = np.flatnonzero(emission.any(axis=1))
         if len(lamp):
             other = self._emitters.pdf(found.of(lamp), wi[lamp])

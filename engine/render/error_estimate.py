@@ -41,6 +41,7 @@ from numpy.typing import NDArray
 from engine.core.generators import StillProgress
 from engine.light.triangle_lights import TriangleLights, cut_lights
 from engine.precompute.direct.lighting import prepare_lighting
+from engine.precompute.direct.linking import light_groups
 from engine.precompute.direct.near_leaves import near_leaves
 from engine.precompute.direct.pipeline import Placement, Quality, SkyState
 from engine.precompute.direct.projection import VisibleLight, project_points
@@ -297,6 +298,21 @@ def _direct(
     seed: int, n_estimates: int,
 ) -> Steps:  # fmt: skip
     """Direct light (R, n, 3) at some rows, with finer settings, n_estimates times with independent rays to the sky."""
+    found = np.zeros((n_estimates, len(rows), 3))
+    for group in light_groups(placement, sky):
+        mine = group.objects[placement.hits.objects[rows]]
+        if mine.any():
+            own = [each for each in layers if group.objects[each.i_object]]
+            part = _direct_of_group(group.placement, own, group.sky, quality, rows[mine], seed, n_estimates)
+            found[:, mine] = yield from part
+    return found
+
+
+def _direct_of_group(
+    placement: Placement, layers: Sequence[StillLayer], sky: SkyState, quality: Quality, rows: NDArray[np.int32],
+    seed: int, n_estimates: int,
+) -> Steps:  # fmt: skip
+    """The same of objects that the same lights reach."""
     # Bits of all points would fill the memory: a memory page is larger than a point's bits.
     cut, hits, points = None, placement.hits, placement.hits.at(rows)
     if sky.environment is not None:

@@ -25,6 +25,7 @@ from engine.material import MODELS, make_layer
 from engine.material.layer import Layer, object_of
 from engine.planner import Plan
 from engine.precompute.direct.bandstore import BandStore, BandTile
+from engine.precompute.direct.linking import light_groups
 from engine.precompute.direct.pipeline import FINAL, Placement, Quality, SkyState, final_quality
 from engine.precompute.direct.projection import LayerShape, project_layer
 from engine.precompute.indirect.albedo import equivalent_albedo
@@ -117,18 +118,30 @@ def reflect_layers(
     if quality.stride != 1:
         raise ValueError(f"stride = {quality.stride}, expected 1: a still has every pixel")
     radiance = np.zeros((len(placement.hits.pixel), 3)) if indirect is None else indirect.astype(np.float64)
-    light = yield from map_steps(
-        placement.light(sky, quality), lambda fraction: StillProgress(SHADOWS * min(fraction, 1.0), "shadows")
-    )
     total = sum(len(placement.rows_of(each.i_object)) for each in layers) or 1
-    done = 0
-    for each in layers:
-        rows, curves = placement.rows_of(each.i_object), curves_of(each)
-        for tile in project_layer(placement.hits, rows, light, shape_of(each)):
-            covered = rows[tile.begin : tile.begin + len(tile.scale)]
-            radiance[covered] += layer_radiance(placement.hits, covered, each, tile, light.lighting.unit, curves)
-            done += len(covered)
-            yield StillProgress(SHADOWS + (1 - SHADOWS) * done / total, f"{each.layer.name} of object {each.i_object}")
+    before = 0
+    for group in light_groups(placement, sky):
+        own = [each for each in layers if group.objects[each.i_object]]
+        if not own:
+            continue
+        share, done = sum(len(placement.rows_of(each.i_object)) for each in own) / total, 0
+        begin = before / total
+        tracing = group.placement.light(group.sky, quality)
+        light = yield from map_steps(
+            tracing,
+            lambda fraction, begin=begin, share=share: StillProgress(
+                begin + share * SHADOWS * min(fraction, 1.0), "shadows"
+            ),
+        )
+        for each in own:
+            rows, curves = placement.rows_of(each.i_object), curves_of(each)
+            for tile in project_layer(placement.hits, rows, light, shape_of(each)):
+                covered = rows[tile.begin : tile.begin + len(tile.scale)]
+                radiance[covered] += layer_radiance(placement.hits, covered, each, tile, light.lighting.unit, curves)
+                done += len(covered)
+                fraction = begin + share * SHADOWS + (1 - SHADOWS) * done / total
+                yield StillProgress(fraction, f"{each.layer.name} of object {each.i_object}")
+        before += done
     return radiance
 
 
@@ -137,17 +150,20 @@ def render_reference(
 ) -> Generator[StillProgress, None, Picture]:
     """Render the same picture by brute force: every pixel samples 20·4^level directions and `n_patches` patches.
     Slow."""
-    rows = np.arange(len(placement.hits.pixel))
-    radiance = np.zeros((len(rows), 3))
-    patches = placement.patches(n_patches)
-    blocks = [rows[i : i + REFERENCE_POINTS] for i in range(0, len(rows), REFERENCE_POINTS)]
-    work = _reference_work(placement, layers_of, sky, patches, level)
-    with pool() as threads:
-        for i in range(0, len(blocks), n_threads()):
-            group = blocks[i : i + n_threads()]
-            for block, found in zip(group, threads.map(work, group), strict=True):
-                radiance[block] = found
-            yield StillProgress((i + len(group)) / len(blocks), "every direction of every pixel")
+    n_points, done = len(placement.hits.pixel), 0
+    radiance = np.zeros((n_points, 3))
+    for group in light_groups(placement, sky):
+        rows = np.flatnonzero(group.objects[placement.hits.objects])
+        patches = group.placement.patches(n_patches)
+        blocks = [rows[i : i + REFERENCE_POINTS] for i in range(0, len(rows), REFERENCE_POINTS)]
+        work = _reference_work(placement, layers_of, group.sky, patches, level)
+        with pool() as threads:
+            for i in range(0, len(blocks), n_threads()):
+                some = blocks[i : i + n_threads()]
+                for block, found in zip(some, threads.map(work, some), strict=True):
+                    radiance[block] = found
+                    done += len(block)
+                yield StillProgress(done / n_points, "every direction of every pixel")
     return compose(placement, radiance, sky)
 
 

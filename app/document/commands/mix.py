@@ -1,4 +1,4 @@
-"""The edits of the mix of lights: which are on, how strong they are, their colours and groups, and what they exclude."""
+"""The edits of the mix of lights: which are on, how strong they are, colours, groups and what they exclude."""
 
 from __future__ import annotations
 

@@ -7,6 +7,7 @@ yield the fraction done, so that the caller can show progress, answer other requ
 from collections.abc import Generator, Iterator, Mapping
 from copy import copy
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -76,13 +77,24 @@ def final_quality(settings: RenderSettings) -> Quality:
     return replace(FINAL, n_lights=settings.n_lights, n_patches=settings.n_patches, own_rays=not settings.keeps_sphere)
 
 
+class LightLink(NamedTuple):
+    """Objects that not all lights reach, by their indices: the distant light that reaches them, and the emitters that
+    do not (`dark`)."""
+
+    objects: frozenset[int]
+    sky: "SkyState"
+    dark: frozenset[int] = frozenset()
+
+
 @dataclass(frozen=True)
 class SkyState:
-    """The distant light: an environment (or none), rotated by `rotation` degrees, times `scale`."""
+    """The distant light: an environment (or none), rotated by `rotation` degrees, times `scale`. links: the objects
+    that it does not reach, or that emitters do not (`engine.precompute.direct.linking`), each in one link at most."""
 
     environment: Environment | None
     rotation: float = 0.0
     scale: float = 1.0
+    links: tuple[LightLink, ...] = ()
 
 
 # Fractions of the visibility phase done after the sphere, the sky's brightest parts, and the emitters' leaves.
@@ -153,7 +165,8 @@ class Placement:
         return self._footprints[stride]
 
     def light(self, sky: SkyState, quality: Quality) -> Generator[float, None, VisibleLight]:
-        """Cuts the light of a stage and traces its visibility; yields the fraction done."""
+        """Cuts the light of a stage, as if all of it reached all objects (`linking.light_groups` has those that it
+        does reach), and traces its visibility; yields the fraction done."""
         rows = self.rows(quality.stride)
         own_rays = quality.own_rays and (quality.stays or not self.sphere.done[rows].all()) or not self.has_shadows
         cut = None
@@ -209,13 +222,14 @@ class Placement:
 
 
 def patches_of(scene: Scene, n_patches: int) -> EmitterPatches | None:
-    """A scene's emitters cut into about n_patches, or None where nothing emits."""
+    """A scene's emitters cut into about n_patches, owned by their objects, or None where nothing emits."""
     emitting = emitting_triangles_of(scene)
     emitting = emitting.of(emitting_triangles(emitting.corners, emitting.radiance))
     if not len(emitting.corners):
         return None
     varying = emitting.radiance_of_parts(unmerged(emitting.corners, emitting.radiance))
-    return emitter_patches(emitting.corners, emitting.radiance, n_patches, emitting.cones, varying)
+    patches = emitter_patches(emitting.corners, emitting.radiance, n_patches, emitting.cones, varying)
+    return replace(patches, owner=scene.object_of_triangle[emitting.triangle[patches.owner]])
 
 
 def lattice_rows(hits: PrimaryHits, stride: int) -> np.ndarray:

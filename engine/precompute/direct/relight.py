@@ -32,7 +32,7 @@ from engine.material.layer import Layer
 from engine.precompute.direct import _relight_kernels as kernels
 from engine.precompute.direct._angle_kernels import slope
 from engine.precompute.direct._projection_kernels import ViewedPoints
-from engine.precompute.direct.pipeline import SkyState
+from engine.precompute.direct.pipeline import LightLink, SkyState
 from engine.scene.primary_hits import PrimaryHits
 from engine.sphere.geodesic import geodesic
 from engine.sphere.haar import forward, levels_of_coefficients
@@ -112,8 +112,13 @@ def sky_likeness(one: SkyState, two: SkyState) -> Float32Array:
 
 
 def is_same_sky(one: SkyState, two: SkyState) -> bool:
-    """Whether both are the same environment with the same rotation and scale."""
-    return one.environment is two.environment and (one.rotation, one.scale) == (two.rotation, two.scale)
+    """Whether both are the same environment with the same rotation and scale, and reach the same objects."""
+    same = one.environment is two.environment and (one.rotation, one.scale) == (two.rotation, two.scale)
+    return same and len(one.links) == len(two.links) and all(map(_is_same_link, one.links, two.links))
+
+
+def _is_same_link(one: LightLink, two: LightLink) -> bool:
+    return (one.objects, one.dark) == (two.objects, two.dark) and is_same_sky(one.sky, two.sky)
 
 
 def turning_effects(environment: Environment, scale: float = 1.0) -> Generator[None, None, Float32Array]:

@@ -79,7 +79,7 @@ def edited_light(paths, begin, end, o, layer, of_a, sent, first, bright, positio
                         factor[at, c] = light[at, 1, c]
                         light[at, 1, c] *= bright[beyond, c] + sent[n, 2, c]
                     else:
-                        light[at, v, c] *= light_colour(paths.all_lights, numbers[v, 2], c)
+                        light[at, v, c] *= light_colour(paths.all_lights, numbers[v, 0], numbers[v, 2], c)
             for c in range(3):
                 pairs[at, c] = factor[at, c] * light[at, 2, c]
                 light[at, 2, c] *= sent[n, 1, c]

@@ -93,7 +93,8 @@ def emit(numbers, about, triangles, turns, per_area, mesh, lobe_axes, axes, all_
         lift = offset if side >= ZERO else -offset
         for axis in range(3):
             starts[i, axis] = (px if axis == 0 else py if axis == 1 else pz) + lift * face[axis]
-            power[i, axis] = all_lights.power[m, axis] * geometry * abs(leaving) / (density * per_area[o])
+            sent = all_lights.power[m, axis] * all_lights.shares[all_lights.groups[o], m, axis]
+            power[i, axis] = sent * geometry * abs(leaving) / (density * per_area[o])
         to_light[i, 0], to_light[i, 1], to_light[i, 2] = x, y, z
         onward[i, 0], onward[i, 1], onward[i, 2] = wx, wy, wz
         normals[i, 0], normals[i, 1], normals[i, 2] = nx, ny, nz

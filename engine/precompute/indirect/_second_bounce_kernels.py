@@ -41,7 +41,8 @@ TINY = np.float32(1e-30)
 class SampledLights(NamedTuple):
     """All lights to sample: triangles of the sky first, then patches. corners (M, 3, 3); cumulative (M,) shares; power
     (M, 3) divided by the share; normals (M, 3) and cones (M, 4) of patches; for the sky, density (n_sky,) in samples
-    per steradian and radiance (n_sky, 3); raster (H, W): the sky triangle of each lat-long direction."""
+    per steradian and radiance (n_sky, 3); raster (H, W): the sky triangle of each lat-long direction; shares (G, M, 3)
+    of the light that reach each group of objects, 0 to 1, and the groups of the objects."""
 
     corners: np.ndarray
     cumulative: np.ndarray
@@ -51,6 +52,8 @@ class SampledLights(NamedTuple):
     density: np.ndarray
     radiance: np.ndarray
     raster: np.ndarray
+    shares: np.ndarray
+    groups: np.ndarray
 
 
 # At n path vertices: normal (n, 3), turn, distance, light, candidate and weight (n,), see `GlossyHits`.
@@ -162,6 +165,13 @@ def _candidate(all_lights, table, c, m, seed, lobe_axis, frame, place, wo):
     return m, x, y, z, far, density, _share(all_lights, m, geometry, density)
 
 
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def light_colour(all_lights, o, m, c):
+    """What reaches object o of a light: radiance of one of the sky, power of another."""
+    light = all_lights.radiance[m, c] if m < all_lights.density.shape[0] else all_lights.power[m, c]
+    return light * all_lights.shares[all_lights.groups[o], m, c]
+
+
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def choose_lights(which, at, vertex, n_rays, rows, nth, hits, turns, origins, directions, mesh, lobe_axes, axes,
                   all_lights, table, offset, normals, lights, candidates, weights, to_light, limits,
@@ -202,8 +212,8 @@ def choose_lights(which, at, vertex, n_rays, rows, nth, hits, turns, origins, di
                 )
                 if m < 0:
                     continue
-                light = all_lights.radiance[m] if m < all_lights.density.shape[0] else all_lights.power[m]
-                worth = share * density * max(light[0], light[1], light[2])
+                red, green = light_colour(all_lights, o, m, 0), light_colour(all_lights, o, m, 1)
+                worth = share * density * max(red, green, light_colour(all_lights, o, m, 2))
                 total += worth
                 if worth > ZERO and uniform(seed ^ np.uint64(1000 + c)) * total < worth:
                     lights[i], candidates[i], chosen = m, c, worth
@@ -285,12 +295,6 @@ class GlossyPaths(NamedTuple):
     table: np.ndarray
     area: np.ndarray
     per_area: np.ndarray
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def light_colour(all_lights, m, c):
-    """Radiance of a light of the sky, power of another."""
-    return all_lights.radiance[m, c] if m < all_lights.density.shape[0] else all_lights.power[m, c]
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -416,7 +420,8 @@ def second_bounce_light(paths, begin, end, missing, first, out):
                 layers = paths.layers_3 if v == 2 else paths.layers
                 add_gloss(layers, numbers[v, 0], numbers[v, 1], d[0], d[1], d[2], d[3], d[4], d[5], factors[v], gloss)
                 for c in range(3):
-                    light = ONE if numbers[v, 2] < 0 else light_colour(paths.all_lights, numbers[v, 2], c)
+                    m = numbers[v, 2]
+                    light = ONE if m < 0 else light_colour(paths.all_lights, numbers[v, 0], m, c)
                     out[n, v, c] = gloss[c] * light
 
 

@@ -10,29 +10,39 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engine.light.cones import all_round
 from engine.light.emitters import EmitterPatches
-from engine.light.triangle_lights import TriangleLights, cut_lights
+from engine.light.triangle_lights import TriangleLights, cut_lights, powers_in
 from engine.precompute.direct.lighting import mean_radiance
-from engine.precompute.direct.pipeline import Placement, SkyState
+from engine.precompute.direct.linking import object_groups
+from engine.precompute.direct.pipeline import Placement, SkyState, patches_of
 from engine.precompute.indirect._cache_kernels import Lights
 from engine.precompute.indirect._second_bounce_kernels import SampledLights
+from engine.scene.scene_loader import Scene
 from engine.sphere.geodesic import locate
 
 N_LIGHTS, N_PATCHES = 4000, 256
 _RASTER = (512, 1024)  # rows and columns
 
 
+class ReachingLights(NamedTuple):
+    """Lights, and which objects (M,) they reach; None: all of them."""
+
+    lights: Lights
+    objects: NDArray[np.bool_] | None = None
+
+
 @dataclass(frozen=True, eq=False)
 class Emission:
-    """lights: sky and emitters, each for sampling by power; all_lights: both combined; all in units of `unit`
-    (radiance)."""
+    """lights: sky and emitters, each for sampling by power, for each group of objects that the same lights reach;
+    all_lights: both combined; all in units of `unit` (radiance)."""
 
-    lights: tuple[Lights, ...]
+    lights: tuple[ReachingLights, ...]
     all_lights: SampledLights
     unit: float
 
@@ -41,9 +51,47 @@ def scene_emission(placement: Placement, sky: SkyState) -> Emission:
     """The triangle lights of the sky and the scene's emitters."""
     cut = None if sky.environment is None else cut_lights(sky.environment, N_LIGHTS, sky.rotation)
     cut, patches, unit = in_units(cut, placement.patches(N_PATCHES), sky.scale)
+    n_objects = len(placement.scene.emission)
+    all_lights = emitters_for_sampling(cut, patches, n_objects)
+    if sky.links:
+        all_lights = linked(all_lights, sky, cut, patches, unit, n_objects)
+        return Emission(group_lights(placement.scene, sky, unit), all_lights, unit)
     lights = [] if cut is None else [sky_lights(cut)]
     lights += [] if patches is None else [patch_lights(patches)]
-    return Emission(tuple(each for each in lights if len(each.cumulative)), emitters_for_sampling(cut, patches), unit)
+    return Emission(tuple(ReachingLights(each) for each in lights if len(each.cumulative)), all_lights, unit)
+
+
+def group_lights(scene: Scene, sky: SkyState, unit: float) -> tuple[ReachingLights, ...]:
+    """The lights of each group of objects that the same lights reach, in this unit of radiance."""
+    found = []
+    for objects, reaching, emitters in object_groups(sky, len(scene.emission)):
+        lights = []
+        if reaching.environment is not None:
+            cut = cut_lights(reaching.environment, N_LIGHTS, reaching.rotation)
+            lights.append(sky_lights(cut.scale_by(reaching.scale / unit)))
+        patches = patches_of(replace(scene, emission=scene.emission * emitters[:, None]), N_PATCHES)
+        if patches is not None:
+            radiance = (patches.radiance / np.float64(unit)).astype(np.float32)
+            lights.append(patch_lights(replace(patches, radiance=radiance)))
+        found += [ReachingLights(each, objects) for each in lights if len(each.cumulative)]
+    return tuple(found)
+
+
+def linked(
+    lights: SampledLights, sky: SkyState, cut: TriangleLights | None, patches: EmitterPatches | None, unit: float,
+    n_objects: int,
+) -> SampledLights:  # fmt: skip
+    """The same lights, of a sky's cut and of patches, with the shares of them that reach each group of objects."""
+    n_sky, n_lights, groups = len(lights.density), len(lights.cumulative), object_groups(sky, n_objects)
+    shares, numbers = np.zeros((len(groups), n_lights, 3), np.float32), np.zeros(n_objects, np.int32)
+    for i, (objects, reaching, emitters) in enumerate(groups):
+        numbers[objects] = i
+        if n_sky and cut is not None and reaching.environment is not None:
+            power = powers_in(cut, reaching.environment, reaching.rotation) * np.float32(reaching.scale / unit)
+            np.divide(power, cut.power, out=shares[i, :n_sky], where=cut.power > 0.0)
+        if n_lights > n_sky and patches is not None:
+            shares[i, n_sky:] = emitters[patches.owner][:, None]
+    return lights._replace(shares=np.minimum(shares, np.float32(1.0)), groups=numbers)
 
 
 def in_units(
@@ -87,14 +135,16 @@ def _lights(
     )  # fmt: skip
 
 
-def emitters_for_sampling(cut: TriangleLights | None, patches: EmitterPatches | None) -> SampledLights:
-    """Sky and emitters for sampling by power; half of the samples each where there are both."""
+def emitters_for_sampling(cut: TriangleLights | None, patches: EmitterPatches | None, n_objects: int) -> SampledLights:
+    """Sky and emitters for sampling by power, all of which reach all objects; half of the samples each where there are
+    both."""
+    groups = np.zeros(n_objects, np.int32)
     parts = [part for part in (_sky(cut), _patches(patches)) if part is not None and part[1].max() > 0.0]
     if not parts:
         none = np.zeros((0, 3), np.float32)
         empty = np.zeros(0, np.float32)
         raster = np.zeros((0, 0), np.int32)
-        return SampledLights(none[:, None], empty, none, none, all_round(0), empty, none, raster)
+        return SampledLights(none[:, None], empty, none, none, all_round(0), empty, none, raster, none[None], groups)
     shares = [strength / strength.sum() / len(parts) for _, strength, *_ in parts]
     corners = np.concatenate([part[0] for part in parts]).astype(np.float32)
     share = np.concatenate(shares)
@@ -108,8 +158,9 @@ def emitters_for_sampling(cut: TriangleLights | None, patches: EmitterPatches | 
         radiance, raster = (cut.power / cut.solid_angle[:, None]).astype(np.float32), _raster(cut)
     normals, cones = (np.concatenate([part[k] for part in parts]).astype(np.float32) for k in (3, 4))
     return SampledLights(
-        corners, cumulative.astype(np.float32), power.astype(np.float32), normals, cones, density, radiance, raster
-    )
+        corners, cumulative.astype(np.float32), power.astype(np.float32), normals, cones, density, radiance, raster,
+        np.ones((1, len(power), 3), np.float32), groups,
+    )  # fmt: skip
 
 
 _Part = tuple[

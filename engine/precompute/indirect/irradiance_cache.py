@@ -28,11 +28,11 @@ from numpy.typing import NDArray
 from engine.core.clamping import clamp_radiance
 from engine.core.threads import OrderedSection, even_parts, on_threads, run_in_order
 from engine.precompute.indirect import _cache_kernels as kernels
-from engine.precompute.indirect._cache_kernels import Lights
 from engine.precompute.indirect._ray_kernels import EVEN
 from engine.precompute.indirect._reflection_kernels import bounce, brighten
 from engine.precompute.indirect.albedo import N_SLANTS
 from engine.precompute.indirect.direction_patterns import cosine_tables
+from engine.precompute.indirect.emission import ReachingLights
 from engine.precompute.indirect.nearest_records import NearestRecords
 from engine.precompute.indirect.record_maps import RecordMaps, RecordReflectance
 from engine.scene.raycaster import Intersections, RayCaster
@@ -273,15 +273,18 @@ def connect(cache: IrradianceCache, n_bounces: int, n_rays: int) -> Iterator[tup
 
 
 def direct_irradiance(
-    cache: IrradianceCache, lights: tuple[Lights, ...], n_samples: int
+    cache: IrradianceCache, lights: tuple[ReachingLights, ...], n_samples: int
 ) -> Generator[float, None, NDArray[np.float32]]:
-    """Irradiance (C, N_SLANTS, 3) of the records from all lights, see `CacheLight`, with `n_samples` samples of each
-    kind; yields the fraction done."""
+    """Irradiance (C, N_SLANTS, 3) of the records from all lights that reach them, see `CacheLight`, with `n_samples`
+    samples of each kind; yields the fraction done."""
     total = np.zeros((len(cache), N_SLANTS, 3), np.float32)
     step = max(_SAMPLES // n_samples, 1)
     for begin in range(0, len(cache), step):
-        for seed, each in enumerate(lights):
-            total[begin : begin + step] += cache.irradiance(each, n_samples, seed, begin, begin + step)
+        for seed, (each, objects) in enumerate(lights):
+            found = cache.irradiance(each, n_samples, seed, begin, begin + step)
+            if objects is not None:
+                found[~objects[cache.objects[begin : begin + step]]] = 0.0
+            total[begin : begin + step] += found
         yield min((begin + step) / len(cache), 1.0)
     return total
 

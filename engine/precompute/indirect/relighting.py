@@ -30,7 +30,7 @@ from engine.light.triangle_lights import cut_lights, turned
 from engine.precompute.direct.pipeline import SkyState, patches_of
 from engine.precompute.direct.relight import is_same_sky, sky_likeness
 from engine.precompute.indirect._cache_kernels import Lights
-from engine.precompute.indirect.emission import N_LIGHTS, N_PATCHES, in_units, patch_lights, sky_lights
+from engine.precompute.indirect.emission import N_LIGHTS, N_PATCHES, ReachingLights, group_lights, in_units, sky_lights
 from engine.precompute.indirect.gloss_rows import GlossRows, gloss_rows
 from engine.precompute.indirect.indirect_layers import IndirectLayer
 from engine.precompute.indirect.indirect_light import IndirectLight
@@ -93,32 +93,44 @@ class SourceLighting:
         self.at_rest = found
         self._light, self._scene, self._resting = found.without_glossy_hits(), scene, sky
         self._n_samples = min(max(_RAYS // max(len(found.cache), 1), _FEWEST), _MOST)
-        self._sky_lights, self._unit = _lights_of(sky)
+        self._sky_lights, self._unit = self._lights_of(sky)
 
     @property
     def n_bytes(self) -> int:
         """Memory of the sky's lights."""
-        return sum(array.nbytes for lights in self._sky_lights for array in lights[:-1])
+        return sum(array.nbytes for each in self._sky_lights for array in each.lights[:-1])
 
     def by_sky(self, sky: SkyState) -> Generator[None, None, IndirectLight]:
         """The light that the sky alone gives."""
-        if sky.environment is not self._resting.environment or sky.scale != self._resting.scale:
-            return (yield from self._lit_by(*_lights_of(sky)))
-        degrees = sky.rotation - self._resting.rotation
-        return (yield from self._lit_by(tuple(turned_lights(each, degrees) for each in self._sky_lights), self._unit))
+        resting = self._resting
+        if sky.environment is not resting.environment or sky.scale != resting.scale or sky.links or resting.links:
+            return (yield from self._lit_by(*self._lights_of(sky)))
+        degrees = sky.rotation - resting.rotation
+        lights = tuple(each._replace(lights=turned_lights(each.lights, degrees)) for each in self._sky_lights)
+        return (yield from self._lit_by(lights, self._unit))
 
     def with_gloss(self, lit: IndirectLight) -> IndirectLight:
         """The same light of the records, of which glossy surfaces reflect what comes to them from records."""
         return replace(lit, points=replace(self.at_rest.points, lights_gloss=False))
 
-    def by_emitters(self, emission: NDArray[np.floating]) -> Generator[None, None, IndirectLight]:
-        """The light that objects of this radiance (M, 3) alone give."""
-        patches = patches_of(replace(self._scene, emission=np.asarray(emission, np.float32)), N_PATCHES)
-        _, patches, unit = in_units(None, patches, 1.0)
-        return (yield from self._lit_by(() if patches is None else (patch_lights(patches),), unit))
+    def by_emitters(self, emission: NDArray[np.floating], sky: SkyState) -> Generator[None, None, IndirectLight]:
+        """The light that objects of this radiance (M, 3) alone give, by the links of a sky."""
+        scene = replace(self._scene, emission=np.asarray(emission, np.float32))
+        _, _, unit = in_units(None, patches_of(scene, N_PATCHES), 1.0)
+        links = tuple(link._replace(sky=SkyState(None)) for link in sky.links)
+        return (yield from self._lit_by(group_lights(scene, SkyState(None, links=links), unit), unit))
 
-    def _lit_by(self, lights: tuple[Lights, ...], unit: float) -> Generator[None, None, IndirectLight]:
-        there = tuple(each for each in lights if len(each.cumulative))
+    def _lights_of(self, sky: SkyState) -> tuple[tuple[ReachingLights, ...], float]:
+        """The lights of a sky, none where it is dark, and their unit."""
+        if sky.environment is None:
+            return (), 1.0
+        cut, _, unit = in_units(cut_lights(sky.environment, N_LIGHTS, sky.rotation), None, sky.scale)
+        if sky.links:
+            return group_lights(replace(self._scene, emission=np.zeros_like(self._scene.emission)), sky, unit), unit
+        return () if cut is None else (ReachingLights(sky_lights(cut)),), unit
+
+    def _lit_by(self, lights: tuple[ReachingLights, ...], unit: float) -> Generator[None, None, IndirectLight]:
+        there = tuple(each for each in lights if len(each.lights.cumulative))
         steps = direct_irradiance(self._light.cache, there, self._n_samples)
         direct = yield from map_steps(steps, lambda fraction: None)
         return replace(self._light, light=replace(self._light.light, direct=direct), unit=unit)
@@ -196,7 +208,9 @@ class IndirectRelighting:
         """Reflects a light that is alone in the scene, an emitter or in the sky, by albedo; once."""
         if light not in self._alone:
             lit = (
-                self._lighting.by_emitters(alone.emission) if alone.emission.any() else self._lighting.by_sky(alone.sky)
+                self._lighting.by_emitters(alone.emission, alone.sky)
+                if alone.emission.any()
+                else self._lighting.by_sky(alone.sky)
             )
             self._alone[light] = yield from self._reflected((yield from lit))
 
@@ -275,11 +289,15 @@ class IndirectRelighting:
         for i in added:
             white = np.zeros_like(self._resting.emission)
             white[i] = 1.0
-            self._changing[i] = yield from self._reflected((yield from self._lighting.by_emitters(white)))
+            self._changing[i] = yield from self._reflected(
+                (yield from self._lighting.by_emitters(white, self._resting.sky))
+            )
         if added or self._others is None:
             emission = self._resting.emission.copy()
             emission[list(self._changing)] = 0.0
-            self._others = yield from self._reflected((yield from self._lighting.by_emitters(emission)))
+            self._others = yield from self._reflected(
+                (yield from self._lighting.by_emitters(emission, self._resting.sky))
+            )
 
     def _sums(self, sky: Reflected, emission: Float32Array) -> Reflected:
         """What the layers reflect of a sky and of emitters with this radiance (M, 3)."""
@@ -307,11 +325,3 @@ def turned_lights(lights: Lights, degrees: float) -> Lights:
     """The lights of a sky that is rotated by so many degrees more."""
     corners = turned(lights.corners.reshape(-1, 3), degrees).reshape(-1, 3, 3)
     return lights._replace(corners=np.ascontiguousarray(corners)) if degrees else lights
-
-
-def _lights_of(sky: SkyState) -> tuple[tuple[Lights, ...], float]:
-    """The lights of a sky, none where it is dark, and their unit."""
-    if sky.environment is None:
-        return (), 1.0
-    cut, _, unit = in_units(cut_lights(sky.environment, N_LIGHTS, sky.rotation), None, sky.scale)
-    return () if cut is None else (sky_lights(cut),), unit

@@ -122,8 +122,8 @@ def test_the_sky_is_drawn_with_the_reported_density() -> None:
 def test_emitters_are_drawn_with_the_reported_density(tmp_path: Path) -> None:
     placement = place(tmp_path, BALL + LIT_TABLE)
     light = EmitterLight(placement.scene)
-    point = np.array([[0.6, -0.4, 0.2]])
-    drawn = light.sample(np.tile(point, (20_000, 1)), np.random.default_rng(8).random((20_000, 3)))
+    point, nobody = np.array([[0.6, -0.4, 0.2]]), np.zeros(0, np.int32)
+    drawn = light.sample(np.tile(point, (20_000, 1)), nobody, np.random.default_rng(8).random((20_000, 3)))
     found = placement.caster.intersect(np.tile(np.float32(point), (20_000, 1)), drawn.wi.astype(np.float32))
     hit = placement.scene.emitters[placement.scene.object_of_triangle[found.triangle]]
     assert hit.mean() > 0.99
@@ -132,7 +132,7 @@ def test_emitters_are_drawn_with_the_reported_density(tmp_path: Path) -> None:
     # A square of side 1 seen from 2 above its middle: 4 asin(1 / (1 + 4 h^2)) with h = 2.
     assert (1.0 / drawn.pdf).mean() == pytest.approx(4 * np.arcsin(1.0 / 17.0), rel=0.01)
     # From above it is dark.
-    assert not light.sample(np.array([[0.6, 3.0, 0.2]]), np.array([[0.5, 0.5, 0.5]])).pdf.any()
+    assert not light.sample(np.array([[0.6, 3.0, 0.2]]), nobody, np.array([[0.5, 0.5, 0.5]])).pdf.any()
 
 
 # ------------------------------------------------------------------------------------------------------- closed forms
