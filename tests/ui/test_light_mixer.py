@@ -72,3 +72,16 @@ def test_an_opened_line_has_temperature_colour_and_group(mixer: HeadlessWindow) 
     assert editor.document.light.groups == ("Key",)
     click(mixer, "mix.lamp.kelvin", button=1)
     assert editor.document.light.row("lamp").kelvin == 0.0
+
+
+def test_ticks_link_a_light_to_objects(mixer: HeadlessWindow) -> None:
+    editor = mixer.shell.editor
+    click(mixer, "mix.lamp")
+    click(mixer, "mix.lamp.excludes")
+    name = next(state.name for state in editor.document.objects if not state.is_lamp)
+    n_steps = len(editor.history.undo_steps)
+    click(mixer, f"mix.lamp.excludes.{name}")
+    assert editor.document.light.row("lamp").excludes == (name,)
+    assert len(editor.history.undo_steps) == n_steps + 1
+    click(mixer, f"mix.lamp.excludes.{name}")
+    assert editor.document.light.mix == ()

@@ -72,7 +72,8 @@ class SetMix:
             raise InsituError(f"there is no light {self.light!r}; available: {list_names(there)}")
         row = changed_row(light.row(self.light), self.name, self.value)
         names = [state.name for state in document.objects]
-        if self.name == "excludes" and (unknown := set(row.excludes).difference(names)):
+        before = light.row(self.light).excludes  # may have some that the scene no longer has
+        if self.name == "excludes" and (unknown := set(row.excludes).difference(names, before)):
             raise InsituError(f"there is no object {min(unknown)!r}; available: {list_names(names)}")
         if self.name == "group" and self.light not in lights_of(document):
             return replace(document, light=light.with_renamed_group(group_of(self.light), row.group))

@@ -188,9 +188,10 @@ class IndirectRelighting:
         return self._lighting.at_rest.points.glossy and (yield from self._shows_gloss())
 
     def _shows_gloss(self) -> Generator[None, None, bool]:
-        """Whether what glossy surfaces add at rest is much of the indirect light, and the sky uneven."""
+        """Whether what glossy surfaces add at rest is much of the indirect light, and the sky uneven, and the same for
+        all objects: rows have no links."""
         environment = self._resting.sky.environment
-        if environment is None or (environment.radiance == environment.radiance[0, 0]).all():
+        if environment is None or self._resting.sky.links or (environment.radiance == environment.radiance[0, 0]).all():
             return False
         whole = yield from self._reflected(self._lighting.at_rest)
         by_albedo = self._sums(self._skies[0].by_albedo, self._resting.emission)
@@ -289,15 +290,13 @@ class IndirectRelighting:
         for i in added:
             white = np.zeros_like(self._resting.emission)
             white[i] = 1.0
-            self._changing[i] = yield from self._reflected(
-                (yield from self._lighting.by_emitters(white, self._resting.sky))
-            )
+            lit = yield from self._lighting.by_emitters(white, self._resting.sky)
+            self._changing[i] = yield from self._reflected(lit)
         if added or self._others is None:
             emission = self._resting.emission.copy()
             emission[list(self._changing)] = 0.0
-            self._others = yield from self._reflected(
-                (yield from self._lighting.by_emitters(emission, self._resting.sky))
-            )
+            lit = yield from self._lighting.by_emitters(emission, self._resting.sky)
+            self._others = yield from self._reflected(lit)
 
     def _sums(self, sky: Reflected, emission: Float32Array) -> Reflected:
         """What the layers reflect of a sky and of emitters with this radiance (M, 3)."""

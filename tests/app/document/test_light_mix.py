@@ -14,7 +14,7 @@ from app.document.commands.light import SetEmission, SetRotation
 from app.document.commands.mix import SetMix
 from app.document.document import Document, document_from_description
 from app.document.history import History
-from app.document.light_mix import emission_of, gains_of, mixed_light
+from app.document.light_mix import emission_of, exclusions_of, gains_of, mixed_light
 from app.document.light_state import ENVIRONMENT_KEY, MIX_FIELDS, LightState
 from app.document.scene_change import SceneChange
 from app.document.scene_state import scene_state
@@ -109,6 +109,9 @@ def test_a_group_multiplies_its_lights(lit: Document) -> None:
         ("lamp.on", 1, "on = 1, expected true or false"),
         ("lamp.group", 3, "group = 3, expected a name of at most 64 letters"),
         ("lamp.group", "a\nb", "group = 'a\\nb', expected a name of at most 64 letters"),
+        ("lamp.excludes", "pot", "excludes = 'pot', expected a list of names of objects"),
+        ("lamp.excludes", [1], "excludes = [1], expected a list of names of objects"),
+        ("lamp.excludes", ["cup"], "there is no object 'cup'; available: pot, floor, lamp"),
         ("pot.strength", 1, "there is no layer of pot 'strength'"),
         ("light.groups.Key.on", False, "there is no property of the light 'groups.Key.on'"),
         ("light.Moon.on", False, "there is no property of the light 'Moon.on'"),
@@ -118,6 +121,33 @@ def test_what_no_row_has_is_refused_in_a_line(lit: Document, path: str, value: A
     with pytest.raises(InsituError) as found:
         set_path(lit, path, value).apply(lit)
     assert says in str(found.value) and "\n" not in str(found.value)
+
+
+def test_a_light_excludes_what_its_row_or_its_group_excludes(lit: Document) -> None:
+    document = edited(lit, lamp__excludes=["pot", "pot"], light__Noon__group="Key", lamp__group="Key")
+    document = edited(document, light__groups__Key__excludes=["floor"])
+    assert exclusions_of(document) == {
+        ENVIRONMENT_KEY: (), "light.Noon": ("floor",), "lamp": ("floor", "pot")
+    }  # fmt: skip
+    # The worker gets it with the light; an object that the scene has no more counts for nothing.
+    assert mixed_light(document).row("lamp").excludes == ("floor", "pot")
+    without = replace(document, objects=tuple(each for each in document.objects if each.name != "pot"))
+    assert exclusions_of(without)["lamp"] == ("floor",)
+    left = edited(document, lamp__excludes=[], lamp__group="", light__Noon__group="")
+    assert not any(exclusions_of(left).values())
+
+
+def test_links_of_the_sky_have_the_lights_that_reach_each_object(tmp_path: Path) -> None:
+    (tmp_path / "scene.toml").write_text(ROOM)
+    values = [("light.Noon.excludes", ["floor"]), ("lamp.excludes", ["floor", "lamp"])]
+    project = open_project(str(tmp_path / "scene.toml"), values=values)
+    floor, lamp = map(project.object_names.index, ("floor", "lamp"))
+    whole, links = project.sky, {each.objects: each for each in project.sky.links}
+    assert links.keys() == {frozenset({floor}), frozenset({lamp})}
+    assert all(each.dark == {lamp} for each in links.values())
+    # Without its sun the sky is even; the lamp's own distant light is the whole.
+    assert np.ptp(links[frozenset({floor})].sky.environment.radiance, axis=(0, 1)).max() < 1e-6
+    assert links[frozenset({lamp})].sky.environment is whole.environment
 
 
 def test_the_group_of_a_group_is_its_name(lit: Document) -> None:
@@ -136,6 +166,7 @@ def some_value(random: np.random.Generator, name: str) -> Any:
         "on": bool(random.integers(2)), "solo": bool(random.integers(2)),
         "strength": float(random.integers(-3, 4)), "colour": tuple(random.uniform(0.0, 2.0, 3).tolist()),
         "kelvin": float(random.choice([0.0, 2000.0, 9000.0])), "group": str(random.choice(["", "Key", "Fill"])),
+        "excludes": tuple(name for name in ("floor", "pot") if random.integers(2)),
     }  # fmt: skip
     return values[name]
 
@@ -160,7 +191,10 @@ def naive_gain(rows: dict[str, dict[str, Any]], key: str) -> Any:
 def test_random_edits_are_mixed_by_the_definition_and_undone_to_the_bit(lit: Document) -> None:
     random, history, seen = np.random.default_rng(32), History(lit), [lit]
     groups = [f"light.groups.{name}" for name in ("Key", "Fill")]
-    plain = {"on": True, "solo": False, "strength": 0.0, "colour": (1.0, 1.0, 1.0), "kelvin": 0.0, "group": ""}
+    plain = {
+        "on": True, "solo": False, "strength": 0.0, "colour": (1.0, 1.0, 1.0), "kelvin": 0.0, "group": "",
+        "excludes": (),
+    }  # fmt: skip
     rows = {key: dict(plain) for key in (*KEYS, *groups)}
     for _ in range(200):
         there = [key for key in groups if key.rpartition(".")[2] in history.document.light.groups]
@@ -177,6 +211,9 @@ def test_random_edits_are_mixed_by_the_definition_and_undone_to_the_bit(lit: Doc
             seen.append(history.document)
         for light in KEYS:
             np.testing.assert_allclose(gains_of(history.document)[light], naive_gain(rows, light), rtol=1e-12)
+            group = rows[light]["group"]
+            excluded = {*rows[light]["excludes"], *(rows[f"light.groups.{group}"]["excludes"] if group else ())}
+            assert set(exclusions_of(history.document)[light]) == excluded
     for before in reversed(seen[:-1]):
         assert history.undo() is not None and history.document == before
     for after in seen[1:]:
@@ -196,6 +233,7 @@ def test_sessions_save_edited_rows_alone(lit: Document, tmp_path: Path) -> None:
     assert "mix = " not in path.read_text()
     document = edited(lit, lamp__strength=0.1, lamp__group="Key", light__Noon__on=False, light__environment__kelvin=4e3)
     document = edited(document, light__groups__Key__colour=[0.1, 0.2, 0.3], light__Noon__solo=True)
+    document = edited(document, light__Noon__excludes=["pot", "floor"])
     path = save_session(tmp_path / "mixed.insitu", document, ViewState())
     assert fit_session(load_session(path), lit, "mixed.insitu").light == document.light
     for good, bad, says in (
@@ -203,6 +241,7 @@ def test_sessions_save_edited_rows_alone(lit: Document, tmp_path: Path) -> None:
         ("strength = 0.1", "strength = 99.0", "strength"),
         ('light = "lamp"', 'light = ""', "light"),
         ("on = false", "off = true", "off"),
+        ('excludes = ["floor", "pot"]', 'excludes = "pot"', "excludes"),
     ):
         assert good in path.read_text()
         (tmp_path / "bad.insitu").write_text(path.read_text().replace(good, bad))
@@ -217,8 +256,10 @@ def test_rows_stay_when_the_scene_is_read_again(lit: Document) -> None:
     assert again.light.mix == mixed.light.mix and again.light.suns == brighter.light.suns
     # A lamp of another name keeps its row, where it is known to be the same.
     objects = [{**each, "name": "bulb"} if each["name"] == "lamp" else each for each in SCENE["object"]]
-    renamed = SceneChange(lit, described(object=objects), {"bulb": "lamp"})(mixed)
+    linked = edited(mixed, light__Noon__excludes=["lamp", "pot"])
+    renamed = SceneChange(lit, described(object=objects), {"bulb": "lamp"})(linked)
     assert gains_of(renamed)["bulb"] == (2.0, 2.0, 2.0)
+    assert renamed.light.row("light.Noon").excludes == ("bulb", "pot")
 
 
 def test_a_row_of_a_light_that_is_gone_darkens_nothing(lit: Document) -> None:
