@@ -33,7 +33,8 @@ from engine.core.errors import InsituError
 from engine.core.safe_files import redirect_files
 from engine.core.stored_arrays import Arrays
 from engine.precompute.direct.bandstore import BandTile
-from engine.precompute.direct.pipeline import Placement, Quality, SkyState
+from engine.precompute.direct.linking import LightGroup, light_groups
+from engine.precompute.direct.pipeline import Placement, Quality
 from engine.precompute.direct.projection import TILE, LayerShape, VisibleLight, project_layer
 
 if TYPE_CHECKING:
@@ -84,13 +85,14 @@ def draw_frame(job: FrameJob, i: int) -> Picture:
         return _open_once(job, lambda: _drawer(job)).draw(i)
 
 
-def compute_light(job: ViewJob, quality: Quality) -> VisibleLight:
-    """All the light of a view, and from where it is seen."""
+def compute_light(job: ViewJob, quality: Quality, number: int) -> VisibleLight:
+    """The light of a view that reaches a group of its objects, by the group's number, and from where it is seen."""
     from engine.core.generators import run_to_end
 
     with _exclusive_task(job):
         context = _open_once(job, lambda: _worker_context(job))
-        return run_to_end(context.open_placement.light(context.sky(job.scene.light), quality))
+        group = light_groups(context.open_placement, context.sky(job.scene.light))[number]
+        return run_to_end(group.placement.light(group.sky, quality))
 
 
 def project_tiles(job: ViewJob, light: VisibleLight, layer: LayerShape, rows: np.ndarray, begin: int) -> list[BandTile]:
@@ -179,8 +181,8 @@ class ClusterExecutor:
         self._cluster, self._job = cluster, job
         self._lights: dict[int, Future] = {}
 
-    def compute_light(self, placement: Placement, sky: SkyState, quality: Quality) -> LightSteps:
-        task = self._cluster.submit(compute_light, self._job, quality)
+    def compute_light(self, group: LightGroup, quality: Quality) -> LightSteps:
+        placement, task = group.placement, self._cluster.submit(compute_light, self._job, quality, group.number)
         light: VisibleLight = yield from self._wait_for_result(task, 0.0)
         placement.sphere.bits[:], placement.sphere.done[:] = light.sphere.bits, light.sphere.done
         self._lights = {id(light): task}

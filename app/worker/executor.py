@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from engine.precompute.direct.bandstore import BandTile
-from engine.precompute.direct.pipeline import Placement, Quality, SkyState
+from engine.precompute.direct.linking import LightGroup
+from engine.precompute.direct.pipeline import Placement, Quality
 from engine.precompute.direct.projection import LayerShape, VisibleLight, project_layer
 
 if TYPE_CHECKING:
@@ -23,8 +24,8 @@ IndirectSteps = Generator["Response | None", None, "Arrays"]
 class Executor(Protocol):
     """Does the long work; the result is the same to the last bit for each executor."""
 
-    def compute_light(self, placement: Placement, sky: SkyState, quality: Quality) -> LightSteps:
-        """Compute all the light of a stage; yields the fraction done. A final stage leaves the sphere's visibility in
+    def compute_light(self, group: LightGroup, quality: Quality) -> LightSteps:
+        """Compute the light of a stage that reaches a group of objects; yields the fraction done. A final stage leaves the sphere's visibility in
         `placement_worker`."""
 
     def project_tiles(
@@ -43,8 +44,8 @@ class Executor(Protocol):
 class LocalExecutor:
     """Does all the work in this process."""
 
-    def compute_light(self, placement: Placement, sky: SkyState, quality: Quality) -> LightSteps:
-        return placement.light(sky, quality)
+    def compute_light(self, group: LightGroup, quality: Quality) -> LightSteps:
+        return group.placement.light(group.sky, quality)
 
     def project_tiles(
         self, placement: Placement, rows: np.ndarray, light: VisibleLight, layer: LayerShape,

@@ -143,7 +143,7 @@ class LightPictures:
         whole = placement.with_emission(light.emission(scene.object_names))
         settings = like.lit_by.planned_settings or like.lit_by.settings
         i_object = {work.key: scene.object_index(work.object) for work in due}
-        for objects, alone, reaching in light_groups(whole, sky):
+        for _, objects, alone, reaching in light_groups(whole, sky):
             own = [work for work in due if objects[i_object[work.key]]]
             lit_by = SkyState(None) if _is_dark(reaching) else reaching
             if not own or lit_by.environment is None and not alone.scene.emission.any():

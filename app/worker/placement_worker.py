@@ -328,10 +328,7 @@ class PlacementWorker(ModeWorker):
         keys = [self._stages.light_key(each.sky, each.placement, quality) if is_final else "" for each in groups]
         self._stages.keep_lights(keys)
         i_object = {work.key: placement.scene.object_index(work.object) for work in works}
-        total = (
-            sum(len(placement.rows_of(placement.scene.object_index(work.object), quality.stride)) for work in works)
-            or 1
-        )
+        total = sum(len(rows_of(placement, work, quality)) for work in works) or 1
         done = 0
         # The group of the selected layer first.
         first = i_object[works[0].key]
@@ -339,7 +336,7 @@ class PlacementWorker(ModeWorker):
             own = [work for work in works if group.objects[i_object[work.key]]]
             if not own:
                 continue
-            light = yield from self._stages.final_light(group.placement, group.sky, quality, key, clock)
+            light = yield from self._stages.final_light(group, quality, key, clock)
             for work in own:
                 rows = rows_of(placement, work, quality)
                 store = yield from self._stages.project(placement, rows, work, light, key, clock, done, total)

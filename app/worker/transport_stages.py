@@ -25,6 +25,7 @@ from app.worker.tasks import CACHE_VERSION, WorkerContext
 from engine.core.generators import map_steps
 from engine.core.stored_arrays import ArrayReader, Arrays, n_bytes_of
 from engine.precompute.direct.bandstore import BandStore, FixedPicture
+from engine.precompute.direct.linking import LightGroup
 from engine.precompute.direct.pipeline import COARSE, DRAG, PREVIEW, Placement, Quality, SkyState, final_quality
 from engine.precompute.direct.projection import TILE, VisibleLight
 from engine.scene.scene_loader import Scene
@@ -105,23 +106,25 @@ class TransportStages:
         self._lights = {key: light for key, light in self._lights.items() if key in keys}
 
     def final_light(
-        self, placement: Placement, sky: SkyState, quality: Quality, key: str, clock: StageClock
+        self, group: LightGroup, quality: Quality, key: str, clock: StageClock
     ) -> Generator[Response | None, None, VisibleLight]:
-        """The light of a stage; that of the last final stage is stored, for layers that change under it."""
+        """The light of a stage that reaches a group of objects; that of the last final stage is stored, for layers that
+        change under it."""
         if key in self._lights:
             return self._lights[key]
-        light = yield from self._trace_visibility(placement, sky, quality, clock)
+        light = yield from self._trace_visibility(group, quality, clock)
         if key:
             self._lights[key] = light
             self._cache.put(_unit_key(key), {"unit": np.array([light.lighting.unit], np.float64)})
         return light
 
     def _trace_visibility(
-        self, placement: Placement, sky: SkyState, quality: Quality, clock: StageClock
+        self, group: LightGroup, quality: Quality, clock: StageClock
     ) -> Generator[Response | None, None, VisibleLight]:
+        placement = group.placement
         was_done = bool(placement.sphere.done.all()) or not placement.has_shadows
         light = yield from map_steps(
-            self._context.executor.compute_light(placement, sky, quality),
+            self._context.executor.compute_light(group, quality),
             lambda fraction: clock.progress(0.3 * fraction, "shadows"),
         )
         if not was_done and placement.sphere.done.all():

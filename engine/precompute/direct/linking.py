@@ -21,9 +21,10 @@ BLACK = (0.0, 0.0, 0.0)
 
 
 class LightGroup(NamedTuple):
-    """Objects that the same lights reach. objects (M,): which they are; placement: with the other emitters dark; sky:
-    the distant light that reaches them."""
+    """Objects that the same lights reach. number: its place among the groups; objects (M,): which they are; placement:
+    with the other emitters dark; sky: the distant light that reaches them."""
 
+    number: int
     objects: NDArray[np.bool_]
     placement: Placement
     sky: SkyState
@@ -32,9 +33,10 @@ class LightGroup(NamedTuple):
 def light_groups(placement: Placement, sky: SkyState) -> tuple[LightGroup, ...]:
     """The groups of a scene's objects, see `object_groups`, with what lights them."""
     names, groups = placement.scene.object_names, list[LightGroup]()
-    for objects, reaching, emitters in object_groups(sky, len(names)):
+    for number, (objects, reaching, emitters) in enumerate(object_groups(sky, len(names))):
         dark = {names[i]: BLACK for i in np.flatnonzero(~emitters)}
-        groups.append(LightGroup(objects, placement.with_emission(dark) if dark else placement, reaching))
+        lit = placement.with_emission(dark) if dark else placement
+        groups.append(LightGroup(number, objects, lit, reaching))
     return tuple(groups)
 
 

@@ -18,7 +18,8 @@ from app.worker.executor import LocalExecutor
 from app.worker.tasks import RequestDispatcher
 from engine.material import MODELS
 from engine.material.layer import make_layer
-from engine.precompute.direct.pipeline import Placement, Quality, SkyState
+from engine.precompute.direct.linking import LightGroup
+from engine.precompute.direct.pipeline import Quality
 from engine.render import light_pilot
 from engine.render.light_pilot import NOT_FOUND, LightBudget
 from engine.settings import RenderSettings
@@ -35,9 +36,9 @@ class Noting(LocalExecutor):
     def __init__(self) -> None:
         self.seen: list[Quality] = []
 
-    def compute_light(self, placement: Placement, sky: SkyState, quality: Quality):  # type: ignore[no-untyped-def]
+    def compute_light(self, group: LightGroup, quality: Quality):  # type: ignore[no-untyped-def]
         self.seen.append(quality)
-        return super().compute_light(placement, sky, quality)
+        return super().compute_light(group, quality)
 
 
 @pytest.fixture(autouse=True)
