@@ -25,8 +25,8 @@ class Executor(Protocol):
     """Does the long work; the result is the same to the last bit for each executor."""
 
     def compute_light(self, group: LightGroup, quality: Quality) -> LightSteps:
-        """Compute the light of a stage that reaches a group of objects; yields the fraction done. A final stage leaves the sphere's visibility in
-        `placement_worker`."""
+        """Compute the light of a stage that reaches a group of objects; yields the fraction done. A final stage leaves
+        the sphere's visibility in `placement_worker`."""
 
     def project_tiles(
         self, placement: Placement, rows: np.ndarray, light: VisibleLight, layer: LayerShape,

@@ -219,8 +219,9 @@ def _prepared_sky(sky: SkyState, text: str) -> Steps:
     yield Progress(STAGE, 0.0, text=text)
     from engine.realtime.triple_product.incident import preparing_sky
 
-    for _ in preparing_sky(sky.environment):
-        yield Progress(STAGE, 0.0, text=text)
+    for environment in (sky.environment, *(link.sky.environment for link in sky.links)):
+        for _ in preparing_sky(environment):
+            yield Progress(STAGE, 0.0, text=text)
 
 
 def _draw_steps(orbit: Orbit, wanted: DrawOrbit) -> Generator[StillProgress, None, NDArray[np.float32]]:

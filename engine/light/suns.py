@@ -31,7 +31,7 @@ class Sun(NamedTuple):
         return self._replace(irradiance=(factor * red, factor * green, factor * blue))
 
 
-@lru_cache(maxsize=2)  # the same object again, whose integrals are known
+@lru_cache(maxsize=8)  # the same object again, whose integrals are known; with links there are several
 def with_suns(environment: Environment, suns: tuple[Sun, ...]) -> Environment:
     """The environment with suns: discs of constant radiance L = E / (pi sin² r), r half the diameter.
 

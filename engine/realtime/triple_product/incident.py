@@ -23,7 +23,7 @@ import math
 from collections.abc import Generator
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,6 +87,14 @@ class SceneEmitters:
 
     patches: EmitterPatches
     bits: Bits
+
+
+class ReachingLight(NamedTuple):
+    """What lights some objects (M,): the sky, and emitters in the scene, None for none."""
+
+    objects: NDArray[np.bool_]
+    sky: SkyMap
+    emitters: SceneEmitters | None
 
 
 def empty_incident(is_glossy: NDArray[np.bool_], n: int) -> Incident:
@@ -266,7 +274,7 @@ def _rotated(directions: Float32Array, turn: float) -> Float32Array:
     return rotated.astype(np.float32)
 
 
-@lru_cache(maxsize=2)
+@lru_cache(maxsize=8)  # of a scene whose suns do not reach all objects there are several
 def _map_and_peaks(
     environment: Environment | None,
 ) -> tuple[Float32Array, Float32Array, Float32Array, Float32Array, Float32Array]:

@@ -28,11 +28,12 @@ from engine.core.stored_arrays import ArrayReader, Arrays
 from engine.core.threads import n_threads
 from engine.light.emitters import EmitterPatches, emitter_patches, merged_by_object
 from engine.material.bumps import Bumps
+from engine.precompute.direct.linking import object_groups
 from engine.precompute.direct.pipeline import SkyState
 from engine.realtime.core.shading_points import ShadingPoints, place_points, with_rotated_tangents
 from engine.realtime.core.terms import LayersOf
 from engine.realtime.core.view_samples import ViewSamples, assemble_picture
-from engine.realtime.triple_product.incident import SceneEmitters, SkyMap, make_sky
+from engine.realtime.triple_product.incident import ReachingLight, SceneEmitters, SkyMap, make_sky
 from engine.realtime.triple_product.lit_points import EXACTLY, GLOSSILY, UNLIT, LitPoints
 from engine.realtime.triple_product.reflections import Reflections
 from engine.realtime.triple_product.view_radiance import N_MOVING, Quality, view_radiance
@@ -88,6 +89,7 @@ class Orbit:
         self._patches = _emitters(scene, n_patches)
         self._n_bounces = scene.description.bounces or N_BOUNCES
         self._light, self._sky = SkyState(None), make_sky(None, 0.0)
+        self._linked: list[SkyMap] = []
         self._reflections = Reflections(most_slice_bytes)
 
     # ------------------------------------------------------------------------------------------ stored visibility
@@ -133,7 +135,8 @@ class Orbit:
     def set_light(self, sky: SkyState) -> None:
         """Set the distant light."""
         if sky != self._light:
-            self._light, self._sky = sky, make_sky(sky.environment, sky.rotation, sky.scale)
+            self._light, self._sky = sky, _sky_map(sky)
+            self._linked = [_sky_map(link.sky) for link in sky.links]
             self._stale()
 
     def set_emission(self, emission: Mapping[str, tuple[float, float, float]]) -> None:
@@ -256,7 +259,7 @@ class Orbit:
             self._reset_bounces()
             return "reflection"
         if len(which := lit.next_points(lit.state == UNLIT, _COARSE * n_threads())):
-            lit.light(which, self._sky, self._scene_emitters(lit), is_coarse=True)
+            self._light_points(lit, which, is_coarse=True)
             lit.is_bounced = UNLIT
             return "light"
         if not self._reflections.is_done:
@@ -271,7 +274,7 @@ class Orbit:
         ripe = lit.traced & (lit.state != EXACTLY)
         if len(which := lit.next_points(ripe & lit.shadowed if waits else ripe, _FINE * n_threads())):
             was_outdated = lit.is_outdated
-            lit.light(which, self._sky, self._scene_emitters(lit), is_coarse=False)
+            self._light_points(lit, which, is_coarse=False)
             if was_outdated and not lit.is_outdated:
                 self._bounce(lit)
             return "light"
@@ -333,9 +336,9 @@ class Orbit:
         # Points without any light, because the camera jumped or back faces came into view, would be black: light them
         # now.
         while len(which := np.flatnonzero(lit.seen & ~lit.known)[: _COARSE * n_threads()]):
-            lit.light(which, self._sky, self._scene_emitters(lit), is_coarse=True)
+            self._light_points(lit, which, is_coarse=True)
             yield StillProgress(0.0, "light")
-        what = lit, self._reflections, self.scene, self._sky, self._scene_emitters(lit)
+        what = lit, self._reflections, self.scene, self._reaching(lit)
         radiance = yield from view_radiance(seen, *what, self._n_bounces, quality, n_moving)
         sky = self._light
         return assemble_picture(seen, radiance, sky.environment, sky.rotation, sky.scale)
@@ -431,12 +434,30 @@ class Orbit:
                 f"{self._most_bytes / 2**20:.0f} MiB; expected fewer, or a simpler mesh"
             )
 
-    def _scene_emitters(self, lit: LitPoints) -> SceneEmitters | None:
+    def _light_points(self, lit: LitPoints, which: NDArray[np.int64], is_coarse: bool) -> None:
+        """Light some points, each by what reaches its object."""
+        for each in self._reaching(lit):
+            if len(mine := which[each.objects[lit.points.i_object[which]]]):
+                lit.light(mine, each.sky, each.emitters, is_coarse)
+
+    def _reaching(self, lit: LitPoints) -> list[ReachingLight]:
+        """What reaches each group of objects."""
+        skies = {id(link.sky): own for link, own in zip(self._light.links, self._linked, strict=True)}
+        return [
+            ReachingLight(objects, skies.get(id(sky), self._sky), self._scene_emitters(lit, emitters))
+            for objects, sky, emitters in object_groups(self._light, len(self.scene.emission))
+        ]
+
+    def _scene_emitters(self, lit: LitPoints, reaching: NDArray[np.bool_]) -> SceneEmitters | None:
         if self._patches is None:
             return None
         patches, owner = self._patches
-        emitting = replace(patches, radiance=self.scene.emission[owner] * patches.radiance)
-        return SceneEmitters(emitting, lit.patch_bits)
+        emission = np.where(reaching[:, None], self.scene.emission, np.float32(0.0))
+        return SceneEmitters(replace(patches, radiance=emission[owner] * patches.radiance), lit.patch_bits)
+
+
+def _sky_map(sky: SkyState) -> SkyMap:
+    return make_sky(sky.environment, sky.rotation, sky.scale)
 
 
 def _emitters(scene: Scene, n_patches: int) -> tuple[EmitterPatches, NDArray[np.intp]] | None:

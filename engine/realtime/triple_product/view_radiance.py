@@ -20,7 +20,7 @@ from engine.core.threads import on_threads
 from engine.material.layer import Layer
 from engine.realtime.core.gpu_parts import n_sharp
 from engine.realtime.core.view_samples import Rows, ViewSamples, add_values, factors, interpolate
-from engine.realtime.triple_product.incident import SceneEmitters, SkyMap
+from engine.realtime.triple_product.incident import ReachingLight, SkyMap
 from engine.realtime.triple_product.lit_points import LitPoints
 from engine.realtime.triple_product.pixel_light import PixelLight, emitter_shadows, peak_shadows, sum_corrections
 from engine.realtime.triple_product.pixel_reflection import (
@@ -51,14 +51,17 @@ _BRIGHTEST = 1e4  # limit of a ray's contribution, relative to the radiance of t
 
 
 def view_radiance(
-    seen: ViewSamples, lit: LitPoints, reflections: Reflections, scene: Scene, sky: SkyMap,
-    emitters: SceneEmitters | None, n_bounces: int,
-    quality: Quality, n_moving: int,
+    seen: ViewSamples, lit: LitPoints, reflections: Reflections, scene: Scene, lights: Sequence[ReachingLight],
+    n_bounces: int, quality: Quality, n_moving: int,
 ) -> Generator[StillProgress, None, Float32Array]:  # fmt: skip
-    """Radiance (R, 3) that samples reflect to the camera, computed term by term; see `Orbit.draw`."""
+    """Radiance (R, 3) that samples reflect to the camera, computed term by term; see `Orbit.draw`. lights: of each
+    object, in one of them."""
     radiance = np.zeros((len(seen.pixel), 3), np.float32)
     everywhere, mapped = np.ones((1, 3), np.float32), dict[int, dict[int, Float32Array]]()
     perturbed: dict[int, PerturbedSamples] = {}
+
+    def sky_of(i_object: int) -> SkyMap:
+        return next(each.sky for each in lights if each.objects[i_object])
 
     def reflected_by_bumps(which: NDArray[np.int64], term: Term) -> Float32Array:
         """Reflection of direct light by a term where bumps perturb normals, without its maps, (N, 3)."""
@@ -68,7 +71,7 @@ def view_radiance(
         if term.i_object not in perturbed:
             perturbed.clear()
             perturbed[term.i_object] = perturb_samples(seen, which, scene, term.i_object)
-        samples = perturbed[term.i_object]
+        samples, sky = perturbed[term.i_object], sky_of(term.i_object)
         if term.reflectance is not None:
             light = perturbed_irradiance(seen, samples, lit.incident, sky)
             return light * np.array(term.reflectance, np.float32)
@@ -78,12 +81,13 @@ def view_radiance(
         return perturbed_reflection(seen, samples, lit.incident, sky, tables, quality == "still")
 
     if quality != "moving":
-        corrections = _pixel_light(seen, lit, sky, emitters, quality)
+        corrections = _pixel_light(seen, lit, lights, quality)
     for done, term in enumerate(reflections.terms):
         which = seen.of(term.i_object)
         if not len(which):
             continue
         yield StillProgress(done / len(reflections.terms), "reflection")
+        sky = sky_of(term.i_object)
         if term.factor is not None and term.i_object not in mapped:
             layers = reflections.layers_of[term.i_object]
             mapped[term.i_object] = factors(seen, which, scene, term.i_object, layers, quality)
@@ -129,16 +133,18 @@ def view_radiance(
     return radiance
 
 
-def _pixel_light(
-    seen: ViewSamples, lit: LitPoints, sky: SkyMap, emitters: SceneEmitters | None, quality: Quality
-) -> PixelLight:
+def _pixel_light(seen: ViewSamples, lit: LitPoints, lights: Sequence[ReachingLight], quality: Quality) -> PixelLight:
     """Corrections for peaks and emitters that samples find with rays of their own."""
     reflects = np.flatnonzero(seen.samples.corners[:, 0] >= 0)
-    of_peaks = peak_shadows(seen, reflects, lit.incident, sky, lit.caster, quality == "still")
-    of_emitters = emitter_shadows(seen, reflects, emitters, lit.caster, quality) if emitters is not None else ()
+    found = []
+    for objects, sky, emitters in lights:
+        mine = reflects[objects[seen.samples.i_object[reflects]]]
+        found.append(peak_shadows(seen, mine, lit.incident, sky, lit.caster, quality == "still"))
+        if emitters is not None:
+            found.append(emitter_shadows(seen, mine, emitters, lit.caster, quality))
     has_gloss = np.zeros(len(seen.pixel), bool)
     has_gloss[reflects] = lit.incident.slot[seen.samples.corners[reflects, 0]] >= 0
-    return sum_corrections(seen, chain(of_peaks, of_emitters), has_gloss)
+    return sum_corrections(seen, chain.from_iterable(found), has_gloss)
 
 
 def mirrored_light(

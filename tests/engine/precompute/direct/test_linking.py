@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import insitu
 from app.project.project import Project, open_project
 from engine.core.generators import run_to_end
 from engine.light.environment import constant_environment
@@ -17,6 +18,7 @@ from engine.precompute.direct.pipeline import LightLink, Placement, SkyState
 from engine.precompute.indirect.sampling_settings import FINE, BounceSeries
 from engine.reference.path_tracer import trace_paths
 from engine.render.still import StillLayer, by_object, indirect_radiance, reflect_layers, render_reference
+from tests.few_points import use_few_points
 from tests.scene_text import camera, environment, facing_down, facing_up, material, placed
 
 HALF = material('model = "lambert", albedo = 0.5')
@@ -163,3 +165,18 @@ def test_an_object_that_nothing_lights_still_mirrors_and_gathers(tmp_path: Path)
     assert not direct(linked)[floor].any()
     found = run_to_end(indirect_radiance(placement, layers, linked.sky, BounceSeries(2), FINE))
     assert (found[floor] > 0.0).any()
+
+
+@pytest.mark.parametrize("text", [CARDS, ROOM])
+def test_orbit_lights_objects_as_placement_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str) -> None:
+    """Direct light of whole objects, within what few points resolve; what is excluded changes far more than that."""
+    use_few_points(monkeypatch)
+    (tmp_path / "scene.toml").write_text(text)
+    scene = insitu.open(str(tmp_path / "scene.toml"))
+    plain = np.asarray(scene.image("placement", bounces=1), np.float64)
+    scene["lamp"].excludes = [name for name in ("left", "floor") if name in list(scene)]
+    scene.light["environment"].excludes = [name for name in ("right", "wall") if name in list(scene)]
+    exact = np.asarray(scene.image("placement", bounces=1), np.float64)
+    drawn = np.asarray(scene.image("orbit", bounces=1), np.float64)
+    error, change = (np.sqrt(np.mean((each - exact) ** 2)) for each in (drawn, plain))
+    assert error < 0.2 * change
