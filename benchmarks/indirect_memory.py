@@ -18,7 +18,7 @@ from app.document.document import document_from_description
 from app.measure.subject import at_most, open_subject
 from app.modes.placement.curves import Curves
 from app.modes.placement.placement_messages import FreezeIndirect, IndirectFrozen
-from app.project.project import sky_of
+from app.project.distant_light import sky_of
 from app.system.atomic import save_file
 from app.worker.indirect_tasks import IndirectTasks
 from benchmarks.figures import Figure

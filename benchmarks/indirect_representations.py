@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from app.document.document import document_from_description
 from app.measure.settings import Outcome, Setting
 from app.measure.subject import at_most, open_subject
-from app.project.project import sky_of
+from app.project.distant_light import sky_of
 from app.system.atomic import save_file
 from benchmarks.dense_tensor import DenseTensor
 from benchmarks.indirect_memory import SOURCE, cut

@@ -3,7 +3,7 @@ them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -35,7 +35,6 @@ from app.document.commands.poses import with_amounts, with_placement, with_time
 from app.document.commands.suns import SetSun
 from app.document.document import Document, document_from_description, reflecting_layers
 from app.document.light_mix import emission_of, mixed_light
-from app.document.light_state import CONSTANT_ENVIRONMENT, ENVIRONMENT_KEY, SCENE_ENVIRONMENT, LightState, sun_key
 from app.document.named_files import document_with_measurements, files_of_document, layers_with_variants, unread_files
 from app.document.node_layers import Statistics, channel_images, with_node_layers
 from app.document.scene_files import is_archive, renamed, split_axis, unpacked_scene_file, variants_of
@@ -46,6 +45,7 @@ from app.files.bookmarks import camera_bookmarks, find_bookmark
 from app.files.material_files import complete_material, import_material, is_material_file, read_file_materials
 from app.files.materials import Library, import_measured, load_material
 from app.files.session import fit_session, load_session, session_notes
+from app.project.distant_light import sky_of
 from app.system.atomic import set_inputs
 from app.system.decoder_process import use_decoder_process
 from app.system.memory import require_memory_for
@@ -55,12 +55,11 @@ from engine.core.errors import InsituError, LoadError
 from engine.material.layer import object_of
 from engine.material.parameters import INDICES, reflectance_of_index
 from engine.measured.measurement import ENDINGS as MEASURED_ENDINGS
-from engine.scene.builtin import DEFAULT_SCENE, builtin_environments
+from engine.scene.builtin import DEFAULT_SCENE
 from engine.scene.toml_text import parse_toml
 from engine.settings import AS_PLANNED, LineValue, RenderSettings, checked_setting
 
 if TYPE_CHECKING:
-    from engine.light.environment import Environment
     from engine.material.layer import Layer
     from engine.precompute.direct.pipeline import SkyState
     from engine.scene.scene_loader import Scene
@@ -246,69 +245,6 @@ def open_project(
     if session is None:
         return Project(scene, document, at_rest=at_rest)
     return Project(scene, document, session.view.tone_mapping, session.view.settings, at_rest, notes)
-
-
-def sky_of(scene: Scene, light: LightState, load: Callable[[Path, str], Environment] | None = None) -> SkyState:
-    """The distant light of a document's light, mixed (`mixed_light`): environment, suns, rotation and the scene's
-    scale; and the links of objects that some lights exclude. `intensity` is left out: it multiplies the finished
-    picture. load: reads a file's environment, None for the engine's own reader."""
-    from engine.precompute.direct.pipeline import LightLink
-
-    excluding = [(key, row.excludes) for key, row in light.mix if row.excludes]
-    groups: dict[tuple[str, ...], list[int]] = {}
-    for i, name in enumerate(scene.object_names):
-        if keys := tuple(key for key, names in excluding if name in names):
-            groups.setdefault(keys, []).append(i)
-    whole = _distant_light(scene, light, load)
-    links = []
-    for keys, objects in groups.items():
-        dark = frozenset(i for i, name in enumerate(scene.object_names) if name in keys)
-        is_distant = any(key in light.keys for key in keys)
-        reaching = _distant_light(scene, _without(light, keys), load) if is_distant else whole
-        links.append(LightLink(frozenset(objects), reaching, dark))
-    return replace(whole, links=tuple(links))
-
-
-def _without(light: LightState, keys: tuple[str, ...]) -> LightState:
-    """A mixed light without the environment or the suns of these keys."""
-    suns = tuple(sun for sun in light.suns if sun_key(sun.name) not in keys)
-    row = light.row(ENVIRONMENT_KEY)
-    without = replace(light, new_suns=suns)
-    return without.with_row(ENVIRONMENT_KEY, replace(row, on=False)) if ENVIRONMENT_KEY in keys else without
-
-
-def _distant_light(scene: Scene, light: LightState, load: Callable[[Path, str], Environment] | None) -> SkyState:
-    """The distant light without links, as `sky_of` has it."""
-    from engine.light.environment import constant_environment, load_environment, tinted
-    from engine.light.suns import with_suns
-    from engine.precompute.direct.pipeline import SkyState
-
-    load = load or load_environment  # type: ignore[assignment]
-    assert load is not None
-    described, scale = scene.description.environment, 1.0
-    if light.environment == CONSTANT_ENVIRONMENT:
-        environment = constant_environment(light.radiance or (1.0, 1.0, 1.0))
-    elif light.environment != SCENE_ENVIRONMENT:
-        environment = load(builtin_environments().get(light.environment) or Path(light.environment), light.mapping)
-    elif described is None:
-        return SkyState(None)
-    else:
-        scale = described.scale
-        if scene.sky is not None:
-            environment = scene.sky
-        elif scene.environment_path is None:
-            environment = constant_environment(described.radiance or (0.0, 0.0, 0.0))
-        else:
-            environment = load(scene.environment_path, described.mapping)
-    gain = light.row(ENVIRONMENT_KEY).gain
-    brightest = max(gain)
-    suns = tuple(each for each in light.suns if any(each.irradiance))
-    if brightest == 0.0 or suns and scale == 0.0:
-        environment, scale = constant_environment(0.0), 1.0
-    else:
-        red, green, blue = (each / brightest for each in gain)
-        environment, scale = tinted(environment, (red, green, blue)), scale * brightest
-    return SkyState(with_suns(environment, tuple(each.scaled(1.0 / scale) for each in suns)), light.rotation, scale)
 
 
 def with_overrides(project: Project, lines: Mapping[str, Any]) -> Project:

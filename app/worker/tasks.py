@@ -47,7 +47,7 @@ from app.messages.worker_messages import (
 )
 from app.modes.mode import Mode
 from app.modes.registry import MODES
-from app.project.project import sky_of
+from app.project.distant_light import sky_of
 from app.system.file_watch import file_stamp
 from app.system.lazy_import import import_named
 from app.worker.cache import ArrayCache, content_key

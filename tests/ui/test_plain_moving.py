@@ -11,7 +11,7 @@ import pytest
 
 from app.document.commands.poses import AddDeformer, SetDeformer
 from app.document.view_state import SetView
-from app.project.project import sky_of
+from app.project.distant_light import sky_of
 from app.worker.cache import ArrayCache
 from app.worker.deform_worker import DeformWorker
 from app.worker.orbit_worker import OrbitWorker

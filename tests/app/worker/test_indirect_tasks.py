@@ -15,7 +15,7 @@ from app.document.document import document_from_description
 from app.messages.worker_messages import Response
 from app.modes.placement.curves import Curves
 from app.modes.placement.placement_messages import FreezeIndirect, FreezingProgress, IndirectFound, IndirectFrozen
-from app.project.project import sky_of
+from app.project.distant_light import sky_of
 from app.worker import indirect_tasks as indirect_module
 from app.worker.cache import ArrayCache
 from app.worker.indirect_tasks import IndirectTasks

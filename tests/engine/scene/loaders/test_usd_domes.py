@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from app.document.document import LightState
-from app.project.project import sky_of
+from app.project.distant_light import sky_of
 from engine.light.environment import Environment, texel_solid_angles
 from engine.scene.loaders.usd import read_usd
 from engine.scene.loaders.usd_domes import turned_image
