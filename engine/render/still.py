@@ -13,6 +13,7 @@ are rendered in the same way with `integrate_direct`, or with paths, instead of 
 
 from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +26,7 @@ from engine.material import MODELS, make_layer
 from engine.material.layer import Layer, object_of
 from engine.planner import Plan
 from engine.precompute.direct.bandstore import BandStore, BandTile
-from engine.precompute.direct.linking import light_groups
+from engine.precompute.direct.linking import LightGroup, light_groups
 from engine.precompute.direct.pipeline import FINAL, Placement, Quality, SkyState, final_quality
 from engine.precompute.direct.projection import LayerShape, project_layer
 from engine.precompute.indirect.albedo import equivalent_albedo
@@ -118,31 +119,36 @@ def reflect_layers(
     if quality.stride != 1:
         raise ValueError(f"stride = {quality.stride}, expected 1: a still has every pixel")
     radiance = np.zeros((len(placement.hits.pixel), 3)) if indirect is None else indirect.astype(np.float64)
-    total = sum(len(placement.rows_of(each.i_object)) for each in layers) or 1
-    before = 0
+    total, done = sum(len(placement.rows_of(each.i_object)) for each in layers), 0
     for group in light_groups(placement, sky):
         own = [each for each in layers if group.objects[each.i_object]]
-        if not own:
-            continue
-        share, done = sum(len(placement.rows_of(each.i_object)) for each in own) / total, 0
-        begin = before / total
-        tracing = group.placement.light(group.sky, quality)
-        light = yield from map_steps(
-            tracing,
-            lambda fraction, begin=begin, share=share: StillProgress(
-                begin + share * SHADOWS * min(fraction, 1.0), "shadows"
-            ),
-        )
-        for each in own:
-            rows, curves = placement.rows_of(each.i_object), curves_of(each)
-            for tile in project_layer(placement.hits, rows, light, shape_of(each)):
-                covered = rows[tile.begin : tile.begin + len(tile.scale)]
-                radiance[covered] += layer_radiance(placement.hits, covered, each, tile, light.lighting.unit, curves)
-                done += len(covered)
-                fraction = begin + share * SHADOWS + (1 - SHADOWS) * done / total
-                yield StillProgress(fraction, f"{each.layer.name} of object {each.i_object}")
-        before += done
+        n = sum(len(placement.rows_of(each.i_object)) for each in own)
+        if n:
+            span = partial(_progress_within, done / total, n / total)
+            yield from map_steps(_reflect_group(group, own, quality, n, radiance), span)
+            done += n
     return radiance
+
+
+def _progress_within(begin: float, share: float, step: StillProgress) -> StillProgress:
+    return StillProgress(begin + share * step.fraction, step.text)
+
+
+def _reflect_group(
+    group: LightGroup, layers: Sequence[StillLayer], quality: Quality, n: int, radiance: NDArray[np.float64]
+) -> Generator[StillProgress, None, None]:
+    """Add to radiance (P, 3) what layers of objects that the same lights reach reflect at their n points."""
+    placement, done = group.placement, 0
+    light = yield from map_steps(
+        placement.light(group.sky, quality), lambda fraction: StillProgress(SHADOWS * min(fraction, 1.0), "shadows")
+    )
+    for each in layers:
+        rows, curves = placement.rows_of(each.i_object), curves_of(each)
+        for tile in project_layer(placement.hits, rows, light, shape_of(each)):
+            covered = rows[tile.begin : tile.begin + len(tile.scale)]
+            radiance[covered] += layer_radiance(placement.hits, covered, each, tile, light.lighting.unit, curves)
+            done += len(covered)
+            yield StillProgress(SHADOWS + (1 - SHADOWS) * done / n, f"{each.layer.name} of object {each.i_object}")
 
 
 def render_reference(
