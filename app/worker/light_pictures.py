@@ -73,9 +73,11 @@ class LightPictures:
 
     @property
     def n_lights(self) -> int:
-        """The number of lights that may be mixed."""
-        counts = (sum(picture is not None for picture in each.alone.values()) for each in self._ready.values())
-        return min(counts, default=0)
+        """The number of lights that may be mixed: those that light any layer, 0 where a layer is not ready."""
+        if not all(each.alone for each in self._ready.values()):
+            return 0
+        found = (light for each in self._ready.values() for light, picture in each.alone.items() if picture is not None)
+        return len(set(found))
 
     @property
     def n_bytes(self) -> int:

@@ -105,6 +105,27 @@ def test_a_mix_is_as_its_own_transport_makes_it(tasks: RequestDispatcher) -> Non
             assert errors(found[name][key], picture).rmse < 0.02, (name, key)
 
 
+def linked(request: ComputeTransport) -> ComputeTransport:
+    """The same where a lamp does not reach the ground, and the sun not the ball."""
+    light = request.scene.light.with_row("lamp", MixRow(excludes=("ground",)))
+    light = light.with_row("light.Noon", MixRow(excludes=("ball",)))
+    return replace(request, scene=replace(request.scene, light=light))
+
+
+def test_a_mix_of_linked_lights_is_as_its_own_transport_makes_it(tasks: RequestDispatcher) -> None:
+    plain = pictures(run_in_process(tasks, mixed()), "final")
+    final = pictures(run_in_process(tasks, linked(mixed())), "final")
+    assert all(picture.mean() < 0.95 * plain[key].mean() for key, picture in final.items())
+    assert prepare(tasks, linked(mixed())).n_lights == 4
+    request = linked(mixed(sun=3.0, lamps=(4.0, 1.0)))
+    found = pictures(run_in_process(tasks, replace(request, is_drag=True)), "relit")
+    truth = pictures(run_in_process(tasks, request), "final")
+    for key, picture in truth.items():
+        assert errors(found[key], picture).rmse < 0.02, key
+    # Other links make other pictures: those that are stored are not of them.
+    assert not pictures(run_in_process(tasks, mixed(sun=3.0, is_drag=True)), "relit")
+
+
 def test_pictures_of_single_lights_are_made_once(tasks: RequestDispatcher, monkeypatch: pytest.MonkeyPatch) -> None:
     made = Recorder()
     monkeypatch.setattr(light_pictures, "project_layer", made)
