@@ -130,6 +130,11 @@ class LightState:
         """The names of the groups that lights are in, sorted."""
         return tuple(sorted({row.group for _, row in self.mix if row.group}))
 
+    @property
+    def exclusions(self) -> tuple[tuple[str, tuple[str, ...]], ...]:
+        """What rows exclude, by their keys."""
+        return tuple((key, row.excludes) for key, row in self.mix if row.excludes)
+
     def row(self, key: str) -> MixRow:
         """The row of a light or group, as at first where it has not been edited."""
         return dict(self.mix).get(key, PLAIN_ROW)

@@ -22,10 +22,9 @@ def sky_of(scene: Scene, light: LightState, load: Callable[[Path, str], Environm
     picture. load: reads a file's environment, None for the engine's own reader."""
     from engine.precompute.direct.pipeline import LightLink
 
-    excluding = [(key, row.excludes) for key, row in light.mix if row.excludes]
     groups: dict[tuple[str, ...], list[int]] = {}
     for i, name in enumerate(scene.object_names):
-        if keys := tuple(key for key, names in excluding if name in names):
+        if keys := tuple(key for key, names in light.exclusions if name in names):
             groups.setdefault(keys, []).append(i)
     whole = _distant_light(scene, light, load)
     links = []

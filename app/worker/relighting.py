@@ -137,7 +137,7 @@ class Relighting:
     def takes(self, work: LayerState, lit_by: LightingState) -> bool:
         """Whether a layer can be relit: its material is that of its rows, and emitters are as they were, or all of them
         brighter by one factor. Rows are of light that reaches all objects."""
-        if any(row.excludes for _, row in lit_by.light.mix):
+        if lit_by.light.exclusions:
             return False
         ready = self._ready.get(work.key)
         if ready is None or not ready.is_of(work) or ready.rest is None or ready.lit_by is None:

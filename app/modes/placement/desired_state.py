@@ -75,11 +75,13 @@ class DesiredTransport:
     is_drag: bool = False
 
     def moved_from(self, other: DesiredTransport) -> bool:
-        """Whether only the environment's rotation and gain and its suns differ, or what emitters emit."""
+        """Whether only the environment's rotation and gain and its suns differ, or what emitters emit, and they light
+        the same objects."""
         moved = {name: getattr(other.light, name) for name in ("rotation", "new_suns", "mix")}
         light = replace(self.light, **moved)
         stayed = replace(self, light=light, emission=other.emission, layers=other.layers, is_drag=other.is_drag)
-        return stayed == other and not self.lights_like(other)
+        is_linked_alike = self.light.exclusions == other.light.exclusions
+        return stayed == other and is_linked_alike and not self.lights_like(other)
 
     def lights_like(self, other: DesiredTransport) -> bool:
         """Whether the light is the same."""

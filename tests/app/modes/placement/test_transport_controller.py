@@ -27,7 +27,7 @@ from app.document.commands.plan import OverrideLine, active_overrides
 from app.document.document import reflecting_layers
 from app.document.effective_settings import effective_view
 from app.document.light_mix import emission_of, mixed_light
-from app.document.light_state import LightState
+from app.document.light_state import LightState, MixRow
 from app.document.view_state import SetView
 from app.editor.editor import Editor
 from app.files.session import load_session
@@ -254,6 +254,10 @@ def test_only_a_turn_is_a_turn() -> None:
     suns = (Sun((0.0, 1.0, 0.0), (1.0, 1.0, 1.0), name="Noon"),)
     assert replace(wish, light=LightState(rotation=1.0, new_suns=suns)).moved_from(wish)
     assert not wish.moved_from(wish)
+    # What lights reach is traced anew, and the picture stays meanwhile.
+    linked = LightState(rotation=1.0).with_row("lamp", MixRow(excludes=("pot",)))
+    assert not replace(wish, light=linked).moved_from(wish)
+    assert replace(wish, light=replace(linked, rotation=2.0)).moved_from(replace(wish, light=linked))
     assert not replace(wish, light=LightState("studio", rotation=2.0)).moved_from(wish)
     assert not replace(wish, light=LightState(rotation=2.0), settings=RenderSettings(400)).moved_from(wish)
     assert not replace(wish, light=LightState(rotation=2.0), settings=RenderSettings(n_patches=20)).moved_from(wish)
