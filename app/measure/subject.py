@@ -36,7 +36,7 @@ Bands = dict[str, int]
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """An opened scene."""
+    """An opened scene. sky: as it reaches objects that no light excludes; errors of settings are alike for others."""
 
     source: str
     scene: Scene
@@ -59,7 +59,7 @@ class Subject:
 def open_subject(source: str, resolution: tuple[int, int] | None = None) -> Subject:
     """Open what the user named; `resolution` (width, height) replaces the scene's own. Raises InsituError."""
     project = open_project(source, resolution)
-    return Subject(source, project.scene, project.document, project.sky)
+    return Subject(source, project.scene, project.document, replace(project.sky, links=()))
 
 
 def at_most(resolution: tuple[int, int], side: int) -> tuple[int, int]:

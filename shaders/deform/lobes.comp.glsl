@@ -15,7 +15,7 @@ layout(std430, binding = 7) writeonly buffer Sent { float sent[]; };     // a po
 uniform int n_points, n_lobes;
 uniform int n_row_lobes, first_row_layer, first_views;  // of glossy rows; where in `gloss` their layers and views begin
 uniform int added_light;  // after how many lights what neighbours add begins, −1 for none
-uniform int n_own_lights;  // of objects; then follow the parts of these, and of the sky, that gloss mirrors
+uniform int n_own_lights;  // of objects; then the parts of these, and of the sky, that gloss mirrors; their skies
 uniform int first_lamp_gloss;  // in `posed`, −1 for none
 uniform vec3 camera_position;
 
@@ -84,7 +84,7 @@ void main() {
     choose_light(own_light);
     vec3 own = max(by_lobes(p * (4 + n_lobes * (3 + ORDER)), n_lobes, frame), 0.0);
     vec3 to_camera = vec3(0.0), wo = camera_position - place;
-    choose_light(0);
+    choose_light(own_light > 0 ? 2 * n_own_lights + 1 + own_light : 0);
     vec3 white = with_shadows(own, owners[p].x, place, frame[2]), left = (white + 1e-20) / (own + 1e-20);
     // Of the light that gloss mirrors, as the point's own transfer has it, and with shadows.
     int mirrored = own_light > 0 ? own_light + n_own_lights : 2 * n_own_lights + 1;

@@ -12,7 +12,7 @@ flat in int shows_back, triangle;
 centroid in vec3 shares;  // of the triangle's corners
 uniform vec3 camera_position;
 uniform int n_most;   // coefficients
-uniform int n_peaks;
+uniform int first_peak, n_peaks;  // of those that reach the object
 
 const float LEAST_COSINE = 1e-3;
 
@@ -47,10 +47,10 @@ vec3 peak_gloss(ivec3 p, mat3 frame, vec3 wo) {
         }
         for (uint left = seen.x | seen.y | seen.z; left != 0u; left &= left - 1u) {
             int bit = findLSB(left), s = 32 * word + bit;
-            vec3 d = peaks[2 * s].xyz * frame;
+            vec3 d = peaks[2 * (first_peak + s)].xyz * frame;
             if (d.y > 0.0) {
                 float share = dot(shares, vec3((seen >> uint(bit)) & 1u));
-                total += share * peaks[2 * s + 1].rgb * brdf_cosine(vec3(d.x, -d.z, d.y), seen_from);
+                total += share * peaks[2 * (first_peak + s) + 1].rgb * brdf_cosine(vec3(d.x, -d.z, d.y), seen_from);
             }
         }
     }

@@ -61,6 +61,12 @@ def emitter_reach(sky: SkyState, n_objects: int) -> NDArray[np.bool_]:
     return reach
 
 
+def reaching_skies(sky: SkyState, n_objects: int) -> list[SkyState]:
+    """The distant light that reaches each object, without links."""
+    skies = replace(sky, links=()), *(link.sky for link in sky.links)
+    return [skies[number] for number in sky_numbers(sky, n_objects)]
+
+
 def sky_numbers(sky: SkyState, n_objects: int) -> NDArray[np.int32]:
     """The distant light that reaches each object, (M,): 0 for all of it, l + 1 for that of link l."""
     numbers = np.zeros(n_objects, np.int32)

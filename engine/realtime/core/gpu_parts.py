@@ -96,13 +96,15 @@ class BouncedPart:
 
 @dataclass(frozen=True, eq=False)
 class SkyPart:
-    """The background: image (H, W, 3), None if unchanged, times scale, rotated by turn radians; and its peaks (M, 8):
-    direction, 0, power, 0, rotated and scaled already."""
+    """The background: image (H, W, 3), None if unchanged, times scale, rotated by turn radians; and the peaks (M, 8)
+    of all distant light: direction, 0, power, 0, rotated and scaled already; first and last, excluded, of those that
+    reach each object."""
 
     image: Float32Array | None
     turn: float
     scale: float
     peaks: Float32Array
+    peak_ranges: tuple[Range, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,17 +229,17 @@ OBJECT_ROW = 16
 
 @dataclass(frozen=True, eq=False)
 class AppearancePart:
-    """harmonics (n^2, 3) and table (rows, columns, n, 3) of the sky's light, see `BandLight`; lights (2 K + 1, n^2 +
+    """harmonics (n^2, 3) and table (rows, columns, n, 3) of the sky's light, see `BandLight`; lights (3 K + 1, n^2 +
     rows columns n, 3): both of the K objects that have other light, then of the part of these, and of the sky, that
-    gloss mirrors; added (S, 3): radiance of points by their neighbours, (0, 3) for none; objects (M, `OBJECT_ROW`):
-    albedo, first glossy layer, emission, number of glossy layers, light (0 for the sky's) and the `even` of that,
-    first layer that is drawn by rows, their number, the emission's cone; gloss (G, A, 3 n + 1): for each glossy layer
-    that is one lobe and polar angles of wo up to `steepest`, its bands and its lean, see `LowGloss`; row_layers (K,
-    3): of each layer that is drawn by rows, its first among the shape's rows, their number at each point, and where
-    its views begin in views (V,), see `GlossBasis`; cosine (n,): the bands of a white Lambertian surface; even: see
-    `engine.realtime.zonal_harmonics.shading.even_light`; casts (M, C), spread (n,), least: see
-    `engine.realtime.zonal_harmonics.shading`; turn, scale: of the sky, see `Backdrop`; terms: refer to the cover that
-    is exported with it or was before."""
+    gloss mirrors, then of the skies of the K objects; added (S, 3): radiance of points by their neighbours, (0, 3) for
+    none; objects (M, `OBJECT_ROW`): albedo, first glossy layer, emission, number of glossy layers, light (0 for the
+    sky's) and the `even` of that, first layer that is drawn by rows, their number, the emission's cone; gloss (G, A, 3
+    n + 1): for each glossy layer that is one lobe and polar angles of wo up to `steepest`, its bands and its lean, see
+    `LowGloss`; row_layers (K, 3): of each layer that is drawn by rows, its first among the shape's rows, their number
+    at each point, and where its views begin in views (V,), see `GlossBasis`; cosine (n,): the bands of a white
+    Lambertian surface; even: see `engine.realtime.zonal_harmonics.shading.even_light`; casts (M, C), spread (n,),
+    least: see `engine.realtime.zonal_harmonics.shading`; turn, scale: of the sky, see `Backdrop`; terms: refer to the
+    cover that is exported with it or was before."""
 
     number: int
     harmonics: Float32Array

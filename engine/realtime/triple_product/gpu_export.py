@@ -43,6 +43,7 @@ from engine.texture.gpu_export import (
 
 if TYPE_CHECKING:
     from engine.material.bumps import Bumps
+    from engine.precompute.direct.pipeline import SkyState
     from engine.realtime.core.shading_points import ShadingPoints
     from engine.realtime.triple_product.incident import Incident
     from engine.realtime.triple_product.lit_points import LitPoints
@@ -65,7 +66,7 @@ class PointExporter:
         self._bumps: tuple[Bumps, ...] = ()
         self._n = 0
         self._indirect: Float32Array | None = None
-        self._sky: tuple[object, ...] = ()
+        self._sky: SkyState | None = None
         self._image: object = self
         self._terms: tuple[object, ...] = ()
         self._tables: set[int] = set()
@@ -99,15 +100,20 @@ class PointExporter:
         return max(min(n, room // 2), 1)
 
     def _sky_parts(self, orbit: Orbit) -> Iterator[OrbitPart]:
-        sky, peaks = orbit.light, orbit.sky_map
-        sky_state = sky.environment, sky.rotation, sky.scale
-        if sky_state != self._sky:
-            is_new, self._sky = self._image is not sky.environment, sky_state
+        sky, maps = orbit.light, orbit.sky_maps
+        if sky != self._sky:
+            is_new, self._sky = self._image is not sky.environment, sky
             self._image = sky.environment
             black = np.zeros((1, 1, 3), np.float32)
             image = black if sky.environment is None else np.asarray(sky.environment.radiance, np.float32)
-            both = np.concatenate([_with_fourth(peaks.peak_direction), _with_fourth(peaks.peak_power)], axis=1)
-            yield SkyPart(image if is_new else None, float(np.radians(sky.rotation % 360.0)), sky.scale, both)
+            peaks, ranges, n_peaks = [np.zeros((0, 8), np.float32)], dict[int, Range](), 0
+            for each in maps:
+                if id(each) not in ranges:
+                    peaks.append(np.hstack([_with_fourth(each.peak_direction), _with_fourth(each.peak_power)]))
+                    ranges[id(each)] = n_peaks, n_peaks + len(peaks[-1])
+                    n_peaks += len(peaks[-1])
+            turn, of_objects = float(np.radians(sky.rotation % 360.0)), tuple(ranges[id(each)] for each in maps)
+            yield SkyPart(image if is_new else None, turn, sky.scale, np.concatenate(peaks), of_objects)
 
     def _terms_parts(self, orbit: Orbit) -> Iterator[OrbitPart]:
         made = _Terms(orbit)

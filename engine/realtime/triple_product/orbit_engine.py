@@ -28,7 +28,7 @@ from engine.core.stored_arrays import ArrayReader, Arrays
 from engine.core.threads import n_threads
 from engine.light.emitters import EmitterPatches, emitter_patches, merged_by_object
 from engine.material.bumps import Bumps
-from engine.precompute.direct.linking import object_groups
+from engine.precompute.direct.linking import object_groups, sky_numbers
 from engine.precompute.direct.pipeline import SkyState
 from engine.realtime.core.shading_points import ShadingPoints, place_points, with_rotated_tangents
 from engine.realtime.core.terms import LayersOf
@@ -195,6 +195,12 @@ class Orbit:
     def sky_map(self) -> SkyMap:
         """The same, as points look it up."""
         return self._sky
+
+    @property
+    def sky_maps(self) -> list[SkyMap]:
+        """The same for each object: what its links say."""
+        maps = self._sky, *self._linked
+        return [maps[number] for number in sky_numbers(self._light, len(self.scene.emission))]
 
     @property
     def reflections(self) -> Reflections:

@@ -29,6 +29,7 @@ from engine.core.generators import StillProgress
 from engine.light.environment import LUMINANCE
 from engine.material.layer import Layer
 from engine.material.layer_maps import Images
+from engine.precompute.direct.linking import reaching_skies
 from engine.precompute.direct.pipeline import SkyState
 from engine.realtime.core.gpu_parts import NO_PARTS, Numbers, PictureExport
 from engine.realtime.core.terms import LayersOf, is_glossy
@@ -51,11 +52,11 @@ from engine.realtime.zonal_harmonics.object_transfer import (
 from engine.realtime.zonal_harmonics.picture_renderer import (
     PictureRenderer,
     Quality,
-    ShadingState,
     camera_position_of,
 )
 from engine.realtime.zonal_harmonics.pose import Poses
 from engine.realtime.zonal_harmonics.shading import BandLight, Lobes, band_light, low_gloss, unshadowed_points
+from engine.realtime.zonal_harmonics.shading_state import ShadingState
 from engine.realtime.zonal_harmonics.sun_lights import SkyLight, sky_light
 from engine.realtime.zonal_harmonics.surface_details import Detail, detail
 from engine.realtime.zonal_harmonics.transfer import N_RAYS
@@ -92,6 +93,7 @@ class Deform:
         self._points: BendingPoints | None = None
         self._light = SkyState(None)
         self._sky: SkyLight | None = None
+        self._linked: dict[int, SkyLight] = {}  # of objects that not all distant light reaches
         self._layers_of: dict[int, tuple[Layer, ...]] = {}
         self._albedos: dict[int, Float64Array] = {}  # of points (P, 3), computed on request
         self._between = LightBetweenObjects()
@@ -116,7 +118,10 @@ class Deform:
     def set_light(self, sky: SkyState) -> None:
         """Set the distant light."""
         if sky != self._light or self._sky is None:
-            self._light, self._sky = sky, sky_light(sky, float(np.abs(self.scene.vertices).max(initial=0.0)))
+            radius, whole = float(np.abs(self.scene.vertices).max(initial=0.0)), replace(sky, links=())
+            skies = {each: sky_light(each, radius) for each in {whole, *(link.sky for link in sky.links)}}
+            self._light, self._sky = sky, skies[whole]
+            self._linked = {i: skies[link.sky] for link in sky.links for i in link.objects}
             self.version += 1
 
     def set_emission(self, emission: Mapping[str, tuple[float, float, float]]) -> None:
@@ -250,9 +255,10 @@ class Deform:
 
     def _wanted_gloss(self) -> Iterator[GlossTransfer]:
         """The transfer of the glossy layers that may be drawn by rows."""
-        environment = self._light.environment if self._n_gloss_rows is None else None
+        skies = reaching_skies(self._light, len(self.scene.smooth))
         for each in self._final_transfers():
             if each.can_have_gloss_rows:
+                environment = skies[each.i_object].environment if self._n_gloss_rows is None else None
                 for layer in filter(is_glossy, self._layers_of[each.i_object]):
                     yield GlossTransfer(each, layer, self._n_gloss_rows, environment)
 
@@ -430,7 +436,9 @@ class Deform:
         if self._state is None or self._state.version != self.version:
             known = self._layers_of, self._lobes, self._errors, self._details, self._missing_casters()
             scene = self._between.lit_scene(self.scene)
-            state = ShadingState(self.version, scene, self._light, self._sky, *known, gloss=self.gloss)
+            state = ShadingState(
+                self.version, scene, self._light, self._sky, *known, gloss=self.gloss, linked=self._linked
+            )
             if self._n_lobes != UNSHADOWED:
                 assert self._points is not None
                 opaque = tuple(i for i in self._alone if not self._surface_of(i).kind)

@@ -28,7 +28,7 @@ from engine.realtime.core.terms import diffuse_albedo, is_glossy
 from engine.realtime.zonal_harmonics._shading_kernels import LEAST_BLOCKED
 from engine.realtime.zonal_harmonics.bending_points import BendingPoints, PosedPoints
 from engine.realtime.zonal_harmonics.gloss_rows import N_ROW_LOBES
-from engine.realtime.zonal_harmonics.picture_renderer import ShadingState, add_gloss_of_lamps, moving_shares
+from engine.realtime.zonal_harmonics.picture_renderer import add_gloss_of_lamps, moving_shares
 from engine.realtime.zonal_harmonics.pose import Poses
 from engine.realtime.zonal_harmonics.shading import (
     STEEPEST,
@@ -39,6 +39,7 @@ from engine.realtime.zonal_harmonics.shading import (
     low_gloss,
     spread_of,
 )
+from engine.realtime.zonal_harmonics.shading_state import ShadingState
 from engine.realtime.zonal_harmonics.surface_details import Detail
 from engine.scene.scene_loader import Scene
 from engine.scene.surface_uvs import corner_colours
@@ -189,7 +190,8 @@ def appearance_part(
     objects = np.zeros((len(of.scene.smooth), OBJECT_ROW), np.float32)
     objects[:, :3], objects[:, 4:7], objects[:, 9] = of.albedos, of.even_emission, even_light(of.sky.dull_bands)
     objects[:, 12:] = of.scene.cones
-    for k, i in enumerate(of.lights):
+    own_lights = list(dict.fromkeys((*of.lights, *of.linked)))
+    for k, i in enumerate(own_lights):
         objects[i, 8:10] = 1 + k, even_light(of.mirrored_light(i))
     row_layers, views = list[tuple[int, int, int]](), [np.zeros(0, np.float32)]
     first_row = first_view = 0
@@ -204,7 +206,8 @@ def appearance_part(
         objects[i, 3], objects[i, 7] = first, last - first
     light, backdrop = of.sky.bands, of.backdrop
     order = light.table.shape[2]
-    each_light = [*of.lights.values(), *map(of.mirrored_light, of.lights), of.sky.dull_bands]
+    each_light = [*map(of.light_of, own_lights), *map(of.mirrored_light, own_lights), of.sky.dull_bands]
+    each_light += [of.sky_of(i).bands for i in own_lights]  # of which moving objects block a part
     whole = [np.concatenate([each.harmonics, each.table.reshape(-1, 3)]) for each in each_light]
     lights = np.array(whole, np.float32).reshape(len(whole), len(light.harmonics) + light.table.size // 3, 3)
     added = np.zeros((0, 3), np.float32) if of.added is None else of.added

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.precompute.direct.linking import emitter_reach
 from engine.realtime.zonal_harmonics.bending_points import BendingPoints
 from engine.realtime.zonal_harmonics.lamp_gloss import LampLight
 from engine.realtime.zonal_harmonics.neighbours import (
@@ -19,10 +20,11 @@ from engine.realtime.zonal_harmonics.neighbours import (
     trace_light_paths,
 )
 from engine.realtime.zonal_harmonics.object_transfer import ORDER
-from engine.realtime.zonal_harmonics.picture_renderer import PictureRenderer, ShadingState, shade_own_light
+from engine.realtime.zonal_harmonics.picture_renderer import PictureRenderer, shade_own_light
 from engine.realtime.zonal_harmonics.pose import Poses
 from engine.realtime.zonal_harmonics.posed_scene import pose_scene
 from engine.realtime.zonal_harmonics.shading import BandLight, band_light
+from engine.realtime.zonal_harmonics.shading_state import ShadingState
 from engine.scene.scene_loader import Scene
 
 Float32Array = NDArray[np.float32]
@@ -85,15 +87,18 @@ class LightBetweenObjects:
             return replace(state, lights={i: each for i, each in self._lights.items() if i in alone}, added=self._added)
         assert self._paths is not None
         paths, emission = self._paths[1], state.scene.emission.astype(np.float64)
+        reach = emitter_reach(state.light, len(emission))[list(paths.emitters)].T
+        if state.light.links:
+            paths = paths.linked(reach, points.owners)
         # The points that are lit as the sky's transfer says, and by lamps, are first seen by the others.
         white = pictures.shade_at_rest(state)
         white[paths.lit] += light_of_lamps(paths, emission)
         first = np.zeros(albedos.shape)
         first[paths.lit] = white[paths.lit] * albedos[paths.lit]
-        around = local_light(paths, state.sky.dull_powers, first, emission, ORDER)
-        suns = {
-            i: probe.is_open[state.sky.suns, None, None] * state.sky.sun_harmonics for i, probe in paths.probes.items()
-        }
+        skies = {i: state.sky_of(i) for i in paths.probes}
+        around = local_light(paths, {i: sky.dull_powers for i, sky in skies.items()}, first, emission, ORDER)
+        is_open = {i: probe.is_open[skies[i].suns] for i, probe in paths.probes.items()}
+        suns = {i: is_open[i][:, None, None] * sky.sun_harmonics for i, sky in skies.items()}
         distant = {i: dull + suns[i].sum(axis=0) for i, (dull, _) in around.items()}
         lit = replace(
             state,
@@ -103,7 +108,7 @@ class LightBetweenObjects:
             lamp_lights={
                 i: (
                     *map(LampLight, map(band_light, around[i][1]), paths.probes[i].shares.tolist()),
-                    *map(LampLight, map(band_light, suns[i]), paths.probes[i].is_open[state.sky.suns].astype(float)),
+                    *map(LampLight, map(band_light, suns[i]), is_open[i].astype(float)),
                 )
                 for i in opaque
                 if i in around
@@ -118,4 +123,4 @@ class LightBetweenObjects:
         by_lamp[paths.lit] = paths.lamps * emission[list(paths.emitters)]
         shares = np.zeros((len(points), len(lamps)), np.float32)
         shares[paths.lit] = paths.shares
-        return replace(lit, added=self._added, lamps=lamps, by_lamp=by_lamp, lamp_shares=shares)
+        return replace(lit, added=self._added, lamps=lamps, by_lamp=by_lamp, lamp_shares=shares, lamp_reach=reach)

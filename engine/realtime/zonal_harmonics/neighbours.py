@@ -92,6 +92,15 @@ class LightPaths:
     probes: Mapping[int, Probe]
     emitters: Mapping[int, tuple[list[LampSample], list[LampSample]]]
 
+    def linked(self, reach: NDArray[np.bool_], owners: NDArray[np.integer]) -> LightPaths:
+        """The same where each lamp lights some objects alone, reach (M, L); owners (S,): the objects of all points."""
+        of_lit = reach[owners[self.lit]]
+        probes = {
+            i: replace(probe, lamps=probe.lamps * reach[i, :, None, None], shares=probe.shares * reach[i])
+            for i, probe in self.probes.items()
+        }
+        return replace(self, lamps=self.lamps * of_lit[..., None], shares=self.shares * of_lit, probes=probes)
+
 
 def trace_light_paths(
     scene: Scene, points: BendingPoints, alone: Sequence[int], order: int, away: Sequence[int] = ()
@@ -122,15 +131,15 @@ def trace_light_paths(
 
 
 def local_light(
-    paths: LightPaths, powers: Float64Array, sent: Float64Array, emission: Float64Array, order: int
+    paths: LightPaths, powers: Mapping[int, Float64Array], sent: Float64Array, emission: Float64Array, order: int
 ) -> dict[int, tuple[Float64Array, Float64Array]]:
     """Harmonics of the light around each object that has light of its own: of what is distant or reflected (n^2, 3),
-    and of lamps (L, n^2, 3); powers (T, 3): of the sky, by triangle; sent (S, 3): radiance of all points; emission (M,
-    3)."""
+    and of lamps (L, n^2, 3); powers (T, 3): of the sky of each, by triangle; sent (S, 3): radiance of all points;
+    emission (M, 3)."""
     angles = geodesic(PROBE_LEVEL).solid_angles[:, None]
     found = {}
     for i, probe in paths.probes.items():
-        around = np.where(probe.is_open[:, None], powers, angles * probe.hits.gather(sent, 1.0))
+        around = np.where(probe.is_open[:, None], powers[i], angles * probe.hits.gather(sent, 1.0))
         found[i] = project(around, order), probe.lamps * emission[list(paths.emitters)][:, None]
     return found
 

@@ -3,32 +3,26 @@ what needs more detail than interpolation between points gives."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engine.core.camera import centre_directions
-from engine.material.layer import Layer
 from engine.material.layer_maps import LayerMaps
-from engine.precompute.direct.pipeline import SkyState
-from engine.realtime.core.raster import BLACK, Backdrop, RasterResult, draw, paint
-from engine.realtime.core.terms import MOVING_PROBES, LayersOf, diffuse_albedo, is_glossy, map_factor
+from engine.realtime.core.raster import RasterResult, draw, paint
+from engine.realtime.core.terms import MOVING_PROBES, diffuse_albedo, is_glossy, map_factor
 from engine.realtime.zonal_harmonics.bending_points import BendingPoints, PosedPoints
-from engine.realtime.zonal_harmonics.gloss_rows import GlossBasis, add_gloss_rows
-from engine.realtime.zonal_harmonics.gloss_transfer import LayerGloss
-from engine.realtime.zonal_harmonics.lamp_gloss import LampLight, add_lamp_gloss, share_by_rays, share_by_transfer
-from engine.realtime.zonal_harmonics.neighbours import Lamp
+from engine.realtime.zonal_harmonics.gloss_rows import add_gloss_rows
+from engine.realtime.zonal_harmonics.lamp_gloss import add_lamp_gloss, share_by_rays, share_by_transfer
 from engine.realtime.zonal_harmonics.pose import Poses
 from engine.realtime.zonal_harmonics.posed_shadows import blocked_light
 from engine.realtime.zonal_harmonics.shading import (
     BandLight,
     Blockers,
     Lobes,
-    LowGloss,
     add_gloss,
     add_shadows,
     even_light,
@@ -36,8 +30,8 @@ from engine.realtime.zonal_harmonics.shading import (
     shade,
     shade_some,
 )
-from engine.realtime.zonal_harmonics.sun_lights import SkyLight
-from engine.realtime.zonal_harmonics.surface_details import Detail, detail_frames
+from engine.realtime.zonal_harmonics.shading_state import ShadingState
+from engine.realtime.zonal_harmonics.surface_details import detail_frames
 from engine.render.display import error_to_radiance
 from engine.scene.cutouts import pixel_chances
 from engine.scene.description import CameraDescription
@@ -53,117 +47,6 @@ IntegerArray = NDArray[np.integer]
 Float64Array = NDArray[np.float64]
 
 _TINY = np.float32(1e-20)  # so that what nothing lights has all of its light left
-
-
-@dataclass(frozen=True, eq=False)
-class ShadingState:
-    """A scene in some light: the visible layers of its objects by index, lobes of all points and errors (S,) of their
-    fit, details of the objects that have any; casters: for each object the other bending objects whose shadows its
-    transfer does not contain. lights: of the objects, by index, that have other light than the sky; unlit:
-    the same without lamps, of those that lamps light by rays at rest; added (S, 3): radiance of white points by
-    neighbours and lamps (`engine.realtime.zonal_harmonics.neighbours`), None for none; lamps: those whose light is part
-    of it; by_lamp (S, L, 3): that of each with all at rest, of which lamp_shares (S, L) arrive, 0 at points of objects
-    that have light of their own; of those of `unlit` lamp_lights: that of each lamp and sun in their own, and mirrored:
-    the rest. gloss: how glossy layers, by object, are drawn; the others are one lobe each. version: differs for
-    different pictures."""
-
-    version: int
-    scene: Scene
-    light: SkyState
-    sky: SkyLight
-    layers_of: LayersOf
-    lobes: Lobes
-    errors: Float32Array
-    details: Mapping[int, Detail]
-    casters: tuple[frozenset[int], ...] = ()
-    lights: Mapping[int, BandLight] = field(default_factory=dict)
-    unlit: Mapping[int, BandLight] = field(default_factory=dict)
-    added: Float32Array | None = None
-    gloss: Mapping[tuple[int, Layer], LayerGloss] = field(default_factory=dict)
-    lamps: tuple[Lamp, ...] = ()
-    by_lamp: Float32Array | None = None
-    lamp_shares: Float32Array | None = None
-    lamp_lights: Mapping[int, Sequence[LampLight]] = field(default_factory=dict)
-    mirrored: Mapping[int, BandLight] = field(default_factory=dict)
-
-    @property
-    def casting_objects(self) -> list[int]:
-        """The C objects whose current shadows differ from those in some object's transfer."""
-        return sorted(frozenset[int]().union(*self.casters))
-
-    @property
-    def casts(self) -> NDArray[np.bool_]:
-        """Whether each of these casts a shadow on an object (M, C)."""
-        shading = self.casting_objects
-        found = np.array([[each in casters for each in shading] for casters in self.casters], bool)
-        return found.reshape(len(self.scene.smooth), len(shading))
-
-    @property
-    def albedos(self) -> Float32Array:
-        """Albedos of objects (M, 3) for the diffuse light of their points; layers with detail or images are added pixel
-        by pixel."""
-        found = np.zeros((len(self.scene.smooth), 3), np.float32)
-        for i, own in self.layers_of.items():
-            if i not in self.details:
-                found[i] = sum((diffuse_albedo(each) for each in own if each.maps.is_plain), np.zeros(3))
-        return found
-
-    @property
-    def even_emission(self) -> Float32Array:
-        """Emission of objects (M, 3) where it has no texture, which is added pixel by pixel; else 0."""
-        found = self.scene.emission.copy()
-        found[list(self.scene.emission_textures.tinted)] = 0.0
-        return found
-
-    @property
-    def backdrop(self) -> Backdrop:
-        environment, turn = self.light.environment, math.radians(self.light.rotation % 360.0)
-        return BLACK if environment is None else Backdrop(environment.radiance, turn, self.light.scale)
-
-    def pixel_layers(self, i: int) -> Iterator[Layer]:
-        """The layers of an object that are shaded pixel by pixel: diffuse ones with images, or all if it has
-        detail."""
-        for layer in self.layers_of.get(i, ()):
-            if i in self.details or not is_glossy(layer) and not layer.maps.is_plain:
-                yield layer
-
-    def glosses_of(self, i: int) -> Iterator[tuple[LowGloss, NDArray[np.floating]]]:
-        """An object's glossy layers that are one lobe at each point, with the mean factor of their images (3,)."""
-        for layer in filter(is_glossy, self.layers_of.get(i, ()) if i not in self.details else ()):
-            if self._rows_of(i, layer) is None:
-                yield low_gloss(layer, self.order), mean_factor(self.scene, i, layer.maps)
-
-    def rows_of(self, i: int) -> Iterator[tuple[Lobes, Float32Array]]:
-        """Rows of an object's layers that are drawn by rows, with their weights by the view (D, D, K, 3), times the
-        mean factor of the layer's images."""
-        for layer in filter(is_glossy, self.layers_of.get(i, ())):
-            if (found := self._rows_of(i, layer)) is not None:
-                lobes, basis = found
-                yield lobes, basis.views * np.asarray(mean_factor(self.scene, i, layer.maps), np.float32)
-
-    def _rows_of(self, i: int, layer: Layer) -> tuple[Lobes, GlossBasis] | None:
-        found = self.gloss.get((i, layer))
-        return found.rows if found is not None and i not in self.details else None
-
-    def light_of(self, i: int) -> BandLight:
-        """The light that comes to an object as if from afar."""
-        return self.lights.get(i, self.sky.bands)
-
-    def mirrored_light(self, i: int) -> BandLight:
-        """The part of it that gloss mirrors in bands: without the lamps and suns that the BRDF mirrors."""
-        if i in self.lights or i in self.details:
-            return self.mirrored.get(i, self.light_of(i))
-        return self.sky.dull_bands
-
-    @property
-    def mirrored_lamps(self) -> tuple[Lamp, ...]:
-        """What the BRDF mirrors: lamps, then suns."""
-        return (*self.lamps, *self.sky.lamps)
-
-    @property
-    def order(self) -> int:
-        """Number of bands of light."""
-        return self.sky.bands.table.shape[2]
 
 
 @dataclass(frozen=True, eq=False)
@@ -302,7 +185,7 @@ class PictureRenderer:
     ) -> WhitePoints:  # fmt: skip
         """Radiance of white Lambertian points. Shadows are those of clusters while objects move, and found by rays at
         rest."""
-        made_of = (poses, turned, quality, of.lobes, of.sky, of.casters, of.lights, of.lamps)
+        made_of = (poses, turned, quality, of.lobes, of.skies, of.casters, of.lights, of.lamps, of.light.links)
         if self._white is None or self._white[0] != made_of or self._added is not of.added:
             turns = frames if turned else self._points.rest_frames_of_drawn
             own = shade_objects(of, self._points, turns)
@@ -320,7 +203,16 @@ class PictureRenderer:
             bounced = added
             if quality == "rest":
                 of_sky, lacking = blocked_light(
-                    self._points, of.light, of.lamps, of.lights, of.unlit, of.casts, objects, places, normals
+                    self._points,
+                    of.light,
+                    of.lamps,
+                    of.lights,
+                    of.unlit,
+                    of.casts,
+                    objects,
+                    places,
+                    normals,
+                    of.lamp_reach,
                 )
                 white = np.maximum(white - of_sky, np.float32(0.0))
                 left = (white + _TINY) / (own + _TINY)
@@ -332,7 +224,7 @@ class PictureRenderer:
                     for k, lamp in enumerate(of.lamps):
                         shares[:, k] = share_by_rays(lamp, by_lamp[:, k], places, normals)
             else:
-                add_shadows(self.blockers.rows(objects), of.casts, self._points, places, normals, of.sky.bands, white)
+                self._add_moving_shadows(of, self.blockers.rows(objects), places, normals, white)
                 left = (white + _TINY) / (own + _TINY)
             white = np.maximum(white + added, np.float32(0.0))
             found = WhitePoints(white, mirrored * left + bounced, mirrored, shares)
@@ -344,8 +236,16 @@ class PictureRenderer:
         points, frames = self._points, self._points.rest_frames_of_drawn
         white = shade_objects(of, points, frames)
         rows, normals = self.blockers.rows(of.casting_objects, points.rest_places), np.ascontiguousarray(frames[:, 2])
-        add_shadows(rows, of.casts, points, points.rest_places, normals, of.sky.bands, white)
+        self._add_moving_shadows(of, rows, points.rest_places, normals, white)
         return white
+
+    def _add_moving_shadows(
+        self, of: ShadingState, rows: Float32Array, places: Float32Array, normals: Float32Array, white: Float32Array
+    ) -> None:
+        """Darken white points by clusters (K, `CLUSTER_ROW`), each object of the light that reaches it."""
+        for sky in of.skies:
+            casts = of.casts & of.is_under(sky)[:, None]
+            add_shadows(rows, casts, self._points, places, normals, sky.bands, white)
 
     def _gloss(
         self, of: ShadingState, places: Float32Array, frames: Float32Array, camera_position: Float64Array,
@@ -415,8 +315,10 @@ class PictureRenderer:
 def shade_objects(of: ShadingState, points: BendingPoints, frames: Float32Array) -> Float32Array:
     """Radiance (S, 3) of white Lambertian points in axes (S, 3, 3), each object in its own light."""
     white = np.empty((len(points), 3), np.float32)
-    of_sky = np.flatnonzero(~np.isin(points.owners, list(of.lights)))
-    shade_some(of_sky, of.lobes, frames, of.sky.bands, white)
+    for sky in of.skies:
+        of_sky = of.is_under(sky)
+        of_sky[list(of.lights)] = False
+        shade_some(np.flatnonzero(of_sky[points.owners]), of.lobes, frames, sky.bands, white)
     shade_own_light(of.lights, of.lobes, points, frames, white)
     return np.maximum(white, np.float32(0.0), out=white)
 
@@ -431,14 +333,18 @@ def shade_own_light(
 
 def moving_shares(of: ShadingState, points: BendingPoints, frames: Float32Array) -> Float32Array:
     """The shares (S, L) of the light of `mirrored_lamps` that arrive at points in axes (S, 3, 3), in motion."""
-    n_lamps = len(of.lamps)
     shares = np.zeros((len(points), len(of.mirrored_lamps)), np.float32)
     if of.lamp_shares is not None:
-        shares[:, :n_lamps] = of.lamp_shares
+        shares[:, : len(of.lamps)] = of.lamp_shares
     for i, layers in of.layers_of.items():
-        first, lights = (0, of.lamp_lights.get(i, ())) if i in of.lights else (n_lamps, of.sky.sun_lights)
-        which = points.points_of(i)
-        for k, light in enumerate(lights if any(map(is_glossy, layers)) else (), first):
+        if not any(map(is_glossy, layers)):
+            continue
+        which, suns = points.points_of(i), of.suns_of(i)
+        if i in of.lights:
+            numbers, lights = [*range(len(of.lamps)), *suns], of.lamp_lights.get(i, ())
+        else:
+            numbers, lights = [*suns], of.sky_of(i).sun_lights
+        for k, light in zip(numbers, lights, strict=False):  # none where lamps are a part of the object's own light
             shares[which, k] = share_by_transfer(light, of.lobes, which, frames)
     return shares
 
@@ -449,12 +355,13 @@ def add_gloss_of_lamps(
 ) -> None:  # fmt: skip
     """Add to sent (S, 3) what points send to the camera (3,) of `mirrored_lamps`, of whose light the shares (S, L)
     arrive."""
+    mirrored = of.mirrored_lamps
     for i, layers in of.layers_of.items():
         for layer in filter(is_glossy, layers if i not in of.details else ()):
             factor, which = mean_factor(of.scene, i, layer.maps), points.points_of(i)
-            for k, lamp in enumerate(of.mirrored_lamps):
+            for k in (*range(len(of.lamps)), *of.suns_of(i)):
                 add_lamp_gloss(
-                    layer, factor, lamp, shares[:, k], which, frames, places, camera_position, sent, is_moving
+                    layer, factor, mirrored[k], shares[:, k], which, frames, places, camera_position, sent, is_moving
                 )
 
 

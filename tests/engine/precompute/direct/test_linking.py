@@ -29,7 +29,7 @@ CARDS = (
     + environment((0.4, 0.5, 0.6))
     + placed("left", "quad", facing_up(1, (-0.8, 0, 0)), HALF)
     + placed("right", "quad", facing_up(1, (0.8, 0, 0)), HALF)
-    + placed("lamp", "quad", facing_down(0.5, (0, 1.5, -1.5)), "emission = [3.0, 2.0, 1.0]\n")
+    + placed("lamp", "quad", facing_down(0.5, (0, 1.5, -1.5)), "emission = [30.0, 20.0, 10.0]\n")
 )
 # A glossy ball over a floor, a wall beside them, a sky, a sun and a lamp.
 ROOM = (
@@ -43,7 +43,6 @@ ROOM = (
 )
 EXCLUDED = {"lamp": ["floor"], "light.Noon": ["ball", "wall"], "light.environment": ["wall"]}
 LINKS = {f"{light}.excludes": names for light, names in EXCLUDED.items()}
-BANDS = (16, 16)
 
 
 def opened(folder: Path, text: str, **values: object) -> Project:
@@ -53,7 +52,10 @@ def opened(folder: Path, text: str, **values: object) -> Project:
 
 def layers_of(project: Project) -> list[StillLayer]:
     names = project.object_names
-    return [StillLayer(names.index(object_of(key)), layer, BANDS, False) for key, layer in project.layers.items()]
+    return [
+        StillLayer(names.index(object_of(key)), layer, (16, 1) if layer.model.is_diffuse else (64, 16), False)
+        for key, layer in project.layers.items()
+    ]
 
 
 def direct(project: Project) -> NDArray[np.float64]:
@@ -90,7 +92,7 @@ def test_a_card_without_its_lamp_reflects_the_sky_alone(tmp_path: Path) -> None:
     np.testing.assert_allclose(found[left], np.broadcast_to([0.2, 0.25, 0.3], found[left].shape), rtol=0.03)
     # The other card is lit by the very same lights, to the bit.
     np.testing.assert_array_equal(found[right], whole[right])
-    assert (found[left] < 0.9 * whole[left]).all()
+    assert (found[left, 0] < 0.9 * whole[left, 0]).all()  # red, which the lamp has most of
 
 
 def test_a_card_without_its_sky_is_black_beside_its_lamp(tmp_path: Path) -> None:
@@ -137,23 +139,22 @@ def test_path_tracing_and_the_direct_oracle_agree(tmp_path: Path) -> None:
     assert brute[placement.hits.open_image == 0.0].mean() == pytest.approx(still.mean(), rel=0.05)
 
 
-@pytest.mark.parametrize("n_bounces", [2, 3])
-def test_indirect_light_follows_the_links_of_the_surfaces_that_send_it(tmp_path: Path, n_bounces: int) -> None:
-    """Light after the first bounce, diffuse, glossy and of photons, against path tracing within three of its errors."""
+def test_indirect_light_follows_the_links_of_the_surfaces_that_send_it(tmp_path: Path) -> None:
+    """Two bounces, diffuse, glossy and of photons, against path tracing, within three standard errors and 3 %. Without
+    links the floor would have more than three times as much."""
     linked = opened(tmp_path, ROOM, **LINKS)
     placement, layers = Placement(linked.scene), layers_of(linked)
-    found = run_to_end(indirect_radiance(placement, layers, linked.sky, BounceSeries(n_bounces), FINE))
-    materials = by_object(layers)
-    halves = [
-        [run_to_end(trace_paths(placement, materials, linked.sky, n, 512, seed=seed)).radiance for seed in (0, 1)]
-        for n in (n_bounces, 1)
-    ]
-    truth = np.mean(halves[0], axis=0) - np.mean(halves[1], axis=0)
+    found = run_to_end(indirect_radiance(placement, layers, linked.sky, BounceSeries(3), FINE))
+
+    def traced(n_bounces: int, seed: int) -> NDArray[np.float64]:
+        return run_to_end(trace_paths(placement, by_object(layers), linked.sky, n_bounces, 100, seed=seed)).radiance
+
+    truths = [traced(3, seed) - traced(1, seed) for seed in range(4)]
     for name in ("ball", "floor", "wall"):
         mine = placement.hits.objects == linked.object_names.index(name)
-        means = [np.mean(halves[0][k][mine] - halves[1][k][mine]) for k in (0, 1)]
-        error = abs(means[0] - means[1]) / 2 + 0.02 * np.mean(means)
-        assert abs(found[mine].mean() - truth[mine].mean()) < 3 * error, name
+        means = [truth[mine].mean() for truth in truths]
+        error = np.std(means, ddof=1) / 2 + 0.01 * np.mean(means)
+        assert abs(found[mine].mean() - np.mean(means)) < 3 * error, name
 
 
 def test_an_object_that_nothing_lights_still_mirrors_and_gathers(tmp_path: Path) -> None:

@@ -13,9 +13,10 @@ import pytest
 from benchmarks.deform import DeformEffort
 from benchmarks.programs.deform import frame_rates
 from engine.light.environment import Environment, constant_environment
+from engine.light.suns import Sun, with_suns
 from engine.material import MODELS
 from engine.material.layer import make_layer
-from engine.precompute.direct.pipeline import SkyState
+from engine.precompute.direct.pipeline import LightLink, SkyState
 from engine.realtime.zonal_harmonics.deform_engine import Deform, finish_deform
 from engine.realtime.zonal_harmonics.pose import Deformation, Poses
 from engine.scene.camera_moves import orbit_camera
@@ -129,6 +130,25 @@ def test_gloss_of_lamps_is_that_of_compiled_code(tmp_path: Path, picture: PosedP
     off = np.abs(found - expected).max(axis=2)
     assert (off > 0.01).mean() < 0.01 and np.median(off) < 1e-4
     assert np.abs(deform.export_picture(eye, poses).posed.lamp_gloss).max() > 0.1
+
+
+def test_linked_lights_are_those_of_compiled_code(tmp_path: Path, picture: PosedPicture) -> None:
+    """The leaf and the floor have skies of their own, of which the ball that bends hides a part."""
+    lamp = placed("board", "quad", facing_down(0.8, (-0.6, 1.5, 0.4)), "emission = [6, 7, 8]\n")
+    (tmp_path / "lamps.toml").write_text(BALL_AND_LEAF + lamp)
+    deform = Deform(load_scene(tmp_path / "lamps.toml"), n_points=1500, n_rays=32)
+    sun = with_suns(constant_environment((0.3, 0.1, 0.1)), (Sun((0.2, 0.9, 0.4), (3.0, 3.0, 3.0)),))
+    links = LightLink(frozenset({1}), SkyState(sun)), LightLink(frozenset({2}), SkyState(sun, 90.0), frozenset({3}))
+    deform.set_light(SkyState(constant_environment((0.2, 0.2, 0.9)), links=links))
+    deform.set_layers({0: (MATT, GLOSS), 1: (MATT,), 2: (MATT, GLOSS)})
+    deform.set_bending(["ball", "leaf"])
+    deform.set_effort(64, 2, 0)
+    eye = finish_deform(deform).scene.description.camera
+    expected, found = deform.draw(eye, SIZE, BENT), shown(picture, deform, eye, BENT)
+    off = np.abs(found - expected).max(axis=2)
+    assert (off > 0.01).mean() < 0.01 and np.median(off) < 1e-4
+    # The floor, without the lamp and the blue sky, is red.
+    assert expected[-1, :, 0].mean() > 1.2 * expected[-1, :, 2].mean()
 
 
 def test_gloss_under_a_small_sun_is_the_same_and_has_no_rings(deform: Deform, picture: PosedPicture) -> None:

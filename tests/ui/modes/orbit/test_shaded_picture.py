@@ -17,7 +17,7 @@ from engine.light.environment import Environment
 from engine.material import MODELS, make_layer
 from engine.material.layer import Layer
 from engine.material.strokes import Stroke, Strokes
-from engine.precompute.direct.pipeline import SkyState
+from engine.precompute.direct.pipeline import LightLink, SkyState
 from engine.realtime.core.gpu_parts import N_HEAD, LightPart
 from engine.realtime.triple_product import view_radiance
 from engine.realtime.triple_product.gpu_export import PointExporter
@@ -206,6 +206,27 @@ def test_sharp_gloss_is_the_workers_pixel_by_pixel(
     moved = studio.camera.model_copy(update={"position": moved.position})
     assert_same(studio, shaded, moved, 24)
     assert np.abs(image(shaded, studio.camera) - highlight).max() > 0.05
+    studio.work(sky(20.0), studio.layers)
+
+
+def test_sharp_gloss_of_linked_objects_is_the_workers(
+    studio: Studio, shaded: ShadedPicture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The block has a sky of its own, whose peaks are others, and the lamp does not light it."""
+    monkeypatch.setattr("engine.realtime.triple_product.reflections.SHARP", 0.4)
+    monkeypatch.setitem(view_radiance._LITTLE, "moving", -1.0)
+    floor, block = studio.layers[0], studio.layers[1]
+    metal = make_layer(MODELS["rough_conductor"], {"alpha": 0.09})
+    sharp = {0: (floor[0], floor[1].with_parameter("alpha", 0.1)), 1: (metal, block[1])}
+    lamp = studio.orbit.scene.object_index("lamp")
+    link = LightLink(frozenset({1}), sky(140.0), frozenset({lamp}))
+    studio.work(sky(20.0), sharp)
+    plain = studio.orbit.draw(studio.camera, SIZE, "moving", 64)
+    studio.work(replace(sky(20.0), links=(link,)), sharp)
+    for part in PointExporter(1 << 26).parts(studio.orbit):
+        shaded.buffers.take(part)
+    assert_same(studio, shaded, studio.camera)
+    assert np.abs(image(shaded, studio.camera) - plain).max() > 0.05
     studio.work(sky(20.0), studio.layers)
 
 

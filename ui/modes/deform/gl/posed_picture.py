@@ -160,7 +160,7 @@ class PosedPicture:
             table=appearance.table.shape[:2],
             camera_position=posed.camera_position, **_gloss(appearance), n_blockers=len(posed.blockers),
             added_light=1 + len(appearance.lights) if len(appearance.added) else -1,
-            n_own_lights=len(appearance.lights) // 2,
+            n_own_lights=len(appearance.lights) // 3,
             first_lamp_gloss=posed.places.size if len(posed.lamp_gloss) else -1,
             n_casters=appearance.casts.shape[1], spread=appearance.spread.tolist(), least=appearance.least,
         )  # fmt: skip

@@ -28,6 +28,7 @@ from engine.realtime.core.gpu_parts import (
     MeshPart,
     OrbitPart,
     OrbitTerm,
+    Range,
     SkyPart,
     TablePart,
     TermsPart,
@@ -64,7 +65,8 @@ class PointBuffers:
         self.has_holes = np.zeros(0, bool)  # which objects
         self.tables: dict[int, Tables] = {}
         self.sky: moderngl.Texture | None = None
-        self.turn, self.scale, self.n_peaks = 0.0, 1.0, 0
+        self.turn, self.scale = 0.0, 1.0
+        self.peak_ranges: tuple[Range, ...] = ()
         self.n_strokes = 0
         self._named: dict[str, moderngl.Buffer] = {}
 
@@ -108,7 +110,7 @@ class PointBuffers:
         self.mesh = part
 
     def _take_sky(self, part: SkyPart) -> None:
-        self.turn, self.scale, self.n_peaks = part.turn, part.scale, len(part.peaks)
+        self.turn, self.scale, self.peak_ranges = part.turn, part.scale, part.peak_ranges
         self._replace("peaks", self._memory.filled(np.concatenate([part.peaks, np.zeros((1, 8), np.float32)])))
         if part.image is not None:
             made = self._textures.latlong(part.image)
@@ -325,11 +327,15 @@ class ShadedPicture:
     def _set_sharp(self, program: moderngl.Program, i_term: int, n_coefficients: int) -> None:
         """What a program of sharp gloss reads beside the rest."""
         buffers, stack = self.buffers, self._sharp.stack(i_term)
-        tables = buffers.tables[buffers.terms[i_term].tables]
+        term = buffers.terms[i_term]
+        tables, (first, last) = buffers.tables[term.tables], buffers.peak_ranges[term.i_object]
         named = [(7, buffers["corners"]), (12, buffers["peaks"])]
         for binding, buffer in (*named, *enumerate(tables.buffers, FIRST_SLICES)):
             buffer.bind_to_storage_buffer(binding)
-        set_uniforms(program, n_most=n_sharp(n_coefficients), n_peaks=buffers.n_peaks, **_slice_uniforms(tables.shape))
+        set_uniforms(
+            program, n_most=n_sharp(n_coefficients), first_peak=first, n_peaks=last - first,
+            **_slice_uniforms(tables.shape),
+        )  # fmt: skip
         if stack is not None:
             set_uniforms(program, **stack.numbers())
             for unit, (name, texture) in enumerate(stack.textures().items()):
