@@ -125,10 +125,13 @@ def _lit_objects(context: PanelContext, key: str) -> list[Action]:
     widgets.tooltip(LIT_HINT)
     if not is_open:
         return actions
-    for name in names:
-        is_pressed, _ = imgui.checkbox(f"{name}##lit.{key}", name not in excluded)
-        context.handles.note_item(f"mix.{key}.excludes.{name}")
-        if is_pressed:
-            actions.append(SetMix(key, "excludes", tuple(excluded ^ {name})))
+    visible = imgui.ListClipper()  # of hundreds of objects
+    visible.begin(len(names))
+    while visible.step():
+        for name in names[visible.display_start : visible.display_end]:
+            is_pressed, _ = imgui.checkbox(f"{name}##lit.{key}", name not in excluded)
+            context.handles.note_item(f"mix.{key}.excludes.{name}")
+            if is_pressed:
+                actions.append(SetMix(key, "excludes", tuple(excluded ^ {name})))
     imgui.tree_pop()
     return actions
