@@ -74,11 +74,11 @@ def open_on_cluster(words: ProjectSpec, scheduler: str | None) -> Iterator[tuple
         words = words.with_absolute_paths()
         with record_files() as files:
             project = words.open()
-            _read_inputs(project)
+            read_inputs(project)
         yield project, ClusterProject(cluster, words, cluster.send(files))
 
 
-def _read_inputs(project: Project) -> None:
+def read_inputs(project: Project) -> None:
     """Read the other files that a picture may need, so that they are noted."""
     document = project.document
     images = [layer.maps.images for _, layer in document.layers()]

@@ -37,13 +37,13 @@ from app.document.commands.layers import AddLayers, SetMaterial, operators_of_co
 from app.document.document import Document, Selection, split_key
 from app.document.linked_layers import Layers, layers_from_descriptions, linked_indices, synchronize_layers
 from app.document.named_files import FILE, measurement_in, unread_files, with_full_paths, with_measurements
-from app.files.material_files import complete_material
+from app.files.material_files import MARK, complete_material, is_material_file, split_material
 from app.files.records import MAX_LAYERS, CurveRecord, StrictModel, description_of, operator_lines, with_curves
 from app.messages.worker_messages import MaterialsRead, MeasurementsRead, ReadMaterials, ReadMeasured, Request
 from app.system.atomic import save_file
-from app.system.paths import material_directory
+from app.system.paths import full_path, is_file_name, material_directory
 from engine.core.errors import InsituError, LoadError
-from engine.core.safe_files import resolved
+from engine.core.safe_files import exists, resolved
 from engine.material import MODELS
 from engine.material.layer import Layer, make_layer
 from engine.measured.measurement import Measurement
@@ -271,7 +271,9 @@ def categories(entries: Iterable[LibraryEntry]) -> list[str]:
 
 
 def _own_files(folder: Path) -> list[Path]:
-    return sorted(path for path in folder.glob(f"*{SUFFIX}") if not path.name.startswith("."))[:MOST_FILES]
+    """Those in the folder; on a cluster's machine those of them that were sent."""
+    files = (path for path in folder.glob(f"*{SUFFIX}") if not path.name.startswith("."))
+    return sorted(filter(exists, files))[:MOST_FILES]
 
 
 def _read(path: Path, own: Path) -> LibraryEntry:
@@ -332,6 +334,18 @@ def measured_layers(file: Path, cloth: bool = False) -> Layers:
 def import_measured(object_name: str, file: Path, cloth: bool = False) -> SetMaterial:
     """The edit that makes an object of what was measured; cloth: as in `measured_layers`."""
     return SetMaterial(object_name, measured_layers(file, cloth), file.stem)
+
+
+def full_material_name(name: str) -> str:
+    """The name of a material for another folder or machine: the absolute path of a file, also of one of the user's own
+    materials; a built-in one has its name everywhere. Raises InsituError."""
+    if is_material_file(name):
+        file, material = split_material(name)
+        return full_path(file) + (MARK + material if material else "")
+    if is_file_name(name):
+        return full_path(name)
+    entry = Library().entry(name)
+    return str(entry.path) if entry.is_own else name
 
 
 class PendingMeasurement:

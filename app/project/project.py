@@ -35,6 +35,7 @@ from app.document.commands.poses import with_amounts, with_placement, with_time
 from app.document.commands.suns import SetSun
 from app.document.document import Document, document_from_description, reflecting_layers
 from app.document.light_mix import emission_of, mixed_light
+from app.document.light_state import ENVIRONMENT_KEY
 from app.document.named_files import document_with_measurements, files_of_document, layers_with_variants, unread_files
 from app.document.node_layers import Statistics, channel_images, with_node_layers
 from app.document.scene_files import is_archive, renamed, split_axis, unpacked_scene_file, variants_of
@@ -43,7 +44,7 @@ from app.document.targets import EMISSION, FRESNEL_TERM, MATERIAL, TIME, UNDER, 
 from app.document.view_state import Viewpoint
 from app.files.bookmarks import camera_bookmarks, find_bookmark
 from app.files.material_files import complete_material, import_material, is_material_file, read_file_materials
-from app.files.materials import Library, import_measured, load_material
+from app.files.materials import Library, full_material_name, import_measured, load_material
 from app.files.session import fit_session, load_session, session_notes
 from app.project.distant_light import sky_of
 from app.system.atomic import set_inputs
@@ -194,7 +195,9 @@ class ProjectSpec:
         """The same with absolute paths, so that it can be opened from any folder; of an archive the path of its scene,
         unpacked. Raises InsituError."""
         name = full_path(self.name or DEFAULT_SCENE)
-        return replace(self, name=renamed(name, str(unpacked_scene_file(name))) if is_archive(name) else name)
+        values = tuple((path, _with_full_path(path, value)) for path, value in self.values)
+        name = renamed(name, str(unpacked_scene_file(name))) if is_archive(name) else name
+        return replace(self, name=name, values=values)
 
 
 def open_project(
@@ -339,6 +342,15 @@ def set_path(document: Document, path: str, value: Any) -> EditCommand:
     if target.kind == "switch":
         return _set_switch(path, target, value)
     raise InsituError(f"{path!r} is a {target.kind} and has no value; name a parameter of it")
+
+
+def _with_full_path(path: str, value: Any) -> Any:
+    """A value that `path` is set to, with the absolute path of the file that it names, if it names one. Raises
+    InsituError."""
+    if isinstance(value, str) and path == ENVIRONMENT_KEY:
+        return full_path(value)
+    is_material = isinstance(value, str) and path.rpartition(".")[2] == MATERIAL
+    return full_material_name(value) if is_material else value
 
 
 def _at_rest(scene: Scene, document: Document) -> Scene:

@@ -5,14 +5,23 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 
 from app.cluster import scene_bundle as parcels
+from app.cluster.cluster_project import read_inputs
 from app.cluster.scene_bundle import FileCache, bundle_files, digest_of, pieces_of
-from app.project.project import open_project
+from app.files.materials import Library
+from app.project.project import ProjectSpec, open_project
 from engine.core.errors import LoadError
 from engine.core.safe_files import exists, portable_name, read_regular_file, record_files, redirect_files
+from engine.material import MODELS
+from engine.material.layer import make_layer
+from engine.material.layer_maps import LayerMaps
+from engine.render.display import exr_bytes
 from tests.app.cli.command_line import SCENE
+from tests.engine.scene.loaders.mtlx_samples import document, image, linked, surface
 
 
 @pytest.fixture(autouse=True)
@@ -85,3 +94,38 @@ def test_all_that_a_project_reads_is_noted_and_nothing_else_is_read_elsewhere(tm
         assert exists(file) and not exists(__file__)
         with pytest.raises(LoadError, match="not among the files that were sent"):
             read_regular_file(Path(__file__), 1 << 20)
+
+
+@pytest.mark.parametrize("material", ["oak.mtlx", "oak.mtlx#it", "leaf.toml", "Leaf"])
+def test_materials_and_light_of_other_folders_are_read_elsewhere(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, material: str
+) -> None:
+    """A worker has another current folder, and other materials of its user's own."""
+    for name in ("scene", "materials", "elsewhere"):
+        (tmp_path / name).mkdir()
+    file, folder = tmp_path / "scene" / "ball.toml", tmp_path / "materials"
+    file.write_text(SCENE)
+    Image.new("RGB", (4, 4), (200, 90, 30)).save(folder / "c.png")
+    network = image("i", "color3", "c.png", "", "srgb_texture") + surface(
+        "standard_surface", linked("base_color", "color3", "i")
+    )
+    (folder / "oak.mtlx").write_text(document(network))
+    (folder / "sky.exr").write_bytes(exr_bytes(np.ones((4, 8, 3), np.float32)))
+    leaf = make_layer(MODELS["lambert"], {}, "leaf").replace(maps=LayerMaps(str(folder / "c.png")))
+    own = Library().save("Leaf", (leaf,))
+    (folder / "leaf.toml").write_bytes(own.path.read_bytes())
+    monkeypatch.chdir(folder)
+    values = ("ball.material", material), ("light.environment", "sky.exr")
+    words = ProjectSpec(str(file), (8, 8), values).with_absolute_paths()
+    with record_files() as noted:
+        here = words.open()
+        read_inputs(here)
+    assert folder / "c.png" in noted
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    monkeypatch.setenv("INSITU_STATE", str(tmp_path / "elsewhere"))
+    Library().save("Leaf", (leaf.replace(name="another"),))
+    with redirect_files({portable_name(path): path for path in noted}):
+        there = words.open()
+        read_inputs(there)
+    assert there.document == here.document
+    assert any(layer.maps.texture.endswith("c.png") for _, layer in there.document.layers())
