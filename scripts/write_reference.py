@@ -21,15 +21,13 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from app.cli.program import cli
+from app.files.layer_records import CurveRecord, LayerRecord, OperatorRecord
 from app.files.records import (
     BookmarkRecord,
-    CurveRecord,
     DeformerRecord,
-    LayerRecord,
     LightRecord,
     MixRecord,
     ObjectRecord,
-    OperatorRecord,
     SessionRecord,
     SunRecord,
     TransformRecord,

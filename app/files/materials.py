@@ -37,8 +37,8 @@ from app.document.commands.layers import AddLayers, SetMaterial, operators_of_co
 from app.document.document import Document, Selection, split_key
 from app.document.linked_layers import Layers, layers_from_descriptions, linked_indices, synchronize_layers
 from app.document.named_files import FILE, measurement_in, unread_files, with_full_paths, with_measurements
+from app.files.layer_records import MAX_LAYERS, CurveRecord, StrictModel, description_of, operator_lines, with_curves
 from app.files.material_files import MARK, complete_material, is_material_file, split_material
-from app.files.records import MAX_LAYERS, CurveRecord, StrictModel, description_of, operator_lines, with_curves
 from app.messages.worker_messages import MaterialsRead, MeasurementsRead, ReadMaterials, ReadMeasured, Request
 from app.system.atomic import save_file
 from app.system.paths import full_path, is_file_name, material_directory

@@ -2,7 +2,7 @@
 
 The scene's own file is referred to and never written. All values are checked by pydantic models and by the parameter
 tables before anything changes; a faulty file is refused with the place of the error. A document saved and opened is
-equal to the last bit (see `app.files.records`).
+equal to the last bit (see `app.files.layer_records`).
 """
 
 from __future__ import annotations
@@ -26,16 +26,9 @@ from app.document.named_files import with_full_paths
 from app.document.sources import SESSION_ENDING
 from app.document.targets import TRANSFORM_FIELDS
 from app.document.view_state import Bookmark, SetView, ViewState
+from app.files.layer_records import layer_lines, layers_of
 from app.files.old_names import upgrade_session
-from app.files.records import (
-    SAVED_SETTINGS,
-    JournalRecord,
-    ObjectRecord,
-    SessionRecord,
-    ViewRecord,
-    layer_lines,
-    layers_of,
-)
+from app.files.records import SAVED_SETTINGS, JournalRecord, ObjectRecord, SessionRecord, ViewRecord
 from app.system.atomic import save_file
 from app.system.paths import full_path, written_path
 from engine.core.errors import InsituError, LoadError, describe_value, list_names
