@@ -1,10 +1,21 @@
 import os
 import socket
+import time
+from concurrent.futures import ThreadPoolExecutor
+from threading import Barrier
 
 import pytest
 
+from engine.core import safe_files
 from engine.core.errors import LoadError
-from engine.core.safe_files import read_regular_file, record_files, redirect_files, resolve_inside, temporary_file
+from engine.core.safe_files import (
+    local_path,
+    read_regular_file,
+    record_files,
+    redirect_files,
+    resolve_inside,
+    temporary_file,
+)
 
 
 def test_reads_a_regular_file_up_to_its_cap(tmp_path):
@@ -70,3 +81,30 @@ def test_a_temporary_file_belongs_to_no_scene(tmp_path):
         with pytest.raises(LoadError, match="not among the files that were sent"):
             read_regular_file(path, 1)
     assert recorded == {path}  # by the second attempt alone
+
+
+def test_threads_have_temporary_files_of_their_own(tmp_path, monkeypatch):
+    """A change of the list that another thread overwrote would make a file one of the scene, or leave one in it."""
+
+    class SlowSet(frozenset):
+        """Lets other threads run between the reading of the list and the writing of its successor."""
+
+        def __or__(self, other):
+            time.sleep(1e-3)
+            return SlowSet(frozenset.__or__(self, other))
+
+        def __sub__(self, other):
+            time.sleep(1e-3)
+            return SlowSet(frozenset.__sub__(self, other))
+
+    def read(path):
+        with temporary_file(path):
+            all_are_open.wait(60.0)
+            assert local_path(path) == path
+
+    monkeypatch.setattr(safe_files._access, "temporary", SlowSet())
+    paths = [tmp_path / str(k) for k in range(8)]
+    all_are_open = Barrier(len(paths))
+    with redirect_files({}), ThreadPoolExecutor(len(paths)) as pool:
+        assert list(pool.map(read, paths)) == [None] * len(paths)
+    assert not safe_files._access.temporary
