@@ -1,19 +1,20 @@
 """What glTF's materials look like here, against paths whose BRDF is the specification's own formula, at full resolution
-of the textures: `python -m benchmarks.gltf_materials MUSEUM.exr [CASE ...]` prints the table of docs/accuracy.md.
+of the textures: `python -m benchmarks.gltf_materials MUSEUM.exr [--side PIXELS] [CASE ...]` prints the table of
+docs/guides/materials.md.
 
 Each case is a GLB file that is read as any other: a sphere with factors alone, and a quad with a texture of each
 colour, strength and roughness, seen obliquely, under an environment and under a lamp. The judge
 (`engine.reference.gltf_brdf`) gets factors and textures, not layers; its picture of the quad has 3 x 3 rays a pixel.
-Columns: the error without the judge's noise, and in brackets that of the mean, and the noise.
+Columns: the error without the judge's noise, and in brackets that of the mean with its standard error; the noise.
 """
 
 from __future__ import annotations
 
+import argparse
 import io
 import json
 import shutil
 import struct
-import sys
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -24,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from app.measure.subject import Errors, box_averaged, errors
+from app.measure.subject import CLAMP_PERCENTILE, Errors, box_averaged, errors
 from app.project.project import Project, open_project
 from app.stills.stills import render_picture
 from engine.core.generators import run_to_end
@@ -40,7 +41,7 @@ from engine.scene.primitives import quad, sphere
 
 FINER = 3  # rays of the judge along each side of a pixel of the quad
 SIDE = 32
-N_SAMPLES = {"sphere": 1024, "quad": 128}
+N_SAMPLES = {"sphere": 1024, "quad": 128}  # of the judge at 32 x 32; fewer at larger sizes, for as many paths in all
 
 
 class Texture(NamedTuple):
@@ -175,26 +176,54 @@ class AuthoredScattering(Scattering):
         return value, pdf
 
 
-def measure(case: Case, shape: str, light: str, environment: Path, folder: Path) -> tuple[Errors, float]:
-    """The error of our picture against the judge's, over the pixels that the object covers, and the judge's noise: half
-    of the difference of two pictures of half the paths."""
-    project = _project(case, shape, light, environment, folder)
+class JudgedErrors(NamedTuple):
+    """relRMSE of a picture without the judge's noise, the relative difference of means with its standard error, and the
+    judge's noise."""
+
+    rmse: float
+    mean: float
+    mean_deviation: float
+    noise: float
+
+
+def judged_errors(ours: NDArray[np.floating], halves: NDArray[np.floating]) -> JudgedErrors:
+    """The errors of pixels (N, 3) against two independent estimates of them (2, N, 3).
+
+    The noises a and b of the estimates are independent: E[(e + a)(e + b)] = e², so that the mean product of both
+    differences has no noise in it, and halves of any noise do. All are clamped at the 99.9 percentile of the truth
+    [docs/conventions.md].
+    """
+    top = np.percentile(halves.mean(axis=0), CLAMP_PERCENTILE)
+    ours, halves = np.minimum(np.float64(ours), top), np.minimum(np.float64(halves), top)
+    mean, (first, second) = halves.mean(), ours - halves
+    # Half of the difference of both estimates deviates as their mean does; pixels are independent, channels are not.
+    noise = 0.5 * (halves[0] - halves[1])
+    return JudgedErrors(
+        float(np.sqrt(max((first * second).mean(), 0.0)) / mean),
+        float(0.5 * (first + second).mean() / mean),
+        float(np.sqrt((noise.mean(axis=1) ** 2).sum()) / len(noise) / mean),
+        float(np.sqrt((noise**2).mean()) / mean),
+    )
+
+
+def measure(case: Case, shape: str, light: str, environment: Path, folder: Path, side: int = SIDE) -> JudgedErrors:
+    """The errors of our picture against two independent ones of the judge, over the pixels that the object covers."""
+    project = _project(case, shape, light, environment, folder, side)
     ours = render_picture(project, lambda _: None, series=BounceSeries(1))
-    halves = [_judged(case, shape, project, seed) for seed in (0, 1)]
-    truth = 0.5 * (halves[0] + halves[1])
+    halves = np.stack([_judged(case, shape, project, seed) for seed in (0, 1)])
     hits = Placement(project.scene).hits
     begin, end = hits.object_ranges[0]
     counts = np.bincount(hits.pixel[begin:end], minlength=ours.shape[0] * ours.shape[1])
     seen = counts.reshape(ours.shape[:2]) > 0
     if shape == "quad":  # pixels whose neighbours are covered, too: the judge's rays are all over them
         seen &= np.logical_and.reduce([np.roll(seen, by, axis) for axis in (0, 1) for by in (-1, 1)])
-    return errors(ours[seen], truth[seen]), 0.5 * errors(halves[0][seen], halves[1][seen]).rmse
+    return judged_errors(ours[seen], halves[:, seen])
 
 
-def measure_layers(case: Case, shape: str, light: str, environment: Path, folder: Path) -> Errors:
+def measure_layers(case: Case, shape: str, light: str, environment: Path, folder: Path, side: int = SIDE) -> Errors:
     """The error of the layers themselves: of paths that they reflect, against the judge's with equal random numbers,
     which differ by what the layers differ from the formulas and by little else."""
-    project = _project(case, shape, light, environment, folder)
+    project = _project(case, shape, light, environment, folder, side)
     layers_of = {0: tuple(layer for j, layer in project.indexed_layers if j == 0)}
     placement = Placement(project.scene, None, 0)
     found = run_to_end(trace_paths(placement, layers_of, project.sky, 1, 256))
@@ -207,7 +236,8 @@ def _judged(case: Case, shape: str, project: Project, seed: int) -> NDArray[np.f
     camera, side = project.scene.description.camera, project.scene.resolution[0]
     placement = Placement(project.scene.from_camera(camera, (side * finer,) * 2), None, 0)
     picture = np.zeros((side * finer * side * finer, 3))
-    picture[placement.hits.pixel] = _judged_paths(case, shape, project, placement, N_SAMPLES[shape] // 2, seed)
+    n_samples = max(N_SAMPLES[shape] * 32**2 // (2 * side**2), 2)
+    picture[placement.hits.pixel] = _judged_paths(case, shape, project, placement, n_samples, seed)
     return box_averaged(picture.reshape(side * finer, side * finer, 3), finer)
 
 
@@ -234,14 +264,14 @@ def _texture_maps(k: int, texture: Texture) -> LayerMaps:
     )
 
 
-def _project(case: Case, shape: str, light: str, environment: Path, folder: Path) -> Project:
+def _project(case: Case, shape: str, light: str, environment: Path, folder: Path, side: int) -> Project:
     """The scene of one picture, its object first, written to a folder and opened."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "model.glb").write_bytes(_glb(case, shape))
     eye = "[0.0, 0.0, 1.6]" if shape == "sphere" else "[0.0, -1.0, 0.75]"
     text = (
         f"version = 1\nbounces = 1\n[camera]\nposition = {eye}\ntarget = [0, 0, 0]\nfov_y = 38\n"
-        f'resolution = [{SIDE}, {SIDE}]\n[[object]]\nname = "it"\nmesh = "model.glb"\n'
+        f'resolution = [{side}, {side}]\n[[object]]\nname = "it"\nmesh = "model.glb"\n'
     )
     if light == "lamp":  # a square above, to the left and in front
         text += '[[object]]\nname = "lamp"\nprimitive = "quad"\nemission = [12, 12, 12]\n'
@@ -321,29 +351,33 @@ def _png(seed: int, channels: Sequence[Texture]) -> bytes:
 
 
 def main() -> None:
-    environment, names = Path(sys.argv[1]), sys.argv[2:] or list(CASES)
+    arguments = argparse.ArgumentParser(prog="python -m benchmarks.gltf_materials")
+    arguments.add_argument("environment", type=Path)
+    arguments.add_argument("--side", type=int, default=SIDE, help="pixels of a side of the pictures")
+    arguments.add_argument("cases", nargs="*", default=list(CASES))
+    given = arguments.parse_args()
     print(
         "| material | layers | sphere, environment | sphere, lamp | textured quad, environment | textured quad, lamp |"
     )
     print("| --- | --- | --- | --- | --- | --- |")
     with tempfile.TemporaryDirectory() as folder:
-        for name in names:
+        for name in given.cases:
             found = [
-                measure(CASES[name], shape, light, environment, Path(folder, f"{shape}-{light}"))
+                measure(CASES[name], shape, light, given.environment, Path(folder, f"{shape}-{light}"), given.side)
                 for shape in ("sphere", "quad")
                 for light in LIGHTS
             ]
             of_layers = measure_layers(
-                CASES[name], "quad", "environment", environment, Path(folder, "quad-environment")
+                CASES[name], "quad", "environment", given.environment, Path(folder, "quad-environment"), given.side
             )
-            row = [_words(of_layers, 0.0), *(_words(*each) for each in found)]
+            row = [f"{of_layers.rmse:.2%}", *(_words(each) for each in found)]
             print(f"| {name} | {' | '.join(row)} |", flush=True)
 
 
-def _words(found: Errors, noise: float) -> str:
-    """The error without the noise, that of the mean, and the noise, in percent."""
-    own = np.sqrt(max(found.rmse**2 - noise**2, 0.0))
-    return f"{100 * own:.2f} % ({100 * found.mean:+.2f}{f'; {100 * noise:.2f}' if noise else ''})"
+def _words(found: JudgedErrors) -> str:
+    """In percent."""
+    rmse, mean, deviation, noise = (100.0 * value for value in found)
+    return f"{rmse:.2f} % ({mean:+.2f} ± {deviation:.2f}); {noise:.2f}"
 
 
 if __name__ == "__main__":

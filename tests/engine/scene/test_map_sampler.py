@@ -115,6 +115,25 @@ def test_each_pixel_sees_its_place_of_the_image(tmp_path: Path) -> None:
     assert seen.means.both[0] == pytest.approx(0.25 + 1 / 48, abs=2e-3)
 
 
+@pytest.mark.parametrize("repeats", [1.0, 3.0, 10.0])
+def test_a_pixel_has_the_mean_of_its_area(repeats: float, tmp_path: Path) -> None:
+    # Tiles of 8 texels, 64 to a side, at 2.8 texels a pixel and more, against 32 x 32 look-ups in each pixel.
+    generator = np.random.default_rng(4)
+    write(tmp_path / "tiles.png", generator.integers(40, 256, (8, 8, 3)).repeat(8, axis=0).repeat(8, axis=1))
+    scene = scene_of(tmp_path, CARD.replace("MAPS", 'texture = "tiles.png", texture_space = "linear"'))
+    placement = Placement(scene)
+    sampler = MapSampler(scene, placement.caster, placement.hits)
+    images = Images(texture="tiles.png", texture_space="linear", texture_scale=(repeats, repeats))
+    seen, image = sampler.sample(0, images).texture, scene.textures.texture(images)
+    assert image is not None
+    uv, across, down = sampler.footprints(0)
+    steps = (np.arange(32) + 0.5) / 32 - 0.5
+    looked_up = [image.at(uv + x * across + y * down, repeats=(repeats, repeats)) for x in steps for y in steps]
+    expected = np.mean(looked_up, axis=0)
+    error = np.sqrt(((seen - expected) ** 2).mean()) / expected.mean()
+    assert error < 0.007  # of one filter over a whole pixel: 1.0, 1.1 and 6.5 %
+
+
 def test_an_image_far_finer_than_the_pixels_is_its_mean(tmp_path: Path) -> None:
     pixels = np.random.default_rng(2).integers(0, 2, (512, 512, 3)) * 255
     write(tmp_path / "noise.png", pixels)

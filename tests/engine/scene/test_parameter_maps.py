@@ -25,6 +25,7 @@ from tests.scene_text import LEANING_LAMP, camera, material, placed
 HEAD = camera((0, 0, 3), 20, (24, 24))
 METAL = 'model = "rough_conductor", name = "metal", alpha = 0.3'
 ROUGH = METAL + ', parameter_maps = { alpha = { map = "rough.png", range = [0.2, 0.6] } }'
+CLAMPED = TextureTransform(wrap=("clamp", "clamp"))
 
 
 def write(path: Path, pixels: np.ndarray) -> None:
@@ -48,15 +49,30 @@ def weight(knots: tuple[float, ...], weights: tuple[float, ...], **image: object
 
 
 def test_texels_are_weighted_before_they_are_filtered(tmp_path: Path) -> None:
-    # A pixel sees black and white texels alike: half of the weight at 0, half of that at 1, and nothing of that at 0.5.
-    checks = np.indices((64, 64)).sum(axis=0) % 2 * 255
-    scene, _ = opened(tmp_path, METAL, checks)
+    # A pixel sees the middles of black and white tiles alike: half of the weight at 0, half of that at 1, and none of
+    # that at 0.5 but in the eighth of the card where tiles meet, (4.6 + 4.8) / 2 on average.
+    tiles = np.tile((np.arange(256) // 8 % 2 * 255).astype(np.uint8), (8, 1))
+    scene, _ = opened(tmp_path, METAL, tiles)
     maps = LayerMaps(node_weights=(weight((0.0, 0.5, 1.0), (0.2, 9.0, 0.6)),))
     caster_hits = Placement(scene)
     seen = MapSampler(scene, caster_hits.caster, caster_hits.hits).sample(0, maps.images)
-    np.testing.assert_allclose(seen.texture, 0.4, atol=0.02)
-    np.testing.assert_allclose(maps.factor(seen.texture, seen.weight), 0.4, atol=0.02)
-    assert seen.means.factor(maps) == pytest.approx([0.4] * 3, abs=0.01)
+    expected = 7 / 8 * 0.4 + 1 / 8 * 4.7
+    assert seen.texture.mean() == pytest.approx(expected, rel=0.02)
+    assert seen.means.factor(maps) == pytest.approx([expected] * 3, rel=0.02)
+
+
+def test_between_texels_the_map_is_interpolated_and_not_its_weights(tmp_path: Path) -> None:
+    # The card is two texels, black and white: from the middle of one to that of the other the weight is a hat.
+    scene, _ = opened(tmp_path, METAL, np.array([[0, 255]]))
+    maps = LayerMaps(node_weights=(weight((0.0, 0.5, 1.0), (0.0, 1.0, 0.0), transform=CLAMPED),))
+    placement = Placement(scene)
+    seen = MapSampler(scene, placement.caster, placement.hits).sample(0, maps.images)
+    x = placement.hits.position[:, 0] + 0.5
+    # Four texels of the finer grid for each: the hat of the map's value at its texels.
+    grid = (np.arange(8) + 0.5) / 8
+    hat = 1.0 - np.abs(2.0 * np.clip(2.0 * grid - 0.5, 0.0, 1.0) - 1.0)
+    assert hat.max() == 0.75  # interpolated weights would be 0 everywhere
+    np.testing.assert_allclose(seen.texture[:, 0], np.interp(x, grid, hat), atol=0.03)
 
 
 def test_weights_multiply_the_texture_and_each_other_texel_by_texel(tmp_path: Path) -> None:
@@ -70,11 +86,12 @@ def test_weights_multiply_the_texture_and_each_other_texel_by_texel(tmp_path: Pa
     one, two = weight((0.0, 1.0), (0.5, 1.0)), weight((0.0, 1.0), (1.0, 0.25), channel="g")
     maps = LayerMaps("colours.png", "linear", node_weights=(one, two))
     found = scene.textures.texture(maps.images)
-    assert found is not None and found.size == (8, 8)
-    np.testing.assert_allclose(found.levels[0][0, [0, 7]], [[0.5, 0, 0], [0, 0, 0.25]])
+    middles = np.array([[0.25, 0.5], [0.75, 0.5]])
+    assert found is not None
+    np.testing.assert_allclose(found.at(middles), [[0.5, 0, 0], [0, 0, 0.25]])
     # At half its strength the texture is half white; the strength is in the texels.
     pale = LayerMaps("colours.png", "linear", texture_strength=0.5, node_weights=(one,))
-    texels = scene.textures.texture(pale.images).levels[0][0, [0, 7]]
+    texels = scene.textures.texture(pale.images).at(middles)
     np.testing.assert_allclose(texels, [[0.5, 0.25, 0.25], [0.5, 0.5, 1.0]])
     np.testing.assert_allclose(pale.factor(texels, np.ones(2)), texels)
 
@@ -88,7 +105,10 @@ def test_images_in_one_mapping_keep_it_and_others_are_resampled(tmp_path: Path) 
     assert alone.texture_scale == (2.0, 2.0) and scene.textures.texture(alone).transform == turned
     both = LayerMaps(node_weights=(same, weight((0.0, 1.0), (1.0, 0.0)))).images
     found = scene.textures.texture(both)
-    assert both.texture_scale == (1.0, 1.0) and found.size == (128, 128)
+    assert both.texture_scale == (1.0, 1.0) and found.size == (
+        512,
+        512,
+    )  # two by two of 64, on a grid of four times that
     uv = np.random.default_rng(2).random((50, 2))
     one, two = (scene.textures.numbers(each.image) for each in both.node.weights)
     expected = one.at(uv * 2.0)[:, 0] * (1.0 - two.at(uv)[:, 0])
