@@ -114,18 +114,24 @@ def test_gloss_by_rows_is_that_of_compiled_code(
     assert np.abs(found - by_lobe).max() > 0.05
 
 
-@pytest.mark.parametrize("poses", [(), BENT])
-def test_gloss_of_lamps_is_that_of_compiled_code(tmp_path: Path, picture: PosedPicture, poses: Poses) -> None:
-    """Of a lamp that is narrow and one that is wide, on a ball that bends and a floor that rests."""
+@pytest.fixture(scope="module")
+def under_lamps(tmp_path_factory: pytest.TempPathFactory) -> Deform:
+    file = tmp_path_factory.mktemp("lamps") / "lamps.toml"
     lamps = placed("bulb", "sphere", scaled(0.05, (1.2, 1.6, 0.9)), "emission = [900, 700, 500]\n")
     lamps += placed("board", "quad", facing_down(0.8, (-0.6, 1.5, 0.4)), "emission = [6, 7, 8]\n")
-    (tmp_path / "lamps.toml").write_text(BALL_AND_LEAF + lamps)
-    deform = Deform(load_scene(tmp_path / "lamps.toml"), n_points=1500, n_rays=32)
+    file.write_text(BALL_AND_LEAF + lamps)
+    deform = Deform(load_scene(file), n_points=1500, n_rays=32)
     deform.set_light(SkyState(constant_environment((0.2, 0.2, 0.2))))
     deform.set_layers({0: (MATT, GLOSS), 1: (MATT,), 2: (MATT, GLOSS)})
     deform.set_bending(["ball", "leaf"])
     deform.set_effort(64, 2, 0)
-    eye = finish_deform(deform).scene.description.camera
+    return finish_deform(deform)
+
+
+@pytest.mark.parametrize("poses", [(), BENT])
+def test_gloss_of_lamps_is_that_of_compiled_code(under_lamps: Deform, picture: PosedPicture, poses: Poses) -> None:
+    """Of a lamp that is narrow and one that is wide, on a ball that bends and a floor that rests."""
+    deform, eye = under_lamps, under_lamps.scene.description.camera
     expected, found = deform.draw(eye, SIZE, poses), shown(picture, deform, eye, poses)
     off = np.abs(found - expected).max(axis=2)
     assert (off > 0.01).mean() < 0.01 and np.median(off) < 1e-4
