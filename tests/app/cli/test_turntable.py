@@ -241,7 +241,7 @@ def detailed_scene(tmp_path: Path) -> Path:
         + environment()
         + placed("leaf", "leaf.obj", more=BUMP + DEFORM)
         + placed("bar", "bar.glb")
-        + placed("ball", "sphere")
+        + placed("block", "cube")
     )
     return path
 
