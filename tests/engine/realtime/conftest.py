@@ -31,10 +31,12 @@ def with_ball(folder: Path, n_subdivisions: int) -> str:
     return VIEW + FLOOR + placed("ball", "ball.ply", HALF_UP, METAL)
 
 
-def icosphere(folder: Path, diameter: float, centre: Sequence[float] = (0.0, 0.0, 0.0), n_subdivisions: int = 3) -> str:
-    """The object "ball" of so few triangles, 1,280 of them, 0.4 % less wide than a ball on average."""
-    trimesh.creation.icosphere(n_subdivisions, radius=0.5).export(folder / "ball.ply")
-    return placed("ball", "ball.ply", scaled(diameter, centre))
+def icosphere(
+    folder: Path, diameter: float, centre: Sequence[float] = (0.0, 0.0, 0.0), name: str = "ball", more: str = ""
+) -> str:
+    """A ball of 1,280 triangles, a thirteenth of those of the primitive, whose mesh is written to the folder."""
+    trimesh.creation.icosphere(3, radius=0.5).export(folder / f"{name}.ply")
+    return placed(name, f"{name}.ply", scaled(diameter, centre), more)
 
 
 @pytest.fixture(scope="session")
