@@ -34,7 +34,8 @@ from numpy.typing import NDArray
 from app.document.document import Document
 from app.document.light_mix import emission_of, gains_of, lights_of, mixed_light
 from app.document.light_state import RGB, group_key
-from app.project.project import Project, sky_of
+from app.project.distant_light import sky_of
+from app.project.project import Project
 from app.stills.stills import Report, Still, StillParts, still_parts, still_settings, with_intensity
 from engine.core.generators import StillProgress, run_to_end
 from engine.precompute.direct.pipeline import Placement, SkyState

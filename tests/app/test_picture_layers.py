@@ -27,7 +27,12 @@ SCENE = (
     + placed("key", "quad", facing_down(1, (0, 2.5, 2)), "emission = [6, 5, 4]\n")
     + placed("seen", "quad", scaled(0.8, (-1, 0.2, 0.5)), "emission = [0.2, 0.4, 3]\n")
 )
-MIX = (("key.group", "Lamps"), ("key.strength", 0.5), ("light.groups.Lamps.colour", [1.0, 0.5, 0.5]))
+MIX = (
+    ("seen.excludes", ["red box"]),
+    ("key.group", "Lamps"),
+    ("key.strength", 0.5),
+    ("light.groups.Lamps.colour", [1.0, 0.5, 0.5]),
+)
 SETTINGS = {"n_lights": 200, "n_patches": 64}
 
 
