@@ -10,8 +10,8 @@ export PYTHONDONTWRITEBYTECODE :=
 BOUNDS_CHECKED := $(addprefix tests/engine/,curve light material measured precompute realtime reference render scene sphere texture visibility)
 BOUNDS_CHECKED += tests/benchmarks/test_thesis_visibility.py
 UNCOMPILED := $(addprefix tests/engine/,curve material texture/test_texture_files.py texture/test_strokes.py realtime/zonal_harmonics/test_pose.py \
-	realtime/zonal_harmonics/test_extremes.py precompute/indirect/test_smoothing.py light/test_radiance_files.py measured/test_sample_files.py \
-	sphere/test_harmonics.py sphere/test_haar.py precompute/direct/test_bandstore.py)
+	realtime/zonal_harmonics/test_extremes.py precompute/indirect/test_smoothing.py light/test_radiance_files.py light/test_hdr_files.py \
+	measured/test_sample_files.py sphere/test_harmonics.py sphere/test_haar.py precompute/direct/test_bandstore.py)
 
 .PHONY: setup run test wheel docs sweep checked coverage fuzz lint measure clean
 

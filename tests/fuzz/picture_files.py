@@ -43,7 +43,8 @@ def exrs(folder: Path) -> list[bytes]:
 
 
 def hdrs(folder: Path) -> list[bytes]:
-    from tests.engine.light.test_radiance_files import flat_scanlines, gradient, packed_scanlines, rgbe, write_hdr
+    from tests.engine.light.conftest import gradient
+    from tests.engine.light.test_hdr_files import flat_scanlines, packed_scanlines, rgbe, write_hdr
 
     quads = rgbe(gradient())
     header = b"EXPOSURE=2\r\nCOLORCORR=1 2 1\nPRIMARIES=0.7 0.3 0.2 0.8 0.1 0.05 0.31 0.33\n"

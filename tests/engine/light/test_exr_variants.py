@@ -12,7 +12,8 @@ from engine.core.errors import LoadError
 from engine.light.environment import load_environment
 from engine.light.exr_channels import PartChannels, choose_channels, interpolate_plane
 from engine.light.radiance_files import read_radiance_image
-from tests.engine.light.test_radiance_files import ACES, gradient
+from tests.engine.light.conftest import gradient
+from tests.engine.light.test_radiance_files import ACES
 from tests.naive.exr_files import ExrPart, exr_file
 
 PICTURE = gradient()

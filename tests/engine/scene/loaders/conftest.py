@@ -27,6 +27,20 @@ TWO_ROWS = png([[[255, 0, 0]] * 2, [[255, 255, 255]] * 2])
 NUMBERS = png([[[0, 51, 102]] * 2, [[0, 153, 102]] * 2])
 
 
+def spoil(tree: dict, path: str, value: object) -> dict:
+    """A copy of the tree with the value at a dotted path replaced, or removed for None."""
+    tree = copy.deepcopy(tree)
+    *way, last = (int(key) if key.isdigit() else key for key in path.split("."))
+    node = tree
+    for key in way:
+        node = node[key]
+    if value is None:
+        del node[last]
+    else:
+        node[last] = value
+    return tree
+
+
 @pytest.fixture
 def textured(triangle_glb: Glb) -> Glb:
     """The triangle (0,0,0) (1,0,0) (0,1,0) with an embedded image, its lower side at the image's lower edge."""
