@@ -107,11 +107,17 @@ def test_a_lamp_behind_a_ball_is_lacked_whole_and_one_above_not_at_all(tmp_path:
     assert np.isfinite(white).all() and white.min() >= 0.0
 
 
+@pytest.fixture(scope="module")
+def by_a_window(tmp_path_factory: pytest.TempPathFactory) -> Deform:
+    """A ball on a floor, in the light of one side."""
+    text = placed("floor", "quad", facing_up(4)) + placed("ball", "sphere", scaled(1.4, (-0.3, 0.7, 0.0)))
+    return made(tmp_path_factory.mktemp("window"), text, side_lit(), ("ball",), n_points=1500)
+
+
 @pytest.mark.parametrize("poses", [(), BENT])
-def test_a_picture_at_rest_is_nearer_to_paths_than_one_in_motion(tmp_path: Path, poses: Poses) -> None:
+def test_a_picture_at_rest_is_nearer_to_paths_than_one_in_motion(by_a_window: Deform, poses: Poses) -> None:
     """In means of blocks of the floor, by which the noise of paths is small."""
-    sky, ball = side_lit(), placed("ball", "sphere", scaled(1.4, (-0.3, 0.7, 0.0)))
-    deform = made(tmp_path, placed("floor", "quad", facing_up(4)) + ball, sky, ("ball",), n_points=1500)
+    deform, sky = by_a_window, side_lit()
     reference = PathReference(deform.scene, poses)
     for _ in range(3):
         for _ in reference.trace({0: (GREY,), 1: (GREY,)}, sky, 2):
