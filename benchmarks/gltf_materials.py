@@ -34,7 +34,7 @@ from engine.material.layer import Layer
 from engine.material.layer_maps import Channel, LayerMaps
 from engine.precompute.direct.pipeline import Placement
 from engine.precompute.indirect.sampling_settings import BounceSeries
-from engine.reference.gltf_brdf import GltfInputs, gltf_brdf
+from engine.reference.gltf_brdf import GltfInputs, gltf_reflection
 from engine.reference.path_lobes import Scattering
 from engine.reference.path_tracer import trace_paths
 from engine.scene.primitives import quad, sphere
@@ -56,11 +56,13 @@ class Texture(NamedTuple):
 @dataclass(frozen=True)
 class Case:
     """material: of the file, without textures; inputs: what the judge makes of the factors; textures: by the place of
-    their key in the file, such as "pbrMetallicRoughness.baseColorTexture", their channels."""
+    their key in the file, such as "pbrMetallicRoughness.baseColorTexture", their channels; normals: the keys of normal
+    maps, waves that both shapes have."""
 
     material: Mapping[str, Any]
     inputs: GltfInputs
     textures: Mapping[str, Sequence[Texture]] = field(default_factory=dict)
+    normals: tuple[str, ...] = ()
 
     @property
     def channels(self) -> list[tuple[int, Texture]]:
@@ -90,6 +92,15 @@ CASES: Mapping[str, Case] = {
         _material(0.0, 0.8, clearcoat={"clearcoatFactor": 1.0, "clearcoatRoughnessFactor": 0.3}),
         replace(_INPUTS, roughness=0.8, clearcoat=1.0, clearcoat_roughness=0.3),
         {**_BASE, f"{_COAT}.clearcoatTexture": (Texture("clearcoat", "r"),)},
+    ),
+    "clearcoat, its normals": Case(
+        _material(0.0, 0.5, clearcoat={"clearcoatFactor": 1.0, "clearcoatRoughnessFactor": 0.3}),
+        replace(_INPUTS, roughness=0.5, clearcoat=1.0, clearcoat_roughness=0.3),
+        _BASE, (f"{_COAT}.clearcoatNormalTexture",),
+    ),
+    "clearcoat, base's normals": Case(
+        _material(0.0, 0.5, clearcoat={"clearcoatFactor": 1.0, "clearcoatRoughnessFactor": 0.3}),
+        replace(_INPUTS, roughness=0.5, clearcoat=1.0, clearcoat_roughness=0.3), _BASE, ("normalTexture",),
     ),
     "sheen": Case(
         _material(0.0, 0.8, sheen={"sheenColorFactor": [0.8, 0.8, 0.8], "sheenRoughnessFactor": 0.5}),
@@ -163,16 +174,17 @@ class AuthoredScattering(Scattering):
 
     def evaluate(
         self, wi: NDArray[np.float64], wo: NDArray[np.float64], factors: NDArray[np.floating] | None = None,
-        texels: NDArray[np.float64] | None = None,
+        texels: NDArray[np.float64] | None = None, to_coat: NDArray[np.float64] | None = None,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:  # fmt: skip
-        value, pdf = super().evaluate(wi, wo)
+        value, pdf = super().evaluate(wi, wo, to_coat=to_coat)
         values = dict[str, Any]()
         for k, (name, _, black) in enumerate(self._channels):
             assert factors is not None
             factor = np.asarray(getattr(self._inputs, name))
             values[name] = black + (factor - black) * (factors[:, k] if factor.ndim else factors[:, k, 0])
-        value = gltf_brdf(replace(self._inputs, **values), wi, wo) * np.maximum(wi[:, 2:], 0.0)
-        value[wi[:, 2] <= kinds.GRAZING] = 0.0
+        coat = (wi, wo) if to_coat is None else tuple(np.einsum("nij,nj->ni", to_coat, each) for each in (wi, wo))
+        value = gltf_reflection(replace(self._inputs, **values), (wi, wo), (coat[0], coat[1]))
+        value[np.maximum(wi[:, 2], coat[0][:, 2]) <= kinds.GRAZING] = 0.0
         return value, pdf
 
 
@@ -293,7 +305,7 @@ def _facing(place: tuple[float, float, float], side: float) -> str:
 
 
 def _glb(case: Case, shape: str) -> bytes:
-    """The case as a GLB file: of the quad with its textures, of the sphere without."""
+    """The case as a GLB file: of the quad with its textures, of the sphere with normal maps alone."""
     mesh = sphere() if shape == "sphere" else quad()
     corners = mesh.triangles.ravel()
     assert mesh.normals is not None and mesh.uvs is not None
@@ -301,13 +313,13 @@ def _glb(case: Case, shape: str) -> bytes:
     parts = [mesh.vertices[corners].astype("<f4"), mesh.normals[corners].astype("<f4"), uvs.astype("<f4")]
     material = json.loads(json.dumps(case.material))
     textures = list(case.textures.items()) if shape == "quad" else []
-    for k, (path, _) in enumerate(textures):
+    for k, path in enumerate((*(path for path, _ in textures), *case.normals)):
         *above, key = path.split(".")
         there = material
         for name in above:
             there = there.setdefault(name, {})
         there[key] = {"index": k}
-    images = [_png(k, channels) for k, (_, channels) in enumerate(textures)]
+    images = [_png(k, channels) for k, (_, channels) in enumerate(textures)] + [_waves() for _ in case.normals]
     chunks = [each.tobytes() for each in parts] + images
     binary, views = b"", []
     for chunk in chunks:
@@ -347,6 +359,17 @@ def _png(seed: int, channels: Sequence[Texture]) -> bytes:
     if any(each.name == "anisotropy" for each in channels):  # red and green are the direction: along u
         pixels[..., :2] = 255, 128
     Image.fromarray(pixels, "RGBA").save(buffer, "PNG")
+    return buffer.getvalue()
+
+
+def _waves() -> bytes:
+    """A normal map of one wave each way, up to 14 degrees steep: broad, for a pixel has the mean of its normals. With
+    two waves, up to 22 degrees, a coat of roughness 0.3 under the lamp is 9 % off."""
+    slope = 0.25 * np.sin((np.arange(64) + 0.5) / 64 * 2.0 * np.pi)
+    normals = np.stack(np.broadcast_arrays(slope[None, :], slope[:, None], 1.0), axis=2)
+    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+    buffer = io.BytesIO()
+    Image.fromarray(np.round(127.5 + 127.5 * normals).astype(np.uint8), "RGB").save(buffer, "PNG")
     return buffer.getvalue()
 
 

@@ -81,7 +81,9 @@ SCRIPT: Tables = [
     ("paint", PaintStroke), ("measured", MeasuredFile), ("material_file", MaterialFile), ("table", CurveTable),
     ("variant_set", VariantChoice), ("draw_curve", CurveStroke), ("set_points", CurvePoints), ("camera", MoveCamera),
 ]  # fmt: skip
-SHOWN: dict[tuple[type[BaseModel], str], str] = {(ObjectDescription, "bumps"): "`normal_map` or `bump_map`, `tangent`"}
+SHOWN: dict[tuple[type[BaseModel], str], str] = {
+    (ObjectDescription, "bumps"): "`normal_map` or `bump_map`, `coat_normal_map`, `tangent`"
+}
 PLAIN = {bool: "true or false", int: "an integer", float: "a number", str: "text", tuple: "2 values", Any: "a value"}
 NAMED = {
     LayerMaps: "a table of images",

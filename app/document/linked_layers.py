@@ -192,6 +192,7 @@ def _plain(file: str, key: str, described: LayerDescription) -> Layer:
     return Layer(
         model, described.name or model.name, tuple(values.items()), follows=described.follows or "",
         maps=described.maps, parameter_maps=parameter_maps, under=described.under or "",
+        frame=described.frame,
     )  # fmt: skip
 
 
@@ -224,6 +225,7 @@ def _two_terms(file: str, key: str, described: LayerDescription, lead: Layer | N
         raise LoadError(file, f"{key}.follows", lead.name, "a layer that has no Fresnel term yet")
     given = described.parameters | map_values(described.maps) | described.parameter_maps
     given |= {"under": described.under} if described.under else {}
+    given |= {"frame": described.frame} if described.frame != "base" else {}
     unknown = next((name for name in given if name != FRESNEL.name), None)
     if unknown is not None:
         raise LoadError(file, f"{key}: {unknown}", given[unknown], f"only {FRESNEL.name}")

@@ -117,13 +117,13 @@ def variant_with_scene_names(variant: Variant, source: str) -> Variant:
     """The same of a whole material."""
 
     def renamed(name: str) -> str:
-        return name and _renamed(name, lambda file: image_name(scene_folder(source) / file, source))
+        return _renamed(name, lambda file: image_name(scene_folder(source) / file, source))
 
     bumps, opacity = variant.bumps, variant.opacity
     if bumps is not None:
-        bumps = replace(bumps, normal_map=renamed(bumps.normal_map), bump_map=renamed(bumps.bump_map))
+        bumps = bumps.with_files(renamed)
     if opacity is not None:
-        opacity = replace(opacity, opacity_map=renamed(opacity.opacity_map))
+        opacity = replace(opacity, opacity_map=opacity.opacity_map and renamed(opacity.opacity_map))
     return replace(variant, layers=with_scene_names(variant.layers, source), bumps=bumps, opacity=opacity)
 
 

@@ -43,7 +43,7 @@ TRANSFORM_FIELDS = {"position": "translation", "rotation": "rotation", "scale": 
 SURFACE = "surface"
 EMISSION = "emission"
 FRESNEL_TERM = "fresnel_term"
-UNDER = "under"
+UNDER, FRAME = "under", "frame"
 VARIANT = "variant"
 MAP_SUFFIX = "_map"  # of the path to the map of a parameter: "teapot.1.alpha_map"
 LIGHT_FIELDS = ("rotation", "intensity", "environment", "mapping")
@@ -80,7 +80,7 @@ def resolve(document: Document, path: str) -> Target:
     index, rest = split_layer(state, rest)
     if not rest:
         return Target("layer", state.name, index)
-    if rest in ("visible", "frozen", FRESNEL_TERM, UNDER):
+    if rest in ("visible", "frozen", FRESNEL_TERM, UNDER, FRAME):
         return Target("switch", state.name, index, rest)
     return _resolve_in_layer(state, index, rest)
 

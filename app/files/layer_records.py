@@ -20,7 +20,7 @@ from app.system.paths import written_path
 from engine.core.errors import LoadError
 from engine.curve.operators import Operator
 from engine.curve.tables import ALL_CHANNELS, EVERYWHERE, TabulatedCurve
-from engine.material.layer import Layer
+from engine.material.layer import Frame, Layer
 from engine.material.layer_maps import LayerMaps
 from engine.material.map_tables import map_values
 from engine.material.parameter_maps import parameter_map_table
@@ -91,6 +91,7 @@ class LayerRecord(StrictModel):
     name: Name
     follows: Name | None = None
     under: Name | None = None
+    frame: Frame = "base"
     visible: Flag = True
     frozen: Flag = False
     maps: Maps = LayerMaps()
@@ -107,6 +108,7 @@ def layers_of(file: str, name: str, records: Sequence[LayerRecord]) -> Layers:
             name=each.name,
             follows=each.follows,
             under=each.under,
+            frame=each.frame,
             maps=each.maps,
             parameter_maps=each.parameter_maps,
             parameters=each.values,
@@ -171,7 +173,8 @@ def operator_lines(operators: Sequence[CurveEdit]) -> Iterator[str]:
 def _named(layer: Layer) -> dict[str, str | None]:
     model = FRESNEL_NAME if layer.rises else layer.model.name
     under = None if layer.rises else layer.under or None
-    return {"model": model, "name": layer.name, "follows": layer.follows or None, "under": under}
+    frame = None if layer.rises or layer.frame == "base" else layer.frame
+    return {"model": model, "name": layer.name, "follows": layer.follows or None, "under": under, "frame": frame}
 
 
 def _maps(layer: Layer) -> dict[str, Any]:

@@ -24,6 +24,7 @@ from app.document.history import History
 from app.document.light_state import MIX_FIELDS, group_key, group_of, sun_key
 from app.document.targets import (
     EMISSION,
+    FRAME,
     LIGHT_FIELDS,
     MAP_SUFFIX,
     MATERIAL,
@@ -265,7 +266,7 @@ class LayerNode(Node):
     def _names(self) -> Sequence[str]:
         parameters = (parameter.name for parameter in self._layer.parameter_table)
         vary = (each.name + MAP_SUFFIX for each in self._layer.model.parameters if each.kind in MAPPED_KINDS)
-        return (*parameters, *vary, "visible", "frozen", UNDER, *map_fields())
+        return (*parameters, *vary, "visible", "frozen", UNDER, FRAME, *map_fields())
 
 
 class Curve:
@@ -414,7 +415,7 @@ def value_at(document: Document, path: str) -> Any:
             case "parameter_map":
                 own = layer.parameter_map(name)
                 return None if own is None else parameter_map_table(own)
-            case "switch" if name in ("visible", "frozen", UNDER):
+            case "switch" if name in ("visible", "frozen", UNDER, FRAME):
                 return getattr(layer, name)
             case "switch":
                 return layer.fresnel is not None

@@ -207,8 +207,7 @@ def errors(ours: NDArray[np.floating], truth: NDArray[np.floating]) -> Errors:
 
 def seen_scale(placement: Placement, rows: NDArray[np.integer], layer: Layer) -> Radiance:
     """f_q f_o(θ_o) of a layer, (p, 3)."""
-    cosine = np.einsum("pc,pc->p", placement.hits.normal[rows], placement.hits.wo[rows], dtype=np.float64)
-    return layer.scale() * layer.view_curve(np.arccos(np.clip(cosine, 0.0, 1.0)))
+    return layer.scale() * layer.view_factors(placement.hits.view_angles(rows))
 
 
 def reflected(done: Precomputed) -> Radiance:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from app.document.commands import EditCommand
 from app.document.commands.layers import (
     SetEditable,
+    SetFrame,
     SetFresnelTerm,
     SetFrozen,
     SetMaterial,
@@ -40,7 +41,7 @@ from app.document.named_files import document_with_measurements, files_of_docume
 from app.document.node_layers import Statistics, channel_images, with_node_layers
 from app.document.scene_files import is_archive, renamed, split_axis, unpacked_scene_file, variants_of
 from app.document.sources import find_source, likely_mapping, source_of
-from app.document.targets import EMISSION, FRESNEL_TERM, MATERIAL, TIME, UNDER, VARIANT, Target, resolve
+from app.document.targets import EMISSION, FRAME, FRESNEL_TERM, MATERIAL, TIME, UNDER, VARIANT, Target, resolve
 from app.document.view_state import Viewpoint
 from app.files.bookmarks import camera_bookmarks, find_bookmark
 from app.files.material_files import complete_material, import_material, is_material_file, read_file_materials
@@ -53,7 +54,7 @@ from app.system.memory import require_memory_for
 from app.system.paths import full_path, is_file_name
 from engine.core.colour import ToneMapping
 from engine.core.errors import InsituError, LoadError
-from engine.material.layer import object_of
+from engine.material.layer import FRAMES, object_of
 from engine.material.parameters import INDICES, reflectance_of_index
 from engine.measured.measurement import ENDINGS as MEASURED_ENDINGS
 from engine.scene.builtin import DEFAULT_SCENE
@@ -392,6 +393,10 @@ def _set_switch(path: str, target: Target, value: Any) -> EditCommand:
         if not isinstance(value, str):
             raise LoadError(path, "value", value, 'the name of a layer of the same object, or ""')
         return SetUnder(owner, value)
+    if target.name == FRAME:
+        if value not in FRAMES:
+            raise LoadError(path, "value", value, f"one of {', '.join(FRAMES)}")
+        return SetFrame(owner, value)
     if not isinstance(value, bool):
         raise LoadError(path, "value", value, "true or false")
     if target.name == "editable":

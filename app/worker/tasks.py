@@ -206,6 +206,7 @@ def _view_key(placement: Placement, geometry: str) -> str:
     rotations of their tangents."""
     scene = placement.scene
     normals = [placement.hits.normal] if scene.bump_normals.objects else []
+    normals += [placement.hits.coat_normal] if placement.hits.coat_normal is not None else []
     rotations = [scene.tangent_rotations.digest] if scene.tangent_rotations.digest else []
     return content_key(geometry, *normals, *rotations) if normals or rotations else geometry
 

@@ -21,6 +21,11 @@ KHR_materials_anisotropy].
 
 Both rotate the frame in which a material reflects, and nothing else: position and face determine what a point sees and
 its shadows. So transport depends on them, and visibility does not.
+
+A clear coat need not follow the surface that it lies on. Layers of the coat's frame (`engine.material.layer.Layer`)
+take their normal from a map of the coat's own, `coat_normal_map`, and without one that of the smooth surface [glTF20,
+KHR_materials_clearcoat]; both frames share the rotation of tangents. Bumps of a layer's own for any layer were
+rejected: each would be another frame of all points, and no format has more than two.
 """
 
 from __future__ import annotations
@@ -28,7 +33,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from engine.material.layer_maps import LEAST_REPEATS, MAX_REPEATS, TextureTransform, Wrap
@@ -65,6 +70,11 @@ BUMP_REPEATS = Parameter(
     maximum=MAX_REPEATS,
     least=LEAST_REPEATS,
 )
+COAT_STRENGTH = replace(
+    BUMP_STRENGTH, name="coat_strength", label="Coat's strength",
+    tooltip="Strength of the coat's bumps: 1 as in the image, 0 smooth. Shown when idle.",
+)  # fmt: skip
+COAT_REPEATS = replace(BUMP_REPEATS, name="coat_repeats", label="Coat's repeats")
 TANGENT_ANGLE = Parameter(
     "tangent_angle",
     "scalar",
@@ -98,7 +108,8 @@ class Bumps:
     pressed in. flip_green: whether a normal map's green means down and not up. bump_repeats: how often the image
     repeats along u and v; bump_offset, bump_wrap, bump_uv_set: see `engine.material.layer_maps.TextureTransform`.
     tangent_angle: degrees, about the normal; tangent_map: a grey image of further angles, white being tangent_range
-    degrees, or of vectors; tangent_along_u: whether tangents follow the texture coordinates.
+    degrees, or of vectors; tangent_along_u: whether tangents follow the texture coordinates. coat_...: the normal map
+    of layers of the coat's frame, empty for the smooth surface, with the parts that normal_map has.
     """
 
     normal_map: str = ""
@@ -115,6 +126,36 @@ class Bumps:
     tangent_range: float = 180.0
     tangent_along_u: bool = False
     tangent_vectors: bool = False
+    coat_normal_map: str = ""
+    coat_strength: float = 1.0
+    coat_repeats: tuple[float, float] = (1.0, 1.0)
+    coat_offset: tuple[float, float] = (0.0, 0.0)
+    coat_wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")
+    coat_uv_set: int = 0
+    coat_flip_green: bool = False
+
+    @property
+    def of_coat(self) -> Bumps:
+        """The bumps of layers of the coat's frame, as if they were the object's."""
+        tangents = {name: getattr(self, name) for name in bump_fields() if name.startswith("tangent")}
+        return Bumps(
+            self.coat_normal_map, bump_strength=self.coat_strength, bump_repeats=self.coat_repeats,
+            bump_offset=self.coat_offset, bump_wrap=self.coat_wrap, bump_uv_set=self.coat_uv_set,
+            flip_green=self.coat_flip_green, **tangents,
+        )  # fmt: skip
+
+    def with_coat(self, bumps: Bumps) -> Bumps:
+        """The same with these images of the coat's, the inverse of `of_coat`; bumps: a normal map or none."""
+        return replace(
+            self, coat_normal_map=bumps.normal_map, coat_strength=bumps.bump_strength, coat_repeats=bumps.bump_repeats,
+            coat_offset=bumps.bump_offset, coat_wrap=bumps.bump_wrap, coat_uv_set=bumps.bump_uv_set,
+            coat_flip_green=bumps.flip_green,
+        )  # fmt: skip
+
+    def with_files(self, new_name: Callable[[str], str]) -> Bumps:
+        """The same with other names of its images."""
+        names: dict[str, Any] = {field: new_name(name) for field, name in self.files}
+        return replace(self, **names)
 
     @property
     def transform(self) -> TextureTransform:
@@ -129,7 +170,7 @@ class Bumps:
     @property
     def files(self) -> tuple[tuple[str, str], ...]:
         """The images that it names, and the field of each."""
-        named = (self.kind, self.file), ("tangent_map", self.tangent_map)
+        named = (self.kind, self.file), ("tangent_map", self.tangent_map), ("coat_normal_map", self.coat_normal_map)
         return tuple((field, name) for field, name in named if name)
 
     @property
@@ -158,8 +199,8 @@ BumpsByObject = tuple[tuple[str, Bumps], ...]
 NO_BUMPS = Bumps()
 BUMP_KINDS = ("normal_map", "bump_map")
 # Their tables in a scene's file.
-BUMP_TABLES = (*BUMP_KINDS, "tangent")
-BUMP_IMAGES = (*BUMP_KINDS, "tangent_map")
+BUMP_TABLES = (*BUMP_KINDS, "tangent", "coat_normal_map")
+BUMP_IMAGES = (*BUMP_KINDS, "tangent_map", "coat_normal_map")
 
 
 @functools.cache
@@ -178,18 +219,18 @@ def set_bump_field(bumps: Bumps, name: str, value: object) -> Bumps:
     changes: dict[str, Any] = {name: _ACCEPTED[name](name, value)}
     if name in BUMP_KINDS and changes[name]:
         changes |= {other: "" for other in BUMP_KINDS if other != name}
-    return dataclasses.replace(bumps, **changes)
+    return replace(bumps, **changes)
 
 
 def bumps_from(tables: Mapping[str, object]) -> Bumps:
     """Bumps from their form in files: `normal_map` = {file, scale, repeats, offset, wrap, uv_set}, where scale is the
-    strength, or `bump_map` with a height; a normal map may have flip_green; and `tangent` = {angle, file, range,
-    along_u, vectors}. Raises ParameterError."""
+    strength, or `bump_map` with a height; a normal map may have flip_green; `tangent` = {angle, file, range, along_u,
+    vectors}; and `coat_normal_map` with the keys of normal_map. Raises ParameterError."""
     if set(BUMP_KINDS) <= set(tables) or not set(tables) <= set(BUMP_TABLES):
         raise ParameterError(" and ".join(tables), dict(tables), "one of normal_map and bump_map")
     bumps = NO_BUMPS
     for name, table in tables.items():
-        keys, is_image = _KEYS[name], name in BUMP_KINDS
+        keys, is_image = _KEYS[name], name != "tangent"
         if not isinstance(table, dict) or not set(table) <= set(keys) or is_image and not table.get("file"):
             first = "file and, where they differ, " if is_image else ""
             raise ParameterError(name, table, f"a table of {first}{', '.join(list(keys)[is_image:])}")
@@ -199,9 +240,10 @@ def bumps_from(tables: Mapping[str, object]) -> Bumps:
 
 
 def bump_values(bumps: Bumps) -> dict[str, Any]:
-    """The inverse; empty for bumps without an image and tangents without rotation."""
+    """The inverse; empty for bumps without images and tangents without rotation."""
     tables = {}
-    for name in (*([bumps.kind] if bumps.file else []), "tangent"):
+    images = (name for name in (bumps.kind, "coat_normal_map") if getattr(bumps, name))
+    for name in (*images, "tangent"):
         values = {key: (getattr(bumps, field), getattr(NO_BUMPS, field)) for key, field in _KEYS[name].items()}
         # A bump map always has its height.
         shown = {key: value for key, (value, default) in values.items() if value != default or key == "height"}
@@ -234,6 +276,12 @@ _KEYS = {
         "along_u": "tangent_along_u",
         "vectors": "tangent_vectors",
     },
+    "coat_normal_map": {
+        "file": "coat_normal_map",
+        "scale": "coat_strength",
+        **{key: field.replace("bump_", "coat_") for key, field in _PLACE.items()},
+        "flip_green": "coat_flip_green",
+    },
 }
 
 
@@ -252,4 +300,11 @@ _ACCEPTED: dict[str, Callable[[str, object], Any]] = {
     "tangent_range": lambda name, value: TANGENT_RANGE.accept(value),
     "tangent_along_u": flag_value,
     "tangent_vectors": flag_value,
+    "coat_normal_map": image_file_name,
+    "coat_strength": lambda name, value: COAT_STRENGTH.accept(value),
+    "coat_repeats": lambda name, value: COAT_REPEATS.accept(value),
+    "coat_offset": offset_value,
+    "coat_wrap": wrap_value,
+    "coat_uv_set": uv_set_value,
+    "coat_flip_green": flag_value,
 }

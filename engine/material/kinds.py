@@ -35,9 +35,10 @@ ASHIKHMIN_SHIRLEY_RATIO = 6
 # Any other model has its quotient in its own file; kernels identify it by the address of its compiled form.
 OWN = -1
 
-# Indices of the eight quotient parameters, by model; the last one marks a layer's second Fresnel term, for any model.
+# Indices of the eight quotient parameters, by model; for any model the last marks a layer's second Fresnel term, and
+# the one before is the number of its frame. No kernel reads that: it decides which frames they get.
 N_QUOTIENT_PARAMETERS = 8
-FRESNEL_TERM = 7
+FRAME, FRESNEL_TERM = 6, 7
 ROUGH_DISTRIBUTION = 0  # rough_conductor: GGX or BECKMANN
 ROUGH_ALPHA = 1
 FACING_REFLECTANCE = 0  # blinn_phong and both Ashikhmin-Shirley models

@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,10 @@ from engine.material.parameter_maps import ParameterMap, ParameterMaps
 from engine.material.parameters import FRESNEL, Parameter, Value
 
 Float64Array = NDArray[np.float64]
+Frame = Literal["base", "coat"]
+FRAMES: tuple[Frame, ...] = ("base", "coat")
+# Local directions (wi, wo), (N, 3) each, in each of `FRAMES`.
+Directions = tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
 def object_of(key: str) -> str:
@@ -34,6 +38,11 @@ def object_of(key: str) -> str:
 def place_of(key: str) -> int:
     """The layer's index in its object: 1 for the key "teapot.1"."""
     return int(key.rpartition(".")[2])
+
+
+def frame_of(quotient_parameters: Sequence[float] | Float64Array) -> Frame:
+    """The frame of a layer with these quotient parameters (8,)."""
+    return FRAMES[int(quotient_parameters[kinds.FRAME])]
 
 
 @dataclass(frozen=True)
@@ -79,6 +88,10 @@ class Layer:
 
         f_o(theta_o) = f_o of the model  times  the product of 1 - E_c(theta_o) over the covers c.
 
+    `frame`: the shading frame in which it reflects, that of the object's bumps or the coat's
+    (`engine.material.bumps.Bumps`). Every factor above takes theta_o to the normal of its own layer's frame; light that
+    another normal would let in under a coat is not told apart, for the product reads the view's angle alone.
+
     Any layer can have Schlick's Fresnel factor R + (1 - R)(1 - cos theta_d)^5 per channel: it is split into two layers
     with the same curves [BenArtzi07, eq. 3.12], itself times R, and a second one, which `rises`, times (1 - R)(1 - cos
     theta_d)^5. Both then have the further parameter `FRESNEL`, R, and no transport depends on it.
@@ -97,6 +110,7 @@ class Layer:
     covers: tuple[Layer, ...] = ()
     parameter_maps: ParameterMaps = ()
     node_of: str = ""
+    frame: Frame = "base"
 
     @property
     def title(self) -> str:
@@ -151,10 +165,23 @@ class Layer:
         return self.model.view_factor is not None or bool(self.covers)
 
     def view_curve(self, theta_o: Float64Array) -> Float64Array:
-        """f_o (N, 3) at angles theta_o (N,): the model's view factor with its operators, times what covers leave."""
+        """f_o (N, 3) at angles theta_o (N,), the same to the normals of both frames."""
+        return self.view_factors(np.stack([theta_o, theta_o]))
+
+    def view_factors(self, theta_o: Float64Array) -> Float64Array:
+        """f_o (N, 3) at angles theta_o (2, N) to the normals of the `FRAMES`: the product of `view_curves`."""
+        base, coat = (self._view_curve(angles, frame) for angles, frame in zip(theta_o, FRAMES, strict=True))
+        return base * coat
+
+    def view_curves(self, theta_o: Float64Array) -> Float64Array:
+        """The factors of f_o (2, N, 3) that take their angle theta_o (N,) to the normal of each of the `FRAMES`."""
+        return np.stack([self._view_curve(theta_o, frame) for frame in FRAMES])
+
+    def _view_curve(self, theta_o: Float64Array, frame: Frame) -> Float64Array:
+        """The model's view factor with its operators, if the layer is in this frame, times what covers in it leave."""
         view = self.model.view_factor
-        own = ones(theta_o) if view is None else self.curve(view.name)(theta_o)
-        return own * self.uncovered_share(theta_o)[:, None]
+        own = ones(theta_o) if view is None or self.frame != frame else self.curve(view.name)(theta_o)
+        return own * self._uncovered_by(frame, theta_o)[:, None]
 
     def coverage(self, theta_o: Float64Array) -> Float64Array:
         """The directional albedo E (N,), in [0, 1], that this layer takes from those beneath it; its Fresnel factor is
@@ -165,10 +192,15 @@ class Layer:
         return np.clip(albedo, 0.0, 1.0)
 
     def uncovered_share(self, theta_o: Float64Array) -> Float64Array:
-        """The share (N,) of this layer's light that passes all covers; hidden ones take nothing."""
+        """The share (N,) of this layer's light that passes all covers, at angles theta_o (N,), or (2, N) to the normals
+        of the `FRAMES`; hidden ones take nothing."""
+        base, coat = np.broadcast_to(theta_o, (2, theta_o.shape[-1]))
+        return self._uncovered_by("base", base) * self._uncovered_by("coat", coat)
+
+    def _uncovered_by(self, frame: Frame, theta_o: Float64Array) -> Float64Array:
         share = np.ones(len(theta_o))
         for cover in self.covers:
-            if cover.visible:
+            if cover.visible and cover.frame == frame:
                 share *= 1.0 - cover.coverage(theta_o)
         return share
 
@@ -184,14 +216,15 @@ class Layer:
     def quotient_parameters(self) -> Float64Array:
         """The parameters of the quotient's kernel, (8,)."""
         q = self.model.quotient_parameters(self.values)
-        q[kinds.FRESNEL_TERM] = float(self.rises)
+        q[kinds.FRESNEL_TERM], q[kinds.FRAME] = float(self.rises), float(FRAMES.index(self.frame))
         return q
 
-    def brdf(self, wi: Float64Array, wo: Float64Array) -> Float64Array:
-        """The whole formula without operators, 1/sr, (N, 3), for unit directions (N, 3) in the local frame."""
+    def brdf(self, wi: Float64Array, wo: Float64Array, theta_o: Float64Array | None = None) -> Float64Array:
+        """The whole formula without operators, 1/sr, (N, 3), for unit directions (N, 3) in the local frame; theta_o
+        (2, N): to the normals of the `FRAMES`, None where they are the same."""
         value = self.model.brdf(self.values, wi, wo) * self._share()
         if self.covers:
-            value *= self.uncovered_share(np.arccos(np.clip(wo[:, 2], 0.0, 1.0)))[:, None]
+            value *= self.uncovered_share(_view_angles(wo) if theta_o is None else theta_o)[:, None]
         return value * rise(wi, wo)[:, None] if self.rises else value
 
     def _share(self) -> Float64Array:
@@ -237,7 +270,7 @@ class Layer:
         if self.rises or other.rises:
             shared = self.replace(
                 model=other.model, parameters=other.parameters, edits=other.edits, maps=other.maps,
-                parameter_maps=other.parameter_maps, under=other.under,
+                parameter_maps=other.parameter_maps, under=other.under, frame=other.frame,
             )  # fmt: skip
             return self if shared == self else shared
         curves = self.model.curve_names & other.model.curve_names
@@ -267,28 +300,43 @@ def make_layer(model: Model, parameters: Mapping[str, object] | None = None, nam
 
 
 def evaluate_layers(
-    layers: Sequence[Layer], wi: np.ndarray, wo: np.ndarray, factors: NDArray[np.floating] | None = None
-) -> Float64Array:
-    """Σ over visible layers of ρ(ωi, ωo) cosθi, (N, 3), for local directions (N, 3).
+    layers: Sequence[Layer], wi: np.ndarray, wo: np.ndarray, factors: NDArray[np.floating] | None = None,
+    in_coat: tuple[np.ndarray, np.ndarray] | None = None,
+) -> Float64Array:  # fmt: skip
+    """Σ over visible layers of ρ(ωi, ωo) cosθi, (N, 3), for local directions (N, 3) in the base's frame, and in_coat in
+    the coat's; None where both are the same.
 
     factors (N or 1, K, 3): factors of the first K visible layers; None, or K = 0, for none.
     """
     total = np.zeros((len(wi), 3))
     for k, layer in enumerate(layer for layer in layers if layer.visible):
-        value = evaluate_layer(layer, wi, wo)
+        value = evaluate_layer(layer, wi, wo) if in_coat is None else evaluate_in_frame(layer, ((wi, wo), in_coat))
         total += value if factors is None or k >= factors.shape[1] else value * factors[:, k]
     return total
 
 
-def evaluate_layer(layer: Layer, wi: np.ndarray, wo: np.ndarray) -> Float64Array:
-    """ρ(ωi, ωo) cosθi of one layer, (N, 3): the model's own formula, or quotient times curves if it was edited."""
+def evaluate_in_frame(layer: Layer, directions: Directions) -> Float64Array:
+    """ρ(ωi, ωo) cosθi of one layer, (N, 3), for local directions in both of the `FRAMES`; 0 below its own horizon."""
+    wi, wo = directions[FRAMES.index(layer.frame)]
+    above = np.flatnonzero((wi[:, 2] > kinds.GRAZING) & (wo[:, 2] > kinds.GRAZING))
+    theta_o = np.stack([_view_angles(towards[above]) for _, towards in directions])
+    value = np.zeros((len(wi), 3))
+    value[above] = evaluate_layer(layer, wi[above], wo[above], theta_o)
+    return value
+
+
+def evaluate_layer(layer: Layer, wi: np.ndarray, wo: np.ndarray, theta_o: Float64Array | None = None) -> Float64Array:
+    """ρ(ωi, ωo) cosθi of one layer, (N, 3): the model's own formula, or quotient times curves if it was edited;
+    directions in its frame, and theta_o (2, N) to the normals of the `FRAMES`, None where they are the same."""
     if not layer.edits:
-        return layer.brdf(wi, wo) * np.maximum(wi[:, 2:3], 0.0)
-    return layer.scale() * evaluate_by_curves(layer, wi, wo)
+        return layer.brdf(wi, wo, theta_o) * np.maximum(wi[:, 2:3], 0.0)
+    return layer.scale() * evaluate_by_curves(layer, wi, wo, theta_o)
 
 
-def evaluate_by_curves(layer: Layer, wi: np.ndarray, wo: np.ndarray) -> Float64Array:
-    """ρ_q f_o f_A f_B cosθi of one layer, without f_q, (N, 3) [BenArtzi07, eq. 3.1]."""
+def evaluate_by_curves(
+    layer: Layer, wi: np.ndarray, wo: np.ndarray, theta_o: Float64Array | None = None
+) -> Float64Array:
+    """ρ_q f_o f_A f_B cosθi of one layer, without f_q, (N, 3) [BenArtzi07, eq. 3.1]; see `evaluate_layer`."""
     from engine.material import _kernels as kernels
 
     wi, wo = np.ascontiguousarray(wi, np.float64), np.ascontiguousarray(wo, np.float64)
@@ -299,8 +347,13 @@ def evaluate_by_curves(layer: Layer, wi: np.ndarray, wo: np.ndarray) -> Float64A
         kernels.curve_angles(factor.gamma, q, wi, wo, angle)
         value *= layer.curve(factor.name)(np.clip(angle, 0.0, HALF_PI))
     if layer.has_view_curve:
-        value *= layer.view_curve(np.arccos(np.clip(wo[:, 2], 0.0, 1.0)))
+        value *= layer.view_curve(_view_angles(wo)) if theta_o is None else layer.view_factors(theta_o)
     return value
+
+
+def _view_angles(wo: np.ndarray) -> Float64Array:
+    """θ_o (N,) of local directions (N, 3)."""
+    return np.arccos(np.clip(wo[:, 2], 0.0, 1.0))
 
 
 def _quotient_cosines(layer: Layer, q: Float64Array, wi: np.ndarray, wo: np.ndarray) -> Float64Array:

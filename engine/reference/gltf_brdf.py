@@ -43,9 +43,41 @@ class GltfInputs:
 
 def gltf_brdf(a: GltfInputs, light: Float64Array, view: Float64Array) -> Float64Array:
     """The BRDF (N, 3) in 1/sr for local unit directions to light and view (N, 3), z the normal, x the tangent."""
-    n_l, n_v = light[:, 2], view[:, 2]
+    # coated_material = mix(material, clearcoat_brdf, clearcoat * clearcoat_fresnel)
+    blend = _coat_blend(a, view)
+    return _material(a, light, view) * (1.0 - blend) + _coat(a, light, view) * blend
+
+
+def gltf_reflection(
+    a: GltfInputs, base: tuple[Float64Array, Float64Array], coat: tuple[Float64Array, Float64Array]
+) -> Float64Array:
+    """The BRDF times the cosine of the light (N, 3) where clearcoatNormal is not normal: directions to light and view
+    in the frames of either. Each part is a surface with its own normal, and both coat factors take clearcoatNormal."""
+    blend = _coat_blend(a, coat[1])
+    beneath = _material(a, *base) * np.maximum(base[0][:, 2:], 0.0)
+    return beneath * (1.0 - blend) + _coat(a, *coat) * np.maximum(coat[0][:, 2:], 0.0) * blend
+
+
+def _coat_blend(a: GltfInputs, view: Float64Array) -> Float64Array:
+    """clearcoat * clearcoat_fresnel, (N, 1)."""
+    n_v = np.clip(view[:, 2], 0.0, 1.0)
+    return np.asarray(_number(a.clearcoat) * (0.04 + 0.96 * (1.0 - n_v) ** 5)[:, None])
+
+
+def _coat(a: GltfInputs, light: Float64Array, view: Float64Array) -> Float64Array:
+    """clearcoat_brdf (N, 1), 0 below the horizon."""
+    coat = _specular_brdf(a.clearcoat_roughness, 0.0, light, view, _half(light, view))
+    return np.where((light[:, 2] > 0.0) & (view[:, 2] > 0.0), coat, 0.0)[:, None]
+
+
+def _half(light: Float64Array, view: Float64Array) -> Float64Array:
     h = light + view
-    h = h / np.maximum(np.linalg.norm(h, axis=1, keepdims=True), 1e-12)
+    return np.asarray(h / np.maximum(np.linalg.norm(h, axis=1, keepdims=True), 1e-12))
+
+
+def _material(a: GltfInputs, light: Float64Array, view: Float64Array) -> Float64Array:
+    """The material (N, 3) under the coat, 0 below the horizon."""
+    n_l, n_v, h = light[:, 2], view[:, 2], _half(light, view)
     v_h = np.abs(np.sum(view * h, axis=1))
     rise = ((1.0 - v_h) ** 5)[:, None]
     base_color, weight, metallic = _colour(a.base_color), _number(a.specular), _number(a.metallic)
@@ -71,10 +103,6 @@ def gltf_brdf(a: GltfInputs, light: Float64Array, view: Float64Array) -> Float64
         albedo = _sheen_albedos(alpha_g, n_v)[:, None]
         sheen = _sheen_brdf(alpha_g, n_l, n_v, h[:, 2])[:, None]
         material = sheen_color * sheen + material * (1.0 - sheen_color.max(axis=1, keepdims=True) * albedo)
-    # coated_material = mix(material, clearcoat_brdf, clearcoat * clearcoat_fresnel)
-    blend = _number(a.clearcoat) * (0.04 + 0.96 * (1.0 - n_v) ** 5)[:, None]
-    coat = _specular_brdf(a.clearcoat_roughness, 0.0, light, view, h)[:, None]
-    material = material * (1.0 - blend) + coat * blend
     return np.where(((n_l > 0.0) & (n_v > 0.0))[:, None], material, 0.0)
 
 

@@ -40,15 +40,17 @@ def integrate_direct(
     objects = hits.objects
     sky_directions = geodesic(level).centres
     sky_power = triangle_integrals(environment, rotation, level) if environment is not None else None
+    coated = hits.in_frame("coat")
     frames = local_frames(hits.tangent[rows], hits.normal[rows])
+    of_coats = local_frames(coated.tangent[rows], coated.normal[rows])
     for i, row in enumerate(rows):
         layers = layers_of(int(objects[row]))
-        own = None if factors is None else factors[row : row + 1]
+        own, both = None if factors is None else factors[row : row + 1], (frames[i], of_coats[i])
         if sky_power is not None:
-            radiance[i] += _reflect(hits, row, frames[i], caster, layers, sky_directions, sky_power, None, own)
+            radiance[i] += _reflect(hits, row, both, caster, layers, sky_directions, sky_power, None, own)
         if patches is not None:
             wi, distance, power = patch_samples(patches, hits.position[row].astype(np.float64))
-            radiance[i] += _reflect(hits, row, frames[i], caster, layers, wi, power, distance, own)
+            radiance[i] += _reflect(hits, row, both, caster, layers, wi, power, distance, own)
     return radiance
 
 
@@ -67,7 +69,7 @@ def patch_samples(patches: EmitterPatches, point: np.ndarray) -> tuple[np.ndarra
 def _reflect(
     hits: PrimaryHits,
     row: int,
-    frame: np.ndarray,
+    frames: tuple[np.ndarray, np.ndarray],
     caster: RayCaster,
     layers: Sequence[Layer],
     wi: np.ndarray,
@@ -75,18 +77,20 @@ def _reflect(
     distance: np.ndarray | None,
     factors: np.ndarray | None,
 ) -> np.ndarray:
-    """Σ V ρ cosθ (L ΔΩ) at one point over samples wi (M, 3) with power (M, 3); factors (1, K, 3) of the layers.
+    """Σ V ρ cosθ (L ΔΩ) at one point over samples wi (M, 3) with power (M, 3); frames: (3, 3) for
+    layers of the base's and of the coat's; factors (1, K, 3) of the layers.
 
     As in path tracers, a ray towards light that the shading normal faces but the surface does not starts from the other
     side.
     """
-    local = wi @ frame.T
-    above = np.flatnonzero((np.minimum(local[:, 2], wi @ hits.horizon[row]) > 0) & (power.max(axis=1) > 0))
+    local, in_coat = (wi @ frame.T for frame in frames)
+    height = np.minimum(np.maximum(local[:, 2], in_coat[:, 2]), wi @ hits.horizon[row])
+    above = np.flatnonzero((height > 0) & (power.max(axis=1) > 0))
     towards = wi[above]
     side = np.where(towards @ hits.geometric_normal[row].astype(np.float64) >= 0, 1.0, -1.0)
     position, lift = hits.position[row].astype(np.float64), hits.offset_position[row].astype(np.float64)
     origins = (position + side[:, None] * (lift - position)).astype(np.float32)
     reach = None if distance is None else (distance[above] * 0.9999).astype(np.float32)
     lit = above[~caster.occluded(origins, towards.astype(np.float32), reach)]
-    wo = np.tile(frame @ hits.wo[row].astype(np.float64), (len(lit), 1))
-    return (evaluate_layers(layers, local[lit], wo, factors) * power[lit]).sum(axis=0)
+    wo, coat_wo = (np.tile(each @ hits.wo[row].astype(np.float64), (len(lit), 1)) for each in frames)
+    return (evaluate_layers(layers, local[lit], wo, factors, (in_coat[lit], coat_wo)) * power[lit]).sum(axis=0)

@@ -16,7 +16,7 @@ from engine.curve.operators import HALF_PI
 from engine.light.environment import LUMINANCE
 from engine.material import _kernels as kernels
 from engine.material import kinds
-from engine.material.layer import Layer, evaluate_layer, evaluate_layers
+from engine.material.layer import FRAMES, Layer, evaluate_layer, evaluate_layers
 from engine.material.layer_maps import ChannelImage
 from engine.reference.texel_parameters import evaluate_layers_by_texel
 
@@ -135,13 +135,14 @@ class Scattering:
         the layers read."""
         self.layers = tuple(layer for layer in layers if layer.visible)
         self._images = tuple(images)
-        strengths: list[tuple[float, Lobe | None]] = [(_LEAST_SHARE, None)]
+        # The lobes, each with the number of its frame; None for the frame's cosine lobe.
+        strengths: dict[tuple[int, Lobe | None], float] = {(0, None): _LEAST_SHARE}
         for layer in self.layers if sampled is None else (each for each in sampled if each.visible):
-            lobe = make_lobe(layer)
-            strengths.append((_strength(layer, lobe), lobe))
-        self._lobes = [lobe for _, lobe in strengths if lobe is not None]
-        diffuse = sum(strength for strength, lobe in strengths if lobe is None)
-        shares = np.array([diffuse, *(strength for strength, lobe in strengths if lobe is not None)])
+            lobe, number = make_lobe(layer), FRAMES.index(layer.frame)
+            strengths.setdefault((number, None), _LEAST_SHARE)
+            strengths[number, lobe] = strengths.get((number, lobe), 0.0) + _strength(layer, lobe)
+        self._lobes = sorted(strengths, key=lambda each: each[1] is not None)
+        shares = np.array([strengths[each] for each in self._lobes])
         shares = np.maximum(shares / shares.sum(), _LEAST_SHARE)
         self._shares = shares / shares.sum()
 
@@ -151,34 +152,48 @@ class Scattering:
 
     def evaluate(
         self, wi: Float64Array, wo: Float64Array, factors: NDArray[np.floating] | None = None,
-        texels: Float64Array | None = None,
+        texels: Float64Array | None = None, to_coat: Float64Array | None = None,
     ) -> tuple[Float64Array, Float64Array]:  # fmt: skip
-        """Evaluate ρ cosθ (N, 3) for local directions, and the density (N,) of sampling wi; both 0 below the horizon.
+        """Evaluate ρ cosθ (N, 3) for local directions in the base's frame, and the density (N,) of sampling wi; both 0
+        below the horizon.
 
         factors (N, K, 3): factors of the first K layers, texels (N, T): values of the first images; sampling ignores
-        them.
+        them. to_coat (N, 3, 3): from the base's frame to the coat's; None where both are the same.
         """
         value, pdf = np.zeros((len(wi), 3)), np.zeros(len(wi))
-        above = np.flatnonzero(wi[:, 2] > kinds.GRAZING)
-        wi, wo = wi[above], wo[above]
+        coated = (wi, wo) if to_coat is None else (_rotated(to_coat, wi), _rotated(to_coat, wo))
+        above = np.flatnonzero(np.maximum(wi[:, 2], coated[0][:, 2]) > kinds.GRAZING)
+        directions = (wi[above], wo[above]), (coated[0][above], coated[1][above])
         own = None if factors is None else factors[above]
+        of_coat = None if to_coat is None else directions[1]
         if self._images and own is not None and texels is not None:
-            value[above] = evaluate_layers_by_texel(self.layers, self._images, wi, wo, own, texels[above])
+            found = evaluate_layers_by_texel(self.layers, self._images, *directions[0], own, texels[above], of_coat)
         else:
-            value[above] = evaluate_layers(self.layers, wi, wo, own)
-        pdf[above] = self._shares[0] / math.pi * wi[:, 2]
-        for share, lobe in zip(self._shares[1:], self._lobes, strict=True):
-            pdf[above] += share * lobe.pdf(wi, wo)
+            found = evaluate_layers(self.layers, *directions[0], own, of_coat)
+        value[above] = found
+        for share, (frame, lobe) in zip(self._shares, self._lobes, strict=True):
+            wi, wo = directions[frame]
+            reached = wi[:, 2] > kinds.GRAZING
+            density = wi[:, 2] / math.pi if lobe is None else lobe.pdf(wi, wo)
+            pdf[above] += share * np.where(reached, density, 0.0)
         return value, pdf
 
-    def sample(self, u: Float64Array, wo: Float64Array) -> Float64Array:
-        """Sample local directions (N, 3), some below the horizon, with random numbers u (N, 4)."""
-        wi = _cosine(u[:, 1:])
-        which = np.minimum(np.searchsorted(np.cumsum(self._shares), u[:, 0], side="right"), len(self._lobes))
-        for i, lobe in enumerate(self._lobes, start=1):
+    def sample(self, u: Float64Array, wo: Float64Array, to_coat: Float64Array | None = None) -> Float64Array:
+        """Sample local directions (N, 3) in the base's frame, some below the horizon, with random numbers u (N, 4);
+        to_coat: see `evaluate`."""
+        wi = np.empty((len(wo), 3))
+        which = np.minimum(np.searchsorted(np.cumsum(self._shares), u[:, 0], side="right"), len(self._lobes) - 1)
+        for i, (frame, lobe) in enumerate(self._lobes):
             rows = np.flatnonzero(which == i)
-            wi[rows] = lobe.sample(u[rows, 1:], wo[rows])
+            turn = to_coat[rows] if frame and to_coat is not None else None
+            towards = wo[rows] if turn is None else _rotated(turn, wo[rows])
+            drawn = _cosine(u[rows, 1:]) if lobe is None else lobe.sample(u[rows, 1:], towards)
+            wi[rows] = drawn if turn is None else _rotated(turn.swapaxes(1, 2), drawn)
         return wi
+
+
+def _rotated(rotations: Float64Array, vectors: Float64Array) -> Float64Array:
+    return np.einsum("nij,nj->ni", rotations, vectors)
 
 
 def _strength(layer: Layer, lobe: Lobe | None) -> float:

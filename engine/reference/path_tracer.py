@@ -63,7 +63,8 @@ class PathEstimate:
 class _Vertices:
     """Path vertices on reflecting surfaces, named as in `PrimaryHits`, (N, 3) float64; the horizon is expressed in
     their frames; objects (N,); factors (N, K, 3) of the layers' textures and weight maps; texels (N, T): values of
-    the images of their parameter maps."""
+    the images of their parameter maps; to_coat (N, 3, 3): from their frame to the coat's, or (N, 0, 0) where those
+    are the same."""
 
     objects: Rows
     position: Float64Array
@@ -74,6 +75,7 @@ class _Vertices:
     wo: Float64Array
     factors: NDArray[np.float32]
     texels: Float64Array
+    to_coat: Float64Array
 
     def origins(self, wi: Float64Array) -> NDArray[np.float32]:
         """Origins of rays along wi (N, 3): on the side of the surface to which they leave."""
@@ -82,6 +84,10 @@ class _Vertices:
 
     def of(self, rows: Rows) -> "_Vertices":
         return _Vertices(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
+
+    def turns(self, rows: Rows) -> Float64Array | None:
+        """The rotations from the base's frame to the coat's of some of them, None where both are the same."""
+        return self.to_coat[rows] if self.to_coat.shape[1] else None
 
     def to_local(self, vectors: Float64Array) -> Float64Array:
         return np.einsum("nij,nj->ni", self.frame, vectors)
@@ -198,7 +204,7 @@ class PathTracer:
         """Sample directions, add the light that they find to the radiance, and return the vertices where paths
         continue."""
         # Sample the BRDF; throughput × f cosθ / p.
-        local = self._sample(stage, vertices.objects, u[:, :N_NUMBERS], wo)
+        local = self._sample(stage, vertices, u[:, :N_NUMBERS], wo)
         value, pdf = self._evaluate(stage, vertices, local, wo)
         kept = np.flatnonzero((value.max(axis=1, initial=0.0) > 0.0) & (pdf > 0.0))
         path, vertices, pdf = path[kept], vertices.of(kept), pdf[kept]
@@ -236,16 +242,16 @@ class PathTracer:
         for i in np.unique(vertices.objects):
             rows = np.flatnonzero(vertices.objects == i)
             value[rows], pdf[rows] = self._scattering[stage][int(i)].evaluate(
-                wi[rows], wo[rows], vertices.factors[rows], vertices.texels[rows]
+                wi[rows], wo[rows], vertices.factors[rows], vertices.texels[rows], vertices.turns(rows)
             )
         value[np.einsum("ni,ni->n", wi, vertices.horizon) <= 0.0] = 0.0
         return value, pdf
 
-    def _sample(self, stage: int, objects: Rows, u: Float64Array, wo: Float64Array) -> Float64Array:
+    def _sample(self, stage: int, vertices: _Vertices, u: Float64Array, wo: Float64Array) -> Float64Array:
         wi = np.empty((len(wo), 3))
-        for i in np.unique(objects):
-            rows = np.flatnonzero(objects == i)
-            wi[rows] = self._scattering[stage][int(i)].sample(u[rows], wo[rows])
+        for i in np.unique(vertices.objects):
+            rows = np.flatnonzero(vertices.objects == i)
+            wi[rows] = self._scattering[stage][int(i)].sample(u[rows], wo[rows], vertices.turns(rows))
         return wi
 
 
@@ -362,7 +368,8 @@ def _pass_work(
     def work(block: tuple[int, Rows]) -> Float64Array:
         i_block, places = block
         own = np.repeat(rows[places], n)
-        names = ("position", "offset_position", "horizon", "normal", "geometric_normal", "tangent", "wo")
+        names = ["position", "offset_position", "horizon", "normal", "geometric_normal", "tangent", "wo"]
+        names += [] if hits.coat_normal is None else ["coat_normal", "coat_tangent"]
         generator = np.random.default_rng((*seed, 1 + i_block))
         shifts = generator.integers(1 << 32, size=(len(places), 1, *points.shape[1:]), dtype=np.uint32)
         seen = texels.sample(own, generator.random((len(own), 2)))
@@ -378,6 +385,9 @@ def _vertices(
 ) -> _Vertices:
     exact = {name: field.astype(np.float64) for name, field in fields.items()}
     frame = local_frames(exact["tangent"], exact["normal"])
+    to_coat = np.zeros((len(frame), 0, 0))
+    if "coat_normal" in exact:
+        to_coat = local_frames(exact["coat_tangent"], exact["coat_normal"]) @ frame.swapaxes(1, 2)
     return _Vertices(
         objects=objects,
         position=exact["position"],
@@ -388,6 +398,7 @@ def _vertices(
         wo=exact["wo"],
         factors=factors,
         texels=texels,
+        to_coat=to_coat,
     )
 
 

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.material.layer import Layer, evaluate_layer
+from engine.material.layer import Directions, Layer, evaluate_in_frame
 from engine.material.layer_maps import ChannelImage
 from engine.material.parameter_maps import ParameterMaps
 from engine.material.parameter_nodes import plan_nodes
@@ -99,35 +99,38 @@ class PixelTexels:
 
 def evaluate_layers_by_texel(
     layers: Sequence[Layer], images: Sequence[ChannelImage], wi: Float64Array, wo: Float64Array,
-    factors: NDArray[np.floating], texels: Float64Array,
+    factors: NDArray[np.floating], texels: Float64Array, in_coat: tuple[Float64Array, Float64Array] | None = None,
 ) -> Float64Array:  # fmt: skip
-    """Σ over layers of ρ(ωi, ωo) cosθi, (N, 3), with the parameters at each point.
+    """Σ over layers of ρ(ωi, ωo) cosθi, (N, 3), with the parameters at each point; wi, wo, in_coat: see
+    `evaluate_layers`.
 
     factors (N, K, 3): of the first K layers; texels (N, T): channel values of the images.
     """
-    total = np.zeros((len(wi), 3))
+    total, directions = np.zeros((len(wi), 3)), ((wi, wo), (wi, wo) if in_coat is None else in_coat)
     for k, layer in enumerate(layers):
-        value = _evaluate_by_texel(layer, images, wi, wo, texels)
+        value = _evaluate_by_texel(layer, images, directions, texels)
         total += value if k >= factors.shape[1] else value * factors[:, k]
     return total
 
 
 def _evaluate_by_texel(
-    layer: Layer, images: Sequence[ChannelImage], wi: Float64Array, wo: Float64Array, texels: Float64Array
+    layer: Layer, images: Sequence[ChannelImage], directions: Directions, texels: Float64Array
 ) -> Float64Array:
     """The layer's formula, and that of its covers, one evaluation for all points with equal values."""
-    maps = _maps_of(layer)
-    if not maps or not len(wi):
-        return evaluate_layer(layer, wi, wo)
+    maps, n_points = _maps_of(layer), len(texels)
+    if not maps or not n_points:
+        return evaluate_in_frame(layer, directions)
     columns = [images.index(each.image) for each in maps]
     found, which = np.unique(texels[:, columns], axis=0, return_inverse=True)
     order = np.argsort(which.ravel(), kind="stable")
     groups = np.split(order, np.cumsum(np.bincount(which.ravel(), minlength=len(found)))[:-1])
-    value = np.empty((len(wi), 3))
+    value = np.empty((n_points, 3))
     for channels, rows in zip(found, groups, strict=True):
         known = dict(zip((each.image for each in maps), channels.tolist(), strict=True))
         covers = tuple(_at_texel(cover, known) for cover in layer.covers)
-        value[rows] = evaluate_layer(_at_texel(layer, known).replace(covers=covers), wi[rows], wo[rows])
+        (wi, wo), (coat_wi, coat_wo) = directions
+        own = (wi[rows], wo[rows]), (coat_wi[rows], coat_wo[rows])
+        value[rows] = evaluate_in_frame(_at_texel(layer, known).replace(covers=covers), own)
     return value
 
 

@@ -226,8 +226,7 @@ def view_factors(hits: PrimaryHits, rows: NDArray[np.integer], each: StillLayer)
     factor = each.factor(hits, rows)
     seen = np.tile(each.layer.scale(), (len(rows), 1))
     if each.layer.has_view_curve:
-        cosine = np.einsum("pc,pc->p", hits.normal[rows], hits.wo[rows], dtype=np.float64)
-        seen *= each.layer.view_curve(np.arccos(np.clip(cosine, 0.0, 1.0)))
+        seen *= each.layer.view_factors(hits.view_angles(rows))
     return seen if factor is None else seen * factor
 
 

@@ -31,11 +31,11 @@ def tabulate_layers(layers: Sequence[Layer]) -> Iterator[float | NDArray[np.floa
     table = np.full((*SHAPE, 3), MISSING, np.float32)
     for i in range(SHAPE[0]):
         above = (wi[i, ..., 2] > HORIZON) & (wo[i, ..., 2] > HORIZON)
-        pair = wi[i][above], wo[i][above]
-        cosine = pair[0][:, 2:]
+        light, view = wi[i][above], wo[i][above]
+        cosine = light[:, 2:]
         total = np.zeros((len(cosine), 3))
         for turn in turns:
-            total += evaluate_layers(shown, *(_rotate(directions, turn) for directions in pair)) / cosine
+            total += evaluate_layers(shown, _rotate(light, turn), _rotate(view, turn)) / cosine
         table[i][above] = np.minimum(total / len(turns), LARGEST * SCALE)
         yield (i + 1) / SHAPE[0]
     yield table

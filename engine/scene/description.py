@@ -28,6 +28,7 @@ from pydantic import (
 from engine.light.probe_mappings import Mapping
 from engine.light.suns import SUN_DIAMETER
 from engine.material.bumps import BUMP_TABLES, NO_BUMPS, Bumps, bump_values, bumps_from
+from engine.material.layer import Frame
 from engine.material.layer_maps import LayerMaps
 from engine.material.map_tables import map_fields, map_values, maps_from
 from engine.material.opacity import OPAQUE, Opacity, opacity_from, opacity_values
@@ -220,13 +221,14 @@ class EnvironmentDescription(_Description):
 
 class LayerDescription(_Description):
     """One layer of a material: its model, an optional name, the model's parameters as in the file, the name of a layer
-    that it shares its curves with, of one that lies on it, its texture and weight map, and the maps of its parameters
-    by name, as tables (`engine.material.parameter_maps`)."""
+    that it shares its curves with, of one that lies on it, the frame that it reflects in, its texture and weight map,
+    and the maps of its parameters by name, as tables (`engine.material.parameter_maps`)."""
 
     model: Text
     name: Name | None = None
     follows: Name | None = None
     under: Name | None = None
+    frame: Frame = "base"
     maps: Maps = LayerMaps()
     parameter_maps: dict[str, dict[str, Any]] = Field(default_factory=dict)
     parameters: dict[str, Parameter] = Field(default_factory=dict)
@@ -236,7 +238,7 @@ class LayerDescription(_Description):
     def _gather_parameters(cls, data: Any) -> Any:
         if not isinstance(data, dict) or "parameters" in data:
             return data
-        named = ("model", "name", "follows", "under", "parameter_maps")
+        named = ("model", "name", "follows", "under", "frame", "parameter_maps")
         own = {key: value for key, value in data.items() if key in named}
         maps = {key: value for key, value in data.items() if key in map_fields()}
         rest = {key: value for key, value in data.items() if key not in own and key not in maps}
@@ -341,6 +343,11 @@ class ObjectDescription(_Description):
         own = self.deform.is_mapped or bool(self.deform.files)
         own = own or bool(self.opacity.opacity_map) or bool(self.bumps.files) or self.emission_texture.is_of_files
         return own or any(layer.maps.is_of_files or layer.parameter_maps for layer in self.layers)
+
+    @property
+    def has_smooth_coat(self) -> bool:
+        """Whether one of its layers reflects in the coat's frame, and that is smooth."""
+        return self.bumps.of_coat.is_flat and any(layer.frame == "coat" for layer in self.layers)
 
     @property
     def emits(self) -> bool:

@@ -28,7 +28,7 @@ from engine.core.errors import LoadError, list_names
 from engine.core.safe_files import resolve_inside
 from engine.light.environment import Environment
 from engine.light.suns import Sun
-from engine.material.bumps import BUMP_IMAGES, Bumps, bump_fields
+from engine.material.bumps import Bumps, bump_fields
 from engine.material.opacity import OPAQUE, Opacity
 from engine.scene.area_lamps import area_lamps_of, environment_of
 from engine.scene.builtin import ASSETS
@@ -234,13 +234,12 @@ def _material(item: ObjectDescription, part: ImportedPart) -> dict[str, Any]:
 def _surface(item: ObjectDescription, part: ImportedPart | ImportedVariant) -> dict[str, Any]:
     """The bumps and the opacity of a part or a variant of it, where its object has none of its own."""
     file, found = str(item.mesh), dict[str, Any]()
-    of_part = {name: getattr(part.bumps, name) for name in bump_fields()}
-    of_part |= {name: _image_name(file, of_part[name]) for name in BUMP_IMAGES}
+    of_part = part.bumps.with_files(lambda name: _image_name(file, name))
     takes_tangents = part.bumps.rotates_tangents and not item.bumps.rotates_tangents
-    takes_images = not item.bumps.file
+    takes_images = not (item.bumps.file or item.bumps.coat_normal_map)
     taken = [name for name in bump_fields() if (takes_tangents if name.startswith("tangent") else takes_images)]
     if taken:
-        found["bumps"] = replace(item.bumps, **{name: of_part[name] for name in taken})
+        found["bumps"] = replace(item.bumps, **{name: getattr(of_part, name) for name in taken})
     if item.opacity == OPAQUE:
         found["opacity"] = replace(part.opacity, opacity_map=_image_name(file, part.opacity.opacity_map))
     return found
@@ -248,9 +247,7 @@ def _surface(item: ObjectDescription, part: ImportedPart | ImportedVariant) -> d
 
 def part_material(part: ImportedPart, file: str) -> tuple[tuple[LayerDescription, ...], Bumps, Opacity]:
     """The layers, the bumps and the opacity of a part of a file, with images named from where `file` is."""
-    bumps = replace(
-        part.bumps, normal_map=_image_name(file, part.bumps.normal_map), bump_map=_image_name(file, part.bumps.bump_map)
-    )
+    bumps = part.bumps.with_files(lambda name: _image_name(file, name))
     opacity = replace(part.opacity, opacity_map=_image_name(file, part.opacity.opacity_map))
     return _layers(part.layers, file), bumps, opacity
 

@@ -45,9 +45,9 @@ class PictureFrame:
     that a point represents; object_ranges (O,2) first and one past the last of each object's points; object_image (H,W)
     at pixels' centres, −1 is background; open_image (H,W) the share of each pixel that shows it; emission_image (H,W,3)
     linear radiance of emitters seen directly, by their shares, see `lamps`; ray_directions (H,W,3) unit, world; theta_o
-    (P,) between shading normal and wo, radians; distance (P,) along the ray, metres; front (P,) whether the winding
-    faces the camera; normal and tangent (P,3) of the shading frame. share, open_image and lamps may be omitted if no
-    pixel has several points.
+    (P,) between shading normal and wo, radians, coat_theta_o the same in the coat's frame; distance (P,) along the ray,
+    metres; front (P,) whether the winding faces the camera; normal and tangent (P,3) of the shading frame. share,
+    open_image and lamps may be omitted if no pixel has several points, coat_theta_o if both frames are the same.
     """
 
     pixel: NDArray[np.integer]
@@ -63,8 +63,11 @@ class PictureFrame:
     share: NDArray[np.floating] = field(default_factory=_no_floats)
     open_image: NDArray[np.floating] = field(default_factory=_no_floats)
     lamps: Lamps = field(default_factory=no_lamps)
+    coat_theta_o: NDArray[np.floating] = field(default_factory=_no_floats)
 
     def __post_init__(self) -> None:
+        if not self.coat_theta_o.size:
+            object.__setattr__(self, "coat_theta_o", self.theta_o)
         if not self.share.size:
             object.__setattr__(self, "share", np.ones(len(self.pixel), np.float32))
         if not self.open_image.size:
@@ -121,14 +124,14 @@ def _whole_lamps(object_image: NDArray[np.integer], emission_image: NDArray[np.f
 
 def picture_frame(hits: PrimaryHits, camera: NDArray[np.floating]) -> PictureFrame:
     """The window's part of primary hits of a camera at this position (3,)."""
-    cos_o = np.clip(np.einsum("pc,pc->p", hits.normal, hits.wo), 0.0, 1.0)
+    theta_o, of_coats = hits.view_angles(np.arange(len(hits.pixel))).astype(np.float32)
     return PictureFrame(
         pixel=hits.pixel,
         object_ranges=hits.object_ranges,
         object_image=hits.object_image,
         emission_image=hits.emission_image,
         ray_directions=hits.ray_directions,
-        theta_o=np.arccos(cos_o).astype(np.float32),
+        theta_o=theta_o,
         distance=np.einsum("pc,pc->p", camera - hits.position, hits.wo).astype(np.float32),
         front=hits.front,
         normal=hits.normal.astype(np.float16),
@@ -136,4 +139,5 @@ def picture_frame(hits: PrimaryHits, camera: NDArray[np.floating]) -> PictureFra
         share=hits.share,
         open_image=hits.open_image,
         lamps=hits.lamps,
+        coat_theta_o=theta_o if hits.coat_normal is None else of_coats,
     )

@@ -17,6 +17,7 @@ import numpy.typing as npt
 from engine.core.camera import centre_directions, pixel_directions
 from engine.core.generators import run_to_end
 from engine.light.cones import cone_shares
+from engine.material.layer import FRAMES, Frame
 from engine.scene.cutouts import covered_in_part, pixel_chances
 from engine.scene.edges import Surface, edge_pixels, group_samples, ray_offsets, turn_of
 from engine.scene.picture_frame import Lamps
@@ -42,11 +43,12 @@ class PrimaryHits(SurfacePoints):
     edges; share (P,): of its pixel that a point represents; object_ranges (M, 2) into the points; position (P, 3) in
     the scene's frame and offset_position, lifted off the surface for shadow rays; horizon: the normal, interpolated on
     smooth objects, on the face's and the camera's side; normal: the shading normal, which is the horizon perturbed by
-    bumps (`engine.scene.bump_normals`); geometric_normal: the face's, on the camera's side; front (P,): whether the
-    camera sees the side that the winding faces; tangent: the brushed direction (`engine.scene.tangents`); wo: to the
-    camera. Of pixels: object_image (H, W) int16: the object at their centres, −1 for the background;
-    open_image (H, W): the share that shows the background; emission_image (H, W, 3): emitters seen from their front, by
-    their shares, see `lamps`; ray_directions (H, W, 3) through the centres.
+    bumps (`engine.scene.bump_normals`); coat_normal, coat_tangent: those of the coat's frame, None where no object has
+    bumps in either frame; coat_rays: the objects whose rays of indirect light are distributed there; geometric_normal:
+    the face's, on the camera's side; front (P,): whether the camera sees the side that the winding faces; tangent: the
+    brushed direction (`engine.scene.tangents`); wo: to the camera. Of pixels: object_image (H, W) int16: the object at
+    their centres, −1 for the background; open_image (H, W): the share that shows the background; emission_image (H, W,
+    3): emitters seen from their front, by their shares, see `lamps`; ray_directions (H, W, 3) through the centres.
     """
 
     resolution: tuple[int, int]
@@ -64,6 +66,33 @@ class PrimaryHits(SurfacePoints):
     emission_image: Float32Array
     lamps: Lamps
     ray_directions: Float32Array
+    coat_normal: Float32Array | None = None
+    coat_tangent: Float32Array | None = None
+    coat_rays: tuple[int, ...] = ()
+
+    def in_frame(self, frame: Frame) -> PrimaryHits:
+        """The points with the shading frames of layers of this frame."""
+        if frame == "base" or self.coat_normal is None or self.coat_tangent is None:
+            return self
+        return replace(self, normal=self.coat_normal, tangent=self.coat_tangent)
+
+    @cached_property
+    def ray_frames(self) -> tuple[Float32Array, Float32Array]:
+        """Tangents and normals (P, 3) of the frames in which rays of indirect light are distributed: the coat's where
+        that is smooth: it is the sharper one, and all that the surface sees is above it. Above a coat that leans by 27
+        degrees a matt base would lose an eighth of its light."""
+        if self.coat_normal is None or self.coat_tangent is None or not self.coat_rays:
+            return self.tangent, self.normal
+        there = np.isin(self.objects, self.coat_rays)[:, None]
+        return np.where(there, self.coat_tangent, self.tangent), np.where(there, self.coat_normal, self.normal)
+
+    def view_angles(self, rows: npt.NDArray[np.integer]) -> Float64Array:
+        """Angles (2, p) of some rows between wo and the normals of the frames, `engine.material.layer.FRAMES`."""
+        cosines = [
+            np.einsum("pc,pc->p", self.in_frame(frame).normal[rows], self.wo[rows], dtype=np.float64)
+            for frame in FRAMES
+        ]
+        return np.asarray(np.arccos(np.clip(cosines, 0.0, 1.0)))
 
     @property
     def outward(self) -> Float32Array:
@@ -98,7 +127,8 @@ class PrimaryHits(SurfacePoints):
     def at(self, rows: Int32Array) -> PrimaryHits:
         """Select points by ascending rows; images stay those of the whole picture."""
         vectors = "position", "offset_position", "horizon", "normal", "geometric_normal", "tangent", "wo"
-        points = ("pixel", "offset", "share", "front", *vectors)
+        of_coat = () if self.coat_normal is None else ("coat_normal", "coat_tangent")
+        points = ("pixel", "offset", "share", "front", *vectors, *of_coat)
         ranges = np.searchsorted(rows, self.object_ranges).astype(self.object_ranges.dtype)
         return replace(self, object_ranges=ranges, **{name: getattr(self, name)[rows] for name in points})
 
@@ -184,6 +214,7 @@ def trace_primary_steps(
         emission_image=emission_picture(emitting, size),
         lamps=emitting,
         ray_directions=directions,
+        coat_rays=tuple(i for i, each in enumerate(scene.description.objects) if each.has_smooth_coat),
         **{name: np.ascontiguousarray(array[order]) for name, array in points.items()},
     )
 
@@ -319,7 +350,8 @@ def shading_frames(
     wo: Float32Array,
     places: tuple[Float64Array, tuple[int, int]] | None = None,
 ) -> dict[str, Float32Array]:  # fmt: skip
-    """Position, normals, tangent and wo of the points (P,) that some `rays` (P,) of those found hit.
+    """Position, normals, tangents and wo of the points (P,) that some `rays` (P,) of those found hit; those of the
+    coat's frame where it differs from the base's.
 
     ids (R,): `object_ids` of all; wo (P, 3): back along the rays. Named and oriented as in `PrimaryHits`. places:
     positions (P, 2) of the rays in a picture of that resolution, over whose pixels bumps are averaged; None for other
@@ -339,6 +371,10 @@ def shading_frames(
     horizon = _bend_towards_camera(_face(shading, geometric), wo)
     horizon = _raise_mirror(horizon, geometric, wo)
     normal = _perturbed(scene, found, rays, horizon, wo, places) if scene.bump_normals.objects else horizon
+    of_coat = dict[str, Float64Array]()
+    if (coated := scene.in_coat_frame) is not None:
+        smooth = _perturbed(coated, found, rays, horizon, wo, places) if coated.bump_normals.objects else horizon
+        of_coat = {"coat_normal": smooth, "coat_tangent": _tangents(coated, found, rays, ids, smooth, places)}
     vectors = {
         "position": position,
         "offset_position": caster.offset_origins(position, geometric),
@@ -347,6 +383,7 @@ def shading_frames(
         "geometric_normal": geometric,
         "tangent": _tangents(scene, found, rays, ids, normal, places),
         "wo": wo,
+        **of_coat,
     }
     return {name: np.ascontiguousarray(vector, dtype=np.float32) for name, vector in vectors.items()}
 

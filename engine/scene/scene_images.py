@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from engine.core.errors import LoadError
 from engine.core.safe_files import resolve_inside
-from engine.material.bumps import NO_BUMPS
+from engine.material.bumps import NO_BUMPS, Bumps
 from engine.material.layer_maps import ChannelImage, Images, LayerMaps, split_image_name
 from engine.scene.description import ObjectDescription
 from engine.scene.loaders.gltf_materials import without_images
@@ -77,7 +77,7 @@ def _load(scene: Scene) -> None:
             ChannelImage(str(each.get("map", ""))) for layer in every for each in layer.parameter_maps.values()
         ]
         opacities.append(described.opacity)
-        bumps += [] if described.is_lamp else [described.bumps]
+        bumps += [] if described.is_lamp else [described.bumps, described.bumps.of_coat]
     scene.textures.load(wanted, bumps, opacities, channels)
 
 
@@ -99,8 +99,9 @@ def _readers(scene: Scene, described: ObjectDescription) -> Iterator[tuple[str, 
             yield name, partial(store.texture, Images(name, "linear"))
         for table in layer.parameter_maps.values():
             yield str(table["map"]), partial(store.numbers, ChannelImage(str(table["map"])))
-    if described.bumps.file:
-        yield described.bumps.file, partial(store.slopes, described.bumps)
+    for bumps in (described.bumps, described.bumps.of_coat):
+        if bumps.file:
+            yield bumps.file, partial(store.slopes, bumps)
     if described.emission_texture.is_of_files:
         yield described.emission_texture.texture, partial(store.texture, described.emission_texture.images)
     if described.opacity.opacity_map:
@@ -116,12 +117,17 @@ def _without(described: ObjectDescription, faults: dict[str, LoadError]) -> Obje
     return described.model_copy(
         update={
             "layers": without_images(described.layers, faults), "variants": variants,
-            "bumps": NO_BUMPS if described.bumps.file in faults else described.bumps,
+            "bumps": _bumps_without(described.bumps, faults),
             "emission": described.emission if shines or described.unlit else None,
             "emission_texture": described.emission_texture if shines else LayerMaps(),
             "opacity": replace(opacity, opacity_map="") if opacity.opacity_map in faults else opacity,
         }
     )  # fmt: skip
+
+
+def _bumps_without(bumps: Bumps, faults: dict[str, LoadError]) -> Bumps:
+    left = NO_BUMPS.with_coat(bumps.of_coat) if bumps.file in faults else bumps
+    return left.with_coat(NO_BUMPS) if left.coat_normal_map in faults else left
 
 
 def _reason(fault: tuple[str, LoadError]) -> str:

@@ -26,6 +26,7 @@ from engine.light.environment import Environment
 from engine.light.suns import Sun
 from engine.light.triangle_lights import turned
 from engine.material.bumps import Bumps
+from engine.material.layer import Frame
 from engine.material.opacity import Opacity
 from engine.scene.bump_normals import BumpNormals
 from engine.scene.coplanar_faces import lift_overlapping_faces
@@ -109,6 +110,17 @@ class Scene:
         return BumpNormals(replace(self))
 
     @cached_property
+    def in_coat_frame(self) -> Scene | None:
+        """The scene whose bumps are those of layers of the coat's frame; None where both frames are the same."""
+        if all(each.bumps.is_flat and each.bumps.of_coat.is_flat for each in self.description.objects):
+            return None
+        return self.with_bumps({each.name: each.bumps.of_coat for each in self.description.objects})
+
+    def in_frame(self, frame: Frame) -> Scene:
+        """The scene with the shading frames of layers of this frame."""
+        return self.in_coat_frame or self if frame == "coat" else self
+
+    @cached_property
     def tangent_rotations(self) -> TangentRotations:
         """The rotations of its tangents by angles and maps."""
         return TangentRotations(replace(self))
@@ -130,7 +142,8 @@ class Scene:
     @property
     def surface_flaws(self) -> dict[str, LoadError]:
         """Errors in the images of objects that perturb normals, rotate tangents or make holes, by name."""
-        return self.bump_normals.flaws | self.tangent_rotations.flaws | self._cutouts[1]
+        of_coats = {} if self.in_coat_frame is None else self.in_coat_frame.bump_normals.flaws
+        return self.bump_normals.flaws | of_coats | self.tangent_rotations.flaws | self._cutouts[1]
 
     def check_surfaces(self) -> None:
         """Raise the LoadError of the first such image that cannot be used."""

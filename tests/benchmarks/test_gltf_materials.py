@@ -14,7 +14,10 @@ NO_SKY = Path()  # a lamp needs none
 SIDE = 12
 
 
-@pytest.mark.parametrize("name", ["core, half a metal", "clearcoat", "specular", "iridescence, plastic"])
+@pytest.mark.parametrize("name", [
+    "core, half a metal", "clearcoat", "clearcoat, its normals", "clearcoat, base's normals", "specular",
+    "iridescence, plastic",
+])  # fmt: skip
 def test_layers_with_textures_are_the_formula(name: str, tmp_path: Path) -> None:
     # Strengths and colours multiply layers exactly, also where they are filtered: both sides have the same paths.
     assert measure_layers(CASES[name], "quad", "lamp", NO_SKY, tmp_path, SIDE).rmse < 1e-5

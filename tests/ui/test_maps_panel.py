@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.document.commands.layers import SetModel, SetVisible
+from app.document.commands.layers import SetFrame, SetModel, SetVisible
 from app.document.commands.maps import SetBumps, SetMap, SetOpacity
 from app.document.view_state import OpenPanel
 from app.modes.placement.placement_messages import MapsSampled, SampleMaps
@@ -222,6 +222,37 @@ def test_the_rotation_of_a_streak_is_dragged_mapped_and_undone(window: HeadlessW
     assert bumps().tangent_range == 360.0
     window.click_handle("button.clear_tangent")
     assert not bumps().tangent_map
+
+
+def test_a_layer_takes_the_coats_normals(window: HeadlessWindow, tmp_path: Path) -> None:
+    editor, actor = window.shell.editor, window.shell.actor
+    editor.select("teapot.0")
+    for other in ("light", "accuracy"):  # room for all rows
+        editor.do(OpenPanel(other, False))
+    window.frames(6)
+    window.click_handle("material.images.0")
+    assert "material.frame.0" not in window.shell.handles.names()  # only coats, and layers that have it
+    editor.do(SetFrame("teapot.0", "coat"))
+    window.frames(3)
+    window.click_handle("material.coat_normal_map")
+    window.frames(2)
+    question = window.shell.state.question
+    assert question is not None and (question.purpose, question.key) == ("open_coat_normal_map", "teapot")
+    (tmp_path / "peel.png").touch()
+    actor.perform([answer(question, tmp_path / "peel.png")], window.shell.state, 0.0)
+    window.shell.state = PanelState()
+    window.frames(2)
+    window.drag_handle("material.coat_strength", (1000, 0))
+    file = str(tmp_path / "peel.png")
+    assert editor.document.object("teapot").bumps == Bumps(coat_normal_map=file, coat_strength=10.0)
+    window.click_handle("button.clear_coat_bumps")
+    assert not editor.document.object("teapot").bumps.coat_normal_map
+    window.frames(2)
+    window.click_handle("material.frame.0")
+    assert editor.document.layer("teapot.0").frame == "base"
+    for _ in range(5):
+        editor.undo()
+    assert editor.document.object("teapot").bumps == NO_BUMPS and editor.document.layer("teapot.0").frame == "base"
 
 
 def test_opacity_is_chosen_dragged_mapped_and_undone(window: HeadlessWindow, tmp_path: Path) -> None:

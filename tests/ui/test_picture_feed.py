@@ -51,7 +51,7 @@ def expected_picture(window: HeadlessWindow) -> np.ndarray:
         first = next(iter(curves.values()))
         radiance = np.einsum("jpc,jc->pc", transport_of(key, len(first)), first)
         angles = np.linspace(0.0, np.pi / 2, 256)
-        view = editor.controller.picture.view_curve(key)
+        view = editor.controller.picture.view_curves(key).prod(axis=0)
         view_value = np.stack([np.interp(0.4, angles, view[:, channel]) for channel in range(3)])
         flat[frame.pixel[start:stop]] += radiance * layer.scale() * view_value
     return image

@@ -127,7 +127,7 @@ class AskFile:
 
 @dataclass(frozen=True)
 class OpenImage:
-    """Make a file the "texture" or the "weight" of a layer, the "normal_map", the "bump_map", the "tangent_map", the
+    """Make a file the "texture" or the "weight" of a layer, one of `BUMP_IMAGES`, the
     "opacity_map", or one of `SURFACE_IMAGES` of an object, or the "parameter_map" of a parameter, by its path."""
 
     path: Path

@@ -9,11 +9,20 @@ from pathlib import Path
 
 from imgui_bundle import ImVec2, imgui
 
+from app.document.commands.layers import SetFrame
 from app.document.commands.maps import ClearMap, SetBumps, SetMap, SetOpacity
 from app.document.document import ObjectState
 from app.operators.registry import keys_of
-from engine.material.bumps import BUMP_HEIGHT, BUMP_REPEATS, BUMP_STRENGTH, TANGENT_ANGLE, TANGENT_RANGE
-from engine.material.layer import object_of
+from engine.material.bumps import (
+    BUMP_HEIGHT,
+    BUMP_REPEATS,
+    BUMP_STRENGTH,
+    COAT_REPEATS,
+    COAT_STRENGTH,
+    TANGENT_ANGLE,
+    TANGENT_RANGE,
+)
+from engine.material.layer import Layer, object_of
 from engine.material.layer_maps import SPACES, TEXTURE_SCALE, TEXTURE_SPACE, TEXTURE_STRENGTH, WEIGHT_CHANNEL, LayerMaps
 from engine.material.opacity import OPACITY_CUTOFF, OPACITY_FACTOR, OPACITY_MODE
 from engine.material.parameters import Parameter
@@ -36,6 +45,8 @@ HINTS = {
     "glTF has it: red to the right, green up): PNG, JPEG or OpenEXR.",
     "bump_map": "A grey image of heights that turns the object's normals, under all of its layers: PNG, JPEG or "
     "OpenEXR.",
+    "coat_normal_map": "An image of directions that turns the normals of layers that have those of the coat, as the "
+    "object's own normal map does for the others: PNG, JPEG or OpenEXR.",
     "opacity_map": "An image whose alpha, or, if it has none, whose brightness says how much of the object is there: "
     "PNG or OpenEXR, laid out by the mesh's texture coordinates.",
     "tangent_map": "A grey image of angles that rotate the direction of the streaks, in addition to the rotation "
@@ -45,6 +56,10 @@ VERTEX_COLOURS_HINT = "The colours of the mesh's vertices multiply the layer, an
 FLIP_GREEN_HINT = (
     "The direction that green means in the normal map: up, as in glTF and OpenGL, or down, as in maps for DirectX. "
     "If relief looks pressed in, and its light comes from below, the other one is right. Shown when idle."
+)
+FRAME_HINT = (
+    "Whose normals this layer has: those of the object's bumps, or the coat's, which are smooth or of a normal map of "
+    "their own. A clear coat over a rough or woven base does not follow its relief. Shown when idle."
 )
 FURTHER_HINT = "A map from the file, of what lies on this layer or shares its place: it multiplies the layer as well."
 ALONG_U_HINT = (
@@ -115,8 +130,52 @@ def _vertex_colours(context: PanelContext, key: str, maps: LayerMaps, width: flo
     return []
 
 
-def draw_bumps(context: PanelContext, state: ObjectState, width: float) -> list[Action]:
-    """The rows of an object's normal or bump map: the image, and where there is one its strength and repeats."""
+def draw_bumps(context: PanelContext, state: ObjectState, layer: Layer, key: str, width: float) -> list[Action]:
+    """The rows of an object's normal or bump map, the image, and where there is one its strength and repeats; and of
+    whose normals a layer has, with those of the map that layers of the coat's frame have."""
+    actions = _base_bumps(context, state, width)
+    if not (layer.can_cover or layer.frame == "coat"):
+        return actions
+    widgets.label(context, "Normals", width)
+    of_coat = layer.frame == "coat"
+    if widgets.switch(context, "material.frame", "Of the coat" if of_coat else "Of the base", FRAME_HINT, of_coat):
+        actions.append(SetFrame(key, "base" if of_coat else "coat"))
+    return actions + _coat_bumps(context, state, width) if of_coat else actions
+
+
+def _coat_bumps(context: PanelContext, state: ObjectState, width: float) -> list[Action]:
+    name = state.bumps.coat_normal_map
+    widgets.label(context, "Coat's", width)
+    if not name:
+        room = imgui.get_content_region_avail().x
+        return _bump_button(context, state.name, "coat_normal_map", "Normal map…", "", room)
+    room = imgui.get_content_region_avail().x - imgui.get_frame_height() - context.px(GAP)
+    actions = _image_with_clear(context, state.name, "coat_normal_map", name, "clear_coat_bumps", room)
+    actions += _flip_green(context, state, "coat_flip_green", width)
+    return actions + _bump_rows(context, state, (COAT_STRENGTH, COAT_REPEATS), width)
+
+
+def _image_with_clear(context: PanelContext, name: str, kind: str, file: str, clear: str, room: float) -> list[Action]:
+    """The button of an image, and the one that removes it."""
+    actions = _bump_button(context, name, kind, image_label(file), file, room)
+    imgui.same_line(0.0, context.px(GAP))
+    if widgets.icon_button(context, clear, Icon.CLOSE, f"Remove the image; {keys_of('undo')} brings it back."):
+        actions.append(SetBumps(name, kind, ""))
+    return actions
+
+
+def _bump_rows(
+    context: PanelContext, state: ObjectState, parameters: tuple[Parameter, ...], width: float
+) -> list[Action]:
+    actions: list[Action] = []
+    for parameter in parameters:
+        value, make = getattr(state.bumps, parameter.name), partial(SetBumps, state.name, parameter.name)
+        row = rows.Row(parameter, value, make, f"material.{parameter.name}", parameter.default)
+        actions += rows.draw(context, row, width)
+    return actions
+
+
+def _base_bumps(context: PanelContext, state: ObjectState, width: float) -> list[Action]:
     bumps, gap = state.bumps, context.px(GAP)
     if not bumps.file:
         widest = imgui.calc_text_size("Normal map…").x + 2.0 * imgui.get_style().frame_padding.x
@@ -127,27 +186,20 @@ def draw_bumps(context: PanelContext, state: ObjectState, width: float) -> list[
         return actions + _bump_button(context, state.name, "bump_map", "Heights…", "", room)
     widgets.label(context, "Bumps", width)
     room = imgui.get_content_region_avail().x - imgui.get_frame_height() - gap
-    actions = _bump_button(context, state.name, bumps.kind, image_label(bumps.file), bumps.file, room)
-    imgui.same_line(0.0, gap)
-    if widgets.icon_button(context, "clear_bumps", Icon.CLOSE, f"Remove the image; {keys_of('undo')} brings it back."):
-        actions.append(SetBumps(state.name, bumps.kind, ""))
+    actions = _image_with_clear(context, state.name, bumps.kind, bumps.file, "clear_bumps", room)
     if bumps.normal_map:
-        actions += _flip_green(context, state, width)
+        actions += _flip_green(context, state, "flip_green", width)
     heights = (BUMP_HEIGHT,) if bumps.bump_map else ()
-    for parameter in (BUMP_STRENGTH, *heights, BUMP_REPEATS):
-        value, make = getattr(bumps, parameter.name), partial(SetBumps, state.name, parameter.name)
-        row = rows.Row(parameter, value, make, f"material.{parameter.name}", parameter.default)
-        actions += rows.draw(context, row, width)
-    return actions
+    return actions + _bump_rows(context, state, (BUMP_STRENGTH, *heights, BUMP_REPEATS), width)
 
 
-def _flip_green(context: PanelContext, state: ObjectState, width: float) -> list[Action]:
+def _flip_green(context: PanelContext, state: ObjectState, name: str, width: float) -> list[Action]:
     """The switch of the direction that green means."""
     widgets.label(context, "Green", width)
-    is_flipped = state.bumps.flip_green
+    is_flipped = getattr(state.bumps, name)
     words = "Down (DirectX)" if is_flipped else "Up (OpenGL)"
-    if widgets.switch(context, "material.flip_green", words, FLIP_GREEN_HINT, is_flipped):
-        return [SetBumps(state.name, "flip_green", not is_flipped)]
+    if widgets.switch(context, f"material.{name}", words, FLIP_GREEN_HINT, is_flipped):
+        return [SetBumps(state.name, name, not is_flipped)]
     return []
 
 

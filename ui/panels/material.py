@@ -20,7 +20,7 @@ from app.files.materials import describe_measurement
 from app.operators.files import VariantChoice
 from app.system.lazy_import import import_named
 from engine.material import MODELS, Layer, Parameter
-from engine.material.bumps import BUMP_STRENGTH, TANGENT_ANGLE
+from engine.material.bumps import BUMP_STRENGTH, COAT_STRENGTH, TANGENT_ANGLE
 from engine.material.measured import HIGHLIGHT_MODELS
 from engine.material.opacity import OPAQUE
 from engine.material.parameters import INDICES, Value, index_of_reflectance, reflectance_of_index
@@ -78,8 +78,8 @@ def _material(context: PanelContext) -> list[Action]:
         actions += maps.draw_tangent(context, state, width)
     if _shows_images(context, layer):
         actions += maps.draw(context, selection.key, layer.maps, width)
-    if _shows_bumps(context, state):
-        actions += maps.draw_bumps(context, state, width)
+    if _shows_bumps(context, state, layer):
+        actions += maps.draw_bumps(context, state, layer, selection.key, width)
     if context.state.shows_images or state.opacity != OPAQUE:
         actions += maps.draw_opacity(context, state, width)
     imgui.end_disabled()
@@ -92,8 +92,9 @@ def _material(context: PanelContext) -> list[Action]:
     return actions
 
 
-def _shows_bumps(context: PanelContext, state: ObjectState) -> bool:
-    return context.state.shows_images or bool(state.bumps.file)
+def _shows_bumps(context: PanelContext, state: ObjectState, layer: Layer) -> bool:
+    own = state.bumps.file or state.bumps.coat_normal_map or layer.frame == "coat"
+    return context.state.shows_images or bool(own)
 
 
 def _shows_tangent(context: PanelContext, state: ObjectState) -> bool:
@@ -105,9 +106,10 @@ def _labels_of(context: PanelContext, selection: Selection) -> float:
     state = context.document.object(selection.object)
     if state.is_lamp:
         return widgets.LABEL_WIDTH
-    of_object = [BUMP_STRENGTH] if _shows_bumps(context, state) else []
+    layer = context.document.layer(selection.key)
+    of_object = [BUMP_STRENGTH, COAT_STRENGTH] if _shows_bumps(context, state, layer) else []
     of_object += [TANGENT_ANGLE] if _shows_tangent(context, state) else []
-    return _label_width(context, (*context.document.layer(selection.key).parameter_table, *of_object))
+    return _label_width(context, (*layer.parameter_table, *of_object))
 
 
 def _variant(context: PanelContext, width: float) -> list[Action]:

@@ -21,6 +21,7 @@ from app.document.commands.layers import (
     AddLayers,
     RemoveLayer,
     SetEditable,
+    SetFrame,
     SetFresnelTerm,
     SetFrozen,
     SetMaterial,
@@ -57,9 +58,9 @@ from app.document.commands.suns import SetSun
 
 EditCommand = (
     SetParameter | SetModel | SetOperators | AddOperator | ReplaceOperator | RemoveOperator | MoveOperator
-    | MuteOperator | CollapseOperators | ResetCurve | SetVisible | SetFrozen | SetFresnelTerm | SetUnder | SetEditable
-    | SetBumps | SetOpacity | SetMap | SetParameterMap | Paint | BlendByMap | ClearMap | SetMaterial | SetVariant
-    | AddLayers | RemoveLayer | SetRotation | SetIntensity | SetEnvironment | SetMapping | SetEmission | SetFirstBands
-    | SetPose | AddDeformer | SetDeformer | MoveDeformer | RemoveDeformer | SetTime | SetSurface | OverrideLine
-    | SetSun | SetMix | SetTransform | MoveObject
+    | MuteOperator | CollapseOperators | ResetCurve | SetVisible | SetFrozen | SetFresnelTerm | SetUnder | SetFrame
+    | SetEditable | SetBumps | SetOpacity | SetMap | SetParameterMap | Paint | BlendByMap | ClearMap | SetMaterial
+    | SetVariant | AddLayers | RemoveLayer | SetRotation | SetIntensity | SetEnvironment | SetMapping | SetEmission
+    | SetFirstBands | SetPose | AddDeformer | SetDeformer | MoveDeformer | RemoveDeformer | SetTime | SetSurface
+    | OverrideLine | SetSun | SetMix | SetTransform | MoveObject
 )  # fmt: skip

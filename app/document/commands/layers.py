@@ -17,7 +17,7 @@ from engine.core.errors import InsituError
 from engine.curve.operators import Edit, collapse
 from engine.material import MODELS
 from engine.material.bumps import Bumps
-from engine.material.layer import Layer, make_layer
+from engine.material.layer import FRAMES, Frame, Layer, make_layer
 from engine.material.opacity import Opacity
 from engine.material.parameter_maps import maps_that_fit
 from engine.measured.measurement import Measurement
@@ -140,6 +140,25 @@ class SetUnder:
             there = ", ".join(choices) or "none; add a clear coat or a sheen"
             raise InsituError(f"{self.key} cannot lie under {self.cover!r}; layers that can: {there}")
         return document.with_layer(self.key, layer.replace(under=self.cover))
+
+
+@dataclass(frozen=True)
+class SetFrame:
+    """Let a layer reflect in the frame of the object's bumps, "base", or in the coat's, "coat"
+    (`engine.material.bumps.Bumps`)."""
+
+    key: str
+    frame: Frame
+
+    @property
+    def label(self) -> str:
+        return f"{self.key} normals of the {self.frame}"
+
+    def apply(self, document: Document) -> Document:
+        layer = editable_layer(document, self.key)
+        if self.frame not in FRAMES:
+            raise InsituError(f"{self.key} cannot have the frame {self.frame!r}; frames: {', '.join(FRAMES)}")
+        return document.with_layer(self.key, layer.replace(frame=self.frame))
 
 
 @dataclass(frozen=True)

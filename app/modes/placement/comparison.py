@@ -29,7 +29,7 @@ from app.document.scene_state import layer_state
 from app.messages.picture_events import PictureEvent
 from app.messages.worker_messages import Request
 from app.modes.placement.contraction_controller import CONTRACT_PATIENCE
-from app.modes.placement.curves import Coefficients, Curves, Float64Array, view_curve_of
+from app.modes.placement.curves import Coefficients, Curves, Float64Array, view_curves_of
 from app.modes.placement.desired_state import same_coefficients
 from app.modes.placement.placement_events import ComparisonRefined, LayerAppearance
 from app.modes.placement.placement_messages import ContractTransport, LayerPicture
@@ -180,7 +180,7 @@ class Comparison:
         return {
             key: LayerAppearance(
                 layer.scale() * light_gain,
-                view_curve_of(layer),
+                view_curves_of(layer),
                 compared.is_visible(key),
                 self._pictures[key] if key in differing else None,
                 (self._samples(key, layer.maps), layer.maps.sampled_strength, layer.maps.inverts),

@@ -15,7 +15,7 @@ from app.document.scene_state import LayerState, SceneState, layer_state, scene_
 from app.modes.placement.band_plans import BandPlans
 from engine.curve.operators import HALF_PI
 from engine.material import MODELS
-from engine.material.layer import Layer, object_of
+from engine.material.layer import FRAMES, Layer, object_of
 from engine.material.layer_maps import Images, MapMeans
 from engine.material.measured import MeasuredModel
 from engine.material.model import Model
@@ -85,11 +85,16 @@ class Curves:
         bands = self.bands(document, key)
         return layer_state(document, key, tuple(bands.values()), self._means(key, layer))
 
-    def view_curve(self, document: Document, key: str) -> Float64Array:
-        """f_o at 256 angles from 0 to π/2, (256,3); ones for a layer that has none."""
+    def view_curves(self, document: Document, key: str) -> Float64Array:
+        """The factors of f_o at 256 angles from 0 to π/2 to the normals of both frames, (2,256,3); ones where there is
+        none."""
         layer = document.layer(key)
-        known = self._cached_curve(key, layer, _VIEW, N_VIEW_SAMPLES)
-        return self._store_curve(key, layer, _VIEW, view_curve_of(layer) if known is None else known)
+        known = self._cached_curve(key, layer, _VIEW, len(FRAMES))
+        return self._store_curve(key, layer, _VIEW, view_curves_of(layer) if known is None else known)
+
+    def view_curve(self, document: Document, key: str) -> Float64Array:
+        """f_o where both normals are the same, (256,3)."""
+        return np.asarray(self.view_curves(document, key).prod(axis=0))
 
     def gain(self, document: Document, key: str) -> Float64Array:
         """f_q of a layer, (3,)."""
@@ -132,9 +137,9 @@ def picture_identity(model: str, quotient_parameters: Sequence[float]) -> tuple[
     return (model, *quotient_parameters) if isinstance(MODELS[model], MeasuredModel) else (model,)
 
 
-def view_curve_of(layer: Layer) -> Float64Array:
-    """f_o at 256 angles from 0 to π/2, (256,3)."""
-    return layer.view_curve(np.linspace(0.0, HALF_PI, N_VIEW_SAMPLES))
+def view_curves_of(layer: Layer) -> Float64Array:
+    """The factors of f_o at 256 angles from 0 to π/2, (2,256,3), see `Layer.view_curves`."""
+    return layer.view_curves(np.linspace(0.0, HALF_PI, N_VIEW_SAMPLES))
 
 
 def _same_curve(before: Layer, layer: Layer, factor: str) -> bool:
@@ -144,7 +149,8 @@ def _same_curve(before: Layer, layer: Layer, factor: str) -> bool:
         return False
     if factor == _VIEW:
         view = layer.model.view_factor
-        return before.covers == layer.covers and (view is None or _same_curve(before, layer, view.name))
+        alike = (before.frame, before.covers) == (layer.frame, layer.covers)
+        return alike and (view is None or _same_curve(before, layer, view.name))
     part = _part_of(layer.model, factor)
     driving = [parameter.name for parameter in layer.model.parameters if part in parameter.drives]
     old, new = before.values, layer.values

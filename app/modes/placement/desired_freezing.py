@@ -18,13 +18,13 @@ from engine.material.layer import object_of
 
 @dataclass(frozen=True, eq=False)
 class LayerReflectance:
-    """The reflectance of a visible layer, to be compared: its curves, f_q (3,) and f_o (N,3), as `Curves` stores
-    them."""
+    """The reflectance of a visible layer, to be compared: its curves, f_q (3,) and the factors of f_o (2,N,3), as
+    `Curves` stores them."""
 
     layer: LayerState
     coefficients: tuple[Float64Array, ...]
     gain: Float64Array
-    view_curve: Float64Array
+    view_curves: Float64Array
 
     @property
     def key(self) -> str:
@@ -41,7 +41,7 @@ def layer_reflectances(scene: SceneState, document: Document, curves: Curves) ->
     return tuple(
         LayerReflectance(
             layer, tuple(curves.coefficients(document, layer.key).values()),
-            curves.outgoing_gain(document, layer.key), curves.view_curve(document, layer.key),
+            curves.outgoing_gain(document, layer.key), curves.view_curves(document, layer.key),
         )
         for layer in scene.visible
     )  # fmt: skip
@@ -89,7 +89,7 @@ class DesiredFreezing:
                 return False
         if self.key is not None and object_of(mine.key) == object_of(self.key):
             return True  # its albedo is a variable
-        return np.array_equal(mine.gain, theirs.gain) and np.array_equal(mine.view_curve, theirs.view_curve)
+        return np.array_equal(mine.gain, theirs.gain) and np.array_equal(mine.view_curves, theirs.view_curves)
 
 
 def desired_freezing(
@@ -129,7 +129,7 @@ def _equal(one: LayerReflectance, two: LayerReflectance) -> bool:
     """Whether two reflectances of one layer are equal."""
     if one.layer.quotient != two.layer.quotient:
         return False
-    mine, theirs = ((*look.coefficients, look.gain, look.view_curve) for look in (one, two))
+    mine, theirs = ((*look.coefficients, look.gain, look.view_curves) for look in (one, two))
     return all(a is b or _close(a, b) for a, b in zip(mine, theirs, strict=True))
 
 

@@ -82,6 +82,6 @@ class DrawnPicture:
         """The factor of a layer's picture, (3,): f_q, and how much brighter the only light has become."""
         return self._curves.gain(self.document, key) * self._transition.light_gain
 
-    def view_curve(self, key: str) -> Float64Array:
-        """f_o of a layer at 256 angles θ_o from 0 to π/2, (256,3)."""
-        return self._curves.view_curve(self.document, key)
+    def view_curves(self, key: str) -> Float64Array:
+        """The factors of f_o of a layer at 256 angles θ_o from 0 to π/2 to the normals of both frames, (2,256,3)."""
+        return self._curves.view_curves(self.document, key)

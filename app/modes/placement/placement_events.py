@@ -100,11 +100,12 @@ class LayerMapsChanged(PictureEvent):
 
 @dataclass(frozen=True, eq=False)
 class LayerAppearance:
-    """A layer in another document: f_q, f_o, visibility, and its radiance (p,3), None where as on screen; ``maps``: the
-    samples of its images, None for none, the texture's strength, and whether the weight is inverted."""
+    """A layer in another document: f_q, the factors of f_o by frame (2,256,3), visibility, and its radiance (p,3), None
+    where as on screen; ``maps``: the samples of its images, None for none, the texture's strength, and whether the
+    weight is inverted."""
 
     gain: Float64Array
-    view_curve: Float64Array
+    view_curves: Float64Array
     visible: bool
     radiance: NDArray[np.floating] | None = None
     maps: tuple[NDArray[np.float16] | None, float, bool] = (None, 1.0, False)

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from engine.core.threads import on_threads
 from engine.light.environment import LUMINANCE, Environment, texel_solid_angles
 from engine.light.triangle_lights import cut_lights, turned
+from engine.material.layer import frame_of
 from engine.precompute.direct import _relight_kernels as kernels
 from engine.precompute.direct._projection_kernels import ViewedPoints
 from engine.precompute.direct.lighting import nearest_neighbours
@@ -80,6 +81,7 @@ class PeakLight:
     def reflected(self, hits: PrimaryHits, reflection: kernels.Reflection, points: NDArray[np.integer]) -> Float32Array:
         """What a layer of this reflection sends to the camera from these points, (p, 3), without f_q and f_o."""
         rows, out = np.ascontiguousarray(points, np.int32), np.empty((len(points), 3), np.float32)
+        hits = hits.in_frame(frame_of(reflection.q))
         surface = ViewedPoints(hits.position, hits.tangent, hits.normal, hits.wo)
         lights = kernels.DirectedLights(np.ascontiguousarray(self.directions.T), self.power)
         bits = self.visibility.bits

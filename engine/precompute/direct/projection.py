@@ -7,6 +7,7 @@ import numpy as np
 
 from engine.core.threads import map_ahead, n_threads, pool
 from engine.material import MODELS
+from engine.material.layer import frame_of
 from engine.precompute.direct import _projection_kernels as kernels
 from engine.precompute.direct._band_kernels import PackedTile
 from engine.precompute.direct.bandstore import BandTile
@@ -76,6 +77,7 @@ def project_points(hits: PrimaryHits, rows: np.ndarray, light: VisibleLight, lay
     q = np.array(model.bind_parameters(np.asarray(layer.quotient_parameters, np.float64)))
     tolerance = np.float32(light.lighting.tolerance)
     optics = kernels.Optics(model.number, q, kind_a, kind_b, n_a, n_b, tolerance, model.colours_number(q))
+    hits = hits.in_frame(frame_of(layer.quotient_parameters))
     surface = kernels.ViewedPoints(hits.position, hits.tangent, hits.normal, hits.wo)
     near = light.near
     bits = kernels.Bits(light.sphere.bits, light.fine.bits, light.emitters.bits, near.start, near.node, near.delta)

@@ -143,7 +143,8 @@ class RowMaker:
         """Rows of a layer at the given points, all of them visible to the camera, one tile at a time."""
         reflection, parts = layer_reflection(layer), _parts()
         least = np.float32(self.least / max(float(layer.scale().max()), 1e-6))
-        surface = ViewedPoints(self.hits.position, self.hits.tangent, self.hits.normal, self.hits.wo)
+        hits = self.hits.in_frame(layer.frame)
+        surface = ViewedPoints(hits.position, hits.tangent, hits.normal, hits.wo)
 
         def make(tile: NDArray[np.int32]) -> kernels.LightRowArrays:
             n_most, channels = len(tile) * len(self.effects), reflection.curve_a.shape[1]

@@ -22,6 +22,8 @@ from engine.precompute.indirect._ray_kernels import (
     pattern_of,
     pattern_rotation,
     sample_direction,
+    to_local,
+    to_world,
 )
 
 # Marks a curve that is constant over its angle.
@@ -147,8 +149,9 @@ def _ray(samples, i, m, pattern, cosine, sine, ox, oy, oz):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def weigh_rays(samples, begin, end, optics, stored_weights):
-    """Writes the weights of the rays of points [begin, end) without the curves to `stored_weights`."""
+def weigh_rays(samples, begin, end, optics, surface, stored_weights):
+    """Writes the weights of the rays of points [begin, end) without the curves to `stored_weights`; surface: the points
+    in the layer's frame, which need not be the one that the rays are distributed in."""
     n_angles = stored_weights.angles.shape[0]
     n_cosine, n_lobe = np.float32(samples.tables_cosine.shape[1]), np.float32(samples.tables_lobe.shape[1])
     scale = ONE / np.float32(math.pi)
@@ -161,27 +164,42 @@ def weigh_rays(samples, begin, end, optics, stored_weights):
         pattern = pattern_of(seed, samples.nth[i])
         weights[:] = ZERO
         most = ZERO
+        # The rays' own frame, and the layer's if that is another.
+        tangent, normal = samples.tangent[r], samples.normal[r]
+        to_tangent, to_normal = surface.tangent[r], surface.normal[r]
+        is_turned = False
+        for axis in range(3):
+            is_turned |= tangent[axis] != to_tangent[axis] or normal[axis] != to_normal[axis]
+        vx, vy, vz = local_wo(to_tangent, to_normal, surface.wo[r]) if is_turned else (ox, oy, oz)
         for m in range(samples.records.shape[1]):
             if samples.records[i, m] == NO_RECORD:
                 continue
             # The quotient ρ_q cosθ_i of each ray that hits a record.
             x, y, z = _ray(samples, i, m, pattern, cosine, sine, ox, oy, oz)
-            weight = np.float32(quotient_cosine(optics.model, optics.q, x, y, z, ox, oy, oz))
+            if z <= HORIZON:
+                continue
+            density = direction_pdf(n_cosine, n_lobe, samples.lobe_axes[i], x, y, z, ox, oy, oz)
+            if is_turned:
+                dx, dy, dz = to_world(tangent[0], tangent[1], tangent[2], normal[0], normal[1], normal[2], x, y, z)
+                x, y, z = to_local(
+                    to_tangent[0], to_tangent[1], to_tangent[2], to_normal[0], to_normal[1], to_normal[2], dx, dy, dz
+                )
+            weight = np.float32(quotient_cosine(optics.model, optics.q, x, y, z, vx, vy, vz))
             if z <= HORIZON or weight <= ZERO:
                 continue
             # Angles of the curves.
             if n_angles > 0:
-                angle = gamma(optics.kind_a, optics.q, x, y, z, ox, oy, oz)
+                angle = gamma(optics.kind_a, optics.q, x, y, z, vx, vy, vz)
                 if angle > HALF_PI:
                     continue
                 stored_weights.angles[0, at, m] = _coded(angle)
             if n_angles > 1:
-                angle = gamma(optics.kind_b, optics.q, x, y, z, ox, oy, oz)
+                angle = gamma(optics.kind_b, optics.q, x, y, z, vx, vy, vz)
                 if angle > HALF_PI:
                     continue
                 stored_weights.angles[1, at, m] = _coded(angle)
             # Divide by the density: the Monte Carlo estimator f(X) / p(X) [BenArtzi07, eq. 6.1].
-            weights[m] = weight * scale / direction_pdf(n_cosine, n_lobe, samples.lobe_axes[i], x, y, z, ox, oy, oz)
+            weights[m] = weight * scale / density
             most = max(most, weights[m])
         # Quantise square roots relative to the point's largest weight.
         stored_weights.scales[at] = most / (CODES * CODES)

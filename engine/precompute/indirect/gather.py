@@ -94,7 +94,7 @@ def gather(
     CacheFull.
     """
     tables = direction_tables(size, nth)
-    surface = ViewedPoints(hits.position, hits.tangent, hits.normal, hits.wo)
+    surface = ViewedPoints(hits.position, *hits.ray_frames, hits.wo)
     step = max(1, CHUNK // size.n_rays)
     point_poles = lobe_axes[object_of_rows(hits, rows)]
 

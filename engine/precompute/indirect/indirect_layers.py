@@ -53,21 +53,26 @@ def any_glossy(model_names: Iterable[str]) -> bool:
 @dataclass(frozen=True, eq=False)
 class IndirectLayer:
     """A visible layer of one object. curves: towards the camera; second_curves: at the second bounce; gain: f_q (3,);
-    view_curve: f_o (N, 3) at even angles from 0 to π/2; albedo (3,): equivalent albedo. f_q and albedo include the mean
-    of texture and weight maps over the surface, share (3,); records have their own, see `record_maps`. slant (N_SLANTS,
-    3): relative directional albedo, see `albedo.slant_of`. third_curves: at the third bounce, None for those of the
-    second."""
+    view_curves: the factors (2, N, 3) of f_o, at even angles from 0 to π/2 to the normal of each frame; albedo (3,):
+    equivalent albedo. f_q and albedo include the mean of texture and weight maps over the surface, share (3,); records
+    have their own, see `record_maps`. slant (N_SLANTS, 3): relative directional albedo, see `albedo.slant_of`.
+    third_curves: at the third bounce, None for those of the second."""
 
     i_object: int
     curves: LayerCurves
     second_curves: LayerCurves
     gain: NDArray[np.float64]
-    view_curve: NDArray[np.float64]
+    view_curves: NDArray[np.float64]
     albedo: NDArray[np.float64]
     maps: LayerMaps = LayerMaps()
     share: NDArray[np.float64] = field(default_factory=lambda: np.ones(3))
     slant: NDArray[np.float64] = field(default_factory=lambda: np.ones((N_SLANTS, 3)))
     third_curves: LayerCurves | None = None
+
+    @property
+    def view_curve(self) -> NDArray[np.float64]:
+        """f_o (N, 3) where both normals are the same."""
+        return np.asarray(self.view_curves[0] * self.view_curves[1])
 
 
 def indirect_layer(
@@ -80,11 +85,11 @@ def indirect_layer(
     mean (3,): of its texture and weight map over the surface; None if unknown, in which case the maps are ignored.
     """
     share = np.broadcast_to(np.asarray(1.0 if mean is None else mean, np.float64), 3)
-    seen = layer.view_curve(np.linspace(0.0, np.pi / 2, N_VIEW_SAMPLES))
+    seen = layer.view_curves(np.linspace(0.0, np.pi / 2, N_VIEW_SAMPLES))
     at_second = tuple(n if second is None else min(n, second) for n in bands)
     q = layer.quotient_parameters()
     towards_camera = _coefficients(layer, bands)
-    tint = tint_of(layer.model.name, tuple(q.tolist()), towards_camera, seen)
+    tint = tint_of(layer.model.name, tuple(q.tolist()), towards_camera, seen[0] * seen[1])
 
     def curves(each: tuple[int, ...]) -> LayerCurves:
         return LayerCurves(layer.model, q, _coefficients(layer, each), tint)
@@ -121,8 +126,9 @@ def albedos_of(layers: Sequence[IndirectLayer], n_objects: int) -> NDArray[np.fl
 
 def view_factors(hits: PrimaryHits, rows: NDArray[np.integer], layer: IndirectLayer) -> NDArray[np.float32]:
     """f_q f_o(θ_o), (p, 3)."""
-    cosine = np.einsum("pc,pc->p", hits.normal[rows], hits.wo[rows], dtype=np.float64)
-    position = np.arccos(np.clip(cosine, 0.0, 1.0)) * (len(layer.view_curve) - 1) / (np.pi / 2)
-    angles = np.arange(len(layer.view_curve))
-    view = np.stack([np.interp(position, angles, layer.view_curve[:, c]) for c in range(3)], axis=1)
-    return np.asarray(layer.gain * view, np.float32)
+    angles = np.linspace(0.0, np.pi / 2, layer.view_curves.shape[1])
+    base, coat = (
+        np.stack([np.interp(theta_o, angles, curve[:, c]) for c in range(3)], axis=1)
+        for theta_o, curve in zip(hits.view_angles(rows), layer.view_curves, strict=True)
+    )
+    return np.asarray(layer.gain * base * coat, np.float32)

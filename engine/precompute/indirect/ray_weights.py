@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.precompute.direct._projection_kernels import ViewedPoints
 from engine.precompute.indirect._photon_kernels import ReflectedPhotons, weigh_nearby
 from engine.precompute.indirect._reflection_kernels import (
     CONSTANT,
@@ -30,9 +31,10 @@ def n_angles_of(optics: ReflectingLayer) -> int:
 class RayWeights:
     """The weights of one layer for the rays of one object, computed part by part; several threads may compute parts."""
 
-    def __init__(self, samples: SampleArrays, optics: ReflectingLayer, keeps: bool) -> None:
-        """keeps: compute every part only once; call `complete` afterwards."""
-        self._samples, self._optics = samples, optics
+    def __init__(self, samples: SampleArrays, surface: ViewedPoints, optics: ReflectingLayer, keeps: bool) -> None:
+        """surface: the points in the layer's frame; keeps: compute every part only once; call `complete`
+        afterwards."""
+        self._samples, self._surface, self._optics = samples, surface, optics
         self.n_angles = n_angles_of(optics)
         self._cached = self._room(0, len(samples.rows)) if keeps else None
         self._is_complete = False
@@ -41,7 +43,7 @@ class RayWeights:
         """The weights of points [begin, end)."""
         stored_weights = self._room(begin, end) if self._cached is None else self._cached
         if not self._is_complete:
-            weigh_rays(self._samples, begin, end, self._optics, stored_weights)
+            weigh_rays(self._samples, begin, end, self._optics, self._surface, stored_weights)
         return stored_weights
 
     def complete(self) -> None:
@@ -61,9 +63,12 @@ class RayWeights:
 class PhotonWeights:
     """The same of the photons near these points."""
 
-    def __init__(self, samples: SampleArrays, nearby: NearbyPhotons, optics: ReflectingLayer, keeps: bool) -> None:
-        """keeps: see `RayWeights`."""
-        self._samples, self._nearby, self._optics = samples, nearby, optics
+    def __init__(
+        self, samples: SampleArrays, nearby: NearbyPhotons, surface: ViewedPoints, optics: ReflectingLayer, keeps: bool
+    ) -> None:  # fmt: skip
+        """surface, keeps: see `RayWeights`."""
+        self._samples = samples._replace(tangent=surface.tangent, normal=surface.normal)
+        self._nearby, self._optics = nearby, optics
         self.n_angles = n_angles_of(optics)
         self._cached = self._room(0, len(nearby.photon)) if keeps else None
         self._is_complete = False

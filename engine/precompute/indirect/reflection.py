@@ -23,6 +23,8 @@ from numpy.typing import NDArray
 
 from engine.core.clamping import clamp_radiance
 from engine.core.threads import even_parts, n_threads, on_threads
+from engine.material.layer import frame_of
+from engine.precompute.direct._projection_kernels import ViewedPoints
 from engine.precompute.indirect import _edited_gloss_kernels as edited_kernels
 from engine.precompute.indirect import _reflection_kernels as kernels
 from engine.precompute.indirect import _second_bounce_kernels as second_kernels
@@ -189,7 +191,7 @@ class HemisphereSamples:
         records = records._replace(start=records.start[begin : end + 1], times=records.times[begin:end])
         self._samples = kernels.SampleArrays(
             rows, nth, np.full(len(rows), lobe_axis, np.int64), gathered.records[begin:end],
-            *direction_tables(size, nth), hits.tangent, hits.normal, hits.wo,
+            *direction_tables(size, nth), *hits.ray_frames, hits.wo,
         )  # fmt: skip
         self._caches = keeps
         self._weights: dict[tuple[int, bytes], RayWeights] = {}
@@ -365,10 +367,15 @@ class HemisphereSamples:
         cached = self._weights.get(key)
         if cached is not None and cached.n_angles >= n_angles_of(optics):
             return cached
-        made = RayWeights(self._samples, optics, self._caches)
+        made = RayWeights(self._samples, self._surface_of(optics), optics, self._caches)
         if self._caches:
             self._weights[key] = made
         return made
+
+    def _surface_of(self, optics: kernels.ReflectingLayer) -> ViewedPoints:
+        """The points in the frame of a layer, which need not be that of the rays."""
+        hits = self._hits.in_frame(frame_of(optics.q))
+        return ViewedPoints(hits.position, hits.tangent, hits.normal, hits.wo)
 
     def _photon_weights_of(self, optics: kernels.ReflectingLayer) -> PhotonWeights:
         """The same of photons."""
@@ -376,7 +383,7 @@ class HemisphereSamples:
         cached = self._photon_weights.get(key)
         if cached is not None and cached.n_angles >= n_angles_of(optics):
             return cached
-        made = PhotonWeights(self._samples, self._photons, optics, self._caches)
+        made = PhotonWeights(self._samples, self._photons, self._surface_of(optics), optics, self._caches)
         if self._caches:
             self._photon_weights[key] = made
         return made

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.material.layer import FRAMES, Frame
 from engine.realtime.core.gpu_parts import (
     N_HEAD,
     BouncedPart,
@@ -155,13 +156,24 @@ class _Terms:
             maps = self.exported.maps(term.layers[0].maps)
         is_sharp = tables is not None and orbit.reflections.is_sharp(term.layers)
         bumps = None
-        if (term.reflectance is not None or is_sharp) and term.i_object in orbit.scene.bump_normals.objects:
-            own = orbit.scene.description.objects[term.i_object].bumps
+        scene = orbit.scene.in_frame(term.frame)
+        perturbs = term.i_object in scene.bump_normals.objects and _has_axes(orbit.scene, term.i_object, term.frame)
+        if (term.reflectance is not None or is_sharp) and perturbs:
+            own = scene.description.objects[term.i_object].bumps
             slopes = self.exported.image(orbit.scene.textures.slopes(own))
             bumps = ExportedBumps(slopes, own.bump_repeats, own.slope_scale, bool(own.normal_map))
         reflectance, serial = term.reflectance or (0.0, 0.0, 0.0), tables.serial if tables else 0
         sharp = term.layers if is_sharp else ()
         return OrbitTerm(term.i_object, reflectance, maps, as_triple(albedo), serial, bumps, sharp)
+
+
+def _has_axes(scene: Scene, i_object: int, frame: Frame) -> bool:
+    """Whether the exported axes of an object's offsets are those of a frame: they are the base's where that has bumps,
+    and a coat with other axes is smooth in moving pictures."""
+    if frame == "base" or i_object not in scene.bump_normals.objects:
+        return True
+    base, coat = (scene.in_frame(each).description.objects[i_object].bumps for each in FRAMES)
+    return bool(base.normal_map and coat.normal_map) and base.bump_uv_set == coat.bump_uv_set
 
 
 def _mesh(scene: Scene, lit: LitPoints, n: int) -> MeshPart:
@@ -178,9 +190,10 @@ def _mesh(scene: Scene, lit: LitPoints, n: int) -> MeshPart:
     faces = np.repeat(scene.geometric_normals[source][:, None], 3, axis=1).astype(np.float32)
     sides = np.ascontiguousarray(points.shown[order].swapaxes(1, 2)).view(np.float32)
     bounds = np.searchsorted(scene.object_of_triangle[source], np.arange(len(scene.smooth) + 1)).tolist()
-    for i in scene.bump_normals.objects:
+    bumpy = {i: each.bump_normals for each in map(scene.in_frame, reversed(FRAMES)) for i in each.bump_normals.objects}
+    for i, bump_normals in bumpy.items():
         begin, end = bounds[i], bounds[i + 1]
-        own = scene.bump_normals.offset_axes(i)[source[begin:end] - scene.triangle_ranges[i][0]]
+        own = bump_normals.offset_axes(i)[source[begin:end] - scene.triangle_ranges[i][0]]
         offset_axes[begin:end] = np.einsum("tpk,tki->tpi", shares[begin:end], own)
     places = points.corners[order].astype(np.float32)
     corners = np.concatenate([places, faces, uvs, sides, offset_axes, colours], axis=2)

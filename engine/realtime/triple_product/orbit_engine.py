@@ -28,6 +28,7 @@ from engine.core.stored_arrays import ArrayReader, Arrays
 from engine.core.threads import n_threads
 from engine.light.emitters import EmitterPatches, emitter_patches, merged_by_object
 from engine.material.bumps import Bumps
+from engine.material.layer import FRAMES
 from engine.precompute.direct.linking import object_groups, sky_numbers
 from engine.precompute.direct.pipeline import SkyState
 from engine.realtime.core.shading_points import ShadingPoints, place_points, with_rotated_tangents
@@ -354,7 +355,8 @@ class Orbit:
     @property
     def _are_glossy(self) -> NDArray[np.bool_]:
         found = self._reflections.are_glossy(len(self.scene.smooth))
-        found[list(self.scene.bump_normals.objects)] = True  # each pixel has its own frame there, diffuse or not
+        for frame in FRAMES:  # each pixel has its own frame there, diffuse or not
+            found[list(self.scene.in_frame(frame).bump_normals.objects)] = True
         return found
 
     def _stale(self) -> None:

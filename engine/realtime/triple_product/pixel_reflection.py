@@ -280,19 +280,21 @@ def perturbed_reflection(
     samples: PerturbedSamples,
     incident: Incident,
     sky: SkyMap,
+    layers: Sequence[Layer],
     tables: slice_kernels.Tables,
     still: bool,
 ) -> Float32Array:
-    """Radiance (N, 3) that perturbed glossy surfaces send to the camera."""
+    """Radiance (N, 3) that perturbed glossy surfaces send to the camera; tables: the layers' slices."""
     lit = _peak_radiance(seen, samples, incident, sky, tables)
     if not still and _is_highlight(tables):
         directions, apart = (
             mirror_directions(samples.wo, samples.frames[:, 1]),
             peak_lights_of(make_sky(None, 0.0), incident, 0.0),
         )
-        return lit + reflect_at_corners(
+        relocated = reflect_at_corners(
             seen, samples.which, directions, incident, apart, tables, np.zeros((0, 2), np.uint64), N_MIRRORED
         )
+        return lit + relocated * _view_ratio(seen, samples, layers, directions)
     level = _STILL_LEVEL if still else _BROAD_LEVEL
 
     def fill(start: int, stop: int, points: Rows, first: Rows, members: Rows, out: Float32Array) -> None:
@@ -302,6 +304,21 @@ def perturbed_reflection(
         )  # fmt: skip
 
     return lit + _by_points(seen, samples, fill)
+
+
+def _view_ratio(
+    seen: ViewSamples, samples: PerturbedSamples, layers: Sequence[Layer], directions: Float32Array
+) -> Float32Array:
+    """f_o at the perturbed normals over that at the directions (N, 3) in which a highlight is looked up, (N or 1, 3): a
+    coat's is 25 times as large at grazing angles. Of one layer alone, for the slices of several are summed."""
+    if len(layers) > 1 or not layers[0].has_view_curve:
+        return np.ones((1, 3), np.float32)
+    cosines = (
+        np.einsum("ni,ni->n", samples.wo, samples.frames[:, 1], dtype=np.float64),
+        np.einsum("ni,ni->n", directions, seen.normals(samples.which), dtype=np.float64),
+    )
+    own, looked_up = (layers[0].view_curve(np.arccos(np.clip(each, 0.0, 1.0))) for each in cosines)
+    return np.asarray(np.divide(own, looked_up, out=np.ones_like(own), where=looked_up > 1e-6), np.float32)
 
 
 _Fill = Callable[[int, int, Rows, Rows, Rows, Float32Array], None]

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.core.generators import StepRunner, run_to_end
-from engine.material.layer import Layer
+from engine.material.layer import Frame, Layer
 from engine.material.layer_maps import LayerMaps
 from engine.realtime.core.terms import LayersOf, diffuse_reflectance
 from engine.realtime.triple_product import _slice_kernels
@@ -30,13 +30,23 @@ SHARP = 0.4
 
 @dataclass(frozen=True)
 class Term:
-    """One term of an object's reflection: diffuse layers, with reflectance ρ (3,), or glossy layers; factor: which of
-    the object's visible maps multiplies it."""
+    """One term of an object's reflection: diffuse layers, with reflectance ρ (3,), or glossy layers, in one frame and
+    under the same covers of the other; factor: which of the object's visible maps multiplies it."""
 
     i_object: int
     layers: tuple[Layer, ...]
     reflectance: tuple[float, float, float] | None
     factor: int | None = None
+
+    @property
+    def frame(self) -> Frame:
+        """The frame of its layers."""
+        return self.layers[0].frame
+
+    @property
+    def covers(self) -> tuple[Layer, ...]:
+        """What lies on its layers in the other frame."""
+        return _other_covers(self.layers[0])
 
 
 class Reflections:
@@ -197,19 +207,27 @@ class Reflections:
 
 
 def _terms(layers_of: Mapping[int, Sequence[Layer]]) -> Iterator[Term]:
-    """Group the layers of each object into terms: all diffuse layers without maps, all glossy ones without, and each
-    layer with maps by itself."""
+    """Group the layers of each object into terms: of each frame all diffuse layers without maps, all glossy ones
+    without, and each layer with maps by itself."""
     for i, layers in layers_of.items():
         visible = [layer for layer in layers if layer.visible]
-        plain = [layer for layer in visible if layer.maps.is_plain]
-        glossy = tuple(layer for layer in plain if _diffuse(layer) is None)
-        diffuse = [found for layer in plain if (found := _diffuse(layer)) is not None]
-        if diffuse:
-            red, green, blue = np.sum(diffuse, axis=0)
-            yield Term(i, tuple(layer for layer in plain if layer not in glossy), (red, green, blue))
-        if glossy:
-            yield Term(i, glossy, None)
+        groups = dict[tuple[Frame, tuple[Layer, ...]], list[Layer]]()
+        for layer in visible:
+            if layer.maps.is_plain:
+                groups.setdefault((layer.frame, _other_covers(layer)), []).append(layer)
+        for plain in groups.values():
+            glossy = tuple(layer for layer in plain if _diffuse(layer) is None)
+            diffuse = [found for layer in plain if (found := _diffuse(layer)) is not None]
+            if diffuse:
+                red, green, blue = np.sum(diffuse, axis=0)
+                yield Term(i, tuple(layer for layer in plain if layer not in glossy), (red, green, blue))
+            if glossy:
+                yield Term(i, glossy, None)
         yield from (Term(i, (layer,), _diffuse(layer), k) for k, layer in enumerate(visible) if not layer.maps.is_plain)
+
+
+def _other_covers(layer: Layer) -> tuple[Layer, ...]:
+    return tuple(cover for cover in layer.covers if cover.visible and cover.frame != layer.frame)
 
 
 def _diffuse(layer: Layer) -> tuple[float, float, float] | None:

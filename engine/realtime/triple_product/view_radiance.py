@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.core.threads import on_threads
-from engine.material.layer import Layer
+from engine.material.layer import FRAMES, Frame, Layer
 from engine.realtime.core.gpu_parts import n_sharp
 from engine.realtime.core.view_samples import Rows, ViewSamples, add_values, factors, interpolate
 from engine.realtime.triple_product.incident import ReachingLight, SkyMap
@@ -58,7 +58,29 @@ def view_radiance(
     object, in one of them."""
     radiance = np.zeros((len(seen.pixel), 3), np.float32)
     everywhere, mapped = np.ones((1, 3), np.float32), dict[int, dict[int, Float32Array]]()
-    perturbed: dict[int, PerturbedSamples] = {}
+    perturbed: dict[tuple[int, Frame], PerturbedSamples] = {}
+
+    def perturb(which: NDArray[np.int64], i_object: int, frame: Frame) -> PerturbedSamples:
+        if (i_object, frame) not in perturbed:
+            for other in [each for each in perturbed if each[0] != i_object]:
+                del perturbed[other]
+            perturbed[i_object, frame] = perturb_samples(seen, which, scene.in_frame(frame), i_object)
+        return perturbed[i_object, frame]
+
+    def left_by_covers(which: NDArray[np.int64], term: Term) -> Float32Array:
+        """What covers of the other frame leave of a term (N, 1), relative to what they do at the normal of its own: its
+        layers, and so their slices, have that."""
+        other = FRAMES[1 - FRAMES.index(term.frame)]
+        own, at_cover = (
+            np.einsum("ni,ni->n", each.wo, each.frames[:, 1], dtype=np.float64)
+            for each in (perturb(which, term.i_object, frame) for frame in (term.frame, other))
+        )
+        share = np.ones(len(which))
+        for cover in term.covers:
+            for cosines, power in ((at_cover, 1.0), (own, -1.0)):
+                theta_o = np.arccos(np.clip(cosines, LEAST_COSINE, 1.0))
+                share *= np.maximum(1.0 - cover.coverage(theta_o), LEAST_COSINE) ** power
+        return np.asarray(share[:, None], np.float32)
 
     def sky_of(i_object: int) -> SkyMap:
         return next(each.sky for each in lights if each.objects[i_object])
@@ -66,19 +88,16 @@ def view_radiance(
     def reflected_by_bumps(which: NDArray[np.int64], term: Term) -> Float32Array:
         """Reflection of direct light by a term where bumps perturb normals, without its maps, (N, 3)."""
         if quality == "moving":
-            light = quick_irradiance(seen, which, lit.incident, scene, term.i_object)
+            light = quick_irradiance(seen, which, lit.incident, scene.in_frame(term.frame), term.i_object)
             return light * np.array(term.reflectance, np.float32)
-        if term.i_object not in perturbed:
-            perturbed.clear()
-            perturbed[term.i_object] = perturb_samples(seen, which, scene, term.i_object)
-        samples, sky = perturbed[term.i_object], sky_of(term.i_object)
+        samples, sky = perturb(which, term.i_object, term.frame), sky_of(term.i_object)
         if term.reflectance is not None:
             light = perturbed_irradiance(seen, samples, lit.incident, sky)
             return light * np.array(term.reflectance, np.float32)
         tables = reflections.tables(term.layers)
         if tables is None:
             return np.zeros((len(which), 3), np.float32)
-        return perturbed_reflection(seen, samples, lit.incident, sky, tables, quality == "still")
+        return perturbed_reflection(seen, samples, lit.incident, sky, term.layers, tables, quality == "still")
 
     if quality != "moving":
         corrections = _pixel_light(seen, lit, lights, quality)
@@ -92,9 +111,12 @@ def view_radiance(
             layers = reflections.layers_of[term.i_object]
             mapped[term.i_object] = factors(seen, which, scene, term.i_object, layers, quality)
         factor = everywhere if term.factor is None else mapped[term.i_object][term.factor]
+        # In moving pictures covers take their share at the term's own normal.
+        if term.covers and quality != "moving" and scene.in_coat_frame is not None:
+            factor = np.asarray(factor * left_by_covers(which, term), np.float32)
         points = np.flatnonzero(lit.seen & (lit.points.i_object == term.i_object))
         is_sharp = term.reflectance is None and reflections.is_sharp(term.layers)
-        has_bumps = term.i_object in scene.bump_normals.objects
+        has_bumps = term.i_object in scene.in_frame(term.frame).bump_normals.objects
         # In moving pictures blunt gloss ignores bumps: it is shaded at points, whose spacing exceeds the bumps. Sharp
         # gloss is looked up by the perturbed normal.
         bumpy = has_bumps and (quality != "moving" or term.reflectance is not None)
@@ -117,7 +139,7 @@ def view_radiance(
         elif term.reflectance is not None and quality != "moving":
             add_values(which, corrections.irradiance[which] * np.array(term.reflectance, np.float32), factor, radiance)
         if shows:
-            normals = perturbed[term.i_object].frames[:, 1] if bumpy else None
+            normals = perturb(which, term.i_object, term.frame).frames[:, 1] if bumpy else None
             found = mirrored_light(seen, which, lit, scene, term.i_object, term.layers, quality, normals)
             add_values(which, found, factor, radiance)
         if tables is not None and quality != "moving":
@@ -125,7 +147,8 @@ def view_radiance(
             found += corrections.reflected(seen, scene, term.i_object, term.layers)
             add_values(which, found, factor, radiance)
         elif tables is not None and is_sharp:
-            offsets = quick_normal_offsets(seen, which, scene, term.i_object) if has_bumps else None
+            own = scene.in_frame(term.frame)
+            offsets = quick_normal_offsets(seen, which, own, term.i_object) if has_bumps else None
             found = reflect_at_pixels(
                 seen, which, lit.incident, sky, term.layers, tables, _LITTLE[quality], n_sharp(n_moving), offsets
             )

@@ -35,6 +35,7 @@ from engine.scene.loaders.pbr_layers import (
     PbrMaterial,
     SheenCoat,
     pbr_layers,
+    with_coat_frame,
 )
 
 # The material of objects without one.
@@ -106,14 +107,18 @@ def read_material(fields: JsonObject, images: GltfImages, is_coloured: bool = Fa
         coat=_coat(extensions.child("KHR_materials_clearcoat"), images, notes),
     )
     emission = _emission(fields, images, notes)
-    _list_partly_shown(material, extensions, emits=emission.radiance is not None, is_bumpy=fields.has("normalTexture"))
-    bumps = _bumps(fields.child("normalTexture"), images, notes) if fields.has("normalTexture") else NO_BUMPS
+    _list_partly_shown(material, extensions, emits=emission.radiance is not None)
+    bumps = _bumps(fields, "normalTexture", images, notes)
+    if material.coat is not None:
+        coat = extensions.child("KHR_materials_clearcoat")
+        bumps = bumps.with_coat(_bumps(coat, "clearcoatNormalTexture", images, notes))
     if streak.strength:
         bumps = replace(
             bumps, tangent_along_u=True, tangent_angle=streak.angle, tangent_map=streak.directions,
             tangent_vectors=bool(streak.directions),
         )  # fmt: skip
-    return PartMaterial(pbr_layers(material), emission, tuple(notes), bumps, opacity, called)
+    layers = with_coat_frame(pbr_layers(material), bumps)
+    return PartMaterial(layers, emission, tuple(notes), bumps, opacity, called)
 
 
 def _metallic_roughness(fields: JsonObject, images: GltfImages, notes: list[str]) -> PbrMaterial:
@@ -256,16 +261,13 @@ def _largest(maps: LayerMaps) -> ChannelImage | None:
     return ChannelImage(maps.texture, "max", maps.texture_scale, transform)
 
 
-def _list_partly_shown(material: PbrMaterial, extensions: JsonObject, emits: bool, is_bumpy: bool) -> None:
-    """List what the layers of a material cannot have together. is_bumpy: whether the base has a normal map, which a
-    coat without one of its own would not follow."""
+def _list_partly_shown(material: PbrMaterial, extensions: JsonObject, emits: bool) -> None:
+    """List what the layers of a material cannot have together."""
     specular, coat = (extensions.child(f"KHR_materials_{name}") for name in ("specular", "clearcoat"))
     if material.film is not None:
         for key in ("specularTexture", "specularColorTexture"):
             if specular.has(key):
                 specular.not_shown(key, "counts as white under iridescence")
-    if material.coat is not None and (is_bumpy or coat.has("clearcoatNormalTexture")):
-        coat.not_shown("clearcoatNormalTexture", "the coat has the normals of what lies under it")
     if material.coat is not None and emits:
         coat.not_shown("clearcoatFactor", "the coat does not dim what the surface emits")
 
@@ -372,8 +374,11 @@ def _unlit(fields: JsonObject, images: GltfImages, notes: list[str], is_coloured
     return PartMaterial((), Emission((red, green, blue), texture, unlit=True), opacity=opacity)
 
 
-def _bumps(info: JsonObject, images: GltfImages, notes: list[str]) -> Bumps:
+def _bumps(fields: JsonObject, key: str, images: GltfImages, notes: list[str]) -> Bumps:
     """The normal map of a normal texture, by the number of its image; none if that is unavailable."""
+    if not fields.has(key):
+        return NO_BUMPS
+    info = fields.child(key)
     used = images.use(info, notes)
     if used is None:
         return NO_BUMPS

@@ -20,6 +20,7 @@ from engine.scene.loaders.pbr_layers import (
     PbrMaterial,
     SheenCoat,
     pbr_layers,
+    with_coat_frame,
 )
 from engine.scene.loaders.surface_inputs import RGB, Float64Array, SurfaceInputs, plain, rgb_of
 from engine.scene.loaders.surface_parts import SurfaceMaterial, blended, bumps_of, bumps_of_colours, emission_of
@@ -61,7 +62,9 @@ def read_gltf_pbr(inputs: SurfaceInputs, maps: MapMaker) -> SurfaceMaterial:
     if streak:
         turn = math.degrees(inputs.number("anisotropy_rotation", -math.tau, math.tau))
         bumps = replace(bumps, tangent_along_u=True, tangent_angle=turn)
-    return SurfaceMaterial(pbr_layers(material), emitted, bumps, opacity)
+    if coat.strength > 0.0:
+        bumps = bumps.with_coat(bumps_of(inputs, "clearcoat_normal", maps))
+    return SurfaceMaterial(with_coat_frame(pbr_layers(material), bumps), emitted, bumps, opacity)
 
 
 def read_preview_surface(inputs: SurfaceInputs, maps: MapMaker) -> SurfaceMaterial:

@@ -31,7 +31,7 @@ from engine.scene.loaders.graph_nodes import ImageSource, NodeFields
 from engine.scene.loaders.layer_stack import ONE, StackedLayer, covered, layer_descriptions
 from engine.scene.loaders.model import UnshownProperty
 from engine.scene.loaders.mtlx_pbr import read_gltf_pbr, read_preview_surface
-from engine.scene.loaders.pbr_layers import Film
+from engine.scene.loaders.pbr_layers import COAT, Film, with_coat_frame
 from engine.scene.loaders.shader_graph import ShaderNode
 from engine.scene.loaders.surface_inputs import Group, SurfaceInputs, mean_of, mixed, one_minus, product
 from engine.scene.loaders.surface_parts import (
@@ -56,7 +56,6 @@ _SUBSURFACE = "light leaves the surface where it enters it"
 _ROUND = "highlights are round where they should be streaks"
 _THIN = "surfaces are opaque, and both sides reflect alike"
 _EVEN = "the base is even under a thin film"
-_AS_BASE = "the coat has the normals of what lies under it"
 
 
 def surface_material(
@@ -106,7 +105,7 @@ def _open_pbr(inputs: SurfaceInputs, maps: MapMaker) -> SurfaceMaterial:
         layers += metal(product(weight, colour), edge, shine, roughness, film)
     if not is_everywhere(coat, 0.0):
         varnish = StackedLayer(
-            "coat", "varnish", roughness=inputs.field("coat_roughness"), parameters={"ior": coat_index}
+            COAT, "varnish", roughness=inputs.field("coat_roughness"), parameters={"ior": coat_index}
         )
         layers = covered(layers, varnish, coat)
     fuzz = inputs.field("fuzz_weight")
@@ -118,10 +117,12 @@ def _open_pbr(inputs: SurfaceInputs, maps: MapMaker) -> SurfaceMaterial:
         layers = covered(layers, sheen, fuzz)
     luminance = product(inputs.field("emission_luminance"), constant(1.0 / LUMENS_A_WATT))
     emitted = emission_of(inputs.field("emission_color"), maps, luminance)
-    return SurfaceMaterial(
-        layer_descriptions(layers, maps), emitted, _along_u(bumps_of(inputs, "geometry_normal", maps), stretched),
-        blended(inputs.field("geometry_opacity"), maps),
-    )  # fmt: skip
+    described = layer_descriptions(layers, maps)
+    bumps = _along_u(bumps_of(inputs, "geometry_normal", maps), stretched)
+    opacity = blended(inputs.field("geometry_opacity"), maps)
+    if not is_everywhere(coat, 0.0):
+        bumps = bumps.with_coat(bumps_of(inputs, "geometry_coat_normal", maps))
+    return SurfaceMaterial(with_coat_frame(described, bumps), emitted, bumps, opacity)
 
 
 def _dimmed_by_coat(
@@ -208,17 +209,16 @@ def _standard(inputs: SurfaceInputs, maps: MapMaker) -> SurfaceMaterial:
         layers += conductor(product(weight, colour), product(gloss, tint), product(metalness, dim), roughness, film)
     if not is_everywhere(coat, 0.0):
         varnish = StackedLayer(
-            "coat", "varnish", roughness=coat_roughness, parameters={"ior": inputs.number("coat_IOR", 1.01, 5.0)}
+            COAT, "varnish", roughness=coat_roughness, parameters={"ior": inputs.number("coat_IOR", 1.01, 5.0)}
         )
         layers = covered(layers, varnish, coat)
     emitted = emission_of(inputs.field("emission_color"), maps, inputs.field("emission"))
     opacity = combine(lambda each: each[:, :3] @ _LUMINANCE, inputs.field("opacity"))
-    return SurfaceMaterial(
-        layer_descriptions(layers, maps),
-        emitted,
-        _along_u(bumps_of(inputs, "normal", maps), stretched, turn),
-        blended(opacity, maps),
-    )
+    described = layer_descriptions(layers, maps)
+    bumps, cover = _along_u(bumps_of(inputs, "normal", maps), stretched, turn), blended(opacity, maps)
+    if not is_everywhere(coat, 0.0):
+        bumps = bumps.with_coat(bumps_of(inputs, "coat_normal", maps))
+    return SurfaceMaterial(with_coat_frame(described, bumps), emitted, bumps, cover)
 
 
 _LUMINANCE = np.array([[0.2126], [0.7152], [0.0722]], np.float32)
@@ -269,7 +269,7 @@ _SHADERS = {
             Group("coat_roughness_anisotropy", ("geometry_coat_tangent",), _ROUND),
             Group("geometry_thin_walled", (), _THIN),
         ),
-        {"geometry_coat_normal": _AS_BASE},
+        {},
     ),
     "standard_surface": _Shader(
         _standard,
@@ -284,7 +284,7 @@ _SHADERS = {
             Group("coat_anisotropy", ("coat_rotation",), _ROUND),
             Group("thin_walled", (), _THIN),
         ),
-        {"coat_normal": _AS_BASE},
+        {},
     ),
     "gltf_pbr": _Shader(
         read_gltf_pbr,
@@ -297,7 +297,7 @@ _SHADERS = {
             Group("anisotropy_strength", ("anisotropy_rotation", "tangent"), _ROUND),
             Group("alpha_mode", ("alpha", "alpha_cutoff")),
         ),
-        {"clearcoat_normal": _AS_BASE},
+        {},
     ),
     "UsdPreviewSurface": _Shader(
         read_preview_surface,

@@ -26,6 +26,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
+from engine.material.bumps import Bumps
 from engine.material.layer_maps import ChannelImage, FurtherWeight, LayerMaps
 from engine.scene.description import LayerDescription
 
@@ -36,6 +37,7 @@ WHITE: RGB = (1.0, 1.0, 1.0)
 BLACK: RGB = (0.0, 0.0, 0.0)
 SMOOTHEST = 0.01  # the least α: a mirror is kept just rough enough to be sampled
 LEAST_SHEEN = 0.01
+COAT = "coat"  # the name of the layer
 _BRIGHTEST = 0.999  # F0 of the gloss on a base: more leaves nothing of it
 _MIXED = 0.02  # metalness this close to 0 or 1 counts as that
 
@@ -134,6 +136,14 @@ def pbr_layers(material: PbrMaterial) -> Layers:
     if material.coat is not None and material.coat.strength > 0.0:
         layers = _covered(layers, _coat(material.coat), material.coat.image)
     return layers
+
+
+def with_coat_frame(layers: Layers, bumps: Bumps) -> Layers:
+    """The layers of a material with such bumps; where there are any, the coat reflects in a frame of its own: in all
+    formats that have a coat's normal it is the smooth surface's where it is not given."""
+    if not (bumps.file or bumps.coat_normal_map):
+        return layers
+    return tuple(each.model_copy(update={"frame": "coat"}) if each.name == COAT else each for each in layers)
 
 
 def _with_widths(
@@ -275,7 +285,7 @@ def _sheen(sheen: SheenCoat) -> LayerDescription:
 def _coat(coat: Coat) -> LayerDescription:
     maps = LayerMaps() if coat.image is None else _weighted(LayerMaps(), coat.image)
     parameters = {"alpha": max(coat.roughness**2, SMOOTHEST), "ior": coat.ior, "scale": coat.strength}
-    layer = LayerDescription(model="clearcoat", name="coat", maps=maps, parameters=parameters)
+    layer = LayerDescription(model="clearcoat", name=COAT, maps=maps, parameters=parameters)
     return _with_widths(layer, coat.roughness_image, 0.0, coat.roughness)
 
 

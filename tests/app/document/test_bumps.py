@@ -129,6 +129,37 @@ def test_rotations_have_paths_and_sessions(scene: Path) -> None:
             open_project(str(scene), values=[(f"card.{name}", value)])
 
 
+def test_a_coats_frame_has_paths_and_sessions(scene: Path) -> None:
+    values = [("card.coat_normal_map", "lean.png"), ("card.coat_strength", 0.5), ("card.0.frame", "coat")]
+    coated = open_project(str(scene), values=values)
+    own = Bumps(bump_map="ramp.png", bump_height=0.1)
+    expected = replace(own, coat_normal_map="lean.png", coat_strength=0.5)
+    assert coated.document.object("card").bumps == expected and coated.document.layer("card.0").frame == "coat"
+    assert coated.scene.in_frame("coat").bump_normals.objects == (0,)
+    path = scene.parent / "c.insitu"
+    save_session(path, coated.document, ViewState())
+    again = open_project(str(path))
+    assert again.document == coated.document and again.scene.description.objects[0].bumps == expected
+    assert scene.parent / "lean.png" in files_of_document(coated.document)
+    for name, value in (("coat_strength", 11), ("coat_normal_map", "gone.png"), ("0.frame", "lacquer")):
+        with pytest.raises(InsituError, match=r"10|gone\.png|base, coat"):
+            open_project(str(scene), values=[(f"card.{name}", value)])
+    # In a scene's file the map is a table with the keys of normal_map.
+    text = scene.read_text().replace("bump_map", 'coat_normal_map = { file = "lean.png", scale = 0.5 }\nbump_map')
+    scene.write_text(text.replace('model = "lambert"', 'model = "lambert", frame = "coat"'))
+    assert open_project(str(scene)).document.object("card").bumps == expected
+    assert open_project(str(scene)).document.layer("card.0").frame == "coat"
+
+
+def test_transport_depends_on_the_coats_normals(scene: Path) -> None:
+    bench, keys = WorkerContext(), []
+    bench.load(open_project(str(scene)).scene, 1)
+    for name in ("", "lean.png"):
+        run_to_end(bench.set_camera(SetCamera(1, bumps=(("card", Bumps(coat_normal_map=name)),))))
+        keys.append((bench.geometry_key, bench.view_key))
+    assert keys[0][0] == keys[1][0] == keys[0][1] != keys[1][1]
+
+
 def test_an_edit_is_traced_once_the_hand_rests_and_undone_in_one_step(client: FakeClient) -> None:
     editor = Editor(client, "shelf")
     client.open_scene()

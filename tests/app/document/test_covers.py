@@ -8,6 +8,7 @@ import pytest
 from app.document.commands.layers import (
     AddLayers,
     RemoveLayer,
+    SetFrame,
     SetFresnelTerm,
     SetModel,
     SetParameter,
@@ -129,6 +130,21 @@ def test_sessions_and_materials_bring_it_back(stack: Document, tmp_path: Path) -
     assert load_material(tmp_path / "m.toml").layers == found.object("pot").layers
     (alone,) = copy_layer(found, "pot.gloss").layers
     assert alone.under == "" and alone.covers == ()
+
+
+def test_a_layers_frame_is_set_undone_and_known_to_what_it_covers(stack: Document, tmp_path: Path) -> None:
+    document = SetFrame("pot.coat", "coat").apply(stack)
+    assert document.layer("pot.coat").frame == "coat"
+    (cover,) = [each for each in document.layer("pot.gloss").covers if each.name == "coat"]
+    assert cover.frame == "coat" and document.layer("pot.gloss").frame == "base"
+    # A second Fresnel term is in the frame of the first.
+    terms = SetFrame("pot.coat", "coat").apply(SetFresnelTerm("pot.coat", True).apply(stack))
+    assert {each.frame for each in terms.object("pot").layers if each.name in ("coat", "fresnel")} == {"coat"}
+    saved = save_session(tmp_path / "mine", terms, ViewState())
+    assert load_session(saved).document.object("pot").layers == terms.object("pot").layers
+    assert SetFrame("pot.coat", "base").apply(document) == stack
+    with pytest.raises(InsituError, match="base, coat"):
+        SetFrame("pot.coat", "lacquer").apply(stack)  # type: ignore[arg-type]
 
 
 def test_random_edits_keep_covers_consistent(stack: Document) -> None:

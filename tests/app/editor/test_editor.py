@@ -35,7 +35,7 @@ def test_view_factors_are_applied_in_image_space(settled: Editor, client: FakeCl
     settled.do(AddOperator("floor.0", "theta_o", LIFT))
     settled.tick(1.1)
     assert client.requests == []
-    curve = settled.controller.picture.view_curve("floor.0")
+    curve = settled.controller.picture.view_curves("floor.0").prod(axis=0)
     assert curve.shape == (256, 3) and curve[-1].tolist() == [1.0, 1.0, 1.0]
     angle = np.linspace(0.0, np.pi / 2, 256)
     assert np.allclose(curve[(angle > 0.2) & (angle < 0.3)], 2.0)  # 1 as generated, lifted by 1

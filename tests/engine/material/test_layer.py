@@ -9,6 +9,7 @@ import pytest
 from engine.curve.bands import band_weights
 from engine.curve.operators import Operator
 from engine.material import MODELS, ParameterError, make_layer
+from engine.material.layer import evaluate_layer, evaluate_layers
 
 GAMMA = np.linspace(0.0, math.pi / 2, 101)
 LIFT = Operator("translate", "y", 0.2, 0.4, 0.6, 0.8, magnitude=2.0)
@@ -72,6 +73,31 @@ def test_view_curve_of_lambert():
     assert layer.name == "lambert"
     assert (layer.curve("theta_o")(GAMMA) == 1.0).all()
     assert layer.scale().tolist() == [0.7, 0.6, 0.5]
+
+
+def test_layers_of_two_frames_reflect_about_their_own_axes():
+    # The base's normal leans by 0.3 from the coat's, in the plane of x and z.
+    turn = np.array([[math.cos(0.3), 0.0, math.sin(0.3)], [0.0, 1.0, 0.0], [-math.sin(0.3), 0.0, math.cos(0.3)]])
+    coat = make_layer(MODELS["clearcoat"], {"alpha": 0.2}, "coat").replace(frame="coat")
+    base = make_layer(MODELS["lambert"], {"albedo": [0.5] * 3}).replace(under="coat", covers=(coat,))
+    angles = np.random.default_rng(1).random((2, 64, 2)) * [0.48 * math.pi, 2.0 * math.pi]
+    wi, wo = (
+        np.stack([np.sin(t) * np.cos(f), np.sin(t) * np.sin(f), np.cos(t)], axis=1)
+        for t, f in np.moveaxis(angles, 2, 1)
+    )
+    coat_wi, coat_wo = wi @ turn.T, wo @ turn.T
+    above = (coat_wi[:, 2] > 0.0) & (coat_wo[:, 2] > 0.0)
+    theta_o, coat_theta_o = (np.arccos(np.clip(each[:, 2], 0.0, 1.0)) for each in (wo, coat_wo))
+    # rho cos of a Lambertian base is 0.5 cos / pi in its own frame, times what the coat leaves at its own normal.
+    expected = 0.5 / math.pi * wi[:, 2] * (1.0 - coat.coverage(coat_theta_o))
+    of_coat = evaluate_layers([base, coat], wi, wo, None, (coat_wi, coat_wo)) - expected[:, None]
+    alone = evaluate_layer(coat, coat_wi[above], coat_wo[above])
+    assert of_coat[above] == pytest.approx(alone, rel=1e-9, abs=1e-12)
+    assert abs(of_coat[~above]).max() < 1e-12 and (~above).any()
+    both = np.stack([theta_o, coat_theta_o])
+    assert base.view_factors(both)[:, 0] == pytest.approx(1.0 - coat.coverage(coat_theta_o))
+    assert base.view_curves(theta_o)[0] == pytest.approx(np.ones((64, 3)))
+    assert coat.view_factors(both) == pytest.approx(coat.view_curve(coat_theta_o))
 
 
 def test_unknown_curves_and_values_are_refused(copper):

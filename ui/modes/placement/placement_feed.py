@@ -328,10 +328,10 @@ class PlacementFeed(PictureSource):
                 continue
             self.renderer.set_layer_gain(key, _controller(editor).picture.gain(key).tolist())
             self._maps.follow(key, layer.maps)
-            curve = _controller(editor).picture.view_curve(key)
-            if self._view_curves.get(key) is not curve:
-                self._view_curves[key] = curve
-                self.renderer.set_view_curve(key, curve)
+            curves = _controller(editor).picture.view_curves(key)
+            if self._view_curves.get(key) is not curves:
+                self._view_curves[key] = curves
+                self.renderer.set_view_curve(key, *curves)
 
     def _follow_visibility(self, editor: Editor, document: Document) -> None:
         """Follow which layers are visible; one that is gone may come back, by undo, before the worker knows of it."""
@@ -407,4 +407,4 @@ def stops(light: LightState) -> float:
 
 def _appearance(look: LayerAppearance) -> ComparedAppearance:
     red, green, blue = (float(value) for value in look.gain)
-    return ComparedAppearance((red, green, blue), look.view_curve, look.visible, look.radiance, look.maps)
+    return ComparedAppearance((red, green, blue), look.view_curves, look.visible, look.radiance, look.maps)

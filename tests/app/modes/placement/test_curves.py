@@ -43,7 +43,7 @@ def compare(curves: Curves, document: Document) -> None:
     layer = document.layer("pot.0")
     for name, values in curves.coefficients(document, "pot.0").items():
         assert np.array_equal(values, layer.coefficients(name, values.shape[0])), name
-    assert np.array_equal(curves.view_curve(document, "pot.0"), Curves().view_curve(document, "pot.0"))
+    assert np.array_equal(curves.view_curves(document, "pot.0"), Curves().view_curves(document, "pot.0"))
     assert np.array_equal(curves.gain(document, "pot.0"), layer.scale())
 
 
@@ -57,8 +57,8 @@ def test_every_curve_has_a_band_count(name: str) -> None:
 
 
 def test_a_model_without_view_factor_has_a_view_curve_of_one(document: Document) -> None:
-    curve = Curves().view_curve(document, "pot.1")
-    assert curve.shape == (N_VIEW_SAMPLES, 3) and np.all(curve == 1.0)
+    curve = Curves().view_curves(document, "pot.1")
+    assert curve.shape == (2, N_VIEW_SAMPLES, 3) and np.all(curve == 1.0)
 
 
 def test_the_cache_follows_a_change_of_model(document: Document) -> None:

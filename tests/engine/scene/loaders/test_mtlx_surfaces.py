@@ -9,6 +9,7 @@ import pytest
 
 from app.document.linked_layers import layers_from_descriptions
 from engine.core.errors import LoadError
+from engine.material.bumps import Bumps
 from engine.material.layer import evaluate_layers
 from engine.scene.loaders import mtlx_library
 from engine.scene.loaders.mtlx import mtlx_image_reader, read_materials, read_mtlx
@@ -277,6 +278,21 @@ def test_normal_maps_opacity_and_emission(tmp_path: Path) -> None:
     assert (own.opacity.opacity_mode, own.opacity.opacity_factor) == ("blend", 0.25)
     assert own.emission.radiance == pytest.approx((1.0, 0.5, 0.0), rel=1e-6)  # 683 nits are 1 W / (m² sr)
     assert own.unshown == ()
+
+
+@pytest.mark.parametrize(("shader", "weight", "own", "of_base"), [
+    ("open_pbr_surface", "coat_weight", "geometry_coat_normal", "geometry_normal"),
+    ("standard_surface", "coat", "coat_normal", "normal"), ("gltf_pbr", "clearcoat", "clearcoat_normal", "normal"),
+])  # fmt: skip
+def test_coats_have_normals_of_their_own(tmp_path: Path, shader: str, weight: str, own: str, of_base: str) -> None:
+    write_png(tmp_path / "n.png", np.full((2, 2, 3), (0.5, 0.5, 1.0)))
+    nodes = image("i", "vector3", "n.png") + node("normalmap", "vector3", "n", linked("in", "vector3", "i"))
+    coat = given(weight, "float", "0.5")
+    for name, bumps in ((own, Bumps(coat_normal_map="n.png")), (of_base, Bumps("n.png"))):
+        (found,) = read(tmp_path, material(shader, coat + linked(name, "vector3", "n"), nodes))
+        frames = {each.name: each.frame for each in found.material.layers}
+        assert frames.pop("coat") == "coat" and set(frames.values()) == {"base"}
+        assert (found.material.bumps, found.material.unshown) == (bumps, ())
 
 
 @pytest.mark.parametrize(("shader", "name"), [("standard_surface", "emission_color"), ("gltf_pbr", "emissive")])

@@ -230,6 +230,28 @@ def test_sharp_gloss_of_linked_objects_is_the_workers(
     studio.work(sky(20.0), studio.layers)
 
 
+def test_coats_have_normals_of_their_own(
+    studio: Studio, shaded: ShadedPicture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("engine.realtime.triple_product.reflections.SHARP", 0.4)
+    monkeypatch.setitem(view_radiance._LITTLE, "moving", -1.0)
+    floor, block = studio.layers[0], studio.layers[1]
+    coat = make_layer(MODELS["clearcoat"], {"alpha": 0.09}, "coat").replace(frame="coat")
+    studio.work(sky(20.0), {0: floor[:1], 1: (block[1], coat)})
+    exporter, own = PointExporter(1 << 26), studio.orbit.scene.description.objects[1].bumps
+    pictures = []
+    for bumps in (own, replace(own, coat_normal_map="lean.png", coat_strength=0.5)):
+        studio.orbit.set_bumps({"block": bumps})
+        studio.work(sky(20.0), {0: floor[:1], 1: (block[1], coat)})
+        for part in exporter.parts(studio.orbit):
+            shaded.buffers.take(part)
+        assert_same(studio, shaded, studio.camera)
+        pictures.append(image(shaded, studio.camera))
+    assert np.abs(pictures[1] - pictures[0]).max() > 0.05
+    studio.orbit.set_bumps({"block": own})
+    studio.work(sky(20.0), studio.layers)
+
+
 def test_edges_are_smooth(studio: Studio, context: moderngl.Context) -> None:
     smooth, hard = ShadedPicture(context), ShadedPicture(context, n_samples=0)
     for part in PointExporter(1 << 26).parts(studio.orbit):

@@ -67,13 +67,13 @@ def test_a_coarse_picture_and_indirect_light_have_sharp_images(renderer: Placeme
 def test_side_a_may_have_other_images(renderer: PlacementRenderer) -> None:
     start(renderer)
     renderer.set_layer_maps("o1.0", SAMPLES)
-    curve = np.ones((256, 3))
+    curves = np.ones((2, 256, 3))
     others = RNG.uniform(0.0, 1.0, (N, 4)).astype(np.float16)
     renderer.snapshot_compare()
     used = renderer.memory_bytes
     pictures = []
     for maps in ((others, 0.5, False), (SAMPLES, 1.0, True), (None, 1.0, False)):
-        renderer.snapshot_compare({"o1.0": ComparedAppearance((0.1, 0.1, 0.1), curve, True, None, maps)})
+        renderer.snapshot_compare({"o1.0": ComparedAppearance((0.1, 0.1, 0.1), curves, True, None, maps)})
         renderer.composite(DisplayView(compare_divider=1.0, tone_mapping="linear"))  # all of it is side A
         image = renderer.display_image()
         pictures.append(image.reshape(-1, image.shape[-1])[FRAME.pixel[START:STOP]])

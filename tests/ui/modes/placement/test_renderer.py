@@ -1,5 +1,7 @@
 """The picture that the renderer puts together, against twins that go pixel by pixel."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -118,6 +120,24 @@ def test_layers_gains_view_curves_and_emitters_make_the_picture(renderer: Placem
     np.testing.assert_allclose(
         changed[_pixels_of(frame, 2)], renderer.layer_radiance("o2.1") * shares, rtol=1e-4, atol=1e-5
     )
+
+
+def test_factors_by_the_coats_normal_take_its_angle(renderer: PlacementRenderer) -> None:
+    rng, frame = np.random.default_rng(RNG_SEED), _two_objects()
+    coat_theta_o = rng.uniform(0.0, np.pi / 2, frame.n_points).astype(np.float32)
+    renderer.set_frame(replace(frame, coat_theta_o=coat_theta_o))
+    mine, ones = slice(*frame.object_ranges[0]), np.ones((256, 3))
+    radiance, (base, coat) = rng.uniform(0, 5, (_n_pixels(frame, 0), 3)), rng.uniform(0, 2, (2, 256, 3))
+    renderer.set_layer("o0.0", 0, len(radiance))
+    renderer.set_layer_radiance("o0.0", radiance.astype(np.float32))
+    for of_base, of_coat in ((base, coat), (base, ones), (ones, coat), (ones, ones), (base, coat)):
+        renderer.set_view_curve("o0.0", of_base, of_coat)
+        factors = [
+            np.stack([naive.view_curve(curve, angle) for angle in angles[mine]])
+            for curve, angles in ((of_base, frame.theta_o), (of_coat, coat_theta_o))
+        ]
+        found = renderer.linear_image().reshape(-1, 3)[_pixels_of(frame, 0)]
+        np.testing.assert_allclose(found, radiance * factors[0] * factors[1], rtol=3e-4, atol=1e-5)
 
 
 @pytest.mark.parametrize("curve", [None, np.ones((256, 3)), np.linspace(0.0, 2.0, 768).reshape(256, 3)])

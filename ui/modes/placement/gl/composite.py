@@ -120,6 +120,10 @@ class Compositor:
         self._pixel_addresses = self._keep(size, 1, "i4", addresses)
         self._mixed = self._keep(mixed.shape[1::-1], 2, "i4", mixed)
         self._theta_o = self._keep((SAMPLES_PER_ROW, self._n_rows), 1, "f4", self.pack(frame.theta_o, np.float32))
+        self._coat_theta_o = self._theta_o
+        if frame.coat_theta_o is not frame.theta_o:
+            packed = self.pack(frame.coat_theta_o, np.float32)
+            self._coat_theta_o = self._keep((SAMPLES_PER_ROW, self._n_rows), 1, "f4", packed)
         yield
         self.shaded = self._keep((SAMPLES_PER_ROW, self._n_rows), 4, "f4")
         self.backdrop = self._keep(size, 4, "f4")
@@ -281,6 +285,8 @@ class Compositor:
             textures["indirect_weights"] = layer.indirect.footprint.weights
         if layer.view_curve is not None:
             textures["theta_o"], textures["view_curve"] = self._theta_o, layer.view_curve
+            if layer.view_curve.height > 1:
+                textures["coat_theta_o"] = self._coat_theta_o
         if layer.maps is not None:
             textures["maps"] = layer.maps.texture
             strength, inverts = layer.map_numbers
@@ -289,7 +295,7 @@ class Compositor:
             "placement/shade.frag.glsl",
             FOOTPRINT=int(layer.footprint is not None),
             INDIRECT=int(layer.indirect is not None),
-            VIEW_CURVE=int(layer.view_curve is not None),
+            VIEW_CURVE=0 if layer.view_curve is None else layer.view_curve.height,
             MAPS=int(layer.maps is not None),
         )
         self._passes.draw(program, self._shaded_target, box, textures, add=add, **uniforms)
@@ -329,6 +335,7 @@ def require_sound(frame: PictureFrame) -> None:
     shapes = {
         "object_ranges": (frame.object_ranges.shape, (frame.n_objects, 2)),
         "theta_o": (frame.theta_o.shape, (frame.n_points,)),
+        "coat_theta_o": (frame.coat_theta_o.shape, (frame.n_points,)),
         "emission_image": (frame.emission_image.shape, (*image, 3)),
         "ray_directions": (frame.ray_directions.shape, (*image, 3)),
         "share": (frame.share.shape, (frame.n_points,)),

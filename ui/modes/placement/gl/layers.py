@@ -39,13 +39,14 @@ class DrawnLayer:
 
 @dataclass(frozen=True, eq=False)
 class ComparedAppearance:
-    """Another appearance of a layer: f_q, f_o (256,3), visibility, and a radiance (p,3) at every pixel of its object.
+    """Another appearance of a layer: f_q, the factors of f_o by frame (2,256,3), visibility, and a radiance (p,3) at
+    every pixel of its object.
 
     `radiance` None: as in its accumulator. maps: samples of its images (p,4) or None, with their two numbers.
     """
 
     gain: tuple[float, float, float]
-    view_curve: NDArray[np.floating]
+    view_curves: NDArray[np.floating]
     visible: bool
     radiance: NDArray[np.floating] | None = None
     maps: tuple[NDArray[np.float16] | None, float, bool] = (None, 1.0, False)
@@ -163,17 +164,23 @@ class LayerStack:
             layer.visible = visible
             self.dirty.add(layer.i_object)
 
-    def set_view_curve(self, key: str, curve: NDArray[np.floating] | None) -> None:
+    def set_view_curve(
+        self, key: str, curve: NDArray[np.floating] | None, of_coat: NDArray[np.floating] | None = None
+    ) -> None:
+        """Set f_o (256,3), or its factor by the base's normal; of_coat (256,3): the factor by the coat's; None: 1."""
         layer = self[key]
-        if curve is not None and np.shape(curve) != (VIEW_CURVE_SIZE, 3):
-            raise GraphicsError(f"layer {key}: view curve of shape {np.shape(curve)}, expected ({VIEW_CURVE_SIZE}, 3)")
-        if curve is not None and (np.asarray(curve) == 1.0).all():
-            curve = None  # shades alike, in less time
-        texels = None if curve is None else np.array(curve, dtype=np.float32).reshape(1, VIEW_CURVE_SIZE, 3)
-        if texels is not None and layer.view_curve is not None:
+        for each in (curve, of_coat):
+            if each is not None and np.shape(each) != (VIEW_CURVE_SIZE, 3):
+                found = f"view curve of shape {np.shape(each)}, expected ({VIEW_CURVE_SIZE}, 3)"
+                raise GraphicsError(f"layer {key}: {found}")
+        # Rows of 1 at the end are left out: they shade alike, in less time.
+        rows = np.array([np.ones((VIEW_CURVE_SIZE, 3)) if each is None else each for each in (curve, of_coat)])
+        n_rows = int(np.flatnonzero((rows != 1.0).any(axis=(1, 2))).max(initial=-1)) + 1
+        texels = None if n_rows == 0 else rows[:n_rows].astype(np.float32)
+        if texels is not None and layer.view_curve is not None and layer.view_curve.height == n_rows:
             layer.view_curve.write(texels, alignment=1)
         else:
-            made = None if texels is None else self._memory.texture((VIEW_CURVE_SIZE, 1), 3, "f4", texels)
+            made = None if texels is None else self._memory.texture((VIEW_CURVE_SIZE, n_rows), 3, "f4", texels)
             self._memory.release(layer.view_curve)
             layer.view_curve = made
         self.dirty.add(layer.i_object)
@@ -225,7 +232,7 @@ class LayerStack:
             worn.maps = None
         elif own.maps is None or own.maps.samples is not samples:
             worn.maps = self._compositor.make_maps(own.i_object, samples)
-        self.set_view_curve(key, look.view_curve)
+        self.set_view_curve(key, *look.view_curves)
         if look.radiance is not None:
             n_pixels = self._compositor.object_size(own.i_object)
             if np.shape(look.radiance) != (n_pixels, 3):

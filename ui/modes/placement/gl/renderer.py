@@ -226,9 +226,11 @@ class PlacementRenderer:
         """Set the strength of a layer's texture, from 0 to 1, and whether one minus the weight counts."""
         self._shown().layers.set_map_numbers(key, strength, inverts)
 
-    def set_view_curve(self, key: str, curve: NDArray[np.floating] | None) -> None:
+    def set_view_curve(
+        self, key: str, curve: NDArray[np.floating] | None, of_coat: NDArray[np.floating] | None = None
+    ) -> None:
         """Set f_o (256,3) at angles θ_o from 0 to π/2 inclusive, linear between; None is 1 everywhere."""
-        self._shown().layers.set_view_curve(key, curve)
+        self._shown().layers.set_view_curve(key, curve, of_coat)
 
     # ---------------------------------------------------------------------------------------------------- the transport
 
