@@ -21,7 +21,8 @@ to handle terms, to no other effect.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import itertools
+from collections.abc import Container, Sequence
 
 import numpy as np
 
@@ -125,7 +126,13 @@ def with_fresnel(layers: Layers, index: int) -> Layers:
         fresnel = np.minimum(now, 1.0)
         layer = layer.with_parameter(strength.name, _fitting(strength, np.maximum(now, 1.0)))
     lead = layer.with_fresnel(fresnel)
-    term = lead.replace(name=_free_name(layers), follows=lead.name, visible=True, frozen=False, rises=True)
+    term = lead.replace(
+        name=unused_name(FRESNEL_NAME, [each.name for each in layers]),
+        follows=lead.name,
+        visible=True,
+        frozen=False,
+        rises=True,
+    )
     return (*layers[:index], lead, *layers[index + 1 :], term)
 
 
@@ -155,11 +162,10 @@ def _fitting(parameter: Parameter, value: np.ndarray) -> object:
     return tuple(inside.tolist()) if parameter.kind == "rgb" else float(inside.mean())
 
 
-def _free_name(layers: Layers) -> str:
-    """A name that no layer has."""
-    taken = {layer.name for layer in layers}
-    names = (FRESNEL_NAME, *(f"{FRESNEL_NAME} {number}" for number in range(2, len(layers) + 3)))
-    return next(name for name in names if name not in taken)
+def unused_name(name: str, taken: Container[str]) -> str:
+    """The name, with a number where another layer of the object has it: covers and leaders are found by their names."""
+    numbered = (f"{name} {number}" for number in itertools.count(2))
+    return next(each for each in itertools.chain((name,), numbered) if each not in taken)
 
 
 def layers_from_descriptions(file: str, name: str, described: Sequence[LayerDescription]) -> Layers:

@@ -10,7 +10,14 @@ from typing import Any
 import numpy as np
 
 from app.document.document import Document, ObjectState, Variant, all_factors, split_key
-from app.document.linked_layers import Layers, linked_indices, possible_covers, with_fresnel, without_fresnel
+from app.document.linked_layers import (
+    Layers,
+    linked_indices,
+    possible_covers,
+    unused_name,
+    with_fresnel,
+    without_fresnel,
+)
 from app.document.named_files import variant_with_scene_names, with_scene_names
 from app.document.targets import resolve
 from engine.core.errors import InsituError
@@ -67,7 +74,8 @@ class SetModel:
         values = make_layer(model, {**kept, **dict(self.parameters)}).with_fresnel(layer.fresnel).parameters
         names = {factor.name for factor in all_factors(model)}
         edits = tuple((factor, operators) for factor, operators in layer.edits if factor in names)
-        name = model.name if layer.name == layer.model.name else layer.name
+        others = [each.name for each in document.object(split_key(document, key)[0]).layers if each is not layer]
+        name = unused_name(model.name, others) if layer.name == layer.model.name else layer.name
         maps = maps_that_fit(layer.parameter_maps, model.parameters)
         changed = layer.replace(model=model, name=name, parameters=values, edits=edits, parameter_maps=maps)
         return document.with_layer(key, changed)
@@ -357,8 +365,7 @@ def _renamed(layers: Layers, there: Sequence[Layer]) -> Layers:
     taken = {layer.name for layer in there}
     names: dict[str, str] = {}
     for layer in layers:
-        options = (layer.name, *(f"{layer.name} {n}" for n in range(2, len(there) + len(layers) + 2)))
-        names[layer.name] = next(name for name in options if name not in taken)
+        names[layer.name] = unused_name(layer.name, taken)
         taken.add(names[layer.name])
     return tuple(
         layer.replace(
