@@ -12,10 +12,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.document.commands import AddDeformer, MoveDeformer, RemoveDeformer, SetDeformer, SetPose, SetSurface, SetTime
+from app.document.commands import (
+    AddDeformer,
+    MoveDeformer,
+    MoveObject,
+    RemoveDeformer,
+    SetDeformer,
+    SetPose,
+    SetSurface,
+    SetTime,
+    SetTransform,
+)
 from app.document.commands.layers import SetParameter
 from app.document.commands.light import SetRotation
 from app.document.effective_settings import effective_view
+from app.document.scene_state import moved_objects
 from app.document.view_state import SetView
 from app.editor.editor import Editor
 from app.modes.deform.deform_controller import DeformController
@@ -53,6 +64,12 @@ class NamedDeform(NamedOrbit):
         super().__init__(scene)
         self._posed: tuple[str, ...] = ()
         self._surfaces: SurfacesByObject = ()
+        self._moved: tuple[tuple[str, ...], Poses] = (), ()
+
+    def set_moved(self, moved: Sequence[str], lamps: Poses) -> None:
+        if (tuple(moved), lamps) != self._moved:
+            self._moved = tuple(moved), lamps
+            self._begin()
 
     def set_surfaces(self, surfaces: SurfacesByObject) -> None:
         if surfaces != self._surfaces:
@@ -81,7 +98,8 @@ class NamedDeform(NamedOrbit):
     ) -> np.ndarray:  # fmt: skip
         assert self.is_ready and self._light is not None
         seen = Camera(**{name: getattr(camera, name) for name in Camera.model_fields})
-        wanted = self._light.rotation, self._layers, self._posed, self._surfaces, poses, self._effort, self._bounces
+        of = self._layers, self._posed, self._surfaces, self._moved
+        wanted = self._light.rotation, *of, poses, self._effort, self._bounces
         colour = colour_of(seen, *wanted) * self.is_done
         return np.broadcast_to(colour, (*resolution[::-1], 3)).astype(np.float32)
 
@@ -98,7 +116,8 @@ def expected_colour(editor: Editor) -> np.ndarray:
     names = [state.name for state in document.objects]
     own = [said_of_layers([each.layer for each in layers if each.object == name]) for name in names]
     posed = tuple(state.name for state in document.objects if state.deformations or state.moment is not None)
-    wanted = document.light.rotation, own, posed, document.new_surfaces, document.poses, effort, view.settings.n_bounces
+    set_up = own, posed, document.new_surfaces, moved_objects(document)
+    wanted = document.light.rotation, *set_up, document.poses, effort, view.settings.n_bounces
     return colour_of(editor.camera_history.camera, *wanted)
 
 
@@ -118,6 +137,9 @@ COMMANDS: dict[str, Callable[[OrbitWalk], object]] = {
     "later": lambda w: first(w.editor, "bar", lambda i: MoveDeformer("bar", i, i + 1)),
     "take one away": lambda w: first(w.editor, "bar", lambda i: RemoveDeformer("bar", i)),
     "back to rest": lambda w: w.editor.do(SetPose("dice")),
+    "move the bar": lambda w: w.editor.do(MoveObject("bar", (w.now % 0.5, 0.0, 0.1), (0.0, 20.0, 0.0))),
+    "scale the dice": lambda w: w.editor.do(SetTransform("dice", scale=(2.0, 1.0, 1.0))),
+    "put the bar back": lambda w: w.editor.do(SetTransform("bar")),
     "a time": lambda w: w.editor.do(SetTime(0.4)),
     "a time beyond the end": lambda w: w.editor.do(SetTime(7.3)),
     "the file's pose": lambda w: w.editor.do(SetTime(None)),
