@@ -36,7 +36,7 @@ _MOST_CACHED = 4
 # Parts of a pixel along each side, each filtered by itself: a pyramid's filter is wider than a pixel. Of one part the
 # mean of a texture in tiles of 8 texels is 1.3 to 5 % off, by 0.4 to 10 texels a pixel, of two 0.4 to 2 %, of four 0.1
 # to 0.9 %. A metal in it is 4.7, 1.8 and 0.9 % off under a lamp (64 x 64, `benchmarks/gltf_materials.py`).
-_PARTS = 4
+PIXEL_PARTS = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,7 +163,7 @@ class MapSampler:
         key = i_object, pyramid, repeats
         if key not in self._sampled:
             self._sampled = dict(list(self._sampled.items())[1 - _MOST_CACHED :])
-            self._sampled[key] = mean_of_parts(pyramid, *self.footprints(i_object), _PARTS, repeats)
+            self._sampled[key] = mean_of_parts(pyramid, *self.footprints(i_object), PIXEL_PARTS, repeats)
         return self._sampled[key]
 
     def footprints(self, i_object: int) -> tuple[Float64Array, Float64Array, Float64Array]:

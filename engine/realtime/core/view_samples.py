@@ -27,10 +27,11 @@ from engine.scene.bump_normals import Footprints, gradients
 from engine.scene.cutouts import covered_in_part, pixel_chances
 from engine.scene.description import CameraDescription
 from engine.scene.edges import Surface, edge_pixels, group_samples, ray_offsets, turn_of
+from engine.scene.map_sampler import PIXEL_PARTS, mean_of_parts
 from engine.scene.raycaster import Intersections, RayCaster
 from engine.scene.scene_loader import Scene
 from engine.scene.surface_uvs import corner_uvs
-from engine.texture.pyramid import MOST_PROBES, Pyramid
+from engine.texture.pyramid import Pyramid
 
 Float32Array = NDArray[np.float32]
 Rows = NDArray[np.int64]
@@ -330,17 +331,19 @@ def factors(
 ) -> dict[int, Float32Array]:
     """Factors of an object's visible layers that have maps, by the layer's number: (N, 3) at samples (N,).
 
-    In moving pictures, fewer look-ups cover an oblique pixel, each in one level of the image pyramid. Layers and
-    pictures of one camera share what was sampled of an image.
+    At rest they are the means over pixels that Placement has; in moving pictures, fewer look-ups cover an oblique
+    pixel, each in one level of the image pyramid. Layers and pictures of one camera share what was sampled of an image.
     """
     is_quick, sampled = quality == "moving", seen.sampled
-    most_probes = MOVING_PROBES if is_quick else MOST_PROBES
 
     def sample(image: Pyramid, scale: tuple[float, float]) -> Float32Array:
         key = i_object, image, scale
         if key not in sampled:
             footprints = footprints_of(seen, which, scene, i_object)
-            sampled[key] = image.over(*footprints, most_probes, scale, is_quick)
+            sampled[key] = (
+                image.over(*footprints, MOVING_PROBES, scale, is_quick) if is_quick
+                else mean_of_parts(image, *footprints, PIXEL_PARTS, scale)
+            )  # fmt: skip
         return sampled[key]
 
     visible = [layer for layer in layers if layer.visible]

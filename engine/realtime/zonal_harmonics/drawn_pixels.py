@@ -11,9 +11,10 @@ from engine.material.layer_maps import LayerMaps
 from engine.realtime.core.raster import RasterResult
 from engine.realtime.core.terms import MOVING_PROBES, map_factor
 from engine.realtime.zonal_harmonics.bending_points import BendingPoints
+from engine.scene.map_sampler import PIXEL_PARTS, mean_of_parts
 from engine.scene.raycaster import Intersections
 from engine.scene.scene_loader import Scene
-from engine.texture.pyramid import MOST_PROBES, Pyramid
+from engine.texture.pyramid import Pyramid
 
 Float32Array = NDArray[np.float32]
 IntegerArray = NDArray[np.integer]
@@ -49,7 +50,8 @@ class Pixels:
         return np.einsum("nk,nki->ni", self.weights, self._corner_uvs(scene)[..., :2])
 
     def factor(self, scene: Scene, maps: LayerMaps, is_quick: bool) -> Float32Array:
-        """Factor of images and strokes for a layer (N, 3), filtered over the pixel; is_quick: with fewer look-ups."""
+        """Factor of images and strokes for a layer (N, 3): the mean over the pixel that Placement has, or is_quick by
+        fewer look-ups."""
         if maps.is_plain:
             return np.ones((1, 3), np.float32)
         corners = self._corner_uvs(scene)
@@ -57,10 +59,12 @@ class Pixels:
             np.einsum("nk,nki->ni", self._drawn.weights(self.rows, self.columns, *beside), corners)
             for beside in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))
         )
-        probes = MOVING_PROBES if is_quick else MOST_PROBES
+        footprints = uv, right - uv, below - uv
 
         def sample(image: Pyramid, repeats: tuple[float, float]) -> Float32Array:
-            return image.over(uv, right - uv, below - uv, probes, repeats, is_quick)
+            if is_quick:
+                return image.over(*footprints, MOVING_PROBES, repeats, is_quick)
+            return mean_of_parts(image, *footprints, PIXEL_PARTS, repeats)
 
         return np.asarray(map_factor(scene, maps, len(uv), sample, self.find_hits), np.float32)
 
