@@ -33,13 +33,15 @@ def draw(context: PanelContext) -> list[Action]:
             f"transform.{parameter.name}", parameter.default, parts=rows.AXES,
         )  # fmt: skip
         actions += rows.draw(context, row)
-    tools = [("None", "No handles in the picture.")]
-    tools += [(each.capitalize(), f"Handles in the picture ({keys_of(f'gizmo_{each}')}).") for each in gizmo.TOOLS]
+    tools = [
+        (each.capitalize(), f"Handles in the picture ({keys_of(f'gizmo_{each}')}); again: none.")
+        for each in gizmo.TOOLS
+    ]
     room = widgets.segments_width(context, [text for text, _ in tools]) / context.theme.scale
     widgets.label(context, "Handles", least=room)
-    shown = ("", *gizmo.TOOLS).index(context.state.gizmo)
+    shown = gizmo.TOOLS.index(context.state.gizmo) if context.state.gizmo else -1
     if (chosen := widgets.segments(context, "transform.tool", tools, shown)) is not None:
-        actions.append(SetPanel({"gizmo": ("", *gizmo.TOOLS)[chosen]}))
+        actions.append(SetPanel({"gizmo": "" if chosen == shown else gizmo.TOOLS[chosen]}))
     hint = f"Where the scene's file has it; {keys_of('undo')} brings it back here."
     if state.transform != Transform() and widgets.text_button(context, "transform.reset", PUT_BACK, hint):
         actions.append(SetTransform(state.name))
