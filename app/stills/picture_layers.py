@@ -44,6 +44,7 @@ from engine.render.data_layers import albedo_layer, object_coverage, point_pictu
 from engine.render.display import PictureLayer
 from engine.render.error_estimate import MAP_POINTS, PointErrors, error_map, estimate_point_errors
 from engine.render.still import compose, reflect_layers
+from engine.scene.description import free_name
 from engine.scene.primary_hits import PrimaryHits, emission_picture
 
 # Share of the time that indirect light takes, for an even progress bar.
@@ -70,7 +71,7 @@ def render_layers(project: Project, report: Report, *, series: BounceSeries | No
     ends = np.linspace(0.0, 1.0, len(lights) + 2)  # of the lights and the error, which take about as long
     lit = [
         _lit_part(parts, project, keys, _within(report, begin, end, name))
-        for (name, keys), begin, end in zip(lights.items(), ends[:-2], ends[1:-1], strict=True)
+        for (name, keys), begin, end in zip(lights, ends[:-2], ends[1:-1], strict=True)
     ]
     whole = _sum(parts.placement.hits, lit)
     errors = _estimated_errors(parts, project.sky, whole, _within(report, ends[-2], 1.0, "error"))
@@ -79,12 +80,12 @@ def render_layers(project: Project, report: Report, *, series: BounceSeries | No
         """The picture (H, W, 3) of a part."""
         return with_intensity(project, point_picture(parts.placement.hits, part.direct + part.indirect) + part.emission)
 
-    none = np.zeros_like(whole.direct), np.zeros_like(whole.emission)
+    black = _black(parts.placement.hits)
     layers = (
-        PictureLayer("direct", "RGB", shown(replace(whole, indirect=none[0], emission=none[1]))),
-        PictureLayer("indirect", "RGB", shown(replace(whole, direct=none[0], emission=none[1]))),
-        PictureLayer("emission", "RGB", shown(replace(whole, direct=none[0], indirect=none[0]))),
-        *_named("light", "RGB", zip(lights, map(shown, lit), strict=True)),
+        PictureLayer("direct", "RGB", shown(replace(black, direct=whole.direct))),
+        PictureLayer("indirect", "RGB", shown(replace(black, indirect=whole.indirect))),
+        PictureLayer("emission", "RGB", shown(replace(black, emission=whole.emission))),
+        *_named("light", "RGB", zip((name for name, _ in lights), map(shown, lit), strict=True)),
         *_data_layers(parts),
         *_named("mask", "A", zip(project.object_names, object_coverage(parts.placement.hits), strict=True)),
         PictureLayer("error", "Y", np.nan_to_num(run_to_end(error_map(parts.placement.hits, errors)))),
@@ -92,16 +93,17 @@ def render_layers(project: Project, report: Report, *, series: BounceSeries | No
     return Still(shown(whole), errors.estimate, parts.warning, layers)
 
 
-def light_groups(document: Document) -> dict[str, tuple[str, ...]]:
-    """The keys of the lights that are on, by the names of their groups, or by their own where they are in none."""
-    gains, groups = gains_of(document), dict[str, tuple[str, ...]]()
-    emission = dict(emission_of(document))
+def light_groups(document: Document) -> list[tuple[str, tuple[str, ...]]]:
+    """The lights that are on, in groups: the name of each and the keys of its lights; a light in none is one alone.
+    Names may be equal: a lamp may be called as a group or a sun is."""
+    gains, emission = gains_of(document), dict(emission_of(document))
+    groups = dict[str, tuple[str, tuple[str, ...]]]()
     for key in lights_of(document):
-        if not any(emission.get(key, gains[key])):
-            continue
-        name = document.light.row(key).group or key.removeprefix("light.")
-        groups[name] = (*groups.get(name, ()), key)
-    return groups
+        if any(emission.get(key, gains[key])):
+            group = document.light.row(key).group
+            where, name = (group_key(group), group) if group else (key, key.removeprefix("light."))
+            groups[where] = name, (*groups.get(where, (name, ()))[1], key)
+    return list(groups.values())
 
 
 def only_lights(document: Document, keys: Collection[str]) -> Document:
@@ -184,10 +186,7 @@ def _named(kind: str, letters: str, values: Iterable[tuple[str, NDArray[np.float
     for name, image in values:
         if image.any():
             plain = f"{kind}_" + re.sub(r"[^\w-]", "_", name)
-            numbers = (plain, *(f"{plain}_{n}" for n in range(2, len(taken) + 3)))
-            free = next(each for each in numbers if each not in taken)
-            taken.add(free)
-            yield PictureLayer(free, letters, image)
+            yield PictureLayer(free_name(plain, taken), letters, image)
 
 
 def _within(report: Report, begin: float, end: float, text: str = "") -> Report:

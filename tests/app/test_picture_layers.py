@@ -13,6 +13,7 @@ from app.project.project import Project, open_project
 from app.stills.picture_layers import light_groups, only_lights, render_layers
 from app.stills.stills import Still, render_project
 from engine.light.radiance_files import read_radiance_image
+from engine.precompute.indirect.sampling_settings import BounceSeries
 from engine.render.data_layers import NO_DEPTH
 from engine.render.display import exr_bytes
 from tests.app.cli.command_line import run
@@ -63,7 +64,7 @@ def test_lights_and_kinds_of_light_sum_to_the_picture(still: Still) -> None:
 
 def test_a_light_is_the_picture_of_that_light_alone(still: Still, tmp_path: Path) -> None:
     project = opened(tmp_path)
-    for name, keys in light_groups(project.document).items():
+    for name, keys in light_groups(project.document):
         alone = project.edited(only_lights(project.document, keys), Viewpoint())
         picture = render_project(alone, lambda step: None, **SETTINGS).picture
         np.testing.assert_allclose(by_name(still)[f"light_{name}"], picture, rtol=1e-5, atol=1e-6)
@@ -114,8 +115,17 @@ def test_lights_that_are_off_or_not_solo_have_no_layer(tmp_path: Path) -> None:
     path.write_text(SCENE)
     groups = {}
     for name, values in {"off": [("key.on", False)], "solo": [("seen.solo", True)], "all": []}.items():
-        groups[name] = list(light_groups(open_project(str(path), values=values).document))
+        groups[name] = [light for light, _ in light_groups(open_project(str(path), values=values).document)]
     assert groups == {"off": ["environment", "seen"], "solo": ["seen"], "all": ["environment", "key", "seen"]}
+
+
+def test_a_lamp_that_is_called_as_a_group_has_a_layer_of_its_own(tmp_path: Path) -> None:
+    path = tmp_path / "wall.toml"
+    path.write_text(SCENE)
+    project = open_project(str(path), values=[("key.group", "seen"), ("light.environment.on", False)])
+    assert light_groups(project.document) == [("seen", ("key",)), ("seen", ("seen",))]
+    layers = by_name(render_layers(project, lambda step: None, series=BounceSeries(1), **SETTINGS))
+    assert layers["light_seen"].any() and layers["light_seen+"].any()
 
 
 def test_the_file_has_the_picture_and_its_layers(still: Still, tmp_path: Path) -> None:
