@@ -104,7 +104,9 @@ def fill(
     document, seen = project.picture_document, project.scene
     scene = OpenScene(document.source)
     camera, bumps, n_edge_rays = seen.description.camera, document.new_bumps, settings.n_edge_rays
-    view = SetCamera(0, camera, seen.resolution, document.poses, bumps, n_edge_rays, document.new_opacities)
+    view = SetCamera(
+        0, camera, seen.resolution, document.poses, bumps, n_edge_rays, document.new_opacities, document.composition
+    )
     executor = None if cluster is None else cluster.executor(scene, view, document)
     client = InProcessClient(RequestDispatcher(store, fills=not holds, executor=executor))
     curves = Curves()

@@ -9,7 +9,7 @@ Names: a layer's *key* is ``"object.index"``; a *path* names anything that can b
 its name: ``"teapot"``, ``"teapot.1"``, ``"teapot.coat.theta_h"``, ``"teapot.1.alpha"``, ``"teapot.1.alpha_map"``,
 ``"teapot.bend"``, ``"teapot.position"``, ``"bat.time"``, ``"bat.membrane.translucency"``, ``"lamp.emission"``,
 ``"light.rotation"``, ``"light.Noon.direction"``, ``"lamp.strength"`` (of its row in the mix,
-`app.document.light_state`).
+`app.document.light_state`), ``"teapot.duplicate"``, ``"teapot.name"``, ``"teapot.deleted"``.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ from engine.material.layer_maps import LayerMaps
 from engine.material.model import Factor, Model
 from engine.material.opacity import OPAQUE, Opacity, OpacityByObject
 from engine.realtime.zonal_harmonics.pose import Deformation, Moment, Motion, Poses, without_identity
+from engine.scene.composition import Composition, SceneObject
 from engine.scene.description import EnvironmentDescription, ObjectDescription, SceneDescription, free_name
 from engine.scene.rig import Animations
 from engine.scene.surface_kinds import NO_SURFACE, DeformSurface, SurfacesByObject
@@ -73,7 +74,8 @@ class ObjectState:
     its file. ``new_bumps`` replace the ``own_bumps`` of the scene's file, ``new_opacity`` its ``own_opacity``,
     ``new_surface`` its ``own_surface``, which only Deform draws. ``emission_texture`` multiplies its emission.
     ``variants`` are the materials that its file gives it by the names of the scene's variants.
-    ``former_name`` is its name in sessions of version 2, empty where that is the same.
+    ``former_name`` is its name in sessions of version 2, empty where that is the same. ``original`` is the object of
+    the scene's file that it is a duplicate of, or was before it was renamed; empty where the file has it by its name.
     """
 
     name: str
@@ -95,11 +97,17 @@ class ObjectState:
     new_surface: DeformSurface | None = None
     variants: tuple[Variant, ...] = ()
     former_name: str = field(default="", compare=False)
+    original: str = ""
 
     def in_variant(self, name: str) -> ObjectState:
         """The object in one of the scene's variants; as it is where it has none of that name."""
         variant = next((each for each in self.variants if each.name == name), None)
         return self if variant is None else variant.of(self)
+
+    @property
+    def source(self) -> str:
+        """The name of the object in the scene's file that it is, or is a duplicate of."""
+        return self.original or self.name
 
     @property
     def motion_stack(self) -> Motion:
@@ -156,7 +164,8 @@ class Document:
 
     ``first_bands``: J of the sharpest curves at the first bounce from the camera; None as many as are planned.
     ``overrides``: the lines of the plan that the user has set, by name, and their values. ``absent``: edited objects
-    that the scene's files no longer have, for when they have them again (`app.document.scene_change`).
+    that the scene's files no longer have, for when they have them again (`app.document.scene_change`). ``deleted``: the
+    names of objects of the file that it does not have. Duplicates stand behind their originals.
     """
 
     source: str
@@ -165,6 +174,7 @@ class Document:
     first_bands: int | None = None
     overrides: tuple[tuple[str, LineValue], ...] = ()
     absent: tuple[ObjectState, ...] = ()
+    deleted: tuple[str, ...] = ()
 
     def object(self, name: str) -> ObjectState:
         """The object called ``name``; InsituError with the existing names when there is none."""
@@ -222,6 +232,13 @@ class Document:
         for state in (each for each in self.objects if each.variants):
             names = tuple(name for name in names if state.in_variant(name) == state)
         return names[0] if names else ""
+
+    @functools.cached_property
+    def composition(self) -> Composition:
+        """The objects of its scene; none where they are those of the scene's file. Controllers ask in each frame."""
+        if not self.deleted and not any(state.original for state in self.objects):
+            return ()
+        return tuple(SceneObject(state.name, state.source) for state in self.objects)
 
     @property
     def poses(self) -> Poses:
@@ -320,6 +337,24 @@ def document_from_description(
     if not document.variants or document.variant:
         return document
     return replace(document, objects=tuple(map(_with_own_variant, objects)))
+
+
+def in_scene_order(states: Iterable[ObjectState], scene: Document) -> tuple[ObjectState, ...]:
+    """Objects in the order of the scene's, duplicates with their originals, in the order that they come in."""
+    place = {state.name: k for k, state in enumerate(scene.objects)}
+    return tuple(sorted(states, key=lambda state: place[state.source]))
+
+
+def with_objects_of(described: Document, document: Document) -> Document:
+    """The document of a scene as its file describes it, with the objects that another document of this scene has."""
+    if not document.composition:
+        return described
+    own = {state.name: state for state in described.objects}
+    objects = tuple(
+        replace(own[state.source], name=state.name, original=state.original)
+        for state in document.objects if state.source in own
+    )  # fmt: skip
+    return replace(described, objects=objects, deleted=document.deleted)
 
 
 def _with_own_variant(state: ObjectState) -> ObjectState:

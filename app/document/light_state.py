@@ -158,6 +158,21 @@ class LightState:
             rows.setdefault(group_key(name), edited.get(group_key(before), PLAIN_ROW))
         return self.with_rows(rows)
 
+    def with_duplicate(self, name: str, of: str) -> LightState:
+        """The light for a duplicate of an object: its row is like the object's, and lights exclude both or none."""
+        rows = {
+            key: replace(row, excludes=tuple(sorted({*row.excludes, name}))) if of in row.excludes else row
+            for key, row in self.mix
+        }  # fmt: skip
+        return self.with_rows({**rows, name: rows.get(of, PLAIN_ROW)})
+
+    def without_object(self, name: str) -> LightState:
+        """The light without the row of an object, which no other row excludes."""
+        return self.with_rows({
+            key: replace(row, excludes=tuple(each for each in row.excludes if each != name))
+            for key, row in self.mix if key != name
+        })  # fmt: skip
+
     def with_renamed_rows(self, names: NameMap[str, str]) -> LightState:
         """The light with rows of objects that have other names now. names: those, by the names before."""
 

@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from dataclasses import fields, replace
 from typing import Any
 
-from app.document.document import Document, ObjectState
+from app.document.document import Document, ObjectState, in_scene_order
 from app.document.light_state import LightState
 from app.document.linked_layers import Layers, synchronize_layers
 from engine.material.layer import Layer
@@ -46,18 +46,29 @@ class SceneChange:
     def __call__(self, document: Document) -> Document:
         """The document for the scene as it is now."""
         there = {state.name: state for state in (*document.absent, *document.objects)}
-        objects = tuple(self._object(there.get(self._names[own.name]), own) for own in self._scene.objects)
+        known = {name: state for name, state in there.items() if not state.original}
+        stay = [own for own in self._scene.objects if self._names[own.name] not in document.deleted]
+        merged = [self._object(known.get(self._names[own.name]), own) for own in stay]
+        merged += [
+            replace(self._object(state, own), name=state.name, original=own.name)
+            for state in there.values() if state.original
+            for own in self._scene.objects if self._names[own.name] == state.original
+        ]  # fmt: skip
+        objects = in_scene_order(merged, self._scene)
         taken = {state.name for state in objects}
         absent = tuple(there[name] for name in self.gone(document) if name not in taken)
+        deleted = tuple(own.name for own in self._scene.objects if own not in stay)
         light = document.light.with_renamed_rows({was: now for now, was in self._names.items() if was})
         light = _merge_light(light, self._light, self._scene.light)
-        return replace(document, source=self._scene.source, objects=objects, absent=absent, light=light)
+        return replace(
+            document, source=self._scene.source, objects=objects, absent=absent, light=light, deleted=deleted
+        )
 
     def gone(self, document: Document) -> tuple[str, ...]:
         """The edited objects of the document that the scene no longer has."""
         found = set(self._names.values())
         edited = [state for state in (*document.absent, *document.objects) if state != self._base.get(state.name)]
-        return tuple(state.name for state in edited if state.name not in found)
+        return tuple(state.name for state in edited if state.source not in found)
 
     def lost_parts(self, document: Document) -> tuple[str, ...]:
         """The edited suns that the files no longer have, and such layers of objects that they have: their edits cannot
@@ -82,7 +93,7 @@ class SceneChange:
             return own
         key = id(edited), own.name
         if key not in self._merged:
-            self._merged[key] = edited, self._merge(edited, self._base.get(edited.name), own)
+            self._merged[key] = edited, self._merge(edited, self._base.get(edited.source), own)
         return self._merged[key][1]
 
     def _merge(self, edited: ObjectState, base: ObjectState | None, own: ObjectState) -> ObjectState:

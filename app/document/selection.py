@@ -48,9 +48,11 @@ def initial_selection(document: Document) -> str | None:
     return next((state.name for state in editable or with_layers), None)
 
 
-def selection_after_edit(document: Document, selected: Selection) -> str | Selection:
-    """The selection that replaces a layer or a curve that an edit removed; else the present one."""
-    state = document.object(selected.object)
+def selection_after_edit(document: Document, selected: Selection) -> str | Selection | None:
+    """The selection that replaces an object, a layer or a curve that an edit removed; else the present one."""
+    state = next((each for each in document.objects if each.name == selected.object), None)
+    if state is None:
+        return initial_selection(document)
     layers = state.layers
     if state.is_lamp:
         return selected

@@ -15,8 +15,8 @@ from engine.realtime.deformers import KINDS
 from engine.scene.surface_kinds import SURFACES
 
 Kind = Literal[
-    "object", "layer", "factor", "parameter", "map", "parameter_map", "switch", "deformer", "transform", "time",
-    "bumps", "opacity", "surface", "light", "sun", "mix",
+    "object", "layer", "factor", "parameter", "map", "parameter_map", "switch", "presence", "deformer", "transform",
+    "time", "bumps", "opacity", "surface", "light", "sun", "mix",
 ]  # fmt: skip
 
 
@@ -40,6 +40,8 @@ MATERIAL = "material"
 TIME = "time"
 # The paths of a transform's parts, and its fields.
 TRANSFORM_FIELDS = {"position": "translation", "rotation": "rotation", "scale": "scale"}
+# What makes, deletes and renames objects.
+PRESENCE_FIELDS = ("name", "duplicate", "deleted")
 SURFACE = "surface"
 EMISSION = "emission"
 FRESNEL_TERM = "fresnel_term"
@@ -93,6 +95,8 @@ def _kind_of(name: str) -> Kind | None:
         return "deformer"
     if name == TIME:
         return "time"
+    if name in PRESENCE_FIELDS:
+        return "presence"
     if name in TRANSFORM_FIELDS:
         return "transform"
     if name in bump_fields():

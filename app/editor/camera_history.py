@@ -140,11 +140,13 @@ class CameraHistory:
     def box_of(self, name: str | None) -> Box:
         """The least and the largest corner (2, 3) of an object, in metres; None: of all visible objects, without lamps
         and the grounds and backdrops behind them."""
-        if name is not None and name not in self._boxes:
-            raise InsituError(f"there is no object {name!r} to be framed; available: {', '.join(self._boxes)}")
-        left_out = {state.name for state in self._host.document.objects if state.is_lamp or not state.visible}
-        names = [name] if name is not None else [each for each in self._boxes if each not in left_out]
-        boxes = np.array([self._moved_box(each) for each in names or self._boxes])
+        there = [state for state in self._host.document.objects if state.source in self._boxes]
+        found = [state for state in there if state.name == name]
+        if name is not None and not found:
+            names = ", ".join(state.name for state in there)
+            raise InsituError(f"there is no object {name!r} to be framed; available: {names}")
+        found = found or [state for state in there if state.visible and not state.is_lamp] or there
+        boxes = np.array([state.transform.moved_box(self._boxes[state.source]) for state in found])
         if not len(boxes):
             raise InsituError("there is nothing to be framed")
         boxes = boxes[~find_ground_boxes(boxes)]
@@ -152,12 +154,7 @@ class CameraHistory:
 
     def resting_box(self, name: str) -> Box | None:
         """The box (2, 3) of an object where its file has it, in metres; None where it has no surface."""
-        return self._boxes.get(name)
-
-    def _moved_box(self, name: str) -> Box:
-        """The box (2, 3) of an object where it was moved to."""
-        state = next((each for each in self._host.document.objects if each.name == name), None)
-        return self._boxes[name] if state is None else state.transform.moved_box(self._boxes[name])
+        return next((self._boxes.get(each.source) for each in self._host.document.objects if each.name == name), None)
 
     def _history_now(self) -> History[Viewpoint]:
         """The history, with its present state set to the view: a session or a script may have set that directly."""

@@ -26,6 +26,7 @@ from app.document.sources import source_of
 from app.document.timeline import visible_poses
 from app.document.view_state import Viewpoint, ViewState
 from app.editor.camera_history import CameraHistory
+from app.editor.composition_controller import CompositionController, CompositionHost
 from app.editor.node_controller import NodeController
 from app.editor.view_controller import TracedView, ViewController, describe_empty_frame
 from app.files.bookmarks import MAX_BOOKMARKS, camera_bookmarks
@@ -128,19 +129,14 @@ class Opening:
         return str(self.session_path or self.light or self.source)
 
 
-class SceneHost(Protocol):
+class SceneHost(CompositionHost, Protocol):
     """What the scene controller needs of the editor."""
 
-    view: ViewState
     history: History[Document]
     metrics: StatusMetrics
-    controller: ModeController
     camera_history: CameraHistory
     nodes: NodeController
     resolution: tuple[int, int] | None
-
-    @property
-    def document(self) -> Document: ...
 
     @property
     def scene_is_open(self) -> bool: ...
@@ -149,11 +145,7 @@ class SceneHost(Protocol):
 
     def open(self, source: str) -> str | None: ...
 
-    def notify(self, text: str, is_error: bool = False) -> None: ...
-
     def do(self, command: EditCommand) -> str | None: ...
-
-    def with_nodes(self, document: Document) -> Document: ...
 
     def select(self, path: str | Selection | None) -> str | None: ...
 
@@ -171,6 +163,7 @@ class SceneController:
     def __init__(self, host: SceneHost, keeper: SessionStore) -> None:
         self._host, self._keeper = host, keeper
         self.tracing = ViewController(host.send)
+        self.composing = CompositionController(host, self.tracing)
         self.opened: OpenedScene | None = None
         self.report = ImportReport()
         self.watch = FileWatch()
@@ -244,20 +237,22 @@ class SceneController:
     def update(self, now: float, view: ViewState) -> None:
         """Request that the scene is traced once view and poses are idle; once a frame. view: the host's, with effective
         settings."""
-        document, controller = self._host.document, self._host.controller
-        poses = visible_poses(document, self._host.view)
-        n_edge_rays, opacities = view.settings.n_edge_rays, document.new_opacities
-        desired = TracedView(view.viewpoint, poses, document.new_bumps, n_edge_rays, opacities=opacities)
-        if self._opening is None and self.tracing.update(now, desired):
-            (controller.view_moved if self.tracing.is_away else controller.view_restored)()
+        document = self._host.document
+        desired = TracedView(
+            view.viewpoint, visible_poses(document, self._host.view), document.new_bumps, view.settings.n_edge_rays,
+            opacities=document.new_opacities, composition=document.composition,
+        )  # fmt: skip
+        if self._opening is None:
+            self.composing.update(now, desired)
 
     def announce_scene(self, controller: ModeController) -> list[PictureEvent]:
         """Announce the open scene to another mode's controller as if it had just come; returns events for its
         picture."""
         if self.opened is None:
             return []
-        controller.scene_opened(replace(self.opened, document=self._host.with_nodes(self._host.document)))
-        if self._opening is not None:
+        pictured = self._host.with_nodes(self.composing.drawn(self._host.document))
+        controller.scene_opened(replace(self.opened, document=pictured))
+        if self._opening is not None or self.composing.is_waiting:
             controller.scene_closed()
         elif self.tracing.is_away:
             controller.view_moved()
@@ -291,8 +286,11 @@ class SceneController:
         host = self._host
         host.picture_voided(self.opened.notes)
         host.view = host.view.from_viewpoint(host.view.viewpoint)  # the camera may have moved on
-        scene = replace(self.opened, document=host.with_nodes(host.document))
-        host.controller.view_traced(self._view_traced(scene, response))
+        if self.composing.has_new_objects:
+            host.controller.scene_opened(self._view_traced(self.composing.take_objects(self.opened), response))
+        else:
+            scene = replace(self.opened, document=host.with_nodes(self.composing.drawn(host.document)))
+            host.controller.view_traced(self._view_traced(scene, response))
         host.document_changed()
         if self.tracing.has_resized:
             width, height = self.tracing.traced.resolution or host.camera_history.own_resolution
@@ -337,14 +335,23 @@ class SceneController:
         self.add_files(files_of_document(host.document) | ({opening.session_path} if opening.session_path else set()))
         host.view = host.view.from_viewpoint(self.tracing.adopt_resolution(host.camera_history.own_resolution))
         host.camera_history.reset_history()
-        pictured = host.with_nodes(host.document)
-        scene = OpenedScene(0, opened.planned, description, described, pictured, opened.notes)
-        host.controller.scene_opened(self._view_traced(scene, response))
+        self._open_own(description, described, opened, response)
         if host.view.selected is None:
             host.select(initial_selection(host.document))
         if opening.light is not None:
             host.do(set_environment_file(opening.light))
         return self._shown
+
+    def _open_own(
+        self, description: SceneDescription, described: Document, opened: SceneOpened, response: ViewTraced
+    ) -> None:
+        """Tell the mode of a scene that was opened, with the objects of its file; those of a document with others are
+        traced next."""
+        host = self._host
+        self.composing.open_scene(description, described)
+        pictured = host.with_nodes(self.composing.drawn(host.document))
+        scene = OpenedScene(0, opened.planned, description, described, pictured, opened.notes)
+        host.controller.scene_opened(self._view_traced(scene, response))
 
     def _note_files(self, description: SceneDescription, opened: SceneOpened) -> None:
         """Note what a scene was read from that is open from now on, and what is in it."""
@@ -364,10 +371,9 @@ class SceneController:
         self, described: Document, description: SceneDescription, opened: SceneOpened, response: ViewTraced
     ) -> list[PictureEvent]:
         """The files of the open scene were read again: the whole history goes on with them."""
-        host, before = self._host, self.opened
-        assert before is not None
-        names = matching_parts(before.description, self.report, description, opened.report)
-        change = SceneChange(before.described, described, names)
+        host, (before, own) = self._host, self.composing.own or (description, described)
+        names = matching_parts(before, self.report, description, opened.report)
+        change = SceneChange(own, described, names)
         known = {each.name for each in host.view.bookmarks} | set(self.report.cameras)
         new = [each for each in opened.cameras if each.name not in known]
         views = camera_bookmarks(new, description.camera.resolution)
@@ -382,9 +388,7 @@ class SceneController:
         self.watch.add([self._keeper.path] if self._keeper.path else [])
         host.view = host.view.from_viewpoint(self.tracing.adopt_resolution(host.camera_history.own_resolution))
         host.nodes.scene_opened(opened.channels, opened.nodes)
-        pictured = host.with_nodes(host.document)
-        scene = OpenedScene(0, opened.planned, description, described, pictured, opened.notes)
-        host.controller.scene_opened(self._view_traced(scene, response))
+        self._open_own(description, described, opened, response)
         self._select_again(change)
         host.document_changed()
         waiting = {state.name for state in host.document.absent}

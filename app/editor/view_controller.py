@@ -1,8 +1,7 @@
-"""The requested and the traced view: camera, resolution, poses, bumps, opacities, edge rays.
+"""The requested and the traced view: camera, resolution, objects, poses, bumps, opacities, edge rays.
 
-A view changes as soon as the user moves the camera, poses an object, perturbs its normals or makes
-holes in it; it is traced once
-all of these are idle. Until then the previous picture stays.
+A view changes as soon as the user moves the camera, adds, deletes or poses an object, perturbs its normals or makes
+holes in it; it is traced once all of these are idle. Until then the previous picture stays.
 """
 
 from __future__ import annotations
@@ -16,6 +15,7 @@ from app.modes.reconciler import Reconciler
 from engine.material.bumps import BumpsByObject
 from engine.material.opacity import OpacityByObject
 from engine.realtime.zonal_harmonics.pose import Poses
+from engine.scene.composition import Composition
 from engine.scene.picture_frame import PictureFrame
 
 REST_SECONDS = 0.25
@@ -23,7 +23,8 @@ REST_SECONDS = 0.25
 
 class TracedView(NamedTuple):
     """A view: camera and resolution, the poses and bumps of objects in it, the rays through a pixel at an edge (None
-    for as many as the scene requires), the number of the request that opened the scene, and opacities of objects."""
+    for as many as the scene requires), the number of the request that opened the scene, opacities of objects, and which
+    objects there are."""
 
     viewpoint: Viewpoint = Viewpoint()
     poses: Poses = ()
@@ -31,6 +32,7 @@ class TracedView(NamedTuple):
     n_edge_rays: int | None = None
     scene: int = 0
     opacities: OpacityByObject = ()
+    composition: Composition = ()
 
 
 class ViewController:
@@ -60,14 +62,25 @@ class ViewController:
         return self._traced.scene
 
     @property
+    def composition(self) -> Composition:
+        """The objects that the picture shows."""
+        return self._traced.composition
+
+    @property
+    def requested_composition(self) -> Composition:
+        """The objects of the view that was requested last."""
+        requested = self._reconciler.requested
+        return () if requested is None else requested.desired.composition
+
+    @property
     def id(self) -> int:
         """The number of the request that it was traced by."""
         return self._reconciler.ready or 0
 
     def request_view(self, view: TracedView, now: float = 0.0) -> None:
         """Request a view, of the open scene or of one that is being opened."""
-        look, poses, bumps, n_edge_rays, scene, opacities = view
-        request = SetCamera(scene, *look, poses, bumps, n_edge_rays, opacities)
+        look, poses, bumps, n_edge_rays, scene, opacities, composition = view
+        request = SetCamera(scene, *look, poses, bumps, n_edge_rays, opacities, composition)
         self._reconciler.sent(now, self._send(request), view)
 
     def update(self, now: float, view: TracedView) -> bool:

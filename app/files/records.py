@@ -118,6 +118,7 @@ class ObjectRecord(StrictModel):
     time: Number | None = None
     clip: Text | None = None
     transform: TransformRecord | None = None
+    original: Name | None = None
     deformers: tuple[DeformerRecord, ...] = Field(default=(), alias="deformer", max_length=MAX_DEFORMERS)
 
     @model_validator(mode="after")
@@ -265,6 +266,7 @@ class SessionRecord(StrictModel):
     overrides: Annotated[dict[Text, StrictInt | StrictStr], Field(max_length=MAX_OVERRIDES)] = {}
     view: ViewRecord = ViewRecord()
     journal: JournalRecord | None = None
+    deleted: Annotated[tuple[Name, ...], Field(max_length=MAX_OBJECTS)] = ()
     objects: tuple[ObjectRecord, ...] = Field(alias="object", min_length=1, max_length=MAX_OBJECTS)
     bookmarks: tuple[BookmarkRecord, ...] = Field(default=(), alias="bookmark", max_length=MAX_BOOKMARKS)
     end: EndRecord | None = None

@@ -20,7 +20,7 @@ from pydantic import (
 )
 
 from app.document.commands.light import check_light
-from app.document.document import Document, ObjectState, Selection, all_factors
+from app.document.document import Document, ObjectState, Selection, all_factors, in_scene_order
 from app.document.light_state import MIX_FIELDS, PLAIN_ROW, LightState, MixRow
 from app.document.named_files import with_full_paths
 from app.document.sources import SESSION_ENDING
@@ -153,7 +153,7 @@ def parse_session(data: bytes, path: Path, folder: Path | None) -> Session:
     )  # fmt: skip
     light = light.with_rows({each.light: each.row for each in saved.mix})
     document = Document(full_path(record.scene, folder), objects, check_light(light, str(path)), record.first_bands)
-    document = replace(document, overrides=tuple(sorted(record.overrides.items())))
+    document = replace(document, overrides=tuple(sorted(record.overrides.items())), deleted=record.deleted)
     view = replace(_view(record.view, document), bookmarks=tuple(each.bookmark for each in record.bookmarks))
     return Session(document, view, record.journal)
 
@@ -170,16 +170,25 @@ def fit_session(session: Session, scene: Document, file: str) -> Document:
     Layers are the session's own, where it has some: an object may have been given another material.
     """
     session = _with_present_names(session, scene)
-    names = {state.name for state in scene.objects}
-    saved = {state.name: state for state in session.document.objects}
-    if saved and not names & saved.keys():
-        name = min(saved)
+    own = {state.name: state for state in scene.objects}
+    saved = session.document.objects
+    if saved and not any(state.source in own for state in saved):
+        name = min(state.name for state in saved)
         raise LoadError(file, f"object {name!r}", "in the session", f"an object of the scene, {scene.source}")
-    objects = tuple(_with_saved(state, saved[state.name]) if state.name in saved else state for state in scene.objects)
-    absent = tuple(state for state in session.document.objects if state.name not in names)
+    deleted = tuple(name for name in session.document.deleted if name in own)
+    there = [_with_saved(own[state.source], state) for state in saved if state.source in own]
+    objects = in_scene_order([*there, *_new_objects(session, scene)], scene)
+    absent = tuple(state for state in saved if state.source not in own)
     light = replace(session.document.light, own_suns=scene.light.own_suns)
     light = light.with_edited_suns(light.new_suns or ())
-    return replace(session.document, source=scene.source, objects=objects, absent=absent, light=light)
+    return replace(session.document, source=scene.source, objects=objects, absent=absent, light=light, deleted=deleted)
+
+
+def _new_objects(session: Session, scene: Document) -> list[ObjectState]:
+    """The objects of a scene that a session neither has nor has deleted."""
+    document = session.document
+    known = {*document.deleted, *(state.name for state in document.objects)}
+    return [state for state in scene.objects if state.name not in known]
 
 
 def session_notes(session: Session, scene: Document) -> tuple[str, ...]:
@@ -187,8 +196,9 @@ def session_notes(session: Session, scene: Document) -> tuple[str, ...]:
     session = _with_present_names(session, scene)
     saved = {state.name: state for state in session.document.objects}
     there = {state.name: state for state in scene.objects}
-    gone, new = [name for name in saved if name not in there], [name for name in there if name not in saved]
-    still = [name for name, state in there.items() if name in saved and _lost_clip(state, saved[name])]
+    gone = [name for name, state in saved.items() if state.source not in there]
+    new = [state.name for state in _new_objects(session, scene)]
+    still = [name for name, state in saved.items() if state.source in there and _lost_clip(there[state.source], state)]
     lines = (
         (gone, "no longer in the scene; their edits stay in the session"),
         (new, "not in the session, shown as the scene has them"),
@@ -240,7 +250,7 @@ def dump_session(
     lines = [
         "# An Insitu session: materials, light and poses on top of a scene. Angles of operators in radians.",
         *toml_lines({"version": SESSION_VERSION, "ends": True, "scene": written_path(document.source, folder)}),
-        *toml_lines({"first_bands": document.first_bands}),
+        *toml_lines({"first_bands": document.first_bands, "deleted": document.deleted or None}),
     ]
     if journal is not None:
         lines += ["[journal]", *toml_lines(journal.model_dump())]
@@ -261,7 +271,8 @@ def _changed(row: MixRow) -> dict[str, Any]:
 def _object_lines(state: ObjectState, folder: Path | None) -> Iterator[str]:
     switches = {"visible": state.visible, "frozen": state.frozen, "editable": state.editable}
     yield "[[object]]"
-    yield from toml_lines({"name": state.name, **switches, "emission": state.emission})
+    original = state.original or None
+    yield from toml_lines({"name": state.name, "original": original, **switches, "emission": state.emission})
     if state.new_bumps is not None:
         yield f"bumps = {toml_value(bump_parts(state.new_bumps))}"
     if state.new_opacity is not None:
@@ -315,6 +326,7 @@ def _object(file: str, folder: Path | None, record: ObjectRecord) -> ObjectState
         new_bumps=record.bumps,
         new_opacity=record.opacity,
         new_surface=record.deform,
+        original=record.original or "",
     )
 
 

@@ -427,6 +427,8 @@ def value_at(document: Document, path: str) -> Any:
             return getattr(state, name)
         case "deformer":
             return next((each.amount for each in state.deformations if each.kind == name), 0.0)
+        case "presence":
+            return state.name if name == "name" else "" if name == "duplicate" else False
         case "transform":
             return getattr(state.transform, TRANSFORM_FIELDS[name])
         case "time":

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from engine.material.parameter_nodes import KnownNodes
     from engine.measured.measurement import Measurement
     from engine.realtime.zonal_harmonics.pose import Poses
+    from engine.scene.composition import Composition
     from engine.scene.description import Camera
     from engine.scene.picture_frame import PictureFrame
     from engine.scene.rig import Animations
@@ -101,7 +102,8 @@ class OpenScene(Request):
 class SetCamera(Request):
     """Trace what a camera sees of the scene of this number (that of its `OpenScene`), in a resolution (width, height),
     None: as its file has them; with objects in these poses, under these bumps and as opaque as these; with so many rays
-    through a pixel at an edge, None: as many as the scene requires. Answered by `ViewTraced`."""
+    through a pixel at an edge, None: as many as the scene requires; with these objects, none given: those of its file.
+    Answered by `ViewTraced`."""
 
     built_on = (OpenScene,)
     exclusive = True
@@ -113,6 +115,7 @@ class SetCamera(Request):
     bumps: BumpsByObject = ()
     n_edge_rays: int | None = 0
     opacities: OpacityByObject = ()
+    composition: Composition = ()
 
 
 @dataclass(frozen=True)

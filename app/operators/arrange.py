@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from app.document.commands.objects import DeleteObject, DuplicateObject, free_name
 from app.document.commands.poses import MoveObject, SetTransform
 from app.editor.editor import Editor
 from app.operators.operator import OBJECT, Gesture, Need, Operator, OperatorContext, ScriptKey, ValueRecord
@@ -45,6 +46,24 @@ def _put_back(editor: Editor, value: None) -> str | None:
     return None if selected is None else editor.do(SetTransform(selected.object))
 
 
+def _duplicate(editor: Editor, value: None) -> str | None:
+    selected = editor.view.selected
+    if selected is None:
+        return None
+    name = free_name(editor.document, selected.object)
+    return editor.do(DuplicateObject(selected.object, name)) or editor.select(selected._replace(object=name))
+
+
+def _delete(editor: Editor, value: None) -> str | None:
+    selected = editor.view.selected
+    return None if selected is None else editor.do(DeleteObject(selected.object))
+
+
+def _has_others(context: OperatorContext) -> bool:
+    return context.view.selected is not None and len(context.document.objects) > 1
+
+
+OTHERS = Need("select an object, of several", _has_others)
 MOVED = Need("select an object that was moved", _has_moved)
 
 ARRANGE = (
@@ -63,6 +82,14 @@ ARRANGE = (
     Operator("gizmo_scale", keys=("Z",), help="Scale it", entry="Scale", needs=OBJECT),
     Operator(
         "put_back", _put_back, help="Where the scene's file has the object.", entry="Put back", needs=MOVED, waits=True
+    ),
+    Operator(
+        "duplicate", _duplicate, ("Shift D",), "Duplicate the selected object, in its place", entry="Duplicate",
+        needs=OBJECT, waits=True,
+    ),
+    Operator(
+        "delete_object", _delete, ("Ctrl Delete",), "Delete the selected object", entry="Delete the object",
+        needs=OTHERS, waits=True,
     ),
     Gesture("Ctrl drag", "Snap: 0.1 m, 15°, tenths"),
 )  # fmt: skip

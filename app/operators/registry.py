@@ -47,7 +47,8 @@ MENUS = (
     )),
     Menu("Edit", (
         "undo", "redo", "undo_view", "redo_view", None, "copy_material", "copy_curve", "copy_table", "paste",
-        "paste_layers", None, "gizmo_move", "gizmo_rotate", "gizmo_scale", "put_back", None, "table", "mute", "delete",
+        "paste_layers", None, "gizmo_move", "gizmo_rotate", "gizmo_scale", "put_back", "duplicate",
+        "delete_object", None, "table", "mute", "delete",
         "reset_curve",
     )),
     # The picture's entries come first: in a small window the rest of the menu scrolls.

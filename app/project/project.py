@@ -31,6 +31,7 @@ from app.document.commands.light import (
 )
 from app.document.commands.maps import SetBumps, SetMap, SetOpacity, SetParameterMap, surface_named
 from app.document.commands.mix import SetMix
+from app.document.commands.objects import with_presence
 from app.document.commands.plan import FIRST_BANDS, active_overrides, override_from_value, set_first_bands
 from app.document.commands.poses import with_amounts, with_placement, with_time
 from app.document.commands.suns import SetSun
@@ -72,7 +73,8 @@ class Project:
     """A loaded scene, the document to edit, and its view; emitters have the document's emission.
 
     view: its tone mapping; settings: those of its session, with those of the user. at_rest: the scene where no object
-    is deformed, None where that is it. notes: what of its session does not fit the scene.
+    is deformed, None where that is it. notes: what of its session does not fit the scene. own: the scene as its file
+    has it, None where its objects are those of `scene`.
     """
 
     scene: Scene
@@ -81,10 +83,11 @@ class Project:
     settings: RenderSettings = RenderSettings(n_bounces=AS_PLANNED)
     at_rest: Scene | None = None
     notes: tuple[str, ...] = ()
+    own: Scene | None = None
 
     @property
     def resting(self) -> Scene:
-        """The scene with all objects as its file has them."""
+        """The scene with all objects in the shape that its file has them in."""
         return self.at_rest or self.scene
 
     @cached_property
@@ -154,9 +157,8 @@ class Project:
         from engine.realtime.zonal_harmonics.posed_scene import pose_scene
 
         old, scene, at_rest = self.document, self.scene, self.resting
-        shape = document.poses, document.new_bumps, document.new_opacities, emission_of(document)
-        if shape != (old.poses, old.new_bumps, old.new_opacities, emission_of(old)):
-            at_rest = _at_rest(at_rest, document)
+        if _shape(document) != _shape(old):
+            at_rest = _at_rest(self.own or at_rest, document)
             scene = pose_scene(at_rest, document.poses).with_bumps(dict(document.new_bumps))
             scene = scene.from_camera(self.scene.description.camera, self.scene.resolution)
             scene.check_surfaces()
@@ -241,14 +243,14 @@ def open_project(
         document = read_measurements(fit_session(session, document, str(source.session)))
     for where, value in values:
         document = read_measurements(_with_material(set_path(document, where, value)).apply(document))
-    at_rest = _at_rest(scene, document)
+    own, at_rest = scene, _at_rest(scene, document)
     scene = pose_scene(at_rest, document.poses).with_bumps(dict(document.new_bumps))
     scene.check_surfaces()
     sessions = () if source.session is None else (source.session,)
     set_inputs((*scene.files, *files_of_document(document), *sessions))
     if session is None:
-        return Project(scene, document, at_rest=at_rest)
-    return Project(scene, document, session.view.tone_mapping, session.view.settings, at_rest, notes)
+        return Project(scene, document, at_rest=at_rest, own=own)
+    return Project(scene, document, session.view.tone_mapping, session.view.settings, at_rest, notes, own)
 
 
 def with_overrides(project: Project, lines: Mapping[str, Any]) -> Project:
@@ -332,6 +334,8 @@ def set_path(document: Document, path: str, value: Any) -> EditCommand:
         return with_amounts(document, target.object, {target.name: value})
     if target.kind == "transform" and target.name is not None:
         return with_placement(path, target.object, target.name, value)
+    if target.kind == "presence" and target.name is not None:
+        return with_presence(path, target.object, target.name, value)
     if target.kind == "time":
         return with_time(value, target.object)
     if target.kind == "light":
@@ -354,8 +358,18 @@ def _with_full_path(path: str, value: Any) -> Any:
     return full_material_name(value) if is_material else value
 
 
+def _shape(document: Document) -> tuple[object, ...]:
+    """What of a document the arrays of a scene depend on."""
+    shape = document.composition, document.poses, document.new_bumps, document.new_opacities
+    return *shape, emission_of(document)
+
+
 def _at_rest(scene: Scene, document: Document) -> Scene:
-    """A scene at rest under a document: with its emission and the opacity of its objects."""
+    """A scene as its file has it, at rest under a document: with its objects, their emission and opacity."""
+    from engine.scene.composed_scene import compose_scene
+
+    if document.composition:
+        scene = compose_scene(scene, document.composition)
     opacities = {state.name: state.opacity for state in document.objects}
     return scene.with_emission(dict(emission_of(document))).with_opacities(opacities)
 

@@ -73,6 +73,8 @@ from engine.planner import planned_edge_rays
 from engine.precompute.direct.pipeline import Placement, SkyState
 from engine.realtime.zonal_harmonics.pose import Poses
 from engine.realtime.zonal_harmonics.posed_scene import pose_scene
+from engine.scene.composed_scene import ComposedScene, compose_scene
+from engine.scene.composition import Composition
 from engine.scene.cutouts import scene_caster
 from engine.scene.import_report import report_scene
 from engine.scene.picture_frame import picture_frame
@@ -136,7 +138,7 @@ class WorkerContext:
         seen = next((each for each in (self._loaded, self._scene) if each.id == request.scene), _LoadedScene())
         if seen.scene is None:
             raise InsituError("no scene is open")
-        scene, caster = seen.in_poses(request.poses, request.opacities)
+        scene, caster = seen.in_poses(request.poses, request.opacities, request.composition)
         n_edge_rays = planned_edge_rays(scene.description) if request.n_edge_rays is None else request.n_edge_rays
         scene = scene.with_bumps(dict(request.bumps)).from_camera(request.camera, request.resolution)
         hits = yield from trace_primary_steps(scene, caster, n_edge_rays=n_edge_rays)
@@ -181,19 +183,26 @@ class WorkerContext:
 
 @dataclass
 class _LoadedScene:
-    """A scene as its file has it, the number of its request, the scene with its present opacities, and that in its
-    present pose with its ray caster."""
+    """A scene as its file has it, the number of its request, the scene with its present objects, that with its present
+    opacities, and that in its present pose with its ray caster."""
 
     id: int = -1
     scene: Scene | None = None
+    composed: ComposedScene | None = None
     resting: tuple[OpacityByObject, Scene] | None = None
     pose: tuple[Poses, Scene, RayCaster] | None = None
 
-    def in_poses(self, poses: Poses, opacities: OpacityByObject) -> tuple[Scene, RayCaster]:
-        """The scene in these poses, and its ray caster: the same ones as long as poses and opacities are."""
+    def in_poses(
+        self, poses: Poses, opacities: OpacityByObject, composition: Composition = ()
+    ) -> tuple[Scene, RayCaster]:
+        """The scene of these objects in these poses, and its ray caster: the same ones as long as all of these are."""
         assert self.scene is not None
+        if self.composed is None or self.composed.composition != composition:
+            scene = compose_scene(self.scene, composition, self.composed) if composition else self.scene
+            self.composed, self.resting = ComposedScene(scene, composition), None
         if self.resting is None or self.resting[0] != opacities:
-            self.resting = opacities, self.scene.with_opacities(dict(opacities)) if opacities else self.scene
+            scene = self.composed.scene
+            self.resting = opacities, scene.with_opacities(dict(opacities)) if opacities else scene
             self.pose = None
         if self.pose is None or self.pose[0] != poses:
             scene = pose_scene(self.resting[1], poses)

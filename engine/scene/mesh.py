@@ -261,16 +261,22 @@ def join_meshes(meshes: list[Mesh]) -> Mesh:
     shifted = [mesh.triangles + int(start) for mesh, start in zip(meshes, starts[:-1], strict=True)]
     triangles = np.concatenate(shifted).astype(np.int32)
     vertices = np.concatenate([mesh.vertices for mesh in meshes])
-    corners = {name: _join_corners(meshes, name) for name in dict.fromkeys(n for m in meshes for n in m.corner_values)}
+    counts = [len(mesh.triangles) for mesh in meshes]
+    corners = {name: join_corners([getattr(mesh, name) for mesh in meshes], counts, name) for name in _FILL}
     return Mesh(vertices, triangles, normals, **corners)
 
 
-def _join_corners(meshes: list[Mesh], name: str) -> npt.NDArray[np.float32]:
-    """Values at the corners (T, 3, ...) of all triangles of several meshes."""
+def join_corners(
+    values: Sequence[npt.NDArray[np.float32] | None], counts: Sequence[int], name: str
+) -> npt.NDArray[np.float32] | None:
+    """Values at the corners (T, 3, ...) of several meshes with these numbers of triangles: uvs, tangents or colours, by
+    name; None where no mesh has them."""
+    if all(own is None for own in values):
+        return None
     fill = _FILL[name]
+    empty = np.asarray(fill, np.float32)
     every = [
-        mesh.corner_values.get(name, np.broadcast_to(np.asarray(fill, np.float32), (len(mesh.triangles), 3, len(fill))))
-        for mesh in meshes
+        np.broadcast_to(empty, (n, 3, len(fill))) if own is None else own for own, n in zip(values, counts, strict=True)
     ]
     most = max(each.shape[2] for each in every)
     n_lacking = [(most - each.shape[2]) // len(fill) for each in every]

@@ -90,10 +90,12 @@ class ObjectMesh:
 
 
 def object_meshes(
-    description: SceneDescription, folder: Path, path: Path, variants: Mapping[str, str] = MappingProxyType({})
-) -> tuple[list[ObjectMesh], list[str]]:
+    description: SceneDescription, folder: Path, path: Path, variants: Mapping[str, str] = MappingProxyType({}),
+    is_chosen: bool = False,
+) -> tuple[list[ObjectMesh], list[str]]:  # fmt: skip
     """All objects with their meshes, each file read once, with these variants of its sets, and notes; raises
-    LoadError."""
+    LoadError. is_chosen: the user chose their files, which may be anywhere; those that a scene's file names are in its
+    folder."""
     items: list[ObjectMesh] = []
     notes: list[str] = []
     models: dict[Path, ImportedModel] = {}
@@ -102,7 +104,8 @@ def object_meshes(
         if item.mesh is None:
             items.append(ObjectMesh(item, PRIMITIVES[str(item.primitive)]()))
             continue
-        file = resolve_inside(folder, item.mesh, path, f"object {item.name!r}: mesh")
+        is_full = is_chosen and Path(item.mesh).is_absolute()
+        file = Path(item.mesh) if is_full else resolve_inside(folder, item.mesh, path, f"object {item.name!r}: mesh")
         if file not in models:
             models[file] = read_model(file, variants)
             notes += [f"{item.name}: {note}" for note in models[file].notes]

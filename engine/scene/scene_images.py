@@ -27,8 +27,6 @@ if TYPE_CHECKING:
 def load_images(scene: Scene, is_imported: Sequence[bool]) -> Scene:
     """The scene with all images loaded, without those of imported materials that are damaged; is_imported: whose
     objects' materials are their files' own. Raises LoadError."""
-    for described in scene.description.objects:
-        _check_places(scene, described)
     try:
         _load(scene)
         return scene
@@ -48,8 +46,18 @@ def load_images(scene: Scene, is_imported: Sequence[bool]) -> Scene:
         return scene
 
 
-def _check_places(scene: Scene, described: ObjectDescription) -> None:
-    """A scene file may name only files in its folder; only the user may choose full paths."""
+def check_image_places(scene: Scene) -> None:
+    """Raise LoadError for an image outside the scene's folder: a scene file may name only files in it; only the user
+    may choose full paths."""
+    for described in scene.description.objects:
+        for what, name in _images_of(described):
+            resolve_inside(scene.folder, split_image_name(name)[0], scene.file, what)
+        for what, name in described.deform.files:
+            resolve_inside(scene.folder, name, scene.file, what)
+
+
+def _images_of(described: ObjectDescription) -> list[tuple[str, str]]:
+    """What each image of an object's material is, and its name."""
     layers = [*described.layers, *(layer for variant in described.variants for layer in variant.layers)]
     files = [file for variant in described.variants for file in variant.files]
     files += [file for layer in layers for file in layer.maps.files]
@@ -58,11 +66,7 @@ def _check_places(scene: Scene, described: ObjectDescription) -> None:
     ]
     files += [("opacity_map", described.opacity.opacity_map)] if described.opacity.opacity_map else []
     files += [] if described.is_lamp else described.bumps.files
-    files += described.emission_texture.files
-    for what, name in files:
-        resolve_inside(scene.folder, split_image_name(name)[0], scene.file, what)
-    for what, name in described.deform.files:
-        resolve_inside(scene.folder, name, scene.file, what)
+    return [*files, *described.emission_texture.files]
 
 
 def _load(scene: Scene) -> None:

@@ -36,6 +36,7 @@ from engine.scene.description import (
     MAX_SUNS,
     Camera,
     EnvironmentDescription,
+    ObjectDescription,
     SceneDescription,
     SunDescription,
     load_description,
@@ -46,7 +47,7 @@ from engine.scene.mesh import MESH_ENDINGS, Mesh, face_normals, join_meshes, pla
 from engine.scene.mesh_defects import find_defects
 from engine.scene.object_meshes import ObjectMesh, load_mesh_scene, object_meshes
 from engine.scene.rig import Animations, Rig
-from engine.scene.scene_images import load_images
+from engine.scene.scene_images import check_image_places, load_images
 from engine.scene.surface_uvs import box_frame
 from engine.scene.tangents import TangentRotations
 from engine.texture.texture_store import TextureStore
@@ -264,19 +265,33 @@ def build_scene(description: SceneDescription, path: Path, resolution: tuple[int
     return _assemble(description, items, notes, path, resolution, environment_path)
 
 
+def read_objects(objects: Sequence[ObjectDescription], base: Scene) -> Scene:
+    """Objects that a scene's file does not have, as a scene of their own in the frame of the arrays of `base`. The user
+    chose their files, by full paths; one without layers becomes as many objects as its file has materials. Raises
+    LoadError."""
+    description = base.description.model_copy(update={"environment": None, "objects": tuple(objects)})
+    with record_files() as files:
+        items, notes = object_meshes(description, base.folder, base.file, is_chosen=True)
+        added = _assemble(description, items, notes, base.file, base.resolution, None, base.origin)
+    return replace(added, files=frozenset(files))
+
+
 def _assemble(
     description: SceneDescription, items: Sequence[ObjectMesh], notes: Sequence[str], path: Path,
-    resolution: tuple[int, int] | None, environment_path: Path | None,
+    resolution: tuple[int, int] | None, environment_path: Path | None, origin: npt.NDArray[np.float64] | None = None,
 ) -> Scene:  # fmt: skip
-    """Build the arrays of objects that were read; the description takes over their final form."""
+    """Build the arrays of objects that were read; the description takes over their final form. origin: what the arrays
+    are relative to where these objects are added to a scene, None for their own scene."""
     placed, place_notes = _place_all(items, path)
     description, sun_notes = _with_suns(description, [sun for item in items for sun in item.suns])
     description = description.model_copy(update={"objects": tuple(item.description for item in items)})
-    lit = [mesh for mesh, item in zip(placed, items, strict=True) if not item.description.is_lamp]
-    origin = _find_origin(lit or placed, path)
+    is_added = origin is not None
+    if origin is None:
+        lit = [mesh for mesh, item in zip(placed, items, strict=True) if not item.description.is_lamp]
+        origin = _find_origin(lit or placed, path)
     vertices, placed, lost_notes = _round_all(placed, origin, items, path)
     joined = join_meshes(placed)
-    triangles, ranges = np.ascontiguousarray(joined.triangles), _ranges([len(mesh.triangles) for mesh in placed])
+    triangles, ranges = np.ascontiguousarray(joined.triangles), ranges_of([len(mesh.triangles) for mesh in placed])
     geometric, _ = face_normals(vertices, triangles)
     counts = ranges[:, 1] - ranges[:, 0]
     objects = description.objects
@@ -302,7 +317,7 @@ def _assemble(
         boxes=np.array([box_frame(i.mesh, np.reshape(i.description.transform, (4, 4)), origin) for i in items]),
         has_uvs=np.array([mesh.uvs is not None for mesh in placed]),
         textures=TextureStore(path),
-        vertex_ranges=_ranges([len(mesh.vertices) for mesh in placed]),
+        vertex_ranges=ranges_of([len(mesh.vertices) for mesh in placed]),
         rigs=tuple(_rig_in_scene(item, origin) for item in items),
         environment_path=environment_path,
         notes=(*notes, *sun_notes, *place_notes, *lost_notes, *_map_notes(description, placed)),
@@ -311,6 +326,8 @@ def _assemble(
         unshown=tuple(each for model in models for each in model.unshown),
         variant_sets=tuple(each for model in models for each in model.variant_sets),
     )
+    if not is_added:
+        check_image_places(scene)
     scene = load_images(scene, [item.is_imported for item in items])
     shrunk = scene.textures.take_notes()
     return replace(scene, notes=(*scene.notes, *shrunk)) if shrunk else scene
@@ -435,7 +452,7 @@ def _round_all(
     return np.concatenate(rounded), kept, notes
 
 
-def _ranges(counts: list[int]) -> npt.NDArray[np.int32]:
+def ranges_of(counts: Sequence[int]) -> npt.NDArray[np.int32]:
     """Begin and end (M, 2) of consecutive groups of these sizes."""
     ends = np.cumsum(counts)
     return np.stack([ends - counts, ends], axis=1).astype(np.int32)

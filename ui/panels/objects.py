@@ -5,6 +5,7 @@ from __future__ import annotations
 from imgui_bundle import ImVec2, ImVec4, imgui
 
 from app.document.commands.layers import AddLayers, RemoveLayer, SetEditable, SetFrozen, SetVisible, new_layer
+from app.document.commands.objects import DeleteObject, RenameObject
 from app.document.document import ObjectState, layer_key
 from app.document.selection import is_layer_visible, solo_layer, toggle_solo
 from app.files.materials import copy_layer, copy_material
@@ -177,7 +178,17 @@ def _drop(context: PanelContext, state: ObjectState) -> list[Action]:
 def _object_menu(context: PanelContext, state: ObjectState) -> list[Action]:
     """The context menu of an object."""
     actions: list[Action] = []
-    if state.layers and imgui.begin_popup_context_item("menu"):
+    if not imgui.begin_popup_context_item("menu"):
+        return actions
+    actions += _name_field(context, state)
+    if imgui.menu_item_simple("Duplicate"):
+        actions += [RunOperator("select", state.name), RunOperator("duplicate")]
+    context.handles.note_item(f"objects.{state.name}.duplicate")
+    if imgui.menu_item_simple("Delete", None, False, len(context.document.objects) > 1):
+        actions.append(DeleteObject(state.name))
+    context.handles.note_item(f"objects.{state.name}.delete")
+    if state.layers:
+        imgui.separator()
         if imgui.menu_item_simple("Copy the material"):
             actions.append(Copy(copy_material(context.document, state.name), f"the material of {state.name}"))
         if imgui.menu_item_simple("Paste"):
@@ -187,8 +198,20 @@ def _object_menu(context: PanelContext, state: ObjectState) -> list[Action]:
         if imgui.begin_menu("Add a layer"):
             actions += _new_layers(state)
             imgui.end_menu()
-        imgui.end_popup()
+    imgui.end_popup()
     return actions
+
+
+def _name_field(context: PanelContext, state: ObjectState) -> list[Action]:
+    """The object's name, to be typed."""
+    imgui.set_next_item_width(context.px(160))
+    _, typed = imgui.input_text("##name", state.name, imgui.InputTextFlags_.auto_select_all)
+    context.handles.note_item(f"objects.{state.name}.name")
+    widgets.tooltip("Another name, then Enter.")
+    if not imgui.is_item_deactivated_after_edit() or typed.strip() == state.name:
+        return []
+    imgui.close_current_popup()
+    return [RenameObject(state.name, typed.strip())]
 
 
 def _new_layers(state: ObjectState) -> list[Action]:

@@ -43,6 +43,7 @@ from app.document.commands.maps import (
     SetSurface,
 )
 from app.document.commands.mix import SetMix
+from app.document.commands.objects import DeleteObject, DuplicateObject, RenameObject
 from app.document.commands.plan import OverrideLine, SetFirstBands
 from app.document.commands.poses import (
     AddDeformer,
@@ -62,5 +63,6 @@ EditCommand = (
     | SetEditable | SetBumps | SetOpacity | SetMap | SetParameterMap | Paint | BlendByMap | ClearMap | SetMaterial
     | SetVariant | AddLayers | RemoveLayer | SetRotation | SetIntensity | SetEnvironment | SetMapping | SetEmission
     | SetFirstBands | SetPose | AddDeformer | SetDeformer | MoveDeformer | RemoveDeformer | SetTime | SetSurface
-    | OverrideLine | SetSun | SetMix | SetTransform | MoveObject
+    | OverrideLine | SetSun | SetMix | SetTransform | MoveObject | DuplicateObject | DeleteObject
+    | RenameObject
 )  # fmt: skip

@@ -1,0 +1,136 @@
+"""The edits of which objects there are: duplicates, deleted and renamed objects."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from pydantic import TypeAdapter, ValidationError
+
+from app.document.document import Document, ObjectState
+from engine.core.errors import InsituError, LoadError
+from engine.scene.description import LONGEST_NAME, MAX_OBJECTS, Name
+
+_NAMES = TypeAdapter[str](Name)
+_NUMBERED = re.compile(r"(?P<name>.*\S) \d+")
+
+
+@dataclass(frozen=True)
+class DuplicateObject:
+    """Add a duplicate behind an object: the same shape, material, pose and place, with a row of its own in the mix.
+    name: of the duplicate; "" for the object's with the next number."""
+
+    object: str
+    name: str = ""
+
+    @property
+    def label(self) -> str:
+        return f"duplicate {self.object}"
+
+    def apply(self, document: Document) -> Document:
+        state = document.object(self.object)
+        if len(document.objects) == MAX_OBJECTS:
+            raise InsituError(f"{self.object} is not duplicated: a scene has at most {MAX_OBJECTS} objects")
+        name = _checked(document, self.name) if self.name else free_name(document, self.object)
+        place = document.objects.index(state) + 1
+        objects = (*document.objects[:place], _renamed(state, name), *document.objects[place:])
+        light = document.light.with_duplicate(name, state.name)
+        return _of_file(replace(document, objects=objects, light=light))
+
+
+@dataclass(frozen=True)
+class DeleteObject:
+    """Delete an object, with its row in the mix; one of the scene's at least stays."""
+
+    object: str
+
+    @property
+    def label(self) -> str:
+        return f"delete {self.object}"
+
+    def apply(self, document: Document) -> Document:
+        state = document.object(self.object)
+        if len(document.objects) == 1:
+            raise InsituError(f"{self.object} is not deleted: a scene has at least one object")
+        objects = tuple(each for each in document.objects if each is not state)
+        deleted = document.deleted if state.original else (*document.deleted, state.name)
+        return replace(document, objects=objects, light=document.light.without_object(state.name), deleted=deleted)
+
+
+@dataclass(frozen=True)
+class RenameObject:
+    """Give an object another name, with its row in the mix and its lines of the plan."""
+
+    object: str
+    name: str
+
+    @property
+    def label(self) -> str:
+        return f"rename {self.object}"
+
+    def apply(self, document: Document) -> Document:
+        state = document.object(self.object)
+        if self.name == self.object:
+            return document
+        name = _checked(document, self.name)
+        renamed = _renamed(state, name)
+        objects = tuple(renamed if each is state else each for each in document.objects)
+        deleted = document.deleted if state.original else (*document.deleted, state.name)
+        names = {state.name: name}
+        return _of_file(replace(
+            document, objects=objects, deleted=deleted, light=document.light.with_renamed_rows(names),
+            overrides=tuple(sorted((_line_of(line, names), value) for line, value in document.overrides)),
+        ))  # fmt: skip
+
+
+def with_presence(path: str, name: str, field: str, value: Any) -> DuplicateObject | DeleteObject | RenameObject:
+    """The command that an object's `name`, `duplicate` (the name of a new one) or `deleted` (true) stands for, by a
+    value from a file or a command line. Raises LoadError."""
+    if field == "deleted":
+        if value is not True:
+            raise LoadError(path, "value", value, "true; undo brings an object back")
+        return DeleteObject(name)
+    if not isinstance(value, str):
+        raise LoadError(path, "value", value, "a name")
+    return RenameObject(name, value) if field == "name" else DuplicateObject(name, value)
+
+
+def free_name(document: Document, name: str) -> str:
+    """The name with the first number from 2 on that no object of the document or of its file has: "cup 2"."""
+    taken = {each.name for each in (*document.objects, *document.absent)} | set(document.deleted)
+    numbered = _NUMBERED.fullmatch(name)
+    base = numbered["name"] if numbered else name
+    number = 2
+    while (found := f"{base[: LONGEST_NAME - len(str(number)) - 1].rstrip()} {number}") in taken:
+        number += 1
+    return found
+
+
+def _checked(document: Document, name: str) -> str:
+    """A name for another object. Raises InsituError."""
+    try:
+        _NAMES.validate_python(name)
+    except ValidationError:
+        expected = f"a name of 1 to {LONGEST_NAME} characters without . = [ ] and quotes"
+        raise InsituError(f"name = {name!r}, expected {expected}") from None
+    if any(each.name == name for each in (*document.objects, *document.absent)):
+        raise InsituError(f"name = {name!r}, expected one that no other object has")
+    return name
+
+
+def _renamed(state: ObjectState, name: str) -> ObjectState:
+    return replace(state, name=name, original="" if state.source == name else state.source, former_name="")
+
+
+def _of_file(document: Document) -> Document:
+    """The document without those among its deleted objects that it has by their names."""
+    there = {state.name for state in document.objects if not state.original}
+    return replace(document, deleted=tuple(name for name in document.deleted if name not in there))
+
+
+def _line_of(line: str, names: Mapping[str, str]) -> str:
+    """The name of a line of the plan, which begins with that of an object where it is a curve's."""
+    name, dot, rest = line.partition(".")
+    return f"{names.get(name, name)}{dot}{rest}" if dot else line

@@ -1,0 +1,101 @@
+"""Objects that were added, deleted or renamed, and that the worker has not traced yet.
+
+A document with other objects than the picture closes the mode's scene until these are traced: what the mode computes is
+of objects by their numbers. Meanwhile the mode is given the last document that has the objects of the picture. Undo
+before the answer goes on with what is there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Protocol
+
+from app.document.document import Document, with_objects_of
+from app.document.view_state import ViewState
+from app.editor.view_controller import TracedView, ViewController
+from app.modes.mode import ModeController, OpenedScene
+from engine.scene.composition import Composition
+from engine.scene.description import SceneDescription
+
+
+class CompositionHost(Protocol):
+    """What the composition controller needs of the editor."""
+
+    view: ViewState
+    controller: ModeController
+
+    @property
+    def document(self) -> Document: ...
+
+    def notify(self, text: str, is_error: bool = False) -> None: ...
+
+    def with_nodes(self, document: Document) -> Document: ...
+
+
+class CompositionController:
+    """Compares the objects of the document with those of the picture. own: the open scene and its document as its file
+    has them; is_waiting: whether the document's objects are not traced yet."""
+
+    def __init__(self, host: CompositionHost, tracing: ViewController) -> None:
+        self._host, self._tracing = host, tracing
+        self.own: tuple[SceneDescription, Document] | None = None
+        self.is_waiting = False
+        # The last documents with the objects of the picture and with those that were requested.
+        self._drawn = self._requested = Document("")
+        self._shown: Composition = ()
+
+    def open_scene(self, description: SceneDescription, described: Document) -> None:
+        """Begin with a scene that was opened with the objects of its file; those of a document with others are traced
+        next."""
+        self.own = description, described
+        self._drawn, self._shown, self.is_waiting = described, (), False
+
+    def update(self, now: float, view: TracedView) -> None:
+        """Request that the view is traced once it is idle, and tell the mode whether it is; once a frame."""
+        host, tracing, was_waiting = self._host, self._tracing, self.is_waiting
+        composition = host.document.composition
+        self.is_waiting = composition != tracing.composition
+        if self.is_waiting and not was_waiting:
+            self._close()
+        has_moved = tracing.update(now, view)
+        if composition == tracing.requested_composition:
+            self._requested = host.document
+        if self.is_waiting:
+            return
+        if was_waiting:  # undone before it was traced
+            host.controller.scene_open_failed()
+        if has_moved or was_waiting:
+            (host.controller.view_moved if tracing.is_away else host.controller.view_restored)()
+
+    def drawn(self, document: Document) -> Document:
+        """The document, or while its objects are not yet traced, the last one with those of the picture."""
+        if document.composition == self._tracing.composition:
+            self._drawn = document
+        return self._drawn
+
+    @property
+    def has_new_objects(self) -> bool:
+        """Whether the view that was just traced has other objects than the picture so far."""
+        return self._tracing.composition != self._shown
+
+    def take_objects(self, opened: OpenedScene) -> OpenedScene:
+        """The open scene with the objects that were just traced."""
+        assert self.own is not None
+        self._drawn, self._shown, self.is_waiting = self._requested, self._tracing.composition, False
+        description, described = self.own
+        document = self.drawn(self._host.document)
+        if document.composition:
+            by_name = {each.name: each for each in description.objects}
+            objects = tuple(by_name[state.source].model_copy(update={"name": state.name}) for state in document.objects)
+            description = description.model_copy(update={"objects": objects})
+        described = with_objects_of(described, document)
+        return replace(opened, description=description, described=described, document=self._host.with_nodes(document))
+
+    def _close(self) -> None:
+        """Close the mode's scene: the picture stays until the worker has traced other objects."""
+        host = self._host
+        host.controller.scene_closed()
+        self._tracing.hand_released()
+        if host.view.compare is not None and host.view.compare.composition != host.document.composition:
+            host.view = replace(host.view, compare=None)
+            host.notify("the comparison ended: its picture has other objects")

@@ -1,0 +1,139 @@
+"""The editor while objects are duplicated and deleted: the mode waits, and goes on with what was traced."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+
+from app.document.commands import DeleteObject, DuplicateObject, SetTransform
+from app.document.document import Document
+from app.document.view_state import SetView
+from app.editor.editor import Editor
+from app.messages.worker_messages import SetCamera
+from app.modes.deform.deform_messages import PrepareDeform
+from app.modes.orbit.orbit_messages import PrepareOrbit
+from app.modes.placement.placement_messages import ComputeTransport
+from app.operators.registry import run_operator
+from engine.scene.composition import SceneObject
+from tests.app.fake_worker import FakeClient
+
+
+def views(client: FakeClient) -> list[SetCamera]:
+    return [each for each in client.requests if isinstance(each, SetCamera)]
+
+
+def trace(client: FakeClient) -> None:
+    """Answer the newest view, where one was asked for."""
+    if views(client):
+        client.see_scene()
+
+
+def computed(client: FakeClient) -> set[str]:
+    """The keys of the layers whose transport was asked for last."""
+    asked = [each for each in client.requests if isinstance(each, ComputeTransport)]
+    return {layer.key for layer in asked[-1].scene.layers}
+
+
+def test_nothing_is_asked_of_new_objects_before_they_are_traced(settled: Editor, client: FakeClient) -> None:
+    n_before = len(client.requests)
+    settled.do(DuplicateObject("pot", "mug"))
+    for now in (2.0, 2.1, 2.2):
+        settled.tick(now)
+    assert not any(isinstance(each, ComputeTransport) for each in client.requests[n_before:])
+    assert views(client)[-1].composition[:2] == (SceneObject("pot", "pot"), SceneObject("mug", "pot"))
+    client.see_scene()
+    settled.tick(3.0)
+    settled.tick(4.0)
+    assert {"pot.0", "mug.0"} <= computed(client) and settled.scene_document.object("mug").source == "pot"
+
+
+@pytest.mark.parametrize(("mode", "kind"), [("orbit", PrepareOrbit), ("deform", PrepareDeform)])
+def test_moving_pictures_are_prepared_of_the_traced_objects(
+    settled: Editor, client: FakeClient, mode: str, kind: type[PrepareOrbit] | type[PrepareDeform]
+) -> None:
+    settled.do(SetView.of(mode=mode))
+    settled.tick(2.0)
+    settled.do(DuplicateObject("pot", "mug"))
+    settled.do(DeleteObject("floor"))
+    for now in (2.1, 2.2, 2.3):
+        settled.tick(now)
+    assert prepared(client, kind) == {"pot", "floor", "lamp"}
+    client.see_scene()
+    for now in (3.0, 4.0):
+        settled.tick(now)
+    assert prepared(client, kind) == {"pot", "mug", "lamp"}
+
+
+def prepared(client: FakeClient, kind: type[PrepareOrbit] | type[PrepareDeform]) -> set[str]:
+    """The objects of which pictures were prepared last."""
+    state = client.sent(kind)[-1].scene
+    return {name for name, _ in state.emission} | {layer.object for layer in state.layers}
+
+
+def test_undo_before_the_answer_goes_on_as_before(settled: Editor, client: FakeClient) -> None:
+    settled.do(DeleteObject("floor"))
+    settled.tick(2.0)
+    settled.undo()
+    settled.tick(2.1)
+    client.see_scene()
+    for now in (2.2, 2.6, 3.0):
+        settled.tick(now)
+    assert views(client)[-1].composition == ()
+    client.see_scene()
+    for now in (4.0, 5.0):
+        settled.tick(now)
+    assert not settled.status.is_away and "floor.0" in computed(client)
+
+
+def test_another_object_is_selected_where_it_was_deleted(settled: Editor) -> None:
+    settled.select("pot")
+    assert run_operator(settled, "duplicate") is None
+    assert settled.view.selected is not None and settled.view.selected.object == "pot 2"
+    assert run_operator(settled, "delete_object") is None
+    assert settled.view.selected is not None and settled.view.selected.object == "pot"
+
+
+def test_a_comparison_with_other_objects_ends(settled: Editor) -> None:
+    settled.do(SetView.of(compare=settled.document))
+    settled.do(DeleteObject("floor"))
+    settled.tick(2.0)
+    assert settled.view.compare is None
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_any_sequence_of_objects_and_answers(settled: Editor, client: FakeClient, seed: int) -> None:
+    """Whatever comes between: a mode is given documents with the objects of the traced scene alone, and all that was
+    undone leaves the first document."""
+    rng, now, first = random.Random(seed), 2.0, settled.document
+    given: list[tuple[Document, object]] = []
+    update = settled.controller.update
+
+    def noted(at: float, document: Document, view: object) -> list:
+        given.append((document, settled.scenes.tracing.composition))
+        return update(at, document, view)
+
+    settled.controller.update = noted
+    for _ in range(40):
+        now += rng.choice((0.01, 0.3))
+        name = rng.choice([state.name for state in settled.document.objects])
+        match rng.choice(("duplicate", "delete", "move", "undo", "redo", "trace", "trace")):
+            case "duplicate":
+                settled.do(DuplicateObject(name))
+            case "delete":
+                settled.do(DeleteObject(name))
+            case "move":
+                settled.do(SetTransform(name, (rng.random(), 0.0, 0.0)))
+            case "undo":
+                settled.undo()
+            case "redo":
+                settled.redo()
+            case "trace":
+                trace(client)
+        settled.tick(now)
+    assert given and all(document.composition == traced for document, traced in given)
+    while settled.undo() is not None:
+        settled.tick(now := now + 0.3)
+        trace(client)
+    settled.tick(now + 1.0)
+    assert settled.document == first
