@@ -7,8 +7,8 @@ dark side the rings of what is bright elsewhere show most. Few rows lose to the 
 functions the sharper it is; from about twelve on they have three quarters of its error or less. But where reflection or
 light is sharp, what is cut off after n bands draws rings, black in their troughs, around highlights; the lobe has none.
 So rows are taken where they draw hardly any point black that is not, and, as they cost memory and time in every frame,
-where their error is less by `WORTH`. The choice depends on the environment as its file has it, so it stays when the sky
-is rotated.
+where their error is less by `WORTH`. Suns do not count: the BRDF mirrors them, beside the lobe and beside rows. The
+choice depends on the environment as its file has it, so it stays when the sky is rotated.
 """
 
 from __future__ import annotations
@@ -23,8 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.core.generators import run_to_end
-from engine.light.environment import Environment, triangle_integrals
+from engine.light.environment import Environment
 from engine.material.layer import Layer, evaluate_layer
+from engine.precompute.direct.pipeline import SkyState
 from engine.realtime.zonal_harmonics.gloss_rows import (
     N_ROW_LOBES,
     GlossBasis,
@@ -33,6 +34,7 @@ from engine.realtime.zonal_harmonics.gloss_rows import (
     simulate_gloss_rows,
 )
 from engine.realtime.zonal_harmonics.shading import BandLight, Lobes, add_gloss, band_light, lobes, low_gloss, shade
+from engine.realtime.zonal_harmonics.sun_lights import sky_light
 from engine.realtime.zonal_harmonics.transfer import TransferPoints, simulate_shadows
 from engine.realtime.zonal_harmonics.zonal import fit
 from engine.render.error_estimate import CLAMP_PERCENTILE
@@ -50,7 +52,6 @@ WORTH = 1.1  # times the error of the rows, below which the lobe stays; and of t
 MOST_BLACK = 0.01  # of the values, above which rows are taken to draw rings
 _LIT = 0.02  # of the mean, above which a value is not black
 N_POINTS, N_RAYS = 400, 1000
-SKY_LEVEL = 4  # of the geodesic sphere's triangles
 SIDES = np.array(list(product((-1.0, 1.0), repeat=3))) / math.sqrt(3.0)  # directions wo (8, 3), in world axes
 _GRAZING = 0.1  # least cosine of wo
 _N_LOBES = 4  # of diffuse transfer
@@ -91,7 +92,8 @@ def choose_gloss(
     done."""
     if environment is None:
         return GlossChoice(LOBE, "no sky")
-    powers = triangle_integrals(environment, 0.0, SKY_LEVEL)
+    # Suns are mirrored by the BRDF, whatever is chosen. A triangle's four children follow one another.
+    powers = sky_light(SkyState(environment), 1.0).dull_powers.reshape(-1, 4, 3).sum(axis=1)
     light = band_light(project(powers, order))
     return choice_of((yield from try_gloss(mesh, caster, layer, powers, light)))
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from engine.core.threads import even_parts, on_threads
 from engine.light.cones import cone_shares
-from engine.light.emitters import emitter_tree, emitting_triangles, merge_triangles
+from engine.light.emitters import Emitted, EmitterTree, emitter_tree, emitting_triangles, merge_triangles
 from engine.light.environment import LUMINANCE, triangle_integrals
 from engine.precompute.direct.pipeline import SkyState
 from engine.realtime.zonal_harmonics import _transfer_kernels as kernels
@@ -165,14 +165,16 @@ def light_of_lamps(paths: LightPaths, emission: Float64Array) -> Float64Array:
 
 
 class LampSample(NamedTuple):
-    """A part of an emitter: a place on it (3,) with its normal (3,) and area, the cone (4,) that it sends its light
-    into, and by what its texture multiplies the emission there (3,)."""
+    """A part of an emitter: the centre of its light (3,) with its normal (3,) and area, the cone (4,) that it sends its
+    light into, and by what its texture multiplies the emission there (3,); target (3,): where on it rays go, so that no
+    straight edge of a shadow passes many at once."""
 
     place: Float64Array
     normal: Float64Array
     area: float
     cone: NDArray[np.float32]
     tint: Float64Array
+    target: Float64Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,7 +188,7 @@ class Lamp:
     @cached_property
     def rows(self) -> Float64Array:
         """Its parts (N, 14): place, normal, area, cone, tint."""
-        return np.array([np.hstack([*each]) for each in self.samples]).reshape(-1, 14)
+        return np.array([np.hstack([*each[:5]]) for each in self.samples]).reshape(-1, 14)
 
 
 def lamp_samples(scene: Scene, i: int, n: int = 0) -> list[LampSample]:
@@ -200,12 +202,31 @@ def lamp_samples(scene: Scene, i: int, n: int = 0) -> list[LampSample]:
     one_kind = np.zeros(len(emitting.corners), np.intp)
     merged = merge_triangles(emitting.corners, emitting.radiance, n // 2 if is_textured else n, one_kind)
     varying = emitting.radiance_of_parts(merged)
-    patches = emitter_tree(merged.corners, merged.radiance, n, _power if is_textured else None, varying=varying).leaves
-    numbers = (each.astype(np.float64) for each in (patches.samples, patches.normal, patches.area, patches.radiance))
+    tree = emitter_tree(merged.corners, merged.radiance, n, _power if is_textured else None, varying=varying)
+    places, of = _bright_centres(tree, varying), tree.leaves
+    numbers = (each.astype(np.float64) for each in (places, of.normal, of.area, of.radiance, of.samples))
     return [
-        LampSample(place, normal, area, scene.cones[i], tint)
-        for place, normal, area, tint in zip(*numbers, strict=True)
+        LampSample(place, normal, area, scene.cones[i], tint, target)
+        for place, normal, area, tint, target in zip(*numbers, strict=True)
     ]
+
+
+def _bright_centres(tree: EmitterTree, varying: Emitted | None) -> NDArray[np.floating]:
+    """The centres (N, 3) of the leaves' light, which is even unless it varies: of sixteen parts by their power. Places
+    at random in each leaf are twice as far off."""
+    if varying is None:
+        return tree.leaves.centre
+    leaf = np.flatnonzero(tree.child < 0)
+    root = leaf[np.argsort(tree.first[leaf])]
+    while (above := tree.parent[root]).max() >= 0:
+        root = np.where(above >= 0, above, root)
+    parts = tree.leaves.corners.astype(np.float64)
+    for _ in range(2):  # each into four, by the middles of its edges
+        a, b, c = np.moveaxis(parts, 1, 0)
+        ab, bc, ca = 0.5 * (a + b), 0.5 * (b + c), 0.5 * (c + a)
+        parts = np.stack([a, ab, ca, ab, b, bc, ca, bc, c, ab, bc, ca], axis=1).reshape(-1, 3, 3)
+    power = varying(parts, np.repeat(root, 16)).reshape(-1, 16, 3) @ LUMINANCE + 1e-30
+    return np.einsum("ns,nsk->nk", power, parts.mean(axis=1).reshape(-1, 16, 3)) / power.sum(axis=1, keepdims=True)
 
 
 def _power(corners: Float64Array, roots: NDArray[np.intp], radiance: Float64Array) -> Float64Array:
@@ -263,7 +284,7 @@ def _lamp_light(
             cosine = np.einsum("pc,pc->p", directions, normals)
             factor *= np.maximum(cosine, 0.0) / np.pi
             lit = np.flatnonzero(factor > 0.0)
-            arrives = factor[lit] * ~_blocked(points.caster(everything), places[lit], sample.place)
+            arrives = factor[lit] * ~_blocked(points.caster(everything), places[lit], sample.target)
             found[lit, k] += arrives[:, None] * sample.tint
             unblocked[:, k] += factor * sample.tint.sum()
     return found, found.sum(axis=2) / np.maximum(unblocked, 1e-30)
@@ -309,7 +330,7 @@ def _probe(
         for sample in () if emitter == i else lamp:
             towards, angle = towards_lamp(middle[None], sample)
             unblocked[k] += angle[0] * sample.tint.sum()
-            if angle[0] > 0.0 and not _blocked(points.caster(others), middle[None], sample.place)[0]:
+            if angle[0] > 0.0 and not _blocked(points.caster(others), middle[None], sample.target)[0]:
                 of_lamps[k] += np.outer(angle[0] * basis(towards[0], order), sample.tint)
                 arrives[k] += angle[0] * sample.tint.sum()
     shares = arrives / np.maximum(unblocked, 1e-30)

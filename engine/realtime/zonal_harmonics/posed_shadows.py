@@ -108,7 +108,7 @@ class _Rays:
         for sample in lamp.samples:
             directions, factor = towards_lamp(self.places.astype(np.float64), sample)
             factor *= np.maximum(np.einsum("pc,pc->p", directions, self.normals), 0.0) / np.pi
-            to = (sample.place - self.places).astype(np.float32)
+            to = (sample.target - self.places).astype(np.float32)
             lit = np.flatnonzero(factor > 0.0)
             is_blocked = np.zeros(len(lit), bool)
             for caster in self.casters:

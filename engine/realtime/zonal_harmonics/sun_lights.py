@@ -81,6 +81,7 @@ def sky_light(sky: SkyState, radius: float) -> SkyLight:
     cone, white = np.array(ALL_ROUND, np.float32), np.ones(3)
     lamps = []
     for direction, power in zip(towards, powers[suns], strict=True):
-        sample = LampSample(distance * direction, -direction, _SOLID_ANGLE * distance**2, cone, white)
+        place = distance * direction
+        sample = LampSample(place, -direction, _SOLID_ANGLE * distance**2, cone, white, place)
         lamps.append(Lamp([sample], [sample], power / _SOLID_ANGLE))
     return SkyLight(powers, suns, tuple(lamps))

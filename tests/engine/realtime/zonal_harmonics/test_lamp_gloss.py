@@ -120,10 +120,8 @@ def test_parts_are_summed_as_one_by_one() -> None:
     unit /= np.linalg.norm(unit, axis=2, keepdims=True)
     cones = (cone_row((0.2, -1.0, 0.3), 0.3, 1.4), np.array([0.0, 0.0, 0.0, 1.0], np.float32))
     samples = [
-        LampSample(
-            *generator.uniform(-2.0, 2.0, (1, 3)), unit[0, k], float(k + 1) / 20.0, cones[k % 2], generator.random(3)
-        )
-        for k in range(9)
+        LampSample(place, unit[0, k], float(k + 1) / 20.0, cones[k % 2], generator.random(3), place)
+        for k, place in enumerate(generator.uniform(-2.0, 2.0, (9, 3)))
     ]
     emission = np.array([3.0, 2.0, 1.0])
     places, normals = generator.uniform(-1.0, 1.0, (40, 3)).astype(np.float32), unit[1].astype(np.float32)

@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 import trimesh
 
+from engine.light.emitters import emitter_tree
 from engine.light.environment import constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.precompute.direct.pipeline import SkyState
 from engine.realtime.stills import PathReference
 from engine.realtime.zonal_harmonics.deform_engine import Deform, finish_deform
+from engine.realtime.zonal_harmonics.neighbours import _bright_centres
 from engine.realtime.zonal_harmonics.picture_renderer import Quality
 from engine.scene.scene_loader import load_scene
 from tests.engine.realtime.zonal_harmonics.test_deform_engine import SIZE, seen
@@ -58,6 +60,26 @@ def front(deform: Deform, name: str) -> np.ndarray:
     points, i = deform._points, deform.scene.object_index(name)
     assert points is not None
     return np.unique(points.surface.sides[points.surface.i_object == i, 0])
+
+
+@pytest.mark.parametrize("varies", [True, False])
+def test_a_part_of_a_lamp_is_where_the_centre_of_its_light_is(varies: bool) -> None:
+    # Radiance x on one triangle of a square and y on the other. On a triangle with corners p_i the mean of f p is
+    # (sum f_i p_i + sum f sum p) / 12 for linear f; of a sixteenth in each direction a quarter, so that its centre
+    # misses 1/16 of what the centre of light is off the centre.
+    square = np.array([[[0, 0, 0], [1, 0, 0], [1, 1, 0]], [[0, 0, 0], [1, 1, 0], [0, 1, 0]]], float)
+
+    def grey(parts: np.ndarray, roots: np.ndarray) -> np.ndarray:
+        return np.repeat(parts.mean(axis=1)[np.arange(len(parts)), roots][:, None], 3, axis=1)
+
+    varying = grey if varies else None
+    tree = emitter_tree(square, grey(square, np.arange(2)), 24, varying=varying)
+    corners, owner = tree.leaves.corners.astype(np.float64), tree.leaves.owner
+    f, middle = corners[np.arange(len(corners)), :, owner], corners.mean(axis=1)
+    of_products = (np.einsum("ni,nik->nk", f, corners) + f.sum(axis=1)[:, None] * corners.sum(axis=1)) / 12.0
+    off = of_products / f.mean(axis=1)[:, None] - middle
+    assert len(corners) == 24 and set(owner) == {0, 1} and np.abs(off).max() > 0.01
+    np.testing.assert_allclose(_bright_centres(tree, varying), middle + 15 / 16 * off * varies, atol=1e-6)
 
 
 def places(deform: Deform, name: str) -> np.ndarray:
