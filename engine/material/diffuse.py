@@ -1,5 +1,6 @@
 """Diffuse models with curves over the angles of wi and wo: Lambert's, "LV" in [BenArtzi07], and Oren and Nayar's for
-rough surfaces, such as plaster or clay, which stay bright towards the light [OrenNayar94].
+rough surfaces, such as plaster or clay, which stay bright towards the light [OrenNayar94], also as OpenPBR has it
+[Portsmouth25].
 """
 
 from __future__ import annotations
@@ -113,4 +114,96 @@ def oren_nayar_terms(sigma: float) -> tuple[float, float]:
     return constant / most, rough / most
 
 
-MODELS = (Lambert(), OrenNayar())
+class RoughDiffuse(Model):
+    """rho = albedo (A (1 + r lean) + k (1 - E(theta_i)) (1 - E(theta_o)) / (1 - E_mean)) / pi  [Portsmouth25],
+
+    lean = s / max(cos_i, cos_o) for s = cos phi_d sin_i sin_o > 0, else s;  A = 1 / (1 + (1/2 - 2 / (3 pi)) r), and E
+    the directional albedo of the first term. The second one is light that facets of the albedo `several`, m, send to
+    each other: k = m E_mean / (1 - m (1 - E_mean)). So a white surface reflects all light. The curves are as those of
+    `OrenNayar`.
+    """
+
+    name = "rough_diffuse"
+    label = "Rough diffuse, bright"
+    tooltip = "Light scattered by a rough surface that loses none of it, as OpenPBR describes it."
+    is_diffuse = True
+    factors = (THETA_I,)
+    view_factor = THETA_O
+    parameters = (
+        ALBEDO,
+        Parameter(
+            "roughness",
+            "scalar",
+            0.5,
+            "Roughness",
+            "0 is even diffuse light, more keeps the surface bright towards the light.",
+            ("quotient",),
+        ),
+        Parameter(
+            "several",
+            "scalar",
+            0.5,
+            "Scattered again",
+            "The albedo of facets for light that others sent to them; the surface's own is right.",
+            ("quotient",),
+        ),
+    )
+
+    def generate(self, factor_name: str, params: Parameters, gamma: Float64Array) -> Float64Array:
+        self.factor(factor_name)
+        return ones(gamma)
+
+    def scale(self, params: Parameters) -> Float64Array:
+        return channels(params, "albedo")
+
+    def quotient_parameters(self, params: Parameters) -> Float64Array:
+        q = super().quotient_parameters(params)
+        q[:3] = rough_diffuse_terms(number(params, "roughness"), number(params, "several"))
+        return q
+
+    @staticmethod
+    def quotient(q: Float64Array, ix: float, iy: float, iz: float, ox: float, oy: float, oz: float) -> float:
+        """q: A, A r and k / (1 - E_mean). 1 - E(theta) = 1 - A - A r G(theta) / pi."""
+        lean = ix * ox + iy * oy
+        if lean > 0.0:
+            lean = lean / max(iz, oz)
+        z_i, z_o = min(iz, 1.0), min(oz, 1.0)
+        s_i, s_o = math.sqrt(1.0 - z_i * z_i), math.sqrt(1.0 - z_o * z_o)
+        g_i = s_i * (math.acos(z_i) - s_i * z_i) + 2.0 / 3.0 * (s_i / iz * (1.0 - s_i * s_i * s_i) - s_i)
+        g_o = s_o * (math.acos(z_o) - s_o * z_o) + 2.0 / 3.0 * (s_o / oz * (1.0 - s_o * s_o * s_o) - s_o)
+        lost = max(1.0 - q[0] - q[1] * g_i / math.pi, 0.0) * max(1.0 - q[0] - q[1] * g_o / math.pi, 0.0)
+        return iz / math.pi * (max(q[0] + q[1] * lean, 0.0) + q[2] * lost)
+
+    def brdf(self, params: Parameters, wi: Float64Array, wo: Float64Array) -> Float64Array:
+        r = number(params, "roughness")
+        a, rough, k = rough_diffuse_terms(r, number(params, "several"))
+        above = directions(wi, wo).above
+        cos_i, cos_o = (np.where(above, v[:, 2], 1.0) for v in (wi, wo))
+        s = (wi[:, :2] * wo[:, :2]).sum(axis=1)
+        once = np.maximum(a * (1.0 + r * np.where(s > 0.0, s / np.maximum(cos_i, cos_o), s)), 0.0)
+        lost = [np.maximum(1.0 - a - rough * _lean_integral(c) / math.pi, 0.0) for c in (cos_i, cos_o)]
+        value = (once + k * lost[0] * lost[1]) / math.pi
+        return channels(params, "albedo") * np.where(above, value, 0.0)[:, None]
+
+
+def rough_diffuse_terms(roughness: float, several: float) -> tuple[float, float, float]:
+    """A, A r and k / (1 - E_mean) of `RoughDiffuse`."""
+    a = 1.0 / (1.0 + (0.5 - 2.0 / (3.0 * math.pi)) * roughness)
+    mean = rough_diffuse_mean(roughness)
+    k = several * mean / (1.0 - several * (1.0 - mean))
+    return a, a * roughness, k / max(1.0 - mean, 1e-6)
+
+
+def rough_diffuse_mean(roughness: float) -> float:
+    """E_mean of `RoughDiffuse`: what it reflects of light from all sides, at once."""
+    rise, fall = 2.0 / 3.0 - 28.0 / (15.0 * math.pi), 0.5 - 2.0 / (3.0 * math.pi)
+    return (1.0 + rise * roughness) / (1.0 + fall * roughness)
+
+
+def _lean_integral(cosine: Float64Array) -> Float64Array:
+    """G (N,): pi times the part of E for A r = 1."""
+    sine, theta = np.sqrt(np.clip(1.0 - cosine**2, 0.0, 1.0)), np.arccos(np.minimum(cosine, 1.0))
+    return np.asarray(sine * (theta - sine * cosine) + 2.0 / 3.0 * (sine / cosine * (1.0 - sine**3) - sine))
+
+
+MODELS = (Lambert(), OrenNayar(), RoughDiffuse())

@@ -7,6 +7,7 @@ import dataclasses
 import math
 from collections.abc import Callable
 from functools import lru_cache
+from typing import ClassVar
 
 import numpy as np
 
@@ -34,6 +35,7 @@ class Sheen(Model):
         "A fuzz of fibres on the other layers, bright at grazing angles, as on velvet: it dims what lies under it."
     )
     is_cover = True
+    is_masked: ClassVar[bool] = True
     factors = (THETA_H,)
     parameters = (
         Parameter(
@@ -81,8 +83,33 @@ class Sheen(Model):
         self, params: Parameters, curve: Callable[[str], Callable[[Float64Array], Float64Array]], theta_o: Float64Array
     ) -> Float64Array:
         profile = np.ascontiguousarray((channels(params, "scale") * curve(THETA_H.name)(_half_angles())).max(axis=1))
-        albedo = _directional_albedo(number(params, "alpha"), profile.tobytes())
+        albedo = _directional_albedo(number(params, "alpha"), profile.tobytes(), self.is_masked)
         return np.asarray(np.interp(theta_o, view_angles(), albedo), np.float64)
+
+
+class SoftSheen(Sheen):
+    """rho = scale D(theta_h) / (4 (cos_i + cos_o - cos_i cos_o)): the sheen of [StandardSurface], without shadowing, as
+    MaterialX has it; D is Charlie's, with alpha for its roughness."""
+
+    name = "soft_sheen"
+    label = "Sheen, soft"
+    tooltip = "A fuzz of fibres on the other layers that do not shadow each other, as Standard Surface describes it."
+    is_masked = False
+    parameters = (dataclasses.replace(Sheen.parameters[0], drives=("A",)), *Sheen.parameters[1:])
+
+    def quotient_parameters(self, params: Parameters) -> Float64Array:
+        return Model.quotient_parameters(self, params)
+
+    @staticmethod
+    def quotient(q: Float64Array, ix: float, iy: float, iz: float, ox: float, oy: float, oz: float) -> float:
+        """q: nothing."""
+        return 0.25 * iz / (iz + oz - iz * oz)
+
+    def brdf(self, params: Parameters, wi: Float64Array, wo: Float64Array) -> Float64Array:
+        d = directions(wi, wo)
+        visible = 0.25 / np.where(d.above, d.cos_i + d.cos_o - d.cos_i * d.cos_o, 1.0)
+        lobe = np.where(d.above, _charlie(d.cos_h**2, number(params, "alpha")) * visible, 0.0)
+        return channels(params, "scale") * lobe[:, None]
 
 
 def _charlie(cos2: Float64Array, alpha: float) -> Float64Array:
@@ -119,9 +146,9 @@ def _half_angles() -> Float64Array:
 
 
 @lru_cache(maxsize=16)
-def _directional_albedo(alpha: float, profile: bytes) -> Float64Array:
+def _directional_albedo(alpha: float, profile: bytes, is_masked: bool = True) -> Float64Array:
     """Directional albedo at `view_angles`, for the values of D at `_half_angles`: the integral of D V cos_i over wi,
-    with d omega_i = 4 cos(theta_d) d omega_h."""
+    with d omega_i = 4 cos(theta_d) d omega_h; V with shadowing or without."""
     theta = _half_angles()[:, None]
     phi = (np.arange(_N_PHI) + 0.5) * (math.pi / _N_PHI)
     weight = np.frombuffer(profile)[:, None] * np.sin(theta) * (0.5 * math.pi / _N_THETA) * (2.0 * math.pi / _N_PHI)
@@ -131,10 +158,14 @@ def _directional_albedo(alpha: float, profile: bytes) -> Float64Array:
         cos_d = np.sin(theta) * np.cos(phi) * sine + np.cos(theta) * cos_o
         cos_i = 2.0 * cos_d * np.cos(theta) - cos_o
         is_seen = (cos_d > 0.0) & (cos_i > 0.0)
-        shadow = _shadow(np.where(is_seen, cos_i, 1.0), alpha) + _shadow(np.array([cos_o]), alpha)
-        found[k] = np.sum(np.where(is_seen, weight * cos_d / ((1.0 + shadow) * cos_o), 0.0))
+        cos_i = np.where(is_seen, cos_i, 1.0)
+        if is_masked:
+            visible = 1.0 / ((1.0 + _shadow(cos_i, alpha) + _shadow(np.array([cos_o]), alpha)) * cos_o)
+        else:
+            visible = cos_i / (cos_i + cos_o - cos_i * cos_o)
+        found[k] = np.sum(np.where(is_seen, weight * cos_d * visible, 0.0))
     found.flags.writeable = False
     return found
 
 
-MODELS = (Sheen(),)
+MODELS = (Sheen(), SoftSheen())

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.gltf_materials import CASES, judged_errors, measure_layers
+from benchmarks.gltf_materials import CASES
+from benchmarks.material_pictures import judged_errors, measure_layers
 
 NO_SKY = Path()  # a lamp needs none
 SIDE = 12

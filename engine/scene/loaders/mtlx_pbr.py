@@ -1,4 +1,4 @@
-"""gltf_pbr and UsdPreviewSurface as glTF's material (`engine.scene.loaders.pbr_layers`)."""
+"""gltf_pbr as glTF's material (`engine.scene.loaders.pbr_layers`), and UsdPreviewSurface as a stack of layers."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from engine.material.opacity import OPAQUE
 from engine.material.parameters import reflectance_of_index
 from engine.scene.loaders.baked_maps import MapMaker
 from engine.scene.loaders.graph_fields import Field, combine
+from engine.scene.loaders.layer_stack import ONE, StackedLayer, covered, layer_descriptions
 from engine.scene.loaders.pbr_layers import (
     Coat,
     Film,
@@ -22,8 +23,27 @@ from engine.scene.loaders.pbr_layers import (
     pbr_layers,
     with_coat_frame,
 )
-from engine.scene.loaders.surface_inputs import RGB, Float64Array, SurfaceInputs, plain, rgb_of
-from engine.scene.loaders.surface_parts import SurfaceMaterial, blended, bumps_of, bumps_of_colours, emission_of
+from engine.scene.loaders.surface_inputs import (
+    RGB,
+    Float64Array,
+    SurfaceInputs,
+    mean_of,
+    mixed,
+    one_minus,
+    plain,
+    product,
+    rgb_of,
+)
+from engine.scene.loaders.surface_parts import (
+    SurfaceMaterial,
+    blended,
+    bumps_of,
+    bumps_of_colours,
+    conductor,
+    emission_of,
+    is_everywhere,
+    schlick_gloss,
+)
 
 
 def read_gltf_pbr(inputs: SurfaceInputs, maps: MapMaker) -> SurfaceMaterial:
@@ -68,32 +88,41 @@ def read_gltf_pbr(inputs: SurfaceInputs, maps: MapMaker) -> SurfaceMaterial:
 
 
 def read_preview_surface(inputs: SurfaceInputs, maps: MapMaker) -> SurfaceMaterial:
-    """UsdPreviewSurface [USD, UsdPreviewSurface Specification]: F0 of its index, or its specularColor."""
-    colour, texture = _coloured(inputs.field("diffuseColor"), maps)
-    roughness, roughness_image = _numbered(inputs.field("roughness"), maps)
+    """UsdPreviewSurface as MaterialX builds it: a coat on a gloss on the base, mixed with a metal. With
+    t = 1 + m (c − 1) of metalness m and colour c, the gloss has t (φ + (1 − φ) r), r = (1 − cos)^5, where φ goes from
+    the index's F0 to 1; with the specular workflow F0 is a colour."""
+    colour, roughness = inputs.field("diffuseColor"), inputs.field("roughness")
     inputs.field("occlusion")  # has no effect: shadows are computed
-    index = inputs.number("ior", 1.0, 20.0)
-    own = float(reflectance_of_index(index))  # type: ignore[arg-type]
-    metallic: float = 0.0
-    metallic_image: NumberImage | None = None
-    facing: RGB = (own, own, own)
-    facing_texture = LayerMaps()
-    metal, reflected = inputs.field("metallic"), inputs.field("specularColor")
+    own = float(reflectance_of_index(inputs.number("ior", 1.0, 20.0)))  # type: ignore[arg-type]
+    metallic, reflected = inputs.field("metallic"), inputs.field("specularColor")
+    base = [StackedLayer("base", "lambert", colour)]
     if inputs.number("useSpecularWorkflow") > 0.5:
-        facing, facing_texture = _coloured(reflected, maps)
+        facing = rgb_of(mean_of(reflected))
+        tint = ONE
+        if not reflected.is_constant:
+            inputs.list("specularColor", "its image tints the gloss at its edge, too; the base loses the mean")
+            tint = combine(lambda each: each / np.maximum(facing, 1e-6), reflected)
+        layers = schlick_gloss(base, ONE, roughness, facing, tint)
     else:
-        metallic, metallic_image = _numbered(metal, maps)
-    coat_weight, coat_image = _shared(inputs.field("clearcoat"), maps)
-    coat_roughness, coat_blur = _numbered(inputs.field("clearcoatRoughness"), maps)
-    coat = Coat(coat_weight, coat_roughness, min(index, 3.0), coat_image, coat_blur)
-    material = PbrMaterial(
-        colour, metallic, roughness, texture, facing, 1.0, facing_texture, _largest(facing_texture), None,
-        metallic_image, roughness_image, coat=coat,
-    )  # fmt: skip
+        rest = one_minus(metallic)
+        base = [replace(base[0], strength=product(colour, rest))]
+        phi, tint = own, ONE
+        if metallic.is_constant:
+            phi, tint = own + (1.0 - own) * float(metallic.value[0]), mixed(ONE, colour, metallic)
+        else:
+            inputs.list("metallic", "between 0 and 1 its gloss is that of 0")
+        layers = schlick_gloss(base, rest, roughness, np.full(3, phi), tint)
+        if not is_everywhere(metallic, 0.0):
+            layers += conductor(colour, colour, metallic, roughness, None)
+    coat = inputs.field("clearcoat")
+    if not is_everywhere(coat, 0.0):
+        facets = {"f0": (own,) * 3, "f90": 1.0}
+        blur = inputs.field("clearcoatRoughness")
+        layers = covered(layers, StackedLayer("coat", "schlick_varnish", roughness=blur, parameters=facets), coat)
     threshold = inputs.number("opacityThreshold")
     opacity = blended(inputs.field("opacity"), maps, "mask" if threshold > 0.0 else "blend", threshold or 0.5)
     emission = emission_of(inputs.field("emissiveColor"), maps)
-    return SurfaceMaterial(pbr_layers(material), emission, _preview_bumps(inputs, maps), opacity)
+    return SurfaceMaterial(layer_descriptions(layers, maps), emission, _preview_bumps(inputs, maps), opacity)
 
 
 def _preview_bumps(inputs: SurfaceInputs, maps: MapMaker) -> Bumps:

@@ -2,15 +2,16 @@
 
 The first two are stacks. With E the directional albedo of what lies above, w its weight, and m the metalness,
 
-    fuzz      f = w f_fuzz + (1 − w E_fuzz) (…)                      `sheen`, fitted to OpenPBR's [Zeltner22]
+    fuzz      f = w f_fuzz + (1 − w E_fuzz) (…)                      `fuzz`, of [Zeltner22]
     coat      f = w f_coat + (1 − w E_coat) t (…)                    `varnish`; t: its colour and darkening
-    metal     m f_metal, Schlick's term with an edge tint            `microfacet`, `rough_conductor`
+    metal     m f_metal, bright where rough                          `tinted_microfacet`, `metal`
     gloss     (1 − m) (f_gloss + (1 − E_gloss) …)                    `varnish`
-    base      albedo / π, or Oren and Nayar's                        `lambert`, `oren_nayar`
+    base      albedo / π, or of a rough surface                      `lambert`, `oren_nayar`, `rough_diffuse`
 
 as MaterialX's own networks of these shaders have it [MaterialX, open_pbr_surface.mtlx, standard_surface.mtlx]; there,
 standard_surface has its sheen between base and gloss. A thin film makes gloss and base those of
-KHR_materials_iridescence. gltf_pbr and UsdPreviewSurface are glTF's material (`engine.scene.loaders.pbr_layers`).
+KHR_materials_iridescence. gltf_pbr is glTF's material (`engine.scene.loaders.pbr_layers`), UsdPreviewSurface a stack
+as well (`engine.scene.loaders.mtlx_pbr`).
 """
 
 from __future__ import annotations
@@ -89,6 +90,8 @@ def _open_pbr(inputs: SurfaceInputs, maps: MapMaker) -> SurfaceMaterial:
     if not is_everywhere(coat, 0.0):
         roughness = combine(_roughened, roughness, inputs.field("coat_roughness"), coat)
     film = film_of(inputs, "thin_film_weight", "thin_film_ior", inputs.number("thin_film_thickness", 0.0, 5.0) * 1000.0)
+    if not coat.is_constant:
+        inputs.list("coat_weight", "the index of the gloss below is that under the coat's mean")
     index = _under_coat(inputs.number("specular_ior", 1.0, 5.0), coat_index, float(mean_of(coat)[0]))
     facing = min(inputs.number("specular_weight", 0.0, 1e3) * float(reflectance_of_index(index)), 0.999)  # type: ignore[arg-type]
     base = [preserving_diffuse(diffuse, inputs.number("base_diffuse_roughness"))]
@@ -110,13 +113,13 @@ def _open_pbr(inputs: SurfaceInputs, maps: MapMaker) -> SurfaceMaterial:
         layers = covered(layers, varnish, coat)
     fuzz = inputs.field("fuzz_weight")
     if not is_everywhere(fuzz, 0.0):
-        alpha, scale = fuzz_fit(inputs.number("fuzz_roughness"))
-        sheen = StackedLayer(
-            "fuzz", "sheen", product(constant(scale), inputs.field("fuzz_color")), parameters={"alpha": alpha}
+        fibres = {"roughness": max(inputs.number("fuzz_roughness"), 0.01)}
+        layers = covered(
+            layers, StackedLayer("fuzz", "fuzz", share=inputs.field("fuzz_color"), parameters=fibres), fuzz
         )
-        layers = covered(layers, sheen, fuzz)
     luminance = product(inputs.field("emission_luminance"), constant(1.0 / LUMENS_A_WATT))
-    emitted = emission_of(inputs.field("emission_color"), maps, luminance)
+    through = _through_coat(inputs, "emission_luminance", coat, coat_colour, coat_index)
+    emitted = emission_of(inputs.field("emission_color"), maps, luminance, through)
     described = layer_descriptions(layers, maps)
     bumps = _along_u(bumps_of(inputs, "geometry_normal", maps), stretched)
     opacity = blended(inputs.field("geometry_opacity"), maps)
@@ -153,18 +156,13 @@ def _under_coat(index: float, coat_index: float, coat: float) -> float:
     return index * (1.0 - coat) + max(ratio, 1.0 / ratio) * coat
 
 
-def fuzz_fit(roughness: float) -> tuple[float, float]:
-    """alpha and scale of a `sheen` layer whose directional albedo is nearest to that of OpenPBR's fuzz [Zeltner22, as
-    fitted in MaterialX], weighted by cos sin of the view; see docs/reference/formats.md for what is left."""
-    alpha, scale = (float(np.interp(roughness, _FUZZ[:, 0], _FUZZ[:, k])) for k in (1, 2))
-    return alpha, scale
-
-
-_FUZZ = np.array([
-    (0.0, 0.01, 0.0), (0.1, 0.01, 0.138), (0.15, 0.01, 0.326), (0.2, 0.017, 0.490), (0.3, 0.044, 0.762),
-    (0.4, 0.091, 0.957), (0.5, 0.189, 1.0), (0.6, 0.338, 1.0), (0.7, 0.605, 0.968), (0.75, 0.89, 0.946),
-    (0.8, 1.0, 1.0), (1.0, 1.0, 1.0),
-])  # fmt: skip
+def _through_coat(inputs: SurfaceInputs, name: str, coat: Field, colour: Field, index: float) -> Field:
+    """What a coat leaves of emitted light: its colour times the mean over views of (1 - F0) (1 - (1 - cos)^5), of which
+    cosines weight the last factor to 20/21."""
+    if not is_everywhere(coat, 0.0):
+        inputs.list(name, "under the coat it shines alike to all sides")
+    rest = 20.0 / 21.0 * (1.0 - float(reflectance_of_index(index)))  # type: ignore[arg-type]
+    return mixed(ONE, product(colour, constant(rest)), coat)
 
 
 # -------------------------------------------------------------------------------------------- Standard Surface
@@ -192,12 +190,13 @@ def _standard(inputs: SurfaceInputs, maps: MapMaker) -> SurfaceMaterial:
         inputs.list("diffuse_roughness", _EVEN)
     sheen = inputs.field("sheen")
     if not is_everywhere(sheen, 0.0):
-        fuzz = StackedLayer(
-            "sheen", "sheen", inputs.field("sheen_color"), roughness=combine(np.sqrt, inputs.field("sheen_roughness"))
-        )
-        base = covered(base, fuzz, sheen)
+        fibres = StackedLayer(
+            "sheen", "soft_sheen", share=inputs.field("sheen_color"),
+            roughness=combine(np.sqrt, inputs.field("sheen_roughness")),
+        )  # fmt: skip
+        base = covered(base, fibres, sheen)
     facing = float(reflectance_of_index(inputs.number("specular_IOR", 1.0, 5.0)))  # type: ignore[arg-type]
-    layers = glossy_base(base, product(one_minus(metalness), dim), roughness, facing, product(gloss, tint), film)
+    layers = glossy_base(base, product(one_minus(metalness), dim), roughness, facing, tint, film, gloss)
     stretched = _stretched(inputs, "specular_anisotropy", metalness, film)
     turn = inputs.number("specular_rotation") if stretched else 0.0
     if stretched:
@@ -212,7 +211,8 @@ def _standard(inputs: SurfaceInputs, maps: MapMaker) -> SurfaceMaterial:
             COAT, "varnish", roughness=coat_roughness, parameters={"ior": inputs.number("coat_IOR", 1.01, 5.0)}
         )
         layers = covered(layers, varnish, coat)
-    emitted = emission_of(inputs.field("emission_color"), maps, inputs.field("emission"))
+    through = _through_coat(inputs, "emission", coat, coat_colour, inputs.number("coat_IOR", 1.01, 5.0))
+    emitted = emission_of(inputs.field("emission_color"), maps, inputs.field("emission"), through)
     opacity = combine(lambda each: each[:, :3] @ _LUMINANCE, inputs.field("opacity"))
     described = layer_descriptions(layers, maps)
     bumps, cover = _along_u(bumps_of(inputs, "normal", maps), stretched, turn), blended(opacity, maps)

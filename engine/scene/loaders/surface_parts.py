@@ -6,26 +6,36 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from engine.core.errors import printable_name
 from engine.material.bumps import BUMP_STRENGTH, NO_BUMPS, Bumps
-from engine.material.diffuse import oren_nayar_terms
+from engine.material.dielectric import schlick_curve
+from engine.material.diffuse import rough_diffuse_mean
+from engine.material.microfacet import conductor_fresnel
 from engine.material.opacity import OPAQUE, Mode, Opacity
+from engine.material.openpbr import mean_seen_again
 from engine.scene.description import MAX_RADIANCE, LayerDescription
 from engine.scene.loaders.baked_maps import MapMaker
-from engine.scene.loaders.graph_fields import Field, combine
+from engine.scene.loaders.graph_fields import Array, Field, combine, constant
 from engine.scene.loaders.layer_stack import ONE, StackedLayer, covered
 from engine.scene.loaders.model import NO_EMISSION, Emission, UnshownProperty
 from engine.scene.loaders.pbr_layers import SMOOTHEST, Film
-from engine.scene.loaders.surface_inputs import SurfaceInputs, mean_of, plain, product, rgb_of
+from engine.scene.loaders.surface_inputs import (
+    RGB,
+    Float64Array,
+    SurfaceInputs,
+    mean_of,
+    one_minus,
+    plain,
+    product,
+    rgb_of,
+)
 
-# The mean of max(cos(phi_i - phi_o), 0) sin(alpha) tan(beta), of Oren and Nayar's second term, over both hemispheres.
-_MEAN_LEAN = 0.213961
+_ROUGH = 0.3  # of metals, from which light that facets scatter again counts by texels
 _LEAST_FACING = 3e-5  # of a gloss, that of the index 1.01
 # Of [OpenPBR]: Schlick's rise at 82°, where the edge tint counts.
 _RISE_82 = (6.0 / 7.0) ** 5
-_SIGMAS = np.linspace(0.0, 1.0, 101)
-_RATIOS = 0.45 * _SIGMAS**2 / (_SIGMAS**2 + 0.09) / (1.0 - 0.5 * _SIGMAS**2 / (_SIGMAS**2 + 0.33))
 
 
 @dataclass(frozen=True)
@@ -48,34 +58,59 @@ def rough_diffuse(diffuse: Field, roughness: float) -> StackedLayer:
 
 
 def preserving_diffuse(diffuse: Field, roughness: float) -> StackedLayer:
-    """OpenPBR's base [Portsmouth25]: A (1 + r s / t) and light that is reflected several times. It is the Oren-Nayar
-    layer whose second term is as large against its first, up to r = 0.66, with the same mean albedo."""
+    """OpenPBR's base [Portsmouth25]. Light that is scattered again has the mean colour in its distribution, and in its
+    amount each colour its own."""
     if roughness <= 0.0:
         return rough_diffuse(diffuse, 0.0)
-    sigma = float(np.interp(roughness, _RATIOS, _SIGMAS))
-    once = (1.0 + (2.0 / 3.0 - 28.0 / (15.0 * math.pi)) * roughness) / (1.0 + (0.5 - 2.0 / (3.0 * math.pi)) * roughness)
-    constant_term, rough_term = oren_nayar_terms(sigma)
-    ours = constant_term + _MEAN_LEAN * rough_term
-    return rough_diffuse(combine(lambda rho: rho * once / (1.0 - rho * (1.0 - once)) / ours, diffuse), sigma)
+    mean, several = rough_diffuse_mean(roughness), float(np.clip(mean_of(diffuse).mean(), 0.0, 1.0))
+
+    def reflected(albedo: Array) -> Array:
+        """What facets of an albedo reflect of light from all sides, over what the layer does."""
+        again = [m * mean / (1.0 - m * (1.0 - mean)) for m in (np.clip(albedo, 0.0, 1.0), several)]
+        return np.asarray(albedo * (mean + again[0] * (1.0 - mean)) / (mean + again[1] * (1.0 - mean)))
+
+    own = {"roughness": min(roughness, 1.0), "several": plain(several)}
+    return StackedLayer("base", "rough_diffuse", combine(reflected, diffuse), parameters=own)
 
 
 def glossy_base(
-    base: list[StackedLayer], share: Field, roughness: Field, facing: float, tint: Field, film: Film | None
+    base: list[StackedLayer],
+    share: Field,
+    roughness: Field,
+    facing: float,
+    tint: Field,
+    film: Film | None,
+    weight: Field = ONE,
 ) -> list[StackedLayer]:
-    """The layers of a base beneath a gloss that reflects `facing` head-on, in this share of all."""
-    if facing < _LEAST_FACING or is_everywhere(tint, 0.0):
+    """The layers of a base beneath a gloss that reflects `facing` head-on, in this share of all. The base loses what
+    the gloss reflects by its weight; a tint takes only from the gloss."""
+    tint = tint if film is None else product(tint, weight)
+    if facing < _LEAST_FACING or is_everywhere(tint, 0.0) or is_everywhere(weight, 0.0):
         return [replace(each, share=product(each.share, share)) for each in base]
     if film is None:
-        gloss = StackedLayer("gloss", "varnish", tint, roughness=roughness, parameters={"ior": _index(facing)})
-        return [replace(each, share=product(each.share, share)) for each in covered(base, gloss, ONE)]
+        gloss = StackedLayer("gloss", "varnish", share=tint, roughness=roughness, parameters={"ior": _index(facing)})
+        return [replace(each, share=product(each.share, share)) for each in covered(base, gloss, weight)]
     own = {"f0": (facing,) * 3, "f90": 1.0, "film": film.strength, "film_ior": film.ior, "thickness": film.thickness}
     found = [
         replace(each, model="thin_film_base", parameters=own, follows="gloss")
-        if each.model in ("lambert", "oren_nayar") else each
+        if each.model in ("lambert", "oren_nayar", "rough_diffuse") else each
         for each in base
     ]  # fmt: skip
     found.append(StackedLayer("gloss", "thin_film", tint, roughness=roughness, parameters=own))
     return [replace(each, share=product(each.share, share)) for each in found]
+
+
+def schlick_gloss(
+    base: list[StackedLayer], share: Field, roughness: Field, facing: Float64Array, tint: Field
+) -> list[StackedLayer]:
+    """The layers of a base beneath a gloss with Schlick's term of `facing` (3,) times a tint, in this share of all. The
+    base loses the mean of its colours."""
+    mean = rgb_of(mean_of(tint)).mean()
+    own = {"f0": _numbers(facing), "f90": 1.0}
+    relative = combine(lambda each: each / max(mean, 1e-6), tint)
+    gloss = StackedLayer("gloss", "schlick_varnish", share=relative, roughness=roughness, parameters=own)
+    covered_base = covered(base, gloss, constant(float(mean)))
+    return [replace(each, share=product(each.share, share)) for each in covered_base]
 
 
 def streak_of(along: float, across: float) -> dict[str, float]:
@@ -87,7 +122,7 @@ def streak_of(along: float, across: float) -> dict[str, float]:
 def brushed_metal(facing: Field, share: Field, streak: dict[str, float]) -> list[StackedLayer]:
     """A metal by what it reflects head-on and Schlick's term, whose highlight is a streak."""
     if facing.is_constant:
-        own = {"f0": tuple(map(plain, rgb_of(facing.value.astype(float)).clip(0.0, 1.0).tolist())), "f90": 1.0}
+        own = {"f0": _numbers(facing.value), "f90": 1.0}
         return [StackedLayer("metal", "brushed", ONE, share, None, own | streak)]
     rim = StackedLayer("metal edge", "brushed", ONE, share, None, {"f0": (0.0,) * 3, "f90": 1.0} | streak)
     return [StackedLayer("metal", "brushed", facing, share, None, {"f0": (1.0,) * 3, "f90": 0.0} | streak), rim]
@@ -103,21 +138,61 @@ def metal(facing: Field, edge: Field, share: Field, roughness: Field, film: Film
         relative = ONE if facing.is_constant else combine(lambda f: f / np.maximum(middle, 1e-6), facing)
         return [StackedLayer("metal", "thin_film", relative, share, roughness, own)]
     if edge.is_constant:
-        tint = {"f82": tuple(map(plain, rgb_of(edge.value.astype(float)).clip(0.0, 1.0).tolist()))}
+        tint = {"f82": _numbers(edge.value), "several": _numbers(_mean_seen(mean_of(facing), roughness))}
         if facing.is_constant:
-            own = {"f0": tuple(map(plain, rgb_of(facing.value.astype(float)).clip(0.0, 1.0).tolist())), "f90": 1.0}
+            own = {"f0": _numbers(facing.value), "f90": 1.0}
             return [StackedLayer("metal", "tinted_microfacet", ONE, share, roughness, own | tint)]
+        if float(mean_of(roughness)[0]) > _ROUGH:
+            return _rough_painted_metal(facing, tint["f82"], share, roughness)
         rim = StackedLayer(
             "metal edge", "tinted_microfacet", ONE, share, roughness, {"f0": (0.0,) * 3, "f90": 1.0} | tint
         )
         head_on = {"f0": (1.0,) * 3, "f90": 0.0} | tint
         return [StackedLayer("metal", "tinted_microfacet", facing, share, roughness, head_on), rim]
-    q = _RISE_82
+    q, again = _RISE_82, {"f82": (1.0,) * 3, "several": _numbers(_mean_seen(mean_of(facing), roughness))}
     grazing = combine(lambda f, t: np.maximum(t * (f + (1.0 - f) * q) - f * (1.0 - q), 0.0) / q, facing, edge)
     return [
-        StackedLayer("metal", "microfacet", facing, share, roughness, {"f0": (1.0,) * 3, "f90": 0.0}),
-        StackedLayer("metal edge", "microfacet", grazing, share, roughness, {"f0": (0.0,) * 3, "f90": 1.0}),
+        StackedLayer("metal", "tinted_microfacet", facing, share, roughness, {"f0": (1.0,) * 3, "f90": 0.0} | again),
+        StackedLayer(
+            "metal edge", "tinted_microfacet", grazing, share, roughness, {"f0": (0.0,) * 3, "f90": 1.0} | again
+        ),
     ]
+
+
+def _rough_painted_metal(facing: Field, f82: RGB, share: Field, roughness: Field) -> list[StackedLayer]:
+    """A metal whose colour b varies, with light that facets scatter again by the colour of each texel. With Schlick's
+    term b A + B, the mean b + (1 − b) e of it, and k of the view,
+
+        (b A + B) (1 + k (b + (1 − b) e))
+            = b² A (1 + k) + (b − b²) A (1 + k e) + b B (1 + k) + (1 − b) B (1 + k e).
+    """
+    b = combine(lambda each: np.clip(each, 0.0, 1.0), facing)
+    squared = combine(lambda each: each * each, b)
+    rest = combine(lambda each: each - each * each, b)
+    head_on, rim = {"f0": (1.0,) * 3, "f90": 0.0, "f82": f82}, {"f0": (0.0,) * 3, "f90": 1.0, "f82": f82}
+    once, again = {"several": _numbers(_mean_seen(np.zeros(3), roughness))}, {"several": (1.0,) * 3}
+    return [
+        StackedLayer(name, "tinted_microfacet", strength, share, roughness, term | scattered)
+        for name, strength, term, scattered in (
+            ("metal", squared, head_on, again), ("metal, once", rest, head_on, once),
+            ("metal edge", b, rim, again), ("metal edge, once", one_minus(b), rim, once),
+        )
+    ]  # fmt: skip
+
+
+def _mean_seen(facing: Float64Array, roughness: Field) -> Float64Array:
+    """What facets reflect of light that others sent to them, by Schlick's term; of the mean roughness."""
+    return mean_seen_again(_alpha(roughness), lambda cosine: schlick_curve(facing, 1.0, cosine))
+
+
+def _alpha(roughness: Field) -> float:
+    return max(float(mean_of(roughness)[0]) ** 2, SMOOTHEST)
+
+
+def _numbers(values: NDArray[np.floating]) -> RGB:
+    """Three shares of one or three."""
+    red, green, blue = rgb_of(np.asarray(values, float)).clip(0.0, 1.0).tolist()
+    return plain(red), plain(green), plain(blue)
 
 
 def conductor(facing: Field, edge: Field, share: Field, roughness: Field, film: Film | None) -> list[StackedLayer]:
@@ -130,8 +205,11 @@ def conductor(facing: Field, edge: Field, share: Field, roughness: Field, film: 
     g = rgb_of(edge.value.astype(float)).clip(0.0, 1.0)
     n = g * (1.0 - r) / (1.0 + r) + (1.0 - g) * (1.0 + np.sqrt(r)) / (1.0 - np.sqrt(r))
     k = np.sqrt(np.maximum((r * (n + 1.0) ** 2 - (n - 1.0) ** 2) / (1.0 - r), 0.0))
-    own = {"eta": tuple(map(plain, n.clip(0.01, 20.0).tolist())), "k": tuple(map(plain, k.clip(0.0, 20.0).tolist()))}
-    return [StackedLayer("metal", "rough_conductor", ONE, share, roughness, own)]
+    own: dict[str, object] = {
+        "eta": tuple(map(plain, n.clip(0.01, 20.0).tolist())), "k": tuple(map(plain, k.clip(0.0, 20.0).tolist())),
+        "several": _numbers(mean_seen_again(_alpha(roughness), lambda c: conductor_fresnel(c[:, None], n, k))),
+    }  # fmt: skip
+    return [StackedLayer("metal", "metal", ONE, share, roughness, own)]
 
 
 def _index(facing: float) -> float:

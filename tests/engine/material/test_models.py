@@ -63,7 +63,7 @@ def albedo_by_half_vectors(layer, theta_o, phi_o):
 
 
 # Charlie's lobe with less spread reflects, as published, up to twice what it gets within two degrees of the horizon.
-LEAST_PASSIVE = {("sheen", "alpha"): 0.07}
+LEAST_PASSIVE = {("sheen", "alpha"): 0.07, ("soft_sheen", "alpha"): 0.2}
 WHITE = {"scale": 1.0, "albedo": 1.0, **WHITE_METAL}
 
 
@@ -120,6 +120,47 @@ def test_brushed_is_the_formula_of_the_extension():
     wi, wo = hemisphere(2000, 7), hemisphere(2000, 8)
     inputs = GltfInputs(base_color=(0.9, 0.5, 0.2), metallic=1.0, roughness=0.3, anisotropy=0.7)
     np.testing.assert_allclose(layer.model.brdf(layer.values, wi, wo), gltf_brdf(inputs, wi, wo), rtol=1e-9)
+
+
+@pytest.mark.parametrize("roughness", [0.2, 0.5, 1.0])
+@pytest.mark.parametrize("theta_o", [0.0, 0.7, 1.0, 1.3])
+def test_fuzz_reflects_its_albedo(roughness, theta_o):
+    # The lobe has all its power above the surface: its directional albedo is the Gaussian and offset of MaterialX's
+    # fit to [Zeltner22], and what lies beneath loses that.
+    layer = make_layer(MODELS["fuzz"], {"roughness": roughness, "scale": 1.0})
+    x, y = math.cos(theta_o), roughness
+    s = y * (0.0206607 + 1.58491 * y) / (0.0379424 + y * (1.32227 + y))
+    m = y * (-0.193854 + y * (-1.14885 + y * (1.7932 - 0.95943 * y * y))) / (0.046391 + y)
+    o = y * (0.000654023 + (-0.0207818 + 0.119681 * y) * y) / (1.26264 + y * (-1.92021 + y))
+    expected = max(math.exp(-0.5 * ((x - m) / s) ** 2) / (s * math.sqrt(2.0 * math.pi)) + o, 0.0)
+    assert directional_albedo(layer, theta_o, 0.4) == pytest.approx(np.full(3, expected), rel=2e-3, abs=1e-5)
+    assert layer.coverage(np.array([theta_o]))[0] == pytest.approx(expected, rel=1e-6, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", ["metal", "tinted_microfacet"])
+@pytest.mark.parametrize("alpha", [0.2, 0.6, 1.0])
+def test_white_metals_reflect_all_light_however_rough(name, alpha):
+    # Of F = 1 the light that facets send to each other comes out in the end.
+    white = {"metal": WHITE_METAL, "tinted_microfacet": {"f0": 1.0, "f90": 1.0}}[name]
+    layer = make_layer(MODELS[name], {"alpha": alpha, "several": 1.0, "scale": 1.0, **white})
+    for theta_o in (0.0, 0.8, 1.3):
+        assert directional_albedo(layer, theta_o) == pytest.approx(np.ones(3), abs=0.01)
+
+
+@pytest.mark.parametrize("roughness", [0.0, 0.5, 1.0])
+def test_a_white_rough_base_reflects_all_light(roughness):
+    # What is not scattered once is scattered again [Portsmouth25].
+    layer = make_layer(MODELS["rough_diffuse"], {"albedo": 1.0, "roughness": roughness, "several": 1.0})
+    for theta_o in (0.0, 0.8, 1.4):
+        assert directional_albedo(layer, theta_o) == pytest.approx(np.ones(3), abs=2e-3)
+
+
+@pytest.mark.parametrize("name", ["sheen", "soft_sheen", "varnish", "schlick_varnish"])
+def test_what_a_cover_takes_is_what_it_reflects(name):
+    layer = make_layer(MODELS[name], {"alpha": 0.4, "scale": 0.8})
+    theta = np.array([0.0, 0.6, 1.1, 1.4])
+    found = [directional_albedo(layer, angle).mean() for angle in theta]
+    np.testing.assert_allclose(layer.coverage(theta), found, rtol=0.02)
 
 
 def test_smooth_oren_nayar_is_lambert():

@@ -1,7 +1,8 @@
-"""Surface shaders of MaterialX as layers: BRDFs against the shaders' own formulas, written once more here, and no input
-that is neither shown nor listed."""
+"""Surface shaders of MaterialX as layers: BRDFs against the shaders' own formulas (`engine.reference.mtlx_brdf`), and
+no input that is neither shown nor listed."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +12,16 @@ from app.document.linked_layers import layers_from_descriptions
 from engine.core.errors import LoadError
 from engine.material.bumps import Bumps
 from engine.material.layer import evaluate_layers
+from engine.reference.mtlx_brdf import (
+    OpenPbrInputs,
+    PreviewInputs,
+    StandardInputs,
+    open_pbr_brdf,
+    preview_surface_brdf,
+    standard_surface_brdf,
+)
 from engine.scene.loaders import mtlx_library
 from engine.scene.loaders.mtlx import mtlx_image_reader, read_materials, read_mtlx
-from engine.scene.loaders.mtlx_surfaces import fuzz_fit
 from tests.engine.scene.loaders.mtlx_samples import (
     document,
     given,
@@ -51,39 +59,7 @@ def sphere_directions(n: int, seed: int) -> np.ndarray:
     return np.stack([np.sqrt(1 - z * z) * np.cos(phi), np.sqrt(1 - z * z) * np.sin(phi), z], 1)
 
 
-# -------------------------------------------------------------------- the formulas of the specification, once more
-
-
-def fresnel(cosine: np.ndarray, n: float) -> np.ndarray:
-    """Of a dielectric, by Snell and Fresnel."""
-    inside = np.sqrt(1.0 - (1.0 - cosine**2) / n**2)
-    s, p = (cosine - n * inside) / (cosine + n * inside), (n * cosine - inside) / (n * cosine + inside)
-    return 0.5 * (s**2 + p**2)
-
-
-def facets(wi: np.ndarray, wo: np.ndarray, alpha: float) -> tuple[np.ndarray, np.ndarray]:
-    """D G / (4 cos cos) of GGX, and cos theta_d."""
-    half = wi + wo
-    half /= np.linalg.norm(half, axis=1, keepdims=True)
-    d = alpha**2 / (math.pi * (half[:, 2] ** 2 * (alpha**2 - 1.0) + 1.0) ** 2)
-
-    def g(cosine: np.ndarray) -> np.ndarray:
-        return 2.0 / (1.0 + np.sqrt(1.0 + alpha**2 * (1.0 - cosine**2) / cosine**2))
-
-    return d * g(wi[:, 2]) * g(wo[:, 2]) / (4.0 * wi[:, 2] * wo[:, 2]), (wi * half).sum(axis=1)
-
-
-def dielectric(wi: np.ndarray, wo: np.ndarray, alpha: float, n: float) -> np.ndarray:
-    value, cos_d = facets(wi, wo, alpha)
-    return value * fresnel(cos_d, n)
-
-
-def albedo(wo: np.ndarray, alpha: float, n: float) -> np.ndarray:
-    """Directional albedo of a dielectric, by a grid over the hemisphere."""
-    z, phi = (np.arange(200) + 0.5) / 200, (np.arange(200) + 0.5) / 200 * 2 * math.pi
-    z, phi = (each.ravel() for each in np.meshgrid(z, phi))
-    wi = np.stack([np.sqrt(1 - z * z) * np.cos(phi), np.sqrt(1 - z * z) * np.sin(phi), z], 1)
-    return np.array([np.mean(dielectric(wi, np.broadcast_to(o, wi.shape), alpha, n) * z) * 2 * math.pi for o in wo])
+# ------------------------------------------------------------------------- against the formulas of the specification
 
 
 WI, WO = sphere_directions(24, 1), sphere_directions(24, 2)
@@ -95,58 +71,65 @@ def check(found: np.ndarray, expected: np.ndarray, within: float) -> None:
     assert error <= within, error
 
 
+OPEN = OpenPbrInputs(base_color=(0.6, 0.3, 0.1), specular_roughness=0.5)
+STANDARD = StandardInputs(base_color=(0.6, 0.3, 0.1), specular_roughness=0.5)
+PREVIEW = PreviewInputs(diffuseColor=(0.6, 0.3, 0.1))
+FORMULAS = {
+    OpenPbrInputs: ("open_pbr_surface", open_pbr_brdf), StandardInputs: ("standard_surface", standard_surface_brdf),
+    PreviewInputs: ("UsdPreviewSurface", preview_surface_brdf),
+}  # fmt: skip
+
+
 @pytest.mark.parametrize(
-    ("shader", "inputs"),
+    ("inputs", "within"),
     [
-        ("open_pbr_surface", {"base_color": "0.6, 0.3, 0.1", "specular_roughness": "0.6", "specular_ior": "1.7"}),
-        ("standard_surface", {"base_color": "0.6, 0.3, 0.1", "specular_roughness": "0.6", "specular_IOR": "1.7"}),
+        # Light that a dielectric's facets scatter again is not shown: 1 to 2 % of these pairs, many at grazing.
+        (replace(OPEN, specular_ior=1.7), 2e-2),
+        (replace(OPEN, base_weight=0.0, specular_weight=0.25), 1.5e-2),  # scales the reflectance head-on
+        (replace(OPEN, specular_color=(1.0, 0.5, 0.2), specular_weight=0.8), 1e-2),  # takes nothing from the base
+        (replace(OPEN, coat_weight=0.7, coat_roughness=0.5, coat_color=(0.9, 0.8, 0.5)), 2e-2),
+        (replace(OPEN, fuzz_weight=0.6, fuzz_color=(0.9, 0.5, 0.2), fuzz_roughness=1.0), 1e-2),
+        (replace(OPEN, fuzz_weight=0.6, fuzz_roughness=0.2), 1.5e-2),
+        # Of light that rough metals scatter again the facets' mean reflectance counts, and of a base's its mean colour.
+        (replace(OPEN, base_metalness=1.0), 5e-3),
+        (replace(OPEN, base_metalness=1.0, specular_color=(1.0, 0.8, 0.4)), 5e-3),
+        (replace(OPEN, base_metalness=1.0, specular_roughness=0.9), 3e-2),
+        (replace(OPEN, base_metalness=0.3), 1e-2),
+        (replace(OPEN, base_diffuse_roughness=0.5, specular_weight=0.0), 2e-2),
+        (replace(STANDARD, specular_IOR=1.7), 2e-2),
+        (replace(STANDARD, specular=0.6, specular_color=(1.0, 0.5, 0.2)), 1e-2),
+        (replace(STANDARD, metalness=1.0), 2e-2),
+        (replace(STANDARD, coat=0.7, coat_roughness=0.4, coat_color=(0.9, 0.8, 0.5)), 1.5e-2),
+        (replace(STANDARD, sheen=0.7, sheen_color=(0.9, 0.5, 0.2), sheen_roughness=0.4), 1.5e-2),
+        (replace(STANDARD, diffuse_roughness=0.6, specular=0.0), 1e-6),
+        (replace(PREVIEW, roughness=0.4), 1e-2),
+        (replace(PREVIEW, metallic=1.0, roughness=0.4), 5e-3),
+        (replace(PREVIEW, metallic=0.5), 3.5e-2),
+        (replace(PREVIEW, useSpecularWorkflow=1, specularColor=(0.3, 0.2, 0.1)), 4.5e-2),
+        (replace(PREVIEW, clearcoat=0.8, clearcoatRoughness=0.4), 1.5e-2),
     ],
 )
-def test_a_gloss_takes_its_directional_albedo_from_the_base(
-    tmp_path: Path, shader: str, inputs: dict[str, str]
+def test_layers_are_the_formulas_of_the_specification(
+    tmp_path: Path, inputs: OpenPbrInputs | StandardInputs | PreviewInputs, within: float
 ) -> None:
-    expected = dielectric(WI, WO, 0.36, 1.7)[:, None] + (1.0 - albedo(WO, 0.36, 1.7))[:, None] * BASE / math.pi
-    check(brdf(tmp_path, shader, inputs, WI, WO), expected, 2e-3)
+    shader, formula = FORMULAS[type(inputs)]
+    given_inputs = {name: ", ".join(map(str, np.atleast_1d(value))) for name, value in vars(inputs).items()}
+    check(brdf(tmp_path, shader, given_inputs, WI, WO), formula(inputs, WI, WO), within)
 
 
-def test_specular_weight_of_openpbr_scales_facing_reflectance(tmp_path: Path) -> None:
-    # F0 of 1.5 is 0.04; a quarter of it is that of (1 + 0.1) / (1 − 0.1).
-    inputs = {"base_weight": "0", "specular_weight": "0.25", "specular_roughness": "0.5"}
-    check(
-        brdf(tmp_path, "open_pbr_surface", inputs, WI, WO),
-        dielectric(WI, WO, 0.25, 1.1 / 0.9)[:, None] * np.ones(3),
-        1e-4,
-    )
-
-
-def test_a_coat_of_openpbr_tints_darkens_blurs_and_covers(tmp_path: Path) -> None:
-    inputs = {
-        "base_color": "0.6, 0.3, 0.1", "specular_roughness": "0.5", "coat_weight": "0.7", "coat_roughness": "0.5",
-        "coat_color": "0.9, 0.8, 0.5",
-    }  # fmt: skip
-    c, f0 = 0.7, (0.6 / 2.6) ** 2
-    k = 1.0 - (1.0 - f0) / 1.6**2
-    darkening = 1.0 - c + c * (1.0 - k) / (1.0 - BASE * k)
-    tint = 1.0 - c + c * np.array([0.9, 0.8, 0.5])
-    rough = 0.3 * 0.5 + c * min(1.0, 0.5**4 + 2 * 0.5**4) ** 0.25
-    index = 0.3 * 1.5 + c * 1.6 / 1.5
-    below = dielectric(WI, WO, rough**2, index)[:, None] + (1.0 - albedo(WO, rough**2, index))[:, None] * BASE / math.pi
-    coat = c * dielectric(WI, WO, 0.25, 1.6)[:, None]
-    expected = coat + (1.0 - c * albedo(WO, 0.25, 1.6))[:, None] * darkening * tint * below
-    check(brdf(tmp_path, "open_pbr_surface", inputs, WI, WO), expected, 2e-3)
-
-
-def test_a_metal_of_openpbr_has_schlicks_term_and_its_edge_at_82_degrees(tmp_path: Path) -> None:
-    inputs = {"base_color": "0.6, 0.3, 0.1", "base_metalness": "1", "specular_roughness": "0.5"}
-    value, cos_d = facets(WI, WO, 0.25)
-    schlick = BASE + (1.0 - BASE) * (1.0 - cos_d[:, None]) ** 5
-    check(brdf(tmp_path, "open_pbr_surface", inputs, WI, WO), value[:, None] * schlick, 1e-5)
-    # With an edge tint t the term is Schlick's less b cos (1 − cos)^6, where it is t times Schlick's at cos = 1/7.
-    tint = np.array([1.0, 0.8, 0.4])
-    b = (BASE + (1.0 - BASE) * (6 / 7) ** 5) * (1.0 - tint) / (1 / 7 * (6 / 7) ** 6)
-    expected = schlick - b * (cos_d * (1.0 - cos_d) ** 6)[:, None]
-    found = brdf(tmp_path, "open_pbr_surface", inputs | {"specular_color": "1, 0.8, 0.4"}, WI, WO)
-    check(found, value[:, None] * expected, 1e-5)
+@pytest.mark.parametrize("inputs", [
+    OpenPbrInputs(base_color=1.0, specular_roughness=0.6), OpenPbrInputs(base_color=1.0, base_diffuse_roughness=1.0),
+    OpenPbrInputs(base_color=1.0, base_metalness=1.0, specular_roughness=1.0),
+    OpenPbrInputs(base_color=1.0, fuzz_weight=0.8, fuzz_roughness=1.0),
+    StandardInputs(base_color=1.0, sheen=0.5, coat=1.0), PreviewInputs(diffuseColor=1.0, clearcoat=1.0),
+])  # fmt: skip
+def test_white_surfaces_of_the_judge_reflect_all_light(inputs: OpenPbrInputs | StandardInputs | PreviewInputs) -> None:
+    # Every layer gives what it does not reflect to the one below, and the lowest reflects all.
+    wi = sphere_directions(60_000, 3)
+    wo = np.broadcast_to([0.6, 0.0, 0.8], wi.shape)
+    value = FORMULAS[type(inputs)][1](inputs, wi, wo)
+    albedo = (value * wi[:, 2:]).mean(axis=0) * 2.0 * math.pi * (1.0 - 0.08)  # cosines from 0.08 on
+    np.testing.assert_allclose(albedo, 1.0, atol=0.02)
 
 
 def test_a_metal_of_standard_surface_has_the_exact_term(tmp_path: Path) -> None:
@@ -198,24 +181,6 @@ def test_rough_diffuse_of_openpbr_keeps_its_mean(tmp_path: Path) -> None:
     np.testing.assert_allclose(mean, BASE * once / (1.0 - BASE * (1.0 - once)), rtol=5e-3)
 
 
-@pytest.mark.parametrize(("roughness", "within"), [(0.3, 0.1), (0.5, 0.1), (0.7, 0.1), (0.8, 0.1), (1.0, 0.35)])
-def test_fuzz_has_the_albedo_of_openpbrs(roughness: float, within: float) -> None:
-    # MaterialX's fit to [Zeltner22]: a Gaussian over cos theta_o and an offset.
-    from engine.material.layer import make_layer
-    from engine.material.sheen import Sheen
-
-    y, theta = roughness, np.radians(np.linspace(0.0, 89.0, 90))
-    x = np.cos(theta)
-    s = y * (0.0206607 + 1.58491 * y) / (0.0379424 + y * (1.32227 + y))
-    m = y * (-0.193854 + y * (-1.14885 + y * (1.7932 - 0.95943 * y * y))) / (0.046391 + y)
-    o = y * (0.000654023 + (-0.0207818 + 0.119681 * y) * y) / (1.26264 + y * (-1.92021 + y))
-    theirs = np.exp(-0.5 * ((x - m) / s) ** 2) / (s * math.sqrt(2 * math.pi)) + o
-    alpha, scale = fuzz_fit(roughness)
-    ours = make_layer(Sheen(), {"alpha": alpha, "scale": scale}).coverage(theta)
-    weight = np.sin(theta) * np.cos(theta)
-    assert math.sqrt((weight * (ours - theirs) ** 2).sum() / (weight * theirs**2).sum()) <= within
-
-
 # ------------------------------------------------------------------------------------------ maps, lists, the file
 
 
@@ -249,6 +214,33 @@ def test_a_map_of_metalness_and_of_a_coat_multiplies_each_layer(tmp_path: Path) 
     np.testing.assert_allclose(texels("base without coat"), (1.0 - share) ** 2, atol=1e-6)
     np.testing.assert_allclose(texels("metal"), share**2, atol=1e-6)
     np.testing.assert_allclose(texels("coat"), share, atol=2e-3)
+
+
+def test_a_rough_metal_with_a_texture_is_the_metal_of_each_texel(tmp_path: Path) -> None:
+    # One texel of 0.6, 0.3, 0.1: the four layers are the metal of that colour.
+    write_png(tmp_path / "c.png", np.full((2, 2, 3), np.round(np.array([0.6, 0.3, 0.1]) * 255) / 255))
+    more = given("base_metalness", "float", "1") + given("specular_roughness", "float", "0.8")
+    (found,) = read(tmp_path, material("open_pbr_surface", linked("base_color", "color3", "i") + more,
+                                       image("i", "color3", "c.png")))  # fmt: skip
+    layers = layers_from_descriptions("it", "it", found.material.layers)
+    maps = read_materials(tmp_path / "it.mtlx").maps
+    colours = [maps[int(each.maps.texture[1:])].texels()[0, 0] for each in layers if each.maps.texture[:1] == "#"]
+    assert len(layers) == 4 and len(colours) == 4
+    total = sum(c * evaluate_layers([layer], WI, WO) for c, layer in zip(colours, layers, strict=True)) / WI[:, 2:]
+    inputs = {"base_color": "0.6, 0.298039, 0.101961", "base_metalness": "1", "specular_roughness": "0.8"}
+    check(total, brdf(tmp_path, "open_pbr_surface", inputs, WI, WO), 1e-3)
+
+
+@pytest.mark.parametrize("roughness", [0.5, 0.8])
+def test_rough_metals_reflect_as_much_as_the_formula(tmp_path: Path, roughness: float) -> None:
+    # What facets reflect of light that others sent to them is a mean here: over all directions it is 0.2 % off. The
+    # mean by the cosine, with 1/21 of Schlick's rise, is 1 to 2 % too bright where facets are seen from their front.
+    wi, wo = sphere_directions(2000, 3), sphere_directions(2000, 4)
+    inputs = {"base_color": "0.6, 0.3, 0.1", "base_metalness": "1", "specular_roughness": str(roughness)}
+    found = brdf(tmp_path, "open_pbr_surface", inputs, wi, wo)
+    expected = open_pbr_brdf(replace(OPEN, base_metalness=1.0, specular_roughness=roughness), wi, wo)
+    by_cosines = wi[:, 2:] * wo[:, 2:]
+    np.testing.assert_allclose((found * by_cosines).sum(0), (expected * by_cosines).sum(0), rtol=4e-3)
 
 
 def test_roughness_becomes_the_map_of_widths(tmp_path: Path) -> None:
@@ -295,13 +287,27 @@ def test_coats_have_normals_of_their_own(tmp_path: Path, shader: str, weight: st
         assert (found.material.bumps, found.material.unshown) == (bumps, ())
 
 
-@pytest.mark.parametrize(("shader", "name"), [("standard_surface", "emission_color"), ("gltf_pbr", "emissive")])
-def test_an_image_of_emission_is_a_texture_of_it(tmp_path: Path, shader: str, name: str) -> None:
+@pytest.mark.parametrize(("shader", "name", "strength", "value"), [
+    ("standard_surface", "emission_color", "emission", "4"), ("gltf_pbr", "emissive", "emissive_strength", "4"),
+    ("open_pbr_surface", "emission_color", "emission_luminance", "2732"),  # nits: 683 are 1 W / (m² sr)
+])  # fmt: skip
+def test_an_image_of_emission_is_a_texture_of_it(
+    tmp_path: Path, shader: str, name: str, strength: str, value: str
+) -> None:
     write_png(tmp_path / "glow.png", np.full((2, 2, 3), 0.5))
-    text = linked(name, "color3", "i") + given("emission" if shader[0] == "s" else "emissive_strength", "float", "4")
+    text = linked(name, "color3", "i") + given(strength, "float", value)
     (found,) = read(tmp_path, material(shader, text, image("i", "color3", "glow.png", space="srgb_texture")))
     shines = found.material.emission
     assert (shines.radiance, shines.texture.texture, shines.texture.texture_space) == ((4.0,) * 3, "glow.png", "srgb")
+
+
+def test_a_coat_dims_and_tints_what_shines_below(tmp_path: Path) -> None:
+    text = given("emission", "float", "2") + given("coat", "float", "0.5") + given("coat_color", "color3", "1, 0.5, 0")
+    (found,) = read(tmp_path, material("standard_surface", text))
+    # Half of it through the coat: its colour, 1 − 0.04, and the mean over views of 1 − (1 − cos)^5, 20/21.
+    expected = 2.0 * (0.5 + 0.5 * np.array([1.0, 0.5, 0.0]) * 0.96 * 20.0 / 21.0)
+    assert found.material.emission.radiance == pytest.approx(expected, rel=1e-5)
+    assert [each.name for each in found.material.unshown] == ["materials.standard_surface.emission"]
 
 
 def definition_inputs(shader: str) -> list[tuple[str, str, str]]:
