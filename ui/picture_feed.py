@@ -27,6 +27,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from app.document.background import Background
 from app.editor.editor import Editor
 from app.messages.picture_events import PictureEvent, SceneFrame, SkyChanged
 from app.modes.mode import Mode
@@ -353,7 +354,8 @@ class ViewportStill:
     """One picture at the scene's resolution.
 
     shown: (H,W,3) in the screen's values, sRGB; radiance: (H,W,3) linear, including the light's intensity, without
-    exposure and tone mapping.
+    exposure and tone mapping. Over a transparent background both have alpha (H,W,4), which is multiplied into the
+    radiance alone, as PNG and EXR expect it.
     """
 
     shown: NDArray[np.float32]
@@ -364,6 +366,16 @@ class ViewportStill:
         if ending == ".exr":
             return exr_bytes(np.nan_to_num(self.radiance, posinf=0.0, neginf=0.0))  # black, as on screen
         return deep_png(self.shown) if deep else pixels_png(np.round(255.0 * self.shown).astype(np.uint8))
+
+
+def viewport_still(
+    shown: NDArray[np.float32], linear: NDArray[np.float32], intensity: float, background: Background
+) -> ViewportStill:
+    """The still of a picture as it is shown, and linear with alpha (H, W, 4) without the light's intensity."""
+    if background.hides_environment:
+        light = linear[..., :3] * np.float32(intensity)
+        return ViewportStill(shown, background.behind(np.concatenate([light, linear[..., 3:]], axis=2)))
+    return ViewportStill(shown, linear[..., :3] * np.float32(intensity))
 
 
 class StillSaver:

@@ -21,6 +21,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
+from app.document.background import Background
 from app.document.light_state import RGB, LightState
 from app.document.linked_layers import layers_from_descriptions, linked_indices, with_covers, with_layer
 from engine.core.errors import InsituError
@@ -166,6 +167,7 @@ class Document:
     ``overrides``: the lines of the plan that the user has set, by name, and their values. ``absent``: edited objects
     that the scene's files no longer have, for when they have them again (`app.document.scene_change`). ``deleted``: the
     names of objects of the file that it does not have. Duplicates stand behind their originals.
+    ``background``: what is seen behind all.
     """
 
     source: str
@@ -175,6 +177,7 @@ class Document:
     overrides: tuple[tuple[str, LineValue], ...] = ()
     absent: tuple[ObjectState, ...] = ()
     deleted: tuple[str, ...] = ()
+    background: Background = Background()
 
     def object(self, name: str) -> ObjectState:
         """The object called ``name``; InsituError with the existing names when there is none."""

@@ -48,7 +48,8 @@ FRESNEL_TERM = "fresnel_term"
 UNDER, FRAME = "under", "frame"
 VARIANT = "variant"
 MAP_SUFFIX = "_map"  # of the path to the map of a parameter: "teapot.1.alpha_map"
-LIGHT_FIELDS = ("rotation", "intensity", "environment", "mapping")
+BACKGROUND, BACKGROUND_COLOUR = "background", "background_colour"
+LIGHT_FIELDS = ("rotation", "intensity", "environment", "mapping", BACKGROUND, BACKGROUND_COLOUR)
 SUN_FIELDS = ("direction", "irradiance", "diameter")
 
 

@@ -19,6 +19,7 @@ from pydantic import (
     model_validator,
 )
 
+from app.document.background import Background, BackgroundKind
 from app.document.commands.light import INTENSITY
 from app.document.commands.mix import changed_row
 from app.document.commands.plan import FirstBands
@@ -255,6 +256,15 @@ class EndRecord(StrictModel):
     """The last line: without it a file that was cut between two lines would be taken for a shorter one."""
 
 
+class BackgroundRecord(StrictModel):
+    kind: BackgroundKind = "environment"
+    colour: Radiance = Background().colour
+
+    @property
+    def background(self) -> Background:
+        return Background(self.kind, self.colour)
+
+
 class SessionRecord(StrictModel):
     """A whole session file; `ends`: it has its last line."""
 
@@ -262,6 +272,7 @@ class SessionRecord(StrictModel):
     ends: Flag = False
     scene: PathText
     light: LightRecord
+    background: BackgroundRecord = BackgroundRecord()
     first_bands: FirstBands | None = None
     overrides: Annotated[dict[Text, StrictInt | StrictStr], Field(max_length=MAX_OVERRIDES)] = {}
     view: ViewRecord = ViewRecord()

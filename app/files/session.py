@@ -19,6 +19,7 @@ from pydantic import (
     ValidationError,
 )
 
+from app.document.background import Background
 from app.document.commands.light import check_light
 from app.document.document import Document, ObjectState, Selection, all_factors, in_scene_order
 from app.document.light_state import MIX_FIELDS, PLAIN_ROW, LightState, MixRow
@@ -153,7 +154,10 @@ def parse_session(data: bytes, path: Path, folder: Path | None) -> Session:
     )  # fmt: skip
     light = light.with_rows({each.light: each.row for each in saved.mix})
     document = Document(full_path(record.scene, folder), objects, check_light(light, str(path)), record.first_bands)
-    document = replace(document, overrides=tuple(sorted(record.overrides.items())), deleted=record.deleted)
+    document = replace(
+        document, overrides=tuple(sorted(record.overrides.items())), deleted=record.deleted,
+        background=record.background.background,
+    )  # fmt: skip
     view = replace(_view(record.view, document), bookmarks=tuple(each.bookmark for each in record.bookmarks))
     return Session(document, view, record.journal)
 
@@ -254,7 +258,10 @@ def dump_session(
     ]
     if journal is not None:
         lines += ["[journal]", *toml_lines(journal.model_dump())]
-    lines += ["[light]", *toml_lines(light), "[overrides]", *toml_lines(dict(document.overrides))]
+    lines += ["[light]", *toml_lines(light)]
+    if document.background != Background():
+        lines += ["[background]", *toml_lines(vars(document.background))]
+    lines += ["[overrides]", *toml_lines(dict(document.overrides))]
     lines += ["[view]", *toml_lines(_view_values(view))]
     for state in (*document.objects, *document.absent):
         lines += _object_lines(state, folder)

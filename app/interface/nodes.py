@@ -23,6 +23,8 @@ from app.document.document import Document, all_factors
 from app.document.history import History
 from app.document.light_state import MIX_FIELDS, group_key, group_of, sun_key
 from app.document.targets import (
+    BACKGROUND,
+    BACKGROUND_COLOUR,
     EMISSION,
     FRAME,
     LIGHT_FIELDS,
@@ -157,8 +159,10 @@ class Node:
 
 class LightNode(Node):
     """The distant light: `environment` (a built-in name or a file), `mapping`, `rotation` in degrees counter-clockwise
-    about +Y, and `intensity`, which multiplies all light. Suns are found by their names, and have `direction`,
-    `irradiance` (W/m²) and `diameter` (degrees). Emitters in the scene are set by the `emission` of their object.
+    about +Y, and `intensity`, which multiplies all light. `background` is what is seen behind all, "environment",
+    "colour" (`background_colour`, linear) or "transparent": then pictures have alpha. Suns are found by their names,
+    and have `direction`, `irradiance` (W/m²) and `diameter` (degrees). Emitters in the scene are set by the `emission`
+    of their object.
 
     Each light has a row in the mix: `light["environment"]`, suns, `light["groups.Key"]` for all lights whose group is
     "Key", and emitters, by their object: `on`, `solo`, `strength` in stops, `colour` or `kelvin`, `group`,
@@ -399,6 +403,8 @@ def value_at(document: Document, path: str) -> Any:
     target = resolve(document, path)
     name = target.name or ""
     if target.kind == "light":
+        if name in (BACKGROUND, BACKGROUND_COLOUR):
+            return document.background.kind if name == BACKGROUND else document.background.colour
         return getattr(document.light, name)
     if target.kind == "sun":
         return next(getattr(each, name) for each in document.light.suns if each.name == target.object)

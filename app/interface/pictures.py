@@ -29,12 +29,12 @@ from app.stills.stills import (
     chosen_bounces,
     deform_only_objects,
     estimate_picture_error,
+    finished_picture,
     layers_by_object,
     prepared_deform,
     prepared_orbit,
     render_project,
 )
-from engine.core.clamping import BRIGHTEST, clamp_radiance
 from engine.core.errors import InsituError
 from engine.core.generators import run_to_end
 from engine.material.layer import Layer, object_of
@@ -80,16 +80,16 @@ class _View:
     placement: Placement
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class _Light:
     """The light of a view; visible: for each group of objects (M,) that the same lights reach; background (H, W, 3):
-    what pixels show that see no reflecting object."""
+    what pixels show that see no reflecting object, or with alpha (H, W, 4) without the environment."""
 
     key: Key
     sky: SkyState
     quality: Quality
     visible: tuple[tuple[NDArray[np.bool_], VisibleLight], ...]
-    background: Picture
+    background: Picture | None = None
 
     def reaching(self, i_object: int) -> VisibleLight:
         """The light that reaches an object."""
@@ -132,14 +132,16 @@ class PlacementPictures:
         self._bounces: tuple[Key, int] | None = None
 
     def picture(self, project: Project, n_bounces: int | None = None, draft: bool = False) -> Picture:
-        """Linear radiance (H, W, 3). n_bounces: None for as many as the scene says or requires; draft: transport stays
-        where only a quotient's parameters have changed."""
+        """Linear radiance (H, W, 3 or 4). n_bounces: None for as many as the scene says or requires; draft: transport
+        stays where only a quotient's parameters have changed."""
         radiance, _, _ = self._radiance(project, n_bounces, draft)
         view, light = self._made()
+        assert light.background is not None
         hits, picture = view.placement.hits, light.background.copy()
-        add_points(hits.pixel, hits.share, radiance, picture.reshape(-1, 3))
-        intensity = project.document.light.intensity
-        return clamp_radiance(picture if intensity == 1.0 else picture * np.float64(intensity), BRIGHTEST)
+        lit = np.ascontiguousarray(picture[..., :3])
+        add_points(hits.pixel, hits.share, radiance, lit.reshape(-1, 3))
+        picture[..., :3] = lit
+        return finished_picture(project.document, picture)
 
     def error(self, project: Project, n_bounces: int | None = None) -> ErrorEstimate:
         """The error of that picture, estimated by tracing some of its points."""
@@ -207,18 +209,21 @@ class PlacementPictures:
 
     def _lit(self, project: Project, view: _View, layers: Sequence[StillLayer], plan: Plan) -> _Light:
         settings = plan.light_settings.of_direct_light
+        hides_sky = project.document.background.hides_environment
         key = (view.key, replace(mixed_light(project.document), intensity=1.0), settings)
         if self._light is None or self._light.key != key:
             placement, sky = view.placement, project.sky
             quality = still_quality(run_to_end(with_light_budget(placement, layers, sky, plan)))
-            background = compose(placement, np.zeros((len(placement.hits.pixel), 3)), sky)
             visible = tuple(
                 (group.objects, run_to_end(group.placement.light(group.sky, quality)))
                 for group in light_groups(placement, sky)
             )
-            self._light = _Light(key, sky, quality, visible, background)
+            self._light = _Light(key, sky, quality, visible)
             self._layers.clear()
             self._indirect = None
+        if self._light.background is None or (self._light.background.shape[2] == 4) != hides_sky:
+            nothing = np.zeros((len(view.placement.hits.pixel), 3))
+            self._light.background = compose(view.placement, nothing, self._light.sky, hides_sky)
         return self._light
 
     def _still_layers(self, project: Project, plan: Plan, placement: Placement) -> tuple[StillLayer, ...]:
@@ -330,7 +335,7 @@ class Pictures:
     def picture(
         self, project: Project, mode: Mode, n_bounces: int | None, n_samples: int, draft: bool = False
     ) -> Picture:
-        """Linear radiance (H, W, 3) float32; see `Scene.image`. Raises InsituError."""
+        """Linear radiance (H, W, 3 or 4) float32; see `Scene.image`. Raises InsituError."""
         if mode not in get_args(Mode):
             raise InsituError(f"mode = {mode!r}, expected one of {', '.join(get_args(Mode))}")
         if n_bounces is not None and not 1 <= n_bounces <= MOST_BOUNCES:
@@ -342,7 +347,7 @@ class Pictures:
             still = render_project(project, lambda step: None, reference=True, series=series, n_samples=n_samples)
             return still.picture
         picture = self._in_orbit(project, n_bounces) if mode == "orbit" else self._in_deform(project, n_bounces)
-        return clamp_radiance(picture * np.float64(project.document.light.intensity), BRIGHTEST)
+        return finished_picture(project.document, picture)
 
     def error(self, project: Project, mode: Mode, n_bounces: int | None) -> ErrorEstimate:
         """The error of such a picture, estimated by path tracing. Raises InsituError where that is impossible."""
@@ -372,11 +377,12 @@ class Pictures:
         orbit.set_layers(layers_by_object(project))
         orbit.set_bounces(n_bounces or project.chosen_bounces or 0)
         finish_work(orbit)
-        picture = orbit.draw(scene.description.camera, scene.resolution, "still")
+        camera, transparent = scene.description.camera, document.background.hides_environment
+        picture = orbit.draw(camera, scene.resolution, "still", transparent=transparent)
         if orbit.is_done:
             return picture
         finish_work(orbit)  # the camera sees the back faces of some objects for the first time
-        return orbit.draw(scene.description.camera, scene.resolution, "still")
+        return orbit.draw(camera, scene.resolution, "still", transparent=transparent)
 
     def _in_deform(self, project: Project, n_bounces: int | None) -> Picture:
         """Deform's picture at rest; objects that deform cast coarse shadows on all others."""
@@ -395,7 +401,8 @@ class Pictures:
         deform.set_moved(*moved_objects(document))
         deform.set_bounces(n_bounces or project.chosen_bounces or 0)
         finish_work(deform)
-        return deform.draw(scene.description.camera, scene.resolution, document.poses, "rest")
+        camera, transparent = scene.description.camera, document.background.hides_environment
+        return deform.draw(camera, scene.resolution, document.poses, "rest", transparent=transparent)
 
 
 def finish_work(engine: Orbit | Deform) -> None:

@@ -131,7 +131,8 @@ class Scene:
         self, mode: Mode = "placement", *, bounces: int | None = None, resolution: tuple[int, int] | None = None,
         samples: int = N_SAMPLES, draft: bool = False,
     ) -> Picture:  # fmt: skip
-        """The picture, linear Rec. 709 radiance (H, W, 3) float32. The array is the caller's.
+        """The picture, linear Rec. 709 radiance (H, W, 3) float32, and over a transparent background with alpha, which
+        is multiplied into the light, (H, W, 4). The array is the caller's.
 
         mode: "placement", exact; "orbit" and "deform", as those modes show it at rest: the first picture takes longer,
         others from another camera or in another pose take less; "paths", by path tracing, to compare with. bounces: how

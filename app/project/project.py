@@ -22,6 +22,8 @@ from app.document.commands.layers import (
     SetVisible,
 )
 from app.document.commands.light import (
+    SetBackground,
+    SetBackgroundColour,
     SetEmission,
     SetEnvironment,
     SetIntensity,
@@ -42,7 +44,19 @@ from app.document.named_files import document_with_measurements, files_of_docume
 from app.document.node_layers import Statistics, channel_images, with_node_layers
 from app.document.scene_files import is_archive, renamed, split_axis, unpacked_scene_file, variants_of
 from app.document.sources import find_source, likely_mapping, source_of
-from app.document.targets import EMISSION, FRAME, FRESNEL_TERM, MATERIAL, TIME, UNDER, VARIANT, Target, resolve
+from app.document.targets import (
+    BACKGROUND,
+    BACKGROUND_COLOUR,
+    EMISSION,
+    FRAME,
+    FRESNEL_TERM,
+    MATERIAL,
+    TIME,
+    UNDER,
+    VARIANT,
+    Target,
+    resolve,
+)
 from app.document.view_state import Viewpoint
 from app.files.bookmarks import camera_bookmarks, find_bookmark
 from app.files.material_files import complete_material, import_material, is_material_file, read_file_materials
@@ -394,6 +408,10 @@ def _set_light(path: str, target: Target, value: Any) -> EditCommand:
         return SetEnvironment(value, likely_mapping(Path(value)))
     if target.name == "mapping":
         return SetMapping(value)
+    if target.name == BACKGROUND:
+        return SetBackground(value)
+    if target.name == BACKGROUND_COLOUR:
+        return SetBackgroundColour(value)
     return SetRotation(value) if target.name == "rotation" else SetIntensity(value)
 
 

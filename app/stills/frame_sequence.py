@@ -25,12 +25,12 @@ from app.stills.stills import (
     StillProgress,
     deform_only_objects,
     estimate_picture_error,
+    finished_picture,
     prepared_deform,
     prepared_orbit,
     render_project,
     still_settings,
 )
-from engine.core.clamping import BRIGHTEST, clamp_radiance
 from engine.core.errors import InsituError
 from engine.precompute.indirect.sampling_settings import BounceSeries
 from engine.realtime.zonal_harmonics.pose import Poses
@@ -65,7 +65,7 @@ class Drawer(Protocol):
         """Do what is done once for all frames."""
 
     def draw(self, i: int) -> Picture:
-        """Linear radiance (H, W, 3) of frame i."""
+        """Linear radiance (H, W, 3) of frame i, with alpha (H, W, 4) over a transparent background."""
 
 
 Draw = Callable[[Project, Frames, Sequence[int], Report], Iterator[tuple[int, Picture]]]
@@ -160,7 +160,7 @@ class _OrbitFrames:
     def __init__(self, project: Project, frames: Frames, seen: Sequence[Scene]) -> None:
         settings = still_settings(project, "orbit", dict(frames.settings))
         self._orbit, self._seen = prepared_orbit(project, frames.series, settings), seen
-        self._intensity = np.float64(project.document.light.intensity)
+        self._document = project.document
 
     def prepare(self, report: Report) -> None:
         for step in self._orbit.work():
@@ -168,12 +168,13 @@ class _OrbitFrames:
 
     def draw(self, i: int) -> Picture:
         camera, resolution = self._seen[i].description.camera, self._seen[i].resolution
-        picture = self._orbit.draw(camera, resolution, "still")
+        transparent = self._document.background.hides_environment
+        picture = self._orbit.draw(camera, resolution, "still", transparent=transparent)
         if not self._orbit.is_done:
             for _ in self._orbit.work():
                 pass
-            picture = self._orbit.draw(camera, resolution, "still")
-        return clamp_radiance(picture * self._intensity, BRIGHTEST)
+            picture = self._orbit.draw(camera, resolution, "still", transparent=transparent)
+        return finished_picture(self._document, picture)
 
 
 class _DeformFrames:
@@ -188,7 +189,7 @@ class _DeformFrames:
         self._deform = prepared_deform(project, project.resting, [name for name, _ in poses[0]], frames.series)
         self._deform.set_moved(*moved_objects(project.document))
         self._scene, self._poses = project.scene, poses
-        self._intensity = np.float64(project.document.light.intensity)
+        self._document = project.document
 
     def prepare(self, report: Report) -> None:
         for step in self._deform.work():
@@ -196,5 +197,6 @@ class _DeformFrames:
 
     def draw(self, i: int) -> Picture:
         camera, resolution = self._scene.description.camera, self._scene.resolution
-        picture = self._deform.draw(camera, resolution, self._poses[i], "rest")
-        return clamp_radiance(picture * self._intensity, BRIGHTEST)
+        transparent = self._document.background.hides_environment
+        picture = self._deform.draw(camera, resolution, self._poses[i], "rest", transparent=transparent)
+        return finished_picture(self._document, picture)

@@ -31,19 +31,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from app.document.background import Background
 from app.document.document import Document
 from app.document.light_mix import emission_of, gains_of, lights_of, mixed_light
 from app.document.light_state import RGB, group_key
 from app.project.distant_light import sky_of
 from app.project.project import Project
-from app.stills.stills import Report, Still, StillParts, still_parts, still_settings, with_intensity
+from app.stills.stills import Report, Still, StillParts, finished_picture, still_parts, still_settings, with_intensity
 from engine.core.generators import StillProgress, run_to_end
 from engine.precompute.direct.pipeline import Placement, SkyState
 from engine.precompute.indirect.sampling_settings import BounceSeries
 from engine.render.data_layers import albedo_layer, object_coverage, point_picture, surface_layers
 from engine.render.display import PictureLayer
 from engine.render.error_estimate import MAP_POINTS, PointErrors, error_map, estimate_point_errors
-from engine.render.still import compose, reflect_layers
+from engine.render.still import compose, reflect_layers, with_alpha
 from engine.scene.description import free_name
 from engine.scene.primary_hits import PrimaryHits, emission_picture
 
@@ -77,20 +78,35 @@ def render_layers(project: Project, report: Report, *, series: BounceSeries | No
     errors = _estimated_errors(parts, project.sky, whole, _within(report, ends[-2], 1.0, "error"))
 
     def shown(part: _LitPart) -> NDArray[np.float32]:
-        """The picture (H, W, 3) of a part."""
-        return with_intensity(project, point_picture(parts.placement.hits, part.direct + part.indirect) + part.emission)
+        """The light (H, W, 3) of a part."""
+        return with_intensity(project.document, light_of(part))
 
-    black = _black(parts.placement.hits)
+    def light_of(part: _LitPart) -> Float64Array:
+        """The same without the light's intensity."""
+        return point_picture(parts.placement.hits, part.direct + part.indirect) + part.emission
+
+    black, background = _black(parts.placement.hits), project.document.background
+    covered = 1.0 - parts.placement.hits.open_image
+    picture = with_alpha(light_of(whole), covered) if background.hides_environment else light_of(whole)
     layers = (
         PictureLayer("direct", "RGB", shown(replace(black, direct=whole.direct))),
         PictureLayer("indirect", "RGB", shown(replace(black, indirect=whole.indirect))),
         PictureLayer("emission", "RGB", shown(replace(black, emission=whole.emission))),
         *_named("light", "RGB", zip((name for name, _ in lights), map(shown, lit), strict=True)),
+        *_background_layer(background, covered),
         *_data_layers(parts),
         *_named("mask", "A", zip(project.object_names, object_coverage(parts.placement.hits), strict=True)),
         PictureLayer("error", "Y", np.nan_to_num(run_to_end(error_map(parts.placement.hits, errors)))),
     )
-    return Still(shown(whole), errors.estimate, parts.warning, layers)
+    return Still(finished_picture(project.document, picture), errors.estimate, parts.warning, layers)
+
+
+def _background_layer(background: Background, covered: NDArray[np.floating]) -> tuple[PictureLayer, ...]:
+    """What a background of one colour adds to the lights; covered (H, W): the share of pixels that hides it."""
+    if background.kind != "colour":
+        return ()
+    seen = (1.0 - covered[..., None]) * np.asarray(background.colour)
+    return (PictureLayer("background", "RGB", seen.astype(np.float32)),)
 
 
 def light_groups(document: Document) -> list[tuple[str, tuple[str, ...]]]:
@@ -128,7 +144,8 @@ def _lit_part(parts: StillParts, project: Project, keys: Collection[str], report
     steps = reflect_layers(placement, parts.direct_layers, sky, parts.quality(placement, sky))
     direct = run_to_end(steps, _within(report, INDIRECT, 1.0))
     nothing = np.zeros_like(direct)
-    emission = compose(placement, nothing, sky).astype(np.float64)
+    hides_sky = project.document.background.hides_environment
+    emission = compose(placement, nothing, sky, hides_sky)[..., :3].astype(np.float64)
     return _LitPart(direct, nothing if indirect is None else indirect.astype(np.float64), emission, noise or 0.0)
 
 

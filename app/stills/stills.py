@@ -14,7 +14,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from app.document.document import reflecting_layers
+from app.document.document import Document, reflecting_layers
 from app.project.project import Project
 from app.system.atomic import make_folder_of, require_place, save_file
 from app.system.memory import orbit_bytes, orbit_slice_bytes
@@ -80,8 +80,9 @@ def check_output(path: Path, endings: tuple[str, ...] = ENDINGS) -> Path:
 
 @dataclass(frozen=True, eq=False)
 class Still:
-    """Linear radiance (H, W, 3), and its estimated error, None where that was not requested. warning: about light that
-    is left out, else ""; layers: besides the picture itself, where they were requested."""
+    """Linear radiance (H, W, 3), with alpha (H, W, 4) over a transparent background, and its estimated error, None
+    where that was not requested. warning: about light that is left out, else ""; layers: besides the picture itself,
+    where they were requested."""
 
     picture: NDArray[np.float32]
     error: ErrorEstimate | None = None
@@ -116,7 +117,7 @@ def render_project(
     placement, layers, series, warning = parts.placement, parts.layers, parts.series, parts.warning
     if reference:
         steps = _reference(placement, project, series.n_bounces, n_samples)
-        return Still(with_intensity(project, run_to_end(steps, report)), warning=warning)
+        return Still(finished_picture(project.document, run_to_end(steps, report)), warning=warning)
     if mode != "placement":
         how = report, placement, layers, series, chosen
         return _real_time_still(project, mode, *how, estimates_error, warning)
@@ -130,12 +131,25 @@ def render_project(
             placement, layers, sky, quality, series.n_bounces, radiance, indirect, noise=noise
         )  # fmt: skip
         error = run_to_end(estimating, report)
-    return Still(with_intensity(project, compose(placement, radiance, sky)), error, warning)
+    composed = compose(placement, radiance, sky, project.document.background.hides_environment)
+    return Still(finished_picture(project.document, composed), error, warning)
 
 
-def with_intensity(project: Project, picture: NDArray[np.floating]) -> NDArray[np.float32]:
-    """A picture (H, W, 3) times the intensity of the project's light, clamped to what a picture holds."""
-    return clamp_radiance(picture * np.float64(project.document.light.intensity), BRIGHTEST)
+def with_intensity(document: Document, light: NDArray[np.floating]) -> NDArray[np.float32]:
+    """Light (H, W, 3) times the intensity of the document's light, clamped to what a picture holds."""
+    return clamp_radiance(light * np.float64(document.light.intensity), BRIGHTEST)
+
+
+def finished_picture(document: Document, picture: NDArray[np.floating]) -> NDArray[np.float32]:
+    """A picture with the intensity of the document's light, over its background.
+
+    picture (H, W, 3), or with alpha (H, W, 4) where the background hides the environment. Returns (H, W, 3), and where
+    the background is transparent (H, W, 4): light that alpha is multiplied into.
+    """
+    light = with_intensity(document, picture[..., :3])
+    if picture.shape[2] == 3:
+        return light
+    return document.background.behind(np.concatenate([light, picture[..., 3:]], axis=2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,30 +212,33 @@ def _real_time_still(
     series: BounceSeries, settings: RenderSettings, estimates_error: bool, warning: str,
 ) -> Still:  # fmt: skip
     """A still as Orbit or Deform shows it at rest; layers: those of its estimate."""
+    transparent = project.document.background.hides_environment
     if mode == "orbit":
         drawing = render_orbit(
             placement, layers_by_object(project), project.sky, settings.n_patches, settings.n_points,
-            settings.n_coefficients, series.n_bounces, orbit_bytes(), orbit_slice_bytes(),
+            settings.n_coefficients, series.n_bounces, orbit_bytes(), orbit_slice_bytes(), transparent,
         )  # fmt: skip
     else:
         # A still has one pose: transfer of the meshes in it includes the shadows between objects.
-        drawing = render_deform(prepared_deform(project, project.scene, (), series, settings), project.scene.resolution)
+        prepared = prepared_deform(project, project.scene, (), series, settings)
+        drawing = render_deform(prepared, project.scene.resolution, transparent)
     picture, error = run_to_end(drawing, report), None
     alone = deform_only_objects(project) if mode == "deform" else ()
     if estimates_error and alone:
         warning = warning or f"no error estimate: path tracing does not support the surface of {', '.join(alone)}"
     elif estimates_error:
-        estimating = estimate_drawn_errors(placement, layers, project.sky, series.n_bounces, [picture])
+        estimating = estimate_drawn_errors(placement, layers, project.sky, series.n_bounces, [picture[..., :3]])
         (estimated,) = run_to_end(estimating, report)
         error = estimated.estimate
-    return Still(with_intensity(project, picture), error, warning)
+    return Still(finished_picture(project.document, picture), error, warning)
 
 
 def estimate_picture_error(
     project: Project, picture: NDArray[np.float32], n_bounces: int | None = None
 ) -> ErrorEstimate | None:
-    """The error of a picture of a project that was drawn in another way, by path tracing some of its points; None where
-    it is black, because there is no light. n_bounces: None for as many as the scene says, or requires."""
+    """The error of a picture (H, W, 3 or more) of a project that was drawn in another way, by path tracing some of its
+    points; None where it is black, because there is no light. n_bounces: None for as many as the scene says, or
+    requires."""
     intensity = project.document.light.intensity
     if not intensity:
         return None
@@ -229,7 +246,7 @@ def estimate_picture_error(
     placement = Placement(project.scene, None, plan.n_edge_rays)
     bounces = planned_bounces(placement, project.indexed_layers, n_bounces or chosen_bounces(project, plan))
     layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
-    drawn = picture / np.float32(intensity)
+    drawn = picture[..., :3] / np.float32(intensity)
     (estimated,) = run_to_end(estimate_drawn_errors(placement, layers, project.sky, bounces.n_bounces, [drawn]))
     return estimated.estimate
 
@@ -277,10 +294,11 @@ def prepared_deform(
 def _reference(placement: Placement, project: Project, n_bounces: int, n_samples: int | None) -> Steps:
     # With the parameters of each hit where they vary, not their nodes; only paths look them up.
     layers, sky = layers_by_object(project, dict(reflecting_layers(project.document))), project.sky
+    transparent = project.document.background.hides_environment
     vary = any(layer.parameter_maps for own in layers.values() for layer in own)
     if n_bounces == 1 and n_samples is None and not vary:
-        return render_reference(placement, layers, sky, REFERENCE_PATCHES, REFERENCE_LEVEL)
-    return render_paths(placement, layers, sky, n_bounces, n_samples or N_SAMPLES)
+        return render_reference(placement, layers, sky, REFERENCE_PATCHES, REFERENCE_LEVEL, transparent)
+    return render_paths(placement, layers, sky, n_bounces, n_samples or N_SAMPLES, transparent=transparent)
 
 
 def still_settings(project: Project, mode: Mode, changes: Mapping[str, int] = MappingProxyType({})) -> RenderSettings:
@@ -308,7 +326,7 @@ def write_picture(
     path: Path, radiance: NDArray[np.float32], view: ToneMapping = "filmic", comment: str = "",
     layers: Sequence[PictureLayer] = (),
 ) -> None:  # fmt: skip
-    """Write a picture to a file, whole or not at all; see `picture_bytes`."""
+    """Write a picture (H, W, 3), or with alpha (H, W, 4), to a file, whole or not at all; see `picture_bytes`."""
     save_file(path, picture_bytes(path, radiance, view, comment, layers))
 
 

@@ -140,7 +140,8 @@ class DeformWorker(ModeWorker):
         elif request.fit_error:
             picture = deform.draw_errors(camera, request.resolution, request.poses)
         else:
-            picture = deform.draw(camera, request.resolution, request.poses, request.quality)
+            how = request.poses, request.quality
+            picture = deform.draw(camera, request.resolution, *how, transparent=request.transparent)
         if request.split is not None:
             picture = self._split_picture(picture, deform, camera, request, request.split)
         seconds, carried = time.monotonic() - started, tuple(deform.carried(request.poses).items())

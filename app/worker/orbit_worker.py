@@ -165,7 +165,7 @@ class OrbitWorker(ModeWorker):
             layers_by_object(scene, request.scene.layers),
         )
         picture = yield from map_steps(
-            headlight_picture(seen, caster, layers, sky, request.resolution), lambda step: None
+            headlight_picture(seen, caster, layers, sky, request.resolution, request.transparent), lambda step: None
         )
         yield OrbitPictureDrawn(picture, 0, 0, False, time.monotonic() - started)
 
@@ -227,7 +227,8 @@ def _prepared_sky(sky: SkyState, text: str) -> Steps:
 def _draw_steps(orbit: Orbit, wanted: DrawOrbit) -> Generator[StillProgress, None, NDArray[np.float32]]:
     """The requested picture, piece by piece."""
     camera = orbit.scene.from_camera(wanted.camera).description.camera
-    return orbit.draw_steps(camera, wanted.resolution, wanted.quality, wanted.n_coefficients, has_soft_edges=True)
+    how = wanted.quality, wanted.n_coefficients, True, wanted.transparent
+    return orbit.draw_steps(camera, wanted.resolution, *how)
 
 
 def _key(orbit: Orbit) -> str:

@@ -34,11 +34,12 @@ def render_orbit(
     n_bounces: int = 1,
     most_bytes: int = MOST_BYTES,
     most_slice_bytes: int = MOST_SLICE_BYTES,
+    transparent: bool = False,
 ) -> Generator[StillProgress, None, Float32Array]:
     """Render radiance (H, W, 3) after up to n_bounces reflections, as Orbit shows it at rest; yield the progress.
 
     layers_of: the layers of each object, by its index; most_bytes and most_slice_bytes: limits for the points' data and
-    for the slices, see `Orbit`.
+    for the slices, see `Orbit`; transparent: without the sky, and with alpha (H, W, 4).
     """
     orbit = Orbit(placement.scene, placement.caster, n_points, n_coefficients, n_patches, most_bytes, most_slice_bytes)
     orbit.set_light(sky)
@@ -47,18 +48,21 @@ def render_orbit(
     camera, resolution = placement.scene.description.camera, placement.hits.resolution
     for step in orbit.work():
         yield StillProgress(_DRAWING * step.fraction, step.text)
-    picture = orbit.draw(camera, resolution, "still")
+    picture = orbit.draw(camera, resolution, "still", transparent=transparent)
     if not orbit.is_done:  # the picture shows the backs of some objects
         for step in orbit.work():
             yield StillProgress(_DRAWING * step.fraction, step.text)
-        picture = orbit.draw(camera, resolution, "still")
+        picture = orbit.draw(camera, resolution, "still", transparent=transparent)
     return picture
 
 
-def render_deform(deform: Deform, resolution: tuple[int, int]) -> Generator[StillProgress, None, Float32Array]:
-    """Render radiance (H, W, 3) of a scene as Deform shows it at rest; yields the progress."""
+def render_deform(
+    deform: Deform, resolution: tuple[int, int], transparent: bool = False
+) -> Generator[StillProgress, None, Float32Array]:
+    """Render radiance (H, W, 3) of a scene as Deform shows it at rest; yields the progress. transparent: without the
+    sky, and with alpha (H, W, 4)."""
     yield from deform.work()
-    return deform.draw(deform.scene.description.camera, resolution, (), "rest")
+    return deform.draw(deform.scene.description.camera, resolution, (), "rest", transparent=transparent)
 
 
 class PathReference:

@@ -113,7 +113,7 @@ class PictureLayer(NamedTuple):
 
 def exr_bytes(radiance: NDArray[np.float32], comment: str = "", layers: Iterable[PictureLayer] = ()) -> bytes:
     """An OpenEXR file of linear radiance (H, W, 3), all values finite: 32-bit channels R, G, B, ZIP-compressed, and
-    those of more layers, whose names differ.
+    those of more layers, whose names differ. With alpha (H, W, 4), which is multiplied into the light, also A.
 
     comment: for the file's header, if not empty.
     """
@@ -122,7 +122,7 @@ def exr_bytes(radiance: NDArray[np.float32], comment: str = "", layers: Iterable
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     header |= {"comments": comment} if comment else {}
     channels: dict[str, NDArray[np.float32]] = {}
-    for layer in (PictureLayer("", "RGB", radiance), *layers):
+    for layer in (PictureLayer("", "RGBA" if radiance.shape[2:] == (4,) else "RGB", radiance), *layers):
         channels |= layer.channels()
     buffer = io.BytesIO()
     OpenEXR.File(header, channels).write(buffer)
@@ -130,21 +130,34 @@ def exr_bytes(radiance: NDArray[np.float32], comment: str = "", layers: Iterable
 
 
 def png_bytes(radiance: NDArray[np.float32], exposure: float = 0.0, tone_mapping: ToneMapping = "filmic") -> bytes:
-    """A PNG, 8-bit sRGB, of linear radiance (H, W, 3) as the editor's viewport shows it."""
-    return pixels_png(display_picture(radiance, exposure, tone_mapping))
+    """A PNG, 8-bit sRGB, of linear radiance (H, W, 3) as the editor's viewport shows it; with alpha (H, W, 4), by which
+    PNG does not multiply its colours."""
+    if radiance.shape[2] == 3:
+        return pixels_png(display_picture(radiance, exposure, tone_mapping))
+    colour, alpha = without_alpha(radiance)
+    shown = display_values(colour, exposure, tone_mapping)
+    return pixels_png(np.round(255.0 * np.concatenate([shown, alpha], axis=2)).astype(np.uint8))
+
+
+def without_alpha(radiance: NDArray[np.floating]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The colours (H, W, 3) of what covers pixels, black where nothing does, and alpha (H, W, 1), of radiance that
+    alpha is multiplied into (H, W, 4)."""
+    light, alpha = np.split(np.asarray(radiance, np.float64), [3], axis=2)
+    return np.divide(light, alpha, out=np.zeros_like(light), where=alpha > 0.0), np.clip(alpha, 0.0, 1.0)
 
 
 def deep_png(values: NDArray[np.floating]) -> bytes:
-    """A PNG, 16 bits a channel, of sRGB-encoded values (H, W, 3) in [0, 1].
+    """A PNG, 16 bits a channel, of sRGB-encoded values (H, W, 3) in [0, 1], or with alpha (H, W, 4).
 
     Written here [W3C PNG, third edition]: Pillow has no 16-bit RGB, and the libraries that do are far larger than these
     lines or unmaintained. Rows are stored as differences to the row above, which compresses smooth pictures.
     """
-    height, width, _ = values.shape
+    height, width, n_channels = values.shape
+    colour_type = 6 if n_channels == 4 else 2  # truecolour, with alpha or without
     rows = np.round(65535.0 * np.clip(values, 0.0, 1.0)).astype(">u2").view(np.uint8).reshape(height, -1)
     up = rows - np.concatenate([np.zeros_like(rows[:1]), rows[:-1]])
     lines = np.concatenate([np.full((height, 1), 2, np.uint8), up], axis=1)
-    head = struct.pack(">IIBBBBB", width, height, 16, 2, 0, 0, 0)
+    head = struct.pack(">IIBBBBB", width, height, 16, colour_type, 0, 0, 0)
     parts = ((b"IHDR", head), (b"sRGB", b"\0"), (b"IDAT", zlib.compress(lines.tobytes(), 6)), (b"IEND", b""))
     chunks = (
         struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body)) for name, body in parts
@@ -153,7 +166,7 @@ def deep_png(values: NDArray[np.floating]) -> bytes:
 
 
 def pixels_png(pixels: NDArray[np.uint8]) -> bytes:
-    """A PNG of pixels (H, W, 3), 8-bit sRGB."""
+    """A PNG of pixels (H, W, 3), 8-bit sRGB, or with alpha (H, W, 4)."""
     from PIL import Image
 
     buffer = io.BytesIO()

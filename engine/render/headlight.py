@@ -75,11 +75,14 @@ def _about_z(sine_squared: NDArray[np.float64], azimuth: NDArray[np.float64]) ->
 
 
 def headlight_picture(
-    scene: Scene, caster: RayCaster, layers: Mapping[int, Sequence[Layer]], sky: SkyState, resolution: tuple[int, int]
-) -> Generator[None, None, NDArray[np.float32]]:
+    scene: Scene, caster: RayCaster, layers: Mapping[int, Sequence[Layer]], sky: SkyState, resolution: tuple[int, int],
+    transparent: bool = False,
+) -> Generator[None, None, NDArray[np.float32]]:  # fmt: skip
     """Radiance (H, W, 3) of a scene as its camera sees it, in resolution (width, height): its objects with these
-    layers, by index, under a light at the camera, its emitters and the sky. In steps."""
+    layers, by index, under a light at the camera, its emitters and the sky. In steps. transparent: without the sky, and
+    with alpha (H, W, 4)."""
     # Late: the window's process, which needs the colours alone, imports no compiler.
+    from engine.render.still import with_alpha
     from engine.scene.picture_frame import picture_frame
     from engine.scene.primary_hits import trace_primary_steps
 
@@ -87,11 +90,11 @@ def headlight_picture(
     frame = picture_frame(hits, scene.camera_position)
     picture = np.array(frame.emission_image, np.float32)
     behind = frame.open_image > 0.0
-    if sky.environment is not None:
+    if sky.environment is not None and not transparent:
         picture[behind] = sky.scale * sky.environment.evaluate(frame.ray_directions[behind], sky.rotation)
     yield
     points = picture.reshape(-1, 3)
     for index, own in layers.items():
         rows = slice(*frame.object_ranges[index])
         points[frame.pixel[rows]] = headlight_radiance(headlight_colour(own), frame.theta_o[rows])
-    return picture
+    return with_alpha(picture, 1.0 - frame.open_image) if transparent else picture

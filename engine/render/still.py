@@ -152,8 +152,9 @@ def _reflect_group(
 
 
 def render_reference(
-    placement: Placement, layers_of: Mapping[int, Sequence[Layer]], sky: SkyState, n_patches: int, level: int
-) -> Generator[StillProgress, None, Picture]:
+    placement: Placement, layers_of: Mapping[int, Sequence[Layer]], sky: SkyState, n_patches: int, level: int,
+    transparent: bool = False,
+) -> Generator[StillProgress, None, Picture]:  # fmt: skip
     """Render the same picture by brute force: every pixel samples 20·4^level directions and `n_patches` patches.
     Slow."""
     n_points, done = len(placement.hits.pixel), 0
@@ -170,7 +171,7 @@ def render_reference(
                     radiance[block] = found
                     done += len(block)
                 yield StillProgress(done / n_points, "every direction of every pixel")
-    return compose(placement, radiance, sky)
+    return compose(placement, radiance, sky, transparent)
 
 
 def render_paths(
@@ -180,24 +181,34 @@ def render_paths(
     n_bounces: int,
     n_samples: int = N_SAMPLES,
     seed: int = 0,
+    transparent: bool = False,
 ) -> Generator[StillProgress, None, Picture]:
     """Linear radiance (H, W, 3) float32 after up to n_bounces reflections, emitters and background included."""
     estimate = yield from trace_paths(placement, layers_of, sky, n_bounces, n_samples, seed)
-    return compose(placement, estimate.radiance, sky)
+    return compose(placement, estimate.radiance, sky, transparent)
 
 
-def compose(placement: Placement, radiance: NDArray[np.floating], sky: SkyState) -> Picture:
-    """Compose the points' reflected radiance (P, 3), emitters and the background to one picture (H, W, 3) float32."""
+def compose(placement: Placement, radiance: NDArray[np.floating], sky: SkyState, transparent: bool = False) -> Picture:
+    """Compose the points' reflected radiance (P, 3), emitters and the background to one picture (H, W, 3) float32.
+
+    transparent: without the sky behind all, and with a fourth channel: alpha, the share of each pixel that something
+    covers.
+    """
     hits = placement.hits
     image = hits.emission_image.astype(np.float32)
     open_ = hits.open_image > 0.0
-    if sky.environment is not None and open_.any():
+    if sky.environment is not None and not transparent and open_.any():
         seen = sky.environment.evaluate(hits.ray_directions[open_], sky.rotation)
         image[open_] += seen * (np.float32(sky.scale) * hits.open_image[open_, None])
     shown = np.flatnonzero(hits.share)  # a share of 0 times infinite radiance would be NaN
     share, pixel = hits.share[shown, None], hits.pixel[shown]
     np.add.at(image.reshape(-1, 3), pixel, np.asarray(share * radiance[shown], np.float32))
-    return image
+    return with_alpha(image, 1.0 - hits.open_image) if transparent else image
+
+
+def with_alpha(image: NDArray[np.floating], alpha: NDArray[np.floating]) -> Picture:
+    """A picture (H, W, 4) of light (H, W, 3) and alpha (H, W)."""
+    return np.concatenate([image, alpha[..., None]], axis=2, dtype=np.float32)
 
 
 def shape_of(each: StillLayer) -> LayerShape:

@@ -2,7 +2,7 @@
 // Provides: the linear picture. A pixel that sees a reflecting surface has the address of its shaded radiance, others
 // have -1 and show the backdrop. At edges it has -2 - i, and shows the backdrop and several surfaces: from the i-th texel
 // of `mixed` on stand their addresses and, as bits, their shares of the pixel, of which the last is negative.
-// What is not finite becomes black with alpha 0, all else has alpha 1.
+// Alpha is the backdrop's, and 1 where a surface fills the pixel. What is not finite becomes black.
 #include "common/finite.glsl"
 #include "common/sample_layout.glsl"
 
@@ -17,7 +17,8 @@ void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
     int address = texelFetch(pixel_addresses, pixel, 0).r;
     vec3 surface = texelFetch(shaded, texel_of_address(max(address, 0)), 0).rgb;
-    vec3 value = address >= 0 ? surface : texelFetch(backdrop, pixel, 0).rgb;
+    vec4 behind = texelFetch(backdrop, pixel, 0);
+    vec3 value = address >= 0 ? surface : behind.rgb;
     if (address < -1) {
         float share = 1.0;
         for (int i = -2 - address; share > 0.0; ++i) {
@@ -26,5 +27,5 @@ void main() {
             value += abs(share) * texelFetch(shaded, texel_of_address(part.r), 0).rgb;
         }
     }
-    radiance = is_finite(value) ? vec4(value, 1.0) : vec4(0.0);
+    radiance = vec4(is_finite(value) ? value : vec3(0.0), address >= 0 ? 1.0 : behind.a);
 }

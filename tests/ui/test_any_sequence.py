@@ -25,7 +25,7 @@ from app.document.commands.layers import (
     SetVisible,
     new_layer,
 )
-from app.document.commands.light import SetEnvironment, SetRotation
+from app.document.commands.light import SetBackground, SetBackgroundColour, SetEnvironment, SetRotation
 from app.document.commands.maps import SetBumps
 from app.document.commands.mix import SetMix
 from app.document.view_state import SetView
@@ -144,7 +144,7 @@ class Walk:
         self.until(lambda: self.editor.status.is_finished and not self.feed.is_behind)
         self.frames(3)
         self.client.hurries = False
-        return self.feed.source.renderer.linear_image()
+        return self.feed.source.renderer.linear_image_with_alpha()
 
     def close(self) -> None:
         self.feed.close()
@@ -189,6 +189,9 @@ COMMANDS: dict[str, Callable[[Walk], object]] = {
     "turn": lambda w: w.editor.do(SetRotation(w.editor.document.light.rotation + 20.0)),
     "brighten the sky": lambda w: w.editor.do(SetMix("light.environment", "strength", 1.0)),
     "warm the sky": lambda w: w.editor.do(SetMix("light.environment", "kelvin", 3000.0)),
+    "transparent": lambda w: w.editor.do(SetBackground("transparent")),
+    "before a colour": lambda w: w.editor.do(SetBackgroundColour((0.2, 0.4, 0.8))),
+    "before the sky": lambda w: w.editor.do(SetBackground("environment")),
     "hall": lambda w: w.editor.do(SetEnvironment("hall")),
     "studio": lambda w: w.editor.do(SetEnvironment("studio")),
     "no such sky": lambda w: w.editor.do(SetEnvironment("/nowhere/sky.exr")),

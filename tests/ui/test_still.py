@@ -9,11 +9,12 @@ import zlib
 from pathlib import Path
 
 import numpy as np
+import OpenEXR
 import pytest
 from imgui_bundle import imgui
 from PIL import Image
 
-from app.document.commands.light import SetIntensity
+from app.document.commands.light import SetBackground, SetIntensity
 from app.document.view_state import SetView
 from engine.light.radiance_files import read_radiance_image
 from engine.render.display import deep_png
@@ -102,6 +103,25 @@ def test_exr_is_linear_light_whatever_the_view(window: HeadlessWindow, tmp_path:
     window.frames(2)
     saved(window, tmp_path / "c.exr")
     np.testing.assert_allclose(read_radiance_image(tmp_path / "c.exr"), 3.0 * linear, rtol=1e-6)
+
+
+@pytest.mark.gl
+def test_over_a_transparent_background_both_have_alpha(window: HeadlessWindow, tmp_path: Path) -> None:
+    window.shell.editor.do(SetBackground("transparent"))
+    window.shell.editor.do(SetIntensity(3.0))
+    window.frames(2)
+    with_alpha = renderer_of(window).source.renderer.linear_image_with_alpha()
+    picture = np.asarray(Image.open(io.BytesIO(saved(window, tmp_path / "a.png"))))
+    saved(window, tmp_path / "b.png", deep=True)
+    assert picture.shape == (HEIGHT, WIDTH, 4)
+    assert np.array_equal(picture[..., 3], np.round(255.0 * with_alpha[..., 3]))
+    saved(window, tmp_path / "c.exr")
+    channels = OpenEXR.File(str(tmp_path / "c.exr"), separate_channels=True).channels()
+    found = np.stack([channels[name].pixels for name in "RGBA"], axis=2)
+    np.testing.assert_allclose(found, with_alpha * (3.0, 3.0, 3.0, 1.0), rtol=1e-6)
+    # The same pixels in 16 bits.
+    deep = np.asarray(Image.open(tmp_path / "b.png"))
+    assert deep.shape == picture.shape and np.abs(deep.astype(int) - picture).max() <= 1
 
 
 @pytest.mark.gl

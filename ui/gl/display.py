@@ -68,8 +68,12 @@ def _switches(view: ToneMapping) -> dict[str, int]:
 # -------------------------------------------------------------------------------------------------- the display picture
 
 
+Behind = tuple[float, float, float] | None
+BLACK: Behind = (0.0, 0.0, 0.0)
 SELECTION_COLOUR = (1.0, 0.62, 0.12)
 HOVER_COLOUR = (0.82, 0.82, 0.82)
+# Where there is no background, display.frag.glsl shows the picture over this, or with alpha.
+_CHECKERBOARD, _WITH_ALPHA = 1, 2
 DIVIDER_COLOUR = (0.95, 0.95, 0.95, 1.0)
 
 
@@ -79,7 +83,8 @@ class DisplayView:
 
     exposure in stops; selected and hovered are object indices, outlined; compare_divider in [0, 1] is the border
     between the snapshot A (left) and the picture B (right), None shows the picture alone; compare_exposure is A's, None
-    as B's.
+    as B's. behind is the exposed radiance of the background, seen where alpha is below 1, None shows a checkerboard
+    there; compare_behind is A's.
     """
 
     exposure: float = 0.0
@@ -88,6 +93,8 @@ class DisplayView:
     hovered: int | None = None
     compare_divider: float | None = None
     compare_exposure: float | None = None
+    behind: Behind = BLACK
+    compare_behind: Behind = BLACK
 
 
 class Display:
@@ -123,8 +130,8 @@ class Display:
 
     def draw(self, linear: moderngl.Texture, view: DisplayView, box: Box) -> None:
         """Redraw `box` of the display picture, and all outlines."""
-        for region, source, exposure in self._regions(linear, view, box):
-            self._tone_map(self._target, source, exposure, view.tone_mapping, region)
+        for region, source, exposure, behind in self._regions(linear, view, box):
+            self._tone_map(self._target, source, exposure, view.tone_mapping, region, behind, _CHECKERBOARD)
         for i_object, colour in ((view.hovered, HOVER_COLOUR), (view.selected, SELECTION_COLOUR)):
             if i_object is not None and 0 <= i_object < self._frame.n_objects:
                 self._outline(i_object, colour)
@@ -137,31 +144,32 @@ class Display:
         """The display picture (H,W,3), sRGB; waits for the GPU."""
         return read_texture(self.texture, np.uint8)[..., :3].astype(np.uint8)
 
-    def finished(self, linear: moderngl.Texture, exposure: float, tone_mapping: ToneMapping) -> NDArray[np.float32]:
+    def finished(self, linear: moderngl.Texture, view: DisplayView) -> NDArray[np.float32]:
         """The picture (H,W,3) alone, without outlines and divider, in the screen's values, unrounded: for files that
-        have more levels than the screen. Waits for the GPU."""
+        have more levels than the screen; over a transparent background with alpha (H,W,4). Waits for the GPU."""
         whole: Box = (0, 0, *self._size)
         texture = self._memory.texture(self._size, 4, "f4")
         target = self._memory.framebuffer([texture])
         try:
-            self._tone_map(target, linear, exposure, tone_mapping, whole)
-            return read_texture(texture, np.float32)[..., :3].astype(np.float32)
+            self._tone_map(target, linear, view.exposure, view.tone_mapping, whole, view.behind, _WITH_ALPHA)
+            n_channels = 4 if view.behind is None else 3
+            return read_texture(texture, np.float32)[..., :n_channels].astype(np.float32)
         finally:
             self._memory.release_framebuffer(target)
             self._memory.release(texture)
 
     def _regions(
         self, linear: moderngl.Texture, view: DisplayView, box: Box
-    ) -> list[tuple[Box, moderngl.Texture, float]]:
-        """Which part of `box` shows which picture, with its exposure: the snapshot left of the divider, the picture
-        right."""
+    ) -> list[tuple[Box, moderngl.Texture, float, Behind]]:
+        """Which part of `box` shows which picture, with its exposure and background: the snapshot left of the divider,
+        the picture right."""
         if view.compare_divider is None or self._snapshot is None:
-            return [(box, linear, view.exposure)]
+            return [(box, linear, view.exposure, view.behind)]
         x, y, width, height = box
         split = min(max(self._divider_column(view), x), x + width)
         other = view.exposure if view.compare_exposure is None else view.compare_exposure
-        left = (x, y, split - x, height), self._snapshot, other
-        right = (split, y, x + width - split, height), linear, view.exposure
+        left = (x, y, split - x, height), self._snapshot, other, view.compare_behind
+        right = (split, y, x + width - split, height), linear, view.exposure, view.behind
         return [part for part in (left, right) if part[0][2] > 0]
 
     def _divider_column(self, view: DisplayView) -> int:
@@ -169,11 +177,16 @@ class Display:
 
     def _tone_map(
         self, target: moderngl.Framebuffer, source: moderngl.Texture, exposure: float, tone_mapping: ToneMapping,
-        region: Box,
+        region: Box, behind: Behind, transparent: int,
     ) -> None:  # fmt: skip
+        """transparent: what is shown where there is no background, as display.frag.glsl numbers it."""
         program = self._mapper.full_screen("placement/display.frag.glsl", tone_mapping)
         textures = {"linear_picture": source, **self._mapper.textures(tone_mapping)}
-        self._passes.draw(program, target, region, textures, exposure=2.0 ** min(max(exposure, -64.0), 64.0))
+        kind = transparent if behind is None else 0
+        self._passes.draw(
+            program, target, region, textures, exposure=exposure_factor(exposure), behind=behind or BLACK,
+            transparent=kind,
+        )  # fmt: skip
 
     def _outline(self, i_object: int, colour: tuple[float, float, float]) -> None:
         if i_object not in self._outlines:
@@ -197,6 +210,11 @@ class Display:
             buffer.release()
         self._memory.release_framebuffer(self._target)
         self._memory.release(self.texture)
+
+
+def exposure_factor(stops: float) -> float:
+    """The factor of an exposure in stops, clamped to ±64."""
+    return float(2.0 ** min(max(stops, -64.0), 64.0))
 
 
 def outline_pixels(mask: NDArray[np.bool_]) -> NDArray[np.int32]:

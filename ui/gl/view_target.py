@@ -38,18 +38,24 @@ class ViewTarget:
         """Compile the shader of the sky; raises GraphicsError."""
         self._passes.full_screen(_BACKDROP)
 
-    def begin(self, camera: Camera, size: tuple[int, int], sky: moderngl.Texture, turn: float, scale: float) -> None:
+    def begin(
+        self, camera: Camera, size: tuple[int, int], sky: moderngl.Texture, turn: float, scale: float,
+        transparent: bool = False,
+    ) -> None:  # fmt: skip
         """Clear the target and draw the sky, rotated by radians and scaled, as a camera sees it in a picture (width,
-        height); then the nearest of all triangles that are drawn stays. Raises GraphicsError where there is no room."""
+        height), or leave it transparent; then the nearest of all triangles that are drawn stays. Raises GraphicsError
+        where there is no room."""
         target = self._room(size)
         target.depth_mask = True
         target.color_mask = (True,) * 4  # type: ignore[assignment]
         target.clear(depth=1.0)
         program = self._passes.full_screen(_BACKDROP)
         axes = tuple(camera_plane(camera, size).ravel().tolist())
+        box = (0, 0, *size)
         self._passes.draw(
-            program, target, (0, 0, *size), {"environment": sky}, axes=axes, rotation=turn, intensity=scale
-        )
+            program, target, box, {"environment": sky}, axes=axes, rotation=turn, intensity=scale,
+            transparent=int(transparent),
+        )  # fmt: skip
         target.use()
         self._context.enable_only(moderngl.DEPTH_TEST)
         self._context.depth_func = "<"
@@ -64,7 +70,7 @@ class ViewTarget:
         context.blend_func = moderngl.ONE, moderngl.ONE  # type: ignore[assignment]
 
     def finish(self) -> moderngl.Texture:
-        """The linear picture, row 0 at the top, of what was drawn since `begin`."""
+        """The linear picture, row 0 at the top, of what was drawn since `begin`; alpha: what covers the sky."""
         assert self._target is not None and self._resolved is not None and self._texture is not None
         self._target.depth_mask = True
         self._context.enable_only(moderngl.NOTHING)

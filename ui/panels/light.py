@@ -1,4 +1,5 @@
-"""The Light panel: the environment's picture with its rotation, a dial that rotates it, its strength, and the mix.
+"""The Light panel: the environment's picture with its rotation, a dial that rotates it, its strength, the mix, and
+what is seen behind all.
 
 An environment from a file can be read as a lat-long or as an angular map; the default is guessed from its shape.
 
@@ -14,10 +15,15 @@ from pathlib import Path
 
 from imgui_bundle import ImVec2, imgui
 
+from app.document.background import BACKGROUND_KINDS
 from app.document.commands.light import (
+    BACKGROUND,
+    BACKGROUND_COLOUR,
     INTENSITY,
     MAPPING,
     ROTATION,
+    SetBackground,
+    SetBackgroundColour,
     SetEnvironment,
     SetIntensity,
     SetMapping,
@@ -71,7 +77,9 @@ def draw(context: PanelContext) -> list[Action]:
         actions += rows.draw(context, row)
     note = context.status.light_note or "lights"  # what is said during a drag takes the heading's place
     widgets.caption(note[:1].upper() + note[1:])
-    return actions + light_mixer.draw(context)
+    actions += light_mixer.draw(context)
+    imgui.spacing()
+    return actions + _background(context)
 
 
 def environment_label(environment: str) -> str:
@@ -101,6 +109,20 @@ def _environment(context: PanelContext) -> list[Action]:
         return [AskFile("open_environment")]
     radiance = (1.0, 1.0, 1.0) if names[picked] == CONSTANT_ENVIRONMENT else None
     return [SetEnvironment(names[picked], radiance=radiance)]
+
+
+def _background(context: PanelContext) -> list[Action]:
+    """What is seen behind all, and its colour where that is one."""
+    background, own = context.document.background, context.scene_document.background
+    widgets.label(context, BACKGROUND.label)
+    choices = [widgets.Choice(title) for title in BACKGROUND.titles]
+    chosen = [BACKGROUND_KINDS.index(background.kind)]
+    picked = widgets.choose(context, "light.background", choices, chosen, BACKGROUND.tooltip)
+    actions: list[Action] = [] if picked is None else [SetBackground(BACKGROUND_KINDS[picked])]
+    if background.kind == "colour":
+        of = background.colour, SetBackgroundColour, "light.background_colour", own.colour
+        actions += rows.draw(context, rows.Row(BACKGROUND_COLOUR, *of))
+    return actions
 
 
 def _mapping(context: PanelContext) -> list[Action]:

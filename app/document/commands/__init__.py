@@ -31,7 +31,15 @@ from app.document.commands.layers import (
     SetVariant,
     SetVisible,
 )
-from app.document.commands.light import SetEmission, SetEnvironment, SetIntensity, SetMapping, SetRotation
+from app.document.commands.light import (
+    SetBackground,
+    SetBackgroundColour,
+    SetEmission,
+    SetEnvironment,
+    SetIntensity,
+    SetMapping,
+    SetRotation,
+)
 from app.document.commands.maps import (
     BlendByMap,
     ClearMap,
@@ -64,5 +72,5 @@ EditCommand = (
     | SetVariant | AddLayers | RemoveLayer | SetRotation | SetIntensity | SetEnvironment | SetMapping | SetEmission
     | SetFirstBands | SetPose | AddDeformer | SetDeformer | MoveDeformer | RemoveDeformer | SetTime | SetSurface
     | OverrideLine | SetSun | SetMix | SetTransform | MoveObject | DuplicateObject | DeleteObject
-    | RenameObject
+    | RenameObject | SetBackground | SetBackgroundColour
 )  # fmt: skip

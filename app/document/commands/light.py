@@ -1,4 +1,4 @@
-"""The edits of the light."""
+"""The edits of the light, and of what is seen behind all."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
 
+from app.document.background import BACKGROUND_KINDS, Background, BackgroundKind
 from app.document.document import Document
 from app.document.light_state import RGB, LightState
 from app.document.sources import likely_mapping, probe_size
@@ -51,6 +52,25 @@ _AS: dict[Mapping, str] = {
     "ball": "a mirroring ball",
     "cube": "a cube map",
 }
+BACKGROUND = Parameter(
+    "background",
+    "choice",
+    "environment",
+    "Background",
+    "What is seen behind all: it changes no light. Transparent pictures have alpha.",
+    choices=BACKGROUND_KINDS,
+    titles=("Environment", "Colour", "Transparent"),
+)
+BACKGROUND_COLOUR = Parameter(
+    "background_colour",
+    "rgb",
+    (0.8, 0.8, 0.8),
+    "Colour",
+    "Radiance behind all, per channel, which the intensity of the light does not multiply.",
+    maximum=100.0,
+    soft=(0.0, 1.0),
+    form="%.3f",
+)
 RADIANCE = Parameter("radiance", "scalar", 1.0, "Radiance", "Radiance from everywhere, of a channel.", maximum=1e12)
 EMISSION = Parameter(
     "emission",
@@ -151,6 +171,41 @@ class SetMapping:
         if size is not None and (expected := mapping_problem(self.mapping, *size)):
             raise InsituError(f"{file.name} has {size[0]} x {size[1]} pixels, expected {expected}; nothing changed")
         return replace(document, light=light)
+
+
+@dataclass(frozen=True)
+class SetBackground:
+    """Set what is seen behind all: one of `BACKGROUND_KINDS`."""
+
+    kind: BackgroundKind
+
+    @property
+    def label(self) -> str:
+        return f"background {self.kind}"
+
+    def apply(self, document: Document) -> Document:
+        if self.kind not in BACKGROUND_KINDS:
+            raise LoadError("light.background", "value", self.kind, f"one of {', '.join(BACKGROUND_KINDS)}")
+        return replace(document, background=replace(document.background, kind=self.kind))
+
+
+@dataclass(frozen=True)
+class SetBackgroundColour:
+    """Set the colour behind all, and show it."""
+
+    colour: Any
+
+    @property
+    def label(self) -> str:
+        return "background colour"
+
+    def apply(self, document: Document) -> Document:
+        try:
+            red, green, blue = cast(RGB, BACKGROUND_COLOUR.accept(self.colour))
+        except ParameterError:
+            expected = BACKGROUND_COLOUR.expected
+            raise LoadError("light.background_colour", "value", self.colour, expected) from None
+        return replace(document, background=Background("colour", (red, green, blue)))
 
 
 @dataclass(frozen=True)

@@ -103,7 +103,9 @@ class DeformDrawing(OrbitDrawing):
 
     def content(self, document: Document, view: ViewState) -> PictureContent:
         split = None if view.fit_error else view.split
-        return PictureContent(view.viewpoint, visible_poses(document, view), split, view.fit_error)
+        # Parts beside a path-traced one are opaque, as that is, and so is a measure.
+        transparent = document.background.hides_environment and split is None and not view.fit_error
+        return PictureContent(view.viewpoint, visible_poses(document, view), split, view.fit_error, transparent)
 
     def idle_state(
         self, desired: DesiredOrbit, content: PictureContent, camera: Camera, resolution: tuple[int, int], rests: bool
@@ -158,14 +160,15 @@ class DeformDrawing(OrbitDrawing):
         )  # fmt: skip
 
     def headlight_request(self, camera: Camera, wanted: PictureRequest, desired: DesiredOrbit) -> Request:
-        return DrawHeadlight(camera, wanted.resolution, desired.scene, wanted.poses)
+        return DrawHeadlight(camera, wanted.resolution, desired.scene, wanted.poses, wanted.transparent)
 
     def draw_request(self, camera: Camera, wanted: PictureRequest, n_coefficients: int) -> Request:
         shows_light = wanted.split is None and not wanted.fit_error
         known = self._sent_parts if shows_light and wanted.quality == "moving" else None
         return DrawDeform(
-            camera, wanted.resolution, wanted.quality, wanted.poses, wanted.split, wanted.fit_error, known
-        )
+            camera, wanted.resolution, wanted.quality, wanted.poses, wanted.split, wanted.fit_error, known,
+            wanted.transparent,
+        )  # fmt: skip
 
     # -------------------------------------------------------------------------------------------------------- responses
 
@@ -195,7 +198,7 @@ class DeformDrawing(OrbitDrawing):
         self._carried = response.animation_offsets
         if isinstance(response, PoseExported):
             self._sent_parts = response.export.numbers
-            return [PoseArrived(response.export, camera, drawn.resolution)]
+            return [PoseArrived(response.export, camera, drawn.resolution, drawn.transparent)]
         return super().picture_events(response, drawn, camera)
 
     def complete_status(self, status: OrbitStatus, prepared: int) -> OrbitStatus:

@@ -11,8 +11,10 @@ from engine.scene.description import Camera
 
 @dataclass(frozen=True, eq=False)
 class PoseArrived(PictureEvent):
-    """The parts that the window draws a picture of, the camera, and the resolution (width, height)."""
+    """The parts that the window draws a picture of, the camera, the resolution (width, height), and whether it has
+    alpha, without the environment."""
 
     export: PictureExport
     camera: Camera
     resolution: tuple[int, int]
+    transparent: bool = False

@@ -55,7 +55,7 @@ class DrawDeform(Request):
     """Draw the scene from a camera, in a resolution (width, height), in poses, of what is ready; answered by
     `OrbitPictureDrawn` or `OrbitNotReady`. split, fit_error: see `ViewState`. sent_parts: where the window draws it
     itself, the numbers of the parts that it has (`engine.realtime.core.gpu_parts`); then answered by
-    `PoseExported`."""
+    `PoseExported`. transparent: without the environment, and with alpha."""
 
     built_on = (OpenScene,)
     priority = 0
@@ -69,6 +69,7 @@ class DrawDeform(Request):
     split: tuple[float, float] | None = None
     fit_error: bool = False
     sent_parts: Numbers | None = None
+    transparent: bool = False
 
 
 @dataclass(frozen=True, eq=False)

@@ -51,12 +51,14 @@ class DesiredOrbit:
 
 class PictureContent(NamedTuple):
     """What a picture shows, except its `DesiredOrbit`: the view, the poses (none where objects are as the worker
-    has traced them), and what it shows besides light alone (`ViewState.split`, `fit_error`)."""
+    has traced them), what it shows besides light alone (`ViewState.split`, `fit_error`), and whether the environment is
+    left out behind it, so that it has alpha."""
 
     viewpoint: Viewpoint
     poses: Poses = ()
     split: tuple[float, float] | None = None
     fit_error: bool = False
+    transparent: bool = False
 
 
 class ShownPicture(NamedTuple):
@@ -80,8 +82,8 @@ class ReadyState:
 @dataclass(frozen=True)
 class PictureRequest:
     """A picture that was requested or has come: camera, resolution (width, height), quality, content, poses, and what
-    it shows besides light alone (`ViewState.split`, `fit_error`). is_headlight: objects lit from the camera, which
-    needs nothing precomputed."""
+    it shows besides light alone (`ViewState.split`, `fit_error`). transparent: see `PictureContent`. is_headlight:
+    objects lit from the camera, which needs nothing precomputed."""
 
     viewpoint: Viewpoint
     resolution: tuple[int, int]
@@ -90,6 +92,7 @@ class PictureRequest:
     poses: Poses = ()
     split: tuple[float, float] | None = None
     fit_error: bool = False
+    transparent: bool = False
     is_headlight: bool = False
 
     def is_as_good_as(self, other: PictureRequest) -> bool:

@@ -38,13 +38,12 @@ from app.modes.orbit.orbit_messages import (
     OrbitProgress,
 )
 from app.modes.orbit.orbit_status import OrbitStatus
-from app.modes.orbit.picture_controller import PictureController
+from app.modes.orbit.picture_controller import PictureController, WindowPicture
 from app.modes.orbit.placement_handover import PlacementHandover
 from app.modes.orbit.preparation import Preparation
 from app.modes.placement.placement_controller import PlacementController
 from engine.material.layer import Layer
 from engine.render.picture_error import ErrorEstimate
-from engine.scene.description import Camera
 
 # How long a picture is to be on screen, whole, before its error is estimated.
 ERROR_IDLE_SECONDS = 0.3
@@ -173,9 +172,8 @@ class OrbitController(ModeController):
     # --------------------------------------------------------------------------------------------- state for the window
 
     @property
-    def drawn_in_window(self) -> tuple[Camera, tuple[int, int], int] | None:
-        """The camera, resolution (width, height) and coefficients per point for the window to draw the exported parts;
-        None where it is to show a picture of the worker's."""
+    def drawn_in_window(self) -> WindowPicture | None:
+        """What the window is to draw of the exported parts; None where it is to show a picture of the worker's."""
         return self._pictures.drawn_in_window
 
     @property

@@ -80,7 +80,7 @@ class OrbitDrawing:
 
     def content(self, document: Document, view: ViewState) -> PictureContent:
         """What a picture shows, except the desired state."""
-        return PictureContent(view.viewpoint)
+        return PictureContent(view.viewpoint, transparent=document.background.hides_environment)
 
     @property
     def placement_can_show(self) -> bool:
@@ -107,13 +107,13 @@ class OrbitDrawing:
 
     def headlight_request(self, camera: Camera, wanted: PictureRequest, desired: DesiredOrbit) -> Request:
         """The request for a picture of nothing that is prepared."""
-        return DrawHeadlight(camera, wanted.resolution, desired.scene)
+        return DrawHeadlight(camera, wanted.resolution, desired.scene, transparent=wanted.transparent)
 
     def draw_request(self, camera: Camera, wanted: PictureRequest, n_coefficients: int) -> Request:
         """The request for a picture of what is ready; n_coefficients: of light per point, while something moves."""
         if wanted.quality == "rest":
-            return DrawOrbit(camera, wanted.resolution, "rest")
-        return DrawOrbit(camera, wanted.resolution, wanted.quality, n_coefficients)
+            return DrawOrbit(camera, wanted.resolution, "rest", transparent=wanted.transparent)
+        return DrawOrbit(camera, wanted.resolution, wanted.quality, n_coefficients, wanted.transparent)
 
     # -------------------------------------------------------------------------------------------------------- responses
 

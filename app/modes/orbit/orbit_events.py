@@ -16,8 +16,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class OrbitPicture(PictureEvent):
-    """The picture from the view's camera, present or of a moment ago: linear radiance (h, w, 3), of fewer pixels than
-    the view's while something moves. is_measure: it is not light but a measure, to be shown in false colours."""
+    """The picture from the view's camera, present or of a moment ago: linear radiance (h, w, 3), or with alpha (h, w,
+    4), of fewer pixels than the view's while something moves. is_measure: it is not light but a measure, to be shown in
+    false colours."""
 
     radiance: NDArray[np.float32]
     is_measure: bool = False

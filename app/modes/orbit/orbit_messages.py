@@ -58,8 +58,9 @@ class PrioritizeView(Request):
 @dataclass(frozen=True)
 class DrawOrbit(Request):
     """Draw the scene from a camera, in a resolution (width, height), of what is ready, while something moves with so
-    many coefficients of light per point; answered by `OrbitPictureDrawn` or `OrbitNotReady`. It needs only the open
-    scene: a camera is drawn long before its view is traced."""
+    many coefficients of light per point; transparent: without the environment, and with alpha. Answered by
+    `OrbitPictureDrawn` or `OrbitNotReady`. It needs only the open scene: a camera is drawn long before its view is
+    traced."""
 
     built_on = (OpenScene,)
     priority = 0
@@ -71,13 +72,14 @@ class DrawOrbit(Request):
     resolution: tuple[int, int]
     quality: Quality
     n_coefficients: int = 64
+    transparent: bool = False
 
 
 @dataclass(frozen=True)
 class DrawHeadlight(Request):
     """Draw the scene from a camera, in a resolution (width, height), in poses (None: as it is open), of nothing that is
-    precomputed: its objects lit from the camera. Answered by `OrbitPictureDrawn` of version 0, or `OrbitNotReady` where
-    no scene is open yet. It needs no traced view, as `DrawOrbit`."""
+    precomputed: its objects lit from the camera; transparent: see `DrawOrbit`. Answered by `OrbitPictureDrawn` of
+    version 0, or `OrbitNotReady` where no scene is open yet. It needs no traced view, as `DrawOrbit`."""
 
     built_on = (OpenScene,)
     priority = 0
@@ -89,6 +91,7 @@ class DrawHeadlight(Request):
     resolution: tuple[int, int]
     scene: SceneState
     poses: Poses | None = None
+    transparent: bool = False
 
 
 @dataclass(frozen=True)
@@ -148,9 +151,9 @@ class OrbitNotReady(Response):
 
 @dataclass(frozen=True, eq=False)
 class OrbitPictureDrawn(Response):
-    """Linear radiance (H, W, 3) without the light's intensity, and the seconds that drawing took; `prepared` is the
-    number of the last `PrepareOrbit`, version and is_done are as in `OrbitProgress`; animation_offsets: how far
-    animations have moved whole objects in it, by name: x, y, z."""
+    """Linear radiance (H, W, 3), or with alpha (H, W, 4), without the light's intensity, and the seconds that drawing
+    took; `prepared` is the number of the last `PrepareOrbit`, version and is_done are as in `OrbitProgress`;
+    animation_offsets: how far animations have moved whole objects in it, by name: x, y, z."""
 
     radiance: NDArray[np.float32]
     prepared: int

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from typing import NamedTuple
 
 from app.messages.worker_messages import CancelRequests, Request
 from app.modes.orbit.desired_state import (
@@ -30,6 +31,16 @@ from engine.scene.description import Camera
 PRIORITIZE_SECONDS = 0.25
 # While pictures improve by themselves, the worker gets this many times the time that drawing one takes.
 _WORK_SHARE = 4.0
+
+
+class WindowPicture(NamedTuple):
+    """A picture that the window draws: camera, resolution (width, height), coefficients per point, and whether it has
+    alpha, without the environment."""
+
+    camera: Camera
+    resolution: tuple[int, int]
+    n_coefficients: int
+    transparent: bool
 
 
 class PictureController:
@@ -75,13 +86,13 @@ class PictureController:
         return self.shown is not None and self.shown.is_headlight
 
     @property
-    def drawn_in_window(self) -> tuple[Camera, tuple[int, int], int] | None:
-        """The camera, resolution (width, height) and coefficients per point for the window to draw what was exported;
-        None where it is to show a picture of the worker's."""
+    def drawn_in_window(self) -> WindowPicture | None:
+        """What the window is to draw of what was exported; None where it is to show a picture of the worker's."""
         shown = self.shown
         if not self._drawing.needs_no_request or shown is None or shown.quality != "moving" or shown.is_headlight:
             return None
-        return self._state.camera(shown.viewpoint), shown.resolution, self._pace.n_coefficients
+        camera, n_coefficients = self._state.camera(shown.viewpoint), self._pace.n_coefficients
+        return WindowPicture(camera, shown.resolution, n_coefficients, shown.transparent)
 
     # ----------------------------------------------------------------------------------------------------------- events
 
@@ -174,8 +185,9 @@ class PictureController:
         quality: Quality = "rest" if rests and is_ready else "moving"
         resolution = whole if rests else self._pace.resolution(whole)
         return PictureRequest(
-            content.viewpoint, resolution, quality, ready, content.poses, content.split, content.fit_error
-        )
+            content.viewpoint, resolution, quality, ready, content.poses, content.split, content.fit_error,
+            content.transparent,
+        )  # fmt: skip
 
     def _desired_headlight_picture(self, now: float, is_away: bool) -> PictureRequest | None:
         """The picture before there is any other: where camera or poses have moved on from the traced ones, the objects
@@ -185,7 +197,10 @@ class PictureController:
             return None
         width, height = self._state.full_resolution
         resolution = (width, height) if self._state.rests(now) else (max(width // 2, 1), max(height // 2, 1))
-        return PictureRequest(content.viewpoint, resolution, "moving", ReadyState(), content.poses, is_headlight=True)
+        made_of, transparent = ReadyState(), content.transparent
+        return PictureRequest(
+            content.viewpoint, resolution, "moving", made_of, content.poses, transparent=transparent, is_headlight=True
+        )
 
     def _is_refinement(self, wanted: PictureRequest) -> bool:
         """Whether it shows the same as on screen, a little further computed."""

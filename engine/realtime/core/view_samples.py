@@ -292,12 +292,14 @@ def add_values(which: Rows, values: Float32Array, factor: Float32Array, radiance
 
 
 def assemble_picture(
-    seen: ViewSamples, radiance: Float32Array, environment: Environment | None, rotation: float, scale: float = 1.0
-) -> Float32Array:
+    seen: ViewSamples, radiance: Float32Array, environment: Environment | None, rotation: float, scale: float = 1.0,
+    transparent: bool = False,
+) -> Float32Array:  # fmt: skip
     """Assemble the picture (H, W, 3) from the samples' reflected radiance (R, 3), which is overwritten, their emission,
-    and the sky behind."""
+    and the sky behind. transparent: without the sky, and with a fourth channel: alpha, the share of each pixel that
+    something covers."""
     radiance += seen.samples.emitted
-    if environment is not None:
+    if environment is not None and not transparent:
         image, turn = environment.radiance, math.radians(rotation % 360.0)
 
         def part(start: int, stop: int) -> None:
@@ -305,11 +307,14 @@ def assemble_picture(
             kernels.add_background(start, stop, samples.i_object, samples.wo, image, turn, scale, radiance)
 
         on_threads(part, *even_parts(len(radiance)))
-    width, height = seen.resolution
+    (width, height), values = seen.resolution, radiance
+    if transparent:
+        covered = seen.samples.i_object >= 0
+        values = np.concatenate([radiance, covered[:, None]], axis=1, dtype=np.float32)
     if (seen.share == 1.0).all():
-        return radiance.reshape(height, width, 3)
-    whole = np.stack([np.bincount(seen.pixel, radiance[:, i] * seen.share, width * height) for i in range(3)], axis=1)
-    return whole.astype(np.float32).reshape(height, width, 3)
+        return values.reshape(height, width, -1)
+    whole = np.stack([np.bincount(seen.pixel, each * seen.share, width * height) for each in values.T], axis=1)
+    return whole.astype(np.float32).reshape(height, width, -1)
 
 
 def _places(start: int, stop: int, places: NDArray[np.float64], width: int) -> NDArray[np.float64]:

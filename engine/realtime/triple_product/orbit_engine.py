@@ -318,18 +318,19 @@ class Orbit:
 
     def draw(
         self, camera: CameraDescription, resolution: tuple[int, int], quality: Quality = "rest",
-        n_moving: int = N_MOVING,
+        n_moving: int = N_MOVING, transparent: bool = False,
     ) -> Float32Array:  # fmt: skip
-        """Draw radiance (H, W, 3) as it is known now; resolution (width, height).
+        """Draw radiance (H, W, 3) as it is known now; resolution (width, height). transparent: without the sky, and
+        with alpha (H, W, 4).
 
         quality: "moving" is the fastest, with n_moving coefficients a point; "rest" evaluates the reflection at every
         pixel; "still" evaluates every peak exactly as well. Raises ValueError before `is_ready`.
         """
-        return run_to_end(self.draw_steps(camera, resolution, quality, n_moving))
+        return run_to_end(self.draw_steps(camera, resolution, quality, n_moving, transparent=transparent))
 
     def draw_steps(
         self, camera: CameraDescription, resolution: tuple[int, int], quality: Quality = "rest",
-        n_moving: int = N_MOVING, has_soft_edges: bool = False,
+        n_moving: int = N_MOVING, has_soft_edges: bool = False, transparent: bool = False,
     ) -> Generator[StillProgress, None, Float32Array]:  # fmt: skip
         """As `draw`, piece by piece; has_soft_edges: antialias edges in "moving" pictures as well, which takes a fifth
         longer."""
@@ -348,7 +349,7 @@ class Orbit:
         what = lit, self._reflections, self.scene, self._reaching(lit)
         radiance = yield from view_radiance(seen, *what, self._n_bounces, quality, n_moving)
         sky = self._light
-        return assemble_picture(seen, radiance, sky.environment, sky.rotation, sky.scale)
+        return assemble_picture(seen, radiance, sky.environment, sky.rotation, sky.scale, transparent)
 
     # ---------------------------------------------------------------------------------------------------- private
 

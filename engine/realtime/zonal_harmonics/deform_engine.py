@@ -402,15 +402,16 @@ class Deform:
 
     def draw(
         self, camera: CameraDescription, resolution: tuple[int, int], poses: Poses = (), quality: Quality = "moving",
-        turned: bool = True,
+        turned: bool = True, transparent: bool = False,
     ) -> Float32Array:  # fmt: skip
         """Draw radiance (H, W, 3) as it is known now; resolution (width, height). "rest": four samples a pixel. turned:
-        whether transfer rotates with the surface; False shows the picture without this, for comparison.
+        whether transfer rotates with the surface; False shows the picture without this, for comparison. transparent:
+        without the sky, and with alpha (H, W, 4).
 
         Raises ValueError before `is_ready`.
         """
         subject, pictures = self._shading_state()
-        return pictures.draw(subject, camera, resolution, poses, quality, turned)
+        return pictures.draw(subject, camera, resolution, poses, quality, turned, transparent)
 
     def draw_errors(self, camera: CameraDescription, resolution: tuple[int, int], poses: Poses = ()) -> Float32Array:
         """Draw the errors of the visible lobes relative to the transfer that they were fitted to (H, W, 3): see

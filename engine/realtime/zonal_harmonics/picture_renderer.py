@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.core.camera import centre_directions
-from engine.realtime.core.raster import RasterResult, draw, paint
+from engine.realtime.core.raster import BLACK, RasterResult, draw, paint
 from engine.realtime.core.terms import diffuse_albedo, is_glossy
 from engine.realtime.zonal_harmonics.bending_points import BendingPoints, PosedPoints
 from engine.realtime.zonal_harmonics.drawn_pixels import Pixels, pixels_of
@@ -69,9 +69,9 @@ class PictureRenderer:
 
     def draw(
         self, of: ShadingState, camera: CameraDescription, resolution: tuple[int, int], poses: Poses = (),
-        quality: Quality = "moving", turned: bool = True,
+        quality: Quality = "moving", turned: bool = True, transparent: bool = False,
     ) -> Float32Array:  # fmt: skip
-        """Draw radiance (H, W, 3); see `Deform.draw`."""
+        """Draw radiance (H, W, 3), or with alpha (H, W, 4); see `Deform.draw`."""
         points, camera_position, fine = (
             self._points,
             camera_position_of(of.scene, camera),
@@ -82,10 +82,13 @@ class PictureRenderer:
         white, gloss = found.white, self._gloss(of, places, frames, camera_position, found, quality)
         drawn = self._rasterize(of.scene, places, camera, (resolution[0] * fine, resolution[1] * fine))
         emission = of.even_emission, of.scene.cones
-        picture = paint(drawn, points.surface, white, gloss, of.albedos, *emission, of.backdrop)
+        behind = BLACK if transparent else of.backdrop
+        picture = paint(drawn, points.surface, white, gloss, of.albedos, *emission, behind)
         self._add_emission(of.scene, drawn, picture, quality)
         for i in of.layers_of:
             self._add_by_pixel(of, i, drawn, white, camera_position, picture, quality)
+        if transparent:
+            picture = np.concatenate([picture, (drawn.found >= 0)[..., None]], axis=2, dtype=np.float32)
         return _downsample(picture) if fine == 2 else picture
 
     def draw_errors(
@@ -310,4 +313,4 @@ def camera_position_of(scene: Scene, camera: CameraDescription) -> NDArray[np.fl
 def _downsample(picture: Float32Array) -> Float32Array:
     """Halve the resolution."""
     height, width = picture.shape[0] // 2, picture.shape[1] // 2
-    return np.asarray(picture.reshape(height, 2, width, 2, 3).mean(axis=(1, 3)), np.float32)
+    return np.asarray(picture.reshape(height, 2, width, 2, -1).mean(axis=(1, 3)), np.float32)

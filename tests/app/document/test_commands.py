@@ -20,7 +20,14 @@ from app.document.commands.curves import (
     SetOperators,
 )
 from app.document.commands.layers import SetEditable, SetFrozen, SetModel, SetParameter, SetVisible
-from app.document.commands.light import SetEnvironment, SetIntensity, SetMapping, SetRotation
+from app.document.commands.light import (
+    SetBackground,
+    SetBackgroundColour,
+    SetEnvironment,
+    SetIntensity,
+    SetMapping,
+    SetRotation,
+)
 from app.document.commands.plan import SetFirstBands
 from app.document.document import Document
 from app.project.project import set_path
@@ -174,6 +181,10 @@ REFUSED: list[EditCommand] = [
     SetEnvironment("constant"),
     SetEnvironment("studio", radiance=(1.0, 1.0, 1.0)),
     SetEnvironment("constant", radiance=(1.0, -1.0, 1.0)),
+    SetBackground("sky"),  # type: ignore[arg-type]
+    SetBackgroundColour((0.5, -0.1, 0.5)),
+    SetBackgroundColour((0.5, float("nan"), 0.5)),
+    SetBackgroundColour("red"),
 ]
 
 
@@ -192,6 +203,8 @@ def test_refusals_are_one_line(document: Document, command: EditCommand) -> None
         ("light.intensity", 2.0, SetIntensity(2.0)),
         ("light.environment", "studio", SetEnvironment("studio")),
         ("light.mapping", "angular", SetMapping("angular")),
+        ("light.background", "transparent", SetBackground("transparent")),
+        ("light.background_colour", (0.1, 0.2, 0.3), SetBackgroundColour((0.1, 0.2, 0.3))),
         ("pot.frozen", True, SetFrozen("pot", True)),
         ("pot.1.visible", False, SetVisible("pot.1", False)),
         ("floor.editable", False, SetEditable("floor", False)),
@@ -220,3 +233,10 @@ def test_bands_at_the_first_bounce_are_powers_of_two(document: Document, bands: 
 def test_labels_say_what_was_done() -> None:
     assert AddOperator(*CURVE, LIFT).label == "pot.1 theta_h Translate Y"
     assert SetFrozen("pot", False).label == "thaw pot"
+
+
+def test_a_background_keeps_its_colour_and_changes_no_light(document: Document) -> None:
+    coloured = SetBackgroundColour((0.2, 0.3, 0.4)).apply(document)
+    shown = SetBackground("transparent").apply(coloured)
+    assert (coloured.background.kind, shown.background.colour) == ("colour", (0.2, 0.3, 0.4))
+    assert shown.light == document.light and shown.objects == document.objects

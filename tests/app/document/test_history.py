@@ -5,9 +5,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import app.document.history
+from app.document.background import BACKGROUND_KINDS
 from app.document.commands import EditCommand
 from app.document.commands.layers import SetParameter
-from app.document.commands.light import SetIntensity, SetRotation
+from app.document.commands.light import SetBackground, SetBackgroundColour, SetIntensity, SetRotation
 from app.document.document import Document, document_from_description
 from app.document.history import History
 from engine.core.errors import InsituError
@@ -19,6 +20,8 @@ DOCUMENT = document_from_description("shelf", parse_description(SCENE, "scene.to
 EDITS: st.SearchStrategy[EditCommand] = st.one_of(
     st.builds(SetRotation, st.floats(0.0, 359.0)),
     st.builds(SetIntensity, st.floats(0.0, 10.0)),
+    st.builds(SetBackground, st.sampled_from(BACKGROUND_KINDS)),
+    st.builds(SetBackgroundColour, st.tuples(*[st.floats(0.0, 1.0)] * 3)),
     st.builds(SetParameter, st.just("pot.1"), st.just("alpha"), st.floats(0.01, 1.0)),
 )
 

@@ -16,7 +16,7 @@ from PIL import Image
 
 from app.document.commands.curves import AddOperator, CollapseOperators, SetOperators
 from app.document.commands.layers import SetFrozen, SetParameter, SetVisible
-from app.document.commands.light import SetEnvironment
+from app.document.commands.light import SetBackground, SetBackgroundColour, SetEnvironment
 from app.document.commands.plan import SetFirstBands
 from app.document.document import Document, Selection, document_from_description
 from app.document.view_state import Bookmark, SetView, Viewpoint, ViewState
@@ -46,6 +46,8 @@ def edited(document: Document) -> Document:
         SetVisible("pot.0", False),
         SetEnvironment("constant", "angular", (1.0, 0.1, 1e-5)),
         SetFirstBands(256),
+        SetBackgroundColour((1 / 3, 0.0, 1e-9)),
+        SetBackground("transparent"),
     ):
         document = command.apply(document)
     return document

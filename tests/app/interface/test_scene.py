@@ -12,6 +12,7 @@ import pytest
 
 import insitu
 from app.interface import pictures as placement
+from app.interface.pictures import Mode
 from engine.core.generators import run_to_end
 from engine.precompute.indirect import reflection
 from engine.precompute.indirect.sampling_settings import ROUGH
@@ -282,3 +283,21 @@ if windows:
 """
     done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("mode", ["placement", "orbit", "deform", "paths"])
+def test_a_picture_without_its_environment_is_the_rest_of_it(cube_file: Path, mode: Mode) -> None:
+    """Over the sky that it leaves out it is the picture as before, and over a colour that colour shows: alpha is the
+    share of each pixel that is covered, whose light has it as a factor."""
+    scene = insitu.open(cube_file)
+    whole = scene.image(mode, samples=2)
+    scene.light.background = "transparent"
+    picture = scene.image(mode, samples=2)
+    light, alpha = picture[..., :3], picture[..., 3:]
+    assert whole.shape[2] == 3 and picture.shape[2] == 4 and alpha.min() == 0.0 and alpha.max() == 1.0
+    np.testing.assert_allclose(light + (1.0 - alpha) * (0.4, 0.5, 0.7), whole, atol=1e-5)
+    # The intensity multiplies the light alone.
+    scene.light.background_colour, scene.light.intensity = (0.1, 0.0, 2.0), 3.0
+    assert scene.light.background == "colour"
+    expected = 3.0 * light + (1.0 - alpha) * (0.1, 0.0, 2.0)
+    np.testing.assert_allclose(scene.image(mode, samples=2), expected, rtol=1e-5, atol=1e-5)

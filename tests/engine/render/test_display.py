@@ -4,6 +4,7 @@ import io
 from pathlib import Path
 
 import numpy as np
+import OpenEXR
 import pytest
 from PIL import Image
 
@@ -50,3 +51,26 @@ def test_what_is_no_picture_is_refused(bad: np.ndarray) -> None:
 def test_a_png_holds_the_display_values() -> None:
     with Image.open(io.BytesIO(png_bytes(picture(), exposure=1.0))) as image:
         assert np.array_equal(np.asarray(image), display_picture(picture(), exposure=1.0))
+
+
+def with_random_alpha() -> np.ndarray:
+    """Light of pixels that are covered by a quarter, half, whole, or not at all."""
+    alpha = np.random.default_rng(6).choice([0.0, 0.25, 0.5, 1.0], (37, 53, 1)).astype(np.float32)
+    return np.concatenate([alpha * np.minimum(picture(), 1e4), alpha], axis=2)
+
+
+def test_a_png_with_alpha_holds_colours_without_it() -> None:
+    picture = with_random_alpha()
+    with Image.open(io.BytesIO(png_bytes(picture))) as image:
+        found = np.asarray(image)
+    alpha = picture[..., 3:]
+    colours = display_picture(np.divide(picture[..., :3], alpha, out=np.zeros_like(picture[..., :3]), where=alpha > 0))
+    assert found.shape == (37, 53, 4) and np.array_equal(found[..., :3], np.where(alpha > 0.0, colours, 0))
+    assert set(np.unique(found[..., 3])) == {0, 64, 128, 255}
+
+
+def test_an_exr_with_alpha_holds_light_times_alpha(tmp_path: Path) -> None:
+    (tmp_path / "a.exr").write_bytes(exr_bytes(with_random_alpha()))
+    channels = OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True).channels()
+    found = np.stack([channels[name].pixels for name in "RGBA"], axis=2)
+    assert np.array_equal(found, with_random_alpha())

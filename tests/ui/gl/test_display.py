@@ -124,3 +124,50 @@ def test_the_divider_shows_the_snapshot_left_and_the_picture_right(renderer: Pla
     assert (_displayed(renderer, dataclasses.replace(view, compare_divider=1.0))[0, :9, 0] == 255).all()
     renderer.drop_compare()
     assert not _displayed(renderer, view).any()
+
+
+def half_covered(renderer: PlacementRenderer) -> None:
+    """One row of four pixels: a surface, one of which it covers half, a lamp of which a quarter is seen, and nothing
+    but the sky, which is hidden."""
+    frame = frame_of(np.array([[0, 0, -1, -1]]))
+    frame = dataclasses.replace(
+        frame, share=np.array([1.0, 0.5]), open_image=np.array([[0.0, 0.5, 0.75, 1.0]], np.float32),
+        emission_image=np.array([[[0, 0, 0], [0, 0, 0], [0.1, 0.1, 0.1], [0, 0, 0]]], np.float32),
+    )  # fmt: skip
+    renderer.set_frame(frame)
+    renderer.set_environment(np.full((1, 2, 3), 7.0, np.float32))
+    renderer.set_layer("ball.0", 0, 2)
+    renderer.set_layer_radiance("ball.0", np.full((2, 3), 0.4, np.float32))
+    renderer.hide_environment(True)
+
+
+def test_without_the_environment_alpha_is_what_is_covered(renderer: PlacementRenderer) -> None:
+    half_covered(renderer)
+    linear = renderer.linear_image_with_alpha()[0]
+    np.testing.assert_allclose(linear[:, 3], [1.0, 0.5, 0.25, 0.0])
+    np.testing.assert_allclose(linear[:, 0], [0.4, 0.2, 0.1, 0.0], rtol=1e-6)
+    renderer.hide_environment(False)
+    whole = renderer.linear_image_with_alpha()[0]
+    np.testing.assert_allclose(whole[:, 3], 1.0)
+    np.testing.assert_allclose(whole[:, 0], linear[:, 0] + 7.0 * (1.0 - linear[:, 3]), rtol=1e-6)
+
+
+def test_a_colour_behind_is_exposed_but_not_multiplied_by_the_light(renderer: PlacementRenderer) -> None:
+    half_covered(renderer)
+    view = DisplayView(exposure=1.0, tone_mapping="linear", behind=(0.3, 0.3, 0.3))
+    shown = _displayed(renderer, view)[0, :, 1]
+    expected = [0.8, 2.0 * 0.2 + 0.5 * 0.3, 2.0 * 0.1 + 0.75 * 0.3, 0.3]
+    assert np.abs(shown - [255.0 * naive.encode_srgb(value) for value in expected]).max() <= 1.0
+
+
+def test_a_transparent_picture_is_over_a_checkerboard_on_screen_and_has_alpha_in_files(
+    renderer: PlacementRenderer,
+) -> None:
+    half_covered(renderer)
+    view = DisplayView(tone_mapping="linear", behind=None)
+    shown, finished = _displayed(renderer, view)[0].astype(float), renderer.finished_image(view)[0]
+    np.testing.assert_allclose(finished[:, 3], [1.0, 0.5, 0.25, 0.0])
+    own = naive.encode_srgb(0.4)  # that of a lamp of which a quarter is seen as well: 0.1 / 0.25
+    np.testing.assert_allclose(finished[:3, 0], own, atol=0.002)
+    board = shown[3, 0]
+    assert 50 < board < 120 and abs(shown[1, 0] - (0.5 * 255 * own + 0.5 * board)) <= 1.0

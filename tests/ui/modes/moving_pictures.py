@@ -19,9 +19,10 @@ Pictures = tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]
 
 
 def orbit_pictures(
-    project: Project, context: moderngl.Context, size: tuple[int, int], n_points: int = 300
+    project: Project, context: moderngl.Context, size: tuple[int, int], n_points: int = 300, transparent: bool = False
 ) -> tuple[Orbit, Pictures]:
-    """Orbit at work on a project with so many points, and its pictures (H, W, 3): by the shader, and by the worker."""
+    """Orbit at work on a project with so many points, and its pictures (H, W, 3), or with alpha (H, W, 4): by the
+    shader, and by the worker."""
     orbit = Orbit(project.scene, n_points=n_points)
     orbit.set_light(project.sky)
     orbit.set_layers(layers_by_object(project))
@@ -30,15 +31,17 @@ def orbit_pictures(
     shaded, eye = ShadedPicture(context, 0), project.scene.description.camera
     for part in PointExporter(1 << 26).parts(orbit):
         shaded.buffers.take(part)
-    found = np.asarray(read_texture(shaded.draw(eye, size, 64), np.float32)[..., :3])
+    expected = orbit.draw(eye, size, "moving", 64, transparent)
+    drawn = read_texture(shaded.draw(eye, size, 64, transparent), np.float32)
     shaded.release()
-    return orbit, (found, orbit.draw(eye, size, "moving", 64))
+    return orbit, (np.asarray(drawn[..., : expected.shape[2]]), expected)
 
 
 def deform_pictures(
-    project: Project, context: moderngl.Context, size: tuple[int, int], n_points: int = 300
+    project: Project, context: moderngl.Context, size: tuple[int, int], n_points: int = 300, transparent: bool = False
 ) -> Pictures:
-    """Deform's pictures (H, W, 3) of a project with so many points: by the shader, and by the worker."""
+    """Deform's pictures (H, W, 3), or with alpha (H, W, 4), of a project with so many points: by the shader, and by the
+    worker."""
     deform = Deform(project.scene, n_points=n_points, n_rays=32)
     deform.set_light(project.sky)
     deform.set_layers(layers_by_object(project))
@@ -46,6 +49,7 @@ def deform_pictures(
     finish_deform(deform)
     eye, picture = project.scene.description.camera, PosedPicture(context, 0)
     export = deform.export_picture(eye, (), picture.part_numbers)
-    found = np.asarray(read_texture(picture.draw(export, eye, size), np.float32)[..., :3])
+    expected = deform.draw(eye, size, (), transparent=transparent)
+    drawn = read_texture(picture.draw(export, eye, size, transparent), np.float32)
     picture.release()
-    return found, deform.draw(eye, size, ())
+    return np.asarray(drawn[..., : expected.shape[2]]), expected

@@ -36,7 +36,7 @@ class DeformFeed(OrbitFeed):
             controller.resend_parts(shaded.part_numbers)
             return
         try:
-            self.canvas.show(shaded.draw(event.export, event.camera, event.resolution))
+            self.canvas.show(shaded.draw(event.export, event.camera, event.resolution, event.transparent))
         except (GraphicsError, moderngl.Error) as error:
             self._disable_shaders(editor, error)
         self._drawn, self._is_measure = None, False

@@ -15,18 +15,17 @@ from collections.abc import Iterator, Mapping
 from typing import Protocol
 
 import moderngl
-import numpy as np
 
 from app.editor.editor import Editor
 from app.messages.picture_events import PictureEvent, SceneFrame
 from app.modes.orbit.orbit_controller import OrbitController
 from app.modes.orbit.orbit_events import OrbitPartArrived, OrbitPicture
 from ui.gl.context import GraphicsError, shader_bytes
-from ui.gl.display import DisplayView, ToneView
+from ui.gl.display import BLACK, DisplayView, ToneView
 from ui.modes.orbit.gl.canvas import PictureCanvas
 from ui.modes.orbit.gl.shaded_picture import ShadedPicture
-from ui.modes.placement.placement_feed import PlacementFeed, stops
-from ui.picture_feed import PictureSource, ViewportStill
+from ui.modes.placement.placement_feed import PlacementFeed, exposed_background, stops
+from ui.picture_feed import PictureSource, ViewportStill, viewport_still
 
 FADE_SECONDS = 0.25
 
@@ -206,6 +205,8 @@ class OrbitFeed(PictureSource):
             selected=self._index(view.selected.object if view.selected and rests else None),
             hovered=self._index(view.hovered if rests else None),
             compare_divider=view.compare_divider if compared is not None and rests else None,
+            behind=exposed_background(editor.document.background, view.exposure),
+            compare_behind=BLACK if compared is None else exposed_background(compared.background, view.exposure),
         )
 
     def _index(self, name: str | None) -> int | None:
@@ -217,10 +218,9 @@ class OrbitFeed(PictureSource):
             return self.placement.still(editor)
         if frame is None or self._texture is None:
             return None
-        return ViewportStill(
-            self.canvas.finished_image(self._display_view(editor, controller)),
-            self.canvas.linear_image() * np.float32(editor.document.light.intensity),
-        )
+        intensity, background = editor.document.light.intensity, editor.document.background
+        shown = self.canvas.finished_image(self._display_view(editor, controller))
+        return viewport_still(shown, self.canvas.linear_image_with_alpha(), intensity, background)
 
     def map_thumbnails(self, key: str) -> Mapping[str, moderngl.Texture]:
         return self.placement.map_thumbnails(key)

@@ -19,6 +19,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from app.document.background import Background
 from app.document.document import Document, ObjectState, layer_key
 from app.document.light_mix import emission_of
 from app.document.light_state import RGB, LightState
@@ -40,12 +41,12 @@ from engine.curve.wavelet import forward
 from engine.material.layer import object_of
 from engine.material.layer_maps import LayerMaps
 from engine.render.headlight import headlight_colour, headlight_radiance
-from ui.gl.display import DisplayView, ToneView
+from ui.gl.display import BLACK, Behind, DisplayView, ToneView, exposure_factor
 from ui.gl.gpu_memory import small_texture
 from ui.modes.placement.gl.layers import ComparedAppearance
 from ui.modes.placement.gl.renderer import PlacementRenderer
 from ui.modes.placement.gl.shader_warm_up import warm_up
-from ui.picture_feed import PictureSource, ViewportStill
+from ui.picture_feed import PictureSource, ViewportStill, viewport_still
 
 
 class MapFeed:
@@ -146,10 +147,9 @@ class PlacementFeed(PictureSource):
         frame = self.renderer.frame
         if frame is None or self._texture is None:
             return None
-        return ViewportStill(
-            self.renderer.finished_image(self._display_view(editor)),
-            self.renderer.linear_image() * np.float32(_controller(editor).picture.document.light.intensity),
-        )
+        intensity, background = _controller(editor).picture.document.light.intensity, editor.document.background
+        shown = self.renderer.finished_image(self._display_view(editor))
+        return viewport_still(shown, self.renderer.linear_image_with_alpha(), intensity, background)
 
     def close(self) -> None:
         self._maps.clear()
@@ -243,6 +243,7 @@ class PlacementFeed(PictureSource):
             self._follow_curve(editor)
             self._followed = document
         self._follow_visibility(editor, document)
+        self.renderer.hide_environment(editor.document.background.hides_environment)
         self._follow_comparison(editor)
         allowed = editor.view.frame_budget_ms
         budget = 1e-3 * max(allowed - (last_frame_ms - self._spent_ms), LEAST_SHARE * allowed)
@@ -383,6 +384,8 @@ class PlacementFeed(PictureSource):
             selected=self._index(view.selected.object if view.selected else None),
             hovered=self._index(view.hovered),
             compare_divider=view.compare_divider if view.compare is not None else None,
+            behind=exposed_background(editor.document.background, view.exposure),
+            compare_behind=BLACK if compared is None else exposed_background(compared.background, view.exposure),
         )
 
     def _index(self, name: str | None) -> int | None:
@@ -403,6 +406,15 @@ def _both(footprint: Footprint | None) -> tuple[NDArray[np.integer] | None, NDAr
 def stops(light: LightState) -> float:
     """The light's intensity in stops."""
     return math.log2(max(light.intensity, LEAST_INTENSITY))
+
+
+def exposed_background(background: Background, exposure: float) -> Behind:
+    """The radiance behind a picture in an exposure in stops, see `DisplayView`."""
+    if background.kind == "transparent":
+        return None
+    red, green, blue = background.colour
+    factor = exposure_factor(exposure)
+    return factor * red, factor * green, factor * blue
 
 
 def _appearance(look: LayerAppearance) -> ComparedAppearance:

@@ -85,8 +85,11 @@ class PosedPicture:
         yield
         self._target.warm_up()
 
-    def draw(self, export: PictureExport, camera: Camera, size: tuple[int, int]) -> moderngl.Texture:
-        """The picture (width, height), row 0 at the top; raises GraphicsError, also where a part is missing."""
+    def draw(
+        self, export: PictureExport, camera: Camera, size: tuple[int, int], transparent: bool = False
+    ) -> moderngl.Texture:
+        """The picture (width, height), row 0 at the top; transparent: without the environment, and with alpha. Raises
+        GraphicsError, also where a part is missing."""
         if export.is_missing_parts(self.part_numbers):
             raise GraphicsError("a pose without its mesh or light")
         if export.shape is not None:
@@ -102,7 +105,7 @@ class PosedPicture:
         self._fill("posed", np.concatenate([export.posed.places.ravel(), export.posed.lamp_gloss.ravel()]))
         self._fill("axes", export.posed.axes)
         self._fill("blockers", np.concatenate([export.posed.blockers.ravel(), appearance.casts.ravel()]))
-        self._target.begin(camera, size, self._backdrop, appearance.turn, appearance.scale)
+        self._target.begin(camera, size, self._backdrop, appearance.turn, appearance.scale, transparent)
         self._shade(shape, appearance, export.posed)
         self._draw_triangles(shape, appearance, cover, _view(camera, size, export.posed))
         return self._target.finish()

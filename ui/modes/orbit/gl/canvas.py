@@ -36,12 +36,12 @@ class PictureCanvas:
         self._target = self._memory.framebuffer([linear])
 
     def set_picture(self, radiance: NDArray[np.floating]) -> None:
-        """Take another picture: linear radiance (h, w, 3)."""
-        if radiance.ndim != 3 or radiance.shape[2] != 3:
-            raise GraphicsError(f"a picture of shape {radiance.shape}, expected (h, w, 3)")
+        """Take another picture: linear radiance (h, w, 3), or with alpha (h, w, 4)."""
+        if radiance.ndim != 3 or radiance.shape[2] not in (3, 4):
+            raise GraphicsError(f"a picture of shape {radiance.shape}, expected (h, w, 3) or (h, w, 4)")
         self._drawn, self.is_empty = None, False
-        height, width = radiance.shape[:2]
-        if self._picture.size == (width, height):
+        height, width, n_channels = radiance.shape
+        if (*self._picture.size, self._picture.components) == (width, height, n_channels):
             self._picture.write(np.ascontiguousarray(radiance, np.float32), alignment=1)
             return
         picture = self._picture_texture(radiance)
@@ -75,14 +75,19 @@ class PictureCanvas:
         self._shown().drop_snapshot()
 
     def finished_image(self, view: DisplayView) -> NDArray[np.float32]:
-        """The picture (H, W, 3) that came last in the screen's values, for files; waits for the GPU."""
+        """The picture (H, W, 3) that came last in the screen's values, for files, over a transparent background with
+        alpha (H, W, 4); waits for the GPU."""
         self._blend(None, 0.0)
-        return self._shown().finished(self._linear_texture(), view.exposure, view.tone_mapping)
+        return self._shown().finished(self._linear_texture(), view)
 
     def linear_image(self) -> NDArray[np.float32]:
         """The picture (H, W, 3) that came last, at the frame's size; waits for the GPU."""
+        return self.linear_image_with_alpha()[..., :3]
+
+    def linear_image_with_alpha(self) -> NDArray[np.float32]:
+        """The same with the share of each pixel that is covered (H, W, 4)."""
         self._blend(None, 0.0)
-        return read_texture(self._linear_texture(), np.float32)[..., :3].astype(np.float32)
+        return read_texture(self._linear_texture(), np.float32).astype(np.float32)
 
     def release(self) -> None:
         self._release_frame()
@@ -99,8 +104,8 @@ class PictureCanvas:
         self._passes.draw(program, self._target, box, textures, size=linear.size, share=share if other else 0.0)
 
     def _picture_texture(self, radiance: NDArray[np.floating]) -> moderngl.Texture:
-        height, width = radiance.shape[:2]
-        made = self._memory.texture((width, height), 3, "f4", np.ascontiguousarray(radiance, np.float32))
+        height, width, n_channels = radiance.shape
+        made = self._memory.texture((width, height), n_channels, "f4", np.ascontiguousarray(radiance, np.float32))
         made.filter = (moderngl.LINEAR, moderngl.LINEAR)
         return made
 

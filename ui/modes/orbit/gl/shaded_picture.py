@@ -218,14 +218,17 @@ class ShadedPicture:
         yield
         self._target.warm_up()
 
-    def draw(self, camera: Camera, size: tuple[int, int], n_coefficients: int) -> moderngl.Texture:
-        """The picture (width, height), row 0 at the top, with so many coefficients per point; raises GraphicsError."""
+    def draw(
+        self, camera: Camera, size: tuple[int, int], n_coefficients: int, transparent: bool = False
+    ) -> moderngl.Texture:
+        """The picture (width, height), row 0 at the top, with so many coefficients per point; transparent: without the
+        environment, and with alpha. Raises GraphicsError."""
         buffers, mesh = self.buffers, self.buffers.mesh
         assert mesh is not None and buffers.sky is not None
         self._number += 1
         self._query = self._query or self._context.query(time=True)
         with self._query:
-            self._target.begin(camera, size, buffers.sky, buffers.turn, buffers.scale)
+            self._target.begin(camera, size, buffers.sky, buffers.turn, buffers.scale, transparent)
             self._draw_surfaces(mesh, _view(camera, size, mesh), n_coefficients)
             return self._target.finish()
 

@@ -243,16 +243,18 @@ class Compositor:
         self._emission.write(band, viewport=(0, first, self.frame.width, len(band)), alignment=1)
         return True
 
-    def draw_backdrop(self, rotation_degrees: float, intensity: float) -> None:
-        """Redraw what is behind the surfaces."""
+    def draw_backdrop(self, rotation_degrees: float, intensity: float, transparent: bool) -> None:
+        """Redraw what is behind the surfaces; transparent: emitters alone, with alpha."""
         if self._environment is None:
             self.set_environment(None)
         assert self._environment is not None
         program = self._passes.full_screen("placement/backdrop.frag.glsl")
         textures = {"emission": self._emission, "ray_directions": self._rays, "environment": self._environment}
         rotation = float(np.radians(rotation_degrees % 360.0))
-        box = self.picture_box
-        self._passes.draw(program, self._backdrop_target, box, textures, rotation=rotation, intensity=float(intensity))
+        self._passes.draw(
+            program, self._backdrop_target, self.picture_box, textures, rotation=rotation, intensity=float(intensity),
+            transparent=int(transparent),
+        )  # fmt: skip
 
     @property
     def picture_box(self) -> Box:
@@ -310,8 +312,8 @@ class Compositor:
         self._passes.draw(program, self.linear_target, box, textures)
 
     def read_linear(self) -> NDArray[np.float32]:
-        """The linear picture (H,W,3); waits for the GPU."""
-        return read_texture(self.linear, np.float32)[..., :3].astype(np.float32)
+        """The linear picture (H,W,4) with alpha; waits for the GPU."""
+        return read_texture(self.linear, np.float32).astype(np.float32)
 
     def _keep(
         self, size: tuple[int, int], components: int, dtype: str, data: NDArray[np.generic] | None = None

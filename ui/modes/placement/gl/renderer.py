@@ -74,6 +74,7 @@ class _Picture:
     backdrop_is_stale: bool = True
     rotation_degrees: float = 0.0
     intensity: float = 1.0
+    transparent: bool = False
 
 
 class PlacementRenderer:
@@ -158,6 +159,12 @@ class PlacementRenderer:
         picture = self._shown()
         picture.rotation_degrees, picture.intensity = float(rotation_degrees), float(intensity)
         picture.backdrop_is_stale = True
+
+    def hide_environment(self, hides: bool) -> None:
+        """Leave the environment out behind the surfaces, so that the picture has alpha; free where nothing changes."""
+        picture = self._shown()
+        picture.backdrop_is_stale = picture.backdrop_is_stale or hides != picture.transparent
+        picture.transparent = hides
 
     def set_footprint(self, rows: NDArray[np.integer] | None, weights: NDArray[np.floating] | None = None) -> None:
         """Set which samples stand for each pixel in the pictures set from now on; None: one sample per pixel.
@@ -353,11 +360,15 @@ class PlacementRenderer:
 
     @property
     def linear_texture(self) -> moderngl.Texture:
-        """The linear picture as it was drawn last, alpha 0 where it was no number."""
+        """The linear picture as it was drawn last; alpha: the share of each pixel that is covered."""
         return self._shown().compositor.linear
 
     def linear_image(self) -> NDArray[np.float32]:
         """The linear picture (H,W,3); waits for the GPU."""
+        return self.linear_image_with_alpha()[..., :3]
+
+    def linear_image_with_alpha(self) -> NDArray[np.float32]:
+        """The linear picture and the share of each pixel that is covered (H,W,4); waits for the GPU."""
         self._draw_linear()
         return self._shown().compositor.read_linear()
 
@@ -366,11 +377,11 @@ class PlacementRenderer:
         return self._shown().display.read()
 
     def finished_image(self, view: DisplayView) -> NDArray[np.float32]:
-        """The picture (H,W,3) in the screen's values, exposed and tone mapped as in the view, with nothing drawn over
-        it; waits for the GPU."""
+        """The picture (H,W,3), with alpha (H,W,4) over a transparent background, in the screen's values, exposed and
+        tone mapped as in the view, with nothing drawn over it; waits for the GPU."""
         self._draw_linear()
         picture = self._shown()
-        return picture.display.finished(picture.compositor.linear, view.exposure, view.tone_mapping)
+        return picture.display.finished(picture.compositor.linear, view)
 
     def layer_radiance(self, key: str) -> NDArray[np.float32]:
         """The radiance (p,3) of one layer in its accumulator; waits for the GPU."""
@@ -398,7 +409,7 @@ class PlacementRenderer:
         picture = self._shown()
         compositor, layers = picture.compositor, picture.layers
         if picture.backdrop_is_stale:
-            compositor.draw_backdrop(picture.rotation_degrees, picture.intensity)
+            compositor.draw_backdrop(picture.rotation_degrees, picture.intensity, picture.transparent)
             picture.backdrop_is_stale, picture.linear_box = False, compositor.picture_box
         for i_object in sorted(layers.dirty):
             compositor.shade(i_object, layers.of_object(i_object))
