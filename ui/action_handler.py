@@ -82,6 +82,7 @@ from ui.panels.actions import (
     SetPanel,
     SetPreference,
     ShowPanel,
+    StopLayers,
 )
 from ui.panels.window_state import FileQuestion, PanelState
 
@@ -94,13 +95,14 @@ class FrameOutcome:
     reset_layout: bool = False
     screenshot: Path | None = None
     picture: SavePicture | None = None
+    stops_layers: bool = False
     quit: bool = False
 
     def after(self, earlier: FrameOutcome) -> FrameOutcome:
         """This outcome, with what is still to be done of an earlier one of the same frame."""
         return replace(
             self, screenshot=self.screenshot or earlier.screenshot, picture=self.picture or earlier.picture,
-            quit=self.quit or earlier.quit,
+            stops_layers=self.stops_layers or earlier.stops_layers, quit=self.quit or earlier.quit,
         )  # fmt: skip
 
 
@@ -133,7 +135,7 @@ class ActionHandler:
         self._last_file: Path | None = None
         self.library = library or Library()
         self._folders: dict[str, Path] = {}
-        self._picture_ending, self._deep = ".png", False
+        self._picture_ending, self._deep, self._layers = ".png", False, False
         self.recoveries: tuple[Recovery, ...] = ()
 
     def perform(self, actions: Sequence[Action], state: PanelState, now: float) -> FrameOutcome:
@@ -183,6 +185,8 @@ class ActionHandler:
             case SavePicture():
                 self._remember_picture(action)
                 return replace(outcome, picture=action)
+            case StopLayers():
+                return replace(outcome, stops_layers=True)
             case ResetLayout():
                 return replace(outcome, reset_layout=True)
             case Quit():
@@ -203,7 +207,8 @@ class ActionHandler:
         if action.path.suffix.lower() not in PICTURE_FILES:
             raise InsituError(f"{action.path}: the name of a picture ends in {' or '.join(PICTURE_FILES)}")
         require_place(action.path)
-        self._folders["picture"], self._deep = action.path.absolute().parent, action.deep
+        self._folders["picture"] = action.path.absolute().parent
+        self._deep, self._layers = action.deep, action.layers
         self._picture_ending = action.path.suffix.lower()
 
     def _answer(self, action: AnswerQuestion, outcome: FrameOutcome) -> FrameOutcome:
@@ -362,7 +367,8 @@ class ActionHandler:
         beside = Path.cwd() if file is None else file.absolute().parent
         folder = self._folders.get(KIND_OF.get(action.purpose, "image"), beside)
         if action.purpose == "save_picture":
-            return FileQuestion(action.purpose, folder, f"{editor.name}{self._picture_ending}", deep=self._deep)
+            name = f"{editor.name}{self._picture_ending}"
+            return FileQuestion(action.purpose, folder, name, deep=self._deep, layers=self._layers)
         if action.purpose != "save_session":
             return FileQuestion(action.purpose, folder, key=action.key)
         return FileQuestion(action.purpose, folder if file is None else beside, f"{editor.name}{SESSION_ENDING}")

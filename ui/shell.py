@@ -24,6 +24,8 @@ from imgui_bundle import ImVec2, imgui
 from app.document.display_names import with_display_names
 from app.editor.editor import Editor
 from app.files.preferences import PreferenceFile, RecentFiles
+from app.stills.layer_saver import LayerSaver
+from engine.core.errors import InsituError
 from ui import theme
 from ui.action_handler import ActionHandler, FrameOutcome
 from ui.brdf_feed import BrdfFeed, TableFeed
@@ -122,7 +124,8 @@ class Shell:
         self._last_frame = clock()
         self._shown_message = 0
         self._requested: list[Action] = []
-        self._stills = StillSaver()
+        self._stills, self._layers = StillSaver(), LayerSaver()
+        self._shown_saving = ""
         self._library_unread = True
         self.environments: tuple[str, ...] = ()
         self.scenes: tuple[str, ...] = ()
@@ -147,7 +150,10 @@ class Shell:
         self.pacing.note_input()
 
     def _save_picture(self, action: SavePicture) -> None:
-        """Save what is shown now, read at once and written by a thread."""
+        """Save what is shown now, read at once and written by a thread; or, with its layers, what is drawn anew."""
+        if action.layers:
+            self._save_layers(action.path)
+            return
         still = None if self.source is None else self.source.still(self.editor)
         if still is None:
             self.editor.notify("there is no picture yet to be saved", True)
@@ -155,6 +161,13 @@ class Shell:
         exact = self.editor.status.picture == "exact"
         remark = "" if exact else "; it is a preview: the picture is not exact yet"
         self._stills.save(still, action.path, action.deep, remark)
+
+    def _save_layers(self, path: Path) -> None:
+        editor = self.editor
+        try:
+            self._layers.save(editor.document, editor.view, path)
+        except InsituError as error:
+            editor.notify(str(error), True)
 
     def drop(self, paths: Sequence[str], image: str | None = None) -> None:
         """Files were dropped on the window; `image`: on the "texture" or the "weight" of the selected layer."""
@@ -225,6 +238,8 @@ class Shell:
         working = self._draw_brdf(now) or working
         if outcome.picture is not None:
             self._save_picture(outcome.picture)
+        if outcome.stops_layers:
+            self._layers.stop()
         self.draw_interface(target)
         self.editor.barrier.run("A thumbnail", self._advance_thumbnails, None, ())
         self.editor.barrier.run("A view's picture", self._follow_view, None, ())
@@ -291,7 +306,7 @@ class Shell:
 
     def take(self, now: float) -> bool:
         """As `idle`, but without regard to what only the panels would show."""
-        for line, failed in self._stills.finished_messages():
+        for line, failed in (*self._stills.finished_messages(), *self._layers.finished_messages()):
             self.editor.notify(line, failed)
         source, run = self.source, self.editor.barrier.run
         if source is None:
@@ -321,6 +336,7 @@ class Shell:
         """Store the layout and free what was made here."""
         imgui.set_current_context(self._imgui)
         self._stills.close()
+        self._layers.close()
         self._docking.keep()
         self._brdf.close()
         self._tables.release()
@@ -365,7 +381,7 @@ class Shell:
         return point
 
     def _has_news(self, now: float) -> bool:
-        return self.pacing.has_news(now, self.editor.status)
+        return self.pacing.has_news(now, self.editor.status) or self._layers.progress != self._shown_saving
 
     def _result(self, busy: bool, screenshot: Path | None, quit: bool) -> FrameResult:
         plays = self.editor.view.playing is not None
@@ -403,12 +419,12 @@ class Shell:
             self._shown_message = status.message_number
 
     def _context(self, now: float) -> PanelContext:
-        handler = self.actor
+        handler, self._shown_saving = self.actor, self._layers.progress
         return panel_context(
             self.editor, self.source, self._pictures, state=self.state, theme=self.theme, handles=self.handles,
             fields=self._fields, brdf=self._brdf_board, record=self._record, environments=self.environments,
             scenes=self.scenes, preferences=handler.preferences.current, recent=handler.recent.entries,
-            recoveries=handler.recoveries, library=handler.library.entries, now=now,
+            recoveries=handler.recoveries, library=handler.library.entries, now=now, saving=self._shown_saving,
         )  # fmt: skip
 
     def _panels(self, context: PanelContext) -> list[Action]:

@@ -15,7 +15,9 @@ from imgui_bundle import imgui
 from PIL import Image
 
 from app.document.commands.light import SetBackground, SetIntensity
-from app.document.view_state import SetView
+from app.document.document import Document
+from app.document.view_state import SetView, ViewState
+from app.stills.layer_saver import LayerSaver
 from engine.light.radiance_files import read_radiance_image
 from engine.render.display import deep_png
 from tests.ui.real_window import RealWindow, real_window_fixture
@@ -186,6 +188,34 @@ def test_the_format_goes_with_the_names_ending(window: HeadlessWindow, tmp_path:
     window.key(imgui.Key.f12)
     question = window.shell.state.question
     assert question is not None and question.name == "stand-in.exr"
+
+
+@pytest.mark.gl
+def test_a_picture_with_layers_is_saved_beside_the_work_and_can_be_stopped(
+    window: HeadlessWindow, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun: list[Path] = []
+
+    def save(saver: LayerSaver, document: Document, view: ViewState, path: Path) -> None:
+        begun.append(path)
+        monkeypatch.setattr(LayerSaver, "progress", "saving stand-in.exr 34%")
+
+    monkeypatch.setattr(LayerSaver, "save", save)
+    monkeypatch.setattr(LayerSaver, "stop", lambda saver: monkeypatch.setattr(LayerSaver, "progress", ""))
+    window.shell.actor._folders["picture"] = tmp_path
+    for _ in range(2):  # the second time the dialog begins with layers
+        window.key(imgui.Key.f12)
+        window.frames(2)
+        if not begun:
+            window.click_handle("files.picture.3")
+        window.frames(2)
+        window.click_handle("button.files.confirm")
+        window.frames(3)
+        assert begun[-1] == tmp_path / "stand-in.exr" and not begun[-1].exists()
+        window.click_handle("button.saving.stop")
+        window.frames(2)
+        assert "button.saving.stop" not in window.shell.handles.names()
+    assert len(begun) == 2
 
 
 @pytest.mark.window

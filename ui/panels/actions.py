@@ -187,10 +187,17 @@ class Screenshot:
 
 @dataclass(frozen=True)
 class SavePicture:
-    """Write the picture alone, at the scene's resolution: .png as shown, of 8 bits or `deep` 16; .exr linear."""
+    """Write the picture alone, at the scene's resolution: .png as shown, of 8 bits or `deep` 16; .exr linear, and with
+    `layers` drawn anew with its layers."""
 
     path: Path
     deep: bool = False
+    layers: bool = False
+
+
+@dataclass(frozen=True)
+class StopLayers:
+    """Stop drawing the picture with layers that is being saved."""
 
 
 @dataclass(frozen=True)
@@ -272,6 +279,6 @@ WindowAction = (
     | RunOperator | SetPreference | HoldGrip | SetPanel | OpenFile | OpenImage | AskFile | ReloadImages | SaveSession
     | SavePicture | ImportMaterial | ImportMeasured | ExportMeasured | ExportScene | Screenshot | SaveMaterial
     | DeleteMaterial | Copy | CopyText | Paste | Recover | AnswerUnsaved | ShowPanel | ResetLayout | Quit
-    | AnswerQuestion
+    | AnswerQuestion | StopLayers
 )  # fmt: skip
 Action = EditCommand | SetView | OpenPanel | WindowAction

@@ -133,7 +133,8 @@ class PanelContext:
     `scene_document` is the document as the scene's own file has it. `name` is the name of what is open, `unsaved`
     whether there are edits that no session has. `recent` are the files opened last, `recoveries` edits that the program
     left behind when it ended. `keys_taken`: keys go to a text field, a list or a menu; `alt_tapped`: Alt was pressed
-    and released by itself; `repeated`: the key that the system repeats in this pass, while it is held.
+    and released by itself; `saving`: the picture with layers that is being saved, and its progress, "" for none;
+    `repeated`: the key that the system repeats in this pass, while it is held.
     """
 
     document: Document
@@ -178,6 +179,7 @@ class PanelContext:
     unsaved: bool = False
     report: ImportReport = ImportReport()
     recent: Callable[[], tuple[Recent, ...]] = tuple
+    saving: str = ""
     recoveries: tuple[Recovery, ...] = ()
     now: float = 0.0
     keys_taken: bool = False

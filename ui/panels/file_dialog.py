@@ -78,10 +78,15 @@ ENDINGS = {
     "save_picture": (".png", ".exr"),
     "save_scene": ("",),
 }
+LAYERS_HINT = (
+    "Drawn anew, in the background, with channels for each light, direct and indirect light, masks, albedo, normals, "
+    "positions, depth and error."
+)
 PICTURE_CHOICES = (
     ("PNG", "As shown, 8 bits per channel: for the screen."),
     ("PNG 16 bit", "As shown, 65,536 levels per channel: for grading and print."),
     ("EXR", "Linear light in 32-bit numbers, without exposure and view: for compositing."),
+    ("EXR with layers", LAYERS_HINT),
 )
 # What a measurement becomes; the second is cloth.
 MEASURED_CHOICES = (
@@ -177,13 +182,14 @@ def _picture_line(context: PanelContext, question: FileQuestion) -> list[Action]
     imgui.align_text_to_frame_padding()
     imgui.text("Save as")
     imgui.same_line()
-    chosen = 2 if question.name.lower().endswith(".exr") else int(question.deep)
+    is_exr = question.name.lower().endswith(".exr")
+    chosen = 2 + question.layers if is_exr else int(question.deep)
     pressed = widgets.segments(context, "files.picture", PICTURE_CHOICES, chosen)
     if pressed is None:
         return []
-    ending = ENDINGS["save_picture"][pressed == 2]
+    ending = ENDINGS["save_picture"][pressed >= 2]
     name = str(Path(question.name or "picture").with_suffix(ending))
-    return [_input_line(replace(question, name=name, deep=pressed == 1))]
+    return [_input_line(replace(question, name=name, deep=pressed == 1, layers=pressed == 3))]
 
 
 def _folder_line(context: PanelContext, question: FileQuestion) -> list[Action]:
@@ -278,10 +284,14 @@ def answer(question: FileQuestion, path: Path) -> AnswerQuestion:
     actions: dict[str, Action] = {
         "open_material": ImportMaterial(path),
         "open_measured": ImportMeasured(path, question.cloth), "save_measured": ExportMeasured(path),
-        "save_session": SaveSession(path), "save_picture": SavePicture(path, question.deep),
+        "save_session": SaveSession(path), "save_picture": _saved_picture(question, path),
         "save_scene": ExportScene(path),
     }  # fmt: skip
     return AnswerQuestion(path, actions.get(purpose, OpenFile(str(path))))
+
+
+def _saved_picture(question: FileQuestion, path: Path) -> SavePicture:
+    return SavePicture(path, question.deep, question.layers and path.suffix.lower() == ".exr")
 
 
 def dropped(question: FileQuestion, path: Path) -> list[Action]:

@@ -15,7 +15,7 @@ from engine.render.picture_error import percent
 from ui import theme as look
 from ui.panels import picture_overlays, widgets
 from ui.panels.accuracy import STOPPED, error_parts, error_text, work_text
-from ui.panels.actions import Action, SetPanel
+from ui.panels.actions import Action, SetPanel, StopLayers
 from ui.panels.context import PanelContext
 from ui.theme import Icon
 
@@ -99,6 +99,8 @@ def _contents(context: PanelContext) -> tuple[list[ColouredText], list[Action]]:
     if not work and not message.text and advice and _has_room(advice, end - context.px(36)):
         _gap(context)
         _words(ColouredText(advice, look.TEXT_FAINT), hint)
+    if context.saving:
+        actions += _saving(context)
     if work and _has_room(work, end - context.px(36)):
         _gap(context)
         _words(ColouredText(work, look.TEXT_SOFT), status.text or "What is being computed.")
@@ -113,6 +115,16 @@ def _contents(context: PanelContext) -> tuple[list[ColouredText], list[Action]]:
         left_over.append(message)
     _right(context, status)
     return left_over, actions
+
+
+def _saving(context: PanelContext) -> list[Action]:
+    """The picture with layers that is being saved, with a button that stops it."""
+    _gap(context)
+    _words(ColouredText(context.saving), "The picture is drawn with its layers, while you go on.")
+    imgui.same_line(0.0, context.px(4))
+    imgui.set_cursor_pos_y(imgui.get_cursor_pos_y() - imgui.get_style().frame_padding.y)
+    stops = widgets.icon_button(context, "saving.stop", Icon.CLOSE, "Stop; the file stays as it was.")
+    return [StopLayers()] if stops else []
 
 
 def placeholder_text(context: PanelContext) -> str:
