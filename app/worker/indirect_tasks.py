@@ -19,7 +19,7 @@ import numpy as np
 
 from app.document.light_state import LightState
 from app.document.scene_state import LayerState
-from app.document.single_lights import SingleLight, Weights
+from app.document.single_lights import BLACK, SingleLight, Weights
 from app.messages.worker_messages import Progress, Response
 from app.modes.placement.placement_messages import (
     BouncesPlanned,
@@ -307,10 +307,13 @@ class IndirectTasks:
             return
         yield from relighting.prepare()
         lights = tuple(lights)
+        found = self._frozen_light
+        resting = {} if found is None else self._weights.get(found.lit_by, {})
         relighting.forget_alone(but=lights)
         for light in lights:
             emission = scene.with_emission(light.emission(scene.object_names)).emission
-            yield from relighting.reflect_alone(light, SceneLight(sky_of(light.light), emission))
+            alone = SceneLight(sky_of(light.light), emission)
+            yield from relighting.reflect_alone(light, alone, resting.get(light, BLACK))
 
     def _relighting_of(self, layers: Sequence[LayerState]) -> IndirectRelighting | None:
         """That of the light that was frozen last and these layers; None where it was not frozen for such."""

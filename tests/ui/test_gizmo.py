@@ -154,6 +154,8 @@ def test_rows_of_the_panel_set_and_put_back(window: HeadlessWindow) -> None:
     for panel in ("light", "library", "brdf"):  # room for all rows
         editor.do(OpenPanel(panel, False))
     window.frames(4)
+    window.click_handle("material.transform.0")  # its rows are hidden at first
+    window.frames(2)
     for handle, part in (("transform.position.x", 0), ("transform.position.z", 2)):
         window.drag_handle(handle, (40.0, 0.0))
         assert transform(editor).translation[part] > 0.0
@@ -161,6 +163,19 @@ def test_rows_of_the_panel_set_and_put_back(window: HeadlessWindow) -> None:
     window.frames(2)
     window.click_handle("button.transform.reset")
     assert transform(editor).is_identity and len(editor.history.undo_steps) == 3
+
+
+def test_the_switch_of_the_rows_takes_handles_away_with_them(window: HeadlessWindow) -> None:
+    prepared(window, "placement")
+    shown = []
+    for what in ("material.transform.0", "v", "material.transform.0", "material.transform.0", "material.transform.0"):
+        if what == "v":
+            window.key(imgui.Key.v)
+        else:
+            window.click_handle(what)
+        window.frames(3)
+        shown.append(("transform.position.x" in window.shell.handles.names(), window.shell.state.gizmo))
+    assert shown == [(True, ""), (True, "move"), (False, ""), (True, ""), (False, "")]
 
 
 def test_any_sequence_of_drags_undo_and_redo_ends_where_its_steps_say(window: HeadlessWindow) -> None:

@@ -67,8 +67,8 @@ def test_no_panel_overlaps_or_is_cut_off(
             assert left >= 0 and top >= 0 and right <= size[0] and bottom <= size[1]
         for panel in layout.PANELS:
             each = imgui.internal.find_window_by_name(panel.window)
-            # As many lines as the scene has curves or lights, the material parameters, with its object's transform.
-            scrolls = panel in (layout.PLAN, layout.LIGHT, layout.MATERIAL)
+            # As many lines as the scene has curves or lights.
+            scrolls = panel in (layout.PLAN, layout.LIGHT)
             assert not each.scrollbar_x and (scrolls or not each.scrollbar_y), f"{panel.title} does not fit"
 
 

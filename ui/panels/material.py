@@ -32,6 +32,7 @@ from ui.panels.context import PanelContext
 from ui.theme import Icon
 
 LARGEST_LABEL = 136.0
+SWITCH_WIDTH = 26.0
 IMAGES_HINT = (
     "A texture that multiplies the layer, maps of its parameters and of its weight, and the object's bumps and opacity."
 )
@@ -48,7 +49,7 @@ FRESNEL_HINT = (
 def draw(context: PanelContext) -> list[Action]:
     """The whole panel, inside its window: the mode's controls for the selected object, its material and transform."""
     tools = import_named(context.mode.tools)(context) if context.mode.tools else []
-    return [*tools, *_material(context), *transform.draw(context)]
+    return [*tools, *_material(context), *(transform.draw(context) if transform.is_shown(context) else [])]
 
 
 def _material(context: PanelContext) -> list[Action]:
@@ -187,32 +188,42 @@ def _heading(context: PanelContext, selection: Selection, layer: Layer, editable
         imgui.same_line()
         imgui.text_disabled(Icon.FROZEN)
         widgets.tooltip("Frozen or fixed: thaw it, or make it editable, in the object list.")
-    return _switches(context, selection.key, layer) if editable else []
+    return _switches(context, selection.key, layer, editable)
 
 
 def _shows_images(context: PanelContext, layer: Layer) -> bool:
     return context.state.shows_images or not layer.maps.is_plain or bool(layer.parameter_maps)
 
 
-def _switches(context: PanelContext, key: str, layer: Layer) -> list[Action]:
-    """The switches of what few layers have, at the right: rows for images, which layers that have images always show,
-    and a second term."""
-    has_term = layer.rises or not layer.follows
-    gap, texts = context.px(4), ["Images", *(["Fresnel"] if has_term else [])]
+def _switches(context: PanelContext, key: str, layer: Layer, editable: bool) -> list[Action]:
+    """The switches of rows that are seldom used, at the right: of the object's transform, and, where the layer can be
+    edited, for images, which layers that have images always show, and of a second term."""
+    has_term = editable and (layer.rises or not layer.follows)
+    switches = [(Icon.DIAGONAL, "material.transform", transform.HINT, transform.is_shown(context))]
+    if editable:
+        switches.append(("Images", "material.images", IMAGES_HINT, _shows_images(context, layer)))
+    if has_term:
+        switches.append(("Fresnel", "material.fresnel_term", FRESNEL_HINT, layer.fresnel is not None))
+    gap, least = context.px(4), SWITCH_WIDTH
     widgets.same_line_at_right(
-        sum(widgets.rich_width(text) + context.px(16) for text in texts) + gap * (len(texts) - 1)
+        sum(widgets.segments_width(context, [text], least) for text, *_ in switches) + gap * (len(switches) - 1)
     )
     top = imgui.get_cursor_pos_y() - imgui.get_style().frame_padding.y  # aligns the text
-    imgui.set_cursor_pos_y(top)
-    actions: list[Action] = []
-    if widgets.switch(context, "material.images", "Images", IMAGES_HINT, _shows_images(context, layer)):
-        actions.append(SetPanel({"shows_images": not context.state.shows_images}))
-    if has_term:
-        imgui.same_line(0.0, gap)
+    pressed = set()
+    for index, (text, name, hint, is_on) in enumerate(switches):
+        if index:
+            imgui.same_line(0.0, gap)
         imgui.set_cursor_pos_y(top)
-        has_fresnel = layer.fresnel is not None
-        if widgets.switch(context, "material.fresnel_term", "Fresnel", FRESNEL_HINT, has_fresnel):
-            actions.append(SetFresnelTerm(key, not has_fresnel))
+        if widgets.switch(context, name, text, hint, is_on, least):
+            pressed.add(name)
+    actions: list[Action] = []
+    if "material.transform" in pressed:
+        without = {} if not transform.is_shown(context) else {"gizmo": ""}  # which would keep the rows there
+        actions.append(SetPanel({"shows_transform": not transform.is_shown(context), **without}))
+    if "material.images" in pressed:
+        actions.append(SetPanel({"shows_images": not context.state.shows_images}))
+    if "material.fresnel_term" in pressed:
+        actions.append(SetFresnelTerm(key, layer.fresnel is None))
     return actions
 
 

@@ -18,12 +18,21 @@ from ui.panels.context import PanelContext
 
 STEPS_A_SIZE = 200.0  # pixels of a drag that move an object by its own size
 PUT_BACK = "Put it back"
+HINT = "Rows for where the object is, how it is turned, and its size."
+
+
+def is_shown(context: PanelContext) -> bool:
+    """Whether the rows are in the panel: they are asked for, handles are in the picture, or the object is a lamp, which
+    has no material that needs their room."""
+    selected, state = context.view.selected, context.state
+    if selected is None:
+        return False
+    return state.shows_transform or bool(state.gizmo) or context.document.object(selected.object).is_lamp
 
 
 def draw(context: PanelContext) -> list[Action]:
-    """The rows of the selected object; nothing where none is selected."""
-    if context.view.selected is None:
-        return []
+    """The rows of the selected object, which is one."""
+    assert context.view.selected is not None
     state, actions = context.document.object(context.view.selected.object), list[Action]()
     imgui.separator_text(f"Transform of {state.name}")
     for parameter in (replace(POSITION, step=_size(context, state.name) / STEPS_A_SIZE), ROTATION, SCALE):

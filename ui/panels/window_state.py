@@ -214,7 +214,8 @@ class PanelState:
     `resolution` is the one in the resolution dialog, None while that is closed. `pending_action` is the action that
     waits for the answer on unsaved edits; `shows_recoveries`: the list of edits that can be recovered is open.
 
-    `shows_images`: the material panel has its rows for images, also where a layer has none. `handle` is the curve's
+    `shows_images`: the material panel has its rows for images, also where a layer has none; `shows_transform`: it has
+    the rows of the object's transform, also without handles in the picture. `handle` is the curve's
     handle that the keyboard moves: "magnitude", "a", "b", "c", "d", "region"; None: not chosen. `turn` is the last
     rotation of the light by the mouse wheel. `scroll` is the last move of the camera by it; `shows_camera`: the
     camera's controls are over the picture, where the bookmarked view `renames` is being renamed. `picks_lobe`: the next
@@ -244,5 +245,6 @@ class PanelState:
     shows_recoveries: bool = True
     library: LibraryState = LibraryState()
     shows_images: bool = False
+    shows_transform: bool = False
     paints: bool = False
     brush: Brush = Brush()

@@ -46,13 +46,13 @@ _OFF_PLANE = np.float32(0.07)
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def emit(numbers, about, triangles, turns, per_area, mesh, lobe_axes, axes, all_lights, offset,
-         starts, to_light, limits, onward, normals, power, ahead):  # fmt: skip
+         starts, to_light, limits, onward, normals, lights, power, ahead):  # fmt: skip
     """Emits n photons from the triangles (n,), with random numbers (n, 5) in [0, 1) and unit vectors `about` (n, 3)
     from a lobe table; turns (n,): codes of the tangents' maps there.
 
     per_area (M,): photons per square metre of each object. Writes shadow rays starts and to_light (n, 3) with limits
-    (n,); onward (n, 3), normals (n, 3); power (n, 3) without the material, 0 for no photon; ahead (n,): as
-    `expected_photons`.
+    (n,); onward (n, 3), normals (n, 3); lights (n,), by their numbers; power (n, 3) without the material, 0 for no
+    photon; ahead (n,): as `expected_photons`.
     """
     for i in range(triangles.shape[0]):
         triangle = triangles[i]
@@ -65,6 +65,7 @@ def emit(numbers, about, triangles, turns, per_area, mesh, lobe_axes, axes, all_
         px, py, pz = _position(mesh, triangle, u, v)
         # A light source by power, and a point on it.
         m = _pick(all_lights.cumulative, numbers[i, 2])
+        lights[i] = m
         x, y, z, far, geometry = towards_light(all_lights, m, numbers[i, 3], numbers[i, 4], px, py, pz)
         is_sky = m < all_lights.density.shape[0]
         limits[i] = far if is_sky else max(far * np.float32(0.9999), TINY)

@@ -94,6 +94,27 @@ def linked(
     return lights._replace(shares=np.minimum(shares, np.float32(1.0)), groups=numbers)
 
 
+def shares_alone(
+    lights: SampledLights, scene: Scene, cut: TriangleLights | None, unit: float, sky: SkyState,
+    emission: NDArray[np.floating], weight: NDArray[np.floating],
+) -> NDArray[np.float32]:  # fmt: skip
+    """The shares (G, L, 3) of all lights, of a sky's cut and a scene's emitters, that reach each group of objects
+    where one of them is alone: emitters, of emission (M, 3), or a sky, times its weight (3,) in this unit."""
+    n_sky, shares = len(lights.density), np.zeros_like(lights.shares)
+    if emission.any():
+        patches = patches_of(scene, N_PATCHES)
+        if patches is not None:
+            emitting = np.asarray(emission.any(axis=1))
+            shares[:, n_sky:] = np.where(emitting[patches.owner, None], lights.shares[:, n_sky:], np.float32(0.0))
+    elif n_sky and sky.environment is not None and cut is not None:
+        power = powers_in(cut, sky.environment, sky.rotation) * np.asarray(weight * (sky.scale / unit), np.float32)
+        share = np.divide(power, cut.power, out=np.zeros_like(power), where=cut.power > 0.0)
+        unreached = [i for link in sky.links for i in link.objects]  # by the only light there is
+        shares[:, :n_sky] = np.minimum(share, np.float32(1.0))
+        shares[lights.groups[unreached], :n_sky] = 0.0
+    return shares
+
+
 def in_units(
     cut: TriangleLights | None, patches: EmitterPatches | None, scale: float
 ) -> tuple[TriangleLights | None, EmitterPatches | None, float]:

@@ -50,7 +50,7 @@ class GatherPoints:
     sampled; axes (M, 3, 3) of the objects; glossy: whether rays were stored for the glossy second bounce; photons from
     glossy surfaces, and `landed`, those near the points; smoothing: the filter that removes noise from the reflected
     light, None for none; lights_gloss: whether the lights reach glossy surfaces directly, and photons count;
-    thrice: whether light was stored where a third glossy surface reflects it."""
+    thrice: whether light was stored where a third glossy surface reflects it; is_part: see `IndirectLight.part`."""
 
     hits: PrimaryHits
     samples: GatherSamples
@@ -63,6 +63,7 @@ class GatherPoints:
     smoothing: Smoothing | None = None
     lights_gloss: bool = True
     thrice: bool = True
+    is_part: bool = False
 
     @property
     def n_bytes(self) -> int:
@@ -113,7 +114,7 @@ class GatherPoints:
         digests, per_area = layer_digests(layers, n_objects, reflectance), self.photons.per_area
         glossy = SecondBounceLight(
             objects, outgoing_radiosity(beyond, inverse), per_area, digests, second, third, all_lights, edited,
-            inverse, self.lights_gloss,
+            inverse, self.lights_gloss, self.is_part,
         )  # fmt: skip
         return OutgoingRadiance(diffuse, glossy, self.caustic_flux(layers, edited) if self.lights_gloss else None)
 
@@ -176,6 +177,17 @@ class IndirectLight:
     def without_glossy_hits(self) -> IndirectLight:
         """The same without glossy hits: from the second bounce on, all surfaces reflect by albedo."""
         return replace(self, points=replace(self.points, glossy=False))
+
+    def part(self, shares: NDArray[np.float32], direct: NDArray[np.float32]) -> IndirectLight:
+        """What a part of the lights makes of it, along the same rays. shares (G, L, 3): of the lights, see
+        `SampledLights`; direct: irradiance of the records by that part, see `CacheLight`."""
+        photons, whole = self.points.photons, self.all_lights
+        at = whole.groups[photons.sources], photons.lights
+        power = np.zeros_like(photons.power)
+        np.divide(photons.power * shares[at], whole.shares[at], out=power, where=whole.shares[at] > 0.0)
+        points = replace(self.points, photons=photons._replace(power=power), is_part=True)
+        light, lights = replace(self.light, direct=direct), whole._replace(shares=shares)
+        return replace(self, points=points, light=light, all_lights=lights)
 
     def footprint_by_object(self) -> Footprint:
         """The footprint with gather points numbered within each object."""

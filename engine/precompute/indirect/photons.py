@@ -43,9 +43,8 @@ _VISIBILITY_MARGIN = 0.999
 class Photons(NamedTuple):
     """n photons: positions (n, 3) and objects (n,) where they land, directions (n, 3) of flight; at their origins:
     starts (n, 3), off the surface, sources (n,), the objects, normals (n, 3), turns (n,), codes of the tangents' maps,
-    and to_light (n, 3); power (n, 3) without
-    the material; ahead (n,), see `_photon_kernels.emit`. per_area (M,): photons emitted per square metre of each
-    object."""
+    and to_light (n, 3); lights (n,), by their numbers; power (n, 3) without the material; ahead (n,), see
+    `_photon_kernels.emit`. per_area (M,): photons emitted per square metre of each object."""
 
     positions: NDArray[np.float32]
     objects: NDArray[np.int32]
@@ -55,6 +54,7 @@ class Photons(NamedTuple):
     normals: NDArray[np.float32]
     turns: NDArray[np.uint8]
     to_light: NDArray[np.float32]
+    lights: NDArray[np.int32]
     power: NDArray[np.float32]
     ahead: NDArray[np.float32]
     per_area: NDArray[np.float32]
@@ -146,15 +146,15 @@ class PhotonSource:
         """Emits photons from triangles (n,) with random numbers (n, 7), and returns the visible ones."""
         n, caster, mesh = len(triangles), self.cache.caster, self.cache.mesh
         starts, to_light, onward, normals, power = np.empty((5, n, 3), np.float32)
-        limits, ahead = np.empty((2, n), np.float32)
+        (limits, ahead), lights = np.empty((2, n), np.float32), np.empty(n, np.int32)
         # The position on the triangle, as `emit` finds it, where a map may rotate the tangent.
         random = numbers[:, :5].astype(np.float32)
         u, v = np.where(random[:, :2].sum(axis=1, keepdims=True) > 1.0, 1.0 - random[:, :2], random[:, :2]).T
         turns = self.scene.tangent_rotations.codes(Intersections(triangles, u, v, np.zeros(n, np.float32)))
         kernels.emit(
             random, lobe_vectors(numbers[:, 5], numbers[:, 6]), triangles, turns, per_area, mesh, self.lobe_axes,
-            self.axes, self.all_lights, np.float32(caster.offset), starts, to_light, limits, onward, normals, power,
-            ahead,
+            self.axes, self.all_lights, np.float32(caster.offset), starts, to_light, limits, onward, normals, lights,
+            power, ahead,
         )  # fmt: skip
         # Drop photons without power, then those whose path to the light is blocked.
         lit = np.flatnonzero(power.max(axis=1) > 0.0)
@@ -169,8 +169,8 @@ class PhotonSource:
         rows = lit[seen]
         return Photons(
             positions[seen], ends[seen].astype(np.int32), onward[rows], starts[rows],
-            mesh.objects[triangles[rows]].astype(np.int32), normals[rows], turns[rows], to_light[rows], power[rows],
-            ahead[rows], per_area,
+            mesh.objects[triangles[rows]].astype(np.int32), normals[rows], turns[rows], to_light[rows], lights[rows],
+            power[rows], ahead[rows], per_area,
         )  # fmt: skip
 
     def _is_visible(
@@ -214,7 +214,9 @@ def _joined(parts: Sequence[Photons], per_area: NDArray[np.float32]) -> Photons:
     """All photons as one set."""
     vectors, numbers, integers = np.zeros((0, 3), np.float32), np.zeros(0, np.float32), np.zeros(0, np.int32)
     codes = np.zeros(0, np.uint8)
-    none = Photons(vectors, integers, vectors, vectors, integers, vectors, codes, vectors, vectors, numbers, per_area)
+    none = Photons(
+        vectors, integers, vectors, vectors, integers, vectors, codes, vectors, integers, vectors, numbers, per_area
+    )
     fields = zip(none, *parts, strict=True)
     return Photons(*(np.concatenate(arrays) for arrays in fields))._replace(per_area=per_area)
 

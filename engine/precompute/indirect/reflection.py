@@ -70,7 +70,7 @@ class SecondBounceWeights:
         """The objects (M,) whose reflection is not cached for the parts of a step, by its number: the light may change
         between two steps."""
         digests, all_lights = self._cached_of.get(step, ((), None))
-        if all_lights is not light.all_lights:
+        if light.is_part or all_lights is not light.all_lights:
             return np.ones(len(light.digests), bool)
         return np.array([now != then for now, then in zip(light.digests, digests, strict=True)])
 
@@ -97,7 +97,7 @@ class SecondBounceWeights:
     ) -> tuple[NDArray[np.float32], int]:
         """See `second_bounce_light`: the light of points [begin, end), and the number of its first ray."""
         first, last = int(self._records.start[begin]), int(self._records.start[end])
-        if self._cached is None:
+        if self._cached is None or light.is_part:
             sent = np.empty((last - first, 3, 3), np.float32)
         else:
             sent, first = self._cached, self._first
@@ -133,7 +133,7 @@ class SecondBounceWeights:
 
     def complete(self, light: SecondBounceLight, step: int) -> None:
         """Marks the parts of a step as computed under this light."""
-        if self._cached is not None:
+        if self._cached is not None and not light.is_part:
             self._cached_of[step] = light.digests, light.all_lights
 
     @property

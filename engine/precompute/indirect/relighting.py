@@ -19,6 +19,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Generator, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
@@ -26,11 +27,19 @@ from numpy.typing import NDArray
 
 from engine.core.clamping import BRIGHTEST, clamp_radiance, unscaled
 from engine.core.generators import map_steps
-from engine.light.triangle_lights import cut_lights, turned
+from engine.light.triangle_lights import TriangleLights, cut_lights, turned
 from engine.precompute.direct.pipeline import SkyState, patches_of
 from engine.precompute.direct.relight import is_same_sky, sky_likeness
 from engine.precompute.indirect._cache_kernels import Lights
-from engine.precompute.indirect.emission import N_LIGHTS, N_PATCHES, ReachingLights, group_lights, in_units, sky_lights
+from engine.precompute.indirect.emission import (
+    N_LIGHTS,
+    N_PATCHES,
+    ReachingLights,
+    group_lights,
+    in_units,
+    shares_alone,
+    sky_lights,
+)
 from engine.precompute.indirect.gloss_rows import GlossRows, gloss_rows
 from engine.precompute.indirect.indirect_layers import IndirectLayer
 from engine.precompute.indirect.indirect_light import IndirectLight
@@ -113,6 +122,22 @@ class SourceLighting:
         """The same light of the records, of which glossy surfaces reflect what comes to them from records."""
         return replace(lit, points=replace(self.at_rest.points, lights_gloss=False))
 
+    def part_at_rest(self, lit: IndirectLight, alone: SceneLight, weight: RGB) -> IndirectLight:
+        """What a light, of this weight in the mix at rest, makes of the light at rest: glossy surfaces and photons too.
+        lit: the records by the light alone."""
+        rest, gain = self.at_rest, np.array(weight, np.float64)
+        lights, cut = rest.all_lights, self._cut_at_rest
+        shares = shares_alone(lights, self._scene, cut, rest.unit, alone.sky, alone.emission, gain)
+        return rest.part(shares, lit.light.direct * np.asarray(gain * (lit.unit / rest.unit), np.float32))
+
+    @cached_property
+    def _cut_at_rest(self) -> TriangleLights | None:
+        """The lights of the sky at rest, in the unit of the light at rest."""
+        sky = self._resting
+        if sky.environment is None:
+            return None
+        return cut_lights(sky.environment, N_LIGHTS, sky.rotation).scale_by(sky.scale / self.at_rest.unit)
+
     def by_emitters(self, emission: NDArray[np.floating], sky: SkyState) -> Generator[None, None, IndirectLight]:
         """The light that objects of this radiance (M, 3) alone give, by the links of a sky."""
         scene = replace(self._scene, emission=np.asarray(emission, np.float32))
@@ -149,6 +174,7 @@ class IndirectRelighting:
         self._changing: dict[int, Reflected] = {}  # emitters by object, as if they were white
         self._others: Reflected | None = None
         self._alone: dict[Hashable, Reflected] = {}  # lights that are alone
+        self._with_gloss: set[Hashable] = set()  # those of them that glossy surfaces mirror
         self._rows: GlossRows | None = None
         self._is_prepared = False
 
@@ -164,7 +190,7 @@ class IndirectRelighting:
         """Use what lights alone were reflected of in an earlier light of the same layers, where its rays were these."""
         light, earlier = self._lighting.at_rest, before._lighting.at_rest
         if light.cache is earlier.cache and light.points.samples is earlier.points.samples:
-            self._alone = before._alone
+            self._alone, self._with_gloss = before._alone, before._with_gloss
 
     def prepare(self) -> Generator[None, None, None]:
         """Reflects the sources of the light at rest, and makes rows of what glossy surfaces mirror of the sky, where
@@ -204,20 +230,30 @@ class IndirectRelighting:
     def forget_alone(self, but: Iterable[Hashable]) -> None:
         """Frees what lights alone were reflected of, except for these."""
         self._alone = {light: self._alone[light] for light in but if light in self._alone}
+        self._with_gloss &= self._alone.keys()
 
-    def reflect_alone(self, light: Hashable, alone: SceneLight) -> Generator[None, None, None]:
-        """Reflects a light that is alone in the scene, an emitter or in the sky, by albedo; once."""
-        if light not in self._alone:
-            lit = (
-                self._lighting.by_emitters(alone.emission, alone.sky)
-                if alone.emission.any()
-                else self._lighting.by_sky(alone.sky)
-            )
-            self._alone[light] = yield from self._reflected((yield from lit))
+    def reflect_alone(self, light: Hashable, alone: SceneLight, weight: RGB) -> Generator[None, None, None]:
+        """Reflects a light that is alone in the scene, an emitter or in the sky, once. Where the light at rest has some
+        of it, by this weight, so do its rays to glossy surfaces and its photons; else all surfaces reflect by
+        albedo."""
+        has_gloss = self._lighting.at_rest.points.glossy and all(weight)
+        if light in self._alone and (light in self._with_gloss or not has_gloss):
+            return
+        lit = yield from (
+            self._lighting.by_emitters(alone.emission, alone.sky)
+            if alone.emission.any()
+            else self._lighting.by_sky(alone.sky)
+        )
+        if has_gloss:
+            lit = self._lighting.part_at_rest(lit, alone, weight)
+            self._with_gloss.add(light)
+        found = yield from self._reflected(lit)
+        gain = np.array(weight if has_gloss else (1.0, 1.0, 1.0), np.float32)
+        self._alone[light] = [np.asarray(each / gain, np.float32) for each in found]
 
     def mixed(self, now: Mapping[Light, RGB], then: Mapping[Light, RGB]) -> list[RelitLayer] | None:
         """Each layer in a mix of lights that were reflected alone, by their weights, `then` at rest; None where one was
-        not. Of what glossy surfaces add at rest, each light keeps its share."""
+        not. Of what glossy surfaces add at rest to those reflected by albedo, each light keeps its share."""
         shining = [light for light, weight in (*now.items(), *then.items()) if any(weight)]
         if not self._alone or not all(light in self._alone for light in shining):
             return None

@@ -165,7 +165,8 @@ class SecondBounceLight:
     as it lights others, and as the edited object reflects it on; per_area (M,): photons emitted per square metre;
     digests (M): differ if an object's surface reflects differently; layers, layers_3, all_lights: tables of them, at
     the second and third bounce; edited: the edited object; inverse (3,): the reciprocal of its albedo; is_lit: whether
-    the lights reach glossy surfaces directly."""
+    the lights reach glossy surfaces directly; is_part: whether all_lights are a part of those that were found, and
+    nothing of them is cached."""
 
     objects: NDArray[np.int32]
     radiosity: NDArray[np.float32]
@@ -177,6 +178,7 @@ class SecondBounceLight:
     edited: int
     inverse: NDArray[np.float32]
     is_lit: bool = True
+    is_part: bool = False
 
 
 def glossy_order(layers: Sequence[IndirectLayer]) -> list[int]:

@@ -2,7 +2,7 @@
 
 from copy import copy
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 import pytest
@@ -10,11 +10,13 @@ import pytest
 from engine.core.generators import run_to_end
 from engine.light.environment import Environment
 from engine.light.triangle_lights import cut_lights
-from engine.precompute.direct.pipeline import Placement, SkyState, patches_of
+from engine.material import MODELS
+from engine.material.layer import make_layer
+from engine.precompute.direct.pipeline import LightLink, Placement, SkyState, patches_of
 from engine.precompute.direct.relight import sky_likeness
 from engine.precompute.indirect.emission import N_LIGHTS, in_units, patch_lights, sky_lights
 from engine.precompute.indirect.gather_polynomial import GatherPolynomial
-from engine.precompute.indirect.indirect_layers import view_factors
+from engine.precompute.indirect.indirect_layers import IndirectLayer, indirect_layer, view_factors
 from engine.precompute.indirect.indirect_light import IndirectLight
 from engine.precompute.indirect.reflection import OutgoingRadiance
 from engine.precompute.indirect.relighting import (
@@ -33,6 +35,7 @@ LAMPS = [
     {"name": "right", "primitive": "cube", "emission": [1.0, 1.0, 4.0], "transform": placed(0.5, 0.4, -0.6, 0.2)},
 ]
 LEFT, RIGHT = 3, 4
+NOTHING = (0.0, 0.0, 0.0)
 
 
 def sunny() -> Environment:
@@ -117,14 +120,14 @@ def test_lights_alone_are_taken_over_by_the_same_rays(lit: Lit) -> None:
     """Under another light the same records are lit anew: what single lights give stays."""
     alone = np.zeros_like(lit.emission)
     alone[LEFT] = lit.emission[LEFT]
-    run_to_end(lit.relighting.reflect_alone("left", SceneLight(SkyState(None), alone)))
+    run_to_end(lit.relighting.reflect_alone("left", SceneLight(SkyState(None), alone), NOTHING))
     before = lit.relighting.mixed({"left": (2.0, 1.0, 1.0)}, {"left": (1.0, 1.0, 1.0)})
     assert before is not None
 
     found = run_to_end(relit(lit.light, lit.placement, replace(lit.sky, rotation=90.0), QUICK, 3))
     later = Lit(found)
     later.relighting.take_over(lit.relighting)
-    run_to_end(later.relighting.reflect_alone("left", SceneLight(SkyState(None), alone)))
+    run_to_end(later.relighting.reflect_alone("left", SceneLight(SkyState(None), alone), NOTHING))
     assert later.n_reflected == 0
     after = later.relighting.mixed({"left": (2.0, 1.0, 1.0)}, {"left": (1.0, 1.0, 1.0)})
     assert after is not None
@@ -138,11 +141,58 @@ def test_lights_alone_are_taken_over_by_the_same_rays(lit: Lit) -> None:
 def test_lights_alone_are_not_taken_over_by_other_rays(lit: Lit) -> None:
     alone = np.zeros_like(lit.emission)
     alone[LEFT] = 1.0
-    run_to_end(lit.relighting.reflect_alone("left", SceneLight(SkyState(None), alone)))
+    run_to_end(lit.relighting.reflect_alone("left", SceneLight(SkyState(None), alone), NOTHING))
     anew = Solver(lit.placement, dict.fromkeys(range(3), ["lambert"]), lit.sky, 3, QUICK)
     later = Lit(run_to_end(anew.solve(LAYERS)))
     later.relighting.take_over(lit.relighting)
     assert later.relighting.mixed({"left": (1.0, 1.0, 1.0)}, {}) is None
+
+
+def reflected(light: IndirectLight, layers: list[IndirectLayer]) -> list[np.ndarray]:
+    """What each layer reflects at its gather points, (p, 3)."""
+    found = run_to_end(GatherPolynomial(light).reflect(layers, light.outgoing_radiance(layers)))
+    return [each[:, 0] * light.unit for each in found]
+
+
+@pytest.mark.parametrize("is_linked", [False, True])
+def test_lights_alone_make_the_light_at_rest_and_any_mix_of_it(is_linked: bool) -> None:
+    """A floor and a wall beside a wall of metal, which mirrors them and throws light on them; linked, it is lit by one
+    lamp alone. By albedo a lamp that turns three times as bright would be a fifth off."""
+    metal = indirect_layer(1, make_layer(MODELS["rough_conductor"], {"alpha": 0.2}), (64, 16))
+    layers, names = [LAYERS[0], metal, LAYERS[2]], {0: ["lambert"], 1: ["rough_conductor"], 2: ["lambert"]}
+    placement, dark = placement_of([*CORNER, *LAMPS], **CORNER_VIEW), SkyState(None)
+    links = (LightLink(frozenset({1}), dark, frozenset({LEFT})),) if is_linked else ()
+    sky = SkyState(sunny(), 20.0, links=links)
+    solver = Solver(placement, names, sky, 3, QUICK)
+    light, emission = run_to_end(solver.solve(layers)), placement.scene.emission
+    representation = GatherPolynomial(light)
+    lighting = SourceLighting(light, placement.scene, sky)
+    lighting._n_samples = 1024
+    relighting = IndirectRelighting(
+        lighting, SceneLight(sky, emission), layers, partial(representation.reflect, layers)
+    )
+    rest = {"sky": (1.0, 1.0, 1.0), LEFT: (3.0, 2.0, 1.0), RIGHT: (1.0, 1.0, 4.0)}
+    for key, weight in rest.items():
+        alone = np.zeros_like(emission)
+        alone[key if isinstance(key, int) else []] = 1.0
+        own = replace(sky if key == "sky" else dark, links=() if key == RIGHT else links)
+        run_to_end(relighting.reflect_alone(key, SceneLight(own, alone), weight))
+    whole, at_rest = reflected(light, layers), relighting.mixed(rest, rest)
+    assert at_rest is not None
+    for layer, expected in zip(at_rest, whole, strict=True):
+        np.testing.assert_array_equal(layer.now, layer.resting)
+        # They differ by the noise of the records' light alone.
+        assert np.sqrt(np.mean((layer.resting - expected) ** 2)) < 0.04 * expected.mean()
+    now = {"sky": (0.1, 0.1, 0.1), LEFT: (9.0, 2.0, 1.0), RIGHT: (1.0, 1.0, 4.0)}
+    brighter = copy(placement)
+    brighter.scene = placement.scene.with_emission({"left": now[LEFT]})
+    scaled = tuple(link._replace(sky=replace(link.sky, scale=0.1)) for link in links)
+    truth = Solver(brighter, names, replace(sky, scale=0.1, links=scaled), 3, QUICK)
+    mixed = relighting.mixed(now, rest)
+    assert mixed is not None
+    for layer, expected in zip(mixed, reflected(run_to_end(truth.solve(layers)), layers), strict=True):
+        # Both have the noise of few rays; by eight times as many they are within 1 %.
+        np.testing.assert_allclose(layer.now.mean(axis=0), expected.mean(axis=0), rtol=0.08)
 
 
 def test_it_is_near_light_by_all_samples(lit: Lit) -> None:
