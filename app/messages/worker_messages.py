@@ -219,7 +219,9 @@ class Shutdown(Request):
 
 @dataclass(frozen=True)
 class Response(Message):
-    """A message from the worker to the window."""
+    """A message from the worker to the window. `is_partial`: the answer to its request is still to come."""
+
+    is_partial: ClassVar[bool] = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -323,6 +325,8 @@ class SkyImage(Response):
 class Progress(Response):
     """How far a stage is: `fraction` in [0, 1], `seconds_left` None while unknown."""
 
+    is_partial = True
+
     stage: str
     fraction: float
     seconds_left: float | None = None
@@ -339,6 +343,8 @@ class RequestFailed(Response):
 @dataclass(frozen=True)
 class WorkerWarnings(Response):
     """Warnings for the user that do not affect the response, a line each; none is repeated."""
+
+    is_partial = True
 
     lines: tuple[str, ...]
 

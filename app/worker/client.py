@@ -22,7 +22,6 @@ from app.messages.worker_messages import (
     CancelRequests,
     Heartbeat,
     OpenScene,
-    Progress,
     Request,
     RequestFailed,
     Response,
@@ -332,7 +331,7 @@ class PendingRequests:
 
     def _is_complete_answer(self, response: Response) -> bool:
         """Whether it is the complete response to its request."""
-        if isinstance(response, Progress | WorkerWarnings):
+        if response.is_partial:
             return False
         return any(request.answered_once and request.id == response.id for request in self._requests.values())
 

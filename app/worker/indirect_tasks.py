@@ -298,17 +298,21 @@ class IndirectTasks:
         )
         yield IndirectRelit(found.number, *parts)
 
-    def prepare_relighting(
-        self, layers: Sequence[LayerState], lights: Iterable[SingleLight], sky_of: Callable[[LightState], SkyState]
-    ) -> Steps:
-        """Do of `relight` what does not depend on the other light. lights: those that may be mixed."""
-        relighting, scene = self._relighting_of(layers), self._placement.scene
-        if relighting is None:
+    def prepare_relighting(self, layers: Sequence[LayerState]) -> Steps:
+        """Do of `relight` what does not depend on the other light."""
+        relighting = self._relighting_of(layers)
+        if relighting is not None:
+            yield from relighting.prepare()
+
+    def reflect_lights(
+        self, layers: Sequence[LayerState], lights: Iterable[SingleLight], sky_of: Callable[[LightState], SkyState],
+        is_quick: bool = False,
+    ) -> Steps:  # fmt: skip
+        """Reflect each light that may be mixed. is_quick: by albedo alone, those that were not reflected yet."""
+        relighting, scene, found = self._relighting_of(layers), self._placement.scene, self._frozen_light
+        if relighting is None or found is None:
             return
-        yield from relighting.prepare()
-        lights = tuple(lights)
-        found = self._frozen_light
-        resting = {} if found is None else self._weights.get(found.lit_by, {})
+        lights, resting = tuple(lights), {} if is_quick else self._weights.get(found.lit_by, {})
         relighting.forget_alone(but=lights)
         for light in lights:
             emission = scene.with_emission(light.emission(scene.object_names)).emission

@@ -6,8 +6,9 @@ least as finely as all of them together, so B_l is no less exact than the pictur
 
     Σ_l w_l B_l + s (P − Σ_l w⁰_l B_l),    s = min(1, min_l w_l / w⁰_l) over the lights that were on:
 
-it begins without a jump, and of a light that is switched off nothing is left. Rejected: the transport of all lights by
-bands, which would be as many times as large as there are lights.
+it begins without a jump, and of a light that is switched off nothing is left. Of each light a picture of every fourth
+pixel comes first, interpolated: a mix then has the details of P, and only its change is coarse. Rejected: the transport
+of all lights by bands, which would be as many times as large as there are lights.
 """
 
 from __future__ import annotations
@@ -21,14 +22,14 @@ from numpy.typing import NDArray
 
 from app.document.light_state import RGB, LightState
 from app.document.scene_state import LayerState, SceneState
-from app.document.single_lights import SingleLight, Weights, light_weights
+from app.document.single_lights import BLACK, SingleLight, Weights, light_weights
 from app.messages.worker_messages import Response
 from app.system.memory import available_memory
 from app.worker.layer_data import LayerData, both_curves, join_tile_contents, reflects_alike, shape_of, tile_content
 from app.worker.weighted_sum import ChangingSum, weighted_sum
 from engine.core.generators import map_steps
 from engine.precompute.direct.linking import light_groups
-from engine.precompute.direct.pipeline import FINAL, Placement, SkyState, final_quality
+from engine.precompute.direct.pipeline import COARSE, FINAL, Placement, Quality, SkyState, final_quality
 from engine.precompute.direct.projection import project_layer
 
 Float32Array = NDArray[np.float32]
@@ -36,21 +37,40 @@ Steps = Iterator[Response | None]
 # Of all pictures of single lights, and of the free memory.
 MOST_BYTES = 512e6
 SHARE_OF_MEMORY = 0.25
+# Of the pictures that come first: a sun's shadows are as sharp as in final ones.
+QUICK = replace(COARSE, max_level=FINAL.max_level, sun_level=FINAL.sun_level)
 
 
 @dataclass(frozen=True, eq=False)
 class _LayerPictures:
-    """A layer's radiance (p, 3) under each light alone, None where that is black, for its material then; rest: what its
-    exact picture has besides, under lights of the weights `at`, None before that is known."""
+    """A layer's radiance (p, 3) under each light alone, None where that is black, for its material then; coarse: the
+    lights whose pictures are interpolated; rest: what its exact picture has besides, under lights of the weights `at`,
+    None before that is known."""
 
     work: LayerState
-    alone: dict[SingleLight, Float32Array | None]
+    alone: Mapping[SingleLight, Float32Array | None]
+    coarse: frozenset[SingleLight] = frozenset()
     rest: Float32Array | None = None
     at: Weights | None = None
 
     def is_of(self, work: LayerState) -> bool:
         """Whether the work reflects the same."""
         return reflects_alike(self.work, work)
+
+    def lacks(self, light: SingleLight, is_quick: bool) -> bool:
+        """Whether there is no picture under a light, or only a coarse one where that does not do."""
+        return light not in self.alone or light in self.coarse and not is_quick
+
+    def with_picture(self, light: SingleLight, picture: Float32Array | None, is_coarse: bool = False) -> _LayerPictures:
+        """The same with this picture under a light; their sum at rest stays the exact picture."""
+        coarse, rest = self.coarse - {light}, self.rest
+        weight = (self.at or {}).get(light, BLACK)
+        if rest is not None and any(weight):
+            black = np.zeros_like(rest)
+            before, now = (black if each is None else each for each in (self.alone[light], picture))
+            rest = rest + np.array(weight, np.float32) * (before - now)
+        alone = {**self.alone, light: picture}
+        return replace(self, alone=alone, coarse=coarse | {light} if is_coarse else coarse, rest=rest)
 
     @cached_property
     def mix(self) -> ChangingSum[SingleLight | None]:
@@ -88,10 +108,10 @@ class LightPictures:
 
     def prepare(
         self, placement: Placement, scene: SceneState, sky_of: Callable[[LightState], SkyState],
-        current: Mapping[str, LayerData],
+        current: Mapping[str, LayerData], is_quick: bool = False,
     ) -> Steps:  # fmt: skip
         """Make the pictures that the layers lack, light by light, and compare their sum with the final pictures. None
-        are made where they would take too much memory."""
+        are made where they would take too much memory. is_quick: coarse ones do."""
         pictures = {key: data for key, data in current.items() if data.stage == FINAL.name}
         works = [work for work in scene.layers if work.key in pictures]
         lights = list(light_weights(scene.light, scene.emission))
@@ -103,16 +123,24 @@ class LightPictures:
         skies = {light: sky_of(light.light) for light in lights}
         shining = [light for light in lights if light.emitter or not _is_dark(skies[light])]
         for light in lights:
-            for work in (work for work in works if light not in self._ready[work.key].alone):
+            for work in (work for work in works if self._ready[work.key].lacks(light, is_quick)):
                 if light not in shining:
                     self._set_black(light, [work])
                 elif len(shining) == 1:
                     self._add_only_light(light, work, pictures[work.key])
-            due = [work for work in works if light not in self._ready[work.key].alone]
+            due = [work for work in works if self._ready[work.key].lacks(light, is_quick)]
             if due:
-                yield from self._add_light(placement, light, skies[light], due, pictures[due[0].key])
-        for work in works:
-            data, ready = pictures[work.key], self._ready[work.key]
+                lit_by = pictures[due[0].key].lit_by
+                quality = QUICK if is_quick else final_quality(lit_by.planned_settings or lit_by.settings)
+                yield from self._add_light(placement, light, skies[light], due, quality)
+        yield from self.compare(scene, current)
+
+    def compare(self, scene: SceneState, current: Mapping[str, LayerData]) -> Steps:
+        """Compare the sum of the pictures with the final pictures, from which a mix then begins."""
+        for work in (work for work in scene.layers if work.key in current):
+            data, ready = current[work.key], self._ready.get(work.key)
+            if data.stage != FINAL.name or ready is None or not ready.is_of(work):
+                continue
             weights = light_weights(data.lit_by.light, data.lit_by.emission)
             if ready.at != weights and weights.keys() <= ready.alone.keys():
                 data = data.with_curves(work) if data.fits_curves(work) else data
@@ -126,8 +154,9 @@ class LightPictures:
         if known is None or not known.is_of(work):
             return _LayerPictures(work, {})
         alone = {light: known.alone[light] for light in lights if light in known.alone}
+        coarse = known.coarse & alone.keys()
         same = known.at is not None and known.at.keys() <= alone.keys()
-        return replace(known, alone=alone) if same else _LayerPictures(work, alone)
+        return replace(known, alone=alone, coarse=coarse) if same else _LayerPictures(work, alone, coarse)
 
     def _add_only_light(self, light: SingleLight, work: LayerState, data: LayerData) -> None:
         """Add the picture under a scene's only light, which its final picture is a multiple of; nothing where that
@@ -135,15 +164,14 @@ class LightPictures:
         weight = light_weights(data.lit_by.light, data.lit_by.emission).get(light, ())
         if weight and all(weight):
             data = data.with_curves(work) if data.fits_curves(work) else data
-            self._ready[work.key].alone[light] = np.asarray(data.radiance / np.array(weight), np.float32)
+            self._add(work, light, np.asarray(data.radiance / np.array(weight), np.float32))
 
     def _add_light(
-        self, placement: Placement, light: SingleLight, sky: SkyState, due: list[LayerState], like: LayerData
+        self, placement: Placement, light: SingleLight, sky: SkyState, due: list[LayerState], quality: Quality
     ) -> Steps:
-        """Add the pictures under one light, with the settings of a layer's final picture."""
+        """Add the pictures under one light."""
         scene = placement.scene
         whole = placement.with_emission(light.emission(scene.object_names))
-        settings = like.lit_by.planned_settings or like.lit_by.settings
         i_object = {work.key: scene.object_index(work.object) for work in due}
         for _, objects, alone, reaching in light_groups(whole, sky):
             own = [work for work in due if objects[i_object[work.key]]]
@@ -151,20 +179,25 @@ class LightPictures:
             if not own or lit_by.environment is None and not alone.scene.emission.any():
                 self._set_black(light, own)
                 continue
-            visible = yield from map_steps(alone.light(lit_by, final_quality(settings)), lambda fraction: None)
+            visible = yield from map_steps(alone.light(lit_by, quality), lambda fraction: None)
             for work in own:
-                fixed, rows = replace(work, fixed=True), alone.rows_of(i_object[work.key])
+                fixed, rows = replace(work, fixed=True), alone.rows_of(i_object[work.key], quality.stride)
                 parts = {}
                 for tile in project_layer(alone.hits, rows, visible, shape_of(work)):
                     parts[tile.begin] = tile_content(fixed, tile)
                     yield None
                 picture = join_tile_contents(fixed, parts).radiance(*both_curves(fixed)) * visible.lighting.unit
-                self._ready[work.key].alone[light] = np.ascontiguousarray(picture, np.float32)
+                if quality.stride > 1:
+                    picture = placement.interpolated(picture, i_object[work.key], quality.stride)
+                self._add(work, light, np.ascontiguousarray(picture, np.float32), quality.stride > 1)
 
     def _set_black(self, light: SingleLight, works: list[LayerState]) -> None:
         """Note that a light does not reach these layers."""
         for work in works:
-            self._ready[work.key].alone[light] = None
+            self._add(work, light, None)
+
+    def _add(self, work: LayerState, light: SingleLight, picture: Float32Array | None, is_coarse: bool = False) -> None:
+        self._ready[work.key] = self._ready[work.key].with_picture(light, picture, is_coarse)
 
     # ----------------------------------------------------------------------------------------------------------- mixing
 

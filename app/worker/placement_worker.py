@@ -22,6 +22,7 @@ from app.modes.placement.placement_messages import (
     EstimateError,
     FreezeIndirect,
     LightPlanned,
+    LightsReady,
     PlanBands,
     PrepareRelighting,
     RelightingPrepared,
@@ -144,10 +145,17 @@ class PlacementWorker(ModeWorker):
     def _prepare_relighting(self, request: PrepareRelighting) -> Steps:
         yield from self._until_compiled(RELIGHTING)
         context, scene = self._context, request.scene
-        yield from self._relighting.prepare(context.open_placement, scene, context.sky(scene.light), self._current)
+        placement, weights = context.open_placement, _weights_of(scene)
+        # Lights first, coarsely and between surfaces by albedo: the rest takes many times as long.
+        yield from self._lights.prepare(placement, scene, context.sky, self._current, is_quick=True)
         if self._indirect is not None:
-            yield from self._indirect.prepare_relighting(scene.visible, _weights_of(scene), context.sky)
-        yield from self._lights.prepare(context.open_placement, scene, context.sky, self._current)
+            yield from self._indirect.reflect_lights(scene.visible, weights, context.sky, is_quick=True)
+        yield LightsReady(self._n_bytes, self._lights.n_lights)
+        yield from self._relighting.prepare(placement, scene, context.sky(scene.light), self._current)
+        if self._indirect is not None:
+            yield from self._indirect.prepare_relighting(scene.visible)
+            yield from self._indirect.reflect_lights(scene.visible, weights, context.sky)
+        yield from self._lights.prepare(placement, scene, context.sky, self._current)
         yield RelightingPrepared(self._n_bytes, self._lights.n_lights)
 
     # -------------------------------------------------------------------------------------------------------- transport
@@ -212,6 +220,7 @@ class PlacementWorker(ModeWorker):
                 spent = time.process_time() - begun
                 yield StageDone(quality.name, exact, time.monotonic() - started, self._n_bytes, spent)
             yield from self._context.new_warnings()
+        yield from self._lights.compare(scene, self._current)
 
     def _begin(self, request: ComputeTransport) -> None:
         """Note what is requested; of layers that are no longer there nothing is held."""

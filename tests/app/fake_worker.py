@@ -26,6 +26,7 @@ from app.modes.placement.placement_messages import (
     EstimateError,
     LayerPicture,
     LayerTransport,
+    LightsReady,
     PlanBands,
     PrepareRelighting,
     RelightingPrepared,
@@ -196,7 +197,8 @@ class ServingClient(FakeClient):
             # The error of each request is another one, so that a test can tell which of them was answered.
             self._answers[EstimateError] = [with_numbers(ErrorEstimated(ErrorEstimate(float(id))), id, sent.revision)]
         elif isinstance(sent, PrepareRelighting):
-            self._answers[PrepareRelighting] = [with_numbers(RelightingPrepared(0, 2), id, sent.revision)]
+            answers = (LightsReady(0, 2), RelightingPrepared(0, 2))
+            self._answers[PrepareRelighting] = [with_numbers(each, id, sent.revision) for each in answers]
         elif isinstance(sent, CancelRequests) and sent.of in ((EstimateError,), (PrepareRelighting,)):
             self._answers.pop(sent.of[0], None)
         return id

@@ -21,6 +21,7 @@ from app.modes.placement.placement_messages import (
     EstimateError,
     IndirectFound,
     IndirectImproved,
+    LightsReady,
     RelightingPrepared,
     SamplingProgress,
 )
@@ -31,7 +32,15 @@ from app.modes.placement.sampling_controller import SamplingController
 ERROR_IDLE_SECONDS = 0.5
 MAX_ESTIMATES = 32
 
-IdleResponse = ErrorEstimated | EditedSampled | RelightingPrepared | SamplingProgress | IndirectFound | IndirectImproved
+IdleResponse = (
+    ErrorEstimated
+    | EditedSampled
+    | LightsReady
+    | RelightingPrepared
+    | SamplingProgress
+    | IndirectFound
+    | IndirectImproved
+)
 
 
 class IdleWork:
@@ -74,7 +83,7 @@ class IdleWork:
         match response:
             case ErrorEstimated():
                 self._error.receive(response)
-            case RelightingPrepared():
+            case LightsReady() | RelightingPrepared():
                 self.relight.receive(response)
             case EditedSampled():
                 self.sampling.receive(response)

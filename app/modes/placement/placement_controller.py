@@ -55,6 +55,7 @@ from app.modes.placement.placement_messages import (
     LayerPicture,
     LayerTransport,
     LightPlanned,
+    LightsReady,
     MapsRefused,
     MapsSampled,
     PlanBands,
@@ -418,7 +419,7 @@ class PlacementController(ModeController):
                 self._take_bounces(response)  # else the user has chosen meanwhile
             case ErrorEstimated():
                 self.idle.receive(response)
-            case RelightingPrepared() | EditedSampled():
+            case LightsReady() | RelightingPrepared() | EditedSampled():
                 self.idle.receive(response)
                 self._report.note_memory(response.transport_bytes)
             case IndirectFrozen():

@@ -132,7 +132,7 @@ class EstimateError(Request):
 @dataclass(frozen=True, eq=False)
 class PrepareRelighting(Request):
     """Prepare the scene so that another sky, or another mix of its lights, can light it at once, where the picture of
-    the transport requested last is there; what is ready stays. Answered by `RelightingPrepared`."""
+    the transport requested last is there; what is ready stays. Answered by `LightsReady` and `RelightingPrepared`."""
 
     built_on = (ComputeTransport,)
     answered_once = True
@@ -367,6 +367,17 @@ class ErrorEstimated(Response):
 
     estimate: ErrorEstimate
     colours: NDArray[np.uint8] | None = None
+
+
+@dataclass(frozen=True)
+class LightsReady(Response):
+    """The first answer to `PrepareRelighting`: lights may be mixed by coarse pictures. The fields are those of the
+    last, `RelightingPrepared`."""
+
+    is_partial = True
+
+    transport_bytes: int
+    n_lights: int = 0
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from app.document.document import Document
 from app.messages.worker_messages import CancelRequests, Request
 from app.modes.placement.curves import Curves
-from app.modes.placement.placement_messages import PrepareRelighting, RelightingPrepared
+from app.modes.placement.placement_messages import LightsReady, PrepareRelighting, RelightingPrepared
 from app.modes.reconciler import Reconciler
 from engine.material.layer import Layer
 
@@ -67,10 +67,13 @@ class RelightController:
             case "cancel":
                 self._send(CancelRequests(of=(PrepareRelighting,)))
 
-    def receive(self, response: RelightingPrepared) -> None:
-        """Take the response."""
-        if self._reconciler.receive(response.id, response) and self._reconciler.ready_for is not None:
-            self.n_lights, self._layers = response.n_lights, _layers_of(self._reconciler.ready_for[0])
+    def receive(self, response: LightsReady | RelightingPrepared) -> None:
+        """Take a response. What is prepared coarsely is not ready, but its lights can be mixed."""
+        requested = self._reconciler.requested
+        if requested is not None and requested.id == response.id:
+            self.n_lights, self._layers = response.n_lights, _layers_of(requested.desired[0])
+        if isinstance(response, RelightingPrepared):
+            self._reconciler.receive(response.id, response)
 
     def interrupted(self) -> None:
         """The user or a fault stopped it: it is not requested again before the picture changes."""

@@ -164,6 +164,12 @@ class Placement:
             self._footprints[stride] = footprint(self.hits, self.rows(stride), stride)
         return self._footprints[stride]
 
+    def interpolated(self, samples: np.ndarray, i_object: int, stride: int) -> np.ndarray:
+        """An object's picture (p, 3) at each of its points, of samples (s, 3) on the lattice of a stage."""
+        begin, end = self.hits.object_ranges[i_object]
+        rows, weights = (each[begin:end] for each in self.footprint(stride))
+        return np.einsum("ps,psc->pc", weights, samples[rows])
+
     def light(self, sky: SkyState, quality: Quality) -> Generator[float, None, VisibleLight]:
         """Cuts the light of a stage, as if all of it reached all objects (`linking.light_groups` has those that it
         does reach), and traces its visibility; yields the fraction done."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import random
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,6 +21,7 @@ from app.modes.placement.placement_messages import (
     IndirectFrozen,
     IndirectRelit,
     LayerPicture,
+    LightsReady,
     PrepareRelighting,
     RelightingPrepared,
 )
@@ -32,6 +35,7 @@ from tests.scene_text import facing_down, placed
 
 SIDE = placed("side", "quad", facing_down(0.5, (1.0, 1.8, 0.4)), "emission = [4, 4, 8]\n")
 NOON = Sun((0.3, 0.9, 0.3), (1.5, 1.2, 0.9), 4.0, "Noon")
+GLOSSY = compute().scene.layers[2]
 LAMPS = (("lamp", (6.0, 5.0, 4.0)), ("side", (4.0, 4.0, 8.0)))
 
 
@@ -72,9 +76,18 @@ def pictures(answers: list[Response], stage: str) -> dict[str, np.ndarray]:
 
 
 def prepare(tasks: RequestDispatcher, request: ComputeTransport) -> RelightingPrepared:
-    (prepared,) = run_in_process(tasks, PrepareRelighting(request.scene))
-    assert isinstance(prepared, RelightingPrepared)
+    coarse, prepared = run_in_process(tasks, PrepareRelighting(request.scene))
+    assert isinstance(coarse, LightsReady) and isinstance(prepared, RelightingPrepared)
     return prepared
+
+
+def prepare_coarsely(tasks: RequestDispatcher, request: ComputeTransport, n_steps: int = 0) -> None:
+    """Make it ready as far as its lights can be mixed, and some steps further."""
+    steps = tasks.handle(PrepareRelighting(request.scene))
+    assert any(isinstance(answer, LightsReady) for answer in steps)
+    for _ in itertools.islice(steps, n_steps):
+        pass
+    steps.close()  # type: ignore[attr-defined]
 
 
 def test_the_weights_are_what_each_light_sends() -> None:
@@ -131,17 +144,74 @@ def test_pictures_of_single_lights_are_made_once(tasks: RequestDispatcher, monke
     monkeypatch.setattr(light_pictures, "project_layer", made)
     final = pictures(run_in_process(tasks, mixed()), "final")
     prepare(tasks, mixed())
-    assert made.n_tiles == 4 * tiles_of(*final.values())
+    # Under each light a coarse tile of every layer before the others.
+    assert made.n_tiles == 4 * (len(final) + tiles_of(*final.values()))
     # Another mix needs nothing, another curve of a layer only that layer.
     run_in_process(tasks, mixed(gain=2.0))
     prepare(tasks, mixed(gain=2.0))
-    assert made.n_tiles == 4 * tiles_of(*final.values())
+    assert made.n_tiles == 4 * (len(final) + tiles_of(*final.values()))
     edited = mixed(gain=2.0)
     layers = tuple(twice(each, "theta_h") if each.key == GLOSS else each for each in edited.scene.layers)
     edited = replace(edited, scene=replace(edited.scene, layers=layers))
     run_in_process(tasks, edited)
     prepare(tasks, edited)
-    assert made.n_tiles == 4 * tiles_of(*final.values(), final[GLOSS])
+    assert made.n_tiles == 4 * (len(final) + 1 + tiles_of(*final.values(), final[GLOSS]))
+
+
+def test_coarse_pictures_of_each_light_come_first(tasks: RequestDispatcher) -> None:
+    final = pictures(run_in_process(tasks, mixed()), "final")
+    prepare_coarsely(tasks, mixed())
+    same = pictures(run_in_process(tasks, mixed(is_drag=True)), "relit")
+    brighter = mixed(gain=1.5, lamps=(1.0, 2.0))
+    found = pictures(run_in_process(tasks, replace(brighter, is_drag=True)), "relit")
+    truth = pictures(run_in_process(tasks, brighter), "final")
+    for key, picture in final.items():
+        np.testing.assert_allclose(same[key], picture, rtol=1e-4, atol=1e-5 * picture.max())
+        # The ball is as wide as three coarse samples: more than half of the change is there.
+        assert errors(found[key], truth[key]).rmse < 0.5 * errors(picture, truth[key]).rmse, key
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_any_sequence_of_mixes_is_near_the_transport_of_the_last(
+    tasks: RequestDispatcher, tmp_path: Path, seed: int
+) -> None:
+    """Preparing is given up anywhere; a mix as it was at rest shows the exact picture, whatever is coarse by then."""
+    chance, request, n_mixed = random.Random(seed), mixed(), 0
+    final = pictures(run_in_process(tasks, request), "final")
+    steps = chance.choices(("drag", "drag", "rest", "prepare", "give up", "give up", "curve"), k=5)
+    for step in ("give up", "drag", *steps):
+        match step:
+            case "drag":
+                mix = chance.choice(list(MIXES.values()))
+                light, emission = mixed(**mix).scene.light, mixed(**mix).scene.emission
+                dragged = replace(request, is_drag=True, scene=SceneState(light, request.scene.layers, emission))
+                found = pictures(run_in_process(tasks, dragged), "relit")
+                assert all(np.isfinite(each).all() and (each >= 0.0).all() for each in found.values())
+                same = pictures(run_in_process(tasks, replace(request, is_drag=True)), "relit")
+                for key, picture in same.items():
+                    np.testing.assert_allclose(picture, final[key], rtol=1e-4, atol=1e-4 * final[key].max())
+                n_mixed += len(same)
+                run_in_process(tasks, request)
+            case "rest":
+                mix = chance.choice(list(MIXES.values()))
+                request = replace(request, scene=replace(mixed(**mix).scene, layers=request.scene.layers))
+                final |= pictures(run_in_process(tasks, request), "final")
+            case "prepare":
+                prepare(tasks, request)
+            case "give up":
+                prepare_coarsely(tasks, request, chance.randrange(60))
+            case "curve":
+                layers = (*request.scene.layers[:2], chance.choice((GLOSSY, twice(GLOSSY, "theta_h"))))
+                request = replace(request, scene=replace(request.scene, layers=layers))
+                final |= pictures(run_in_process(tasks, request), "final")
+    prepare(tasks, request)
+    assert n_mixed > 0
+    last = mixed(gain=2.0, lamps=(0.5, 1.0)).scene
+    last = replace(request, scene=replace(last, layers=request.scene.layers))
+    found = pictures(run_in_process(tasks, replace(last, is_drag=True)), "relit")
+    fresh = opened(str(tmp_path / "scene.toml"), ArrayCache(tmp_path / "other"))
+    for key, picture in pictures(run_in_process(fresh, last), "final").items():
+        assert errors(found[key], picture).rmse < 0.02, key
 
 
 def test_a_layer_of_another_material_is_not_mixed(tasks: RequestDispatcher) -> None:

@@ -13,6 +13,7 @@ from app.messages.worker_messages import Response
 from app.modes.placement.placement_messages import (
     ComputeTransport,
     LayerPicture,
+    LightsReady,
     PrepareRelighting,
     RelightingPrepared,
     StageDone,
@@ -74,7 +75,7 @@ def ready(tasks: RequestDispatcher, **changes: object) -> dict[str, np.ndarray]:
     request = asked(LightState(), **changes)  # type: ignore[arg-type]
     final = pictures(run_in_process(tasks, request), "final")
     answers = run_in_process(tasks, PrepareRelighting(request.scene))
-    assert [type(a) for a in answers] == [RelightingPrepared] and answers[0].transport_bytes > 0
+    assert [type(a) for a in answers] == [LightsReady, RelightingPrepared] and answers[1].transport_bytes > 0
     return final
 
 

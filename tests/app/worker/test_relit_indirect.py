@@ -110,7 +110,7 @@ def test_nothing_is_relit_before_there_is_light_or_after_another_model(tasks: Re
 def test_what_is_prepared_for_other_light_counts_as_memory(tasks: RequestDispatcher) -> None:
     frozen(tasks, lit_by())
     before = run_in_process(tasks, lit_by())[-1]
-    (prepared,) = run_in_process(tasks, PrepareRelighting(lit_by().scene))
+    *_, prepared = run_in_process(tasks, PrepareRelighting(lit_by().scene))
     assert isinstance(before, StageDone) and isinstance(prepared, RelightingPrepared)
     answer, _ = relit(tasks, lit_by(is_drag=True))
     # Of the sky, of the lamp, and of all other emitters.

@@ -9,7 +9,7 @@ from app.document.commands.mix import SetMix
 from app.document.document import document_from_description
 from app.messages.worker_messages import CancelRequests, Request
 from app.modes.placement.curves import Curves
-from app.modes.placement.placement_messages import PrepareRelighting, RelightingPrepared
+from app.modes.placement.placement_messages import LightsReady, PrepareRelighting, RelightingPrepared
 from app.modes.placement.relight_controller import IDLE_SECONDS, RelightController
 from engine.scene.description import parse_description
 from tests.app.fake_worker import SCENE
@@ -77,6 +77,19 @@ def test_lights_can_be_mixed_until_a_material_changes(controller: RelightControl
     assert not controller.mixes(SetParameter("pot.0", "albedo", 0.2).apply(DOCUMENT))
     controller.forget()
     assert not controller.mixes(DOCUMENT)
+
+
+def test_lights_can_be_mixed_before_the_rest_is_prepared(controller: RelightController, sent: list[Request]) -> None:
+    rest(controller)
+    controller.receive(LightsReady(0, 2, id=7))  # of an older request
+    assert not controller.mixes(DOCUMENT)
+    controller.receive(LightsReady(0, 2, id=1))
+    assert controller.mixes(DOCUMENT) and not controller.is_ready
+    # A drag gives up the rest; once the picture rests again it is asked for, though the document is the same.
+    controller.update(5.0, OTHER, 1, False)
+    assert isinstance(sent[-1], CancelRequests) and controller.mixes(OTHER)
+    rest(controller, 6.0)
+    assert [type(request) for request in sent] == [PrepareRelighting, CancelRequests, PrepareRelighting]
 
 
 def test_what_failed_is_not_asked_for_again(controller: RelightController, sent: list[Request]) -> None:
