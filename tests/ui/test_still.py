@@ -208,8 +208,8 @@ def test_a_picture_with_layers_is_saved_beside_the_work_and_can_be_stopped(
         window.frames(2)
         if not begun:
             window.click_handle("files.picture.3")
-        window.frames(2)
-        window.click_handle("button.files.confirm")
+        window.frames(3)
+        window.key(imgui.Key.enter)  # the name has the keyboard again
         window.frames(3)
         assert begun[-1] == tmp_path / "stand-in.exr" and not begun[-1].exists()
         window.click_handle("button.saving.stop")

@@ -178,7 +178,8 @@ def _measured_line(context: PanelContext, question: FileQuestion) -> list[Action
 
 
 def _picture_line(context: PanelContext, question: FileQuestion) -> list[Action]:
-    """The choice of what the file contains; the suffix of its name follows."""
+    """The choice of what the file contains; the suffix of its name follows, and the keyboard is the name's again, so
+    that Enter saves."""
     imgui.align_text_to_frame_padding()
     imgui.text("Save as")
     imgui.same_line()
@@ -189,7 +190,7 @@ def _picture_line(context: PanelContext, question: FileQuestion) -> list[Action]
         return []
     ending = ENDINGS["save_picture"][pressed >= 2]
     name = str(Path(question.name or "picture").with_suffix(ending))
-    return [_input_line(replace(question, name=name, deep=pressed == 1, layers=pressed == 3))]
+    return [_input_line(replace(question, name=name, deep=pressed == 1, layers=pressed == 3, focus="name"))]
 
 
 def _folder_line(context: PanelContext, question: FileQuestion) -> list[Action]:
