@@ -193,15 +193,16 @@ class ScatteringAgain(FacetsByHeight):
     def generate(self, factor_name: str, params: Parameters, gamma: Float64Array) -> Float64Array:
         if self.factor(factor_name) is not THETA_O:
             return super().generate(factor_name, params, gamma)
-        return 1.0 + channels(params, "several") * _lost(number(params, "alpha"), gamma)[:, None]
+        return 1.0 + channels(params, "several") * lost_light(number(params, "alpha"), gamma)[:, None]
 
     def brdf(self, params: Parameters, wi: Float64Array, wo: Float64Array) -> Float64Array:
-        lost = _lost(number(params, "alpha"), np.arccos(np.clip(wo[:, 2], 0.0, 1.0)))
+        lost = lost_light(number(params, "alpha"), np.arccos(np.clip(wo[:, 2], 0.0, 1.0)))
         return super().brdf(params, wi, wo) * (1.0 + channels(params, "several") * lost[:, None])
 
 
-def _lost(alpha: float, theta_o: Float64Array) -> Float64Array:
-    """(1 - E1) / E1 (N,) at angles of the view; 0 at grazing ones, from which no facet hides another."""
+def lost_light(alpha: float, theta_o: Float64Array) -> Float64Array:
+    """(1 - E1) / E1 (N,) at angles of the view: what facets keep of light over what they reflect of it, if they are
+    white. 0 at grazing angles, from which no facet hides another."""
     angles, lost = (
         np.append(view_angles(), 0.5 * math.pi),
         np.append(_scattered_again(max(alpha, SMALLEST_ALPHA))[0], 0.0),

@@ -35,6 +35,12 @@ def test_layers_with_textures_are_the_formula(name: str, tmp_path: Path) -> None
     assert measure_layers(case, "quad", "lamp", NO_SKY, tmp_path, SIDE).rmse < 1.5e-2
 
 
+def test_a_mixture_of_metals_is_nearly_the_formula(tmp_path: Path) -> None:
+    # Five metals for all colours. Schlick's term was 104 % off here, in the picture.
+    case = replace(CASES["Standard, metal"], textured=("base_color",))
+    assert measure_layers(case, "quad", "lamp", NO_SKY, tmp_path, SIDE).rmse < 3e-2
+
+
 def test_another_formula_is_found(tmp_path: Path) -> None:
     case = Brighter(CASES["OpenPBR, fuzz of roughness 1"].inputs, ())
     assert measure_layers(case, "quad", "lamp", NO_SKY, tmp_path, SIDE).rmse > 4e-2

@@ -57,6 +57,7 @@ _SUBSURFACE = "light leaves the surface where it enters it"
 _ROUND = "highlights are round where they should be streaks"
 _THIN = "surfaces are opaque, and both sides reflect alike"
 _EVEN = "the base is even under a thin film"
+_MEAN_EDGE = "the edge of a metal has the mean of its image"
 
 
 def surface_material(
@@ -205,7 +206,10 @@ def _standard(inputs: SurfaceInputs, maps: MapMaker) -> SurfaceMaterial:
             product(weight, colour), product(metalness, dim), streak_of(width / aspect, width * aspect)
         )
     else:
-        layers += conductor(product(weight, colour), product(gloss, tint), product(metalness, dim), roughness, film)
+        edge = product(gloss, tint)
+        if not (edge.is_constant or is_everywhere(metalness, 0.0)):
+            inputs.list("specular" if tint.is_constant else "specular_color", _MEAN_EDGE)
+        layers += conductor(product(weight, colour), edge, product(metalness, dim), roughness, film)
     if not is_everywhere(coat, 0.0):
         varnish = StackedLayer(
             COAT, "varnish", roughness=coat_roughness, parameters={"ior": inputs.number("coat_IOR", 1.01, 5.0)}

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import nnls
 
 from engine.core.errors import printable_name
 from engine.material.bumps import BUMP_STRENGTH, NO_BUMPS, Bumps
@@ -14,7 +16,8 @@ from engine.material.dielectric import schlick_curve
 from engine.material.diffuse import rough_diffuse_mean
 from engine.material.microfacet import conductor_fresnel
 from engine.material.opacity import OPAQUE, Mode, Opacity
-from engine.material.openpbr import mean_seen_again
+from engine.material.openpbr import lost_light, mean_seen_again
+from engine.material.parameters import ETA, EXTINCTION
 from engine.scene.description import MAX_RADIANCE, LayerDescription
 from engine.scene.loaders.baked_maps import MapMaker
 from engine.scene.loaders.graph_fields import Array, Field, combine, constant
@@ -36,6 +39,12 @@ _ROUGH = 0.3  # of metals, from which light that facets scatter again counts by 
 _LEAST_FACING = 3e-5  # of a gloss, that of the index 1.01
 # Of [OpenPBR]: Schlick's rise at 82°, where the edge tint counts.
 _RISE_82 = (6.0 / 7.0) ** 5
+# Reflectances head-on of metals of which one is mixed whose colour varies, and those for which weights are found, with
+# cosines of facets and angles of views at which they are compared.
+_GREYS = np.array([0.02, 0.1, 0.35, 0.75, 0.95])
+_REFLECTANCES = np.linspace(0.0, 1.0, 65) ** 2
+_FACETS = (np.arange(32) + 0.5) / 32
+_VIEWS = np.array([0.3, 0.8, 1.2])
 
 
 @dataclass(frozen=True)
@@ -196,20 +205,79 @@ def _numbers(values: NDArray[np.floating]) -> RGB:
 
 
 def conductor(facing: Field, edge: Field, share: Field, roughness: Field, film: Film | None) -> list[StackedLayer]:
-    """A metal by its colours head-on and at the edge [Gulbrandsen14], of which the exact Fresnel term follows; where
-    they vary, Schlick's."""
-    is_grey = share.is_constant and float(np.ptp(share.value)) == 0.0
-    if film is not None or not (facing.is_constant and edge.is_constant and (is_grey or not share.is_constant)):
+    """A metal by its colours head-on and at the edge, of which the exact Fresnel term follows [Gulbrandsen14]; of an
+    edge that varies the mean counts, unless it is the field that is seen head-on. Where that varies, metals of a few
+    greys are mixed texel by texel. Under a film the term is Schlick's."""
+    if film is not None:
         return metal(facing, ONE, share, roughness, film)
-    r = rgb_of(facing.value.astype(float)).clip(0.0, 0.99)
-    g = rgb_of(edge.value.astype(float)).clip(0.0, 1.0)
-    n = g * (1.0 - r) / (1.0 + r) + (1.0 - g) * (1.0 + np.sqrt(r)) / (1.0 - np.sqrt(r))
-    k = np.sqrt(np.maximum((r * (n + 1.0) ** 2 - (n - 1.0) ** 2) / (1.0 - r), 0.0))
+    tint = None if edge is facing else rgb_of(mean_of(edge))
+    if facing.is_constant:
+        colour = rgb_of(facing.value.astype(float))
+        return [_exact_metal("metal", ONE, colour, tint, share, roughness)]
+    edges = [None] * 3 if tint is None else tint.tolist()
+    weights = np.stack([_weights_of_greys(each, _alpha(roughness)) for each in edges], axis=2)
+    layers = list[StackedLayer]()
+    for k, grey in enumerate(_GREYS.tolist()):
+        weight = combine(partial(_looked_up, weights[:, k]), facing)
+        layers.append(_exact_metal(f"metal {k + 1}", weight, np.full(3, grey), tint, share, roughness))
+    return layers
+
+
+def _exact_metal(
+    name: str, strength: Field, facing: Float64Array, edge: Float64Array | None, share: Field, roughness: Field
+) -> StackedLayer:
+    n, k = _shown_index(*_conductor_index(facing, facing if edge is None else edge))
     own: dict[str, object] = {
-        "eta": tuple(map(plain, n.clip(0.01, 20.0).tolist())), "k": tuple(map(plain, k.clip(0.0, 20.0).tolist())),
-        "several": _numbers(mean_seen_again(_alpha(roughness), lambda c: conductor_fresnel(c[:, None], n, k))),
+        "eta": tuple(map(plain, n.tolist())), "k": tuple(map(plain, k.tolist())),
+        "several": _numbers(_exact_seen_again(_alpha(roughness), n, k)),
     }  # fmt: skip
-    return [StackedLayer("metal", "metal", ONE, share, roughness, own)]
+    return StackedLayer(name, "metal", strength, share, roughness, own)
+
+
+def _exact_seen_again(alpha: float, n: Float64Array, k: Float64Array) -> Float64Array:
+    """What facets of metals (N,) reflect of light that others sent to them: the mean of F by what those reflect, F."""
+    once = mean_seen_again(alpha, lambda c: conductor_fresnel(c[:, None], n, k))
+    twice = mean_seen_again(alpha, lambda c: conductor_fresnel(c[:, None], n, k) ** 2)
+    return twice / np.maximum(once, 1e-9)
+
+
+def _conductor_index(facing: Float64Array, edge: Float64Array) -> tuple[Float64Array, Float64Array]:
+    """n and k of colours head-on and at the edge [Gulbrandsen14]."""
+    r, g = facing.clip(0.0, 0.99), edge.clip(0.0, 1.0)
+    n = g * (1.0 - r) / (1.0 + r) + (1.0 - g) * (1.0 + np.sqrt(r)) / (1.0 - np.sqrt(r))
+    return n, np.sqrt(np.maximum((r * (n + 1.0) ** 2 - (n - 1.0) ** 2) / (1.0 - r), 0.0))
+
+
+def _shown_index(n: Float64Array, k: Float64Array) -> tuple[Float64Array, Float64Array]:
+    """n and k within the ranges of a layer's parameters."""
+    return n.clip(ETA.minimum, ETA.maximum), k.clip(EXTINCTION.minimum, EXTINCTION.maximum)
+
+
+@lru_cache(maxsize=64)
+def _weights_of_greys(edge: float | None, alpha: float) -> Float64Array:
+    """Weights (R, K) of metals of `_GREYS` at `_REFLECTANCES`, of an edge, None for one of the same grey. What they
+    reflect, F (1 + s (1 − E1) / E1) at angles of facets and views, has the least relative square error."""
+
+    def index(greys: Float64Array) -> tuple[Float64Array, Float64Array]:
+        return _conductor_index(greys, greys if edge is None else np.full_like(greys, edge))
+
+    def reflected(n: Float64Array, k: Float64Array) -> Float64Array:
+        """Of metals, (N, G) for N angles."""
+        again = _exact_seen_again(alpha, n, k)
+        once = conductor_fresnel(_FACETS[:, None], n, k)
+        return np.concatenate([once * (1.0 + again * each) for each in lost_light(alpha, _VIEWS)])
+
+    of_greys, found = reflected(*_shown_index(*index(_GREYS))), [np.zeros(len(_GREYS))]
+    for wanted in reflected(*index(_REFLECTANCES[1:])).T:
+        found.append(nnls(of_greys / wanted[:, None], np.ones(len(wanted)), maxiter=1000)[0])
+    return np.stack(found)
+
+
+def _looked_up(weights: Float64Array, colours: Array) -> Array:
+    """Weights (N, 3) of colours (N, 1 or 3), linear between their values (R, 3) at `_REFLECTANCES`."""
+    channels = np.broadcast_to(colours, (len(colours), 3)).T
+    found = [np.interp(each, _REFLECTANCES, weights[:, k]) for k, each in enumerate(channels)]
+    return np.stack(found, axis=1).astype(np.float32)
 
 
 def _index(facing: float) -> float:

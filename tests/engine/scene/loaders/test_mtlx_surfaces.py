@@ -231,6 +231,51 @@ def test_a_rough_metal_with_a_texture_is_the_metal_of_each_texel(tmp_path: Path)
     check(total, brdf(tmp_path, "open_pbr_surface", inputs, WI, WO), 1e-3)
 
 
+@pytest.mark.parametrize(("roughness", "within"), [(0.3, 2e-2), (0.6, 5e-2)])
+@pytest.mark.parametrize(
+    ("inputs", "name", "width"),
+    [
+        (StandardInputs(metalness=1.0), "base_color", "specular_roughness"),
+        (StandardInputs(metalness=1.0, specular=0.5), "base_color", "specular_roughness"),
+        (PreviewInputs(metallic=1.0), "diffuseColor", "roughness"),
+    ],
+)
+def test_a_metal_with_a_texture_has_the_exact_term_at_each_texel(
+    tmp_path: Path, inputs: StandardInputs | PreviewInputs, name: str, width: str, roughness: float, within: float
+) -> None:
+    # Mixed of five metals; Schlick's term is 20 to 30 % off. Rough: facets scatter light again by one mean for each.
+    colours = np.round(np.array([[[0.9, 0.5, 0.2], [0.6, 0.3, 0.1]], [[0.2, 0.15, 0.05], [0.02, 0.04, 0.8]]]) * 255)
+    write_png(tmp_path / "c.png", colours / 255)
+    shader, formula = FORMULAS[type(inputs)]
+    inputs = replace(inputs, **{width: roughness})
+    more = "".join(
+        given(each, "color3" if np.ndim(value) else "integer" if isinstance(value, int) else "float",
+              ", ".join(map(str, np.atleast_1d(value))))
+        for each, value in vars(inputs).items() if each != name
+    )  # fmt: skip
+    (found,) = read(tmp_path, material(shader, linked(name, "color3", "i") + more, image("i", "color3", "c.png")))
+    layers = layers_from_descriptions("it", "it", found.material.layers)
+    maps = read_materials(tmp_path / "it.mtlx").maps
+    assert [layer.model.name for layer in layers] == ["metal"] * 5
+    for row, column in np.ndindex(2, 2):
+        total = sum(
+            maps[int(layer.maps.texture[1:])].texels()[row, column] * evaluate_layers([layer], WI, WO) / WI[:, 2:]
+            for layer in layers
+        )
+        check(total, formula(replace(inputs, **{name: colours[row, column] / 255}), WI, WO), within)
+
+
+def test_a_metal_of_standard_surface_has_the_mean_of_an_image_at_its_edge(tmp_path: Path) -> None:
+    write_png(tmp_path / "c.png", np.full((2, 2, 3), 0.5))
+    text = given("metalness", "float", "1") + linked("specular_color", "color3", "i")
+    (found,) = read(tmp_path, material("standard_surface", text, image("i", "color3", "c.png")))
+    assert [each.name for each in found.material.unshown] == ["materials.standard_surface.specular_color"]
+    layers = [each.parameters for each in found.material.layers]
+    same = given("metalness", "float", "1") + given("specular_color", "color3", ", ".join(3 * [str(128 / 255)]))
+    (plain,) = read(tmp_path, material("standard_surface", same))
+    assert len(layers) == 1 and layers[0]["k"] == pytest.approx(plain.material.layers[0].parameters["k"], rel=1e-4)
+
+
 @pytest.mark.parametrize("roughness", [0.5, 0.8])
 def test_rough_metals_reflect_as_much_as_the_formula(tmp_path: Path, roughness: float) -> None:
     # What facets reflect of light that others sent to them is a mean here: over all directions it is 0.2 % off. The
