@@ -260,7 +260,7 @@ def print_table(cases: Mapping[str, MaterialCase], program: str) -> None:
     arguments.add_argument("environment", type=Path)
     arguments.add_argument("--side", type=int, default=SIDE, help="pixels of a side of the pictures")
     arguments.add_argument("cases", nargs="*", default=list(cases))
-    given = arguments.parse_args()
+    given = arguments.parse_intermixed_args()
     print(
         "| material | layers | sphere, environment | sphere, lamp | textured quad, environment | textured quad, lamp |"
     )
