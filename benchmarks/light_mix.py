@@ -19,15 +19,16 @@ from app.document.light_state import ENVIRONMENT_KEY, MixRow
 from app.document.scene_state import SceneState
 from app.measure.subject import errors
 from app.modes.placement.placement_messages import PrepareRelighting
-from app.worker.weighted_sum import ChangingSum
 from benchmarks.figures import Figure, NotMeasured, not_measured
 from benchmarks.relighting import Pictures, ReadyScene, RelightEffort
+from engine.core.weighted_sum import ChangingSum
 from engine.precompute.direct.pipeline import FINAL
 from engine.scene.picture_frame import PictureFrame
 
 NAMES = ("mix_ms_8", "mix_ms_64", "mix_error")
 N_LAMPS = 7
 TIMES_TEN = 10.0
+_N_FIRST = 3  # frames that compile shaders, and find which lights change and whether by one factor
 
 
 @dataclass(frozen=True)
@@ -49,12 +50,16 @@ def mix_figures(effort: MixEffort | None, report: Callable[[str], None]) -> list
     for n_lights in (8, 64):
         name, how = f"mix_ms_{n_lights}", f"{effort.side} x {effort.side} pixels"
         try:
-            frames, of_one = (_frame_ms(n_lights, n_changing, effort) for n_changing in (n_lights, 1))
+            frames = _frame_ms(n_lights, n_lights, effort)
+            parts = {
+                "one light changes": float(np.median(_frame_ms(n_lights, 1, effort))),
+                "one group of all lights changes": float(np.median(_frame_ms(n_lights, n_lights, effort, True))),
+            }
         except NotMeasured as error:
             figures.append(not_measured(name, str(error)))
             continue
         how = f"{how}, all of {n_lights} lights change: weighted sum, upload, shading, view (glFinish)"
-        figures.append(Figure(name, frames, how, {"one light changes": float(np.median(of_one))}))
+        figures.append(Figure(name, frames, how, parts))
     with tempfile.TemporaryDirectory(prefix="insitu-measure-") as folder:
         off = _errors(effort, Path(folder))
     how = "{}x{}".format(*effort.resolution) + f", {N_LAMPS} lamps and a sky, one light times ten or alone"
@@ -118,9 +123,9 @@ layer = [{ model = "lambert" }]
     return text
 
 
-def _frame_ms(n_lights: int, n_changing: int, effort: MixEffort) -> tuple[float, ...]:
-    """Milliseconds from weights to a finished frame while so many lights change. Raises NotMeasured where there is no
-    OpenGL."""
+def _frame_ms(n_lights: int, n_changing: int, effort: MixEffort, is_group: bool = False) -> tuple[float, ...]:
+    """Milliseconds from weights to a finished frame while so many lights change, by one factor where they are a group.
+    Raises NotMeasured where there is no OpenGL."""
     from ui.gl.context import GraphicsError, create_headless_context
     from ui.gl.display import DisplayView
     from ui.modes.placement.gl.renderer import PlacementRenderer
@@ -136,9 +141,10 @@ def _frame_ms(n_lights: int, n_changing: int, effort: MixEffort) -> tuple[float,
     renderer.set_frame(_whole_frame(effort.side))
     renderer.set_layer("wall.0", 0, n_points)
     milliseconds = []
-    for _ in range(effort.n_frames + 2):
+    for _ in range(effort.n_frames + _N_FIRST):
+        changed = random.random((1 if is_group else n_changing, 3)).tolist()
         for i in range(n_changing):
-            red, green, blue = random.random(3).tolist()
+            red, green, blue = changed[i % len(changed)]
             weights[i] = red, green, blue
         begun = time.perf_counter()
         renderer.set_layer_radiance("wall.0", mix.at(weights))
@@ -147,7 +153,7 @@ def _frame_ms(n_lights: int, n_changing: int, effort: MixEffort) -> tuple[float,
         milliseconds.append(1e3 * (time.perf_counter() - begun))
     renderer.release()
     context.release()
-    return tuple(milliseconds[2:])  # the first compiles shaders, the second finds which lights change
+    return tuple(milliseconds[_N_FIRST:])
 
 
 def _whole_frame(side: int) -> PictureFrame:

@@ -26,8 +26,8 @@ from app.document.single_lights import BLACK, SingleLight, Weights, light_weight
 from app.messages.worker_messages import Response
 from app.system.memory import available_memory
 from app.worker.layer_data import LayerData, both_curves, join_tile_contents, reflects_alike, shape_of, tile_content
-from app.worker.weighted_sum import ChangingSum, weighted_sum
 from engine.core.generators import map_steps
+from engine.core.weighted_sum import ChangingSum, weighted_sum
 from engine.precompute.direct.linking import light_groups
 from engine.precompute.direct.pipeline import COARSE, FINAL, Placement, Quality, SkyState, final_quality
 from engine.precompute.direct.projection import project_layer
@@ -80,8 +80,8 @@ class _LayerPictures:
 
     @property
     def n_bytes(self) -> int:
-        """Memory of the pictures; what the mix stores is as large as the rest."""
-        pictures = (each for each in (*self.alone.values(), self.rest, self.rest) if each is not None)
+        """Memory of the pictures; each of the two sums that the mix stores is as large as the rest."""
+        pictures = (each for each in (*self.alone.values(), *3 * (self.rest,)) if each is not None)
         return sum(each.nbytes for each in pictures)
 
 
@@ -116,7 +116,7 @@ class LightPictures:
         works = [work for work in scene.layers if work.key in pictures]
         lights = list(light_weights(scene.light, scene.emission))
         n_points = sum(pictures[work.key].store.n_points for work in works)
-        if 12 * n_points * (len(lights) + 2) > min(MOST_BYTES, SHARE_OF_MEMORY * available_memory() + self.n_bytes):
+        if 12 * n_points * (len(lights) + 3) > min(MOST_BYTES, SHARE_OF_MEMORY * available_memory() + self.n_bytes):
             self._ready = {}
             return
         self._ready = {work.key: self._kept(work, lights) for work in works}

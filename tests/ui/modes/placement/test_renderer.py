@@ -232,6 +232,17 @@ def test_a_coarse_transport_is_shown_through_its_footprint(renderer: PlacementRe
     np.testing.assert_array_equal(renderer.linear_image()[0, :, 0], [3, 3, 3, 6, 6, 6])
 
 
+@pytest.mark.parametrize("worst", [0.0, np.nan, -np.inf])
+def test_the_mean_is_of_what_is_finite(renderer: PlacementRenderer, worst: float) -> None:
+    frame = full_frame(2500)
+    radiance = np.random.default_rng(RNG_SEED).normal(size=(2500, 3)).astype(np.float32)
+    radiance[::601, 1] = worst
+    renderer.set_frame(frame)
+    renderer.set_layer("a", 0, 2500)
+    renderer.set_layer_radiance("a", radiance)
+    assert renderer.mean_radiance == pytest.approx(np.mean(np.abs(np.nan_to_num(radiance, posinf=0.0, neginf=0.0))))
+
+
 def test_no_nan_reaches_the_screen_and_each_is_counted(renderer: PlacementRenderer) -> None:
     renderer.set_frame(full_frame(10))
     renderer.set_layer("ball.0", 0, 10)

@@ -19,6 +19,8 @@ from ui.gl.gpu_memory import TextureMemory
 from ui.modes.placement.gl.composite import VIEW_CURVE_SIZE, Compositor, FootprintTextures, Indirect, MapTexture
 from ui.modes.placement.gl.transport import Accumulator
 
+_SIDE_BY_SIDE = 1024  # samples that are added at a time
+
 
 @dataclass(eq=False)
 class DrawnLayer:
@@ -304,8 +306,17 @@ def _release(layer: DrawnLayer) -> None:
 
 
 def _finite_mean(radiance: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Mean of |radiance| (3,) over the samples, with 0 for NaN and infinity."""
+    """Mean of |radiance| (3,) over the samples, with 0 for NaN and infinity.
+
+    Rows are added side by side in single precision: numpy takes fifteen times as long for three numbers at a time.
+    """
     if not len(radiance):
         return np.zeros(3)
+    whole = len(radiance) - len(radiance) % _SIDE_BY_SIDE
+    with np.errstate(over="ignore", invalid="ignore"):
+        rows = np.abs(radiance[:whole], dtype=np.float32).reshape(-1, 3 * _SIDE_BY_SIDE).sum(axis=0).reshape(-1, 3)
+        total = rows.sum(axis=0, dtype=np.float64) + np.abs(radiance[whole:]).sum(axis=0, dtype=np.float64)
+    if np.isfinite(total).all():
+        return np.asarray(total / len(radiance))
     finite = np.where(np.isfinite(radiance), np.abs(radiance), 0.0)
     return finite.mean(axis=0, dtype=np.float64)
