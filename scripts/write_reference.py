@@ -23,6 +23,7 @@ from pydantic.fields import FieldInfo
 from app.cli.program import cli
 from app.files.layer_records import CurveRecord, LayerRecord, OperatorRecord
 from app.files.records import (
+    AddedRecord,
     BookmarkRecord,
     DeformerRecord,
     LightRecord,
@@ -33,7 +34,7 @@ from app.files.records import (
     TransformRecord,
     ViewRecord,
 )
-from app.operators.arrange import Move
+from app.operators.arrange import Addition, Move
 from app.operators.camera import MoveCamera
 from app.operators.curve_drawing import CurvePoints, CurveStroke
 from app.operators.edits import Deform, Drag, PaintStroke
@@ -74,10 +75,12 @@ SESSION: Tables = [
     ("light.mix", MixRecord), ("[view]", ViewRecord),
     ("[[object]]", ObjectRecord),
     ("[[object.layer]]", LayerRecord), ("[[object.layer.curve]]", CurveRecord), ("its operator", OperatorRecord),
-    ("object.transform", TransformRecord), ("[[object.deformer]]", DeformerRecord), ("[[bookmark]]", BookmarkRecord),
+    ("object.added", AddedRecord), ("object.transform", TransformRecord),
+    ("[[object.deformer]]", DeformerRecord), ("[[bookmark]]", BookmarkRecord),
 ]  # fmt: skip
 SCRIPT: Tables = [
-    ("Top of the file", ScriptRecord), ("[[step]]", StepRecord), ("drag", Drag), ("deform", Deform), ("move", Move),
+    ("Top of the file", ScriptRecord), ("[[step]]", StepRecord), ("drag", Drag), ("deform", Deform), ("add", Addition),
+    ("move", Move),
     ("paint", PaintStroke), ("measured", MeasuredFile), ("material_file", MaterialFile), ("table", CurveTable),
     ("variant_set", VariantChoice), ("draw_curve", CurveStroke), ("set_points", CurvePoints), ("camera", MoveCamera),
 ]  # fmt: skip

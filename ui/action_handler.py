@@ -19,6 +19,7 @@ from imgui_bundle import imgui
 from app.document.commands import EditCommand, SetBumps, SetOpacity, SetSurface
 from app.document.commands.light import set_environment_file
 from app.document.commands.maps import SetMap, SetParameterMap, without_strokes
+from app.document.commands.objects import AddObject
 from app.document.linked_layers import Layers
 from app.document.named_files import image_name, with_full_names
 from app.document.scene_files import is_folder_of_scene, split_axis
@@ -40,6 +41,7 @@ from app.files.session import CHANGED
 from app.operators.registry import run_operator
 from app.system.atomic import require_place
 from engine.core.errors import InsituError
+from engine.core.safe_files import resolved
 from engine.curve.table_text import TABLE_ENDINGS
 from engine.material.bumps import BUMP_IMAGES
 from engine.measured.measurement import ENDINGS as MEASURED_ENDINGS
@@ -108,7 +110,8 @@ class FrameOutcome:
 
 # The kinds of files that a question may be about, except images; each kind has its own folder.
 KIND_OF = {
-    "open_scene": "scene", "save_session": "scene", "open_environment": "environment", "open_measured": "measured",
+    "open_scene": "scene", "add_file": "scene", "save_session": "scene",
+    "open_environment": "environment", "open_measured": "measured",
     "open_material": "material",
     "save_measured": "measured", "save_picture": "picture", "save_scene": "export",
     "open_table": "table",
@@ -275,12 +278,14 @@ class ActionHandler:
             case _:
                 editor.do(cast(EditCommand | ViewCommand, action))
 
-    def open_dropped(self, paths: Sequence[str], image: str | None = None) -> list[Action]:
+    def open_dropped(self, paths: Sequence[str], image: str | None = None, adds: bool = False) -> list[Action]:
         """Open the file that was dropped on the window; several at once are refused, because one would hide the other.
 
-        image: "texture" or "weight" where it was dropped on that of the selected layer. A file of materials is for the
-        selected object, where there is one.
+        image: "texture" or "weight" where it was dropped on that of the selected layer. adds: the objects of meshes are
+        added to the scene. A file of materials is for the selected object, where there is one.
         """
+        if adds and paths and self._editor.scene_is_open:
+            return [AddObject(str(resolved(Path(path)))) for path in paths]
         selected = layer_shown(self._editor.document, self._editor.view.selected)
         if len(paths) == 1 and image and selected and Path(paths[0]).suffix.lower() in IMAGE_SUFFIXES:
             return [OpenImage(Path(paths[0]), selected.key, image)]

@@ -170,12 +170,13 @@ class Shell:
             editor.notify(str(error), True)
 
     def drop(self, paths: Sequence[str], image: str | None = None) -> None:
-        """Files were dropped on the window; `image`: on the "texture" or the "weight" of the selected layer."""
+        """Files were dropped on the window; `image`: on the "texture" or the "weight" of the selected layer. With Shift
+        held meshes are added to the scene."""
         question = self.state.question
         if question is not None and len(paths) == 1:
             self.do(*file_dialog.dropped(question, Path(paths[0])))
         else:
-            self.do(*self.actor.open_dropped(paths, image))
+            self.do(*self.actor.open_dropped(paths, image, imgui.get_io().key_shift))
 
     @property
     def title(self) -> str:

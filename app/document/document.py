@@ -17,7 +17,7 @@ from __future__ import annotations
 import difflib
 import functools
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -32,8 +32,13 @@ from engine.material.layer_maps import LayerMaps
 from engine.material.model import Factor, Model
 from engine.material.opacity import OPAQUE, Opacity, OpacityByObject
 from engine.realtime.zonal_harmonics.pose import Deformation, Moment, Motion, Poses, without_identity
-from engine.scene.composition import Composition, SceneObject
-from engine.scene.description import EnvironmentDescription, ObjectDescription, SceneDescription, free_name
+from engine.scene.composition import Composition, ObjectSource, SceneObject
+from engine.scene.description import (
+    EnvironmentDescription,
+    ObjectDescription,
+    SceneDescription,
+    free_name,
+)
 from engine.scene.rig import Animations
 from engine.scene.surface_kinds import NO_SURFACE, DeformSurface, SurfacesByObject
 from engine.scene.transform import Transform
@@ -77,6 +82,7 @@ class ObjectState:
     ``variants`` are the materials that its file gives it by the names of the scene's variants.
     ``former_name`` is its name in sessions of version 2, empty where that is the same. ``original`` is the object of
     the scene's file that it is a duplicate of, or was before it was renamed; empty where the file has it by its name.
+    ``added``: what it is read from where the scene's file does not have it.
     """
 
     name: str
@@ -99,6 +105,7 @@ class ObjectState:
     variants: tuple[Variant, ...] = ()
     former_name: str = field(default="", compare=False)
     original: str = ""
+    added: ObjectDescription | None = None
 
     def in_variant(self, name: str) -> ObjectState:
         """The object in one of the scene's variants; as it is where it has none of that name."""
@@ -106,9 +113,14 @@ class ObjectState:
         return self if variant is None else variant.of(self)
 
     @property
-    def source(self) -> str:
-        """The name of the object in the scene's file that it is, or is a duplicate of."""
-        return self.original or self.name
+    def is_of_file(self) -> bool:
+        """Whether the scene's file has it, by its name."""
+        return not self.original and self.added is None
+
+    @property
+    def source(self) -> ObjectSource:
+        """The name of the object in the scene's file that it is, or is a duplicate of; or what it is read from."""
+        return self.added or self.original or self.name
 
     @property
     def motion_stack(self) -> Motion:
@@ -239,9 +251,19 @@ class Document:
     @functools.cached_property
     def composition(self) -> Composition:
         """The objects of its scene; none where they are those of the scene's file. Controllers ask in each frame."""
-        if not self.deleted and not any(state.original for state in self.objects):
+        if not self.deleted and all(state.is_of_file for state in self.objects):
             return ()
         return tuple(SceneObject(state.name, state.source) for state in self.objects)
+
+    @property
+    def added_sources(self) -> tuple[ObjectDescription, ...]:
+        """What those of its objects are read from that the scene's file does not have, absent ones too, each once."""
+        return tuple(dict.fromkeys(state.added for state in (*self.objects, *self.absent) if state.added is not None))
+
+    def without_added(self, sources: Collection[ObjectSource]) -> Document:
+        """The document without the objects that were read from these, unless there would be none."""
+        objects = tuple(state for state in self.objects if state.source not in sources)
+        return replace(self, objects=objects) if objects else self
 
     @property
     def poses(self) -> Poses:
@@ -342,22 +364,10 @@ def document_from_description(
     return replace(document, objects=tuple(map(_with_own_variant, objects)))
 
 
-def in_scene_order(states: Iterable[ObjectState], scene: Document) -> tuple[ObjectState, ...]:
-    """Objects in the order of the scene's, duplicates with their originals, in the order that they come in."""
-    place = {state.name: k for k, state in enumerate(scene.objects)}
-    return tuple(sorted(states, key=lambda state: place[state.source]))
-
-
-def with_objects_of(described: Document, document: Document) -> Document:
-    """The document of a scene as its file describes it, with the objects that another document of this scene has."""
-    if not document.composition:
-        return described
-    own = {state.name: state for state in described.objects}
-    objects = tuple(
-        replace(own[state.source], name=state.name, original=state.original)
-        for state in document.objects if state.source in own
-    )  # fmt: skip
-    return replace(described, objects=objects, deleted=document.deleted)
+def added_state(source: ObjectDescription, described: ObjectDescription, animations: Animations = ()) -> ObjectState:
+    """An object that was added, as its file describes it. Raises LoadError."""
+    state = _object_state(described.mesh or described.name, described)
+    return _with_own_variant(replace(state, animations=animations, added=source, former_name=""))
 
 
 def _with_own_variant(state: ObjectState) -> ObjectState:

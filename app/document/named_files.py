@@ -173,6 +173,8 @@ def files_of_document(document: Document, known: Document | None = None) -> set[
 
 def _names(state: ObjectState) -> Iterator[str]:
     """Files of one object, absolute or relative to the scene's folder."""
+    if state.added is not None and state.added.mesh is not None:
+        yield state.added.mesh
     images = [name for bumps in (state.own_bumps, state.bumps) for _, name in bumps.files]
     images += [name for _, name in state.emission_texture.files]
     images += [state.own_opacity.opacity_map, state.opacity.opacity_map]

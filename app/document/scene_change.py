@@ -11,14 +11,16 @@ leaves out an object by mistake costs no edits.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import fields, replace
 from typing import Any
 
-from app.document.document import Document, ObjectState, in_scene_order
+from app.document.document import Document, ObjectState
 from app.document.light_state import LightState
 from app.document.linked_layers import Layers, synchronize_layers
+from app.document.scene_objects import in_scene_order, with_free_names
 from engine.material.layer import Layer
+from engine.scene.composition import ObjectSource
 from engine.scene.description import SceneDescription
 from engine.scene.import_report import ImportReport
 
@@ -31,11 +33,15 @@ Pairs = tuple[tuple[str, Any], ...]
 class SceneChange:
     """Applies to documents what changed in a scene's files. names: for objects of `scene` that are parts of a mesh
     file, their names in `base` (parts are numbered, and found again by their material). Another object that has such a
-    name now is a new one."""
+    name now is a new one. added: what could be read of the objects that the scene's file does not have; these stay as
+    they are."""
 
-    def __init__(self, base: Document, scene: Document, names: Mapping[str, str] | None = None) -> None:
+    def __init__(
+        self, base: Document, scene: Document, names: Mapping[str, str] | None = None,
+        added: Collection[ObjectSource] = (),
+    ) -> None:  # fmt: skip
         self._base = {state.name: state for state in base.objects}
-        self._scene, self._light = scene, base.light
+        self._scene, self._light, self._added = scene, base.light, added
         known = names or {}
         taken = set(known.values())
         own = {state.name: "" if state.name in taken else state.name for state in scene.objects}
@@ -46,18 +52,21 @@ class SceneChange:
     def __call__(self, document: Document) -> Document:
         """The document for the scene as it is now."""
         there = {state.name: state for state in (*document.absent, *document.objects)}
-        known = {name: state for name, state in there.items() if not state.original}
+        known = {name: state for name, state in there.items() if state.is_of_file}
         stay = [own for own in self._scene.objects if self._names[own.name] not in document.deleted]
-        merged = [self._object(known.get(self._names[own.name]), own) for own in stay]
-        merged += [
+        others = [
             replace(self._object(state, own), name=state.name, original=own.name)
             for state in there.values() if state.original
             for own in self._scene.objects if self._names[own.name] == state.original
         ]  # fmt: skip
-        objects = in_scene_order(merged, self._scene)
+        others += [state for state in there.values() if state.added in self._added]
+        merged = [self._object(known.get(self._names[own.name]), own) for own in stay]
+        merged = with_free_names(merged, {state.name for state in others})
+        objects = in_scene_order([*merged, *others], self._scene)
         taken = {state.name for state in objects}
         absent = tuple(there[name] for name in self.gone(document) if name not in taken)
-        deleted = tuple(own.name for own in self._scene.objects if own not in stay)
+        by_name = {state.name for state in merged if state.is_of_file}
+        deleted = tuple(own.name for own in self._scene.objects if own.name not in by_name)
         light = document.light.with_renamed_rows({was: now for now, was in self._names.items() if was})
         light = _merge_light(light, self._light, self._scene.light)
         return replace(
@@ -66,7 +75,7 @@ class SceneChange:
 
     def gone(self, document: Document) -> tuple[str, ...]:
         """The edited objects of the document that the scene no longer has."""
-        found = set(self._names.values())
+        found: set[ObjectSource] = {*self._names.values(), *self._added}
         edited = [state for state in (*document.absent, *document.objects) if state != self._base.get(state.name)]
         return tuple(state.name for state in edited if state.source not in found)
 
@@ -93,7 +102,7 @@ class SceneChange:
             return own
         key = id(edited), own.name
         if key not in self._merged:
-            self._merged[key] = edited, self._merge(edited, self._base.get(edited.source), own)
+            self._merged[key] = edited, self._merge(edited, self._base.get(edited.original or edited.name), own)
         return self._merged[key][1]
 
     def _merge(self, edited: ObjectState, base: ObjectState | None, own: ObjectState) -> ObjectState:

@@ -40,7 +40,8 @@ MATERIAL = "material"
 TIME = "time"
 # The paths of a transform's parts, and its fields.
 TRANSFORM_FIELDS = {"position": "translation", "rotation": "rotation", "scale": "scale"}
-# What makes, deletes and renames objects.
+# What makes, deletes and renames objects; `ADD` is of a name that no object has yet.
+ADD = "add"
 PRESENCE_FIELDS = ("name", "duplicate", "deleted")
 SURFACE = "surface"
 EMISSION = "emission"

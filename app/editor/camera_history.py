@@ -5,9 +5,9 @@ The camera is a part of the view, not of the document: moving it is no edit, and
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,12 +18,15 @@ from app.document.view_state import SetViewpoint, Viewpoint, ViewState
 from app.editor.view_controller import ViewController
 from app.system.memory import require_memory_for
 from engine.core.errors import InsituError
+from engine.scene.composition import ObjectSource
 from engine.scene.description import Camera, SceneDescription
+from engine.scene.ground_boxes import find_ground_boxes
+
+if TYPE_CHECKING:
+    from engine.scene.added_objects import AddedObject
 
 NO_CAMERA = Camera(position=(0.0, 0.0, 1.0), target=(0.0, 0.0, 0.0))
 Box = NDArray[np.float64]
-# A ground's thickness is at most this share of its length; it is at least so many times as large as the objects on it.
-FLAT, GROUND_SIZE = 0.05, 2.0
 
 
 class CameraHost(Protocol):
@@ -48,7 +51,7 @@ class CameraHistory:
         self._host, self._controller = host, controller
         self.own_camera, self.own_resolution = NO_CAMERA, (0, 0)
         self.history = History(Viewpoint())
-        self._boxes: dict[str, Box] = {}
+        self._boxes: dict[ObjectSource, Box] = {}
 
     def scene_opened(self, description: SceneDescription, boxes: Box) -> None:
         """Take over another scene, with the box (2, 3) of each of its objects, NaN where an object has no surface."""
@@ -56,6 +59,10 @@ class CameraHistory:
         self.own_camera = Camera(**{name: getattr(description.camera, name) for name in Camera.model_fields})
         named = zip((described.name for described in description.objects), boxes, strict=False)
         self._boxes = {name: box for name, box in named if np.all(np.isfinite(box))}
+
+    def add_boxes(self, objects: Iterable[AddedObject]) -> None:
+        """Take over the boxes of objects that the scene's file does not have."""
+        self._boxes |= {each.source: each.box for each in objects if np.all(np.isfinite(each.box))}
 
     def reset_history(self) -> None:
         """Forget all steps: the present camera is the start of the history."""
@@ -171,20 +178,3 @@ class CameraHistory:
             self._controller.hand_released()
             self._host.notify(f"{what}: {label}")
         return label
-
-
-def find_ground_boxes(boxes: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Find the boxes (N, 2, 3) that are floors or backdrops (N,): flat, and in their plane around all that is not flat
-    and at least `GROUND_SIZE` times as large as that. A tray, a wing or the wall of a room is none."""
-    extents = boxes[:, 1] - boxes[:, 0]
-    thin = extents.argmin(axis=1)
-    flat = extents.min(axis=1) <= FLAT * extents.max(axis=1)
-    grounds = np.zeros(len(boxes), np.bool_)
-    if flat.all():
-        return grounds
-    low, high = boxes[~flat, 0].min(axis=0), boxes[~flat, 1].max(axis=0)
-    for i in np.flatnonzero(flat):
-        plane = np.arange(3) != thin[i]
-        is_around = (boxes[i, 0] <= low) & (boxes[i, 1] >= high) & (extents[i] >= GROUND_SIZE * (high - low))
-        grounds[i] = is_around[plane].all()
-    return grounds

@@ -7,15 +7,20 @@ before the answer goes on with what is there.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
-from app.document.document import Document, with_objects_of
+from app.document.document import Document, ObjectState, added_state
+from app.document.scene_objects import with_objects_of
 from app.document.view_state import ViewState
 from app.editor.view_controller import TracedView, ViewController
 from app.modes.mode import ModeController, OpenedScene
-from engine.scene.composition import Composition
-from engine.scene.description import SceneDescription
+from engine.scene.composition import Composition, ObjectSource
+from engine.scene.description import ObjectDescription, SceneDescription
+
+if TYPE_CHECKING:
+    from engine.scene.added_objects import AddedObject
 
 
 class CompositionHost(Protocol):
@@ -34,21 +39,42 @@ class CompositionHost(Protocol):
 
 class CompositionController:
     """Compares the objects of the document with those of the picture. own: the open scene and its document as its file
-    has them; is_waiting: whether the document's objects are not traced yet."""
+    has them; added: objects that it does not have, as they were read; is_waiting: whether the document's objects are
+    not traced yet."""
 
     def __init__(self, host: CompositionHost, tracing: ViewController) -> None:
         self._host, self._tracing = host, tracing
         self.own: tuple[SceneDescription, Document] | None = None
+        self.added: dict[ObjectSource, ObjectState] = {}
+        self._descriptions: dict[ObjectSource, ObjectDescription] = {}
         self.is_waiting = False
         # The last documents with the objects of the picture and with those that were requested.
         self._drawn = self._requested = Document("")
         self._shown: Composition = ()
 
-    def open_scene(self, description: SceneDescription, described: Document) -> None:
-        """Begin with a scene that was opened with the objects of its file; those of a document with others are traced
-        next."""
-        self.own = description, described
+    def open_scene(self, description: SceneDescription, described: Document, added: Iterable[AddedObject]) -> None:
+        """Begin with a scene that was opened with the objects of its file, and with those of its document that were
+        added; these are traced next. Raises LoadError."""
+        self.own, self.added, self._descriptions = (description, described), {}, {}
         self._drawn, self._shown, self.is_waiting = described, (), False
+        self.add(added)
+
+    def add(self, objects: Iterable[AddedObject]) -> tuple[ObjectState, ...]:
+        """Note objects that were read, and that the scene's file does not have; returns them. Raises LoadError."""
+        states = tuple(added_state(each.source, each.description, each.animations) for each in objects)
+        self._descriptions |= {each.source: each.description for each in objects}
+        self.added |= {state.source: state for state in states}
+        return states
+
+    @property
+    def descriptions(self) -> tuple[ObjectDescription, ...]:
+        """What these were read from."""
+        return tuple(state.added for state in self.added.values() if state.added is not None)
+
+    def unread(self, document: Document) -> tuple[ObjectSource, ...]:
+        """What the objects of a document are read from that are not in the picture, of those that were added."""
+        shown = {each.source for each in self._tracing.composition}
+        return tuple(source for source in document.added_sources if source not in shown)
 
     def update(self, now: float, view: TracedView) -> None:
         """Request that the view is traced once it is idle, and tell the mode whether it is; once a frame."""
@@ -85,10 +111,10 @@ class CompositionController:
         description, described = self.own
         document = self.drawn(self._host.document)
         if document.composition:
-            by_name = {each.name: each for each in description.objects}
-            objects = tuple(by_name[state.source].model_copy(update={"name": state.name}) for state in document.objects)
+            known = {each.name: each for each in description.objects} | self._descriptions
+            objects = tuple(known[state.source].model_copy(update={"name": state.name}) for state in document.objects)
             description = description.model_copy(update={"objects": objects})
-        described = with_objects_of(described, document)
+        described = with_objects_of(described, document, self.added)
         return replace(opened, description=description, described=described, document=self._host.with_nodes(document))
 
     def _close(self) -> None:

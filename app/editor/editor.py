@@ -28,7 +28,8 @@ from app.document.view_state import OpenPanel, SetView, ViewCommand, ViewState
 from app.editor.camera_history import CameraHistory
 from app.editor.exchange import FileExchange
 from app.editor.node_controller import NodeController
-from app.editor.scene_controller import Opening, SceneController
+from app.editor.opening import Opening
+from app.editor.scene_controller import SceneController
 from app.editor.table_controller import TableController
 from app.files.journal import Journal, Recovery, SessionStore
 from app.messages.editor_status import Status, StatusMetrics
@@ -40,6 +41,7 @@ from app.messages.worker_messages import (
     FilesWritten,
     MaterialsRead,
     MeasurementsRead,
+    ObjectsRead,
     Progress,
     Request,
     RequestFailed,
@@ -128,7 +130,7 @@ class Editor:
         try:
             if isinstance(command, SetView | OpenPanel):
                 self.view = command.apply(self.view)
-            elif self.exchange.reading.defer_command(command, self.document):
+            elif self.exchange.defer_command(command):
                 return None
             elif self.history.do(command, merge_key):
                 self.document_changed(before, command)
@@ -383,6 +385,10 @@ class Editor:
             case MeasurementsRead() | MaterialsRead():
                 self.metrics.progress = None
                 self.exchange.take_material(response)
+            case ObjectsRead():
+                self.metrics.progress = None
+                self.camera_history.add_boxes(response.objects)
+                self.exchange.take_objects(response, self.scenes.composing.add(response.objects))
             case CurveTableRead():
                 self.exchange.take_table(response, self.history.dragging)
             case TableFetched():

@@ -1,14 +1,16 @@
-"""Measured materials and tables of curves read into a document, and files written for other programs."""
+"""Measured materials, tables of curves and objects read into a document, and files written for other programs."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
 
 from app.document.commands import EditCommand
 from app.document.commands.curves import AddOperator
-from app.document.document import Document, Selection
+from app.document.commands.objects import AddObject
+from app.document.document import Document, ObjectState, Selection
 from app.document.selection import layer_shown
 from app.document.view_state import ViewState
 from app.export import written_names
@@ -18,7 +20,9 @@ from app.messages.worker_messages import (
     CurveTableRead,
     MaterialsRead,
     MeasurementsRead,
+    ObjectsRead,
     ReadCurveTable,
+    ReadObjects,
     Request,
     WriteFiles,
 )
@@ -56,17 +60,55 @@ class FileExchange:
         self.reading = PendingMeasurement(send)
         self._table: tuple[int, str, str] | None = None  # the request, and the curve that its table is for
         self._late: CurveTableRead | None = None  # one that came during a drag
+        self._adding: list[AddObject] = []  # the first one's objects are being read, by the request of that number
+        self._adding_id = -1
 
     @property
     def is_reading(self) -> bool:
         """Whether an edit waits for files to be read."""
-        return self.reading.is_under_way or self._table is not None
+        return self.reading.is_under_way or self._table is not None or bool(self._adding)
 
     def cancel(self, id: int | None = None) -> None:
         """Give up the edits that wait, or only those that wait for that request."""
         self.reading.cancel(id)
+        if id is None:
+            self._adding.clear()
+        elif id == self._adding_id:
+            self._read_next()
         if self._table is not None and id in (None, self._table[0]):
             self._table = self._late = None
+
+    def defer_command(self, command: object) -> bool:
+        """Whether a command has to wait for files or shapes, which are then requested. Raises InsituError where it
+        would not be carried out."""
+        if not isinstance(command, AddObject) or command.objects:
+            return self.reading.defer_command(command, self._host.document)
+        command.check(self._host.document)
+        self._adding.append(command)
+        if len(self._adding) == 1:
+            self._request_objects()
+        return True
+
+    def _request_objects(self) -> None:
+        command = self._adding[0]
+        self._adding_id = self._send(ReadObjects(command.what, command.at, command.size))
+
+    def _read_next(self) -> None:
+        """Go on with what is to be added next: a newer request would replace the one before it."""
+        del self._adding[:1]
+        if self._adding:
+            self._request_objects()
+
+    def take_objects(self, response: ObjectsRead, objects: tuple[ObjectState, ...]) -> None:
+        """Add the objects that were read, and select the first of them."""
+        if not self._adding or response.id != self._adding_id:
+            return
+        command, host, n_before = self._adding[0], self._host, len(self._host.document.objects)
+        self._read_next()
+        if host.do(replace(command, objects=objects)) is None:
+            host.select(host.document.objects[n_before].name)
+            if response.notes:
+                host.notify("; ".join((command.label, *response.notes)))
 
     def import_measured(self, path: Path, cloth: bool = False) -> str | None:
         """Make the selected object of a measured file, once the worker has read it: two layers, or one as `cloth`.

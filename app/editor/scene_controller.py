@@ -9,32 +9,31 @@ that of its views.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
 
 from app.document.commands import EditCommand
 from app.document.commands.light import set_environment_file
-from app.document.document import Document, Selection, document_from_description
-from app.document.effective_settings import effective_view
+from app.document.document import Document, Selection
 from app.document.history import History
-from app.document.named_files import document_with_measurements, files_of_document, layers_of_document, unread_files
+from app.document.named_files import files_of_document
 from app.document.scene_change import SceneChange, matching_parts
 from app.document.scene_files import Up, split_axis, with_axis, with_variants
 from app.document.selection import initial_selection
-from app.document.sources import source_of
 from app.document.timeline import visible_poses
-from app.document.view_state import Viewpoint, ViewState
+from app.document.view_state import ViewState
 from app.editor.camera_history import CameraHistory
 from app.editor.composition_controller import CompositionController, CompositionHost
 from app.editor.node_controller import NodeController
+from app.editor.opening import Opening
 from app.editor.view_controller import TracedView, ViewController, describe_empty_frame
 from app.files.bookmarks import MAX_BOOKMARKS, camera_bookmarks
-from app.files.journal import Recovery, SessionStore
-from app.files.session import Session, fit_session, load_session, session_notes
+from app.files.journal import SessionStore
+from app.files.session import Session, session_notes
 from app.messages.editor_status import StatusMetrics
 from app.messages.picture_events import PictureEvent, SceneFrame, SkyChanged
-from app.messages.worker_messages import OpenScene, Request, RequestFailed, SceneOpened, SkyImage, ViewTraced
+from app.messages.worker_messages import Request, RequestFailed, SceneOpened, SkyImage, ViewTraced
 from app.modes.mode import ModeController, OpenedScene
 from app.system.atomic import add_inputs, set_inputs
 from app.system.file_watch import FileWatch
@@ -42,91 +41,6 @@ from engine.core.errors import InsituError, list_names
 from engine.scene.builtin import DEFAULT_SCENE
 from engine.scene.description import SceneDescription
 from engine.scene.import_report import ImportReport
-
-
-@dataclass(frozen=True)
-class Opening:
-    """A scene that is being opened by the request `id`; the session, the journal or the light that it is opened for;
-    what is open, where its files are read again; the worker's response, before the scene is traced."""
-
-    id: int
-    source: str
-    session: Session | None = None
-    session_path: Path | None = None
-    recovery: Recovery | None = None
-    light: Path | None = None
-    fallback_reason: str = ""
-    present: tuple[Document, ViewState] | None = None
-    opened: SceneOpened | None = None
-
-    @classmethod
-    def of(cls, name: str, instead_of: str = "") -> Opening:
-        """An opening of a scene (built-in name, scene file or mesh), a light or a session file. Raises InsituError
-        where the source is none of these, or wrong. instead_of: one line that says why this opens in place of the
-        user's choice."""
-        source = source_of(name)
-        if source.session is None:
-            return cls(0, source.scene, light=source.light, fallback_reason=instead_of)
-        session = load_session(source.session)
-        return cls(0, session.document.source, session, source.session)
-
-    @classmethod
-    def of_recovery(cls, recovery: Recovery) -> Opening:
-        """An opening of the edits of an editor that ended early. Raises LoadError where the scene has gone."""
-        session = recovery.load()
-        return cls(0, session.document.source, session, recovery.session_path, recovery)
-
-    @property
-    def edited(self) -> tuple[Document, ViewState] | None:
-        """The document and the view with which it is opened, of its session or the present ones; None for the scene as
-        its file has it."""
-        return self.present if self.session is None else (self.session.document, self.session.view)
-
-    def request(self) -> OpenScene:
-        """The request to the worker."""
-        layers = [] if self.edited is None else layers_of_document(self.edited[0])
-        return OpenScene(self.source, unread_files(layers), tuple(layers))
-
-    def initial_view(self, resolution: tuple[int, int] | None) -> Viewpoint:
-        """The first view; resolution (width, height) replaces the scene's and the session's."""
-        if self.present is not None:
-            return self.present[1].viewpoint
-        look = Viewpoint() if self.session is None else self.session.view.viewpoint
-        return look if resolution is None else look._replace(resolution=resolution)
-
-    def first_view(self, id: int, resolution: tuple[int, int] | None, present: ViewState) -> TracedView:
-        """The first view to trace, of the scene that the request of this number opens. resolution: as above; present:
-        the view whose settings a scene keeps that is opened alone."""
-        look = self.initial_view(resolution)
-        if self.edited is None:
-            return TracedView(look, n_edge_rays=present.settings.n_edge_rays, scene=id)
-        document, view = self.edited
-        poses = document.poses if self.present is None else visible_poses(document, view)
-        n_edge_rays = effective_view(view, document).settings.n_edge_rays
-        return TracedView(look, poses, document.new_bumps, n_edge_rays, id, document.new_opacities)
-
-    def document(self, description: SceneDescription, opened: SceneOpened) -> Document:
-        """The scene's own document. Raises InsituError."""
-        document = document_from_description(self.source, description, opened.animations)
-        return document_with_measurements(document, opened.measurements)
-
-    def restored(self, session: Session, scene: Document, opened: SceneOpened) -> Document:
-        """The session's document, applied to the scene as it is now. Raises InsituError where it does not fit."""
-        return document_with_measurements(fit_session(session, scene, self.file), opened.measurements)
-
-    @property
-    def digest(self) -> str:
-        """The digest of the session's file when it was read; "" where that is unknown."""
-        if self.session is None:
-            return ""
-        if self.recovery is None:
-            return self.session.digest
-        return "" if self.session.journal is None else self.session.journal.session_digest or ""
-
-    @property
-    def file(self) -> str:
-        """The file that the user opened."""
-        return str(self.session_path or self.light or self.source)
 
 
 class SceneHost(CompositionHost, Protocol):
@@ -175,7 +89,7 @@ class SceneController:
         """Request that a scene is loaded and traced."""
         host = self._host
         host.controller.scene_closed()
-        id = host.send(opening.request())
+        id = host.send(opening.request(self.composing.descriptions if opening.present else ()))
         self.tracing.request_view(opening.first_view(id, host.resolution, host.view))
         self._opening = replace(opening, id=id)
         host.metrics.progress = None
@@ -306,8 +220,18 @@ class SceneController:
         if opening is not None and response.id == opening.id or self.tracing.is_pending(response.id):
             self._opening = None
             self._give_up_view(opening)
+            if opening is None:
+                self._take_back()
             if opening is not None and opening.source != DEFAULT_SCENE:
                 self.open_default(response.line)
+
+    def _take_back(self) -> None:
+        """Take back the objects that were added and cannot be traced, as where their file has gone: out of all of the
+        history, because no step of it could show them."""
+        host = self._host
+        if unread := self.composing.unread(host.document):
+            host.history.map(lambda document: document.without_added(unread))
+            host.document_changed()
 
     def _take_scene(self, opening: Opening, opened: SceneOpened, response: ViewTraced) -> list[PictureEvent]:
         host = self._host
@@ -320,7 +244,7 @@ class SceneController:
         if opening.present is not None:
             return self._take_again(described, description, opened, response)
         left_unsaved = self._keeper.leave_document(host.document, host.view)
-        self._note_files(description, opened)
+        self._note_files(description, described, opened)
         views = camera_bookmarks(opened.cameras, description.camera.resolution)
         host.view = replace(host.view.for_scene(description), bookmarks=views)
         host.history = History(described)
@@ -335,29 +259,30 @@ class SceneController:
         self.add_files(files_of_document(host.document) | ({opening.session_path} if opening.session_path else set()))
         host.view = host.view.from_viewpoint(self.tracing.adopt_resolution(host.camera_history.own_resolution))
         host.camera_history.reset_history()
-        self._open_own(description, described, opened, response)
+        self._announce_own(description, described, opened, response)
         if host.view.selected is None:
             host.select(initial_selection(host.document))
         if opening.light is not None:
             host.do(set_environment_file(opening.light))
         return self._shown
 
-    def _open_own(
+    def _announce_own(
         self, description: SceneDescription, described: Document, opened: SceneOpened, response: ViewTraced
     ) -> None:
         """Tell the mode of a scene that was opened, with the objects of its file; those of a document with others are
         traced next."""
         host = self._host
-        self.composing.open_scene(description, described)
         pictured = host.with_nodes(self.composing.drawn(host.document))
         scene = OpenedScene(0, opened.planned, description, described, pictured, opened.notes)
         host.controller.scene_opened(self._view_traced(scene, response))
 
-    def _note_files(self, description: SceneDescription, opened: SceneOpened) -> None:
+    def _note_files(self, description: SceneDescription, described: Document, opened: SceneOpened) -> None:
         """Note what a scene was read from that is open from now on, and what is in it."""
         self._host.picture_voided(opened.notes)
         self._opening = None
         self._host.camera_history.scene_opened(description, opened.boxes)
+        self._host.camera_history.add_boxes(opened.added)
+        self.composing.open_scene(description, described, opened.added)
         self.report = opened.report
         set_inputs(map(Path, opened.files))
         self.watch.watch(opened.files)
@@ -373,14 +298,14 @@ class SceneController:
         """The files of the open scene were read again: the whole history goes on with them."""
         host, (before, own) = self._host, self.composing.own or (description, described)
         names = matching_parts(before, self.report, description, opened.report)
-        change = SceneChange(own, described, names)
+        change = SceneChange(own, described, names, [each.source for each in opened.added])
         known = {each.name for each in host.view.bookmarks} | set(self.report.cameras)
         new = [each for each in opened.cameras if each.name not in known]
         views = camera_bookmarks(new, description.camera.resolution)
         host.view = replace(host.view, bookmarks=(*host.view.bookmarks, *views)[:MAX_BOOKMARKS])
         gone = [name for name in change.gone(host.document) if all(name != each.name for each in host.document.absent)]
         parts = change.lost_parts(host.document)
-        self._note_files(description, opened)
+        self._note_files(description, described, opened)
         host.history.map(change)
         self._keeper.map(change)
         if host.view.compare is not None:
@@ -388,7 +313,7 @@ class SceneController:
         self.watch.add([self._keeper.path] if self._keeper.path else [])
         host.view = host.view.from_viewpoint(self.tracing.adopt_resolution(host.camera_history.own_resolution))
         host.nodes.scene_opened(opened.channels, opened.nodes)
-        self._open_own(description, described, opened, response)
+        self._announce_own(description, described, opened, response)
         self._select_again(change)
         host.document_changed()
         waiting = {state.name for state in host.document.absent}
@@ -407,7 +332,8 @@ class SceneController:
         host, selected = self._host, self._host.view.selected
         if selected is None:
             return
-        if name := change.name_now(selected.object):
+        name = change.name_now(selected.object) or selected.object
+        if any(state.name == name for state in host.document.objects):
             host.view = replace(host.view, selected=selected._replace(object=name))
         else:
             host.select(initial_selection(host.document))
@@ -416,7 +342,7 @@ class SceneController:
         """Replace the scene's document and view by a session's, where they fit."""
         host, scene = self._host, self._host.document
         try:
-            document = opening.restored(session, scene, opened)
+            document = opening.restored(session, scene, opened, self.composing.added)
         except InsituError as error:
             host.notify(f"opened the scene without its session: {error}", True)
             return
@@ -424,7 +350,7 @@ class SceneController:
         host.view = replace(session.view, panels=host.view.panels)
         self._keeper.set_document(document, host.view, opening.session_path, opening.recovery, opening.digest)
         said = "recovered what was not saved" if opening.recovery else f"opened {opening.file}"
-        notes = session_notes(session, scene)
+        notes = session_notes(session, scene, self.composing.added)
         self.report = replace(self.report, notes=(*self.report.notes, *notes))
         host.notify("; ".join((said, *notes)), bool(notes))
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import base64
 import binascii
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import (
@@ -28,6 +29,7 @@ from app.document.light_state import MIX_FIELDS, PLAIN_ROW, MixRow
 from app.document.view_state import Bookmark, Viewpoint
 from app.files.bookmarks import MAX_BOOKMARKS, MAX_NAME, MAX_THUMBNAIL_BYTES, check_thumbnail, is_name
 from app.files.layer_records import MAX_LAYERS, Flag, LayerRecord, StrictModel, Triple
+from app.system.paths import full_path
 from engine.core.colour import ToneMapping
 from engine.core.errors import InsituError
 from engine.light.probe_mappings import Mapping
@@ -40,9 +42,12 @@ from engine.scene.description import (
     MAX_OBJECTS,
     MAX_SUNS,
     Camera,
+    ConeDescription,
     Name,
     Number,
+    ObjectDescription,
     Pixels,
+    Primitive,
     Radiance,
     SunDescription,
     Text,
@@ -102,6 +107,29 @@ class TransformRecord(StrictModel):
         return Transform(self.position, self.rotation, self.scale)
 
 
+class AddedRecord(StrictModel):
+    """What an object is read from that the scene's file does not have: a shape, or a part of a mesh file; of a lamp
+    what it emits, and into which cone."""
+
+    name: Name
+    mesh: PathText | None = None
+    primitive: Primitive | None = None
+    part: Annotated[int, Field(ge=0, strict=True)] | None = None
+    transform: Annotated[tuple[Number, ...], Field(min_length=16, max_length=16)]
+    emission: Radiance | None = None
+    cone: ConeDescription | None = None
+
+    @model_validator(mode="after")
+    def _is_one(self) -> AddedRecord:
+        self.description(None)
+        return self
+
+    def description(self, folder: Path | None) -> ObjectDescription:
+        """The object, its file by its full path; files are named from `folder`."""
+        values = {name: getattr(self, name) for name in AddedRecord.model_fields}
+        return ObjectDescription(**values | {"mesh": self.mesh and full_path(self.mesh, folder)})
+
+
 SavedBumps = Annotated[Bumps, PlainValidator(table_validator(Bumps, bumps_of_parts))]
 SavedOpacity = Annotated[Opacity, PlainValidator(table_validator(Opacity, opacity_of_parts))]
 
@@ -120,12 +148,15 @@ class ObjectRecord(StrictModel):
     clip: Text | None = None
     transform: TransformRecord | None = None
     original: Name | None = None
+    added: AddedRecord | None = None
     deformers: tuple[DeformerRecord, ...] = Field(default=(), alias="deformer", max_length=MAX_DEFORMERS)
 
     @model_validator(mode="after")
     def _is_a_pose(self) -> ObjectRecord:
         if (self.time is None) != (self.clip is None):
             raise ValueError("time and clip: both or none")
+        if self.original is not None and self.added is not None:
+            raise ValueError("added: at most one of original and added")
         if (times := largest_growth([each.deformation for each in self.deformers])) > MAX_GROWTH:
             raise ValueError(f"deformers make it {times:.3g} times as large: at most {MAX_GROWTH:g} times")
         return self

@@ -21,15 +21,16 @@ from pydantic import (
 
 from app.document.background import Background
 from app.document.commands.light import check_light
-from app.document.document import Document, ObjectState, Selection, all_factors, in_scene_order
+from app.document.document import Document, ObjectState, Selection, all_factors
 from app.document.light_state import MIX_FIELDS, PLAIN_ROW, LightState, MixRow
 from app.document.named_files import with_full_paths
+from app.document.scene_objects import NONE_ADDED, AddedStates, by_source, in_scene_order, with_free_names
 from app.document.sources import SESSION_ENDING
 from app.document.targets import TRANSFORM_FIELDS
 from app.document.view_state import Bookmark, SetView, ViewState
 from app.files.layer_records import layer_lines, layers_of
 from app.files.old_names import upgrade_session
-from app.files.records import SAVED_SETTINGS, JournalRecord, ObjectRecord, SessionRecord, ViewRecord
+from app.files.records import SAVED_SETTINGS, AddedRecord, JournalRecord, ObjectRecord, SessionRecord, ViewRecord
 from app.system.atomic import save_file
 from app.system.paths import full_path, written_path
 from engine.core.errors import InsituError, LoadError, describe_value, list_names
@@ -38,7 +39,7 @@ from engine.material.bumps import bump_parts
 from engine.material.layer import object_of, place_of
 from engine.material.opacity import opacity_parts
 from engine.realtime.zonal_harmonics.pose import Moment
-from engine.scene.description import Camera
+from engine.scene.description import Camera, ObjectDescription
 from engine.scene.toml_text import check_version, first_validation_error, parse_toml_bytes, toml_lines, toml_value
 from engine.scene.transform import Transform
 
@@ -167,21 +168,24 @@ def _digest(data: bytes) -> str:
     return hashlib.blake2b(data, digest_size=20).hexdigest()
 
 
-def fit_session(session: Session, scene: Document, file: str) -> Document:
-    """The session's document for a scene as it is now. Objects that the scene no longer has are `absent`, new ones are
-    as the scene has them (`session_notes` says so). LoadError where the scene has none of the session's objects.
+def fit_session(session: Session, scene: Document, file: str, added: AddedStates = NONE_ADDED) -> Document:
+    """The session's document for a scene as it is now; added: the objects that its file does not have, as they were
+    read. Objects that the scene no longer has, or that could not be read, are `absent`, new ones are as the scene has
+    them (`session_notes` says so). LoadError where there are none of the session's objects.
 
     Layers are the session's own, where it has some: an object may have been given another material.
     """
     session = _with_present_names(session, scene)
-    own = {state.name: state for state in scene.objects}
+    own = by_source(scene, added)
     saved = session.document.objects
     if saved and not any(state.source in own for state in saved):
         name = min(state.name for state in saved)
         raise LoadError(file, f"object {name!r}", "in the session", f"an object of the scene, {scene.source}")
-    deleted = tuple(name for name in session.document.deleted if name in own)
     there = [_with_saved(own[state.source], state) for state in saved if state.source in own]
-    objects = in_scene_order([*there, *_new_objects(session, scene)], scene)
+    new = with_free_names(_new_objects(session, scene), {state.name for state in saved})
+    deleted = tuple(name for name in session.document.deleted if name in own)
+    deleted += tuple(state.original for state in new if state.original)
+    objects = in_scene_order([*there, *new], scene)
     absent = tuple(state for state in saved if state.source not in own)
     light = replace(session.document.light, own_suns=scene.light.own_suns)
     light = light.with_edited_suns(light.new_suns or ())
@@ -191,15 +195,15 @@ def fit_session(session: Session, scene: Document, file: str) -> Document:
 def _new_objects(session: Session, scene: Document) -> list[ObjectState]:
     """The objects of a scene that a session neither has nor has deleted."""
     document = session.document
-    known = {*document.deleted, *(state.name for state in document.objects)}
+    known = {*document.deleted, *(state.name for state in document.objects if state.is_of_file)}
     return [state for state in scene.objects if state.name not in known]
 
 
-def session_notes(session: Session, scene: Document) -> tuple[str, ...]:
-    """What of a session the scene no longer has, and what it has besides; a line each."""
+def session_notes(session: Session, scene: Document, added: AddedStates = NONE_ADDED) -> tuple[str, ...]:
+    """What of a session the scene no longer has, and what it has besides; a line each. added: as of `fit_session`."""
     session = _with_present_names(session, scene)
     saved = {state.name: state for state in session.document.objects}
-    there = {state.name: state for state in scene.objects}
+    there = by_source(scene, added)
     gone = [name for name, state in saved.items() if state.source not in there]
     new = [state.name for state in _new_objects(session, scene)]
     still = [name for name, state in saved.items() if state.source in there and _lost_clip(there[state.source], state)]
@@ -280,6 +284,8 @@ def _object_lines(state: ObjectState, folder: Path | None) -> Iterator[str]:
     yield "[[object]]"
     original = state.original or None
     yield from toml_lines({"name": state.name, "original": original, **switches, "emission": state.emission})
+    if state.added is not None:
+        yield f"added = {toml_value(_added_values(state.added, folder))}"
     if state.new_bumps is not None:
         yield f"bumps = {toml_value(bump_parts(state.new_bumps))}"
     if state.new_opacity is not None:
@@ -295,6 +301,13 @@ def _object_lines(state: ObjectState, folder: Path | None) -> Iterator[str]:
     for deformation in state.deformations:
         yield "[[object.deformer]]"
         yield from toml_lines(vars(deformation))
+
+
+def _added_values(added: ObjectDescription, folder: Path | None) -> dict[str, Any]:
+    values = {name: getattr(added, name) for name in AddedRecord.model_fields}
+    mesh = None if added.mesh is None else written_path(added.mesh, folder)
+    cone = None if added.cone is None else added.cone.model_dump()
+    return {name: value for name, value in {**values, "mesh": mesh, "cone": cone}.items() if value is not None}
 
 
 def _view_values(view: ViewState) -> dict[str, Any]:
@@ -334,6 +347,7 @@ def _object(file: str, folder: Path | None, record: ObjectRecord) -> ObjectState
         new_opacity=record.opacity,
         new_surface=record.deform,
         original=record.original or "",
+        added=None if record.added is None else record.added.description(folder),
     )
 
 

@@ -38,7 +38,8 @@ from app.document.targets import (
     resolve,
 )
 from app.document.view_state import Viewpoint
-from app.project.project import read_measurements, set_path
+from app.project.project import set_path
+from app.project.reading import read_measurements
 from engine.core.errors import InsituError
 from engine.curve.operators import ALL_CHANNELS, HALF_PI, Channels, Edit, Operator, OperatorError
 from engine.material.bumps import bump_fields

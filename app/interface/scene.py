@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+from app.document.commands.objects import AddObject
 from app.document.document import Document
 from app.document.scene_files import Up
 from app.document.sources import SESSION_ENDING, find_source, source_of
@@ -15,14 +16,17 @@ from app.files.session import load_session, save_session
 from app.interface.nodes import CameraNode, Editing, LightNode, ObjectNode
 from app.interface.pictures import Mode, Picture, Pictures
 from app.project.project import Project, open_project
+from app.project.reading import complete
 from app.stills.frame_sequence import own_camera
 from app.stills.stills import ENDINGS, check_output, write_picture
 from app.system.memory import require_memory_for
+from app.system.paths import full_path
 from engine.core.errors import InsituError
 from engine.reference.path_tracer import N_SAMPLES
 from engine.render.display import png_bytes
 from engine.render.picture_error import ErrorEstimate
 from engine.scene.builtin import DEFAULT_SCENE
+from engine.scene.composition import SHAPES
 from engine.scene.import_report import ImportReport, report_scene
 
 MAX_SIDE = 16384
@@ -177,6 +181,26 @@ class Scene:
         return self._session
 
     # ------------------------------------------------------------------------------------------------------------ edits
+
+    def add(
+        self, what: str | os.PathLike[str], name: str = "", *, at: tuple[float, float, float] | None = None,
+        size: float | None = None,
+    ) -> ObjectNode:  # fmt: skip
+        """Add a shape ("box", "sphere", "plane", "cylinder", "cone", "torus") or all objects of a mesh file; returns
+        the first. name: of the object, "" for its own. at: the point that it stands on; None: the ground at the point
+        looked at. size: its largest side in metres; None: a share of the scene's, of a file its own. Raises
+        insitu.Error.
+
+        >>> import insitu
+        >>> scene = insitu.open("shapes", resolution=(48, 32))
+        >>> scene.add("box", "plinth", size=0.2).position = (0.0, 0.0, 0.4)
+        >>> scene
+        <scene shapes, 48 x 32: torus, cone, sphere, cylinder, cube, ground, plinth>
+        """
+        what, count = os.fspath(what), len(self.document.objects)
+        command = AddObject(what if what in SHAPES else full_path(what), name, at, size)
+        self._editing.do(complete(command, self._seen_in(None).scene))
+        return self[self.document.objects[count].name]
 
     def undo(self) -> str | None:
         """Undo the last edit; returns its label, None where there is none."""

@@ -34,8 +34,9 @@ if TYPE_CHECKING:
     from engine.material.parameter_nodes import KnownNodes
     from engine.measured.measurement import Measurement
     from engine.realtime.zonal_harmonics.pose import Poses
+    from engine.scene.added_objects import AddedObject
     from engine.scene.composition import Composition
-    from engine.scene.description import Camera
+    from engine.scene.description import Camera, ObjectDescription
     from engine.scene.picture_frame import PictureFrame
     from engine.scene.rig import Animations
 
@@ -88,7 +89,7 @@ class OpenScene(Request):
     """Load a scene; requests for the scene before are cancelled. It is open once its view is traced: `SetCamera`.
 
     measured: files of measured BRDFs to read besides those that the scene names; layers: those of a session, whose
-    curves are planned as well.
+    curves are planned as well; added: what to read objects from that the scene's file does not have.
     """
 
     exclusive = True
@@ -96,6 +97,7 @@ class OpenScene(Request):
     source: str
     measured: tuple[str, ...] = ()
     layers: tuple[Layer, ...] = ()
+    added: tuple[ObjectDescription, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -144,6 +146,20 @@ class ReadMaterials(Request):
 
     file: str
     name: str = ""
+
+
+@dataclass(frozen=True)
+class ReadObjects(Request):
+    """Read a shape or the objects of a file, to be added to the open scene: `engine.scene.added_objects.read_added`.
+    Answered by `ObjectsRead`."""
+
+    built_on = (OpenScene,)
+    priority = 6
+    answered_once = True
+
+    what: str
+    at: tuple[float, float, float] | None = None
+    size: float | None = None
 
 
 @dataclass(frozen=True)
@@ -234,6 +250,7 @@ class SceneOpened(Response):
     in the world, NaN where it has no surface. `animations`: each object's. `files`: those the scene was read from, each
     with its stamp then. `report`: what they contain, and what of it is not shown. `channels`: statistics of the images
     of parameter maps, the scene's and the request's; `nodes`: of all their maps. `cameras`: those of its files.
+    `added`: the request's objects that could be read.
     """
 
     description: str
@@ -247,6 +264,7 @@ class SceneOpened(Response):
     channels: Mapping[ChannelImage, ChannelStatistics] = field(default_factory=dict)
     cameras: tuple[ImportedCamera, ...] = ()
     nodes: KnownNodes = field(default_factory=dict)
+    added: tuple[AddedObject, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -273,6 +291,14 @@ class MaterialsRead(Response):
     materials: tuple[Variant, ...]
     chosen: Variant
     planned: tuple[dict[str, int], ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class ObjectsRead(Response):
+    """The objects of a `ReadObjects`, and notes on their file."""
+
+    objects: tuple[AddedObject, ...]
     notes: tuple[str, ...] = ()
 
 

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from app.document.commands.objects import DeleteObject, DuplicateObject, free_name
+from app.document.commands.objects import AddObject, DeleteObject, DuplicateObject, free_name
 from app.document.commands.poses import MoveObject, SetTransform
 from app.editor.editor import Editor
-from app.operators.operator import OBJECT, Gesture, Need, Operator, OperatorContext, ScriptKey, ValueRecord
-from engine.scene.description import Number, Text, Vector
+from app.operators.operator import OBJECT, SCENE, Gesture, Need, Operator, OperatorContext, ScriptKey, ValueRecord
+from app.system.paths import full_path
+from engine.scene.composition import SHAPES
+from engine.scene.description import Name, Number, Text, Vector
 
 
 class Move(ValueRecord):
@@ -36,9 +39,40 @@ class Move(ValueRecord):
         return MoveObject(self.object, self.by, self.rotate, scale)
 
 
+class Addition(ValueRecord):
+    """A shape or a file, and where it is added."""
+
+    shape: Annotated[Literal["box", "sphere", "plane", "cylinder", "cone", "torus"] | None, Field(
+        description="A shape; or `file`."
+    )] = None  # fmt: skip
+    file: Annotated[Text | None, Field(description="A mesh file, whose objects are all added; or `shape`.")] = None
+    name: Annotated[Name | None, Field(description="Of the object; its own where it is left out.")] = None
+    at: Annotated[Vector | None, Field(description="The point that it stands on, metres; else the ground.")] = None
+    size: Annotated[Number | None, Field(description="Its largest side in metres; else a share of the scene's.")] = None
+
+    @model_validator(mode="after")
+    def _is_one(self) -> Addition:
+        if (self.shape is None) == (self.file is None):
+            raise ValueError("shape: exactly one of shape and file")
+        return self
+
+    @property
+    def command(self) -> AddObject:
+        """The edit. Raises InsituError."""
+        return AddObject(self.shape or full_path(self.file or ""), self.name or "", self.at, self.size)
+
+
 def _has_moved(context: OperatorContext) -> bool:
     selected = context.view.selected
     return selected is not None and not context.document.object(selected.object).transform.is_identity
+
+
+def _add(editor: Editor, value: Addition) -> str | None:
+    return editor.do(value.command)
+
+
+def _add_shape(shape: str, editor: Editor, value: None) -> str | None:
+    return editor.do(AddObject(shape))
 
 
 def _put_back(editor: Editor, value: None) -> str | None:
@@ -66,7 +100,22 @@ def _has_others(context: OperatorContext) -> bool:
 OTHERS = Need("select an object, of several", _has_others)
 MOVED = Need("select an object that was moved", _has_moved)
 
-ARRANGE = (
+ARRANGE: tuple[Operator | Gesture, ...] = (
+    Operator(
+        "add", _add, ("Shift A",), "The menu of what can be added", needs=SCENE, waits=True,
+        script=ScriptKey(Addition, "Adds a shape or the objects of a file: see below."),
+    ),
+    *(
+        Operator(
+            f"add_{shape}", partial(_add_shape, shape), entry=shape.capitalize(), needs=SCENE, waits=True,
+            help="Stands on the ground at the point looked at, in a size that fits the scene.",
+        )
+        for shape in SHAPES
+    ),
+    Operator(
+        "add_file", entry="Objects of a file…", needs=SCENE,
+        help="Adds all objects of a mesh file, in their own size; as a drop on the window does with Shift held.",
+    ),
     Operator(
         "move", lambda editor, move: editor.do(move.command),
         script=ScriptKey(Move, "Moves, rotates and scales an object from where it is: see below."),

@@ -15,6 +15,7 @@ from app.operators.files import FILES
 from app.operators.operator import Gesture, Operator
 from app.operators.view import HELP, PICTURE
 from engine.core.errors import InsituError
+from engine.scene.composition import SHAPES
 
 GROUPS: dict[str, tuple[Operator | Gesture, ...]] = {
     "Edit": EDITS, "Arrange": ARRANGE, "Picture": PICTURE, "Camera": CAMERA, **CONVENTIONS, "File": FILES,
@@ -51,6 +52,7 @@ MENUS = (
         "delete_object", None, "table", "mute", "delete",
         "reset_curve",
     )),
+    Menu("Add", (*(f"add_{shape}" for shape in SHAPES), None, "add_file")),
     # The picture's entries come first: in a small window the rest of the menu scrolls.
     Menu("View", (
         "alone", "whole", "pixels",

@@ -33,18 +33,19 @@ from app.document.commands.light import (
 )
 from app.document.commands.maps import SetBumps, SetMap, SetOpacity, SetParameterMap, surface_named
 from app.document.commands.mix import SetMix
-from app.document.commands.objects import with_presence
+from app.document.commands.objects import addition, with_presence
 from app.document.commands.plan import FIRST_BANDS, active_overrides, override_from_value, set_first_bands
 from app.document.commands.poses import with_amounts, with_placement, with_time
 from app.document.commands.suns import SetSun
 from app.document.document import Document, document_from_description, reflecting_layers
 from app.document.light_mix import emission_of, mixed_light
 from app.document.light_state import ENVIRONMENT_KEY
-from app.document.named_files import document_with_measurements, files_of_document, layers_with_variants, unread_files
+from app.document.named_files import files_of_document
 from app.document.node_layers import Statistics, channel_images, with_node_layers
 from app.document.scene_files import is_archive, renamed, split_axis, unpacked_scene_file, variants_of
 from app.document.sources import find_source, likely_mapping, source_of
 from app.document.targets import (
+    ADD,
     BACKGROUND,
     BACKGROUND_COLOUR,
     EMISSION,
@@ -59,10 +60,11 @@ from app.document.targets import (
 )
 from app.document.view_state import Viewpoint
 from app.files.bookmarks import camera_bookmarks, find_bookmark
-from app.files.material_files import complete_material, import_material, is_material_file, read_file_materials
+from app.files.material_files import import_material, is_material_file
 from app.files.materials import Library, full_material_name, import_measured, load_material
 from app.files.session import fit_session, load_session, session_notes
 from app.project.distant_light import sky_of
+from app.project.reading import added_again, complete, read_measurements
 from app.system.atomic import set_inputs
 from app.system.decoder_process import use_decoder_process
 from app.system.memory import require_memory_for
@@ -73,6 +75,7 @@ from engine.material.layer import FRAMES, object_of
 from engine.material.parameters import INDICES, reflectance_of_index
 from engine.measured.measurement import ENDINGS as MEASURED_ENDINGS
 from engine.scene.builtin import DEFAULT_SCENE
+from engine.scene.composition import SHAPES
 from engine.scene.toml_text import parse_toml
 from engine.settings import AS_PLANNED, LineValue, RenderSettings, checked_setting
 
@@ -253,10 +256,12 @@ def open_project(
         document = set_environment_file(source.light).apply(document)
     notes: tuple[str, ...] = ()
     if session is not None:
-        notes = session_notes(session, document)
-        document = read_measurements(fit_session(session, document, str(source.session)))
+        added, problems = added_again(session.document, scene)
+        notes = (*problems, *session_notes(session, document, added))
+        document = read_measurements(fit_session(session, document, str(source.session), added))
     for where, value in values:
-        document = read_measurements(_with_material(set_path(document, where, value)).apply(document))
+        command = complete(set_path(document, where, value), scene)
+        document = read_measurements(command.apply(document))
     own, at_rest = scene, _at_rest(scene, document)
     scene = pose_scene(at_rest, document.poses).with_bumps(dict(document.new_bumps))
     scene.check_surfaces()
@@ -274,33 +279,6 @@ def with_overrides(project: Project, lines: Mapping[str, Any]) -> Project:
     for line, value in lines.items():
         document = override_from_value(line, value).apply(document)
     return replace(project, document=document)
-
-
-def _with_material(command: EditCommand) -> EditCommand:
-    """A command with the material of a file that it waits for."""
-    if not isinstance(command, SetMaterial) or not command.file:
-        return command
-    found = read_file_materials(Path(command.file), command.name)
-    return complete_material(command, found.materials, found.chosen)
-
-
-def read_measurements(document: Document, folder: Path | None = None, scene: Path | None = None) -> Document:
-    """The document with its measured BRDFs read: from where they are, or from a scene's folder alone."""
-    names = unread_files(layers_with_variants(document))
-    if not names:
-        return document
-    from app.worker.cache import ArrayCache
-    from app.worker.file_tasks import described_paths
-    from engine.core.generators import run_to_end
-    from engine.measured.tables import read_measurement
-
-    paths = {name: Path(name) for name in names}
-    if folder is not None and scene is not None:
-        paths = described_paths(names, folder, scene)
-    store = ArrayCache()
-    return document_with_measurements(
-        document, {name: run_to_end(read_measurement(path, store)) for name, path in paths.items()}
-    )
 
 
 def parse_assignment(text: str) -> tuple[str, Any]:
@@ -328,6 +306,9 @@ def set_path(document: Document, path: str, value: Any) -> EditCommand:
         if not isinstance(value, str):
             raise LoadError(path, "value", value, "the name of a variant of the scene")
         return SetVariant(value)
+    head, _, last = path.rpartition(".")
+    if last == ADD and all(state.name != head for state in document.objects):
+        return addition(path, head, value)
     by_index = _set_by_index(document, path, value)
     if by_index is not None:
         return by_index
@@ -366,7 +347,7 @@ def set_path(document: Document, path: str, value: Any) -> EditCommand:
 def _with_full_path(path: str, value: Any) -> Any:
     """A value that `path` is set to, with the absolute path of the file that it names, if it names one. Raises
     InsituError."""
-    if isinstance(value, str) and path == ENVIRONMENT_KEY:
+    if isinstance(value, str) and (path == ENVIRONMENT_KEY or (path.endswith(f".{ADD}") and value not in SHAPES)):
         return full_path(value)
     is_material = isinstance(value, str) and path.rpartition(".")[2] == MATERIAL
     return full_material_name(value) if is_material else value

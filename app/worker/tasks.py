@@ -31,12 +31,14 @@ from app.document.scene_files import files_of_scene, split_axis, unpacked_scene_
 from app.messages.worker_messages import (
     ChannelsRead,
     FetchTable,
+    ObjectsRead,
     OpenScene,
     Progress,
     ReadChannels,
     ReadCurveTable,
     ReadMaterials,
     ReadMeasured,
+    ReadObjects,
     Request,
     SceneOpened,
     SetCamera,
@@ -73,6 +75,7 @@ from engine.planner import planned_edge_rays
 from engine.precompute.direct.pipeline import Placement, SkyState
 from engine.realtime.zonal_harmonics.pose import Poses
 from engine.realtime.zonal_harmonics.posed_scene import pose_scene
+from engine.scene.added_objects import added_files, read_added, read_again
 from engine.scene.composed_scene import ComposedScene, compose_scene
 from engine.scene.composition import Composition
 from engine.scene.cutouts import scene_caster
@@ -245,6 +248,7 @@ class RequestDispatcher:
             ReadMeasured: lambda request: read_for(request, self.context.store),
             ReadCurveTable: read_curve_table,
             ReadMaterials: read_materials,
+            ReadObjects: self._read_objects,
             ReadChannels: self._read_channels,
             FetchTable: lambda request: fetch_table(request, self.context.store),
             WriteFiles: self._write,
@@ -265,7 +269,8 @@ class RequestDispatcher:
         names = described_paths(unread_files(layers_with_variants(document)), scene.folder, path)
         names |= {file: Path(file) for file in request.measured}
         measurements = yield from read_files(names, self.context.store)
-        read = (*scene.files, *files_of_scene(request.source), *names.values())
+        added, problems = read_again(request.added, scene)
+        read = (*scene.files, *files_of_scene(request.source), *names.values(), *added_files(added))
         files = {str(path): file_stamp(path) for path in read}
         self.context.load(scene, request.id)
         description = scene.description.model_dump_json(by_alias=True)
@@ -278,7 +283,7 @@ class RequestDispatcher:
         planned = tuple(chain.from_iterable(work.plan(layers) for work in self._workers))
         yield SceneOpened(
             description,
-            scene.notes,
+            scene.notes + problems,
             measurements,
             planned,
             scene.bounds,
@@ -288,6 +293,7 @@ class RequestDispatcher:
             channels,
             scene.cameras,
             known_nodes(channels),
+            added,
         )
 
     def _set_camera(self, request: SetCamera) -> Steps:
@@ -298,6 +304,10 @@ class RequestDispatcher:
         placement = self.context.open_placement
         flaws = tuple(" ".join(str(error).split()) for error in placement.scene.surface_flaws.values())
         yield ViewTraced(picture_frame(placement.hits, placement.scene.camera_position), flaws)
+
+    def _read_objects(self, request: ReadObjects) -> Steps:
+        yield Progress("scene", 0.0, text=f"reading {Path(request.what).name}")
+        yield ObjectsRead(*read_added(request.what, self.context.open_placement.scene, request.at, request.size))
 
     def _read_channels(self, request: ReadChannels) -> Steps:
         scene = self.context.open_placement.scene

@@ -4,16 +4,23 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from engine.scene.description import ObjectDescription
+from engine.scene.description import ObjectDescription, Primitive
+
+# The shapes that a user can add, by the names of menus and scripts.
+SHAPES: dict[str, Primitive] = {
+    "box": "cube", "sphere": "sphere", "plane": "quad", "cylinder": "cylinder", "cone": "cone", "torus": "torus"
+}  # fmt: skip
+# The name of an object of the scene's file, or the description of one that was added: what it is read from, without
+# layers, its file by its full path.
+ObjectSource = str | ObjectDescription
 
 
 @dataclass(frozen=True)
 class SceneObject:
-    """An object of a composed scene. source: the name of an object of the scene's file, or the description of one that
-    the file does not have, whose files are named by full paths."""
+    """An object of a composed scene: its name, and what it is."""
 
     name: str
-    source: str | ObjectDescription
+    source: ObjectSource
 
 
 Composition = tuple[SceneObject, ...]  # in their order; empty for a scene as its file has it

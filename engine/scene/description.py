@@ -151,6 +151,7 @@ Maps = Annotated[LayerMaps, PlainValidator(_maps), PlainSerializer(map_values, r
 EmissionTexture = Annotated[LayerMaps, PlainValidator(_texture), PlainSerializer(map_values, return_type=dict)]
 BumpMap = Annotated[Bumps, PlainValidator(_bumps), PlainSerializer(bump_values, return_type=dict)]
 OpacityTable = Annotated[Opacity, PlainValidator(_opacity), PlainSerializer(opacity_values, return_type=dict)]
+Primitive = Literal["quad", "cube", "sphere", "disc", "cylinder", "cone", "torus"]  # engine.scene.primitives
 Parameter = Annotated[Any, PlainValidator(_parameter)]  # a ParameterValue; "Any" serializes unchanged
 
 
@@ -293,7 +294,7 @@ class ObjectDescription(_Description):
 
     name: Name
     mesh: Text | None = None
-    primitive: Literal["quad", "cube", "sphere", "disc"] | None = None
+    primitive: Primitive | None = None
     part: Annotated[int, Field(ge=0, strict=True)] | None = None
     transform: Annotated[tuple[Number, ...], Field(min_length=16, max_length=16)] = IDENTITY
     smooth: Annotated[bool, Field(strict=True)] = True

@@ -1,19 +1,23 @@
 """Built-in shapes of unit size, centred at the origin.
 
 quad: 1×1 in the XY plane, front along +Z; cube: edge 1; sphere: diameter 1, with its exact normals; disc: diameter 1 in
-the XY plane, front along +Z. A texture fills the quad, each side of the cube, the square about the disc and, as a map
-in longitude and latitude, the sphere. Seen from the front, u grows to the right and v upwards.
+the XY plane, front along +Z; cylinder, cone: diameter and height 1 along Y, the tip up; torus: outer diameter 1, in the
+XZ plane. A texture fills the quad, each side of the cube, the square about the disc and, as a map in longitude and
+latitude, the sphere. Seen from the front, u grows to the right and v upwards.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from engine.scene.mesh import Mesh
+from engine.scene.mesh import Mesh, join_meshes, place_copies
+from engine.scene.surfaces_of_revolution import revolved, truncated_cone
 
 _SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]], np.float32)  # (u, v) of a side's four corners
 _RINGS, _SEGMENTS = 64, 128
 _SIDES = 64  # of discs
+_TUBE, _TUBE_SEGMENTS = 0.15, 48  # radius of the torus' tube
+_UPRIGHT = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])  # turns the axis Z into Y
 
 
 def quad() -> Mesh:
@@ -87,4 +91,28 @@ def disc() -> Mesh:
     return Mesh(vertices, triangles, np.tile([0.0, 0.0, 1.0], (len(vertices), 1)), uvs)
 
 
-PRIMITIVES = {"quad": quad, "cube": cube, "sphere": sphere, "disc": disc}
+def cylinder() -> Mesh:
+    """The cylinder of diameter and height 1 about the Y axis, with its ends."""
+    return _upright(truncated_cone(0.5, 0.5, 1.0))
+
+
+def cone() -> Mesh:
+    """The cone of diameter and height 1 about the Y axis, its tip up, with its base."""
+    return _upright(truncated_cone(0.0, 0.5, 1.0))
+
+
+def torus() -> Mesh:
+    """The torus of outer diameter 1 about the Y axis, its tube of radius `_TUBE`."""
+    angle = np.linspace(-np.pi, np.pi, _TUBE_SEGMENTS + 1)
+    normals = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return _upright([(_TUBE * normals + (0.5 - _TUBE, 0.0), normals)])
+
+
+def _upright(outlines: list[tuple[np.ndarray, np.ndarray]]) -> Mesh:
+    """The surface of these outlines of radius and height, revolved about Y."""
+    return place_copies(join_meshes([revolved(*outline) for outline in outlines]), _UPRIGHT[None])
+
+
+PRIMITIVES = {
+    "quad": quad, "cube": cube, "sphere": sphere, "disc": disc, "cylinder": cylinder, "cone": cone, "torus": torus
+}  # fmt: skip

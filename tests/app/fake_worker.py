@@ -37,6 +37,7 @@ from engine.material.layer import Layer
 from engine.measured.measurement import Measurement
 from engine.planner import band_counts
 from engine.render.picture_error import ErrorEstimate
+from engine.scene.added_objects import AddedObject
 from engine.scene.description import parse_description
 from engine.scene.loaders.model import ImportedCamera
 from engine.scene.picture_frame import PictureFrame
@@ -114,7 +115,7 @@ class FakeClient:
         self, scene: dict[str, Any] = SCENE, bands: dict[str, dict[str, int]] | None = None,
         measurements: dict[str, Measurement] | None = None, planned: tuple[tuple[Layer, dict[str, int]], ...] = (),
         boxes: NDArray[np.float64] | None = None, animations: tuple[Animations, ...] = (),
-        cameras: tuple[ImportedCamera, ...] = (),
+        cameras: tuple[ImportedCamera, ...] = (), added: tuple[AddedObject, ...] = (),
     ) -> None:  # fmt: skip
         """Answer the newest OpenScene; bands: those planned, None for all; boxes: of the objects, None for none."""
         description = parse_description(scene, "scene.toml")
@@ -124,7 +125,9 @@ class FakeClient:
         text = description.model_dump_json(by_alias=True)
         planned = (*((document.layer(key), counts) for key, counts in bands.items()), *planned)
         boxes = np.zeros((0, 2, 3)) if boxes is None else boxes
-        opened = SceneOpened(text, ("a note",), measurements or {}, planned, boxes, animations, cameras=cameras)
+        opened = SceneOpened(
+            text, ("a note",), measurements or {}, planned, boxes, animations, cameras=cameras, added=added
+        )
         self.answer(self.sent(OpenScene)[-1], opened)
         self.see_scene()
 

@@ -14,13 +14,14 @@ from app.document.commands.layers import SetParameter
 from app.document.commands.light import SetEnvironment
 from app.document.light_state import LightState
 from app.document.sources import find_source
-from app.document.view_state import ViewState
+from app.document.view_state import Viewpoint, ViewState
 from app.files.session import save_session
 from app.project.distant_light import sky_of
 from app.project.project import open_project, parse_assignment
 from engine.core.errors import InsituError, LoadError
 from engine.scene.builtin import builtin_environments
 from tests.app.cli.command_line import SCENE
+from tests.engine.scene.conftest import TRIANGLE_PLY
 from tests.pictures import write_exr
 from tests.scene_text import environment
 
@@ -44,6 +45,25 @@ def scene(tmp_path: Path) -> Path:
 )
 def test_assignments_are_read_as_toml_or_as_words(text: str, path: str, value: Any) -> None:
     assert parse_assignment(text) == (path, value)
+
+
+def test_shapes_and_files_are_added_by_path(scene: Path, tmp_path: Path) -> None:
+    (tmp_path / "card.ply").write_text(TRIANGLE_PLY)
+    values = (("box.add", "box"), ("card.add", str(tmp_path / "card.ply")), ("box.scale", [2, 1, 1]))
+    project = open_project(str(scene), values=values)
+    own = open_project(str(scene))
+    assert project.object_names == (*own.object_names, "box", "card")
+    assert project.edited(own.document, Viewpoint()).object_names == own.object_names
+    session = save_session(tmp_path / "added.insitu", project.document, ViewState())
+    assert open_project(str(session)).document == project.document
+    # Of a file that has gone the objects wait, and a line says so.
+    (tmp_path / "card.ply").unlink()
+    found = open_project(str(session))
+    assert found.object_names == (*own.object_names, "box")
+    assert any("card.ply" in note for note in found.notes) and any("card: no longer" in note for note in found.notes)
+    for value, said in ((3, "one of box, sphere"), ("cup.xyz", "cup.xyz"), (str(tmp_path / "card.ply"), "card.ply")):
+        with pytest.raises(InsituError, match=said):
+            open_project(str(scene), values=(("cup.add", value),))
 
 
 @pytest.mark.parametrize("text", ["", "a", "=1", "a=", "a= "])

@@ -14,6 +14,7 @@ from imgui_bundle import imgui
 from app.document.commands import SetTransform
 from app.worker.cache import ArrayCache
 from app.worker.tasks import RequestDispatcher
+from tests.engine.scene.conftest import TRIANGLE_PLY
 from tests.scene_text import material, placed, scaled
 from tests.ui.small_scene import (
     BASE,
@@ -77,3 +78,28 @@ def open_menu(window: HeadlessWindow, name: str) -> None:
     window.frames(2)
     window.click(*window.shell.handle_position(f"objects.{name}"), button=1)
     window.frames(2)
+
+
+@pytest.fixture
+def window(context: moderngl.Context, tmp_path: Path) -> Iterator[HeadlessWindow]:
+    yield from opened(context, tmp_path, SCENE)
+
+
+def test_a_shape_is_added_by_key_and_a_file_by_a_drop(window: HeadlessWindow, tmp_path: Path) -> None:
+    editor, before = window.shell.editor, exact_picture(window)
+    window.key(imgui.Key.a, imgui.Key.mod_shift)
+    window.frames(2)
+    window.click_handle("menu.add_box")
+    assert window.run_until(lambda: not editor.exchange.is_reading, 60.0)
+    assert editor.view.selected is not None and editor.view.selected.object == "box"
+    assert np.abs(exact_picture(window) - before).max() > 0.05
+    (tmp_path / "card.ply").write_text(TRIANGLE_PLY)
+    window.hold(imgui.Key.mod_shift, True)
+    window.shell.drop([str(tmp_path / "card.ply"), str(tmp_path / "gone.ply")])
+    window.hold(imgui.Key.mod_shift, False)
+    assert window.run_until(lambda: not editor.exchange.is_reading, 60.0)
+    assert [state.name for state in editor.document.objects][-2:] == ["box", "card"]
+    assert editor.status.is_error and "gone.ply" in editor.status.message
+    editor.undo()
+    editor.undo()
+    assert exact_picture(window) == pytest.approx(before, abs=1e-4)

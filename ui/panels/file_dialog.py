@@ -12,10 +12,12 @@ from pathlib import Path
 
 from imgui_bundle import ImVec2, imgui
 
+from app.document.commands.objects import AddObject
 from app.document.sources import IMAGE_SUFFIXES, LIGHT_ENDINGS, SCENE_ENDINGS, SESSION_ENDING
+from engine.core.safe_files import resolved
 from engine.curve.table_text import TABLE_ENDINGS
 from engine.measured.measurement import ENDINGS as MEASURED_ENDINGS
-from engine.scene.mesh import MATERIAL_ENDING
+from engine.scene.mesh import MATERIAL_ENDING, MESH_ENDINGS
 from ui import theme as look
 from ui.panels import widgets
 from ui.panels.actions import (
@@ -37,6 +39,7 @@ from ui.panels.window_state import FileQuestion
 TITLES = {
     "open_scene": "Open a scene, a session or a mesh",
     "open_environment": "Open an environment",
+    "add_file": "Add the objects of a mesh file to the scene",
     "open_material": "Import a material of MaterialX onto the selected object",
     "open_measured": "Import a measured BRDF onto the selected object",
     "open_table": "Load a table onto the selected curve (CSV: angle in degrees, values)",
@@ -59,6 +62,7 @@ TITLES = {
 ENDINGS = {
     "open_scene": (*SCENE_ENDINGS, SESSION_ENDING),
     "open_environment": LIGHT_ENDINGS,
+    "add_file": MESH_ENDINGS,
     "open_material": (MATERIAL_ENDING,),
     "open_measured": MEASURED_ENDINGS,
     "open_table": TABLE_ENDINGS,
@@ -283,7 +287,7 @@ def answer(question: FileQuestion, path: Path) -> AnswerQuestion:
     if purpose.startswith("save"):
         path = path.with_name(_named(question, path.name))
     actions: dict[str, Action] = {
-        "open_material": ImportMaterial(path),
+        "add_file": AddObject(str(resolved(path))), "open_material": ImportMaterial(path),
         "open_measured": ImportMeasured(path, question.cloth), "save_measured": ExportMeasured(path),
         "save_session": SaveSession(path), "save_picture": _saved_picture(question, path),
         "save_scene": ExportScene(path),

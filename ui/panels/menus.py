@@ -19,7 +19,7 @@ from app.operators.view import is_pixel_for_pixel
 from engine.core.colour import VIEWS
 from ui.layout import PANELS, is_behind
 from ui.panels import rows, widgets
-from ui.panels.actions import Action, MoveCameraTo, OpenFile, SetPreference, ShowPanel
+from ui.panels.actions import Action, MoveCameraTo, OpenFile, SetPanel, SetPreference, ShowPanel
 from ui.panels.context import PanelContext
 from ui.panels.window_operators import ALT, is_on, perform
 from ui.theme import Icon
@@ -39,10 +39,11 @@ def draw(context: PanelContext) -> list[Action]:
     imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(padding.x, context.px(9)))
     if imgui.begin_main_menu_bar():
         imgui.push_style_var(imgui.StyleVar_.frame_padding, padding)
-        requested = _menu_opened_by_alt(context)
+        requested = context.state.opens_menu or _menu_opened_by_alt(context)
         for menu in MENUS:
             if menu.title == requested:
                 imgui.open_popup(menu.title)
+                actions.append(SetPanel({"opens_menu": ""}))
             actions += _menu(context, menu)
         actions += _controls(context)
         imgui.pop_style_var()

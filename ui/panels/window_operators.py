@@ -162,6 +162,8 @@ def _always(*actions: Action) -> Callable[[PanelContext], list[Action]]:
 WINDOW_OPERATORS: dict[str, Callable[[PanelContext], list[Action]]] = {
     "new": _always(OpenFile(DEFAULT_SCENE)),
     "open": _always(AskFile("open_scene")),
+    "add": _always(SetPanel({"opens_menu": "Add"})),
+    "add_file": _always(AskFile("add_file")),
     "open_environment": _always(AskFile("open_environment")),
     "material_file": _always(AskFile("open_material")),
     "measured": _always(AskFile("open_measured")),

@@ -222,8 +222,8 @@ class PanelState:
     click on the picture chooses where it shows the lobe. `paints`: dragging over the selected object paints its layer's
     weight map, with `brush`. `gizmo`: which of its tools is over the picture, "" for none. `shows_report`: the sheet on
     what the file contains is open; `report_by_count`: it lists first what is missing most often. `single_panel`: the
-    picture has the place of all panels. `front` are panels that come in front of the others in their dock, in the
-    coming frame.
+    picture has the place of all panels. `opens_menu`: the menu that a key opens in the coming frame. `front` are panels
+    that come in front of the others in their dock, in the coming frame.
     """
 
     grip: Grip | None = None
@@ -234,6 +234,7 @@ class PanelState:
     renames: str | None = None
     front: tuple[str, ...] = ()
     single_panel: bool = False
+    opens_menu: str = ""
     picks_lobe: bool = False
     gizmo: str = ""
     shows_report: bool = False

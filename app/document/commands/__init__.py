@@ -51,7 +51,7 @@ from app.document.commands.maps import (
     SetSurface,
 )
 from app.document.commands.mix import SetMix
-from app.document.commands.objects import DeleteObject, DuplicateObject, RenameObject
+from app.document.commands.objects import AddObject, DeleteObject, DuplicateObject, RenameObject
 from app.document.commands.plan import OverrideLine, SetFirstBands
 from app.document.commands.poses import (
     AddDeformer,
@@ -72,5 +72,5 @@ EditCommand = (
     | SetVariant | AddLayers | RemoveLayer | SetRotation | SetIntensity | SetEnvironment | SetMapping | SetEmission
     | SetFirstBands | SetPose | AddDeformer | SetDeformer | MoveDeformer | RemoveDeformer | SetTime | SetSurface
     | OverrideLine | SetSun | SetMix | SetTransform | MoveObject | DuplicateObject | DeleteObject
-    | RenameObject | SetBackground | SetBackgroundColour
+    | RenameObject | SetBackground | SetBackgroundColour | AddObject
 )  # fmt: skip

@@ -1,20 +1,62 @@
-"""The edits of which objects there are: duplicates, deleted and renamed objects."""
+"""The edits of which objects there are: added, duplicated, deleted and renamed ones."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
 from app.document.document import Document, ObjectState
+from app.document.scene_objects import numbered_name
+from app.system.paths import full_path
 from engine.core.errors import InsituError, LoadError
+from engine.scene.composition import SHAPES
 from engine.scene.description import LONGEST_NAME, MAX_OBJECTS, Name
 
 _NAMES = TypeAdapter[str](Name)
-_NUMBERED = re.compile(r"(?P<name>.*\S) \d+")
+
+
+@dataclass(frozen=True)
+class AddObject:
+    """Add a shape, by its name, or all objects of a file, by its full path, behind the others. name: of what is added,
+    "" for its own, with a number where that is taken; at: the point that it stands on, None for the ground at the point
+    looked at; size: its largest side in metres, None for its own. objects: what was read, () before
+    (`engine.scene.added_objects`)."""
+
+    what: str
+    name: str = ""
+    at: tuple[float, float, float] | None = None
+    size: float | None = None
+    objects: tuple[ObjectState, ...] = ()
+
+    @property
+    def label(self) -> str:
+        return f"add {Path(self.what).name}"
+
+    def check(self, document: Document) -> None:
+        """Raise InsituError where it would not be carried out."""
+        if self.name:
+            _checked(document, self.name)
+        if self.size is not None and not 1e-6 <= self.size <= 1e6:
+            raise InsituError(f"size = {self.size!r}, expected metres from 1e-06 to 1e+06")
+        if self.at is not None and not (len(self.at) == 3 and all(abs(each) <= 1e9 for each in self.at)):
+            raise InsituError(f"at = {self.at!r}, expected three numbers, in metres")
+        if len(document.objects) + max(len(self.objects), 1) > MAX_OBJECTS:
+            raise InsituError(f"{Path(self.what).name} is not added: a scene has at most {MAX_OBJECTS} objects")
+
+    def apply(self, document: Document) -> Document:
+        self.check(document)
+        taken = _taken(document)
+        found = list[ObjectState]()
+        for state in self.objects:
+            name = self.name or state.name
+            name = numbered_name(name, taken) if name in taken else name
+            found.append(replace(state, name=name))
+            taken.add(name)
+        return replace(document, objects=(*document.objects, *found))
 
 
 @dataclass(frozen=True)
@@ -55,7 +97,7 @@ class DeleteObject:
         if len(document.objects) == 1:
             raise InsituError(f"{self.object} is not deleted: a scene has at least one object")
         objects = tuple(each for each in document.objects if each is not state)
-        deleted = document.deleted if state.original else (*document.deleted, state.name)
+        deleted = (*document.deleted, state.name) if state.is_of_file else document.deleted
         return replace(document, objects=objects, light=document.light.without_object(state.name), deleted=deleted)
 
 
@@ -77,12 +119,20 @@ class RenameObject:
         name = _checked(document, self.name)
         renamed = _renamed(state, name)
         objects = tuple(renamed if each is state else each for each in document.objects)
-        deleted = document.deleted if state.original else (*document.deleted, state.name)
+        deleted = (*document.deleted, state.name) if state.is_of_file else document.deleted
         names = {state.name: name}
         return _of_file(replace(
             document, objects=objects, deleted=deleted, light=document.light.with_renamed_rows(names),
             overrides=tuple(sorted((_line_of(line, names), value) for line, value in document.overrides)),
         ))  # fmt: skip
+
+
+def addition(path: str, name: str, value: Any) -> AddObject:
+    """The command that ``"ball.add"`` stands for, by a value from a file or a command line: the name of a shape, or a
+    file. Raises InsituError."""
+    if not isinstance(value, str):
+        raise LoadError(path, "value", value, f"one of {', '.join(SHAPES)}, or the path of a mesh file")
+    return AddObject(value if value in SHAPES else full_path(value), name)
 
 
 def with_presence(path: str, name: str, field: str, value: Any) -> DuplicateObject | DeleteObject | RenameObject:
@@ -99,13 +149,11 @@ def with_presence(path: str, name: str, field: str, value: Any) -> DuplicateObje
 
 def free_name(document: Document, name: str) -> str:
     """The name with the first number from 2 on that no object of the document or of its file has: "cup 2"."""
-    taken = {each.name for each in (*document.objects, *document.absent)} | set(document.deleted)
-    numbered = _NUMBERED.fullmatch(name)
-    base = numbered["name"] if numbered else name
-    number = 2
-    while (found := f"{base[: LONGEST_NAME - len(str(number)) - 1].rstrip()} {number}") in taken:
-        number += 1
-    return found
+    return numbered_name(name, _taken(document))
+
+
+def _taken(document: Document) -> set[str]:
+    return {each.name for each in (*document.objects, *document.absent)} | set(document.deleted)
 
 
 def _checked(document: Document, name: str) -> str:
@@ -121,12 +169,14 @@ def _checked(document: Document, name: str) -> str:
 
 
 def _renamed(state: ObjectState, name: str) -> ObjectState:
-    return replace(state, name=name, original="" if state.source == name else state.source, former_name="")
+    source = state.original or state.name
+    original = "" if state.added is not None or source == name else source
+    return replace(state, name=name, original=original, former_name="")
 
 
 def _of_file(document: Document) -> Document:
     """The document without those among its deleted objects that it has by their names."""
-    there = {state.name for state in document.objects if not state.original}
+    there = {state.name for state in document.objects if state.is_of_file}
     return replace(document, deleted=tuple(name for name in document.deleted if name not in there))
 
 

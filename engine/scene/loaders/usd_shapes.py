@@ -1,9 +1,5 @@
 """The shapes of USD that are given by numbers [UsdGeom: Sphere, Cube, Cylinder, Cone, Capsule, Plane], as meshes with
-exact normals.
-
-All but cube and plane are surfaces of revolution: an outline of radius and height along the axis, in parts between
-which the normal jumps. u runs around the axis, v along the outline.
-"""
+exact normals. All but cube and plane are surfaces of revolution."""
 
 from __future__ import annotations
 
@@ -15,9 +11,10 @@ from engine.scene.loaders.usd_meshes import Surface
 from engine.scene.loaders.usd_prims import Float64Array, UsdPrim
 from engine.scene.mesh import Mesh, join_meshes, place_copies, validate_mesh
 from engine.scene.primitives import PRIMITIVES
+from engine.scene.surfaces_of_revolution import revolved, truncated_cone
 
 SHAPES = ("Sphere", "Cube", "Cylinder", "Cylinder_1", "Cone", "Capsule", "Capsule_1", "Plane")
-_AROUND, _ARC = 96, 24  # segments around the axis, and of a quarter of a circle
+_ARC = 24  # segments of a quarter of a circle
 # Turn the axis Z into X, Y or Z; a plane's width stays along X where it can.
 _AXES = {
     "X": [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]],
@@ -49,8 +46,8 @@ def _mesh(prim: UsdPrim) -> Mesh:
     top, bottom = _radii(prim)
     if prim.kind == "Cone":
         top = 0.0
-    outlines = _capsule(top, bottom, height) if prim.kind.startswith("Capsule") else _truncated(top, bottom, height)
-    return _placed(join_meshes([_revolved(*outline) for outline in outlines]), turn)
+    outlines = _capsule(top, bottom, height) if prim.kind.startswith("Capsule") else truncated_cone(top, bottom, height)
+    return _placed(join_meshes([revolved(*outline) for outline in outlines]), turn)
 
 
 def _radii(prim: UsdPrim) -> tuple[float, float]:
@@ -62,18 +59,6 @@ def _radii(prim: UsdPrim) -> tuple[float, float]:
     return radius, radius
 
 
-def _truncated(top: float, bottom: float, height: float) -> list[tuple[Float64Array, Float64Array]]:
-    """The outlines (N, 2) of a truncated cone, as radius and height, with the normals there: disc, side, disc."""
-    half = height / 2.0
-    slant = math.hypot(height, bottom - top)
-    side = [height / slant, (bottom - top) / slant]
-    parts: list[tuple[list[list[float]], list[float]]] = [
-        ([[0.0, -half], [bottom, -half]], [0.0, -1.0]), ([[bottom, -half], [top, half]], side),
-        ([[top, half], [0.0, half]], [0.0, 1.0]),
-    ]  # fmt: skip
-    return [(np.array(line), np.tile(normal, (2, 1))) for line, normal in parts if np.ptp(line, axis=0).any()]
-
-
 def _capsule(top: float, bottom: float, height: float) -> list[tuple[Float64Array, Float64Array]]:
     """The outline of a side with caps that are halves of spheres."""
     angle = np.linspace(-math.pi / 2.0, math.pi / 2.0, 2 * _ARC + 1)
@@ -81,28 +66,6 @@ def _capsule(top: float, bottom: float, height: float) -> list[tuple[Float64Arra
     lower, upper = normals[: _ARC + 1], normals[_ARC:]
     line = np.concatenate([lower * bottom + (0.0, -height / 2.0), upper * top + (0.0, height / 2.0)])
     return [(line, np.concatenate([lower, upper]))]
-
-
-def _revolved(outline: Float64Array, normals: Float64Array) -> Mesh:
-    """An outline (N, 2), from below upwards on the outside, revolved about Z."""
-    n = len(outline)
-    phi = np.linspace(0.0, 2.0 * math.pi, _AROUND + 1)
-    round_ = np.stack([np.cos(phi), np.sin(phi)], axis=1)
-    vertices = np.concatenate(
-        [outline[:, None, :1] * round_, np.broadcast_to(outline[:, None, 1:], (n, _AROUND + 1, 1))], axis=2
-    ).reshape(-1, 3)
-    directions = np.concatenate(
-        [normals[:, None, :1] * round_, np.broadcast_to(normals[:, None, 1:], (n, _AROUND + 1, 1))], axis=2
-    ).reshape(-1, 3)
-    k = (np.arange(n - 1)[:, None] * (_AROUND + 1) + np.arange(_AROUND)).ravel()
-    right, up = k + 1, k + _AROUND + 1
-    triangles = np.stack([np.stack([k, right, up + 1], 1), np.stack([k, up + 1, up], 1)], axis=1).reshape(-1, 3)
-    corners = vertices[triangles]
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    triangles = triangles[area > 1e-12 * area.max()].astype(np.int32)
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(outline, axis=0).T))])
-    uv = np.stack(np.broadcast_arrays(phi / (2.0 * math.pi), (along / along[-1])[:, None]), axis=2).reshape(-1, 2)
-    return Mesh(vertices, triangles, directions, uv[triangles].astype(np.float32))
 
 
 def _placed(mesh: Mesh, linear: Float64Array) -> Mesh:

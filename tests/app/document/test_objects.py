@@ -8,17 +8,30 @@ from pathlib import Path
 
 import pytest
 
-from app.document.commands import DeleteObject, DuplicateObject, EditCommand, RenameObject, SetMix, SetTransform
+from app.document.commands import (
+    AddObject,
+    DeleteObject,
+    DuplicateObject,
+    EditCommand,
+    RenameObject,
+    SetMix,
+    SetTransform,
+)
 from app.document.commands.layers import SetParameter
 from app.document.commands.plan import OverrideLine
-from app.document.document import Document, with_objects_of
+from app.document.document import Document, ObjectState, added_state
 from app.document.scene_change import SceneChange
+from app.document.scene_objects import with_objects_of
 from app.document.view_state import ViewState
 from app.files.session import fit_session, load_session, save_session, session_notes
 from app.interface.nodes import value_at
 from app.project.project import set_path
 from engine.core.errors import InsituError, LoadError
 from engine.scene.composition import SceneObject
+from engine.scene.description import ObjectDescription
+from engine.scene.object_meshes import GREY
+
+LAST = (0.0, 0.0, 0.0, 1.0)
 
 
 def edited(document: Document, *commands: EditCommand) -> Document:
@@ -46,6 +59,63 @@ def test_what_was_deleted_is_gone_with_its_row_in_the_mix(document: Document) ->
     found = edited(document, SetMix("lamp", "strength", 1.0), DeleteObject("lamp"))
     assert found.deleted == ("lamp",) and found.light.mix == () and names(found) == ["pot", "floor"]
     assert found.composition == (SceneObject("pot", "pot"), SceneObject("floor", "floor"))
+
+
+def ball(name: str = "ball", **more: object) -> ObjectState:
+    """An object that was added."""
+    source = ObjectDescription(name=name, primitive="sphere", **more)
+    return added_state(source, source.model_copy(update={"layers": GREY}))
+
+
+def test_what_is_added_stands_behind_all_others_under_free_names(document: Document) -> None:
+    two = AddObject("/models/toy.glb", objects=(ball(), ball("pot")))
+    found = edited(document, two, two, DeleteObject("ball"))
+    assert names(found) == ["pot", "floor", "lamp", "pot 2", "ball 2", "pot 3"] and found.deleted == ()
+    assert found.composition[-1] == SceneObject("pot 3", ball("pot").added)
+    renamed = edited(found, RenameObject("pot 2", "mug"), DuplicateObject("mug"))
+    assert renamed.object("mug 2").source == ball("pot").added and renamed.deleted == ()
+    assert renamed.added_sources == (ball("pot").added, ball().added)
+    gone = renamed.without_added({ball("pot").added})
+    assert names(gone) == ["pot", "floor", "lamp", "ball 2"]
+    with pytest.raises(InsituError, match="size = -1.0, expected metres"):
+        edited(document, AddObject("box", size=-1.0, objects=(ball(),)))
+    with pytest.raises(InsituError, match="name = 'pot', expected one that no other object has"):
+        edited(document, AddObject("box", "pot", objects=(ball(),)))
+
+
+def test_added_objects_survive_sessions_beside_their_file(document: Document, tmp_path: Path) -> None:
+    file = tmp_path / "toy.ply"
+    toy = ObjectDescription(
+        name="toy", mesh=str(file), part=0, transform=(*range(1, 5), 0, 1, 0, 9, 0, 0, 1, 0.1, *LAST)
+    )
+    spot = ObjectDescription(name="spot", primitive="disc", emission=(1.0, 2.0, 3.0), cone={"outer": 30.0})
+    states = (added_state(toy, toy.model_copy(update={"layers": GREY})), added_state(spot, spot))
+    here = edited(document, AddObject(str(file), objects=states), RenameObject("toy", "cup"), DuplicateObject("cup"))
+    path = save_session(tmp_path / "objects.insitu", here, ViewState())
+    assert 'mesh = "toy.ply"' in path.read_text()
+    session, added = load_session(path), {toy: states[0], spot: states[1]}
+    assert fit_session(session, document, str(path), added) == here
+    assert session_notes(session, document, added) == ()
+    # What cannot be read waits for its file.
+    found = fit_session(session, document, str(path), {spot: states[1]})
+    assert names(found) == ["pot", "floor", "lamp", "spot"]
+    assert [each.name for each in found.absent] == ["cup", "cup 2"]
+    assert "cup, cup 2: no longer in the scene" in session_notes(session, document, {spot: states[1]})[0]
+    for wrong, said in (("part = 0", "part = -1"), ('mesh = "toy.ply"', 'mesh = "toy.ply", primitive = "cube"')):
+        path.write_text(save_session(path, here, ViewState()).read_text().replace(wrong, said))
+        with pytest.raises(LoadError, match="added"):
+            load_session(path)
+
+
+def test_files_saved_again_leave_added_objects_and_take_other_names(document: Document) -> None:
+    mine = edited(document, AddObject("box", objects=(ball("box"), ball())), DeleteObject("floor"))
+    more = replace(document, objects=(*document.objects, replace(document.objects[0], name="box")))
+    found = SceneChange(document, more, added={ball("box").added})(mine)
+    # The file has a box of its own now, which is called "box 2" here; the ball's file has gone.
+    assert names(found) == ["pot", "lamp", "box 2", "box"] and found.object("box 2").original == "box"
+    assert [each.name for each in found.absent] == ["ball"] and set(found.deleted) == {"floor", "box"}
+    again = SceneChange(more, more, added={ball("box").added, ball().added})(found)
+    assert names(again) == ["pot", "lamp", "box 2", "ball", "box"]
 
 
 def test_a_light_that_excludes_an_object_excludes_its_duplicate(document: Document) -> None:
@@ -127,12 +197,14 @@ def test_any_sequence_survives_sessions_and_undo(document: Document, tmp_path: P
         for _ in range(25):
             here = states[-1]
             name = rng.choice(names(here))
-            what = rng.choice(("duplicate", "duplicate", "delete", "rename", "edit", "undo", "session"))
+            what = rng.choice(("add", "duplicate", "duplicate", "delete", "rename", "edit", "undo", "session"))
             if what == "undo" and len(states) > 1:
                 states.pop()
             elif what == "session":
                 path = save_session(tmp_path / "any.insitu", here, ViewState())
-                assert fit_session(load_session(path), document, str(path)) == here
+                assert fit_session(load_session(path), document, str(path), {ball().added: ball()}) == here
+            elif what == "add":
+                states.append(AddObject("sphere", objects=(ball(),)).apply(here))
             elif what == "delete" and len(here.objects) > 1:
                 states.append(DeleteObject(name).apply(here))
             elif what == "rename":
@@ -145,9 +217,9 @@ def test_any_sequence_survives_sessions_and_undo(document: Document, tmp_path: P
                 states.append(SetTransform(name, (rng.random(), 0.0, 0.0)).apply(here))
             here = states[-1]
             assert len(set(names(here))) == len(here.objects)
-            assert {each.source for each in here.objects} <= {"pot", "floor", "lamp"}
+            assert {each.source for each in here.objects} <= {"pot", "floor", "lamp", ball().added}
             # Undone to the file's objects there is nothing to compose.
-            own = not here.deleted and all(not each.original for each in here.objects)
+            own = not here.deleted and all(each.is_of_file for each in here.objects)
             assert (here.composition == ()) == own
 
 

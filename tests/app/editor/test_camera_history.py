@@ -9,7 +9,6 @@ import pytest
 
 from app.document.commands.layers import SetParameter, SetVisible
 from app.document.view_state import Bookmark, SetView, Viewpoint
-from app.editor.camera_history import find_ground_boxes
 from app.editor.editor import Editor
 from app.editor.view_controller import REST_SECONDS
 from app.files.bookmarks import add_bookmark
@@ -21,6 +20,7 @@ from app.modes.placement.placement_messages import ComputeTransport
 from app.project.project import open_project
 from engine.core.errors import InsituError
 from engine.scene.description import Camera
+from engine.scene.ground_boxes import find_ground_boxes
 from engine.scene.loaders.model import ImportedCamera
 from tests.app.fake_worker import FakeClient
 

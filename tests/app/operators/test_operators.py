@@ -16,7 +16,7 @@ from app.document.commands.light import SetRotation
 from app.document.view_state import SetView, Viewpoint
 from app.editor.editor import Editor
 from app.messages.worker_messages import OpenScene
-from app.operators.arrange import Move
+from app.operators.arrange import Addition, Move
 from app.operators.camera import MoveCamera
 from app.operators.curve_drawing import CurvePoints, CurveStroke
 from app.operators.edits import Deform
@@ -35,7 +35,7 @@ RUN_BY_EDITOR = sorted(name for name, each in OPERATORS.items() if each.run is n
 # What an operator is carried out with here; the others have a default.
 VALUES: dict[str, Any] = {
     "set": {"pot.1.alpha": 0.37, "light.intensity": 2.0}, "select": "floor", "deform": Deform(object="pot", bend=20.0),
-    "move": Move(object="pot", by=(0.1, 0.0, 0.0)),
+    "move": Move(object="pot", by=(0.1, 0.0, 0.0)), "add": Addition(shape="box"),
     "rotate": 75.0, "accuracy": 0.0, "override": {"lights": 600}, "view": "AgX", "rename_view": ("View 1", "Spout"),
     "mode": "orbit", "lobe": (2, 3), "resolution": (24, 16), "camera": MoveCamera(orbit=(30.0, 10.0), dolly=0.5),
     "measured": MeasuredFile(file="velvet.binary"), "material_file": MaterialFile(file="wood.mtlx", material="oak"),

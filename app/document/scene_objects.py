@@ -1,0 +1,63 @@
+"""Which objects of a scene a document has: their order, their names, and the scene's own with the same objects."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
+from types import MappingProxyType
+
+from app.document.document import Document, ObjectState
+from engine.scene.composition import ObjectSource
+from engine.scene.description import LONGEST_NAME
+
+# Objects that the scene's file does not have, as they were read, by what they were read from.
+AddedStates = Mapping[ObjectSource, ObjectState]
+NONE_ADDED: AddedStates = MappingProxyType({})
+_NUMBERED = re.compile(r"(?P<name>.*\S) \d+")
+
+
+def in_scene_order(states: Iterable[ObjectState], scene: Document) -> tuple[ObjectState, ...]:
+    """Objects in the order of the scene's, duplicates with their originals, in the order that they come in; those that
+    were added at the end."""
+    place: dict[ObjectSource, int] = {state.name: k for k, state in enumerate(scene.objects)}
+    return tuple(sorted(states, key=lambda state: place.get(state.source, len(place))))
+
+
+def by_source(described: Document, added: AddedStates) -> dict[ObjectSource, ObjectState]:
+    """The objects of a scene as its file describes it, and those that were added, as they were read."""
+    found: dict[ObjectSource, ObjectState] = {state.name: state for state in described.objects}
+    return found | dict(added)
+
+
+def with_objects_of(described: Document, document: Document, added: AddedStates = NONE_ADDED) -> Document:
+    """The document of a scene as its file describes it, with the objects that another document of this scene has;
+    added: those that the file does not have, as they were read."""
+    if not document.composition:
+        return described
+    own = by_source(described, added)
+    objects = tuple(
+        replace(own[state.source], name=state.name, original=state.original)
+        for state in document.objects if state.source in own
+    )  # fmt: skip
+    return replace(described, objects=objects, deleted=document.deleted)
+
+
+def with_free_names(own: Sequence[ObjectState], taken: Collection[str]) -> list[ObjectState]:
+    """Objects of the scene's file under names that no others have taken, which they keep as their originals."""
+    found, names = list[ObjectState](), {*taken, *(state.name for state in own)}
+    for state in own:
+        if state.name in taken:
+            state = replace(state, name=numbered_name(state.name, names), original=state.name)
+            names.add(state.name)
+        found.append(state)
+    return found
+
+
+def numbered_name(name: str, taken: Collection[str]) -> str:
+    """The name with the first number from 2 on that is not taken: "cup 2" of "cup" and of "cup 7"."""
+    numbered = _NUMBERED.fullmatch(name)
+    base, number = numbered["name"] if numbered else name, 2
+    while (found := f"{base[: LONGEST_NAME - len(str(number)) - 1].rstrip()} {number}") in taken:
+        number += 1
+    return found

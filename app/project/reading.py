@@ -1,0 +1,62 @@
+"""What a document waits for, read at once: measured BRDFs, materials of files, objects that are added. In an editor the
+worker reads them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from app.document.commands import EditCommand
+from app.document.commands.layers import SetMaterial
+from app.document.commands.objects import AddObject
+from app.document.document import Document, added_state
+from app.document.named_files import document_with_measurements, layers_with_variants, unread_files
+from app.document.scene_objects import AddedStates
+from app.files.material_files import complete_material, read_file_materials
+
+if TYPE_CHECKING:
+    from engine.scene.scene_loader import Scene
+
+
+def complete(command: EditCommand, scene: Scene) -> EditCommand:
+    """A command with the material or the objects that it waits for; scene: what these are added to. Raises
+    LoadError."""
+    if isinstance(command, AddObject) and not command.objects:
+        from engine.scene.added_objects import read_added
+
+        added, _ = read_added(command.what, scene, command.at, command.size)
+        states = tuple(added_state(each.source, each.description, each.animations) for each in added)
+        return replace(command, objects=states)
+    if not isinstance(command, SetMaterial) or not command.file:
+        return command
+    found = read_file_materials(Path(command.file), command.name)
+    return complete_material(command, found.materials, found.chosen)
+
+
+def added_again(document: Document, scene: Scene) -> tuple[AddedStates, tuple[str, ...]]:
+    """The objects of a session's document that the scene's file does not have, read again, and a line on each file that
+    cannot be read."""
+    from engine.scene.added_objects import read_again
+
+    found, problems = read_again(document.added_sources, scene)
+    return {each.source: added_state(each.source, each.description, each.animations) for each in found}, problems
+
+
+def read_measurements(document: Document, folder: Path | None = None, scene: Path | None = None) -> Document:
+    """The document with its measured BRDFs read: from where they are, or from a scene's folder alone."""
+    names = unread_files(layers_with_variants(document))
+    if not names:
+        return document
+    from app.worker.cache import ArrayCache
+    from app.worker.file_tasks import described_paths
+    from engine.core.generators import run_to_end
+    from engine.measured.tables import read_measurement
+
+    paths = {name: Path(name) for name in names}
+    if folder is not None and scene is not None:
+        paths = described_paths(names, folder, scene)
+    store = ArrayCache()
+    return document_with_measurements(
+        document, {name: run_to_end(read_measurement(path, store)) for name, path in paths.items()}
+    )

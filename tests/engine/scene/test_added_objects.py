@@ -1,0 +1,128 @@
+"""Shapes and objects of files that are added to a scene: where they stand, and that they are read again alike."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from engine.core.errors import LoadError
+from engine.scene.added_objects import AddedObject, read_added, read_again
+from engine.scene.composed_scene import compose_scene
+from engine.scene.composition import SHAPES, Composition, SceneObject
+from engine.scene.scene_loader import Scene, load_scene
+from tests.engine.scene.conftest import TRIANGLE_PLY
+from tests.engine.scene.loaders.test_gltf_lights import write
+from tests.scene_text import camera, facing_up, material, placed, scaled
+
+CLAY = material('model = "lambert"')
+LOOKING = camera((1, 2, 5), 40, (8, 8), (0.25, 0.75, -0.5))
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Scene:
+    """Seen by a camera that looks at (0.25, 0.75, -0.5)."""
+    return scene_in(tmp_path, LOOKING)
+
+
+def scene_in(folder: Path, view: str, more: str = "") -> Scene:
+    """A ball of diameter 1.6 that stands on a large ground."""
+    text = placed("ground", "quad", facing_up(20), CLAY) + placed("ball", "sphere", scaled(1.6, (0, 0.8, 0)), CLAY)
+    (folder / "scene.toml").write_text(view + text + more)
+    return load_scene(folder / "scene.toml")
+
+
+def composed(scene: Scene, added: tuple[AddedObject, ...]) -> Scene:
+    own: Composition = tuple(SceneObject(name, name) for name in scene.object_names)
+    return compose_scene(scene, (*own, *(SceneObject(each.description.name, each.source) for each in added)))
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_a_shape_stands_on_the_ground_at_the_point_looked_at(scene: Scene, shape: str) -> None:
+    (added,), notes = read_added(shape, scene)
+    # A quarter of 1.6 is 0.4, rounded to 0.5; a plane lies a thousandth of that above the ground.
+    low, high = added.box
+    assert notes == () and (high - low).max() == pytest.approx(0.5, abs=1e-3)
+    # The ball, 0.8 around the middle, stands there: the shape is moved towards the camera, along (0.75, 5.5). A plane
+    # has room below it.
+    x, z = (low + high)[[0, 2]] / 2.0
+    if shape == "plane":
+        assert (x, z) == pytest.approx((0.25, -0.5), abs=1e-6)
+    else:
+        assert low[2] == pytest.approx(0.8, abs=0.04) and (x - 0.25) / (z + 0.5) == pytest.approx(0.75 / 5.5, abs=1e-3)
+    assert low[1] == pytest.approx(5e-4 if shape == "plane" else 0.0, abs=1e-6)
+    found = composed(scene, (added,))
+    assert np.allclose(found.bounds[2], added.box, atol=1e-6)
+    assert found.description.objects[2].layers  # grey, to be edited
+    if shape == "plane":
+        assert np.allclose(found.geometric_normals[slice(*found.triangle_ranges[2])], [0.0, 1.0, 0.0], atol=1e-6)
+
+
+def test_where_nothing_stands_it_is_the_point_looked_at(tmp_path: Path) -> None:
+    away = camera((1, 2, 5), 40, (8, 8), (4.0, 0.75, -3.0))
+    (added,), _ = read_added("box", scene_in(tmp_path, away))
+    assert np.allclose(added.box, [[3.75, 0.0, -3.25], [4.25, 0.5, -2.75]], atol=1e-6)
+
+
+def test_a_room_that_is_one_object_is_in_no_ones_way(scene: Scene, tmp_path: Path) -> None:
+    room = scene_in(tmp_path, LOOKING, placed("room", "cube", scaled(12, (0, 6, 0)), CLAY))
+    (free,), (within,) = (read_added("box", each, size=0.5)[0] for each in (scene, room))
+    assert np.allclose(within.box, free.box, atol=1e-6)
+
+
+def test_place_and_size_by_numbers(scene: Scene) -> None:
+    (added,), _ = read_added("torus", scene, (3.0, 1.0, -2.0), 0.2)
+    assert np.allclose(added.box, [[2.9, 1.0, -2.1], [3.1, 1.06, -1.9]], atol=1e-4)
+
+
+def test_objects_of_a_file_stand_together_in_their_own_size(
+    scene: Scene, triangle_glb: tuple[dict, bytes], glb_file: Callable[..., Path]
+) -> None:
+    tree, binary = triangle_glb
+    (primitive,) = tree["meshes"][0]["primitives"]
+    tree["materials"] = [{"name": "red"}, {"name": "blue"}]
+    tree["meshes"][0]["primitives"] = [primitive | {"material": k} for k in range(2)]
+    file = glb_file(tree, binary)
+    own, _ = read_added(str(file), scene, (0.0, 0.0, 0.0))
+    assert [each.source.part for each in own] == [0, 1] and len({each.description.name for each in own}) == 2
+    twice, _ = read_added(str(file), scene, (0.0, 0.0, 0.0), 2.0 * float(np.ptp(own[0].box, axis=0).max()))
+    assert np.allclose(twice[1].box, 2.0 * own[1].box, atol=1e-6)
+    found = composed(scene, own)
+    assert np.allclose(found.bounds[2:], [each.box for each in own], atol=1e-6)
+    # Its images and materials are named by the file's full path, so that the scene's folder does not matter.
+    assert [each.name for each in found.description.objects[2].layers] == [
+        each.name for each in own[0].description.layers
+    ]
+
+
+def test_lamps_of_a_file_come_along_and_suns_stay_behind(scene: Scene, tmp_path: Path) -> None:
+    lights = [{"type": "point", "intensity": 683.0, "name": "bulb"}, {"type": "directional", "intensity": 1.0}]
+    file = write(tmp_path / "lit.glb", lights, [{"translation": [1, 2, 3]}, {}])
+    added, notes = read_added(str(file), scene, (0.0, 0.0, 0.0))
+    _, bulb = added
+    assert bulb.description.is_lamp and bulb.source.emission == bulb.description.emission
+    assert any("suns are left out" in note for note in notes)
+    again, problems = read_again([each.source for each in added], scene)
+    assert problems == () and [each.source for each in again] == [each.source for each in added]
+    assert all(np.allclose(a.box, b.box, atol=1e-6) for a, b in zip(added, again, strict=True))
+    assert np.allclose(composed(scene, added).emission[3], bulb.description.emission)
+
+
+def test_a_file_that_is_gone_takes_its_objects_alone_along(scene: Scene, tmp_path: Path) -> None:
+    file = tmp_path / "card.ply"
+    file.write_text(TRIANGLE_PLY)
+    (card,), _ = read_added(str(file), scene)
+    (box,), _ = read_added("box", scene)
+    file.unlink()
+    again, problems = read_again([card.source, box.source], scene)
+    assert [each.source for each in again] == [box.source]
+    assert len(problems) == 1 and "card.ply" in problems[0] and "\n" not in problems[0]
+
+
+@pytest.mark.parametrize("what", ["/nowhere/cup.glb", "teapot", "/nowhere/scene.toml"])
+def test_what_cannot_be_added_is_refused_in_one_line(scene: Scene, what: str) -> None:
+    with pytest.raises(LoadError) as caught:
+        read_added(what, scene)
+    assert what in str(caught.value)
