@@ -34,6 +34,7 @@ from app.document.sources import (
 )
 from app.document.view_state import OpenPanel, ViewCommand
 from app.editor.editor import Editor
+from app.export import PACKAGE_ENDING
 from app.files.journal import Recovery
 from app.files.materials import MAX_MATERIAL_BYTES, Library, dump_material, parse_material, paste_command
 from app.files.preferences import PreferenceFile, RecentFiles
@@ -79,6 +80,7 @@ from ui.panels.actions import (
     RunOperator,
     SaveMaterial,
     SavePicture,
+    SaveScene,
     SaveSession,
     Screenshot,
     SetPanel,
@@ -114,6 +116,7 @@ KIND_OF = {
     "open_environment": "environment", "open_measured": "measured",
     "open_material": "material",
     "save_measured": "measured", "save_picture": "picture", "save_scene": "export",
+    "save_package": "package",
     "open_table": "table",
 }  # fmt: skip
 
@@ -257,6 +260,9 @@ class ActionHandler:
             case ExportMeasured():
                 self._folders["measured"] = action.path.absolute().parent
                 editor.exchange.export_measured(action.path)
+            case SaveScene():
+                self._folders["package"] = action.path.absolute().parent
+                editor.exchange.save_scene(action.path)
             case ExportScene():
                 self._folders["export"] = action.folder.absolute().parent
                 editor.exchange.export_scene(action.folder)
@@ -374,6 +380,8 @@ class ActionHandler:
         if action.purpose == "save_picture":
             name = f"{editor.name}{self._picture_ending}"
             return FileQuestion(action.purpose, folder, name, deep=self._deep, layers=self._layers)
+        if action.purpose == "save_package":
+            return FileQuestion(action.purpose, folder, f"{editor.name}{PACKAGE_ENDING}")
         if action.purpose != "save_session":
             return FileQuestion(action.purpose, folder, key=action.key)
         return FileQuestion(action.purpose, folder if file is None else beside, f"{editor.name}{SESSION_ENDING}")

@@ -21,7 +21,10 @@ from app.cli.options import (
     print_notes,
     progress,
 )
-from app.project.project import open_project
+from app.document.sources import source_of
+from app.document.view_state import ViewState
+from app.export import require_package_place
+from app.project.project import open_project, session_of
 from app.system.atomic import require_folder, require_place
 
 
@@ -72,6 +75,30 @@ def export_brdf(
             report(fraction, "evaluating the layers")
     print_notes(untabulated_features(layers))
     print_line(f"{output}: {object_}, {len(layers)} layers, {time.monotonic() - started:.1f} s")
+    return 0
+
+
+def save_scene(
+    scene: Annotated[str, typer.Argument(help=SCENE_HELP)],
+    output: Annotated[Path, typer.Option("-o", "--output", help="A new folder, or OUT.insitu.zip.")],
+    set_: Values = None,
+    replace_: Annotated[bool, typer.Option("--replace", help="Replaces an OUT.insitu.zip that is there.")] = False,
+    up: Up = Axis.Y,
+) -> int:
+    """Save the edited scene with everything it needs, in a folder or in one file that opens elsewhere."""
+    from app.export.package import package_steps
+
+    require_package_place(output, replace_)
+    name = oriented(scene, up)
+    project = open_project(name, None, assignments(set_))
+    session = session_of(source_of(name))
+    view = ViewState() if session is None else session.view
+    n_files, steps = 0, package_steps(project.document, view, project.scene.files, output)
+    with progress() as report:
+        for fraction, file in steps:
+            report(fraction, f"copying {file}")
+            n_files += 1
+    print_line(f"{output}: a session and {n_files} files")
     return 0
 
 

@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from app.cli.console import FAILED, INTERRUPTED, USAGE, Frontend, print_error, print_line
-from app.cli.exchange import export, export_brdf, import_brdf
+from app.cli.exchange import export, export_brdf, import_brdf, save_scene
 from app.cli.info import info
 from app.cli.options import (
     LIGHTS,
@@ -178,6 +178,7 @@ cli.command()(measure)
 cli.command("import-brdf")(import_brdf)
 cli.command("export-brdf")(export_brdf)
 cli.command()(export)
+cli.command("save-scene")(save_scene)
 cli.command()(doctor)
 
 

@@ -148,6 +148,29 @@ def _with_image_names(layers: Layers, new_name: Callable[[str], str]) -> Layers:
     )  # fmt: skip
 
 
+def with_file_names(state: ObjectState, new_name: Callable[[str], str], new_path: Callable[[str], str]) -> ObjectState:
+    """An object with other names of the files that the user gave it: of images by new_name, of measured BRDFs and of a
+    mesh that was added by new_path."""
+
+    def renamed(name: str) -> str:
+        return _renamed(name, new_name)
+
+    def measured(layer: Layer) -> Layer:
+        there = measurement_in(layer)
+        return layer if there is None else layer.with_parameter(FILE, replace(there, file=new_path(there.file)))
+
+    bumps, opacity, surface, added = state.new_bumps, state.new_opacity, state.new_surface, state.added
+    if opacity is not None:
+        opacity = replace(opacity, opacity_map=opacity.opacity_map and renamed(opacity.opacity_map))
+    if added is not None and added.mesh is not None:
+        added = added.model_copy(update={"mesh": new_path(added.mesh)})
+    return replace(
+        state, added=added, layers=tuple(map(measured, _with_image_names(state.layers, new_name))),
+        new_bumps=None if bumps is None else bumps.with_files(renamed), new_opacity=opacity,
+        new_surface=None if surface is None else surface.with_files(renamed),
+    )  # fmt: skip
+
+
 def scene_folder(source: str) -> Path:
     """The folder of a built-in scene or a scene file."""
     return resolved(scene_file(source)).parent

@@ -1,9 +1,10 @@
 """The file of a scene that is named by the folder or the zip archive that it is in, and which way is up in a mesh.
 
-A folder or an archive has one scene: its scene file, else its mesh. Where there are several, they are listed for the
-user to choose. A folder is searched by names alone, without following links. An archive is unpacked into the cache, by
-the process that reads the scene, and its document keeps the archive's name; only files that scenes can name are written
-(`engine.core.zip_files` bounds and checks them).
+A folder or an archive has one scene: the session at its top, where there is one (`app.export.package` writes such),
+else its scene file, else its mesh. Where there are several, they are listed for the user to choose. A folder is
+searched by names alone, without following links. An archive is unpacked into the cache, by the process that reads the
+scene, and its document keeps the archive's name; only files that scenes can name are written (`engine.core.zip_files`
+bounds and checks them).
 
 A mesh whose Z axis points up is named `part.stl#z-up`, so that sessions, recent files and clusters keep the choice; and
 a stage of USD with variants of its sets `kitchen.usd#shape=tall,size=big`.
@@ -12,7 +13,6 @@ a stage of USD with variants of its sets `kitchen.usd#shape=tall,size=big`.
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import os
 import shutil
 import time
@@ -21,24 +21,27 @@ from pathlib import Path
 from typing import Literal
 
 from app.system.atomic import make_private_folder, replacing_folder, sweep_temporaries
-from engine.core.errors import InsituError, list_names
-from engine.core.safe_files import add_unpacked, local_path, read_regular_file
+from app.system.unpacked import ARCHIVE_ENDING, folder_of_archive, note_archive, unpacked_folder
+from engine.core.errors import InsituError, LoadError, list_names
+from engine.core.safe_files import add_unpacked, read_regular_file
 from engine.scene.builtin import scene_path
 from engine.scene.mesh import MATERIAL_ENDING, MAX_MESH_BYTES, MESH_ENDINGS, USD_ENDINGS
+from engine.scene.toml_text import parse_toml_bytes
 from engine.scene.variant_choice import choices_text, parse_choices
 
 Up = Literal["y", "z"]
 Z_UP = "#z-up"
-ARCHIVE_ENDING = ".zip"
+SESSION_ENDING = ".insitu"
 _SCENE_ENDING = ".toml"
 _WITH_VARIANTS = (*USD_ENDINGS, ARCHIVE_ENDING)
 # Files that are written of an archive: scenes, meshes, and what these name.
 _USED = (
-    _SCENE_ENDING, *MESH_ENDINGS, ".mtl", ".bin", ".png", ".jpg", ".jpeg", ".exr", ".hdr", ".pic", ".webp", ".ktx2",
-    ".binary", ".brdf", ".bsdf", ".csv",
+    SESSION_ENDING, _SCENE_ENDING, *MESH_ENDINGS, ".mtl", ".bin", ".png", ".jpg", ".jpeg", ".exr", ".hdr", ".pic",
+    ".webp", ".ktx2", ".binary", ".brdf", ".bsdf", ".csv",
 )  # fmt: skip
 _MOST_ENTRIES, _DEEPEST = 4096, 8
-_NOTE = ".scene"  # in the folder of an unpacked archive: the name of its scene
+# In the folder of an unpacked archive: the name of its scene, and in a second line that of its session, if it has one.
+_NOTE = ".scene"
 _MOST_KEPT, _KEPT_SECONDS = 8, 24 * 3600.0
 
 
@@ -150,8 +153,12 @@ def is_folder_of_scene(path: Path) -> bool:
 
 
 def _only_scene(names: Iterable[str], where: Path) -> str:
-    """The one scene file among names, else the one mesh, else the one file of materials."""
+    """The one session among names, at the top, else the one scene file, else the one mesh, else the one file of
+    materials."""
     found = [name for name in sorted(names) if not any(part.startswith((".", "__MACOSX")) for part in name.split("/"))]
+    sessions = [name for name in found if name.lower().endswith(SESSION_ENDING) and "/" not in name]
+    if len(sessions) == 1:
+        return sessions[0]
     scenes = [name for name in found if name.lower().endswith(_SCENE_ENDING)]
     meshes = [name for name in found if name.lower().endswith(MESH_ENDINGS)]
     # Materials lie beside the mesh that has them.
@@ -167,24 +174,11 @@ def _only_scene(names: Iterable[str], where: Path) -> str:
 # ---------------------------------------------------------------------------------------------------------- archives
 
 
-def _cache_folder() -> Path:
-    from app.worker.cache import cache_folder
-
-    return cache_folder() / "unpacked"
-
-
-def _key(archive: Path) -> str:
-    """The name of an archive's folder: of its path, size and time. Raises OSError."""
-    status = local_path(archive).stat()
-    named = repr((os.path.abspath(archive), status.st_size, status.st_mtime_ns))
-    return hashlib.blake2b(os.fsencode(named), digest_size=16).hexdigest()
-
-
 def _unpacked(archive: Path) -> Path | None:
     """The scene of an archive that is unpacked; None where it is not."""
     try:
-        folder = _cache_folder() / _key(archive)
-        scene = folder / (folder / _NOTE).read_text(encoding="utf-8")
+        folder = folder_of_archive(archive)
+        scene, _ = _noted(folder)
         os.utime(folder)
         add_unpacked(folder)
     except (OSError, ValueError):
@@ -192,13 +186,31 @@ def _unpacked(archive: Path) -> Path | None:
     return scene if scene.is_file() else None
 
 
+def session_of_archive(source: str) -> Path | None:
+    """The session of an archive that is unpacked; None where it has none, or is not."""
+    archive = scene_path(split_axis(source)[0])
+    try:
+        return _noted(folder_of_archive(archive))[1] if is_archive(source) else None
+    except (OSError, ValueError):
+        return None
+
+
+def _noted(folder: Path) -> tuple[Path, Path | None]:
+    """The scene and the session of an unpacked archive. Raises OSError or ValueError."""
+    scene, session, *_ = [*(folder / _NOTE).read_text(encoding="utf-8").split("\n"), ""]
+    return folder / scene, folder / session if session else None
+
+
 def _unpack(archive: Path) -> Path:
     """Unpack an archive; returns its scene. Raises InsituError."""
     from engine.core.zip_files import ZipArchive
 
     found = ZipArchive(read_regular_file(archive, MAX_MESH_BYTES), archive)
-    scene = _only_scene(found.names, archive)
-    folder = make_private_folder(_cache_folder()) / _key(archive)
+    scene, session = _only_scene(found.names, archive), ""
+    if scene.lower().endswith(SESSION_ENDING):
+        scene, session = _scene_of_session(found.read(scene), archive / scene), scene
+    make_private_folder(unpacked_folder())
+    folder = folder_of_archive(archive)
     sweep_temporaries(folder.parent)
     _forget_oldest(folder.parent)
     with replacing_folder(folder) as part:
@@ -206,9 +218,19 @@ def _unpack(archive: Path) -> Path:
             path = part / name
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(found.read(name))
-        (part / _NOTE).write_text(scene, encoding="utf-8")
+        note_archive(part, archive)
+        (part / _NOTE).write_text(f"{scene}\n{session}", encoding="utf-8")
     add_unpacked(folder)
-    return folder / scene
+    return _noted(folder)[0]
+
+
+def _scene_of_session(data: bytes, path: Path) -> str:
+    """The file of the scene that a session in an archive names. Raises LoadError."""
+    named = parse_toml_bytes(data, path).get("scene")
+    scene = split_axis(named)[0] if isinstance(named, str) else ""
+    if not scene or os.path.isabs(scene) or ".." in Path(scene).parts:
+        raise LoadError(path, "scene", named, "a file of the same archive")
+    return scene
 
 
 def _forget_oldest(parent: Path) -> None:

@@ -17,7 +17,16 @@ import struct
 from dataclasses import dataclass
 from pathlib import Path
 
-from app.document.scene_files import ARCHIVE_ENDING, Up, can_turn, renamed, scene_in_folder, split_axis, with_axis
+from app.document.scene_files import (
+    ARCHIVE_ENDING,
+    SESSION_ENDING,
+    Up,
+    can_turn,
+    renamed,
+    scene_in_folder,
+    split_axis,
+    with_axis,
+)
 from app.system.paths import full_path
 from engine.core.errors import InsituError
 from engine.core.safe_files import exists, resolved
@@ -27,7 +36,6 @@ from engine.measured.measurement import ENDINGS as MEASURED_ENDINGS
 from engine.scene.builtin import DEFAULT_SCENE, builtin_scenes
 from engine.scene.mesh import MESH_ENDINGS
 
-SESSION_ENDING = ".insitu"
 SCENE_ENDINGS = (".toml", *MESH_ENDINGS, ARCHIVE_ENDING)
 LIGHT_ENDINGS = (".exr", ".hdr", ".pic")
 PICTURE_ENDINGS = (".png", ".jpg", ".jpeg", ".webp", ".ktx2")

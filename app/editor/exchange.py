@@ -13,7 +13,7 @@ from app.document.commands.objects import AddObject
 from app.document.document import Document, ObjectState, Selection
 from app.document.selection import layer_shown
 from app.document.view_state import ViewState
-from app.export import written_names
+from app.export import require_package_place, written_names
 from app.files.material_files import import_material
 from app.files.materials import PendingMeasurement, describe_reading, import_measured
 from app.messages.worker_messages import (
@@ -24,6 +24,7 @@ from app.messages.worker_messages import (
     ReadCurveTable,
     ReadObjects,
     Request,
+    SaveScene,
     WriteFiles,
 )
 from app.modes.mode import ModeController
@@ -204,6 +205,19 @@ class FileExchange:
         except InsituError as error:
             return self._refuse(str(error))
         self._send(WriteFiles(str(resolved(folder)), (), host.document, max(host.view.settings.n_bounces, 1)))
+        return None
+
+    def save_scene(self, path: Path) -> str | None:
+        """Save the scene as it is now with everything it needs, in a new folder or in an archive; returns None, or one
+        line that says why not."""
+        host = self._host
+        if not host.scene_is_open:
+            return self._refuse(f"{path.name}: no scene is open that could be saved")
+        try:
+            require_package_place(path, replaces=True)
+        except InsituError as error:
+            return self._refuse(str(error))
+        self._send(SaveScene(str(resolved(path)), host.document, host.view))
         return None
 
     def _refuse(self, line: str) -> str:

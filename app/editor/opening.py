@@ -15,7 +15,7 @@ from app.document.timeline import visible_poses
 from app.document.view_state import Viewpoint, ViewState
 from app.editor.view_controller import TracedView
 from app.files.journal import Recovery
-from app.files.session import Session, fit_session, load_session
+from app.files.session import Session, archived_session, fit_session, load_session
 from app.messages.worker_messages import OpenScene, SceneOpened
 from engine.scene.description import ObjectDescription, SceneDescription
 
@@ -42,7 +42,9 @@ class Opening:
         user's choice."""
         source = source_of(name)
         if source.session is None:
-            return cls(0, source.scene, light=source.light, fallback_reason=instead_of)
+            archived = archived_session(source.scene)
+            named = source.scene if archived is None else archived.document.source
+            return cls(0, named, archived, light=source.light, fallback_reason=instead_of)
         session = load_session(source.session)
         return cls(0, session.document.source, session, source.session)
 

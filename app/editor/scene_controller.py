@@ -176,8 +176,13 @@ class SceneController:
 
     def take_loaded(self, response: SceneOpened) -> None:
         """A scene was loaded: it is open once it is traced."""
-        if self._opening is not None and response.id == self._opening.id:
-            self._opening = replace(self._opening, opened=response)
+        opening = self._opening
+        if opening is None or response.id != opening.id:
+            return
+        if response.has_session and opening.edited is None:
+            self._host.open(opening.source)  # the archive is unpacked now, and its session can be read
+            return
+        self._opening = replace(opening, opened=response)
 
     def take_sky(self, response: SkyImage) -> list[PictureEvent]:
         """The image of the sky behind the scene has come."""

@@ -1,12 +1,38 @@
-"""Scenes exported for other programs: a folder that Mitsuba 3 renders the final frame from.
+"""Scenes saved with all their files (`package`), and exported for other programs: a folder that Mitsuba 3 renders the
+final frame from.
 
-The names of its files are known before one of them is written, and without importing what writes them.
+Where they are written is checked before one file is, and without importing what writes them.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from app.system.atomic import require_folder, require_place
+from engine.core.errors import InsituError
+
+PACKAGE_ENDING = ".insitu.zip"
+
+
+def is_archive_name(path: Path) -> bool:
+    """Whether a scene that is saved there is one file."""
+    return path.name.lower().endswith(PACKAGE_ENDING)
+
+
+def require_package_place(path: Path, replaces: bool = False) -> None:
+    """Raise InsituError where a scene cannot be saved: what is there stays, unless an archive is to be replaced."""
+    if is_archive_name(path):
+        require_place(path)
+        if path.exists() and not replaces:
+            raise InsituError(f"{path}: is there already, expected a new file; nothing was written")
+        return
+    if path.suffix.lower() == ".zip":
+        raise InsituError(f"{path}: expected a new folder, or a name that ends in {PACKAGE_ENDING}")
+    require_folder(path)
+    if path.is_dir() and any(path.iterdir()):
+        raise InsituError(f"{path}: is not empty, expected a new folder; nothing was written")
 
 
 def written_names(objects: Sequence[str]) -> Iterator[str]:

@@ -24,6 +24,7 @@ from app.document.commands.light import check_light
 from app.document.document import Document, ObjectState, Selection, all_factors
 from app.document.light_state import MIX_FIELDS, PLAIN_ROW, LightState, MixRow
 from app.document.named_files import with_full_paths
+from app.document.scene_files import renamed, session_of_archive, split_axis
 from app.document.scene_objects import NONE_ADDED, AddedStates, by_source, in_scene_order, with_free_names
 from app.document.sources import SESSION_ENDING
 from app.document.targets import TRANSFORM_FIELDS
@@ -135,6 +136,17 @@ def load_session(path: Path) -> Session:
     """Read a session file; LoadError names the place of the first error."""
     data = read_regular_file(path, MAX_SESSION_BYTES)
     return replace(parse_session(data, path, resolved(path).parent), digest=_digest(data))
+
+
+def archived_session(source: str) -> Session | None:
+    """The session of a scene in an archive that is unpacked, in which its scene is the archive's; None for none. Raises
+    LoadError."""
+    path = session_of_archive(source)
+    if path is None:
+        return None
+    session = load_session(path)
+    named = renamed(session.document.source, split_axis(source)[0])
+    return replace(session, document=replace(session.document, source=named))
 
 
 def parse_session(data: bytes, path: Path, folder: Path | None) -> Session:

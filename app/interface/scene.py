@@ -12,10 +12,11 @@ from app.document.document import Document
 from app.document.scene_files import Up
 from app.document.sources import SESSION_ENDING, find_source, source_of
 from app.document.view_state import Viewpoint, ViewState
-from app.files.session import load_session, save_session
+from app.export import require_package_place
+from app.files.session import save_session
 from app.interface.nodes import CameraNode, Editing, LightNode, ObjectNode
 from app.interface.pictures import Mode, Picture, Pictures
-from app.project.project import Project, open_project
+from app.project.project import Project, open_project, session_of
 from app.project.reading import complete
 from app.stills.frame_sequence import own_camera
 from app.stills.stills import ENDINGS, check_output, write_picture
@@ -48,10 +49,9 @@ def open_scene(
     if not isinstance(name, (str, os.PathLike)):
         raise InsituError(f"open: {name!r}, expected the name of a scene or a path")
     source = find_source(os.fspath(name), up)
-    session = source_of(source).session
-    project = open_project(source, _checked(resolution))
-    view = ViewState() if session is None else load_session(session).view
-    return Scene(project, view, session)
+    own = source_of(source)
+    project, session = open_project(source, _checked(resolution)), session_of(own)
+    return Scene(project, ViewState() if session is None else session.view, own.session)
 
 
 class Scene:
@@ -179,6 +179,19 @@ class Scene:
         view = replace(self._view, camera=self._editing.camera, resolution=self._editing.resolution)
         self._session = save_session(path, self.document, view)
         return self._session
+
+    def save_scene(self, path: str | os.PathLike[str], *, replaces: bool = False) -> Path:
+        """Save the scene with everything it needs, in a new folder or, where the path ends in `.insitu.zip`, in one
+        file: it opens to the same picture elsewhere. Returns the path. replaces: whether a file that is there may be
+        replaced. Raises insitu.Error."""
+        from app.export.package import package_steps
+
+        path = Path(path)
+        require_package_place(path, replaces)
+        view = replace(self._view, camera=self._editing.camera, resolution=self._editing.resolution)
+        for _ in package_steps(self.document, view, self._seen_in(None).scene.files, path):
+            pass
+        return path
 
     # ------------------------------------------------------------------------------------------------------------ edits
 

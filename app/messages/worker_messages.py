@@ -25,6 +25,7 @@ from engine.scene.loaders.model import ImportedCamera
 
 if TYPE_CHECKING:
     from app.document.document import Document, Variant
+    from app.document.view_state import ViewState
     from engine.curve.tables import TabulatedCurve
     from engine.material.bumps import BumpsByObject
     from engine.material.layer import Layer
@@ -216,6 +217,20 @@ class WriteFiles(Request):
 
 
 @dataclass(frozen=True)
+class SaveScene(Request):
+    """Save the document and the view with all files of the open scene: in a folder, or in an archive
+    (`app.export.package`). Answered by `FilesWritten`."""
+
+    built_on = (OpenScene,)
+    priority = 7
+    answered_once = True
+
+    path: str
+    document: Document
+    view: ViewState
+
+
+@dataclass(frozen=True)
 class CancelRequests(Request):
     """Drop what is running or waiting; an opened scene stays open. of: only these kinds, and what is built on them."""
 
@@ -251,6 +266,7 @@ class SceneOpened(Response):
     with its stamp then. `report`: what they contain, and what of it is not shown. `channels`: statistics of the images
     of parameter maps, the scene's and the request's; `nodes`: of all their maps. `cameras`: those of its files.
     `added`: the request's objects that could be read.
+    `has_session`: it is in an archive, with a session.
     """
 
     description: str
@@ -265,6 +281,7 @@ class SceneOpened(Response):
     cameras: tuple[ImportedCamera, ...] = ()
     nodes: KnownNodes = field(default_factory=dict)
     added: tuple[AddedObject, ...] = ()
+    has_session: bool = False
 
 
 @dataclass(frozen=True, eq=False)

@@ -76,6 +76,10 @@ FILES = (
     Operator("report", keys=("I",), help="What the file has, and what is not shown", entry="What the file contains"),
     Operator("save", keys=("Ctrl S",), help="Save the session", entry="Save session"),
     Operator("save_as", keys=("Ctrl Shift S",), help="Save the session under a new name", entry="Save session as…"),
+    Operator(
+        "save_scene", entry="Save as scene…", needs=SCENE,
+        help="Save the scene as it is now with everything it needs, in a folder or in one file.",
+    ),
     Operator("recover", entry="Recover edits…"),
     Operator(
         "measured", _import_measured, entry="Import measured BRDF…", needs=LAYER,

@@ -43,7 +43,8 @@ class Menu:
 MENUS = (
     Menu("File", (
         "new", "open", "open_recent", "open_builtin", "open_environment", "reload", "z_up", "report", None,
-        "material_file", "measured", "export_measured", "export_scene", None, "save", "save_as", "recover", None,
+        "material_file", "measured", "export_measured", "export_scene", None, "save", "save_as", "save_scene",
+        "recover", None,
         "picture", None, "quit",
     )),
     Menu("Edit", (

@@ -42,8 +42,15 @@ from app.document.light_mix import emission_of, mixed_light
 from app.document.light_state import ENVIRONMENT_KEY
 from app.document.named_files import files_of_document
 from app.document.node_layers import Statistics, channel_images, with_node_layers
-from app.document.scene_files import is_archive, renamed, split_axis, unpacked_scene_file, variants_of
-from app.document.sources import find_source, likely_mapping, source_of
+from app.document.scene_files import (
+    is_archive,
+    renamed,
+    session_of_archive,
+    split_axis,
+    unpacked_scene_file,
+    variants_of,
+)
+from app.document.sources import Source, find_source, likely_mapping, source_of
 from app.document.targets import (
     ADD,
     BACKGROUND,
@@ -62,7 +69,7 @@ from app.document.view_state import Viewpoint
 from app.files.bookmarks import camera_bookmarks, find_bookmark
 from app.files.material_files import import_material, is_material_file
 from app.files.materials import Library, full_material_name, import_measured, load_material
-from app.files.session import fit_session, load_session, session_notes
+from app.files.session import Session, archived_session, fit_session, load_session, session_notes
 from app.project.distant_light import sky_of
 from app.project.reading import added_again, complete, read_measurements
 from app.system.atomic import set_inputs
@@ -212,12 +219,26 @@ class ProjectSpec:
         return with_overrides(project.with_settings(**dict(self.settings)), dict(self.overrides))
 
     def with_absolute_paths(self) -> ProjectSpec:
-        """The same with absolute paths, so that it can be opened from any folder; of an archive the path of its scene,
-        unpacked. Raises InsituError."""
+        """The same with absolute paths, so that it can be opened from any folder; of an archive the path of its scene
+        or session, unpacked. Raises InsituError."""
         name = full_path(self.name or DEFAULT_SCENE)
         values = tuple((path, _with_full_path(path, value)) for path, value in self.values)
-        name = renamed(name, str(unpacked_scene_file(name))) if is_archive(name) else name
+        if is_archive(name):
+            scene = unpacked_scene_file(name)
+            session = session_of_archive(name)
+            name = renamed(name, str(scene)) if session is None else str(session)
         return replace(self, name=name, values=values)
+
+
+def session_of(source: Source) -> Session | None:
+    """The session of a source: its own, or that of the archive that its scene is in, which is unpacked. Raises
+    InsituError."""
+    if source.session is not None:
+        return load_session(source.session)
+    if not is_archive(source.scene):
+        return None
+    unpacked_scene_file(source.scene)
+    return archived_session(source.scene)
 
 
 def open_project(
@@ -236,7 +257,7 @@ def open_project(
 
     use_decoder_process()
     source = source_of(find_source(name))
-    session = None if source.session is None else load_session(source.session)
+    session = session_of(source)
     look = Viewpoint() if session is None else session.view.viewpoint
     if size := resolution or look.resolution:
         require_memory_for(size)  # before a mesh is read
@@ -258,7 +279,7 @@ def open_project(
     if session is not None:
         added, problems = added_again(session.document, scene)
         notes = (*problems, *session_notes(session, document, added))
-        document = read_measurements(fit_session(session, document, str(source.session), added))
+        document = read_measurements(fit_session(session, document, str(source.session or source.scene), added))
     for where, value in values:
         command = complete(set_path(document, where, value), scene)
         document = read_measurements(command.apply(document))

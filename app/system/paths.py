@@ -15,6 +15,7 @@ from urllib.parse import quote_from_bytes, unquote_to_bytes
 import platformdirs
 
 from app.system.atomic import make_private_folder
+from app.system.unpacked import joined, name_in_archive, split_member, unpacked_member
 from engine.core.safe_files import resolved
 
 APPLICATION = "insitu"
@@ -94,18 +95,25 @@ def full_path(source: str, folder: Path | None = None) -> str:
     written as by `written_path`."""
     if source.startswith(_QUOTED):
         source = os.fsdecode(unquote_to_bytes(source.removeprefix(_QUOTED)))
+    if (member := split_member(source)) is not None:
+        archive, inside = member
+        return str(unpacked_member(Path(full_path(archive, folder)), inside))
     return str(resolved((folder or Path()) / source)) if is_file_name(source) else source
 
 
 def written_path(source: str, folder: Path | None) -> str:
     """A file's name as it is written to a file in ``folder``: relative to it where it is inside, else absolute.
 
-    A file's name may be bytes that are no text. Such a name is written as a URI [RFC 8089]: "file:caf%E9.toml".
+    A file that was unpacked from an archive is named by that (`app.system.unpacked`). A file's name may be bytes that
+    are no text. Such a name is written as a URI [RFC 8089]: "file:caf%E9.toml".
     """
     if not is_file_name(source):
         return source
     path = resolved(Path(source))
     inside = folder is not None and path.is_relative_to(folder)
     name = str(path.relative_to(folder)) if inside and folder is not None else str(path)
+    if not inside and (member := name_in_archive(path)) is not None:
+        archive, name = member
+        return joined(written_path(str(archive), folder), name)
     is_text = not any("\ud800" <= character <= "\udfff" for character in name)
     return name if is_text and not name.startswith(_QUOTED) else _QUOTED + quote_from_bytes(os.fsencode(name))

@@ -24,6 +24,7 @@ from app.messages.worker_messages import (
     ReadMaterials,
     ReadMeasured,
     Response,
+    SaveScene,
     TableFetched,
     WriteFiles,
 )
@@ -138,6 +139,16 @@ def write_file(request: WriteFiles, store: ArrayStore | None) -> Generator[Respo
     for fraction in export_steps(request.layers, Path(request.path)):
         yield Progress(STAGE, fraction, text=f"writing {Path(request.path).name}")
     yield FilesWritten(request.path, untabulated_features(request.layers))
+
+
+def save_scene(request: SaveScene, scene: Scene) -> Generator[Response | None, None, None]:
+    """Write a scene's package. Raises InsituError."""
+    from app.export.package import package_steps  # late: few sessions save one
+
+    path = Path(request.path)
+    for fraction, name in package_steps(request.document, request.view, scene.files, path):
+        yield Progress("export", fraction, text=f"copying {name}")
+    yield FilesWritten(request.path)
 
 
 def write_scene(

@@ -27,7 +27,7 @@ from app.document.named_files import (
     with_measurements,
 )
 from app.document.node_layers import channel_images, n_nodes_of, plan_layers, with_node_layers
-from app.document.scene_files import files_of_scene, split_axis, unpacked_scene_file, variants_of
+from app.document.scene_files import files_of_scene, session_of_archive, split_axis, unpacked_scene_file, variants_of
 from app.messages.worker_messages import (
     ChannelsRead,
     FetchTable,
@@ -40,6 +40,7 @@ from app.messages.worker_messages import (
     ReadMeasured,
     ReadObjects,
     Request,
+    SaveScene,
     SceneOpened,
     SetCamera,
     SkyImage,
@@ -62,6 +63,7 @@ from app.worker.file_tasks import (
     read_files,
     read_for,
     read_materials,
+    save_scene,
     write_file,
     write_scene,
 )
@@ -252,6 +254,7 @@ class RequestDispatcher:
             ReadChannels: self._read_channels,
             FetchTable: lambda request: fetch_table(request, self.context.store),
             WriteFiles: self._write,
+            SaveScene: lambda request: save_scene(request, self.context.open_placement.scene),
         }
         for work in self._workers:
             self._handlers |= work.handlers
@@ -294,6 +297,7 @@ class RequestDispatcher:
             scene.cameras,
             known_nodes(channels),
             added,
+            session_of_archive(request.source) is not None,
         )
 
     def _set_camera(self, request: SetCamera) -> Steps:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, get_args
 
@@ -132,6 +132,15 @@ class DeformSurface(_Surface):
         if self.wrinkles is not None and isinstance(self.wrinkles.depth, str):
             found.append(("depth", self.wrinkles.depth))
         return tuple(found)
+
+    def with_files(self, new_name: Callable[[str], str]) -> DeformSurface:
+        """The same with other names of its images."""
+        changed: dict[str, Any] = {}
+        for kind, field in (("membrane", "translucency"), ("patch", "file"), ("wrinkles", "depth")):
+            own = getattr(self, kind)
+            if own is not None and isinstance(name := getattr(own, field), str):
+                changed[kind] = own.model_copy(update={field: new_name(name)})
+        return self.model_copy(update=changed)
 
     @property
     def is_mapped(self) -> bool:

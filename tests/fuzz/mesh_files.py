@@ -153,20 +153,26 @@ def archives(folder: Path) -> list[bytes]:
             for name, data in (("deep/a.obj", objs(folder)[0]), ("deep/a.mtl", mtls(folder)[0]), ("readme", b"hello")):
                 archive.writestr(name, data)
         found.append((folder / "seed.zip").read_bytes())
-    return found
+    with zipfile.ZipFile(folder / "seed.zip", "w") as archive:
+        rest = b'[light]\nenvironment = "scene/files/b.exr"\n[[object]]\nname = "a"\n'
+        archive.writestr("a.insitu", b'version = 2\nscene = "scene/a.obj"\n' + rest)
+        archive.writestr("scene/a.obj", objs(folder)[0])
+    return [*found, (folder / "seed.zip").read_bytes()]
 
 
 def read_archive(path: Path) -> None:
-    """All files of an archive, and its scene unpacked."""
+    """All files of an archive, its scene unpacked, and its session, if it has one."""
     import os
 
     from app.document.scene_files import unpacked_scene_file
+    from app.files.session import archived_session
     from engine.core.zip_files import ZipArchive
 
     archive = ZipArchive(path.read_bytes(), path)
     assert all(".." not in name.split("/") and not name.startswith("/") for name in archive.names)
     os.environ["INSITU_CACHE"] = str(path.parent / "cache")
     read_mesh_file(unpacked_scene_file(str(path)))
+    archived_session(str(path))
 
 
 def glbs(_: Path) -> list[bytes]:

@@ -179,6 +179,24 @@ def test_each_kind_of_file_is_asked_for_where_the_last_one_was(
 
 
 @pytest.mark.gl
+@pytest.mark.parametrize(("choice", "name"), [(0, "stand-in.insitu.zip"), (1, "stand-in")])
+def test_a_scene_is_saved_as_one_file_or_as_a_folder(
+    window: HeadlessWindow, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, choice: int, name: str
+) -> None:
+    saved: list[Path] = []
+    monkeypatch.setattr(window.shell.editor.exchange, "save_scene", saved.append)
+    window.shell.actor._folders["package"] = tmp_path
+    window.shell.do(AskFile("save_package"))
+    window.frames(3)
+    for k in (1 - choice, choice):
+        window.click_handle(f"files.package.{k}")
+        window.frames(3)
+    window.key(imgui.Key.enter)
+    window.frames(3)
+    assert saved == [tmp_path / name] and window.shell.state.question is None
+
+
+@pytest.mark.gl
 def test_dropped_files_are_told_apart(window: HeadlessWindow, tmp_path: Path) -> None:
     editor = window.shell.editor
     probe = tmp_path / "probe.exr"

@@ -172,6 +172,13 @@ class ExportScene:
 
 
 @dataclass(frozen=True)
+class SaveScene:
+    """Save the scene with everything it needs, as a folder or one file."""
+
+    path: Path
+
+
+@dataclass(frozen=True)
 class SaveSession:
     """Save the session to `path`, or where it was saved last; opens the file dialog the first time."""
 
@@ -277,8 +284,8 @@ class Quit:
 WindowAction = (
     BeginDrag | EndDrag | CancelDrag | MergedEdit | BeginCameraDrag | DragCamera | EndCameraDrag | MoveCameraTo
     | RunOperator | SetPreference | HoldGrip | SetPanel | OpenFile | OpenImage | AskFile | ReloadImages | SaveSession
-    | SavePicture | ImportMaterial | ImportMeasured | ExportMeasured | ExportScene | Screenshot | SaveMaterial
-    | DeleteMaterial | Copy | CopyText | Paste | Recover | AnswerUnsaved | ShowPanel | ResetLayout | Quit
+    | SavePicture | ImportMaterial | ImportMeasured | ExportMeasured | ExportScene | SaveScene | Screenshot
+    | SaveMaterial | DeleteMaterial | Copy | CopyText | Paste | Recover | AnswerUnsaved | ShowPanel | ResetLayout | Quit
     | AnswerQuestion | StopLayers
 )  # fmt: skip
 Action = EditCommand | SetView | OpenPanel | WindowAction

@@ -14,6 +14,7 @@ from imgui_bundle import ImVec2, imgui
 
 from app.document.commands.objects import AddObject
 from app.document.sources import IMAGE_SUFFIXES, LIGHT_ENDINGS, SCENE_ENDINGS, SESSION_ENDING
+from app.export import PACKAGE_ENDING
 from engine.core.safe_files import resolved
 from engine.curve.table_text import TABLE_ENDINGS
 from engine.measured.measurement import ENDINGS as MEASURED_ENDINGS
@@ -30,6 +31,7 @@ from ui.panels.actions import (
     OpenFile,
     OpenImage,
     SavePicture,
+    SaveScene,
     SaveSession,
     SetPanel,
 )
@@ -58,6 +60,7 @@ TITLES = {
     "save_measured": "Export the selected object's material as a MERL file",
     "save_picture": "Save the picture",
     "save_scene": "Export the scene for Mitsuba 3: name a folder",
+    "save_package": "Save the scene with everything it needs",
 }
 ENDINGS = {
     "open_scene": (*SCENE_ENDINGS, SESSION_ENDING),
@@ -81,6 +84,7 @@ ENDINGS = {
     "save_measured": (".binary",),
     "save_picture": (".png", ".exr"),
     "save_scene": ("",),
+    "save_package": (PACKAGE_ENDING,),
 }
 LAYERS_HINT = (
     "Drawn anew, in the background, with channels for each light, direct and indirect light, masks, albedo, normals, "
@@ -91,6 +95,10 @@ PICTURE_CHOICES = (
     ("PNG 16 bit", "As shown, 65,536 levels per channel: for grading and print."),
     ("EXR", "Linear light in 32-bit numbers, without exposure and view: for compositing."),
     ("EXR with layers", LAYERS_HINT),
+)
+PACKAGE_CHOICES = (
+    ("One file", "An archive, to be sent: it opens as it is."),
+    ("Folder", "A new folder, with the scene's files as they lie beside each other."),
 )
 # What a measurement becomes; the second is cloth.
 MEASURED_CHOICES = (
@@ -146,7 +154,9 @@ def draw(context: PanelContext) -> list[Action]:
 
 def _contents(context: PanelContext, question: FileQuestion) -> list[Action]:
     actions = _folder_line(context, question)
-    choice = {"open_measured": _measured_line, "save_picture": _picture_line}.get(question.purpose)
+    choice = {
+        "open_measured": _measured_line, "save_picture": _picture_line, "save_package": _package_line,
+    }.get(question.purpose)  # fmt: skip
     n_lines = 1 + (choice is not None) + bool(question.refusal)
     footer = n_lines * imgui.get_frame_height_with_spacing() + context.px(6)
     corner, room = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
@@ -195,6 +205,19 @@ def _picture_line(context: PanelContext, question: FileQuestion) -> list[Action]
     ending = ENDINGS["save_picture"][pressed >= 2]
     name = str(Path(question.name or "picture").with_suffix(ending))
     return [_input_line(replace(question, name=name, deep=pressed == 1, layers=pressed == 3, focus="name"))]
+
+
+def _package_line(context: PanelContext, question: FileQuestion) -> list[Action]:
+    """The choice between one file and a folder; the name follows."""
+    imgui.align_text_to_frame_padding()
+    imgui.text("Save as")
+    imgui.same_line()
+    pressed = widgets.segments(context, "files.package", PACKAGE_CHOICES, int(question.as_folder))
+    if pressed is None:
+        return []
+    stem = question.name.removesuffix(PACKAGE_ENDING)
+    name = stem if pressed == 1 else f"{stem}{PACKAGE_ENDING}"
+    return [_input_line(replace(question, name=name, as_folder=pressed == 1, focus="name"))]
 
 
 def _folder_line(context: PanelContext, question: FileQuestion) -> list[Action]:
@@ -276,6 +299,9 @@ def _verb(question: FileQuestion) -> tuple[str, str]:
 
 def _named(question: FileQuestion, name: str) -> str:
     """A file's name with its suffix."""
+    if question.purpose == "save_package":
+        is_named = question.as_folder or name.lower().endswith(PACKAGE_ENDING)
+        return name if is_named else f"{name}{PACKAGE_ENDING}"
     return name if Path(name).suffix else f"{name}{ENDINGS[question.purpose][0]}"
 
 
@@ -290,7 +316,7 @@ def answer(question: FileQuestion, path: Path) -> AnswerQuestion:
         "add_file": AddObject(str(resolved(path))), "open_material": ImportMaterial(path),
         "open_measured": ImportMeasured(path, question.cloth), "save_measured": ExportMeasured(path),
         "save_session": SaveSession(path), "save_picture": _saved_picture(question, path),
-        "save_scene": ExportScene(path),
+        "save_scene": ExportScene(path), "save_package": SaveScene(path),
     }  # fmt: skip
     return AnswerQuestion(path, actions.get(purpose, OpenFile(str(path))))
 

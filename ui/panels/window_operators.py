@@ -169,6 +169,7 @@ WINDOW_OPERATORS: dict[str, Callable[[PanelContext], list[Action]]] = {
     "measured": _always(AskFile("open_measured")),
     "export_measured": _always(AskFile("save_measured")),
     "export_scene": _always(AskFile("save_scene")),
+    "save_scene": _always(AskFile("save_package")),
     "save": _always(SaveSession()),
     "save_as": _always(AskFile("save_session")),
     "recover": _always(SetPanel({"shows_recoveries": True})),

@@ -181,7 +181,8 @@ class StatusMessage:
 @dataclass(frozen=True)
 class FileQuestion:
     """A file is being asked for: the purpose (a key of `ui.panels.file_dialog.TITLES`), the folder, and the name so
-    far; the layer of an image, whether a measurement becomes cloth, whether a picture has 16 bits, or layers.
+    far; the layer of an image, whether a measurement becomes cloth, whether a picture has 16 bits, or layers,
+    and whether a scene is saved as a folder.
 
     refusal: why the last entry was refused, "" where it was not. typed: the folder that was entered and refused, in
     place of the one that is shown. focus: the field that is about to get the keyboard, "name" or "folder"; "": none.
@@ -194,6 +195,7 @@ class FileQuestion:
     cloth: bool = False
     deep: bool = False
     layers: bool = False
+    as_folder: bool = False
     refusal: str = ""
     typed: str = ""
     focus: str = "name"

@@ -1,0 +1,181 @@
+"""Scenes saved with everything they need: elsewhere they open to the same picture, bit for bit."""
+
+from __future__ import annotations
+
+import shutil
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import insitu
+from app.document.commands.light import SetBackground
+from app.editor.editor import Editor
+from app.worker.cache import ArrayCache
+from app.worker.schedule import InProcessClient
+from app.worker.tasks import RequestDispatcher
+from engine.core.errors import InsituError
+from tests.pictures import write_exr
+from tests.scene_text import camera, facing_up, material, placed, scaled
+
+SIZE = 16, 12
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("INSITU_CACHE", str(tmp_path / "cache"))
+    return tmp_path / "cache"
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    """A scene with a mesh, a texture and a sky in its folder, and files elsewhere that edits may name."""
+    folder = tmp_path / "work" / "shot 1"
+    (folder / "maps").mkdir(parents=True)
+    rng = np.random.default_rng(1)
+    for path in (folder / "maps" / "wood.png", tmp_path / "work" / "wood.png"):
+        Image.fromarray(rng.integers(0, 255, (8, 8, 3), np.uint8)).save(path)
+    for path in (folder / "sky.exr", tmp_path / "other sky.exr"):
+        write_exr(path, rng.uniform(0.1, 1.0, (8, 16, 3)).astype(np.float32))
+    (folder / "tent.obj").write_text("v -1 0 -1\nv 1 0 -1\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 2 3 4\nf 4 3 1\n")
+    text = camera((0.0, 1.2, 3.0), 40, SIZE, (0, 0.3, 0), "bounces = 1\n")
+    text += '[environment]\nfile = "sky.exr"\n'
+    text += placed("ground", "quad", facing_up(3), material('model = "lambert", texture = "maps/wood.png"'))
+    text += placed("tent", "tent.obj", scaled(0.6), material('model = "lambert", name = "cloth"'))
+    (folder / "scene.toml").write_text(text)
+    return folder / "scene.toml"
+
+
+@pytest.fixture
+def chair(tmp_path: Path) -> Path:
+    """A mesh in another folder, with a library of materials that has a texture."""
+    folder = tmp_path / "props" / "chair"
+    (folder / "maps").mkdir(parents=True)
+    Image.new("RGB", (4, 4), (40, 90, 200)).save(folder / "maps" / "cloth.png")
+    (folder / "chair.mtl").write_text("newmtl cloth\nKd 1 1 1\nmap_Kd maps/cloth.png\n")
+    faces = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl cloth\nf 1/1 2/2 3/3\n"
+    (folder / "chair.obj").write_text("mtllib chair.mtl\n" + faces)
+    (folder / "unused.obj").write_text(faces)
+    return folder / "chair.obj"
+
+
+@pytest.fixture
+def scene(file: Path, tmp_path: Path) -> insitu.Scene:
+    """The scene with edits that name files from elsewhere."""
+    made = insitu.open(file)
+    made["tent"]["cloth"].texture = str(tmp_path / "work" / "wood.png")
+    made["tent"]["cloth"]["theta_i"].amplify(y=1.5)
+    made.light.environment = str(tmp_path / "other sky.exr")
+    made.light.rotation = 40.0
+    made.camera.orbit(20)
+    return made
+
+
+def moved(path: Path, tmp_path: Path) -> Path:
+    """What was saved, in another place; where it came from is gone."""
+    (tmp_path / "far").mkdir(exist_ok=True)
+    shutil.move(path, tmp_path / "far")
+    shutil.rmtree(tmp_path / "work")
+    (tmp_path / "other sky.exr").unlink()
+    return tmp_path / "far" / path.name
+
+
+@pytest.mark.parametrize("name", ["tent", "tent.insitu.zip"])
+def test_elsewhere_the_picture_is_the_same_bit_for_bit(scene: insitu.Scene, tmp_path: Path, name: str) -> None:
+    expected = scene.image()
+    there = moved(scene.save_scene(tmp_path / name), tmp_path)
+    again = insitu.open(there)
+    assert np.array_equal(again.image(), expected) and again.camera.position == scene.camera.position
+    again["tent"]["cloth"].albedo = 0.1
+    assert not np.array_equal(again.image(), expected)
+
+
+def test_meshes_that_were_added_take_what_they_name_along(scene: insitu.Scene, chair: Path, tmp_path: Path) -> None:
+    scene.add(chair)
+    expected = scene.image()
+    there = moved(scene.save_scene(tmp_path / "a"), tmp_path)
+    shutil.rmtree(chair.parent)
+    assert np.array_equal(insitu.open(there).image(), expected)
+    found = {each.relative_to(there / "scene" / "files" / "chair").as_posix()
+             for each in (there / "scene" / "files" / "chair").rglob("*") if each.is_file()}  # fmt: skip
+    assert found == {"chair.obj", "chair.mtl", "maps/cloth.png"}
+
+
+def test_what_is_in_it(scene: insitu.Scene, tmp_path: Path) -> None:
+    scene.save_scene(tmp_path / "a.insitu.zip")
+    with zipfile.ZipFile(tmp_path / "a.insitu.zip") as archive:
+        names = set(archive.namelist())
+    own = {"scene.toml", "tent.obj", "sky.exr", "maps/wood.png", "files/wood.png", "files/other sky.exr"}
+    assert names == {"a.insitu", *(f"scene/{name}" for name in own)}
+
+
+def test_a_session_saved_from_an_archive_outlives_the_cache(scene: insitu.Scene, tmp_path: Path, cache: Path) -> None:
+    there = moved(scene.save_scene(tmp_path / "a.insitu.zip"), tmp_path)
+    again = insitu.open(there)
+    again.light.rotation = 90.0
+    expected = again.image()
+    again.save(tmp_path / "far" / "later.insitu")
+    assert "a.insitu.zip!/" in (tmp_path / "far" / "later.insitu").read_text()
+    shutil.rmtree(cache)
+    assert np.array_equal(insitu.open(tmp_path / "far" / "later.insitu").image(), expected)
+
+
+def test_nothing_is_overwritten_unasked(scene: insitu.Scene, tmp_path: Path) -> None:
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "mine.txt").write_text("mine")
+    (tmp_path / "a.insitu.zip").write_bytes(b"mine")
+    for name in ("full", "a.insitu.zip", "b.zip"):
+        with pytest.raises(InsituError, match=f"{name}: .*expected"):
+            scene.save_scene(tmp_path / name)
+    assert (tmp_path / "a.insitu.zip").read_bytes() == b"mine" and len(list((tmp_path / "full").iterdir())) == 1
+    scene.save_scene(tmp_path / "a.insitu.zip", replaces=True)
+    assert zipfile.is_zipfile(tmp_path / "a.insitu.zip")
+
+
+def test_a_file_that_is_missing_is_told_and_nothing_written(scene: insitu.Scene, tmp_path: Path) -> None:
+    scene.image()
+    (tmp_path / "work" / "wood.png").unlink()
+    with pytest.raises(InsituError, match="wood.png: no such file"):
+        scene.save_scene(tmp_path / "a")
+    assert not (tmp_path / "a").exists()
+
+
+def test_built_in_scenes_are_copied_too(tmp_path: Path) -> None:
+    scene = insitu.open("shapes", resolution=(12, 8))
+    Image.new("RGB", (4, 4), (200, 100, 50)).save(tmp_path / "paint.png")
+    scene["cube"]["paint"].texture = str(tmp_path / "paint.png")
+    expected = scene.image()
+    shutil.move(scene.save_scene(tmp_path / "a"), tmp_path / "b")
+    (tmp_path / "paint.png").unlink()
+    assert np.array_equal(insitu.open(tmp_path / "b").image(), expected)
+
+
+@pytest.mark.parametrize("name", ["tent", "tent.insitu.zip"])
+def test_the_editor_saves_and_opens_it(file: Path, tmp_path: Path, name: str) -> None:
+    editor = Editor(InProcessClient(RequestDispatcher(ArrayCache(tmp_path / "arrays"))), str(file), resolution=(6, 4))
+    now = 0
+
+    def wait(done: Callable[[], bool]) -> None:
+        nonlocal now
+        for _ in range(100_000):
+            editor.tick(0.01 * now)
+            if done():
+                return
+            now += 1
+        raise AssertionError(editor.status)
+
+    try:
+        wait(lambda: editor.scene_is_open)
+        editor.do(SetBackground("transparent"))
+        assert editor.exchange.save_scene(tmp_path / name) is None
+        wait(lambda: editor.status.message.startswith("written"))
+        there = moved(tmp_path / name, tmp_path)
+        assert editor.open(str(there)) is None
+        wait(lambda: editor.status.message.startswith("opened"))
+        assert editor.document.background.kind == "transparent" and not editor.status.is_error
+        assert editor.session_path == (there / "tent.insitu" if name == "tent" else None)
+    finally:
+        editor.close()
