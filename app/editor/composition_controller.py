@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from app.document.document import Document, ObjectState, added_state
 from app.document.scene_objects import with_objects_of
+from app.document.selection import selection_after_edit
 from app.document.view_state import ViewState
 from app.editor.view_controller import TracedView, ViewController
 from app.modes.mode import ModeController, OpenedScene
@@ -98,6 +99,13 @@ class CompositionController:
         if document.composition == self._tracing.composition:
             self._drawn = document
         return self._drawn
+
+    def view_of(self, drawn: Document, view: ViewState) -> ViewState:
+        """The view of that document: without the selection of what it does not have."""
+        selected = view.selected
+        if drawn is self._host.document or selected is None or selection_after_edit(drawn, selected) == selected:
+            return view
+        return replace(view, selected=None)
 
     @property
     def has_new_objects(self) -> bool:

@@ -326,7 +326,8 @@ class Editor:
             view = effective_view(self.view, self.document)
             self.scenes.update(now, view)
             self.nodes.request_missing(*filter(None, (self.document, view.compare)))
-            made_of = self.with_nodes(self.scenes.composing.drawn(self.document)), view
+            drawn = self.scenes.composing.drawn(self.document)
+            made_of = self.with_nodes(drawn), self.scenes.composing.view_of(drawn, view)
             update = partial(self.controller.update, now, *made_of)
             events = events + run("The update after an edit", update, none, made_of)
             run("The journal", partial(self._autosave, now), None, made_of)

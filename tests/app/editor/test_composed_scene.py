@@ -48,6 +48,19 @@ def test_nothing_is_asked_of_new_objects_before_they_are_traced(settled: Editor,
     assert {"pot.0", "mug.0"} <= computed(client) and settled.scene_document.object("mug").source == "pot"
 
 
+def test_a_new_object_may_be_selected_before_it_is_traced(settled: Editor, client: FakeClient) -> None:
+    settled.do(SetView.of(n_bounces=2))
+    settled.tick(2.0)
+    settled.do(DuplicateObject("pot", "mug"))
+    for path in ("mug", "mug.0", "mug.1.theta_h"):
+        assert settled.select(path) is None
+        settled.tick(2.1)
+        assert not settled.status.is_error, settled.status.message
+    client.see_scene()
+    settled.tick(3.0)
+    assert settled.view.selected is not None and settled.view.selected.path == "mug.1.theta_h"
+
+
 @pytest.mark.parametrize(("mode", "kind"), [("orbit", PrepareOrbit), ("deform", PrepareDeform)])
 def test_moving_pictures_are_prepared_of_the_traced_objects(
     settled: Editor, client: FakeClient, mode: str, kind: type[PrepareOrbit] | type[PrepareDeform]
