@@ -27,7 +27,7 @@ from engine.reference.path_tracer import N_SAMPLES
 from engine.render.display import png_bytes
 from engine.render.picture_error import ErrorEstimate
 from engine.scene.builtin import DEFAULT_SCENE
-from engine.scene.composition import SHAPES
+from engine.scene.composition import ADDABLE
 from engine.scene.import_report import ImportReport, report_scene
 
 MAX_SIDE = 16384
@@ -199,10 +199,11 @@ class Scene:
         self, what: str | os.PathLike[str], name: str = "", *, at: tuple[float, float, float] | None = None,
         size: float | None = None,
     ) -> ObjectNode:  # fmt: skip
-        """Add a shape ("box", "sphere", "plane", "cylinder", "cone", "torus") or all objects of a mesh file; returns
-        the first. name: of the object, "" for its own. at: the point that it stands on; None: the ground at the point
-        looked at. size: its largest side in metres; None: a share of the scene's, of a file its own. Raises
-        insitu.Error.
+        """Add a shape ("box", "sphere", "plane", "cylinder", "cone", "torus"), a light ("rectangle light", "disc
+        light", "sphere light", "point light", "spot light") or all objects of a mesh file; returns the first. name: of
+        the object, "" for its own. at: the point that it stands on, of a light its middle; None: the ground at the
+        point looked at, or above that. size: its largest side in metres; None: a share of the scene's, of a file its
+        own. Raises insitu.Error.
 
         >>> import insitu
         >>> scene = insitu.open("shapes", resolution=(48, 32))
@@ -211,7 +212,7 @@ class Scene:
         <scene shapes, 48 x 32: torus, cone, sphere, cylinder, cube, ground, plinth>
         """
         what, count = os.fspath(what), len(self.document.objects)
-        command = AddObject(what if what in SHAPES else full_path(what), name, at, size)
+        command = AddObject(what if what in ADDABLE else full_path(what), name, at, size)
         self._editing.do(complete(command, self._seen_in(None).scene))
         return self[self.document.objects[count].name]
 

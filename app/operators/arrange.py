@@ -12,7 +12,7 @@ from app.document.commands.poses import MoveObject, SetTransform
 from app.editor.editor import Editor
 from app.operators.operator import OBJECT, SCENE, Gesture, Need, Operator, OperatorContext, ScriptKey, ValueRecord
 from app.system.paths import full_path
-from engine.scene.composition import SHAPES
+from engine.scene.composition import ADDABLE, LIGHTS
 from engine.scene.description import Name, Number, Text, Vector
 
 
@@ -40,26 +40,32 @@ class Move(ValueRecord):
 
 
 class Addition(ValueRecord):
-    """A shape or a file, and where it is added."""
+    """A shape, a light or a file, and where it is added."""
 
     shape: Annotated[Literal["box", "sphere", "plane", "cylinder", "cone", "torus"] | None, Field(
-        description="A shape; or `file`."
+        description="A shape; or `light` or `file`."
     )] = None  # fmt: skip
-    file: Annotated[Text | None, Field(description="A mesh file, whose objects are all added; or `shape`.")] = None
+    light: Annotated[Literal["rectangle", "disc", "sphere", "point", "spot"] | None, Field(
+        description="A light that shines down."
+    )] = None  # fmt: skip
+    file: Annotated[Text | None, Field(description="A mesh file, whose objects are all added.")] = None
     name: Annotated[Name | None, Field(description="Of the object; its own where it is left out.")] = None
-    at: Annotated[Vector | None, Field(description="The point that it stands on, metres; else the ground.")] = None
+    at: Annotated[Vector | None, Field(
+        description="The point that it stands on, of a light its middle, metres; else where there is room."
+    )] = None  # fmt: skip
     size: Annotated[Number | None, Field(description="Its largest side in metres; else a share of the scene's.")] = None
 
     @model_validator(mode="after")
     def _is_one(self) -> Addition:
-        if (self.shape is None) == (self.file is None):
-            raise ValueError("shape: exactly one of shape and file")
+        if [self.shape, self.light, self.file].count(None) != 2:
+            raise ValueError("shape: exactly one of shape, light and file")
         return self
 
     @property
     def command(self) -> AddObject:
         """The edit. Raises InsituError."""
-        return AddObject(self.shape or full_path(self.file or ""), self.name or "", self.at, self.size)
+        named = self.shape if self.light is None else f"{self.light} light"
+        return AddObject(named or full_path(self.file or ""), self.name or "", self.at, self.size)
 
 
 def _has_moved(context: OperatorContext) -> bool:
@@ -71,8 +77,8 @@ def _add(editor: Editor, value: Addition) -> str | None:
     return editor.do(value.command)
 
 
-def _add_shape(shape: str, editor: Editor, value: None) -> str | None:
-    return editor.do(AddObject(shape))
+def _add_named(name: str, editor: Editor, value: None) -> str | None:
+    return editor.do(AddObject(name))
 
 
 def _put_back(editor: Editor, value: None) -> str | None:
@@ -100,17 +106,24 @@ def _has_others(context: OperatorContext) -> bool:
 OTHERS = Need("select an object, of several", _has_others)
 MOVED = Need("select an object that was moved", _has_moved)
 
+
+def adding(name: str) -> str:
+    """The operator that adds a shape or a light of this name."""
+    return f"add_{name.replace(' ', '_')}"
+
+
 ARRANGE: tuple[Operator | Gesture, ...] = (
     Operator(
         "add", _add, ("Shift A",), "The menu of what can be added", needs=SCENE, waits=True,
-        script=ScriptKey(Addition, "Adds a shape or the objects of a file: see below."),
+        script=ScriptKey(Addition, "Adds a shape, a light or the objects of a file: see below."),
     ),
     *(
         Operator(
-            f"add_{shape}", partial(_add_shape, shape), entry=shape.capitalize(), needs=SCENE, waits=True,
-            help="Stands on the ground at the point looked at, in a size that fits the scene.",
+            adding(name), partial(_add_named, name), entry=name.capitalize(), needs=SCENE, waits=True,
+            help="Hangs above the point looked at and shines down." if name in LIGHTS
+            else "Stands on the ground at the point looked at, in a size that fits the scene.",
         )
-        for shape in SHAPES
+        for name in ADDABLE
     ),
     Operator(
         "add_file", entry="Objects of a file…", needs=SCENE,

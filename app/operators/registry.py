@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from app.editor.editor import Editor
-from app.operators.arrange import ARRANGE
+from app.operators.arrange import ARRANGE, adding
 from app.operators.camera import CAMERA, CONVENTIONS
 from app.operators.curve_drawing import DRAWING
 from app.operators.edits import CURVES, EDITS, MATERIAL
@@ -15,7 +15,7 @@ from app.operators.files import FILES
 from app.operators.operator import Gesture, Operator
 from app.operators.view import HELP, PICTURE
 from engine.core.errors import InsituError
-from engine.scene.composition import SHAPES
+from engine.scene.composition import LIGHTS, SHAPES
 
 GROUPS: dict[str, tuple[Operator | Gesture, ...]] = {
     "Edit": EDITS, "Arrange": ARRANGE, "Picture": PICTURE, "Camera": CAMERA, **CONVENTIONS, "File": FILES,
@@ -53,7 +53,7 @@ MENUS = (
         "delete_object", None, "table", "mute", "delete",
         "reset_curve",
     )),
-    Menu("Add", (*(f"add_{shape}" for shape in SHAPES), None, "add_file")),
+    Menu("Add", (*map(adding, SHAPES), None, *map(adding, LIGHTS), None, "add_file")),
     # The picture's entries come first: in a small window the rest of the menu scrolls.
     Menu("View", (
         "alone", "whole", "pixels",

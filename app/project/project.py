@@ -82,7 +82,7 @@ from engine.material.layer import FRAMES, object_of
 from engine.material.parameters import INDICES, reflectance_of_index
 from engine.measured.measurement import ENDINGS as MEASURED_ENDINGS
 from engine.scene.builtin import DEFAULT_SCENE
-from engine.scene.composition import SHAPES
+from engine.scene.composition import ADDABLE
 from engine.scene.toml_text import parse_toml
 from engine.settings import AS_PLANNED, LineValue, RenderSettings, checked_setting
 
@@ -368,7 +368,7 @@ def set_path(document: Document, path: str, value: Any) -> EditCommand:
 def _with_full_path(path: str, value: Any) -> Any:
     """A value that `path` is set to, with the absolute path of the file that it names, if it names one. Raises
     InsituError."""
-    if isinstance(value, str) and (path == ENVIRONMENT_KEY or (path.endswith(f".{ADD}") and value not in SHAPES)):
+    if isinstance(value, str) and (path == ENVIRONMENT_KEY or (path.endswith(f".{ADD}") and value not in ADDABLE)):
         return full_path(value)
     is_material = isinstance(value, str) and path.rpartition(".")[2] == MATERIAL
     return full_material_name(value) if is_material else value

@@ -1,5 +1,7 @@
 """Objects that a user adds to a scene: shapes, and the objects of files. They stand on the ground at the point that the
-camera looks at, or where something stands there already, in front of that."""
+camera looks at, or where something stands there already, in front of that. Lights hang above all that stands there and
+shine down; their radiance gives the ground below the irradiance π, in which white is as bright as under a sky of
+radiance 1."""
 
 from __future__ import annotations
 
@@ -12,17 +14,22 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.core.errors import LoadError
-from engine.scene.composition import SHAPES
-from engine.scene.description import Camera, ObjectDescription, valid_name
+from engine.scene.composition import ADDABLE, LIGHTS, SHAPES
+from engine.scene.description import Camera, ConeDescription, ObjectDescription, valid_name
 from engine.scene.ground_boxes import find_ground_boxes
 from engine.scene.mesh import MESH_ENDINGS
 from engine.scene.rig import Animations
 from engine.scene.scene_loader import Scene, read_objects
 
 Matrix = npt.NDArray[np.float64]
-SHARE = 0.25  # of the scene's largest side: that of a shape, rounded to 1, 2 or 5 times a power of ten
+SHARE = 0.25  # of the scene's largest side: that of a shape
 IN_SIGHT, STEPS = 0.35, 128  # the place is at most this share of the field of view off its middle, and tried in steps
 LIFT = 1e-3  # of its size: a plane lies so high above the ground, which it would share its points with
+# Of lamps, as shares of the scene's largest side, rounded alike; of points and spots, of the height, as those of files.
+LIGHT_SHARES = {"rectangle light": 0.5, "disc light": 0.5, "sphere light": 0.1}
+POINT_SHARE = 0.02
+SPOT = ConeDescription(inner=20.0, outer=30.0)
+_DOWN = ((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0))  # turns +Z, a quad's front and a spot's axis, down
 _FLAT = ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0))  # turns the front of a quad, +Z, up
 
 
@@ -40,9 +47,12 @@ class AddedObject:
 def read_added(
     what: str, scene: Scene, at: Sequence[float] | None = None, size: float | None = None
 ) -> tuple[tuple[AddedObject, ...], tuple[str, ...]]:
-    """A shape, by its name in `SHAPES`, or all objects of a mesh file, by its full path, and notes on that. at: where
-    the middle of its box stands, None for the free place on the ground. size: the largest side of the box in metres;
-    None for a share of the scene's, or as large as the file says. Raises LoadError."""
+    """A shape or a light, by its name in `SHAPES` or `LIGHTS`, or all objects of a mesh file, by its full path, and
+    notes on that. at: where the middle of its box stands, of a light the middle itself; None for the free place on the
+    ground. size: the largest side of the box in metres; None for a share of the scene's, or as large as the file says.
+    Raises LoadError."""
+    if what in LIGHTS:
+        return (_light(what, scene, at, size),), ()
     named, notes = _named(what), tuple[str, ...]()
     read = read_objects([named], scene)
     if named.mesh is not None:
@@ -53,7 +63,7 @@ def read_added(
     low, high = solid[:, 0].min(axis=0), solid[:, 1].max(axis=0)
     others = _standing_boxes(scene)
     if size is None and named.mesh is None:
-        size = _shape_size(others)
+        size = _share_of(others, SHARE)
     factor = 1.0 if size is None else size / float((high - low).max())
     foot = np.array([(low[0] + high[0]) / 2.0, low[1], (low[2] + high[2]) / 2.0])
     extent = factor * (high - low)
@@ -99,7 +109,7 @@ def _named(what: str) -> ObjectDescription:
             matrix[:3, :3] = _FLAT
         return ObjectDescription(name=what, primitive=SHAPES[what], transform=tuple(matrix.ravel().tolist()))
     if Path(what).suffix.lower() not in MESH_ENDINGS:
-        raise LoadError(what, "file", Path(what).name, f"one of {', '.join(SHAPES)}, or a {', '.join(MESH_ENDINGS)}")
+        raise LoadError(what, "file", Path(what).name, f"one of {', '.join(ADDABLE)}, or a {', '.join(MESH_ENDINGS)}")
     return ObjectDescription(name=valid_name(Path(what).stem, "object"), mesh=what)
 
 
@@ -110,9 +120,48 @@ def _standing_boxes(scene: Scene) -> Matrix:
     return boxes[~find_ground_boxes(boxes)] if len(boxes) else boxes
 
 
-def _shape_size(boxes: Matrix) -> float:
-    """The size of a shape beside these."""
-    side = SHARE * float(np.ptp(boxes, axis=(0, 1)).max()) if len(boxes) else 0.0
+def _light(what: str, scene: Scene, at: Sequence[float] | None, size: float | None) -> AddedObject:
+    """A light that shines down, on the ground below it."""
+    boxes = _standing_boxes(scene)
+    centre = np.array(_place_above(scene.description.camera, boxes) if at is None else at, np.float64)
+    height = centre[1] - (boxes[:, 0, 1].min() if len(boxes) else centre[1] - 1.0)
+    distance = max(height, 1e-3 * _share_of(boxes, 1.0))  # one that stands on the ground shines somewhere else
+    share = LIGHT_SHARES.get(what)
+    size = size or (POINT_SHARE * distance if share is None else _share_of(boxes, share))
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = size * np.array(_DOWN), centre
+    # E = L A / d², of the area A that is seen from below, a square or a circle.
+    area = size**2 * (1.0 if LIGHTS[what] == "quad" else math.pi / 4.0)
+    radiance = float(f"{math.pi * distance**2 / area:.3g}")
+    source = ObjectDescription(
+        name=what, primitive=LIGHTS[what], transform=tuple(matrix.ravel().tolist()), emission=(radiance,) * 3,
+        cone=SPOT if what == "spot light" else None,
+    )  # fmt: skip
+    return AddedObject(source, source, read_objects([source], scene).bounds[0])
+
+
+def _place_above(camera: Camera, boxes: Matrix) -> Matrix:
+    """The place of a light above the point looked at: half of the scene's height and width above all that stands there,
+    but within a room that the camera is in."""
+    if not len(boxes):
+        return np.array(camera.target) + (0.0, 1.0, 0.0)
+    is_room = _are_around(boxes, camera)
+    there = boxes[~is_room] if not is_room.all() else boxes
+    top = there[:, 1, 1].max() + 0.5 * float(np.ptp(there, axis=(0, 1)).max())
+    for low, high in boxes[is_room]:
+        top = min(top, low[1] + 0.9 * (high[1] - low[1]))
+    return np.array([camera.target[0], top, camera.target[2]])
+
+
+def _are_around(boxes: Matrix, camera: Camera) -> npt.NDArray[np.bool_]:
+    """Which boxes (N,) the camera is in."""
+    position = np.array(camera.position)
+    return np.all((boxes[:, 0] <= position) & (position <= boxes[:, 1]), axis=1)
+
+
+def _share_of(boxes: Matrix, share: float) -> float:
+    """A share of the largest side of all these, rounded to 1, 2 or 5 times a power of ten."""
+    side = share * float(np.ptp(boxes, axis=(0, 1)).max()) if len(boxes) else 0.0
     if side <= 0.0:
         return 1.0
     power = 10.0 ** math.floor(math.log10(side))
@@ -127,7 +176,7 @@ def _free_place(camera: Camera, boxes: Matrix, extent: Matrix) -> Matrix:
         return point
     point[1] = boxes[:, 0, 1].min()
     axis = (camera.target - position) / np.linalg.norm(camera.target - position)
-    is_room = ((boxes[:, 0] <= position) & (position <= boxes[:, 1])).all(axis=1)
+    is_room = _are_around(boxes, camera)
     stand, least = point, math.cos(math.radians(IN_SIGHT * camera.fov_y))
     for way in np.linspace(0.0, 1.0, STEPS):
         tried = point - way * axis * (1.0, 0.0, 1.0) * np.linalg.norm(camera.target - position)

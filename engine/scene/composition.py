@@ -6,10 +6,15 @@ from dataclasses import dataclass
 
 from engine.scene.description import ObjectDescription, Primitive
 
-# The shapes that a user can add, by the names of menus and scripts.
+# The shapes and lights that a user can add, by the names of menus and scripts.
 SHAPES: dict[str, Primitive] = {
     "box": "cube", "sphere": "sphere", "plane": "quad", "cylinder": "cylinder", "cone": "cone", "torus": "torus"
 }  # fmt: skip
+LIGHTS: dict[str, Primitive] = {
+    "rectangle light": "quad", "disc light": "disc", "sphere light": "sphere", "point light": "sphere",
+    "spot light": "sphere",
+}  # fmt: skip
+ADDABLE = (*SHAPES, *LIGHTS)
 # The name of an object of the scene's file, or the description of one that was added: what it is read from, without
 # layers, its file by its full path.
 ObjectSource = str | ObjectDescription

@@ -13,7 +13,7 @@ from app.document.document import Document, ObjectState
 from app.document.scene_objects import numbered_name
 from app.system.paths import full_path
 from engine.core.errors import InsituError, LoadError
-from engine.scene.composition import SHAPES
+from engine.scene.composition import ADDABLE
 from engine.scene.description import LONGEST_NAME, MAX_OBJECTS, Name
 
 _NAMES = TypeAdapter[str](Name)
@@ -21,9 +21,9 @@ _NAMES = TypeAdapter[str](Name)
 
 @dataclass(frozen=True)
 class AddObject:
-    """Add a shape, by its name, or all objects of a file, by its full path, behind the others. name: of what is added,
-    "" for its own, with a number where that is taken; at: the point that it stands on, None for the ground at the point
-    looked at; size: its largest side in metres, None for its own. objects: what was read, () before
+    """Add a shape or a light, by its name, or all objects of a file, by its full path, behind the others. name: of what
+    is added, "" for its own, with a number where that is taken; at: the point that it stands on, of a light its middle,
+    None for where there is room; size: its largest side in metres, None for its own. objects: what was read, () before
     (`engine.scene.added_objects`)."""
 
     what: str
@@ -128,11 +128,11 @@ class RenameObject:
 
 
 def addition(path: str, name: str, value: Any) -> AddObject:
-    """The command that ``"ball.add"`` stands for, by a value from a file or a command line: the name of a shape, or a
-    file. Raises InsituError."""
+    """The command that ``"ball.add"`` stands for, by a value from a file or a command line: the name of a shape or a
+    light, or a file. Raises InsituError."""
     if not isinstance(value, str):
-        raise LoadError(path, "value", value, f"one of {', '.join(SHAPES)}, or the path of a mesh file")
-    return AddObject(value if value in SHAPES else full_path(value), name)
+        raise LoadError(path, "value", value, f"one of {', '.join(ADDABLE)}, or the path of a mesh file")
+    return AddObject(value if value in ADDABLE else full_path(value), name)
 
 
 def with_presence(path: str, name: str, field: str, value: Any) -> DuplicateObject | DeleteObject | RenameObject:

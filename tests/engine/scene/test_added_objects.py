@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,9 +10,10 @@ import numpy as np
 import pytest
 
 from engine.core.errors import LoadError
+from engine.light.cones import cone_row
 from engine.scene.added_objects import AddedObject, read_added, read_again
 from engine.scene.composed_scene import compose_scene
-from engine.scene.composition import SHAPES, Composition, SceneObject
+from engine.scene.composition import LIGHTS, SHAPES, Composition, SceneObject
 from engine.scene.scene_loader import Scene, load_scene
 from tests.engine.scene.conftest import TRIANGLE_PLY
 from tests.engine.scene.loaders.test_gltf_lights import write
@@ -58,6 +60,35 @@ def test_a_shape_stands_on_the_ground_at_the_point_looked_at(scene: Scene, shape
     assert found.description.objects[2].layers  # grey, to be edited
     if shape == "plane":
         assert np.allclose(found.geometric_normals[slice(*found.triangle_ranges[2])], [0.0, 1.0, 0.0], atol=1e-6)
+
+
+@pytest.mark.parametrize("light", LIGHTS)
+def test_a_light_gives_the_ground_below_the_irradiance_pi(scene: Scene, light: str) -> None:
+    (lamp,), _ = read_added(light, scene)
+    # Half of the ball's 1.6 above its top at 1.6.
+    assert lamp.box.mean(axis=0) == pytest.approx([0.25, 2.4, -0.5], abs=1e-6) and lamp.description.is_lamp
+    found = composed(scene, (lamp,))
+    own = slice(*found.triangle_ranges[2])
+    corners = found.vertices[found.triangles[own]].astype(float) + found.origin
+    doubled = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    # E = ∫ L cos θ cos θ' / d² dA over what faces the point below; sizes are small beside 2.4, so that 5 % are left of
+    # a rectangle or disc of 1 m.
+    to_point = np.array([0.25, 0.0, -0.5]) - corners.mean(axis=1)
+    square = (to_point**2).sum(axis=1)
+    facing = np.maximum(np.einsum("ti,ti->t", doubled, to_point), 0.0) / (2.0 * np.sqrt(square))
+    cos_theta = -to_point[:, 1] / np.sqrt(square)
+    irradiance = float(found.emission[2, 0]) * (facing * cos_theta / square).sum()
+    assert irradiance == pytest.approx(math.pi, rel=0.1 if light in ("rectangle light", "disc light") else 0.01)
+    if light == "spot light":
+        assert np.allclose(found.cones[2], cone_row((0, -1, 0), math.radians(20), math.radians(30)), atol=1e-5)
+
+
+def test_a_light_has_a_place_and_a_size_by_numbers_and_stays_in_its_room(scene: Scene, tmp_path: Path) -> None:
+    (lamp,), _ = read_added("disc light", scene, (1.0, 2.0, 3.0), 0.1)
+    assert np.allclose(lamp.box, [[0.95, 2.0, 2.95], [1.05, 2.0, 3.05]], atol=1e-3)
+    room = scene_in(tmp_path, LOOKING, placed("room", "cube", scaled(2.5, (1, 1.25, 4)), CLAY))
+    (within,), _ = read_added("point light", room)
+    assert within.box.mean(axis=0)[1] == pytest.approx(0.9 * 2.5)
 
 
 def test_where_nothing_stands_it_is_the_point_looked_at(tmp_path: Path) -> None:
