@@ -217,7 +217,8 @@ class FileExchange:
             require_package_place(path, replaces=True)
         except InsituError as error:
             return self._refuse(str(error))
-        self._send(SaveScene(str(resolved(path)), host.document, host.view))
+        view = replace(host.view, panels={})  # the window's own, which another process cannot be sent
+        self._send(SaveScene(str(resolved(path)), host.document, view))
         return None
 
     def _refuse(self, line: str) -> str:

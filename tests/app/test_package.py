@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import shutil
 import zipfile
 from collections.abc import Callable
@@ -14,6 +15,7 @@ from PIL import Image
 import insitu
 from app.document.commands.light import SetBackground
 from app.editor.editor import Editor
+from app.messages.worker_messages import Request
 from app.worker.cache import ArrayCache
 from app.worker.schedule import InProcessClient
 from app.worker.tasks import RequestDispatcher
@@ -154,7 +156,7 @@ def test_built_in_scenes_are_copied_too(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["tent", "tent.insitu.zip"])
-def test_the_editor_saves_and_opens_it(file: Path, tmp_path: Path, name: str) -> None:
+def test_the_editor_saves_and_opens_it(file: Path, tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     editor = Editor(InProcessClient(RequestDispatcher(ArrayCache(tmp_path / "arrays"))), str(file), resolution=(6, 4))
     now = 0
 
@@ -170,7 +172,10 @@ def test_the_editor_saves_and_opens_it(file: Path, tmp_path: Path, name: str) ->
     try:
         wait(lambda: editor.scene_is_open)
         editor.do(SetBackground("transparent"))
+        sent, send = list[Request](), editor.exchange._send
+        monkeypatch.setattr(editor.exchange, "_send", lambda request: sent.append(request) or send(request))
         assert editor.exchange.save_scene(tmp_path / name) is None
+        assert pickle.loads(pickle.dumps(sent)) == sent  # as it is sent to another process
         wait(lambda: editor.status.message.startswith("written"))
         there = moved(tmp_path / name, tmp_path)
         assert editor.open(str(there)) is None
