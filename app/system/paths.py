@@ -79,10 +79,10 @@ def preference_file() -> Path:
 
 
 def display_name(source: str) -> str:
-    """The name of a scene or a session for the user: its file's name without the suffix, of a scene.toml its
-    folder's."""
+    """The name of a scene or a session for the user: its file's name without the suffix, or both of a scene that was
+    saved as one file; of a scene.toml its folder's."""
     path = Path(source)
-    return path.parent.name if path.name == "scene.toml" else path.stem
+    return path.parent.name if path.name == "scene.toml" else path.stem.removesuffix(".insitu")
 
 
 def is_file_name(source: str) -> bool:

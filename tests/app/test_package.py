@@ -180,7 +180,7 @@ def test_the_editor_saves_and_opens_it(file: Path, tmp_path: Path, name: str, mo
         there = moved(tmp_path / name, tmp_path)
         assert editor.open(str(there)) is None
         wait(lambda: editor.status.message.startswith("opened"))
-        assert editor.document.background.kind == "transparent" and not editor.status.is_error
+        assert editor.name == "tent" and editor.document.background.kind == "transparent" and not editor.status.is_error
         assert editor.session_path == (there / "tent.insitu" if name == "tent" else None)
     finally:
         editor.close()
