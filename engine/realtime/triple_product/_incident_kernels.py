@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from engine.core._frame_kernels import to_world
+from engine.core._frame_kernels import to_local, to_world
 from engine.core.fast_math import FAST
 from engine.light._cone_kernels import cone_share
 
@@ -243,6 +243,22 @@ def _add_peaks(p: int, at: Places, half: Hemisphere, light: Light, stored: Store
                 stored.peak_power[slot, j, i] += light.peak_power[s, i]
 
 
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST, inline="always")
+def towards_patch(
+    j: int, a: float, b: float, c: float, normal: Float32Array, cones: Float32Array
+) -> tuple[float, float, float, np.float32]:
+    """The unit direction of (a, b, c), from a place to one on patch j, of those with normal (L, 3) and cones (L, 4);
+    and the solid angle per area times the share of the light that its cone sends here, 0 from behind."""
+    facing = -(a * normal[j, 0] + b * normal[j, 1] + c * normal[j, 2])
+    squared = a * a + b * b + c * c
+    if not (facing > 0.0 and squared > 0.0):
+        return 0.0, 0.0, 0.0, np.float32(0.0)
+    # cos θ / r².
+    distance = math.sqrt(squared)
+    a, b, c = a / distance, b / distance, c / distance
+    return a, b, c, np.float32(cone_share(cones, j, a, b, c) * facing / (squared * distance))
+
+
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def add_patches(
     p: int, at: Places, half: Hemisphere, light: Light, is_coarse: bool, powers: Float32Array, moments: Float32Array
@@ -253,29 +269,20 @@ def add_patches(
     for j in range(len(light.centre)):
         if not at.patch_bits[p, j >> 3] >> (j & 7) & 1:
             continue
-        # Cosine at the emitter and at the point, both times the distance.
         a, b = light.centre[j, 0] - position[0], light.centre[j, 1] - position[1]
         c = light.centre[j, 2] - position[2]
-        facing = -(a * light.normal[j, 0] + b * light.normal[j, 1] + c * light.normal[j, 2])
-        y = frame[1, 0] * a + frame[1, 1] * b + frame[1, 2] * c
-        if facing > 0.0 and y > 0.0:
-            squared = a * a + b * b + c * c
-            distance = math.sqrt(squared)
-            x = frame[0, 0] * a + frame[0, 1] * b + frame[0, 2] * c
-            z = frame[2, 0] * a + frame[2, 1] * b + frame[2, 2] * c
-            m = half.number[child_at(x, y, z, half.children) >> 2]
-            # Solid angle per area, cos θ / r², times the share of the light that the patch's cone sends here.
-            share = cone_share(light.cones, j, a / distance, b / distance, c / distance)
-            solid = np.float32(share * facing / (squared * distance))
-            part = solid
+        a, b, c, solid = towards_patch(j, a, b, c, light.normal, light.cones)
+        x, y, z = to_local(frame, a, b, c)
+        if solid > 0.0 and y > 0.0:
+            m, part = half.number[child_at(x, y, z, half.children) >> 2], solid
             if is_coarse:
                 m, part = m >> 4, solid * np.float32(1.0 / 16.0)
             for i in range(3):
                 power = light.flux[j, i] * solid
                 powers[m, i] += light.flux[j, i] * part
-                moments[0, i] += power * np.float32(x / distance)
-                moments[1, i] += power * np.float32(y / distance)
-                moments[2, i] += power * np.float32(z / distance)
+                moments[0, i] += power * np.float32(x)
+                moments[1, i] += power * np.float32(y)
+                moments[2, i] += power * np.float32(z)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

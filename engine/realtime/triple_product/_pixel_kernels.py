@@ -54,8 +54,8 @@ def query_peaks(
                     continue
                 # Frame and wo are needed only by samples with sharp peaks.
                 if not has_frame:
-                    _interpolate_frame(corners[j], weights[j], frame, offsets[n : n + 1], own)
-                    _view_direction(own, wo[j], least_cosine, towards)
+                    interpolate_frame(corners[j], weights[j], frame, offsets[n : n + 1], own)
+                    view_direction(own, wo[j], least_cosine, towards)
                     has_frame = True
                 # The peak's direction in the sample's frame.
                 d = peaks.direction[s]
@@ -82,7 +82,7 @@ def query_peaks(
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def _interpolate_frame(
+def interpolate_frame(
     corners: NDArray[np.int32], weights: Float32Array, frame: Float32Array, offset: Float32Array,
     out: NDArray[np.float64],
 ) -> None:  # fmt: skip
@@ -112,9 +112,7 @@ def _interpolate_frame(
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def _view_direction(
-    frame: NDArray[np.float64], wo: Float32Array, least_cosine: float, out: NDArray[np.float64]
-) -> None:
+def view_direction(frame: NDArray[np.float64], wo: Float32Array, least_cosine: float, out: NDArray[np.float64]) -> None:
     """Write wo (3,) to out (3,) in tangent, bitangent, normal of a frame, raised to at least least_cosine, unit."""
     x, y, z = to_local(frame, wo[0], wo[1], wo[2])
     y = max(y, least_cosine)

@@ -14,6 +14,7 @@ from engine.core import lanes
 from engine.core._frame_kernels import to_local
 from engine.core.fast_math import FAST
 from engine.realtime.triple_product._incident_kernels import StoredLight, child_at
+from engine.realtime.triple_product._patch_kernels import PatchLights, remove_patches, visible_patches
 
 Float32Array = NDArray[np.float32]
 UInt16Array = NDArray[np.uint16]
@@ -246,12 +247,13 @@ class PeakLights(NamedTuple):
 def shade_corners(
     start: int, stop: int, points: NDArray[np.int64], first: NDArray[np.int64], members: NDArray[np.int64],
     mirrored: Float32Array, n_most: int, frame: Float32Array, slots: NDArray[np.int32], stored: StoredLight,
-    peaks: PeakLights, t: Tables,
-    radiance: Float32Array, sharp: Words,
+    peaks: PeakLights, patches: PatchLights, t: Tables,
+    radiance: Float32Array, sharp: Words, sharp_patches: NDArray[np.bool_],
 ) -> None:  # fmt: skip
     """Fill radiance (3 N, 3) at the three corners of N samples: what the corner's point reflects, of its first n_most
     coefficients and of its visible peaks, towards the direction whose mirror direction at that point is mirrored
-    (N, 3). Peaks about which the slices disagree are left out; sharp (3 N, 2) receives their bits.
+    (N, 3). Peaks about which the slices disagree are left out; sharp (3 N, 2) receives their bits. So are all patches
+    where sharp_patches (3 N,) becomes true; it and `sharp` may be empty.
 
     The corners members[first[j]:first[j + 1]] belong to point points[j]. They see it from about the same side, so most
     find a cell that is cached already.
@@ -261,6 +263,10 @@ def shade_corners(
     keys, differ = np.empty(_MOST_CELLS, np.int64), np.zeros((_MOST_CELLS, 2), np.uint64)
     seen, place = np.empty((2, len(peaks.power)), np.int64)
     spread = np.empty(len(peaks.power), np.float32)
+    # Of patches: triangle and power of each that is seen, coefficients without them, and the cells that take those.
+    patch_place, patch_power = np.empty(len(patches.flux), np.int64), np.empty((len(patches.flux), 3), np.float32)
+    rest, wavelets = np.zeros(3 * n + 1, np.float32), np.zeros((2 * len(patches.triangle), 3), np.float32)
+    without = np.zeros(_MOST_CELLS, np.bool_)
     value = words.view(np.float32)
     for j in range(start, stop):
         # Unpack the light of each point once for all of its corners.
@@ -269,6 +275,10 @@ def shade_corners(
         number = stored.number[slot]
         unpack(stored.value[slot], n, words)
         n_seen = _visible_peaks(peaks, p, f, seen, place)
+        n_patches = visible_patches(patches, p, f, peaks.children, patch_place, patch_power)
+        if n_patches:
+            rest[:] = value
+            remove_patches(patch_place[:n_patches], patch_power, patches.triangle, number, n, wavelets, rest)
         # Find the cell of slices around the mirror direction (−x, y, −z) in the point's frame.
         for at in range(first[j], first[j + 1]):
             r = members[at]
@@ -287,12 +297,19 @@ def shade_corners(
                 # Triple product [Ma06, eq. 7] at the cell's four slices: the coefficients of light × visibility, then
                 # the peaks.
                 reflect(cell, number, value, n, t, cells[i])
+                without[i] = n_patches > 0 and _are_sharp(
+                    cell, patch_place[:n_patches], patch_power, patches.little, t, cells[i]
+                )
+                if without[i]:
+                    reflect(cell, number, rest, n, t, cells[i])
                 _add_directional_peaks(cell, peaks, seen[:n_seen], place, t, spread, cells[i], differ[i])
             # Interpolate between the four slices.
             for channel in range(3):
                 radiance[r, channel] = between(cell, cells[i], channel)
             if len(sharp):
                 sharp[r, 0], sharp[r, 1] = differ[i, 0], differ[i, 1]
+            if len(sharp_patches):
+                sharp_patches[r] = without[i]
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
@@ -311,6 +328,35 @@ def _visible_peaks(
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def _are_sharp(
+    cell: Cell, place: NDArray[np.int64], power: Float32Array, little: float, t: Tables, corners: Float32Array
+) -> bool:
+    """Whether the four slices disagree about patches by more than little of all light that the cell's corners (4, 4)
+    reflect."""
+    spread, whole, quarter = lanes.zeros(), lanes.zeros(), lanes.even(np.float32(0.25))
+    for m in range(len(place)):
+        at, light = corners_at(cell, place[m], t), lanes.of(power[m, 0], power[m, 1], power[m, 2])
+        mean, largest = _mean_and_largest(at, t)
+        spread = lanes.plus_product(spread, light, lanes.minus(largest, mean))
+    for k in range(0, 16, 4):
+        whole = lanes.plus_product(whole, quarter, lanes.floats(corners, k))
+    return bool(lanes.total(spread) > np.float32(little) * lanes.total(whole))
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST, inline="always")
+def _mean_and_largest(at: Corners, t: Tables):  # type: ignore[no-untyped-def]
+    """Mean and largest of a cell's four slices in a triangle, as lanes."""
+    first, across = lanes.halves(t.values, at.first), lanes.halves(t.values, at.across)
+    down, last = lanes.halves(t.values, at.down), lanes.halves(t.values, at.last)
+    quarter = lanes.even(np.float32(0.25))
+    mean = lanes.plus_product(lanes.zeros(), quarter, first)
+    mean = lanes.plus_product(mean, quarter, across)
+    mean = lanes.plus_product(mean, quarter, down)
+    mean = lanes.plus_product(mean, quarter, last)
+    return mean, lanes.larger(lanes.larger(first, across), lanes.larger(down, last))
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def _add_directional_peaks(
     cell: Cell, peaks: PeakLights, seen: NDArray[np.int64], place: NDArray[np.int64], t: Tables, spread: Float32Array,
     corners: Float32Array, differ: Words,
@@ -326,14 +372,8 @@ def _add_directional_peaks(
     # Of each peak: the mean over the slices, added to the whole, and how far the largest exceeds it.
     for m in range(len(seen)):
         at, power = corners_at(cell, place[m], t), peaks.power[seen[m]]
-        first, across = lanes.halves(t.values, at.first), lanes.halves(t.values, at.across)
-        down, last = lanes.halves(t.values, at.down), lanes.halves(t.values, at.last)
         light = lanes.of(power[0], power[1], power[2])
-        mean = lanes.plus_product(lanes.zeros(), quarter, first)
-        mean = lanes.plus_product(mean, quarter, across)
-        mean = lanes.plus_product(mean, quarter, down)
-        mean = lanes.plus_product(mean, quarter, last)
-        largest = lanes.larger(lanes.larger(first, across), lanes.larger(down, last))
+        mean, largest = _mean_and_largest(at, t)
         spread[m] = lanes.total(lanes.plus_product(lanes.zeros(), light, lanes.minus(largest, mean)))
         whole = lanes.plus_product(whole, light, mean)
     # Compare each peak's spread with the threshold.

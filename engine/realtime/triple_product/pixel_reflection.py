@@ -28,7 +28,9 @@ from engine.realtime.core.terms import MOVING_PROBES
 from engine.realtime.core.view_samples import Rows, ViewSamples, footprints_of
 from engine.realtime.triple_product import _pixel_kernels as pixel_kernels
 from engine.realtime.triple_product import _slice_kernels as slice_kernels
-from engine.realtime.triple_product.incident import Incident, SkyMap, hemisphere, make_sky
+from engine.realtime.triple_product._patch_kernels import PatchLights
+from engine.realtime.triple_product._patch_query_kernels import query_patches
+from engine.realtime.triple_product.incident import Incident, SceneEmitters, SkyMap, hemisphere, make_sky
 from engine.scene.bump_normals import offset_normals
 from engine.scene.primary_hits import LEAST_COSINE
 from engine.scene.raycaster import Intersections
@@ -37,7 +39,9 @@ from engine.sphere.geodesic import geodesic, triangle_first_moments
 
 Float32Array = NDArray[np.float32]
 Float64Array = NDArray[np.float64]
-_PIXELS = 1024  # at a time
+_PIXELS, _QUERIES = 1024, 65536  # at a time
+# Share of a sample's radiance by which slices may disagree about all patches before the BRDF is evaluated for each.
+_LITTLE_OF_PATCHES = 0.1
 MOST_COEFFICIENTS = 5120
 # A slice whose peak is this many times its mean is a highlight.
 _HIGHLIGHT = 4.0
@@ -45,6 +49,11 @@ _HIGHLIGHT = 4.0
 # of 4.8 %).
 N_MIRRORED = 96
 _DIFFUSE_LEVEL, _BROAD_LEVEL, _STILL_LEVEL = 2, 2, 4
+_NONE = np.zeros((0, 3), np.float32)
+NO_PATCHES = PatchLights(
+    _NONE, np.zeros((0, 0), np.uint8), np.zeros(0, np.int32), np.zeros((0, 3, 3), np.float32), _NONE, _NONE, _NONE,
+    np.zeros(0, np.float32), np.zeros((0, 4), np.float32), 0.0,
+)  # fmt: skip
 
 
 def empty_shades(incident: Incident) -> slice_kernels.Shades:
@@ -83,24 +92,30 @@ def shade_points(
 def reflect_at_pixels(
     seen: ViewSamples, which: Rows, incident: Incident, sky: SkyMap, layers: Sequence[Layer],
     tables: slice_kernels.Tables, little: float, n: int = MOST_COEFFICIENTS, offsets: Float32Array | None = None,
+    emitters: SceneEmitters | None = None, width: float = 0.0,
 ) -> Float32Array:  # fmt: skip
     """Radiance (N, 3) that samples (N,) of one object reflect to the camera, by n coefficients and by peaks.
 
     tables: the layers' slices. They reflect peaks about which neighbouring slices disagree by less than `little` of all
     reflected light. The layers' formulas reflect the other peaks, each in its own direction: highlights are thus as
     sharp as the layers, where slices resolve a triangle's 2.8 degrees. A pixel sees of a peak what its points see.
-    offsets (N, 3): of the unit normals by bumps, perpendicular to them; None for none.
+    offsets (N, 3): of the unit normals by bumps, perpendicular to them; None for none. emitters: those whose patches
+    the formulas reflect likewise, where their light is known by fine triangles; None for none. width: of the sharpest
+    layer's lobe, in radians.
     """
-    peaks = peak_lights_of(sky, incident, little)
+    peaks, patches = peak_lights_of(sky, incident, little), patch_lights_of(seen, emitters)
+    sharp_patches = np.zeros(3 * len(which) if len(patches.flux) else 0, bool)
     sharp = np.zeros((3 * len(which) if len(peaks.power) else 0, 2), np.uint64)
     normals = seen.normals(which)
     if offsets is not None:
         normals += offsets
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     directions = mirror_directions(seen.samples.wo[which], normals)
-    radiance = reflect_at_corners(seen, which, directions, incident, peaks, tables, sharp, n)
+    radiance = reflect_at_corners(seen, which, directions, incident, peaks, tables, sharp, n, patches, sharp_patches)
     if len(sharp):
         _add_sharp(seen, which, peaks, sharp, layers, offsets, radiance)
+    if sharp_patches.any():
+        _add_sharp_patches(seen, which, patches, sharp_patches, width, layers, offsets, radiance)
     return radiance
 
 
@@ -108,6 +123,17 @@ def peak_lights_of(sky: SkyMap, incident: Incident, little: float) -> slice_kern
     """A sky's peaks as points see them."""
     return slice_kernels.PeakLights(
         sky.peak_direction, sky.peak_power, incident.stored.peak_bits, hemisphere().children, little
+    )  # fmt: skip
+
+
+def patch_lights_of(seen: ViewSamples, emitters: SceneEmitters | None) -> PatchLights:
+    """Emitters' patches as points see them."""
+    if emitters is None:
+        return NO_PATCHES
+    own = emitters.patches
+    return PatchLights(
+        seen.points.position, emitters.bits, hemisphere().number, own.corners, own.centre, own.normal,
+        own.radiance * own.area[:, None], own.area, own.cones, _LITTLE_OF_PATCHES,
     )  # fmt: skip
 
 
@@ -121,6 +147,7 @@ def reflect_at_corners(
     seen: ViewSamples, which: Rows, directions: Float32Array, incident: Incident, peaks: slice_kernels.PeakLights,
     tables: slice_kernels.Tables,
     sharp: NDArray[np.uint64], n_most: int = MOST_COEFFICIENTS,
+    patches: PatchLights | None = None, sharp_patches: NDArray[np.bool_] | None = None,
 ) -> Float32Array:  # fmt: skip
     """Radiance (N, 3) that samples (N,) with these mirror directions (N, 3) send, interpolated between the points
     around them; see `shade_corners`.
@@ -129,16 +156,15 @@ def reflect_at_corners(
     position even where normals turn between points by more than its width; everything else changes only by the square
     of that angle.
     """
-    samples = seen.samples
+    samples, patches = seen.samples, patches or NO_PATCHES
+    without = np.zeros(0, bool) if sharp_patches is None else sharp_patches
     requested, first, members = sample_kernels.by_point(which, samples.corners, len(seen.points))
     found = np.empty((3 * len(which), 3), np.float32)
 
     def part(start: int, stop: int) -> None:
         slice_kernels.shade_corners(
             start, stop, requested, first, members, directions, n_most, seen.points.frames, incident.slot,
-            incident.stored,
-            peaks,
-            tables, found, sharp,
+            incident.stored, peaks, patches, tables, found, sharp, without,
         )  # fmt: skip
 
     on_threads(part, *even_parts(len(requested)))
@@ -163,6 +189,31 @@ def _add_sharp(
         if n:
             found = evaluate_layers(layers, requested.wi[:n], requested.wo[:n])
             pixel_kernels.add_answers(n, requested, found, radiance[start : start + _PIXELS])
+
+    on_threads(part, range(0, len(which), _PIXELS))
+
+
+def _add_sharp_patches(
+    seen: ViewSamples, which: Rows, patches: PatchLights, sharp: NDArray[np.bool_], width: float,
+    layers: Sequence[Layer], offsets: Float32Array | None, radiance: Float32Array,
+) -> None:  # fmt: skip
+    """Add the layers' reflection of patches to radiance (N, 3) where corners (3 N,) left them out; width: of the
+    layers' sharpest lobe, in radians."""
+    samples, frames = seen.samples, seen.points.frames
+    offsets = np.zeros((0, 3), np.float32) if offsets is None else offsets
+
+    def part(start: int) -> None:
+        some, own = which[start : start + _PIXELS], slice(start, start + _PIXELS)
+        those, n_done = sharp[3 * start : 3 * (start + _PIXELS)], 0
+        requested, places = _empty_queries(max(_QUERIES, 4 * len(patches.flux))), seen.places(some)
+        while n_done < len(some):
+            n, n_done = query_patches(
+                n_done, some, samples.corners, samples.weights, samples.wo, frames, places, offsets[own], patches,
+                those, width, LEAST_COSINE, requested,
+            )  # fmt: skip
+            if n:
+                found = evaluate_layers(layers, requested.wi[:n], requested.wo[:n])
+                pixel_kernels.add_answers(n, requested, found, radiance[own])
 
     on_threads(part, range(0, len(which), _PIXELS))
 

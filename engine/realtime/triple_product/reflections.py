@@ -7,6 +7,7 @@ needs all that it shows, and 500 metals took 160 s of processor time for each.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -149,7 +150,11 @@ class Reflections:
 
     def is_sharp(self, layers: tuple[Layer, ...]) -> bool:
         """Whether one of the layers whose slices are known has highlights too sharp for the points' spacing."""
-        return any(layer in self._slices and self._slices[layer].lobe < SHARP for layer in layers)
+        return self.lobe(layers) < SHARP
+
+    def lobe(self, layers: tuple[Layer, ...]) -> float:
+        """Steradians of the sharpest lobe of layers whose slices are known, see `Slices.lobe`; infinite for none."""
+        return min((self._slices[layer].lobe for layer in layers if layer in self._slices), default=math.inf)
 
     def albedo(self, term: Term) -> NDArray[np.float64]:
         """Equivalent albedo of a term (3,), without its maps."""

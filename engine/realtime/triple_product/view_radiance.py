@@ -9,6 +9,7 @@ does.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Generator, Sequence
 from itertools import chain
 from typing import Literal
@@ -20,8 +21,8 @@ from engine.core.threads import on_threads
 from engine.material.layer import FRAMES, Frame, Layer
 from engine.realtime.core.gpu_parts import n_sharp
 from engine.realtime.core.view_samples import Rows, ViewSamples, add_values, factors, interpolate
-from engine.realtime.triple_product.incident import ReachingLight, SkyMap
-from engine.realtime.triple_product.lit_points import LitPoints
+from engine.realtime.triple_product.incident import ReachingLight, SceneEmitters, SkyMap
+from engine.realtime.triple_product.lit_points import EXACTLY, LitPoints
 from engine.realtime.triple_product.pixel_light import PixelLight, emitter_shadows, peak_shadows, sum_corrections
 from engine.realtime.triple_product.pixel_reflection import (
     PerturbedSamples,
@@ -85,6 +86,12 @@ def view_radiance(
     def sky_of(i_object: int) -> SkyMap:
         return next(each.sky for each in lights if each.objects[i_object])
 
+    def emitters_of(i_object: int) -> SceneEmitters | None:
+        """None as well while some light is coarse."""
+        if (lit.state[lit.seen] != EXACTLY).any():
+            return None
+        return next(each.emitters for each in lights if each.objects[i_object])
+
     def reflected_by_bumps(which: NDArray[np.int64], term: Term) -> Float32Array:
         """Reflection of direct light by a term where bumps perturb normals, without its maps, (N, 3)."""
         if quality == "moving":
@@ -143,7 +150,10 @@ def view_radiance(
             found = mirrored_light(seen, which, lit, scene, term.i_object, term.layers, quality, normals)
             add_values(which, found, factor, radiance)
         if tables is not None and quality != "moving":
-            found = reflect_at_pixels(seen, which, lit.incident, sky, term.layers, tables, _LITTLE[quality])
+            found = reflect_at_pixels(
+                seen, which, lit.incident, sky, term.layers, tables, _LITTLE[quality],
+                emitters=emitters_of(term.i_object), width=math.sqrt(reflections.lobe(term.layers)),
+            )  # fmt: skip
             found += corrections.reflected(seen, scene, term.i_object, term.layers)
             add_values(which, found, factor, radiance)
         elif tables is not None and is_sharp:

@@ -27,6 +27,7 @@ from engine.realtime.triple_product.incident import (
     with_glossy_points,
 )
 from engine.realtime.triple_product.pixel_reflection import (
+    NO_PATCHES,
     empty_shades,
     mirror_directions,
     peak_lights_of,
@@ -257,8 +258,8 @@ def along(slices, ball, incident, p: int, wo: np.ndarray) -> np.ndarray:
     members = np.arange(3 * len(wo))
     slice_kernels.shade_corners(
         0, 1, np.array([p]), np.array([0, len(members)]), members, world, 5120, points.frames, incident.slot,
-        incident.stored, peak_lights_of(make_sky(None, 0.0), incident, 0.0), slices.make_tables(), found,
-        np.zeros((0, 2), np.uint64),
+        incident.stored, peak_lights_of(make_sky(None, 0.0), incident, 0.0), NO_PATCHES, slices.make_tables(), found,
+        np.zeros((0, 2), np.uint64), np.zeros(0, bool),
     )  # fmt: skip
     return found[::3]
 
