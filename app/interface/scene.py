@@ -213,7 +213,7 @@ class Scene:
         """
         what, count = os.fspath(what), len(self.document.objects)
         command = AddObject(what if what in ADDABLE else full_path(what), name, at, size)
-        self._editing.do(complete(command, self._seen_in(None).scene))
+        self._editing.do(complete(command, lambda: self._seen_in(None).scene))
         return self[self.document.objects[count].name]
 
     def undo(self) -> str | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -281,7 +281,7 @@ def open_project(
         notes = (*problems, *session_notes(session, document, added))
         document = read_measurements(fit_session(session, document, str(source.session or source.scene), added))
     for where, value in values:
-        command = complete(set_path(document, where, value), scene)
+        command = complete(set_path(document, where, value), partial(_posed, scene, document))
         document = read_measurements(command.apply(document))
     own, at_rest = scene, _at_rest(scene, document)
     scene = pose_scene(at_rest, document.poses).with_bumps(dict(document.new_bumps))
@@ -388,6 +388,13 @@ def _at_rest(scene: Scene, document: Document) -> Scene:
         scene = compose_scene(scene, document.composition)
     opacities = {state.name: state.opacity for state in document.objects}
     return scene.with_emission(dict(emission_of(document))).with_opacities(opacities)
+
+
+def _posed(scene: Scene, document: Document) -> Scene:
+    """The same with its objects where the document has them."""
+    from engine.realtime.zonal_harmonics.posed_scene import pose_scene
+
+    return pose_scene(_at_rest(scene, document), document.poses)
 
 
 def _set_by_index(document: Document, path: str, value: Any) -> SetParameter | None:

@@ -3,6 +3,7 @@ worker reads them."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,13 +20,13 @@ if TYPE_CHECKING:
     from engine.scene.scene_loader import Scene
 
 
-def complete(command: EditCommand, scene: Scene) -> EditCommand:
-    """A command with the material or the objects that it waits for; scene: what these are added to. Raises
-    LoadError."""
+def complete(command: EditCommand, present: Callable[[], Scene]) -> EditCommand:
+    """A command with the material or the objects that it waits for; present: gives the scene that these are added to.
+    Raises LoadError."""
     if isinstance(command, AddObject) and not command.objects:
         from engine.scene.added_objects import read_added
 
-        added, _ = read_added(command.what, scene, command.at, command.size)
+        added, _ = read_added(command.what, present(), command.at, command.size)
         states = tuple(added_state(each.source, each.description, each.animations) for each in added)
         return replace(command, objects=states)
     if not isinstance(command, SetMaterial) or not command.file:

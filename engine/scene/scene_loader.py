@@ -45,7 +45,7 @@ from engine.scene.emission_textures import EmissionTextures, emission_textures
 from engine.scene.loaders.model import ImportedCamera, UnshownProperty, VariantSet
 from engine.scene.mesh import MESH_ENDINGS, Mesh, face_normals, join_meshes, place_copies, select_faces, with_normals
 from engine.scene.mesh_defects import find_defects
-from engine.scene.object_meshes import ObjectMesh, load_mesh_scene, object_meshes
+from engine.scene.object_meshes import GREY, ObjectMesh, load_mesh_scene, object_meshes
 from engine.scene.rig import Animations, Rig
 from engine.scene.scene_images import check_image_places, load_images
 from engine.scene.surface_uvs import box_frame
@@ -267,9 +267,12 @@ def build_scene(description: SceneDescription, path: Path, resolution: tuple[int
 
 def read_objects(objects: Sequence[ObjectDescription], base: Scene) -> Scene:
     """Objects that a scene's file does not have, as a scene of their own in the frame of the arrays of `base`. The user
-    chose their files, by full paths; one without layers becomes as many objects as its file has materials. Raises
-    LoadError."""
-    description = base.description.model_copy(update={"environment": None, "objects": tuple(objects)})
+    chose their files, by full paths; one without layers becomes as many objects as its file has materials, and a shape
+    is grey. Raises LoadError."""
+    described = tuple(
+        each if each.mesh or each.layers or each.emits else each.model_copy(update={"layers": GREY}) for each in objects
+    )
+    description = base.description.model_copy(update={"environment": None, "objects": described})
     with record_files() as files:
         items, notes = object_meshes(description, base.folder, base.file, is_chosen=True)
         added = _assemble(description, items, notes, base.file, base.resolution, None, base.origin)

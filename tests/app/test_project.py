@@ -56,6 +56,10 @@ def test_shapes_and_files_are_added_by_path(scene: Path, tmp_path: Path) -> None
     assert project.edited(own.document, Viewpoint()).object_names == own.object_names
     session = save_session(tmp_path / "added.insitu", project.document, ViewState())
     assert open_project(str(session)).document == project.document
+    assert not any("box" in note for note in project.scene.notes)  # grey is what a shape is
+    # Each stands where those before it leave room.
+    low, high = open_project(str(scene), values=(("a.add", "box"), ("b.add", "box"))).scene.bounds[-2:].swapaxes(0, 1)
+    assert ((low[0] >= high[1] - 1e-6) | (low[1] >= high[0] - 1e-6)).any()
     # Of a file that has gone the objects wait, and a line says so.
     (tmp_path / "card.ply").unlink()
     found = open_project(str(session))
