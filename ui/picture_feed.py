@@ -39,7 +39,7 @@ from engine.render.display import deep_png, exr_bytes, pixels_png
 from engine.scene.description import Camera
 from ui.gl.context import GraphicsError
 from ui.gl.gpu_memory import TextureMemory
-from ui.scene_view import SceneView, SurfaceSpot
+from ui.scene_view import PixelValues, SceneView, SurfaceSpot
 from ui.surface_lobe import SurfacePoint
 
 # The time between two checks for responses, while a selected curve is waited for.
@@ -76,6 +76,10 @@ class PictureSource(Protocol):
 
     def still(self, editor: Editor) -> ViewportStill | None:
         """The picture as it is now, for a file; None before there is one."""
+        return None
+
+    def values_at(self, editor: Editor, column: int, row: int) -> PixelValues | None:
+        """The values of a pixel of the picture; None where there is none."""
         return None
 
     def map_thumbnails(self, key: str) -> Mapping[str, moderngl.Texture]:
@@ -192,6 +196,12 @@ class PictureFeed:
     def spot_at(self, column: int, row: int) -> SurfaceSpot | None:
         """The point that a pixel of the picture sees; None for emitters and the background."""
         return self._scene.spot_at(column, row)
+
+    def values_at(self, editor: Editor, column: int, row: int) -> PixelValues | None:
+        """The values of a pixel of the mode's own picture; None while another one stays on screen."""
+        if self.source is None or self.shows_view_before or self.mode_before is not None:
+            return None
+        return self.source.values_at(editor, column, row)
 
     def take(self, editor: Editor, now: float) -> bool:
         """Process the worker's responses and request what is missing. Returns whether there is something to draw."""

@@ -22,7 +22,7 @@ from engine.core.colour import TABLE_SIDE, TABLE_STOPS, TABULATED_VIEWS, TONE_MA
 from engine.core.errors import InsituError
 from engine.scene.picture_frame import PictureFrame
 from ui.gl.context import GraphicsError
-from ui.gl.gpu_memory import TextureMemory, read_texture
+from ui.gl.gpu_memory import TextureMemory, read_texel, read_texture
 from ui.gl.program import Box, Passes, Textures, uniform
 
 _SWITCHES = {"filmic": "TONE_FILMIC", "linear": "TONE_LINEAR", "false_colour": "TONE_FALSE_COLOUR"}
@@ -143,6 +143,11 @@ class Display:
     def read(self) -> NDArray[np.uint8]:
         """The display picture (H,W,3), sRGB; waits for the GPU."""
         return read_texture(self.texture, np.uint8)[..., :3].astype(np.uint8)
+
+    def shown_at(self, column: int, row: int) -> tuple[int, int, int]:
+        """The colour of a pixel on screen, sRGB from 0 to 255; waits for the GPU."""
+        red, green, blue, _ = read_texel(self._target, column, row, "f1")
+        return int(red), int(green), int(blue)
 
     def finished(self, linear: moderngl.Texture, view: DisplayView) -> NDArray[np.float32]:
         """The picture (H,W,3) alone, without outlines and divider, in the screen's values, unrounded: for files that

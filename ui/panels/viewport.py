@@ -161,11 +161,29 @@ def _hover(context: PanelContext, picture: Picture, placed: PictureRect, on_divi
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_all)
     mouse = imgui.get_mouse_pos()
     name = _object_at(context, placed.pixel(mouse.x, mouse.y, picture))
-    if name:
-        # At once, without a tooltip's delay.
-        place = ImVec2(mouse.x + context.px(14), mouse.y + context.px(12))
+    # At once, without a tooltip's delay.
+    place = ImVec2(mouse.x + context.px(14), mouse.y + context.px(12))
+    if context.state.shows_values and (pixel := placed.pixel(mouse.x, mouse.y, picture)) is not None:
+        _draw_values(context, place, pixel, name or "")
+    elif name:
         _plate(context, imgui.get_foreground_draw_list(), place, name, look.TEXT)
     return [SetView.of(hovered=name)] if name != context.view.hovered else []
+
+
+def _draw_values(context: PanelContext, place: ImVec2, pixel: tuple[int, int], name: str) -> None:
+    """The values of a pixel beside the mouse: where it is, its linear radiance, and its colour on screen."""
+    values = context.values_at(*pixel)
+    if values is None:
+        return
+    where = f"{pixel[0]}, {pixel[1]}" + (f"   {name}" if name else "")
+    lines = [where, "linear  " + "  ".join(f"{value:.4g}" for value in values.radiance)]
+    lines += [f"alpha   {values.alpha:.3g}"] if values.alpha < 1.0 else []
+    red, green, blue = values.shown
+    lines.append(f"screen  {red}  {green}  {blue}   #{red:02x}{green:02x}{blue:02x}")
+    text, screen = "\n".join(lines), imgui.get_main_viewport().size
+    extent, pad = imgui.calc_text_size(text), context.px(8)
+    place = ImVec2(min(place.x, screen.x - extent.x - pad), min(place.y, screen.y - extent.y - pad))
+    _plate(context, imgui.get_foreground_draw_list(), place, text, look.TEXT)
 
 
 def _turns_light() -> bool:

@@ -78,6 +78,8 @@ def is_on(context: PanelContext, name: str) -> bool:
         return context.state.shows_camera
     if name.startswith("gizmo_"):
         return name == f"gizmo_{context.state.gizmo}"
+    if name == "values":
+        return context.state.shows_values
     if name == "report":
         return context.state.shows_report
     is_on = OPERATORS[name].is_on
@@ -95,6 +97,10 @@ def play_or_leave_alone(context: PanelContext) -> list[Action]:
 
 def _toggle_camera_panel(context: PanelContext) -> list[Action]:
     return [SetPanel({"shows_camera": not context.state.shows_camera, "renames": None})]
+
+
+def _toggle_values(context: PanelContext) -> list[Action]:
+    return [SetPanel({"shows_values": not context.state.shows_values})]
 
 
 def _choose_gizmo(tool: str, context: PanelContext) -> list[Action]:
@@ -189,6 +195,7 @@ WINDOW_OPERATORS: dict[str, Callable[[PanelContext], list[Action]]] = {
     "alone": _leave_alone,
     "camera_panel": _toggle_camera_panel,
     "report": _toggle_report,
+    "values": _toggle_values,
     "darker": partial(_expose, "darker", -1),
     "brighter": partial(_expose, "brighter", 1),
     "translate": partial(_set_tool, kind="translate"),

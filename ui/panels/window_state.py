@@ -217,15 +217,16 @@ class PanelState:
     waits for the answer on unsaved edits; `shows_recoveries`: the list of edits that can be recovered is open.
 
     `shows_images`: the material panel has its rows for images, also where a layer has none; `shows_transform`: it has
-    the rows of the object's transform, also without handles in the picture. `handle` is the curve's
-    handle that the keyboard moves: "magnitude", "a", "b", "c", "d", "region"; None: not chosen. `turn` is the last
-    rotation of the light by the mouse wheel. `scroll` is the last move of the camera by it; `shows_camera`: the
-    camera's controls are over the picture, where the bookmarked view `renames` is being renamed. `picks_lobe`: the next
-    click on the picture chooses where it shows the lobe. `paints`: dragging over the selected object paints its layer's
-    weight map, with `brush`. `gizmo`: which of its tools is over the picture, "" for none. `shows_report`: the sheet on
-    what the file contains is open; `report_by_count`: it lists first what is missing most often. `single_panel`: the
-    picture has the place of all panels. `opens_menu`: the menu that a key opens in the coming frame. `front` are panels
-    that come in front of the others in their dock, in the coming frame.
+    the rows of the object's transform, also without handles in the picture. `handle` is the curve's handle that the
+    keyboard moves: "magnitude", "a", "b", "c", "d", "region"; None: not chosen. `turn` is the last rotation of the
+    light by the mouse wheel. `scroll` is the last move of the camera by it; `shows_camera`: the camera's controls are
+    over the picture, where the bookmarked view `renames` is being renamed. `picks_lobe`: the next click on the picture
+    chooses where it shows the lobe. `paints`: dragging over the selected object paints its layer's weight map, with
+    `brush`. `shows_values`: the values of the pixel under the mouse are shown. `gizmo`: which of its tools is over the
+    picture, "" for none. `shows_report`: the sheet on what the file contains is open; `report_by_count`: it lists first
+    what is missing most often. `single_panel`: the picture has the place of all panels. `opens_menu`: the menu that a
+    key opens in the coming frame. `front` are panels that come in front of the others in their dock, in the coming
+    frame.
     """
 
     grip: Grip | None = None
@@ -238,6 +239,7 @@ class PanelState:
     single_panel: bool = False
     opens_menu: str = ""
     picks_lobe: bool = False
+    shows_values: bool = False
     gizmo: str = ""
     shows_report: bool = False
     report_by_count: bool = False

@@ -26,6 +26,7 @@ from ui.modes.orbit.gl.canvas import PictureCanvas
 from ui.modes.orbit.gl.shaded_picture import ShadedPicture
 from ui.modes.placement.placement_feed import PlacementFeed, exposed_background, stops
 from ui.picture_feed import PictureSource, ViewportStill, viewport_still
+from ui.scene_view import PixelValues, pixel_values
 
 FADE_SECONDS = 0.25
 
@@ -221,6 +222,13 @@ class OrbitFeed(PictureSource):
         intensity, background = editor.document.light.intensity, editor.document.background
         shown = self.canvas.finished_image(self._display_view(editor, controller))
         return viewport_still(shown, self.canvas.linear_image_with_alpha(), intensity, background)
+
+    def values_at(self, editor: Editor, column: int, row: int) -> PixelValues | None:
+        if _controller(editor).shows_placement:
+            return self.placement.values_at(editor, column, row)
+        if self.canvas.frame is None or self._texture is None or self._is_measure:
+            return None
+        return pixel_values(self.canvas.values_at(column, row), editor.document.light.intensity)
 
     def map_thumbnails(self, key: str) -> Mapping[str, moderngl.Texture]:
         return self.placement.map_thumbnails(key)

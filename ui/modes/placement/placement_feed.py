@@ -47,6 +47,7 @@ from ui.modes.placement.gl.layers import ComparedAppearance
 from ui.modes.placement.gl.renderer import PlacementRenderer
 from ui.modes.placement.gl.shader_warm_up import warm_up
 from ui.picture_feed import PictureSource, ViewportStill, viewport_still
+from ui.scene_view import PixelValues, pixel_values
 
 
 class MapFeed:
@@ -150,6 +151,12 @@ class PlacementFeed(PictureSource):
         intensity, background = _controller(editor).picture.document.light.intensity, editor.document.background
         shown = self.renderer.finished_image(self._display_view(editor))
         return viewport_still(shown, self.renderer.linear_image_with_alpha(), intensity, background)
+
+    def values_at(self, editor: Editor, column: int, row: int) -> PixelValues | None:
+        if self.renderer.frame is None or self._texture is None:
+            return None
+        intensity = _controller(editor).picture.document.light.intensity
+        return pixel_values(self.renderer.values_at(column, row), intensity)
 
     def close(self) -> None:
         self._maps.clear()
