@@ -15,8 +15,8 @@ the window and the `programs` that draw: nothing else here calls OpenGL. What ca
 OpenGL, no display) stands in the file with the reason, and the rest is measured all the same.
 
 Programs of their own write pages and references: `peers` (docs/peers.md), `large_scenes` (docs/scale.md),
-`room_references` (tests/golden/rooms), `point_lights` (docs/benchmarks.md), `gloss_transfer` (docs/deform.md),
-`hand_over` (docs/orbit.md, docs/deform.md), `open_files` and `lights` (docs/measured-changes.md).
+`room_references` (tests/golden/rooms), `point_lights` and `light_groups` (docs/benchmarks.md), `gloss_transfer`
+(docs/deform.md), `hand_over` (docs/orbit.md, docs/deform.md), `open_files` and `lights` (docs/measured-changes.md).
 """
 
 PARTS = ("settings", "figures", "visibility", "planning")

@@ -68,13 +68,13 @@ def mix_figures(effort: MixEffort | None, report: Callable[[str], None]) -> list
 
 def _errors(effort: MixEffort, folder: Path) -> dict[str, float]:
     """relRMSE of mixes, by name."""
-    (folder / "scene.toml").write_text(_scene_text())
+    (folder / "scene.toml").write_text(scene_text())
     ready = ReadyScene(str(folder / "scene.toml"), RelightEffort(effort.resolution, n_final=effort.n_final), folder)
     ready.ask(PrepareRelighting(ready.scene))
     found: dict[str, tuple[SceneState, Pictures]] = {}
     for light in ("sky", "lamp 0", f"lamp {N_LAMPS - 1}"):
         for name, others, factor in ((f"{light} x 10", 1.0, TIMES_TEN), (f"{light} alone", 0.0, 1.0)):
-            scene = _mixed(ready.scene, light, others, factor)
+            scene = mixed_scene(ready.scene, light, others, factor)
             found[name] = scene, ready.pictures(ready.transport(scene), "relit")
     off = {}
     for name, (scene, mixed) in found.items():
@@ -84,7 +84,7 @@ def _errors(effort: MixEffort, folder: Path) -> dict[str, float]:
     return off
 
 
-def _mixed(scene: SceneState, light: str, others: float, factor: float) -> SceneState:
+def mixed_scene(scene: SceneState, light: str, others: float, factor: float) -> SceneState:
     """A scene with one light times a factor, and others times another."""
 
     def gain(name: str) -> float:
@@ -96,7 +96,7 @@ def _mixed(scene: SceneState, light: str, others: float, factor: float) -> Scene
     return replace(scene, light=scene.light.with_row(ENVIRONMENT_KEY, row), emission=emission)
 
 
-def _scene_text() -> str:
+def scene_text() -> str:
     """Two balls on a table under a sky and lamps in a ring, of several colours and strengths."""
     text = """version = 1
 [camera]
