@@ -12,7 +12,6 @@ from tests.naive import pictures as naive
 from tests.ui.gl.pictures import frame_of, full_frame, norms_of
 from ui.gl.context import GraphicsError
 from ui.gl.display import DisplayView, ToneMapping
-from ui.gl.gpu_memory import read_texture
 from ui.modes.placement.gl.renderer import PlacementRenderer
 
 pytestmark = pytest.mark.gl
@@ -36,12 +35,6 @@ def _n_pixels(frame: PictureFrame, i_object: int) -> int:
 def _pixels_of(frame: PictureFrame, i_object: int) -> np.ndarray:
     start, stop = frame.object_ranges[i_object]
     return frame.pixel[start:stop]
-
-
-def n_not_finite(renderer: PlacementRenderer) -> int:
-    """Pixels that are shown black because their radiance is no number: those without opacity."""
-    renderer.linear_image()
-    return int((read_texture(renderer._shown().compositor.linear, np.float32)[..., 3] <= 0.5).sum())
 
 
 def test_pixels_at_edges_show_several_surfaces_by_their_shares(renderer: PlacementRenderer) -> None:
@@ -85,7 +78,8 @@ def test_pixels_at_edges_show_several_surfaces_by_their_shares(renderer: Placeme
         np.testing.assert_allclose(renderer.linear_image()[0], expected(factor * lamp), rtol=1e-6)
     radiance[6] = np.nan
     renderer.set_layer_radiance("o1.0", radiance[5:8])
-    assert n_not_finite(renderer) == 1 and renderer.linear_image()[0, 4].tolist() == [0.0, 0.0, 0.0]
+    image = renderer.linear_image()
+    assert np.isfinite(image).all() and image[0, 4].tolist() == [0.0, 0.0, 0.0]
 
 
 def test_layers_gains_view_curves_and_emitters_make_the_picture(renderer: PlacementRenderer) -> None:
@@ -107,7 +101,6 @@ def test_layers_gains_view_curves_and_emitters_make_the_picture(renderer: Placem
         expected[pixels] = coat * [0.5, 1.0, 2.0] + base * f_o
     image = renderer.linear_image()
     np.testing.assert_allclose(image.reshape(-1, 3), expected, rtol=3e-4, atol=1e-5)  # 1.3e-4 on an NVIDIA card
-    assert n_not_finite(renderer) == 0
 
     renderer.set_layer_visible("o0.1", False)
     renderer.set_layer_visible("o2.0", False)
@@ -243,14 +236,13 @@ def test_the_mean_is_of_what_is_finite(renderer: PlacementRenderer, worst: float
     assert renderer.mean_radiance == pytest.approx(np.mean(np.abs(np.nan_to_num(radiance, posinf=0.0, neginf=0.0))))
 
 
-def test_no_nan_reaches_the_screen_and_each_is_counted(renderer: PlacementRenderer) -> None:
+def test_no_nan_reaches_the_screen(renderer: PlacementRenderer) -> None:
     renderer.set_frame(full_frame(10))
     renderer.set_layer("ball.0", 0, 10)
     radiance = np.ones((10, 3), dtype=np.float32)
     radiance[2, 1], radiance[5, 0], radiance[9] = np.nan, np.inf, -np.inf
     renderer.set_layer_radiance("ball.0", radiance)
     image = renderer.linear_image()
-    assert n_not_finite(renderer) == 3
     np.testing.assert_array_equal(image[0, :, 0], [1, 1, 0, 1, 1, 0, 1, 1, 1, 0])
     for tone_mapping in ("filmic", "linear", "false_colour"):
         for exposure in (-60.0, 0.0, 60.0):
@@ -285,10 +277,9 @@ def test_whatever_the_numbers_the_linear_picture_is_finite(
     renderer.composite(DisplayView(exposure=exposure, tone_mapping=tone_mapping))
     image = renderer.linear_image()
     assert np.isfinite(image).all()
-    # What is no number, or becomes none times the gain (beyond 3.4e38), is black and counted; pixel 1 is always fine.
+    # What is no number, or becomes none times the gain (beyond 3.4e38), is black; pixel 1 is always fine.
     is_bad = not np.isfinite(radiance) or abs(radiance * gain) > 3.5e38
-    assert n_not_finite(renderer) == int(is_bad) and image[0, 1].any()
-    assert not (is_bad and image[0, 0].any())
+    assert image[0, 1].any() and not (is_bad and image[0, 0].any())
 
 
 def test_only_what_changed_is_drawn_and_the_rest_stays(renderer: PlacementRenderer) -> None:
