@@ -117,11 +117,16 @@ class SurfaceInputs:
 
 def mean_of(values: Field) -> Float64Array:
     """The mean (C,) of a field over the unit square."""
+    return probes_of(values).mean(axis=0)
+
+
+def probes_of(values: Field) -> Float64Array:
+    """Values (N, C) of a field on a grid over the unit square; one of a constant field."""
     if values.is_constant:
-        return values.value.astype(np.float64)
+        return values.value.astype(np.float64)[None]
     middles = (np.arange(_PROBE_SIDE, dtype=np.float32) + 0.5) / _PROBE_SIDE
     grid = np.stack(np.meshgrid(middles, middles), axis=-1).reshape(-1, 2)
-    return np.asarray(values.at(Samples(grid.astype(np.float32))).mean(axis=0, dtype=np.float64))
+    return np.asarray(values.at(Samples(grid.astype(np.float32))), np.float64)
 
 
 def rgb_of(values: Float64Array) -> Float64Array:

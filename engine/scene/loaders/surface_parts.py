@@ -31,6 +31,7 @@ from engine.scene.loaders.surface_inputs import (
     mean_of,
     one_minus,
     plain,
+    probes_of,
     product,
     rgb_of,
 )
@@ -39,9 +40,9 @@ _ROUGH = 0.3  # of metals, from which light that facets scatter again counts by 
 _LEAST_FACING = 3e-5  # of a gloss, that of the index 1.01
 # Of [OpenPBR]: Schlick's rise at 82°, where the edge tint counts.
 _RISE_82 = (6.0 / 7.0) ** 5
-# Reflectances head-on of metals of which one is mixed whose colour varies, and those for which weights are found, with
-# cosines of facets and angles of views at which they are compared.
-_GREYS = np.array([0.02, 0.1, 0.35, 0.75, 0.95])
+# Of which one is mixed whose colour varies; fewer where roughness does, whose nodes share the layers of an object.
+_N_METALS, _N_METALS_OF_WIDTHS = 5, 4
+# Reflectances head-on for which their weights are found, cosines of facets and angles of views where they are compared.
 _REFLECTANCES = np.linspace(0.0, 1.0, 65) ** 2
 _FACETS = (np.arange(32) + 0.5) / 32
 _VIEWS = np.array([0.3, 0.8, 1.2])
@@ -214,13 +215,24 @@ def conductor(facing: Field, edge: Field, share: Field, roughness: Field, film: 
     if facing.is_constant:
         colour = rgb_of(facing.value.astype(float))
         return [_exact_metal("metal", ONE, colour, tint, share, roughness)]
+    greys = _greys(facing, _N_METALS if roughness.is_constant else _N_METALS_OF_WIDTHS)
     edges = [None] * 3 if tint is None else tint.tolist()
-    weights = np.stack([_weights_of_greys(each, _alpha(roughness)) for each in edges], axis=2)
-    layers = list[StackedLayer]()
-    for k, grey in enumerate(_GREYS.tolist()):
-        weight = combine(partial(_looked_up, weights[:, k]), facing)
-        layers.append(_exact_metal(f"metal {k + 1}", weight, np.full(3, grey), tint, share, roughness))
+    alpha, layers = _alpha(roughness), list[StackedLayer]()
+    weights = [_weights_of_greys(tuple(of.tolist()), edge, alpha) for of, edge in zip(greys, edges, strict=True)]
+    for k, middle in enumerate(greys.T):
+        weight = combine(partial(_looked_up, [each[:, k] for each in weights]), facing)
+        layers.append(_exact_metal(f"metal {k + 1}", weight, middle, tint, share, roughness))
     return layers
+
+
+def _greys(facing: Field, n: int) -> Float64Array:
+    """Reflectances head-on (3, n), of each channel, from the lowest to the highest of a texture, the darker the closer;
+    less than 0.02 is hardly seen."""
+    probed = probes_of(facing)
+    probed = np.broadcast_to(probed, (len(probed), 3))
+    high = probed.max(axis=0).clip(0.04, 0.97)
+    low = np.clip(probed.min(axis=0), 0.02, 0.5 * high)
+    return np.linspace(np.cbrt(low), np.cbrt(high), n, axis=1) ** 3
 
 
 def _exact_metal(
@@ -254,12 +266,12 @@ def _shown_index(n: Float64Array, k: Float64Array) -> tuple[Float64Array, Float6
 
 
 @lru_cache(maxsize=64)
-def _weights_of_greys(edge: float | None, alpha: float) -> Float64Array:
-    """Weights (R, K) of metals of `_GREYS` at `_REFLECTANCES`, of an edge, None for one of the same grey. What they
+def _weights_of_greys(greys: tuple[float, ...], edge: float | None, alpha: float) -> Float64Array:
+    """Weights (R, K) of metals of greys at `_REFLECTANCES`, of an edge, None for one of the same grey. What they
     reflect, F (1 + s (1 − E1) / E1) at angles of facets and views, has the least relative square error."""
 
-    def index(greys: Float64Array) -> tuple[Float64Array, Float64Array]:
-        return _conductor_index(greys, greys if edge is None else np.full_like(greys, edge))
+    def index(facing: Float64Array) -> tuple[Float64Array, Float64Array]:
+        return _conductor_index(facing, facing if edge is None else np.full_like(facing, edge))
 
     def reflected(n: Float64Array, k: Float64Array) -> Float64Array:
         """Of metals, (N, G) for N angles."""
@@ -267,16 +279,16 @@ def _weights_of_greys(edge: float | None, alpha: float) -> Float64Array:
         once = conductor_fresnel(_FACETS[:, None], n, k)
         return np.concatenate([once * (1.0 + again * each) for each in lost_light(alpha, _VIEWS)])
 
-    of_greys, found = reflected(*_shown_index(*index(_GREYS))), [np.zeros(len(_GREYS))]
+    of_greys, found = reflected(*_shown_index(*index(np.array(greys)))), [np.zeros(len(greys))]
     for wanted in reflected(*index(_REFLECTANCES[1:])).T:
         found.append(nnls(of_greys / wanted[:, None], np.ones(len(wanted)), maxiter=1000)[0])
     return np.stack(found)
 
 
-def _looked_up(weights: Float64Array, colours: Array) -> Array:
-    """Weights (N, 3) of colours (N, 1 or 3), linear between their values (R, 3) at `_REFLECTANCES`."""
+def _looked_up(weights: list[Float64Array], colours: Array) -> Array:
+    """Weights (N, 3) of colours (N, 1 or 3), linear between their values (R,) at `_REFLECTANCES`, of each channel."""
     channels = np.broadcast_to(colours, (len(colours), 3)).T
-    found = [np.interp(each, _REFLECTANCES, weights[:, k]) for k, each in enumerate(channels)]
+    found = [np.interp(each, _REFLECTANCES, of) for each, of in zip(channels, weights, strict=True)]
     return np.stack(found, axis=1).astype(np.float32)
 
 
