@@ -83,7 +83,6 @@ def _open_pbr(inputs: SurfaceInputs, maps: MapMaker) -> SurfaceMaterial:
     coat, coat_colour = inputs.field("coat_weight"), inputs.field("coat_color")
     coat_index = inputs.number("coat_ior", 1.01, 5.0)
     subsurface = inputs.field("subsurface_weight")
-    diffuse = mixed(product(weight, colour), inputs.field("subsurface_color"), subsurface)
     if not is_everywhere(subsurface, 0.0):
         inputs.list("subsurface_weight", _SUBSURFACE)
     dim = _dimmed_by_coat(inputs, coat, coat_colour, coat_index, colour, gloss_weight, metalness)
@@ -95,7 +94,9 @@ def _open_pbr(inputs: SurfaceInputs, maps: MapMaker) -> SurfaceMaterial:
         inputs.list("coat_weight", "the index of the gloss below is that under the coat's mean")
     index = _under_coat(inputs.number("specular_ior", 1.0, 5.0), coat_index, float(mean_of(coat)[0]))
     facing = min(inputs.number("specular_weight", 0.0, 1e3) * float(reflectance_of_index(index)), 0.999)  # type: ignore[arg-type]
-    base = [preserving_diffuse(diffuse, inputs.number("base_diffuse_roughness"))]
+    rough = preserving_diffuse(colour, inputs.number("base_diffuse_roughness"))
+    diffuse = mixed(product(weight, rough.strength), inputs.field("subsurface_color"), subsurface)
+    base = [replace(rough, strength=diffuse)]
     if film is not None and base[0].parameters:
         inputs.list("base_diffuse_roughness", _EVEN)
     share = product(one_minus(metalness), dim)

@@ -181,6 +181,13 @@ def test_rough_diffuse_of_openpbr_keeps_its_mean(tmp_path: Path) -> None:
     np.testing.assert_allclose(mean, BASE * once / (1.0 - BASE * (1.0 - once)), rtol=5e-3)
 
 
+def test_the_weight_of_a_rough_base_scales_all_of_it(tmp_path: Path) -> None:
+    # Not the albedo, of which light that is scattered again is the square.
+    one = {"base_color": "0.6, 0.3, 0.1", "specular_weight": "0", "base_diffuse_roughness": "1"}
+    whole, part = (brdf(tmp_path, "open_pbr_surface", one | {"base_weight": each}, WI, WO) for each in ("1", "0.4"))
+    check(part, 0.4 * whole, 1e-6)
+
+
 # ------------------------------------------------------------------------------------------ maps, lists, the file
 
 
