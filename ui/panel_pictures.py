@@ -193,6 +193,7 @@ def panel_context(editor: Editor, source: PictureFeed | None, pictures: PanelPic
         heading=source.heading,
         object_at=source.object_at,
         spot_at=source.spot_at,
+        facing_of=source.facing_of,
         values_at=partial(source.values_at, editor),
     )
 

@@ -25,6 +25,7 @@ from ui.gl.gpu_memory import small_texture
 from ui.surface_lobe import SurfacePoint
 
 THUMBNAIL_WIDTH = 512
+_FLAT = ("quad", "disc")  # shapes whose front is their +Z
 
 
 class PixelValues(NamedTuple):
@@ -116,6 +117,17 @@ class SceneView:
         """The name of the object that a pixel of the picture sees."""
         index = -1 if self._frame is None else self._frame.object_at(column, row)
         return self._names[index] if 0 <= index < len(self._names) else None
+
+    def facing_of(self, name: str) -> NDArray[np.float64] | None:
+        """The direction (3,) that a lamp shines to where its file has it: that of a flat one, or the axis of its cone;
+        None for one that shines to all sides."""
+        objects = () if self._description is None else self._description.objects
+        described = next((each for each in objects if each.name == name), None)
+        if described is None or not (described.primitive in _FLAT or described.cone is not None):
+            return None
+        axis = np.reshape(described.transform, (4, 4))[:3, 2].astype(np.float64)
+        length = float(np.linalg.norm(axis))
+        return axis / length if length > 0.0 else None
 
     def surface_at(self, column: int, row: int) -> SurfacePoint | None:
         """The surface that a pixel of the picture sees; None for emitters and the background."""

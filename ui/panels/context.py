@@ -114,6 +114,11 @@ def no_values(column: int, row: int) -> PixelValues | None:
     return None
 
 
+def no_facing(name: str) -> NDArray[np.float64] | None:
+    """The direction that a lamp shines to before there is a picture: none."""
+    return None
+
+
 def no_spot(column: int, row: int) -> SurfaceSpot | None:
     """The point of a surface at a pixel before there is a picture: none."""
     return None
@@ -126,20 +131,21 @@ class PanelContext:
 
     `map_thumbnails` are the selected layer's "texture" and "weight", `map_refusal` says why they cannot be used.
     `undo_label` and `redo_label` name what would be undone or redone. `object_at` returns the object's name at a pixel
-    (column, row) of the picture, `spot_at` the point of the surface there, `values_at` the pixel's values. `heading` is
-    the camera's direction, degrees clockwise from -Z seen from above. `library` are its materials, `thumbnail` a
-    material's picture, None while there is none. `now` is seconds of the window's clock. `brdf` has the plots of the
-    selected material, `record` the recent frame times and errors. `camera` is the camera that the scene is seen from,
-    or is about to be, `picture_camera` that of the picture shown; `own_camera` and `own_resolution`, (width, height),
-    are the scene's; `camera_undo_label` and `camera_redo_label` name what the view's own history would undo or redo;
-    `box_of` returns the corners (2, 3) of an object, for None of all that is visible, `resting_box_of` those where its
-    file has it; `view_thumbnail` is the picture of a bookmarked view. `preferences` are the user's. `mode` is the one
-    of `modes` that makes the picture. `mode_before` is the title of the mode whose picture is still shown, "" where it
-    is the present one's. `scene_document` is the document as the scene's own file has it. `name` is the name of what is
-    open, `unsaved` whether there are edits that no session has. `recent` are the files opened last, `recoveries` edits
-    that the program left behind when it ended. `keys_taken`: keys go to a text field, a list or a menu; `alt_tapped`:
-    Alt was pressed and released by itself; `saving`: the picture with layers that is being saved, and its progress, ""
-    for none; `repeated`: the key that the system repeats in this pass, while it is held.
+    (column, row) of the picture, `spot_at` the point of the surface there, `values_at` the pixel's values; `facing_of`
+    the direction that a lamp shines to. `heading` is the camera's direction, degrees clockwise from -Z seen from above.
+    `library` are its materials, `thumbnail` a material's picture, None while there is none. `now` is seconds of the
+    window's clock. `brdf` has the plots of the selected material, `record` the recent frame times and errors. `camera`
+    is the camera that the scene is seen from, or is about to be, `picture_camera` that of the picture shown;
+    `own_camera` and `own_resolution`, (width, height), are the scene's; `camera_undo_label` and `camera_redo_label`
+    name what the view's own history would undo or redo; `box_of` returns the corners (2, 3) of an object, for None of
+    all that is visible, `resting_box_of` those where its file has it; `view_thumbnail` is the picture of a bookmarked
+    view. `preferences` are the user's. `mode` is the one of `modes` that makes the picture. `mode_before` is the title
+    of the mode whose picture is still shown, "" where it is the present one's. `scene_document` is the document as the
+    scene's own file has it. `name` is the name of what is open, `unsaved` whether there are edits that no session has.
+    `recent` are the files opened last, `recoveries` edits that the program left behind when it ended. `keys_taken`:
+    keys go to a text field, a list or a menu; `alt_tapped`: Alt was pressed and released by itself; `saving`: the
+    picture with layers that is being saved, and its progress, "" for none; `repeated`: the key that the system repeats
+    in this pass, while it is held.
     """
 
     document: Document
@@ -162,6 +168,7 @@ class PanelContext:
     redo_label: str | None = None
     object_at: Callable[[int, int], str | None] = no_object
     spot_at: Callable[[int, int], SurfaceSpot | None] = no_spot
+    facing_of: Callable[[str], NDArray[np.float64] | None] = no_facing
     values_at: Callable[[int, int], PixelValues | None] = no_values
     heading: float = 0.0
     has_environment: bool = True

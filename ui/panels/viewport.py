@@ -13,14 +13,14 @@ from app.operators.registry import keys_of
 from app.system.lazy_import import import_named
 from engine.material.layer import object_of
 from ui import theme as look
-from ui.panels import camera, gizmo, paint, picture_handles, picture_overlays, widgets
+from ui.panels import camera, gizmo, light_by_hand, paint, picture_handles, picture_overlays, widgets
 from ui.panels.actions import Action, BeginDrag, EndDrag, HoldGrip, RunOperator, SetPanel
 from ui.panels.context import PanelContext
 from ui.panels.library import apply, dropped_material
 from ui.panels.picture_handles import PictureHandle
 from ui.panels.pictures import Picture
 from ui.panels.viewport_layout import PAN, PictureRect, ViewportRect, gestures, viewport_rect
-from ui.panels.window_state import Grip, PaintGrip
+from ui.panels.window_state import Grip, LightGrip, PaintGrip
 from ui.theme import Icon
 
 DEGREES_PER_PIXEL = 0.5
@@ -157,7 +157,7 @@ def _hover(context: PanelContext, picture: Picture, placed: PictureRect, on_divi
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_all)
         paint.draw_circle(context, placed.scale)
         return [SetView.of(hovered=None)] if context.view.hovered is not None else []
-    if imgui.get_io().key_alt or context.state.picks_lobe:
+    if imgui.get_io().key_alt or context.state.picks_lobe or light_by_hand.is_placing(context):
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_all)
     mouse = imgui.get_mouse_pos()
     name = _object_at(context, placed.pixel(mouse.x, mouse.y, picture))
@@ -209,6 +209,8 @@ def _take_hold(context: PanelContext, picture: Picture, placed: PictureRect, on_
     if paint.painting_layer_key(context) is not None:
         paint.draw_circle(context, placed.scale)
         return paint.begin(context, placed.point(mouse.x, mouse.y))
+    if light_by_hand.is_placing(context):
+        return light_by_hand.begin(context, placed.pixel(mouse.x, mouse.y, picture))
     if imgui.get_io().key_alt or context.state.picks_lobe:
         picked = _pick_lobe(context, picture, placed)
         return [*picked, SetPanel({"picks_lobe": False}), HoldGrip(Grip("lobe", (0.0, 0.0)))]
@@ -240,6 +242,9 @@ def _drag(context: PanelContext, picture: Picture, placed: PictureRect, grip: Gr
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_all)
         paint.draw_circle(context, placed.scale)
         return paint.go_on(context, grip, placed.point(mouse.x, mouse.y))
+    if isinstance(grip, LightGrip):
+        imgui.set_mouse_cursor(imgui.MouseCursor_.resize_all)
+        return light_by_hand.go_on(context, grip, placed.pixel(mouse.x, mouse.y, picture))
     if grip.handle == "divider":
         share = (mouse.x - grip.offset[0] - placed.x) / max(placed.width, 1.0)
         return [SetView.of(compare_divider=share)]

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from engine.curve.operators import Operator
 from engine.curve.tables import TabulatedCurve
 from engine.material.parameters import Parameter
+from engine.scene.transform import Transform
 
 FINE = 0.1
 Place = tuple[float, float]
@@ -90,6 +91,16 @@ class PaintGrip(Grip):
     begun: bool
     value: float
     metres: float = 0.0
+
+
+@dataclass(frozen=True)
+class LightGrip(Grip):
+    """A light that is being placed by its highlight, or by the shadow of a point of the world, `caster`; `start`: its
+    transform before, from which it goes to wherever the hand is, whatever way this took."""
+
+    light: str
+    start: Transform
+    caster: tuple[float, float, float] | None = None
 
 
 @dataclass(frozen=True)

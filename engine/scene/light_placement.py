@@ -1,0 +1,82 @@
+"""Lights placed by what they do in the picture: by their highlight, or by a shadow.
+
+A light at c is seen by the eye e as mirrored in a surface at p, with unit normal n, where c lies on the ray
+
+    p + s r ,   r = d - 2 (d . n) n ,   d = (p - e) / |p - e| ,
+
+and the shadow of a point a falls on b where c lies on the ray from b through a, beyond a. Either way the light stays as
+far from p, or from a, as it was, and shines towards it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from engine.scene.transform import Transform, rotation_degrees, rotation_matrix
+
+Float64Array = NDArray[np.float64]
+
+_NEAREST = 1e-6  # metres
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedLight:
+    """A light as it stands. pivot (3,): the centre of its box where its file has it; facing (3,): the direction that it
+    shines to there, None where it shines alike to all sides; transform: by which it was moved from there."""
+
+    pivot: Float64Array
+    facing: Float64Array | None
+    transform: Transform
+
+    @property
+    def centre(self) -> Float64Array:
+        """Where it is now (3,)."""
+        return self.pivot + self.transform.translation
+
+    def by_highlight(self, point: ArrayLike, normal: ArrayLike, eye: ArrayLike) -> Transform:
+        """The transform with which the eye sees it mirrored at a point of a surface; the present one where the surface
+        is seen from behind."""
+        point, normal = np.asarray(point, np.float64), np.asarray(normal, np.float64)
+        seen = _unit(point - np.asarray(eye, np.float64))
+        if seen is None or seen @ normal >= 0.0:
+            return self.transform
+        return self._towards(point, seen - 2.0 * (seen @ normal) * normal)
+
+    def by_shadow(self, caster: ArrayLike, receiver: ArrayLike) -> Transform:
+        """The transform with which the shadow of one point falls on another; the present one where they are one."""
+        caster = np.asarray(caster, np.float64)
+        direction = _unit(caster - np.asarray(receiver, np.float64))
+        return self.transform if direction is None else self._towards(caster, direction)
+
+    def _towards(self, point: Float64Array, direction: Float64Array) -> Transform:
+        """As far from a point as now, in a unit direction from it, shining towards it."""
+        distance = max(float(np.linalg.norm(self.centre - point)), _NEAREST)
+        x, y, z = (point + distance * direction - self.pivot).tolist()
+        moved = replace(self.transform, translation=(x, y, z))
+        if self.facing is None:
+            return moved
+        turned = rotation_matrix(self.transform.rotation)
+        turned = rotation_between(turned @ self.facing, -direction) @ turned
+        return replace(moved, rotation=rotation_degrees(turned))
+
+
+def rotation_between(start: Float64Array, end: Float64Array) -> Float64Array:
+    """The least rotation (3, 3) that turns one unit vector into another; half a turn about some axis where they are
+    opposite."""
+    axis, cosine = np.cross(start, end), float(start @ end)
+    if cosine < -1.0 + 1e-12:
+        across = np.cross(start, np.eye(3)[int(np.abs(start).argmin())])
+        across /= np.linalg.norm(across)
+        return 2.0 * np.outer(across, across) - np.eye(3)
+    # R = I + [a]x + [a]x² / (1 + cos) with the axis a of length sin.
+    cross = np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
+    return np.asarray(np.eye(3) + cross + cross @ cross / (1.0 + cosine))
+
+
+def _unit(vector: Float64Array) -> Float64Array | None:
+    """The direction of a vector; None where it has none."""
+    length = float(np.linalg.norm(vector))
+    return vector / length if length > _NEAREST else None

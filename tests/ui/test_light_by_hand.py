@@ -1,0 +1,101 @@
+"""Lights placed in the picture: by H and the mouse where a highlight is to be seen, by J where a shadow is to fall."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from imgui_bundle import imgui
+
+from app.editor.editor import Editor
+from engine.scene.light_placement import PlacedLight
+from engine.scene.transform import Transform
+from tests.ui.test_gizmo import BOX, prepared
+from ui.headless import HeadlessWindow
+from ui.picture_feed import PictureFeed
+from ui.scene_view import SurfaceSpot
+
+pytestmark = pytest.mark.gl
+H, J = imgui.Key.h, imgui.Key.j
+
+
+def slope(feed: PictureFeed, column: int, row: int) -> SurfaceSpot:
+    """A surface that rises behind the picture's lower edge, at the point that a pixel sees."""
+    return SurfaceSpot(np.array([0.1 * column, -0.05 * row, -0.1 * row]), np.array([0.0, 0.8, 0.6]), 0.01)
+
+
+@pytest.fixture
+def editor(window: HeadlessWindow, monkeypatch: pytest.MonkeyPatch) -> Editor:
+    """The editor in Placement, its lamp selected, before a slope."""
+    monkeypatch.setattr(PictureFeed, "spot_at", slope)
+    found = prepared(window, "placement")
+    found.select("lamp")
+    window.frames(2)
+    return found
+
+
+def place(window: HeadlessWindow, x: float, y: float) -> tuple[float, float]:
+    """A place over the picture, as shares of the way from its upper left corner to the middle."""
+    (left, top), (middle, centre) = map(window.shell.handle_position, ("viewport.corner", "viewport.centre"))
+    return left + x * (middle - left), top + y * (centre - top)
+
+
+def spot(window: HeadlessWindow, at: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+    """The point and the normal of the surface there."""
+    feed, (left, top) = window.shell.source, window.shell.handle_position("viewport.corner")
+    assert isinstance(feed, PictureFeed) and feed.picture is not None
+    size = 2.0 * (window.shell.handle_position("viewport.centre")[0] - left)
+    pixel = [int((value - start) * feed.picture.width / size) for value, start in zip(at, (left, top), strict=True)]
+    found = feed.spot_at(*pixel)
+    assert found is not None
+    return found.place, found.normal
+
+
+def lamp(editor: Editor) -> Transform:
+    return editor.document.object("lamp").transform
+
+
+def test_a_click_places_the_highlight_and_a_drag_slides_it_in_one_step(window: HeadlessWindow, editor: Editor) -> None:
+    at, to, resting = place(window, 0.22, 0.53), place(window, 0.31, 0.72), Transform()
+    light = PlacedLight(BOX.mean(axis=0), np.array([0.0, 0.0, 1.0]), resting)
+    window.hold(H, True)
+    window.click(*at)
+    window.frames(2)
+    eye = editor.camera_history.camera.position
+    assert lamp(editor) == light.by_highlight(*spot(window, at), eye) != resting
+    clicked = lamp(editor)
+    window.drag(at, to)
+    window.hold(H, False)
+    assert [step.label for step in editor.history.undo_steps] == ["place lamp by its highlight"] * 2
+    assert lamp(editor) != clicked and editor.view.selected is not None and editor.view.selected.object == "lamp"
+    editor.undo()
+    assert lamp(editor) == clicked
+    editor.undo()
+    assert lamp(editor) == resting
+
+
+def test_a_drag_goes_from_what_casts_the_shadow_to_where_it_falls(window: HeadlessWindow, editor: Editor) -> None:
+    start, end = place(window, 0.22, 0.33), place(window, 0.27, 0.91)
+    light = PlacedLight(BOX.mean(axis=0), np.array([0.0, 0.0, 1.0]), Transform())
+    window.hold(J, True)
+    window.drag(start, end)
+    window.hold(J, False)
+    assert lamp(editor) == light.by_shadow(spot(window, start)[0], spot(window, end)[0]) != Transform()
+    assert len(editor.history.undo_steps) == 1
+
+
+def test_other_objects_are_selected_as_before_and_esc_takes_a_drag_back(window: HeadlessWindow, editor: Editor) -> None:
+    at = place(window, 0.22, 0.53)
+    window.hold(H, True)
+    window.move(*at)
+    window.press()
+    window.move(at[0] + 8.0, at[1] + 8.0)
+    assert lamp(editor) != Transform()
+    window.key(imgui.Key.escape)
+    window.release()
+    assert lamp(editor) == Transform() and not editor.history.undo_steps
+    editor.select("teapot")
+    window.frames(2)
+    window.click(*at)
+    window.hold(H, False)
+    assert not editor.history.undo_steps  # it shines not: a click selects
+    assert editor.view.selected is not None and editor.view.selected.object == "teapot"
