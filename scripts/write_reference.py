@@ -24,6 +24,7 @@ from app.cli.program import cli
 from app.files.layer_records import CurveRecord, LayerRecord, OperatorRecord
 from app.files.records import (
     AddedRecord,
+    BackgroundRecord,
     BookmarkRecord,
     DeformerRecord,
     LightRecord,
@@ -34,7 +35,7 @@ from app.files.records import (
     TransformRecord,
     ViewRecord,
 )
-from app.operators.arrange import Addition, Move
+from app.operators.arrange import Addition, Move, PlacedByHand
 from app.operators.camera import MoveCamera
 from app.operators.curve_drawing import CurvePoints, CurveStroke
 from app.operators.edits import Deform, Drag, PaintStroke
@@ -72,7 +73,7 @@ SCENE: Tables = [
 ]  # fmt: skip
 SESSION: Tables = [
     ("Top of the file", SessionRecord), ("[light]", LightRecord), ("light.suns", SunRecord),
-    ("light.mix", MixRecord), ("[view]", ViewRecord),
+    ("light.mix", MixRecord), ("[background]", BackgroundRecord), ("[view]", ViewRecord),
     ("[[object]]", ObjectRecord),
     ("[[object.layer]]", LayerRecord), ("[[object.layer.curve]]", CurveRecord), ("its operator", OperatorRecord),
     ("object.added", AddedRecord), ("object.transform", TransformRecord),
@@ -81,6 +82,7 @@ SESSION: Tables = [
 SCRIPT: Tables = [
     ("Top of the file", ScriptRecord), ("[[step]]", StepRecord), ("drag", Drag), ("deform", Deform), ("add", Addition),
     ("move", Move),
+    ("place_light", PlacedByHand),
     ("paint", PaintStroke), ("measured", MeasuredFile), ("material_file", MaterialFile), ("table", CurveTable),
     ("variant_set", VariantChoice), ("draw_curve", CurveStroke), ("set_points", CurvePoints), ("camera", MoveCamera),
 ]  # fmt: skip

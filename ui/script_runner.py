@@ -14,6 +14,7 @@ from app.document.document import layer_key, split_key
 from app.editor.editor import Editor
 from app.messages.worker_messages import WorkerClient
 from app.modes.placement.placement_status import PlacementStatus
+from app.operators.arrange import PlacedByHand
 from app.operators.edits import Drag, PaintStroke
 from app.operators.registry import run_operator
 from app.operators.script import Step
@@ -22,12 +23,14 @@ from app.system.atomic import make_folder_of, require_place
 from app.worker.client import Client
 from engine.core.errors import InsituError
 from engine.scene.builtin import builtin_environments, builtin_scenes
+from engine.scene.light_placement import PlacedLight
 from ui.gl.display import is_table_ready
 from ui.headless import DEFAULT_SIZE, HeadlessWindow
 from ui.layout import PANELS
 from ui.panels.actions import SetPanel, ShowPanel
+from ui.panels.light_by_hand import placement
 from ui.picture_feed import PictureFeed
-from ui.scene_view import sample_path, spots_at, stroke_at
+from ui.scene_view import SurfaceSpot, sample_path, spots_at, stroke_at
 
 WAIT_SECONDS = 1800.0
 # While a picture is refined, a window asks for frames without end.
@@ -182,6 +185,30 @@ def _paint(window: HeadlessWindow, editor: Editor, step: PaintStroke) -> None:
         raise ScriptError(refusal)
 
 
+def _place_light(window: HeadlessWindow, editor: Editor, step: PlacedByHand) -> None:
+    source, history = window.shell.source, editor.camera_history
+    assert source is not None
+    window.frames(2)
+
+    def spot_at(pixel: tuple[int, int]) -> SurfaceSpot:
+        if (spot := source.spot_at(*pixel)) is None:
+            raise ScriptError(f"place_light: pixel {pixel[0]}, {pixel[1]} sees no surface")
+        return spot
+
+    state = editor.document.object(step.light)
+    box = history.resting_box(step.light)
+    if not state.emits or box is None:
+        raise ScriptError(f"place_light: {step.light} is no light that has a place")
+    light = PlacedLight(box.mean(axis=0), source.facing_of(step.light), state.transform)
+    start, end = (None, step.highlight) if step.shadow is None else step.shadow
+    assert end is not None
+    x, y, z = (0.0, 0.0, 0.0) if start is None else spot_at(start).place.tolist()
+    caster = None if start is None else (x, y, z)
+    refusal = editor.do(placement(step.light, light, spot_at(end), history.camera, caster))
+    if refusal is not None:
+        raise ScriptError(refusal)
+
+
 def _drag(window: HeadlessWindow, editor: Editor, drag: Drag) -> None:
     if drag.start is not None and drag.to is not None:
         window.drag(drag.start, drag.to)
@@ -220,5 +247,6 @@ def _assert_error(window: HeadlessWindow, editor: Editor, bound: float) -> None:
 # The steps that only a window can carry out, by their operator's name.
 WINDOW_STEPS: dict[str, Callable[[HeadlessWindow, Editor, Any], None]] = {
     "gizmo": _show_gizmo, "set": _set, "view": _choose_view, "drag": _drag, "paint": _paint, "show": _show,
+    "place_light": _place_light,
     "wait": wait_for_picture, "capture": _capture, "assert_error_below": _assert_error,
 }  # fmt: skip

@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 from app.document.commands.objects import AddObject, DeleteObject, DuplicateObject, free_name
 from app.document.commands.poses import MoveObject, SetTransform
 from app.editor.editor import Editor
+from app.operators.edits import PictureIndex
 from app.operators.operator import OBJECT, SCENE, Gesture, Need, Operator, OperatorContext, ScriptKey, ValueRecord
 from app.system.paths import full_path
 from engine.scene.composition import ADDABLE, LIGHTS
@@ -37,6 +38,27 @@ class Move(ValueRecord):
         """The edit."""
         scale = self.scale if isinstance(self.scale, tuple) else (self.scale, self.scale, self.scale)
         return MoveObject(self.object, self.by, self.rotate, scale)
+
+
+PicturePixel = tuple[PictureIndex, PictureIndex]
+
+
+class PlacedByHand(ValueRecord):
+    """A light, and where in the picture its highlight is seen or a shadow falls; pixels are column and row."""
+
+    light: Annotated[Text, Field(description="Which one is placed; it stays as far away as it was.")]
+    highlight: Annotated[PicturePixel | None, Field(
+        description="The pixel of a surface at which the camera sees the light mirrored."
+    )] = None  # fmt: skip
+    shadow: Annotated[tuple[PicturePixel, PicturePixel] | None, Field(
+        description="The pixel of what casts a shadow, and the pixel where this falls."
+    )] = None  # fmt: skip
+
+    @model_validator(mode="after")
+    def _is_one(self) -> PlacedByHand:
+        if (self.highlight is None) == (self.shadow is None):
+            raise ValueError("highlight: exactly one of highlight and shadow")
+        return self
 
 
 class Addition(ValueRecord):
@@ -133,6 +155,9 @@ ARRANGE: tuple[Operator | Gesture, ...] = (
         "move", lambda editor, move: editor.do(move.command),
         script=ScriptKey(Move, "Moves, rotates and scales an object from where it is: see below."),
     ),
+    Operator("place_light", script=ScriptKey(
+        PlacedByHand, "Places a light by its highlight or by a shadow: see below."
+    )),
     Operator(
         "gizmo_move", keys=("V",), help="Move the selected object by handles in the picture", entry="Move",
         needs=OBJECT,

@@ -25,6 +25,7 @@ from engine.settings import LineValue
 
 MAX_PIXELS = 100_000.0
 
+PictureIndex = Annotated[int, Field(ge=0, le=int(MAX_PIXELS), strict=True)]
 Pixel = Annotated[Number, Field(ge=-MAX_PIXELS, le=MAX_PIXELS)]
 Count = Annotated[int, Field(ge=1, le=1000, strict=True)]
 Share = Annotated[Number, Field(ge=0.0, le=1.0)]

@@ -10,7 +10,7 @@ from app.document.selection import layer_shown, toggle_solo
 from app.document.view_state import LIGHTING_WORDS, SetView, Viewpoint
 from app.editor.editor import Editor
 from app.files.bookmarks import add_bookmark, find_bookmark, rename_bookmark
-from app.operators.edits import MAX_PIXELS
+from app.operators.edits import PictureIndex
 from app.operators.operator import LAYER, SCENE, Gesture, Need, Operator, OperatorContext, ScriptKey
 from engine.core.colour import find_view
 from engine.core.errors import InsituError, LoadError
@@ -22,7 +22,6 @@ PLACEMENT = Need(
     "open a scene in Placement, which alone shows simple lighting",
     lambda context: bool(context.document.objects) and context.view.mode == "placement",
 )
-PictureIndex = Annotated[int, Field(ge=0, le=int(MAX_PIXELS), strict=True)]
 STOPS_A_PRESS = 1.0 / 3.0
 
 

@@ -20,6 +20,8 @@ from ui.headless import HeadlessWindow
 from ui.panels import brdf
 from ui.panels.actions import Action
 from ui.panels.context import PanelContext
+from ui.picture_feed import PictureFeed
+from ui.scene_view import SurfaceSpot
 from ui.script_runner import ScriptError, run_steps, take_screenshot
 
 pytestmark = pytest.mark.gl
@@ -257,3 +259,27 @@ def test_a_script_drags_the_gizmo(window: HeadlessWindow, tmp_path: Path) -> Non
     steps = ('select = "teapot"', 'gizmo = "move"', 'drag = { item = "gizmo.y", by = [0, -30] }', 'gizmo = "none"')
     run(window, tmp_path, "".join(f"[[step]]\n{step}\n" for step in steps))
     assert editor.document.object("teapot").transform.translation[1] > 0.0 and window.shell.state.gizmo == ""
+
+
+def test_a_script_places_a_light(window: HeadlessWindow, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    editor = window.shell.editor
+    boxes = np.tile([[-0.3, 0.0, -0.3], [0.3, 1.0, 0.3]], (len(editor.document.objects), 1, 1))
+    editor.camera_history.scene_opened(editor.scenes.opened.description, boxes)
+    places = {(4, 4): (0.0, 0.0, 0.0), (5, 9): (0.0, -1.0, 0.0)}
+    monkeypatch.setattr(
+        PictureFeed, "spot_at",
+        lambda feed, *at: SurfaceSpot(np.array(places[at]), np.array([0.0, 0.6, 0.8]), 0.1) if at in places else None,
+    )  # fmt: skip
+    run(window, tmp_path, '[[step]]\nplace_light = { light = "lamp", shadow = [[4, 4], [5, 9]] }')
+    found = editor.document.object("lamp").transform
+    # The light, half a metre above the floor, is as far from what casts the shadow as before, and straight above it.
+    assert found.translation == pytest.approx((0.0, 0.0, 0.0)) and found.rotation != (0.0, 0.0, 0.0)
+    run(window, tmp_path, '[[step]]\nplace_light = { light = "lamp", highlight = [4, 4] }')
+    assert editor.document.object("lamp").transform != found
+    for step, says in (
+        ('light = "lamp", highlight = [1, 1]', "pixel 1, 1 sees no surface"),
+        ('light = "teapot", highlight = [4, 4]', "teapot is no light"),
+        ('light = "lamp"', "exactly one of highlight and shadow"),
+    ):
+        with pytest.raises(InsituError, match=says):
+            run(window, tmp_path, f"[[step]]\nplace_light = {{ {step} }}")

@@ -9,10 +9,12 @@ from __future__ import annotations
 from imgui_bundle import imgui
 
 from app.document.commands.poses import SetTransform
+from engine.scene.description import Camera
 from engine.scene.light_placement import PlacedLight
 from ui.panels.actions import Action, BeginDrag, HoldGrip
 from ui.panels.context import PanelContext
 from ui.panels.window_state import LightGrip
+from ui.scene_view import SurfaceSpot
 
 HIGHLIGHT, SHADOW = imgui.Key.h, imgui.Key.j
 
@@ -42,12 +44,20 @@ def go_on(context: PanelContext, grip: LightGrip, pixel: tuple[int, int] | None)
     if spot is None or box is None:
         return []
     light = PlacedLight(box.mean(axis=0), context.facing_of(grip.light), grip.start)
-    if grip.caster is None:
-        after = light.by_highlight(spot.place, spot.normal, context.camera.position)
+    command = placement(grip.light, light, spot, context.camera, grip.caster)
+    is_there = command.apply(context.document) == context.document
+    return [] if is_there else [command]
+
+
+def placement(
+    name: str, light: PlacedLight, spot: SurfaceSpot, camera: Camera, caster: tuple[float, float, float] | None
+) -> SetTransform:
+    """The command that places a light by its highlight at a surface, or by the shadow of `caster` that falls there."""
+    if caster is None:
+        after = light.by_highlight(spot.place, spot.normal, camera.position)
     else:
-        after = light.by_shadow(grip.caster, spot.place)
-    is_there = after == context.document.object(grip.light).transform
-    return [] if is_there else [SetTransform(grip.light, after.translation, after.rotation)]
+        after = light.by_shadow(caster, spot.place)
+    return SetTransform(name, after.translation, after.rotation)
 
 
 def _selected_light(context: PanelContext) -> str | None:
