@@ -142,7 +142,11 @@ class SceneController:
         self._give_up_view(self._given_up)
 
     def reopen(self) -> bool:
-        """Open what `give_up` dropped, where no other scene is open; returns whether there was one to open."""
+        """Open what `give_up` dropped, where no other scene is open, or trace the objects that wait; returns whether
+        there was something to do."""
+        if self.composing.is_waiting:
+            self.tracing.retry()
+            return True
         if self._given_up is None or self._host.scene_is_open:
             return False
         self.open(self._given_up)
@@ -382,4 +386,7 @@ class SceneController:
         stays = opening is None and requested == host.view.viewpoint and not host.camera_history.history.dragging
         if stays:  # else the camera has moved on and is traced from there
             host.camera_history.restore_viewpoint(self.tracing.traced)
-        (host.controller.view_restored if opening is None else host.controller.scene_open_failed)()
+        if opening is not None:
+            host.controller.scene_open_failed()
+        elif not self.composing.is_waiting:  # else the mode's scene stays closed
+            host.controller.view_restored()

@@ -97,6 +97,10 @@ class ViewController:
         """A drag ended: the view is requested without waiting for the idle time."""
         self._reconciler.skip_idle()
 
+    def retry(self) -> None:
+        """Request the view again whose trace was stopped."""
+        self._reconciler.retry()
+
     def note_traced(self, response: Response) -> bool:
         """Note that a view was traced; returns whether it is the one that was requested."""
         if not self.is_pending(response.id):

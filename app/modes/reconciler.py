@@ -174,6 +174,10 @@ class Reconciler(Generic[Desired, Ready]):
         """The user stopped the work: no response will come, and what is desired is not requested again."""
         self._refused, self.is_under_way = None if self.is_ready else self.desired, False
 
+    def retry(self) -> None:
+        """Request again what failed or was stopped; what is ready stays."""
+        self._refused = None
+
     def restart(self) -> None:
         """Request again what is desired, even if it is ready, has failed or was stopped."""
         self.lose()

@@ -28,10 +28,12 @@ from app.document.commands.layers import (
 from app.document.commands.light import SetBackground, SetBackgroundColour, SetEnvironment, SetRotation
 from app.document.commands.maps import SetBumps
 from app.document.commands.mix import SetMix
+from app.document.commands.objects import AddObject, DeleteObject, RenameObject
 from app.document.view_state import SetView
 from app.editor.editor import Editor
 from app.files.materials import Library
 from app.messages.worker_messages import CancelRequests, Request, RequestFailed, Response, WorkerRestarted, with_numbers
+from app.operators.arrange import Move
 from app.operators.curve_drawing import CurvePoints, CurveStroke
 from app.operators.registry import run_operator
 from app.worker.cache import ArrayCache
@@ -141,6 +143,7 @@ class Walk:
         """The final picture, linear."""
         self.editor.end_drag()
         self.client.hurries = True
+        self.until(lambda: not self.editor.exchange.is_reading)
         self.until(lambda: self.editor.status.is_finished and not self.feed.is_behind)
         self.frames(3)
         self.client.hurries = False
@@ -222,6 +225,33 @@ COMMANDS: dict[str, Callable[[Walk], object]] = {
         for name in NAMES
     },
 }
+OBJECTS: dict[str, Callable[[Walk], object]] = {
+    **{
+        name: COMMANDS[name]
+        for name in (
+            "undo",
+            "redo",
+            "lift",
+            "roughness",
+            "compare",
+            "kill",
+            "turn",
+            "select the ground",
+            "stop and go on",
+        )
+    },
+    "undo twice": lambda w: (w.editor.undo(), w.editor.undo()),
+    "add a box": lambda w: w.editor.do(AddObject("box")),
+    "add a spot": lambda w: w.editor.do(AddObject("spot light", "key")),
+    "add what is not there": lambda w: w.editor.do(AddObject("/nowhere/cup.ply")),
+    "duplicate": lambda w: run_operator(w.editor, "duplicate"),
+    "delete": lambda w: run_operator(w.editor, "delete_object"),
+    "delete the lamp": lambda w: w.editor.do(DeleteObject("lamp")),
+    "rename": lambda w: w.editor.do(RenameObject("ball", "bowl")),
+    "call it ball": lambda w: w.editor.do(RenameObject("bowl", "ball")),
+    "move": lambda w: run_operator(w.editor, "move", Move(object=w.editor.document.objects[-1].name, by=(0.2, 0, 0.1))),
+    "select the last": lambda w: w.editor.select(w.editor.document.objects[-1].name),
+}
 # Said to a person, and meant for one.
 MAY_BE_TOLD = (
     "computing stopped (killed) and was started again; your edits are untouched",
@@ -230,6 +260,12 @@ MAY_BE_TOLD = (
     "nowhere.png",
     "clipboard: line 2: value = x",
     "there is no such curve any more",
+    "/nowhere/cup.ply",
+    "there is no object",
+    "there is no layer",
+    "expected one that no other object has",
+    "the comparison ended: its picture has other objects",
+    "is not deleted",
 )
 
 
@@ -317,6 +353,13 @@ def test_any_sequence_of_commands_ends_with_the_right_picture(
     context: moderngl.Context, source: str, tmp_path: Path, seed: int
 ) -> None:
     walk(context, source, tmp_path, seed, 20, bounces=1)
+
+
+@pytest.mark.parametrize("seed", [300, *(pytest.param(seed, marks=pytest.mark.sweep) for seed in range(301, 340))])
+def test_so_it_does_while_objects_come_and_go(
+    context: moderngl.Context, source: str, tmp_path: Path, seed: int
+) -> None:
+    walk(context, source, tmp_path, seed, 20, bounces=1, commands=OBJECTS)
 
 
 def test_so_it_does_with_indirect_light(context: moderngl.Context, source: str, tmp_path: Path) -> None:

@@ -99,6 +99,24 @@ def test_undo_before_the_answer_goes_on_as_before(settled: Editor, client: FakeC
     assert not settled.status.is_away and "floor.0" in computed(client)
 
 
+def test_objects_whose_trace_was_stopped_are_traced_when_work_goes_on(settled: Editor, client: FakeClient) -> None:
+    settled.do(DuplicateObject("pot", "mug"))
+    settled.tick(2.0)
+    n_views, n_before = len(views(client)), len(client.requests)
+    settled.cancel_work()
+    settled.tick(2.5)
+    settled.resume_work()
+    for now in (3.0, 3.5):
+        settled.tick(now)
+    assert len(views(client)) == n_views + 1 and views(client)[-1].composition[1].name == "mug"
+    # The mode, whose scene has no mug, asks for nothing before that.
+    assert not any(isinstance(each, ComputeTransport) for each in client.requests[n_before:])
+    client.see_scene()
+    for now in (4.0, 5.0):
+        settled.tick(now)
+    assert "mug.0" in computed(client)
+
+
 def test_another_object_is_selected_where_it_was_deleted(settled: Editor) -> None:
     settled.select("pot")
     assert run_operator(settled, "duplicate") is None
