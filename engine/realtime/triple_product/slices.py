@@ -12,6 +12,7 @@ in again.
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
@@ -26,7 +27,7 @@ from engine.material.layer import Layer, evaluate_layer
 from engine.realtime.core.terms import has_isotropic_reflection, spherical, to_shading_frame
 from engine.realtime.triple_product import _slice_kernels as kernels
 from engine.realtime.triple_product.visibility import LEVEL, upper_triangles
-from engine.sphere.geodesic import geodesic
+from engine.sphere.geodesic import geodesic, triangle_solid_angles
 from engine.sphere.haar import N_TURNS, SECTOR, forward, images_of_triangles, images_of_wavelets, levels_of_coefficients
 
 Float32Array = NDArray[np.float32]
@@ -39,6 +40,9 @@ _SERIALS = count(1)
 LEAST_LEVEL = 1
 # Share of the largest value by which adjacent triangles may differ and count as constant inside.
 _EVEN = 0.05
+# Share of the largest of a triangle's parts by which it may exceed their mean before they are divided further; share of
+# the largest of all that it has then; and how often parts are divided.
+_STEEP, _HIGH, _MOST_CUTS = 0.4, 0.1, 5
 
 Layers = tuple[Layer, ...]
 _NOTE = "Orbit: so many glossy layers do not fit into memory; their highlights are coarser"
@@ -235,10 +239,55 @@ def _reflected(layer: Layer, wo: NDArray[np.float64], finer: int) -> Float32Arra
     uneven |= (uneven[_beside()] & (_beside() >= 0)).any(axis=1)  # at the foot of a peak
     chosen = np.repeat(uneven, 4)
     [parts] = _in_middles(layer, wo[None], LEVEL + finer, np.repeat(chosen, 4**finer))
-    parts = parts.reshape(-1, 4**finer, 3)
-    weights = geodesic(LEVEL + finer).solid_angles.reshape(-1, 4**finer)[upper_triangles()[chosen]]
+    parts, sphere = parts.reshape(-1, 4**finer, 3), geodesic(LEVEL + finer)
+    numbers = upper_triangles()[chosen][:, None] * 4**finer + np.arange(4**finer)
+    mirrored = wo * [-1.0, 1.0, -1.0]
+    peak = float(_towards(layer, wo, mirrored[None]).sum())
+    size = math.sqrt(4.0 * math.pi / sphere.n_triangles)
+    sharp = _stand_out(parts, sphere.centres[numbers] @ mirrored, size, peak)
+    if sharp.any():
+        corners = sphere.vertices[sphere.triangles[numbers[sharp]]].reshape(-1, 3, 3)
+        parts[sharp] = _divided(layer, wo, corners, size, peak, _MOST_CUTS).reshape(-1, 4**finer, 3)
+    weights = sphere.solid_angles[numbers]
     values[chosen] = np.einsum("kp,kpi->ki", weights, parts) / weights.sum(axis=1)[:, None]
     return values.astype(np.float32)
+
+
+def _stand_out(values: NDArray[np.float64], along: NDArray[np.floating], size: float, peak: float) -> NDArray[np.bool_]:
+    """Which triangles (K,) a lobe stands out of: among the values (K, P, 3) of their parts, `size` wide, or around the
+    mirror direction, to which the parts have cosines along (K, P) and whose value is `peak`."""
+    light = values.sum(axis=2)
+    largest = light.max(axis=1)
+    between = (largest - light.mean(axis=1) > _STEEP * largest) & (largest > _HIGH * largest.max(initial=0.0))
+    return between | (along > math.cos(2.0 * size)).any(axis=1) & (largest < (1.0 - _STEEP) * peak)
+
+
+def _divided(
+    layer: Layer, wo: NDArray[np.float64], corners: NDArray[np.floating], size: float, peak: float, n: int
+) -> NDArray[np.float64]:
+    """Means of ρ cos θ (K, 3) over triangles (K, 3, 3), `size` wide, in four parts each; those that a lobe stands out
+    of are divided again, up to n times in all.
+
+    Lobes are α cos θ wide across the plane of incidence: with α = 0.03 at 88 degrees 0.1 degrees, where parts of the
+    finest level have 1.4.
+    """
+    a, b, c = np.moveaxis(corners, 1, 0)
+    ab, bc, ca = (each / np.linalg.norm(each, axis=1, keepdims=True) for each in (a + b, b + c, c + a))
+    four = np.stack([a, ab, ca, ab, b, bc, bc, ca, ab, ca, bc, c], axis=1).reshape(-1, 4, 3, 3)
+    middles, size = four.sum(axis=2), 0.5 * size
+    middles /= np.linalg.norm(middles, axis=2, keepdims=True)
+    found = _towards(layer, wo, middles.reshape(-1, 3)).reshape(-1, 4, 3)
+    sharp = _stand_out(found, middles @ (wo * [-1.0, 1.0, -1.0]), size, peak)
+    if n > 1 and sharp.any():
+        found[sharp] = _divided(layer, wo, four[sharp].reshape(-1, 3, 3), size, peak, n - 1).reshape(-1, 4, 3)
+    weights = triangle_solid_angles(four)
+    return np.asarray(np.einsum("kp,kpi->ki", weights, found) / weights.sum(axis=1)[:, None])
+
+
+def _towards(layer: Layer, wo: NDArray[np.float64], wi: NDArray[np.floating]) -> NDArray[np.float64]:
+    """ρ cos θ (N, 3) for one outgoing direction (3,) and directions (N, 3)."""
+    pairs = to_shading_frame(wi.astype(np.float64)), np.repeat(to_shading_frame(wo[None]), len(wi), axis=0)
+    return evaluate_layer(layer, *pairs)
 
 
 def _in_middles(

@@ -1,4 +1,5 @@
-"""Of many glossy layers slices are coarser, so that they take no more than they may."""
+"""Slices have the energy of sharp lobes; of many glossy layers they are coarser, so that they take no more than they
+may."""
 
 from __future__ import annotations
 
@@ -7,15 +8,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.stats import qmc
 
 from engine.light.environment import Environment
 from engine.material import MODELS
 from engine.material.layer import Layer, make_layer
 from engine.precompute.direct.pipeline import SkyState
+from engine.realtime.core.terms import spherical, to_shading_frame
 from engine.realtime.triple_product.orbit_engine import Orbit
-from engine.realtime.triple_product.slices import SliceLevels, slice_bytes_of, table_bytes_of
+from engine.realtime.triple_product.slices import SliceLevels, _reflected, slice_bytes_of, table_bytes_of
+from engine.realtime.triple_product.visibility import upper_triangles
+from engine.reference.path_lobes import N_NUMBERS, Scattering
 from engine.scene.description import parse_description
 from engine.scene.scene_loader import Scene, build_scene
+from engine.sphere.geodesic import geodesic
 from tests.scene_text import camera, environment, placed, scaled
 
 SIZE = 32, 24
@@ -114,3 +120,19 @@ def test_what_was_coarse_is_fine_again_when_there_are_few(scene: Scene) -> None:
     orbit.set_layers({i: [metal(i)] for i in range(2)})
     for found, wanted in zip(pictures(orbit, most_bytes), fine, strict=True):
         np.testing.assert_array_equal(found, wanted)
+
+
+@pytest.mark.parametrize("column", [0, 3])
+@pytest.mark.parametrize("theta", [60.0, 81.3, 85.0])
+def test_a_sharp_lobe_has_its_energy_at_grazing_angles(theta: float, column: int) -> None:
+    # 2 α cos θ = 0.3 degrees wide at 85, where triangles of the finest level have 2.8: by the middles of their quarters
+    # there was 33 % too much at 81.3 degrees and 108 % at 85. The truth draws directions from the lobe itself.
+    layer = make_layer(MODELS["rough_conductor"], {"alpha": 0.03})
+    wo = spherical(np.radians([theta]), np.radians([4.5 * column]))
+    scattering, numbers = Scattering([layer]), qmc.Sobol(N_NUMBERS, seed=1).random(4096)
+    towards = np.tile(to_shading_frame(wo), (len(numbers), 1))
+    wi = scattering.sample(numbers, towards)
+    value, pdf = scattering.evaluate(wi, towards)
+    exact = (value[pdf > 0.0] / pdf[pdf > 0.0, None]).sum(axis=0) / len(numbers)
+    found = geodesic(4).solid_angles[upper_triangles()] @ _reflected(layer, wo[0], 1)
+    np.testing.assert_allclose(found, exact, rtol=0.04)
