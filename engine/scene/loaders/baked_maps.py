@@ -2,9 +2,9 @@
 store asks for them.
 
 The texels of a computed map lie as those of its images do. Where all of these have one affine mapping, the map has it
-as its own, and each texel is computed from texels without resampling; else, and where there are patterns, it covers the
-unit square of texture coordinates, at a resolution for the image that repeats most, at least `PATTERN_SIDE` squared for
-patterns.
+as its own, and each texel is computed from texels without resampling (of small images every third, see `_size`); else,
+and where there are patterns, it covers the unit square of texture coordinates, at a resolution for the image that
+repeats most, at least `PATTERN_SIDE` squared for patterns.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ _BAND = 1 << 16  # samples at a time
 _LEAST_REPEAT = 1e-3
 _WRAPS: dict[AddressMode, Wrap] = {"periodic": "repeat", "mirror": "mirror", "clamp": "clamp", "constant": "clamp"}
 _BRIGHTEST = 1e4
+_SMALL, _FINER = 256, 3  # the texels of a side up to which images have finer maps, and how many times
 
 
 @dataclass(frozen=True)
@@ -181,11 +182,14 @@ def _whole_part_removed(offset: float, wrap: Wrap) -> float:
 
 def _size(values: Field, in_unit_square: bool) -> tuple[int, int]:
     """The texels of a map (width, height): as many as those of its largest image, in the unit square times its
-    repeats."""
+    repeats; three times as many along each side of a small image, of which every third is one of the image's: between
+    texels, what is computed of interpolated values is not what is interpolated of computed ones."""
     if in_unit_square:
         width, height = texels_of_unit_square(values)
     else:
         width, height = (max(use.size[k] for use in values.images) for k in (0, 1))
+        if max(width, height) <= _SMALL:
+            width, height = width * _FINER, height * _FINER
     while width * height > MOST_TEXELS:
         width, height = max(width // 2, 1), max(height // 2, 1)
     return width, height

@@ -392,7 +392,7 @@ def test_networks_of_materialx_are_read_and_their_maps_computed(tmp_path: Path, 
     pyramid = scene.textures.texture(shown.maps.images)
     assert pyramid is not None
     expected = NUMBERS.astype(np.float32) / 255.0 * (0.5, 0.25, 1.0)
-    assert np.allclose(pyramid.levels[0], expected, atol=2e-3)
+    assert np.allclose(pyramid.levels[0][1::3, 1::3], expected, atol=2e-3)  # of a small image
 
 
 def test_a_network_that_cannot_be_read_is_listed(tmp_path: Path) -> None:
