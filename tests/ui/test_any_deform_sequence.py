@@ -94,14 +94,15 @@ class NamedDeform(NamedOrbit):
 
     def draw(
         self, camera: CameraDescription, resolution: tuple[int, int], poses: Poses = (), quality: str = "moving",
-        turned: bool = True,
+        turned: bool = True, transparent: bool = False,
     ) -> np.ndarray:  # fmt: skip
         assert self.is_ready and self._light is not None
         seen = Camera(**{name: getattr(camera, name) for name in Camera.model_fields})
         of = self._layers, self._posed, self._surfaces, self._moved
         wanted = self._light.rotation, *of, poses, self._effort, self._bounces
         colour = colour_of(seen, *wanted) * self.is_done
-        return np.broadcast_to(colour, (*resolution[::-1], 3)).astype(np.float32)
+        colour = np.append(colour, 1.0) if transparent else colour
+        return np.broadcast_to(colour, (*resolution[::-1], len(colour))).astype(np.float32)
 
 
 def test_the_stand_in_is_called_as_the_engine_is() -> None:

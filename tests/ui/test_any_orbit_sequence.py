@@ -113,6 +113,7 @@ class NamedOrbit:
         quality: str,
         n_moving: int = 64,
         has_soft_edges: bool = False,
+        transparent: bool = False,
     ) -> Iterator[StillProgress]:
         assert self.is_ready and self._light is not None
         seen = Camera(**{name: getattr(camera, name) for name in Camera.model_fields})
@@ -120,7 +121,8 @@ class NamedOrbit:
         colour = colour_of(seen, *wanted) * self.is_done
         for _ in range(3 if quality == "rest" else 1):
             yield StillProgress(0.5, "drawing")
-        return np.broadcast_to(colour, (*resolution[::-1], 3)).astype(np.float32)
+        colour = np.append(colour, 1.0) if transparent else colour
+        return np.broadcast_to(colour, (*resolution[::-1], len(colour))).astype(np.float32)
 
 
 def assert_called_alike(stand_in: type, engine: type) -> None:
