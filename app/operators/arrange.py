@@ -159,7 +159,7 @@ ARRANGE: tuple[Operator | Gesture, ...] = (
         PlacedByHand, "Places a light by its highlight or by a shadow: see below."
     )),
     Operator(
-        "gizmo_move", keys=("V",), help="Move the selected object by handles in the picture", entry="Move",
+        "gizmo_move", keys=("V",), help="Move the object by handles", entry="Move",
         needs=OBJECT,
     ),
     Operator("gizmo", script=ScriptKey(
@@ -179,4 +179,6 @@ ARRANGE: tuple[Operator | Gesture, ...] = (
         needs=OTHERS, waits=True,
     ),
     Gesture("Ctrl drag", "Snap: 0.1 m, 15°, tenths"),
+    Gesture("H click", "Place the light by its highlight"),
+    Gesture("J drag", "Place it by a shadow: from, to"),
 )  # fmt: skip

@@ -100,8 +100,6 @@ PICTURE = (
     Gesture("Click", "Select the object"),
     Gesture("Drop", "A material of the library onto an object"),
     Gesture("Alt click", "Show the lobe there; Shift Alt drag moves it"),
-    Gesture("H click", "Place the selected light so that its highlight is seen there; a drag slides it"),
-    Gesture("J drag", "Place it so that the shadow of a point falls where the drag ends"),
     Gesture("Shift drag", "Turn the light (also the wheel over its dial)"),
     Operator("show", entry="Panels", script=ScriptKey(Text, "Opens a panel.")),
     Operator("reset_layout", entry="Reset the layout"),
