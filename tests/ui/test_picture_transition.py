@@ -79,8 +79,8 @@ def pictures(walk: Walk) -> list[np.ndarray]:
     shown, renderer = [], walk.feed.source.renderer
     for _ in range(4000):
         walk.frames(1)
-        if not shown or renderer.linear_image().tobytes() != shown[-1].tobytes():
-            shown.append(renderer.linear_image())
+        if not shown or renderer.linear_image_with_alpha().tobytes() != shown[-1].tobytes():
+            shown.append(renderer.linear_image_with_alpha())
         if walk.editor.status.is_finished and not walk.feed.is_behind:
             return shown
     raise AssertionError(walk.editor.status)
@@ -95,7 +95,7 @@ def farthest(before: np.ndarray, shown: list[np.ndarray]) -> float:
 def test_a_frame_shows_one_document_as_well_as_it_was_shown(walk: Walk) -> None:
     found = {}
     for name, (act, allowed) in CHANGES.items():
-        before = walk.feed.source.renderer.linear_image()
+        before = walk.feed.source.renderer.linear_image_with_alpha()
         act(walk)
         shown = pictures(walk)
         most = allowed[walk.editor.view.settings.n_bounces]
@@ -105,7 +105,7 @@ def test_a_frame_shows_one_document_as_well_as_it_was_shown(walk: Walk) -> None:
 
 
 def test_quick_undo_of_all_goes_from_picture_to_picture(walk: Walk) -> None:
-    finals = [walk.feed.source.renderer.linear_image()]
+    finals = [walk.feed.source.renderer.linear_image_with_alpha()]
     for act in (material("Copper"), AddOperator("ground.0", "theta_i", LIFT), SetParameter("ball.0", "alpha", 0.35)):
         assert walk.editor.do(act) is None
         finals.append(walk.settle())
@@ -146,10 +146,10 @@ def test_a_picture_of_before_the_edit_is_called_that(walk: Walk) -> None:
     status = walk.editor.status
     assert status.is_finished and not status.is_held
     walk.editor.do(material("Copper"))
-    before, words = walk.feed.source.renderer.linear_image(), set()
+    before, words = walk.feed.source.renderer.linear_image_with_alpha(), set()
     for _ in range(4000):
         walk.frames(1)
-        same = walk.feed.source.renderer.linear_image().tobytes() == before.tobytes()
+        same = walk.feed.source.renderer.linear_image_with_alpha().tobytes() == before.tobytes()
         if same and not walk.editor.status.is_finished:
             words.add(picture_state(walk.editor.status)[1])
         if walk.editor.status.is_finished:
@@ -171,7 +171,7 @@ def test_the_sky_behind_turns_with_the_light_on_the_objects(walk: Walk) -> None:
     for degrees in np.linspace(0.0, 200.0, 200):
         editor.do(SetRotation(float(degrees)))
         walk.frames(1)
-        shown = renderer.linear_image()
+        shown = renderer.linear_image_with_alpha()
         pairs.append((shown[sky].tobytes(), shown[ground].tobytes()))
     turned = [i for i in range(1, len(pairs)) if pairs[i][0] != pairs[i - 1][0]]
     assert len(turned) >= 5  # it follows the hand
@@ -195,14 +195,14 @@ def test_the_first_picture_has_all_its_layers(context: moderngl.Context, tmp_pat
 def test_a_hand_sees_a_new_material_before_its_last_stage(walk: Walk) -> None:
     # At rest nothing coarse takes the place of a picture; in the hand what can be moved counts for more.
     walk.client.hurries = False
-    before = walk.feed.source.renderer.linear_image()
+    before = walk.feed.source.renderer.linear_image_with_alpha()
     walk.editor.do(material("Copper"))
     while not walk.editor.controller._changeover.waits:  # its coarse picture has come
         walk.frames(1)
-    np.testing.assert_array_equal(walk.feed.source.renderer.linear_image(), before)
+    np.testing.assert_array_equal(walk.feed.source.renderer.linear_image_with_alpha(), before)
     walk.editor.begin_drag()
     walk.editor.do(SetParameter("ball.0", "alpha", 0.3))
     walk.frames(2)
     assert not walk.editor.controller.picture.is_held
-    assert relative_error(walk.feed.source.renderer.linear_image(), before) > 0.02
+    assert relative_error(walk.feed.source.renderer.linear_image_with_alpha(), before) > 0.02
     walk.editor.end_drag()
