@@ -23,7 +23,7 @@ from app.document.view_state import ViewState
 from app.system.atomic import require_place, write_atomically
 from app.system.lazy_import import IMPORT_FOLDER, qualified
 from app.system.paths import log_directory
-from app.system.system import end_with_parent
+from app.system.system import end_with_parent, lower_priority
 from engine.core.errors import InsituError
 
 NICENESS = 10
@@ -143,6 +143,5 @@ def main(session: str, output: str) -> None:
 
 if __name__ == "__main__":
     end_with_parent(int(sys.argv[3]))
-    with contextlib.suppress(OSError):
-        os.nice(NICENESS)
+    lower_priority(NICENESS)
     main(sys.argv[1], sys.argv[2])
