@@ -413,3 +413,17 @@ def test_a_size_given_in_the_first_frames_leaves_the_right_panels_in_front(
     assert behind == {"library", "brdf", "light", "accuracy", "plan"}
     window.close()
     editor.close()
+
+
+def test_the_list_of_objects_scrolls_to_what_is_selected_elsewhere(context: moderngl.Context) -> None:
+    for window in opened(context, (1280, 440), 1.0):  # the lamp, the last, is below the panel's edge
+        editor, seen = window.shell.editor, []
+        for name in ("teapot", "lamp", "teapot"):
+            editor.select(name)
+            window.frames(4)
+            window.shell.io  # noqa: B018  makes this window's imgui context current
+            panel = imgui.internal.find_window_by_name(layout.OBJECTS.window)
+            seen.append(panel.scroll.y)
+            _, y = window.shell.handle_position(f"objects.{name}")
+            assert panel.inner_rect.min.y <= y <= panel.inner_rect.max.y
+        assert seen[2] < seen[1] and seen[0] == 0.0

@@ -26,10 +26,25 @@ def draw(context: PanelContext) -> list[Action]:
     """The whole panel, inside its window."""
     actions: list[Action] = []
     imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(0, context.px(1)))
+    selected, storage, last = context.view.selected, imgui.get_state_storage(), imgui.get_id("last selected")
+    chosen = 0 if selected is None else imgui.get_id(selected.object) & 0x7FFFFFFF
+    is_new = storage.get_int(last, 0) != chosen
+    storage.set_int(last, chosen)
     for state in context.document.objects:
+        top = imgui.get_cursor_screen_pos().y
         actions += _object(context, state)
+        if is_new and selected is not None and selected.object == state.name:
+            _scroll_to(top, imgui.get_item_rect_max().y)  # it may have been selected in the picture, or just been added
     imgui.pop_style_var()
     return actions
+
+
+def _scroll_to(top: float, bottom: float) -> None:
+    """Scroll the panel no farther than so that rows from top to bottom on screen are seen, at least their first."""
+    shown = imgui.internal.get_current_window().inner_rect
+    beyond = min(top - shown.min.y, 0.0) or min(max(bottom - shown.max.y, 0.0), top - shown.min.y)
+    if beyond:
+        imgui.set_scroll_y(imgui.get_scroll_y() + beyond)
 
 
 def _object(context: PanelContext, state: ObjectState) -> list[Action]:

@@ -117,6 +117,11 @@ def value_text(parameter: Parameter, value: Value) -> str:
     return parameter.title_of(value) if isinstance(value, str) else f"{value:.4g}{unit_of(parameter)}"
 
 
+def legible(form: str, value: float) -> str:
+    """A printf format for a value: a number of five or six digits is shown whole, not by its exponent."""
+    return form.replace("%.4g", "%.0f").replace("%.3g", "%.0f") if 999.5 <= abs(value) < 999_999.5 else form
+
+
 def unit_of(parameter: Parameter) -> str:
     """What follows a number of the parameter: "°", or " mm"."""
     return number_fields.split_format(parameter.number_format)[1]
@@ -146,12 +151,13 @@ def _number(context: PanelContext, row: Row) -> list[Action]:
     low, high = parameter.limits
     if parameter.step is not None:
         touch, moved = number_fields.number(
-            context, parameter.name, value, parameter.number_format, row.handle, low, high, _pace(parameter, value),
+            context, parameter.name, value, legible(parameter.number_format, value), row.handle, low, high,
+            _pace(parameter, value),
             parameter.label,
         )  # fmt: skip
     else:
         touch, moved = number_fields.slider(
-            context, parameter.name, value, low, high, parameter.number_format, parameter.logarithmic,
+            context, parameter.name, value, low, high, legible(parameter.number_format, value), parameter.logarithmic,
             handle=row.handle, origin=row.origin, title=parameter.label, shown=row.shown,
             pixels_a_unit=row.pixels_a_unit,
             pixels_to_double=abs(parameter.power) * number_fields.PIXELS_TO_DOUBLE if parameter.logarithmic else None,
@@ -214,8 +220,9 @@ def triple(context: PanelContext, row: Row, has_swatch: bool) -> Iterator[tuple[
         imgui.set_next_item_width(width)
         corner = imgui.get_cursor_screen_pos()
         imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(gap, imgui.get_style().frame_padding.y))
+        form = legible(parameter.form or "%.3f", value[channel])
         touch, moved = number_fields.number(
-            context, str(channel), value[channel], parameter.form or "%.3f", f"{row.handle}.{letter}", low, high, speed,
+            context, str(channel), value[channel], form, f"{row.handle}.{letter}", low, high, speed,
             f"{parameter.label}, {name}",
         )  # fmt: skip
         imgui.pop_style_var()
