@@ -246,10 +246,11 @@ class IndirectRelighting:
         )
         if has_gloss:
             lit = self._lighting.part_at_rest(lit, alone, weight)
-            self._with_gloss.add(light)
         found = yield from self._reflected(lit)
         gain = np.array(weight if has_gloss else (1.0, 1.0, 1.0), np.float32)
         self._alone[light] = [np.asarray(each / gain, np.float32) for each in found]
+        if has_gloss:  # only now, because an edit may have ended the steps before
+            self._with_gloss.add(light)
 
     def mixed(self, now: Mapping[Light, RGB], then: Mapping[Light, RGB]) -> list[RelitLayer] | None:
         """Each layer in a mix of lights that were reflected alone, by their weights, `then` at rest; None where one was

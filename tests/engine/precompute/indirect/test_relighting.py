@@ -138,6 +138,23 @@ def test_lights_alone_are_taken_over_by_the_same_rays(lit: Lit) -> None:
     assert later.relighting.mixed({"left": (2.0, 1.0, 1.0)}, {}) is None
 
 
+def test_a_light_whose_gloss_was_broken_off_gets_it_by_the_next_request(lit: Lit) -> None:
+    """An edit ends the steps of the pass with gloss, wherever it is."""
+    mirroring = Lit(replace(lit.light, points=replace(lit.light.points, glossy=True)))
+    alone = np.zeros_like(lit.emission)
+    alone[LEFT] = 1.0
+    asked = partial(mirroring.relighting.reflect_alone, "left", SceneLight(SkyState(None), alone))
+    run_to_end(asked(NOTHING))
+    steps, by_albedo = asked((3.0, 2.0, 1.0)), mirroring.n_reflected
+    while mirroring.n_reflected == by_albedo:
+        next(steps)
+    steps.close()
+    run_to_end(asked((3.0, 2.0, 1.0)))
+    assert mirroring.n_reflected == by_albedo + 2  # the one that was broken off, and a whole one
+    run_to_end(asked((3.0, 2.0, 1.0)))
+    assert mirroring.n_reflected == by_albedo + 2
+
+
 def test_lights_alone_are_not_taken_over_by_other_rays(lit: Lit) -> None:
     alone = np.zeros_like(lit.emission)
     alone[LEFT] = 1.0
