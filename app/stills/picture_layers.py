@@ -2,22 +2,23 @@
 
 | channels | |
 | --- | --- |
-| R, G, B | the picture |
+| R, G, B | the picture; A too, multiplied into them, where the background is transparent |
 | direct, indirect | light that surfaces reflect once, and more often |
 | emission | what is seen of lamps and the environment |
 | light_NAME | what one light, or one group of the mix, adds to the picture |
+| background | what a background of one colour adds, only where there is one |
 | albedo | the share of light that surfaces reflect |
 | normal, position (X, Y, Z) and Z | at pixels' centres, in the scene's frame, and the depth along the camera's axis |
 | mask_NAME.A | the share of each pixel that an object covers |
 | error.Y | the estimated error of the picture, relative to its mean |
 
-Light adds up [BenArtzi07, eq. 7.4]: each light is computed alone, with bounces of its own, and the picture is their
-sum. So lights sum to the picture, as direct light, indirect light and emission do, and each may be scaled or coloured
+Light adds up [BenArtzi07, eq. 7.4]: each light is computed alone, with bounces of its own. So lights sum to the picture
+less its background of one colour, as direct light, indirect light and emission do, and each may be scaled or coloured
 afterwards. Rejected: light by light from the samples of one solution, whose glossy second bounces are those of all
 lights together.
 
 Names are `layer.channel`, which Nuke and Blender show as layers; Blender's depth is Z as well. In names of objects
-and lights, what is no letter, digit or "-" is "_": a dot would begin another layer.
+and lights, what is no letter, digit or "-" is "_": a dot would begin another layer. The second of equal names has _2.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ import math
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from itertools import chain, count
 from typing import Any
 
 import numpy as np
@@ -45,7 +47,6 @@ from engine.render.data_layers import albedo_layer, object_coverage, point_pictu
 from engine.render.display import PictureLayer
 from engine.render.error_estimate import MAP_POINTS, PointErrors, error_map, estimate_point_errors
 from engine.render.still import compose, reflect_layers, with_alpha
-from engine.scene.description import free_name
 from engine.scene.primary_hits import PrimaryHits, emission_picture
 
 # Share of the time that indirect light takes, for an even progress bar.
@@ -203,7 +204,10 @@ def _named(kind: str, letters: str, values: Iterable[tuple[str, NDArray[np.float
     for name, image in values:
         if image.any():
             plain = f"{kind}_" + re.sub(r"[^\w-]", "_", name)
-            yield PictureLayer(free_name(plain, taken), letters, image)
+            numbered = chain([plain], (f"{plain}_{number}" for number in count(2)))
+            free = next(each for each in numbered if each not in taken)
+            taken.add(free)
+            yield PictureLayer(free, letters, image)
 
 
 def _within(report: Report, begin: float, end: float, text: str = "") -> Report:

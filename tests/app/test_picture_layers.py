@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import OpenEXR
 import pytest
 
+from app.document.background import Background
 from app.document.view_state import Viewpoint
 from app.project.project import Project, open_project
 from app.stills.picture_layers import light_groups, only_lights, render_layers
@@ -110,6 +112,21 @@ def test_the_background_has_no_depth(tmp_path: Path) -> None:
     assert not layers["indirect"].any() and not layers["normal"][0, 0].any()
 
 
+def test_a_background_of_one_colour_is_the_rest_of_the_picture(tmp_path: Path) -> None:
+    path = tmp_path / "ball.toml"
+    path.write_text(
+        camera((0, 0, 4), resolution=(12, 8), head="bounces = 1\n") + environment() + placed("ball", "sphere")
+    )
+    project = open_project(str(path))
+    coloured = replace(project.document, background=Background("colour", (0.1, 0.2, 0.4)))
+    still = render_layers(project.edited(coloured, Viewpoint()), lambda step: None, **SETTINGS)
+    layers = by_name(still)
+    assert still.picture[0, 0] == pytest.approx([0.1, 0.2, 0.4])
+    for lights in (("direct", "indirect", "emission"), ("light_environment",)):
+        found = sum(layers[name] for name in (*lights, "background"))
+        np.testing.assert_allclose(found, still.picture, rtol=1e-5, atol=1e-6)
+
+
 def test_lights_that_are_off_or_not_solo_have_no_layer(tmp_path: Path) -> None:
     path = tmp_path / "wall.toml"
     path.write_text(SCENE)
@@ -125,7 +142,7 @@ def test_a_lamp_that_is_called_as_a_group_has_a_layer_of_its_own(tmp_path: Path)
     project = open_project(str(path), values=[("key.group", "seen"), ("light.environment.on", False)])
     assert light_groups(project.document) == [("seen", ("key",)), ("seen", ("seen",))]
     layers = by_name(render_layers(project, lambda step: None, series=BounceSeries(1), **SETTINGS))
-    assert layers["light_seen"].any() and layers["light_seen+"].any()
+    assert layers["light_seen"].any() and layers["light_seen_2"].any()
 
 
 def test_the_file_has_the_picture_and_its_layers(still: Still, tmp_path: Path) -> None:
