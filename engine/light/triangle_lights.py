@@ -29,6 +29,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.core.triangles import quarters
 from engine.light.environment import LUMINANCE, Environment, triangle_integrals, upsample_interpolated
 from engine.sphere.geodesic import MAX_LEVEL, geodesic, triangle_solid_angles
 
@@ -157,9 +158,8 @@ def _with_pieces(
     lights: TriangleLights, split: NDArray[np.bool_], environment: Environment, rotation: float
 ) -> TriangleLights:
     """Replaces each light to split (M,) by four pieces, appended to the others."""
-    a, b, c = lights.vertices[lights.corners[split]].astype(np.float64).transpose(1, 0, 2)
-    ab, bc, ca = (each / np.linalg.norm(each, axis=1, keepdims=True) for each in (a + b, b + c, c + a))
-    pieces = np.stack([a, ab, ca, ab, b, bc, ca, bc, c, ab, bc, ca], axis=1).reshape(-1, 3, 3)
+    wholes = lights.vertices[lights.corners[split]].astype(np.float64)
+    pieces = quarters(wholes, on_sphere=True).reshape(-1, 3, 3)
     power = _power_of_pieces(environment, rotation, pieces, lights.power[split].astype(np.float64))
     middles = pieces.sum(axis=1)
     n, whole = len(pieces), ~split

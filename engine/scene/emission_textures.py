@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.core.triangles import quarters
 from engine.light.emitters import Emitted, MergedTriangles
 from engine.light.environment import LUMINANCE
 from engine.material.layer_maps import Images
@@ -285,9 +286,7 @@ def _centres(halvings: int) -> Float64Array:
     """The centres (4^n, 3) of the equal parts of a triangle whose edges are halved n times, barycentric."""
     parts = np.eye(3)[None]
     for _ in range(halvings):
-        a, b, c = parts.swapaxes(0, 1)
-        ab, bc, ca = 0.5 * (a + b), 0.5 * (b + c), 0.5 * (c + a)
-        parts = np.stack([a, ab, ca, ab, b, bc, ca, bc, c, ab, bc, ca], axis=1).reshape(-1, 3, 3)
+        parts = quarters(parts).reshape(-1, 3, 3)
     return np.asarray(parts.mean(axis=1))
 
 

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from engine.core.frames import sphere_frames
 from engine.core.generators import run_to_end
 from engine.core.threads import even_parts, on_threads
+from engine.core.triangles import quarters
 from engine.realtime.core import _placement_kernels as kernels
 from engine.realtime.core.lit_sides import lit_sides
 from engine.scene.raycaster import Intersections, RayCaster
@@ -223,13 +224,6 @@ def _depth(corners: NDArray, numbers: NDArray[np.intp], moved: NDArray, normal: 
     return depth
 
 
-def _quarters(corners: NDArray, middles: NDArray) -> NDArray:
-    """(T, 4, 3, k): values at the corners of the four parts of triangles, given the values at the corners and at the
-    edges' midpoints (T, 3, k)."""
-    (a, b, c), (ab, bc, ca) = np.moveaxis(corners, 1, 0), np.moveaxis(middles, 1, 0)
-    return np.stack([np.stack(part, axis=1) for part in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))], axis=1)
-
-
 def _cut_where_coarse(
     scene: Scene, reflects: NDArray[np.bool_], sides: NDArray[np.bool_], even: NDArray[np.bool_], n_points: int
 ) -> Generator[None, None, Parts]:
@@ -282,7 +276,7 @@ def _with_even(parts: Parts, mine: NDArray[np.bool_], whole: Parts, n_points: in
 def _cut(parts: Parts, cut: NDArray[np.bool_]) -> Parts:
     """Return the parts that are not split, followed by the four parts of each that is."""
     corners, normals, within = (
-        np.concatenate([a[~cut], _quarters(a[cut], _middles(a[cut])).reshape(-1, *a.shape[1:])]) for a in parts[:3]
+        np.concatenate([a[~cut], quarters(a[cut]).reshape(-1, *a.shape[1:])]) for a in parts[:3]
     )
     return corners, normals, within, np.concatenate([parts[3][~cut], np.repeat(parts[3][cut], 4)])
 

@@ -31,6 +31,7 @@ from scipy import sparse
 from scipy.spatial import cKDTree
 
 from engine.core.threads import on_threads
+from engine.core.triangles import quarters
 from engine.light.emitters import EmitterPatches
 from engine.light.environment import LUMINANCE, Environment, triangle_integrals, upsample_interpolated
 from engine.realtime.core.shading_points import ShadingPoints
@@ -319,9 +320,8 @@ def _places_in_peaks(environment: Environment, peaks: NDArray[np.intp]) -> Float
     sphere = geodesic(_FINE - 1)
     parts = sphere.vertices[sphere.triangles[peaks]].astype(np.float64)
     for _ in range(_CUTS):
-        a, b, c = np.moveaxis(parts, 1, 0)
-        ab, bc, ca = (each / np.linalg.norm(each, axis=1, keepdims=True) for each in (a + b, b + c, c + a))
-        parts = np.stack([a, ab, ca, ab, b, bc, ab, bc, ca, ca, bc, c], axis=1).reshape(-1, 3, 3)
+        # The middle part third: it has an edge in common with both beside it.
+        parts = quarters(parts, on_sphere=True)[:, [0, 1, 3, 2]].reshape(-1, 3, 3)
     middles = parts.sum(axis=1)
     middles /= np.linalg.norm(middles, axis=1, keepdims=True)
     power = environment.evaluate(middles, 0.0) @ LUMINANCE * triangle_solid_angles(parts)

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.core.threads import n_threads, on_threads
+from engine.core.triangles import quarters
 from engine.material.layer import Layer, evaluate_layer
 from engine.realtime.core.terms import has_isotropic_reflection, spherical, to_shading_frame
 from engine.realtime.triple_product import _slice_kernels as kernels
@@ -263,7 +264,7 @@ def _stand_out(values: NDArray[np.float64], along: NDArray[np.floating], size: f
 
 
 def _divided(
-    layer: Layer, wo: NDArray[np.float64], corners: NDArray[np.floating], size: float, peak: float, n: int
+    layer: Layer, wo: NDArray[np.float64], corners: NDArray[np.float64], size: float, peak: float, n: int
 ) -> NDArray[np.float64]:
     """Means of ρ cos θ (K, 3) over triangles (K, 3, 3), `size` wide, in four parts each; those that a lobe stands out
     of are divided again, up to n times in all.
@@ -271,9 +272,7 @@ def _divided(
     Lobes are α cos θ wide across the plane of incidence: with α = 0.03 at 88 degrees 0.1 degrees, where parts of the
     finest level have 1.4.
     """
-    a, b, c = np.moveaxis(corners, 1, 0)
-    ab, bc, ca = (each / np.linalg.norm(each, axis=1, keepdims=True) for each in (a + b, b + c, c + a))
-    four = np.stack([a, ab, ca, ab, b, bc, bc, ca, ab, ca, bc, c], axis=1).reshape(-1, 4, 3, 3)
+    four = quarters(corners, on_sphere=True)
     middles, size = four.sum(axis=2), 0.5 * size
     middles /= np.linalg.norm(middles, axis=2, keepdims=True)
     found = _towards(layer, wo, middles.reshape(-1, 3)).reshape(-1, 4, 3)

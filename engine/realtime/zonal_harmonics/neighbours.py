@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.core.threads import even_parts, on_threads
+from engine.core.triangles import quarters
 from engine.light.cones import cone_shares
 from engine.light.emitters import Emitted, EmitterTree, emitter_tree, emitting_triangles, merge_triangles
 from engine.light.environment import LUMINANCE, triangle_integrals
@@ -221,10 +222,8 @@ def _bright_centres(tree: EmitterTree, varying: Emitted | None) -> NDArray[np.fl
     while (above := tree.parent[root]).max() >= 0:
         root = np.where(above >= 0, above, root)
     parts = tree.leaves.corners.astype(np.float64)
-    for _ in range(2):  # each into four, by the middles of its edges
-        a, b, c = np.moveaxis(parts, 1, 0)
-        ab, bc, ca = 0.5 * (a + b), 0.5 * (b + c), 0.5 * (c + a)
-        parts = np.stack([a, ab, ca, ab, b, bc, ca, bc, c, ab, bc, ca], axis=1).reshape(-1, 3, 3)
+    for _ in range(2):
+        parts = quarters(parts).reshape(-1, 3, 3)
     power = varying(parts, np.repeat(root, 16)).reshape(-1, 16, 3) @ LUMINANCE + 1e-30
     return np.einsum("ns,nsk->nk", power, parts.mean(axis=1).reshape(-1, 16, 3)) / power.sum(axis=1, keepdims=True)
 
