@@ -24,17 +24,12 @@ ALBEDO = Parameter(
 )
 
 
-class Lambert(Model):
-    """rho = albedo / pi, times f_A(theta_i) f_o(theta_o), both 1 until the user edits them."""
+class _Diffuse(Model):
+    """What the diffuse models share: f_A(theta_i) f_o(theta_o), both 1 until the user edits them, and f_q = albedo."""
 
-    name = "lambert"
-    label = "Diffuse"
-    tooltip = "Light scattered evenly, as by paper or chalk."
-    kind = kinds.LAMBERT
     is_diffuse = True
     factors = (THETA_I,)
     view_factor = THETA_O
-    parameters = (ALBEDO,)
 
     def generate(self, factor_name: str, params: Parameters, gamma: Float64Array) -> Float64Array:
         self.factor(factor_name)
@@ -43,12 +38,22 @@ class Lambert(Model):
     def scale(self, params: Parameters) -> Float64Array:
         return channels(params, "albedo")
 
+
+class Lambert(_Diffuse):
+    """rho = albedo / pi, times f_A(theta_i) f_o(theta_o), both 1 until the user edits them."""
+
+    name = "lambert"
+    label = "Diffuse"
+    tooltip = "Light scattered evenly, as by paper or chalk."
+    kind = kinds.LAMBERT
+    parameters = (ALBEDO,)
+
     def brdf(self, params: Parameters, wi: Float64Array, wo: Float64Array) -> Float64Array:
         above = directions(wi, wo).above
         return np.where(above[:, None], channels(params, "albedo") / math.pi, 0.0)
 
 
-class OrenNayar(Model):
+class OrenNayar(_Diffuse):
     """rho = albedo (A + B max(0, cos(phi_i - phi_o)) sin(alpha) tan(beta)) / (pi N),
 
     where alpha is the larger and beta the smaller of theta_i and theta_o, A = 1 - 0.5 s^2 / (s^2 + 0.33) and B = 0.45
@@ -63,9 +68,6 @@ class OrenNayar(Model):
     name = "oren_nayar"
     label = "Rough diffuse"
     tooltip = "Light scattered by a rough surface, such as plaster, clay or the moon: flatter than diffuse."
-    is_diffuse = True
-    factors = (THETA_I,)
-    view_factor = THETA_O
     parameters = (
         ALBEDO,
         Parameter(
@@ -78,13 +80,6 @@ class OrenNayar(Model):
             unit="rad",
         ),
     )
-
-    def generate(self, factor_name: str, params: Parameters, gamma: Float64Array) -> Float64Array:
-        self.factor(factor_name)
-        return ones(gamma)
-
-    def scale(self, params: Parameters) -> Float64Array:
-        return channels(params, "albedo")
 
     def quotient_parameters(self, params: Parameters) -> Float64Array:
         q = super().quotient_parameters(params)
@@ -114,7 +109,7 @@ def oren_nayar_terms(sigma: float) -> tuple[float, float]:
     return constant / most, rough / most
 
 
-class RoughDiffuse(Model):
+class RoughDiffuse(_Diffuse):
     """rho = albedo (A (1 + r lean) + k (1 - E(theta_i)) (1 - E(theta_o)) / (1 - E_mean)) / pi  [Portsmouth25],
 
     lean = s / max(cos_i, cos_o) for s = cos phi_d sin_i sin_o > 0, else s;  A = 1 / (1 + (1/2 - 2 / (3 pi)) r), and E
@@ -126,9 +121,6 @@ class RoughDiffuse(Model):
     name = "rough_diffuse"
     label = "Rough diffuse, bright"
     tooltip = "Light scattered by a rough surface that loses none of it, as OpenPBR describes it."
-    is_diffuse = True
-    factors = (THETA_I,)
-    view_factor = THETA_O
     parameters = (
         ALBEDO,
         Parameter(
@@ -148,13 +140,6 @@ class RoughDiffuse(Model):
             ("quotient",),
         ),
     )
-
-    def generate(self, factor_name: str, params: Parameters, gamma: Float64Array) -> Float64Array:
-        self.factor(factor_name)
-        return ones(gamma)
-
-    def scale(self, params: Parameters) -> Float64Array:
-        return channels(params, "albedo")
 
     def quotient_parameters(self, params: Parameters) -> Float64Array:
         q = super().quotient_parameters(params)
