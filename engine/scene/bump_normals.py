@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from engine.core.errors import LoadError
 from engine.scene import _hit_kernels as kernels
-from engine.scene.surface_uvs import corner_uvs_of_set, uvs_at
+from engine.scene.surface_uvs import Footprints, corner_uvs_of_set, uvs_at
 from engine.texture.pyramid import MOST_PROBES, Pyramid
 
 if TYPE_CHECKING:
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from engine.scene.scene_loader import Scene
 
 Float64Array = NDArray[np.float64]
-Footprints = tuple[Float64Array, Float64Array, Float64Array]
 # Least cosine of the mirror direction to the surface, unless `wo` itself is lower.
 MIN_REFLECTED_COSINE = 0.01
 _TINY = 1e-30

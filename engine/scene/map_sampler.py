@@ -24,7 +24,7 @@ from engine.scene.cutouts import pixel_chances
 from engine.scene.primary_hits import PrimaryHits
 from engine.scene.raycaster import Intersections, RayCaster
 from engine.scene.scene_loader import Scene
-from engine.scene.surface_uvs import colours_at, corner_uvs, pixel_footprints, positions_at, uvs_at
+from engine.scene.surface_uvs import Footprints, colours_at, corner_uvs, pixel_footprints, positions_at, uvs_at
 from engine.texture.pyramid import Pyramid
 from engine.texture.stroke_painting import PaintedPoints
 from engine.texture.texture_store import TextureStore, sample_images
@@ -36,7 +36,9 @@ _MOST_CACHED = 4
 # Parts of a pixel along each side, each filtered by itself: a pyramid's filter is wider than a pixel. Of one part the
 # mean of a texture in tiles of 8 texels is 1.3 to 5 % off, by 0.4 to 10 texels a pixel, of two 0.4 to 2 %, of four 0.1
 # to 0.9 %. A metal in it is 4.7, 1.8 and 0.9 % off under a lamp (64 x 64, `benchmarks/gltf_materials.py`).
-PIXEL_PARTS = 4
+_PIXEL_PARTS = 4
+# Look-ups that cover an oblique pixel in moving pictures, each in one level of the image pyramid.
+MOVING_PROBES = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +137,7 @@ class MapSampler:
     def __init__(self, scene: Scene, caster: RayCaster, hits: PrimaryHits) -> None:
         self._scene, self._caster, self._hits = scene, caster, hits
         self._hit: dict[int, Intersections] = {}
-        self._footprints: dict[int, tuple[Float64Array, Float64Array, Float64Array]] = {}
+        self._footprints: dict[int, Footprints] = {}
         self._sampled: dict[tuple[object, ...], NDArray[np.float32]] = {}
 
     def sample(self, i_object: int, images: Images) -> MapSamples:
@@ -163,16 +165,16 @@ class MapSampler:
         key = i_object, pyramid, repeats
         if key not in self._sampled:
             self._sampled = dict(list(self._sampled.items())[1 - _MOST_CACHED :])
-            self._sampled[key] = mean_of_parts(pyramid, *self.footprints(i_object), PIXEL_PARTS, repeats)
+            self._sampled[key] = mean_over_pixels(pyramid, self.footprints(i_object), repeats)
         return self._sampled[key]
 
-    def footprints(self, i_object: int) -> tuple[Float64Array, Float64Array, Float64Array]:
+    def footprints(self, i_object: int) -> Footprints:
         """Texture coordinates and footprints of an object's hits, see `pixel_footprints`; of the last object cached."""
         if i_object not in self._footprints:
             self._footprints = {i_object: self._trace_footprints(i_object)}
         return self._footprints[i_object]
 
-    def _trace_footprints(self, i_object: int) -> tuple[Float64Array, Float64Array, Float64Array]:
+    def _trace_footprints(self, i_object: int) -> Footprints:
         """Texture coordinates and footprints of an object's hits, see `pixel_footprints`."""
         places = self._hits.places[slice(*self._hits.object_ranges[i_object])]
         return pixel_footprints(self._scene, self._found(i_object), places, self._hits.resolution)
@@ -188,16 +190,19 @@ class MapSampler:
         return self._hit[i_object]
 
 
-def mean_of_parts(
-    pyramid: Pyramid, uv: Float64Array, across: Float64Array, down: Float64Array, n_parts: int,
-    repeats: tuple[float, float] = (1.0, 1.0),
-) -> NDArray[np.float32]:  # fmt: skip
-    """Means (N, C) of an image over pixels, see `Pyramid.over`: of n_parts by n_parts parts, each filtered alone."""
-    steps, share = (np.arange(n_parts) + 0.5) / n_parts - 0.5, 1.0 / n_parts
+def mean_over_pixels(
+    pyramid: Pyramid, footprints: Footprints, repeats: tuple[float, float], is_quick: bool = False
+) -> NDArray[np.float32]:
+    """Means (N, C) of an image over pixels, by their coordinates, see `Pyramid.over`: of their parts, each filtered
+    alone, as pictures at rest have them; is_quick: of whole pixels by fewer look-ups, for moving ones."""
+    uv, across, down = footprints
+    if is_quick:
+        return pyramid.over(uv, across, down, MOVING_PROBES, repeats, is_quick)
+    steps, share = (np.arange(_PIXEL_PARTS) + 0.5) / _PIXEL_PARTS - 0.5, 1.0 / _PIXEL_PARTS
     total = np.zeros((len(uv), pyramid.n_channels), np.float32)
     for x, y in product(steps, steps):
         total += pyramid.over(uv + x * across + y * down, share * across, share * down, repeats=repeats)
-    return total / np.float32(n_parts**2)
+    return total / np.float32(_PIXEL_PARTS**2)
 
 
 def look_up_images(

@@ -23,8 +23,7 @@ from engine.scene.edges import Surface, edge_pixels, group_samples, ray_offsets,
 from engine.scene.picture_frame import Lamps
 from engine.scene.raycaster import Intersections, RayCaster, SurfacePoints
 from engine.scene.scene_loader import Scene
-from engine.scene.surface_uvs import pixel_footprints
-from engine.scene.tangents import Footprints
+from engine.scene.surface_uvs import Footprints, pixel_footprints
 
 Float32Array = npt.NDArray[np.float32]
 Float64Array = npt.NDArray[np.float64]

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from engine.scene.scene_loader import Scene
 
 Float64Array = NDArray[np.float64]
+# Texture coordinates of pixels, and their change over a pixel to two of its sides, (p, 2 K) in K sets.
+Footprints = tuple[Float64Array, Float64Array, Float64Array]
 
 # For the sides +X, +Y, +Z, −X, −Y, −Z: which coordinates are u and v, and whether each is reversed.
 _U, _V = np.array([2, 0, 0, 2, 0, 0]), np.array([1, 2, 1, 1, 2, 1])
@@ -85,7 +87,7 @@ def between(corners: NDArray, u: NDArray, v: NDArray) -> Float64Array:
 
 def pixel_footprints(
     scene: Scene, found: Intersections, places: Float64Array, resolution: tuple[int, int]
-) -> tuple[Float64Array, Float64Array, Float64Array]:
+) -> Footprints:
     """Texture coordinates at the hits of rays that pass through a picture at places (p, 2), columns and rows in pixels
     from its upper left corner, and their change over a pixel to the right and downwards, (p, 2 K)."""
     uv = uvs_at(scene, found.triangle, found.u, found.v)

@@ -23,7 +23,7 @@ from engine.core.errors import LoadError
 from engine.scene import _hit_kernels as kernels
 from engine.scene.bump_normals import corner_tangents
 from engine.scene.raycaster import Intersections
-from engine.scene.surface_uvs import between, uvs_at
+from engine.scene.surface_uvs import Footprints, between, uvs_at
 
 if TYPE_CHECKING:
     from engine.scene.scene_loader import Scene
@@ -31,8 +31,6 @@ if TYPE_CHECKING:
 
 Float64Array = NDArray[np.float64]
 Rows = NDArray[np.integer]
-# Texture coordinates of points (p, 2 K), and their change over a pixel to the right and downwards.
-Footprints = tuple[Float64Array, Float64Array, Float64Array]
 # Codes of a map's angles: 256 for half a turn, 0.7 degrees apart.
 N_CODES = 256
 

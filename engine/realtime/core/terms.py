@@ -27,9 +27,6 @@ LayersOf = Mapping[int, Sequence[Layer]]  # by the object's index
 # Samples an image, with its repeats along u and v, at pixels (N,).
 SampleImage = Callable[[Pyramid, tuple[float, float]], Float32Array]
 
-# Look-ups that cover an oblique pixel in moving pictures, each in one level of the image pyramid.
-MOVING_PROBES = 2
-
 
 @lru_cache(maxsize=256)
 def diffuse_reflectance(layer: Layer) -> Float64Array | None:

@@ -22,15 +22,15 @@ from engine.realtime.core._sample_kernels import Charts, Samples
 from engine.realtime.core.corner_visibility import CornerVisibility
 from engine.realtime.core.raster import find_triangles
 from engine.realtime.core.shading_points import ShadingPoints
-from engine.realtime.core.terms import MOVING_PROBES, map_factor
-from engine.scene.bump_normals import Footprints, gradients
+from engine.realtime.core.terms import map_factor
+from engine.scene.bump_normals import gradients
 from engine.scene.cutouts import covered_in_part, pixel_chances
 from engine.scene.description import CameraDescription
 from engine.scene.edges import Surface, edge_pixels, group_samples, ray_offsets, turn_of
-from engine.scene.map_sampler import PIXEL_PARTS, mean_of_parts
+from engine.scene.map_sampler import mean_over_pixels
 from engine.scene.raycaster import Intersections, RayCaster
 from engine.scene.scene_loader import Scene
-from engine.scene.surface_uvs import corner_uvs
+from engine.scene.surface_uvs import Footprints, corner_uvs
 from engine.texture.pyramid import Pyramid
 
 Float32Array = NDArray[np.float32]
@@ -345,10 +345,7 @@ def factors(
         key = i_object, image, scale
         if key not in sampled:
             footprints = footprints_of(seen, which, scene, i_object)
-            sampled[key] = (
-                image.over(*footprints, MOVING_PROBES, scale, is_quick) if is_quick
-                else mean_of_parts(image, *footprints, PIXEL_PARTS, scale)
-            )  # fmt: skip
+            sampled[key] = mean_over_pixels(image, footprints, scale, is_quick)
         return sampled[key]
 
     visible = [layer for layer in layers if layer.visible]

@@ -24,7 +24,6 @@ from engine.core.frames import sphere_frames
 from engine.core.threads import even_parts, on_threads
 from engine.material.layer import Layer, evaluate_layers
 from engine.realtime.core import _sample_kernels as sample_kernels
-from engine.realtime.core.terms import MOVING_PROBES
 from engine.realtime.core.view_samples import Rows, ViewSamples, footprints_of
 from engine.realtime.triple_product import _pixel_kernels as pixel_kernels
 from engine.realtime.triple_product import _slice_kernels as slice_kernels
@@ -32,6 +31,7 @@ from engine.realtime.triple_product._patch_kernels import PatchLights
 from engine.realtime.triple_product._patch_query_kernels import query_patches
 from engine.realtime.triple_product.incident import Incident, SceneEmitters, SkyMap, hemisphere, make_sky
 from engine.scene.bump_normals import offset_normals
+from engine.scene.map_sampler import MOVING_PROBES
 from engine.scene.primary_hits import LEAST_COSINE
 from engine.scene.raycaster import Intersections
 from engine.scene.scene_loader import Scene

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from engine.material.layer_maps import LayerMaps
 from engine.realtime.core.raster import RasterResult
-from engine.realtime.core.terms import MOVING_PROBES, map_factor
+from engine.realtime.core.terms import map_factor
 from engine.realtime.zonal_harmonics.bending_points import BendingPoints
-from engine.scene.map_sampler import PIXEL_PARTS, mean_of_parts
+from engine.scene.map_sampler import mean_over_pixels
 from engine.scene.raycaster import Intersections
 from engine.scene.scene_loader import Scene
 from engine.texture.pyramid import Pyramid
@@ -62,9 +62,7 @@ class Pixels:
         footprints = uv, right - uv, below - uv
 
         def sample(image: Pyramid, repeats: tuple[float, float]) -> Float32Array:
-            if is_quick:
-                return image.over(*footprints, MOVING_PROBES, repeats, is_quick)
-            return mean_of_parts(image, *footprints, PIXEL_PARTS, repeats)
+            return mean_over_pixels(image, footprints, repeats, is_quick)
 
         return np.asarray(map_factor(scene, maps, len(uv), sample, self.find_hits), np.float32)
 
