@@ -16,11 +16,9 @@ from datetime import datetime
 from pathlib import Path
 from typing import TypeVar
 
-from app.system.atomic import private_opener
-from app.system.paths import log_directory
+from app.system.paths import log_directory, open_log
 
 RETRY_SECONDS = 1.0
-_LARGEST_LOG = 1 << 20
 Result = TypeVar("Result")
 
 
@@ -84,13 +82,12 @@ class Barrier:
 def _log_fault(part: str, error: Exception) -> str:
     """Append the traceback to the log; returns words that say where it is."""
     try:
-        path = log_directory() / "window.log"
-        is_long = path.exists() and path.stat().st_size > _LARGEST_LOG
-        with open(path, "w" if is_long else "a", encoding="utf-8", opener=private_opener) as file:
-            file.write(f"{datetime.now():%Y-%m-%d %H:%M:%S} {part}\n{''.join(traceback.format_exception(error))}\n")
+        said = f"{datetime.now():%Y-%m-%d %H:%M:%S} {part}\n{''.join(traceback.format_exception(error))}\n"
+        with open_log("window.log") as file:
+            file.write(said.encode(errors="backslashreplace"))
     except OSError:
         return ""
-    return f" (for a report: {_display_path(path)})"
+    return f" (for a report: {_display_path(log_directory() / 'window.log')})"
 
 
 def _display_path(path: Path) -> str:

@@ -24,7 +24,7 @@ from typing import IO, Any
 
 import numpy as np
 
-from app.system.lazy_import import IMPORT_FOLDER, qualified
+from app.system.lazy_import import program_environment, qualified
 from app.system.system import limit_memory
 from engine.core.native_decoders import Arrays, Decoder, DecoderError, run_here, use_runner
 
@@ -103,11 +103,10 @@ def use_decoder_process() -> None:
 
 
 def _start() -> subprocess.Popen[bytes]:
-    places = dict.fromkeys([str(IMPORT_FOLDER), *(place for place in sys.path if place)])
     return subprocess.Popen(
         [sys.executable, "-P", "-m", qualified("app.system.decoder_process")],
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(places)},
+        env=program_environment(),
     )  # fmt: skip
 
 

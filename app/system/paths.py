@@ -10,17 +10,19 @@ from __future__ import annotations
 import contextlib
 import os
 from pathlib import Path
+from typing import BinaryIO
 from urllib.parse import quote_from_bytes, unquote_to_bytes
 
 import platformdirs
 
-from app.system.atomic import make_private_folder
+from app.system.atomic import make_private_folder, private_opener
 from app.system.unpacked import joined, name_in_archive, split_member, unpacked_member
 from engine.core.safe_files import resolved
 
 APPLICATION = "insitu"
 STATE_VARIABLE = "INSITU_STATE"
 _QUOTED = "file:"
+_LARGEST_LOG = 1 << 20
 
 
 def state_directory() -> Path:
@@ -55,6 +57,13 @@ def material_directory() -> Path:
 def log_directory() -> Path:
     """The folder of the logs."""
     return _make_folder(state_directory() / "log")
+
+
+def open_log(name: str) -> BinaryIO:
+    """A log to append to, unbuffered and the user's alone; begun anew once it has 1 MiB. Raises OSError."""
+    path = log_directory() / name
+    is_long = path.exists() and path.stat().st_size > _LARGEST_LOG
+    return open(path, "wb" if is_long else "ab", buffering=0, opener=private_opener)
 
 
 def _make_folder(folder: Path) -> Path:
@@ -111,7 +120,7 @@ def written_path(source: str, folder: Path | None) -> str:
         return source
     path = resolved(Path(source))
     inside = folder is not None and path.is_relative_to(folder)
-    name = str(path.relative_to(folder)) if inside and folder is not None else str(path)
+    name = path.relative_to(folder).as_posix() if inside and folder is not None else str(path)
     if not inside and (member := name_in_archive(path)) is not None:
         archive, name = member
         return joined(written_path(str(archive), folder), name)

@@ -33,7 +33,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeVar
 
-from app.system.lazy_import import IMPORT_FOLDER, qualified
+from app.system.lazy_import import program_environment, qualified
 from app.system.system import HAS_THREAD_PRIORITIES, lower_priority, start_with_socket, use_batch_scheduling
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ def start_worker(
         command += ["--parent", str(os.getpid()), "--handlers", handlers, "--heartbeat", str(heartbeat)]
         command += ["--method", method] if method else []
         try:
-            process = start_with_socket(command, theirs, _environment())
+            process = start_with_socket(command, theirs, program_environment())
         except BaseException:
             ours.close()
             raise
@@ -108,12 +108,6 @@ class WorkerProcess:
         if status < 0:
             return f"it was ended by {_signal_name(-status)}"
         return f"it ended with status {status}"
-
-
-def _environment() -> dict[str, str]:
-    """This process's environment, and the places from which it imports."""
-    places = dict.fromkeys([str(IMPORT_FOLDER), *(place for place in sys.path if place)])
-    return {**os.environ, "PYTHONPATH": os.pathsep.join(places)}
 
 
 def _signal_name(number: int) -> str:

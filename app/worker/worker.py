@@ -20,18 +20,16 @@ from collections.abc import Sequence
 from typing import Any, cast
 
 from app.messages.worker_messages import Heartbeat, Request, RequestFailed, Shutdown
-from app.system.atomic import private_opener
 from app.system.decoder_process import use_decoder_process
 from app.system.kernel_cache import use_kernel_cache
 from app.system.lazy_import import import_named
-from app.system.paths import log_directory
+from app.system.paths import log_directory, open_log
 from app.system.system import end_with_parent, inherited_socket, keep_memory_compact, release_memory
 from app.worker.channel import Channel, ChannelClosed
 from app.worker.process import Background
 from app.worker.schedule import Schedule
 from app.worker.shared_arrays import OutOfMemory, sweep_dead_blocks
 
-_LARGEST_LOG = 1 << 20
 IDLE_SECONDS = 1.0  # after which memory goes back to the system
 
 
@@ -95,14 +93,11 @@ def beat(worker: Worker, channel: Channel, interval: float, parent: int) -> None
 def log_to_file() -> str:
     """Send the log and everything on stderr to the log file; returns its name for messages, "" when there is none."""
     try:
-        path = log_directory() / "worker.log"
-        too_long = path.exists() and path.stat().st_size > _LARGEST_LOG
-        file = open(path, "wb" if too_long else "ab", buffering=0, opener=private_opener)
+        with open_log("worker.log") as file:
+            os.dup2(file.fileno(), 2)
     except OSError:
         return ""
-    os.dup2(file.fileno(), 2)
-    file.close()
-    return f" (for a report: {path})"
+    return f" (for a report: {log_directory() / 'worker.log'})"
 
 
 def arguments(argv: Sequence[str] | None) -> Any:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -24,6 +27,7 @@ SCENE = (
     + placed("ground", "quad", facing_up(1), LAMBERT)
 )  # fmt: skip
 VIEW = SetView.of(n_bounces=1).apply(ViewState())
+LARGE = VIEW.from_viewpoint(VIEW.viewpoint._replace(resolution=(400, 300)))  # takes seconds to draw
 
 
 @pytest.fixture
@@ -69,14 +73,67 @@ def test_the_document_is_drawn_with_its_edits_and_the_next_picture_waits(
     assert found["A"].shape == SIZE[::-1] and found["A"].min() == 0.0 and found["A"].max() > 0.5
 
 
-def test_a_stopped_picture_leaves_the_file_as_it_was(saver: LayerSaver, document: Document, tmp_path: Path) -> None:
+def started(saver: LayerSaver) -> subprocess.Popen[bytes]:
+    """The process of the picture that is being drawn, once it tells how far it is."""
+    until = time.monotonic() + 120.0
+    while (picture := saver._picture) is None or picture.process is None or picture.fraction == 0.0:
+        assert time.monotonic() < until
+        time.sleep(0.001)
+    return picture.process
+
+
+@pytest.mark.parametrize("begun", [False, True], ids=["at once", "while it draws"])
+def test_a_stopped_picture_leaves_the_file_as_it_was(
+    saver: LayerSaver, document: Document, tmp_path: Path, begun: bool
+) -> None:
     (tmp_path / "a.exr").write_bytes(b"before")
-    saver.save(document, VIEW, tmp_path / "a.exr")
+    saver.save(document, LARGE, tmp_path / "a.exr")
+    process = started(saver) if begun else None
     saver.stop()
+    assert not saver.is_busy and not saver.progress
     assert messages(saver) == [("stopped saving a.exr", False)]
-    assert not saver.is_busy and not saver.progress and (tmp_path / "a.exr").read_bytes() == b"before"
+    assert (tmp_path / "a.exr").read_bytes() == b"before" and (process is None or process.poll() is not None)
     saver.stop()  # of nothing
     assert saver.finished_messages() == []
+
+
+def test_the_message_of_a_stopped_picture_does_not_end_the_next(
+    saver: LayerSaver, document: Document, tmp_path: Path
+) -> None:
+    saver.save(document, LARGE, tmp_path / "a.exr")
+    started(saver)
+    saver.stop()
+    saver.save(document, VIEW, tmp_path / "b.exr")
+    assert messages(saver) == [("stopped saving a.exr", False)] and saver.is_busy
+    ((line, failed),) = messages(saver)
+    assert line.startswith(f"saved {tmp_path / 'b.exr'}") and not failed and (tmp_path / "b.exr").is_file()
+
+
+def test_temporary_files_go_with_a_stopped_picture(
+    saver: LayerSaver, document: Document, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "tmp").mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "tmp"))
+    saver.save(document, LARGE, tmp_path / "a.exr")
+    process = started(saver)
+    (tmp_path / f".a.exr.{process.pid}-0.tmp").write_bytes(b"half")  # as where it is killed while it writes
+    assert not list((tmp_path / "tmp").iterdir())  # the session went once it was read
+    saver.close()
+    assert not list(tmp_path.glob(".*.tmp")) and not list((tmp_path / "tmp").iterdir())
+
+
+def test_a_process_that_dies_or_cannot_start_is_told(
+    saver: LayerSaver, document: Document, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    saver.save(document, LARGE, tmp_path / "a.exr")
+    started(saver).kill()
+    ((line, failed),) = messages(saver)
+    assert failed and line.startswith("a.exr: the layers were not drawn") and not saver.is_busy
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "no python"))
+    saver.save(document, VIEW, tmp_path / "a.exr")
+    ((line, failed),) = messages(saver)
+    assert failed and line.startswith("a.exr: the layers could not be drawn") and "no python" in line
+    assert not saver.is_busy and not (tmp_path / "a.exr").exists()
 
 
 def test_what_cannot_be_drawn_is_told_in_a_line(saver: LayerSaver, document: Document, tmp_path: Path) -> None:
