@@ -26,6 +26,7 @@ from app.document.view_state import ViewState
 from app.export import require_package_place
 from app.project.project import open_project, session_of
 from app.system.atomic import require_folder, require_place
+from engine.core.generators import run_to_end
 
 
 def import_brdf(
@@ -93,12 +94,11 @@ def save_scene(
     project = open_project(name, None, assignments(set_))
     session = session_of(source_of(name))
     view = ViewState() if session is None else session.view
-    n_files, steps = 0, package_steps(project.document, view, project.scene.files, output)
+    steps = package_steps(project.document, view, project.scene.files, output)
     with progress() as report:
-        for fraction, file in steps:
-            report(fraction, f"copying {file}")
-            n_files += 1
-    print_line(f"{output}: a session and {n_files} files")
+        package = run_to_end(steps, lambda step: report(step[0], f"copying {step[1]}"))
+    print_notes(package.notes)
+    print_line(f"{output}: a session and {len(package.copies)} files")
     return 0
 
 

@@ -189,13 +189,13 @@ def files_of_document(document: Document, known: Document | None = None) -> set[
         found.update([builtin] if builtin else [Path(light.environment)] if light.is_file else [])
     unchanged = set() if before is None else set(map(id, before.objects))
     changed = [state for state in document.objects if id(state) not in unchanged]
-    names = {name for state in changed for name in _names(state)}
+    names = {name for state in changed for name in names_of_object(state)}
     folder = scene_folder(document.source) if names else Path()
     return found | {folder / name for name in names}
 
 
-def _names(state: ObjectState) -> Iterator[str]:
-    """Files of one object, absolute or relative to the scene's folder."""
+def names_of_object(state: ObjectState) -> Iterator[str]:
+    """The files that an object names, absolute or relative to the scene's folder."""
     if state.added is not None and state.added.mesh is not None:
         yield state.added.mesh
     images = [name for bumps in (state.own_bumps, state.bumps) for _, name in bumps.files]

@@ -3,8 +3,8 @@
 A folder or an archive has one scene: the session at its top, where there is one (`app.export.package` writes such),
 else its scene file, else its mesh. Where there are several, they are listed for the user to choose. A folder is
 searched by names alone, without following links. An archive is unpacked into the cache, by the process that reads the
-scene, and its document keeps the archive's name; only files that scenes can name are written (`engine.core.zip_files`
-bounds and checks them).
+scene, and its document keeps the archive's name; only files that scenes can name are written, or all where there is a
+session, whose archive has nothing else (`engine.core.zip_files` bounds and checks them).
 
 A mesh whose Z axis points up is named `part.stl#z-up`, so that sessions, recent files and clusters keep the choice; and
 a stage of USD with variants of its sets `kitchen.usd#shape=tall,size=big`.
@@ -34,7 +34,7 @@ Z_UP = "#z-up"
 SESSION_ENDING = ".insitu"
 _SCENE_ENDING = ".toml"
 _WITH_VARIANTS = (*USD_ENDINGS, ARCHIVE_ENDING)
-# Files that are written of an archive: scenes, meshes, and what these name.
+# Files that are written of an archive without a session: scenes, meshes, and what these name.
 _USED = (
     SESSION_ENDING, _SCENE_ENDING, *MESH_ENDINGS, ".mtl", ".bin", ".png", ".jpg", ".jpeg", ".exr", ".hdr", ".pic",
     ".webp", ".ktx2", ".binary", ".brdf", ".bsdf", ".csv",
@@ -214,7 +214,7 @@ def _unpack(archive: Path) -> Path:
     sweep_temporaries(folder.parent)
     _forget_oldest(folder.parent)
     with replacing_folder(folder) as part:
-        for name in (name for name in found.names if name.lower().endswith(_USED)):
+        for name in (name for name in found.names if session or name.lower().endswith(_USED)):
             path = part / name
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(found.read(name))

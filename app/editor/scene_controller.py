@@ -184,8 +184,10 @@ class SceneController:
         if opening is None or response.id != opening.id:
             return
         if response.has_session and opening.edited is None:
-            self._host.open(opening.source)  # the archive is unpacked now, and its session can be read
-            return
+            refusal = self._host.open(opening.source)  # the archive is unpacked now, and its session can be read
+            if refusal is None:
+                return
+            opening = replace(opening, fallback_reason=f"opened the scene without its session: {refusal}")
         self._opening = replace(opening, opened=response)
 
     def take_sky(self, response: SkyImage) -> list[PictureEvent]:

@@ -5,59 +5,72 @@
     scene/files/...  what edits name from elsewhere: images, measured BRDFs, the environment
 
 Files are copied, not written anew, so that the picture is the same bit for bit. Built-in environments go by their
-names. A folder or an archive with a session at its top opens as that session (`app.document.scene_files`).
+names. A folder or an archive with a session at its top opens as that session (`app.document.scene_files`). An archive
+is read back before it replaces another: not every name and size that a folder has can be opened from an archive.
 """
 
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 
 from app.document.document import Document, ObjectState
-from app.document.named_files import with_file_names
+from app.document.named_files import names_of_object, with_file_names
 from app.document.scene_files import renamed, scene_file
 from app.document.sources import SESSION_ENDING
 from app.document.view_state import ViewState
 from app.export import PACKAGE_ENDING, is_archive_name
 from app.files.session import dump_session
-from app.system.atomic import replacing, replacing_folder
-from engine.core.errors import InsituError
-from engine.core.safe_files import resolved
+from app.system.atomic import replacing_folder, saving_file
+from engine.core.errors import InsituError, LoadError, describe_value
+from engine.core.safe_files import read_regular_file, resolved
+from engine.core.zip_files import ZipArchive
+from engine.scene.mesh import MAX_MESH_BYTES
 
 SCENE_FOLDER, FILES_FOLDER = "scene", "files"
 _COMPRESSED = (".zip", ".png", ".jpg", ".jpeg", ".webp", ".ktx2", ".exr", ".glb", ".usdz")
 
-Steps = Generator[tuple[float, str], None, None]
 Put = Callable[[str, bytes], None]
 
 
 @dataclass(frozen=True)
 class Package:
     """What is written. copies: the file that each name in the package is a copy of; document: with the names that it
-    has there."""
+    has there; notes: what is left out, for the user."""
 
     document: Document
     copies: dict[str, Path]
+    notes: tuple[str, ...] = ()
+
+
+Steps = Generator[tuple[float, str], None, Package]
 
 
 def package_steps(document: Document, view: ViewState, scene_files: Iterable[Path], target: Path) -> Steps:
-    """Write a document's package; yields the fraction done, and the file that comes next.
+    """Write a document's package, which is returned; yields the fraction done, and the file that comes next.
 
     scene_files: all files that its scene was read from; target: see `require_package_place`. Raises InsituError; what
     was there stays then as it was.
     """
     target = resolved(target)
-    name = target.name.removesuffix(PACKAGE_ENDING).removesuffix(SESSION_ENDING)
     package = packed(document, scene_files, target)
     text = dump_session(package.document, view, target)
     with _opened(target) as put:
-        put(f"{name}{SESSION_ENDING}", text.encode())
+        put(_session_name(target), text.encode())
         for n, (inside, file) in enumerate(package.copies.items()):
             yield n / len(package.copies), file.name
             put(inside, file.read_bytes())
+    return package
+
+
+def _session_name(target: Path) -> str:
+    """The name of the session in a package: that of the package, without what opens nowhere or is hidden."""
+    name = target.name.removesuffix(PACKAGE_ENDING).removesuffix(SESSION_ENDING)
+    name = "".join(each if each.isprintable() and each not in ":\\" else "_" for each in name)
+    return (name.lstrip(".") or "scene") + SESSION_ENDING
 
 
 def packed(document: Document, scene_files: Iterable[Path], target: Path) -> Package:
@@ -66,8 +79,13 @@ def packed(document: Document, scene_files: Iterable[Path], target: Path) -> Pac
     own, folder = source.parent, target / SCENE_FOLDER
     # What a scene or an added mesh names is in its folder; other files were read from the program's, or from the cache.
     files = {source, *map(resolved, scene_files)}
+    document, notes = _without_incomplete(document, own)
     inside = sorted(file.relative_to(own).as_posix() for file in files if file.is_relative_to(own))
     copies = {f"{SCENE_FOLDER}/{name}": own / name for name in inside}
+    states = (*document.objects, *document.absent)
+    named = {resolved(own / name) for state in states for name in (*names_of_object(state), document.light.environment)}
+    own_names = {*inside, *(file.relative_to(own).as_posix() for file in named if file.is_relative_to(own))}
+    elsewhere = _free(FILES_FOLDER, own_names, is_folder=True)
     taken = {own: ""}  # folders and files, and their names from the folder of the scene
 
     def placed(file: str) -> str:
@@ -77,14 +95,14 @@ def packed(document: Document, scene_files: Iterable[Path], target: Path) -> Pac
         if parent is not None:
             name = (PurePosixPath(taken[parent]) / path.relative_to(parent).as_posix()).as_posix()
         else:
-            name = taken[path] = taken.get(path) or _free(f"{FILES_FOLDER}/{path.name}", (*inside, *taken.values()))
+            name = taken[path] = taken.get(path) or _free(f"{elsewhere}/{path.name}", (*own_names, *taken.values()))
         copies[f"{SCENE_FOLDER}/{name}"] = path
         return name
 
     for mesh in (Path(each.mesh) for each in document.added_sources if each.mesh is not None):
         parent = resolved(mesh).parent
         if not any(each in taken for each in (parent, *parent.parents)):
-            taken[parent] = _free(f"{FILES_FOLDER}/{mesh.stem}", (*inside, *taken.values()))
+            taken[parent] = _free(f"{elsewhere}/{mesh.stem}", (*own_names, *taken.values()))
         for each in (file for file in files if file.is_relative_to(parent)):
             placed(str(each))
 
@@ -102,28 +120,58 @@ def packed(document: Document, scene_files: Iterable[Path], target: Path) -> Pac
     missing = next((file for file in copies.values() if not file.is_file()), None)
     if missing is not None:
         raise InsituError(f"{missing}: no such file, expected what the scene names; nothing was written")
-    return Package(document, copies)
+    return Package(document, copies, notes)
 
 
-def _free(name: str, taken: Iterable[str]) -> str:
-    """The name, with a number where it is taken, in either case of letters."""
-    known, path, n = {each.lower() for each in taken}, PurePosixPath(name), 2
+def _without_incomplete(document: Document, own: Path) -> tuple[Document, tuple[str, ...]]:
+    """The document without the edits that wait for an object (`Document.absent`) and name a file that is gone: no
+    picture needs them; and a note of each."""
+    kept, notes = list[ObjectState](), list[str]()
+    for state in document.absent:
+        gone = next((name for name in names_of_object(state) if not (own / name).is_file()), None)
+        if gone is None:
+            kept.append(state)
+        else:
+            notes.append(f"the edits of {state.name}, which the scene does not have now, are left out: {gone} is gone")
+    return replace(document, absent=tuple(kept)), tuple(notes)
+
+
+def _free(name: str, taken: Iterable[str], is_folder: bool = False) -> str:
+    """The name, with a number where a file or a folder has it, in either case of letters; of a folder that others
+    share, where a file has it."""
+    files = {PurePosixPath(each.lower()) for each in taken}
+    known = {str(each) for file in files for each in ((file,) if is_folder else (file, *file.parents))}
+    path, n = PurePosixPath(name), 2
     while name.lower() in known:
         name, n = str(path.with_stem(f"{path.stem}-{n}")), n + 1
     return name
+
+
+def _require_readable(written: Path, names: Sequence[str], target: Path) -> None:
+    """Raise InsituError where an archive with files of these names could not be opened again."""
+    try:
+        found = ZipArchive(read_regular_file(written, MAX_MESH_BYTES), target).names
+        if other := next((name for name in names if name not in found), None):
+            raise LoadError(target, "name in the archive", other, "one that an archive can have")
+    except LoadError as error:
+        why = f"{error.what} = {describe_value(error.value)}, expected {error.expected}"
+        raise InsituError(f"{target}: not written, no archive can be opened with this: {why}; save a folder") from None
 
 
 @contextmanager
 def _opened(target: Path) -> Iterator[Put]:
     """What puts files into a package by name; it is there once all are. Raises InsituError."""
     if is_archive_name(target):
-        with replacing(target) as stream, zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        with saving_file(target) as stream:
+            with zipfile.ZipFile(stream, "w") as archive:
 
-            def put(name: str, data: bytes) -> None:
-                is_small = name.lower().endswith(_COMPRESSED)
-                archive.writestr(name, data, zipfile.ZIP_STORED if is_small else zipfile.ZIP_DEFLATED)
+                def put(name: str, data: bytes) -> None:
+                    is_small = name.lower().endswith(_COMPRESSED)
+                    archive.writestr(name, data, zipfile.ZIP_STORED if is_small else zipfile.ZIP_DEFLATED)
 
-            yield put
+                yield put
+            stream.flush()
+            _require_readable(Path(stream.name), archive.namelist(), target)
         return
     with replacing_folder(target) as part:
 

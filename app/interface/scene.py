@@ -23,6 +23,7 @@ from app.stills.stills import ENDINGS, check_output, write_picture
 from app.system.memory import require_memory_for
 from app.system.paths import full_path
 from engine.core.errors import InsituError
+from engine.core.generators import run_to_end
 from engine.reference.path_tracer import N_SAMPLES
 from engine.render.display import png_bytes
 from engine.render.picture_error import ErrorEstimate
@@ -189,8 +190,7 @@ class Scene:
         path = Path(path)
         require_package_place(path, replaces)
         view = replace(self._view, camera=self._editing.camera, resolution=self._editing.resolution)
-        for _ in package_steps(self.document, view, self._seen_in(None).scene.files, path):
-            pass
+        run_to_end(package_steps(self.document, view, self._seen_in(None).scene.files, path))
         return path
 
     # ------------------------------------------------------------------------------------------------------------ edits

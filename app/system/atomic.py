@@ -81,9 +81,19 @@ def save_file(path: str | os.PathLike[str], data: bytes, *, private: bool = Fals
 
     session: see `require_no_input`.
     """
+    with saving_file(path, private=private, session=session) as file:
+        file.write(data)
+
+
+@contextlib.contextmanager
+def saving_file(
+    path: str | os.PathLike[str], *, private: bool = False, session: Path | None = None
+) -> Iterator[BinaryIO]:
+    """The same with a binary file to write in the block."""
     with _explaining(path):
         require_no_input(path, session)
-        write_atomically(path, data, private=private)
+        with replacing(path, private=private) as file:
+            yield file
 
 
 def require_place(*paths: Path) -> None:

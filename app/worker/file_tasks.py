@@ -145,10 +145,10 @@ def save_scene(request: SaveScene, scene: Scene) -> Generator[Response | None, N
     """Write a scene's package. Raises InsituError."""
     from app.export.package import package_steps  # late: few sessions save one
 
-    path = Path(request.path)
-    for fraction, name in package_steps(request.document, request.view, scene.files, path):
-        yield Progress("export", fraction, text=f"copying {name}")
-    yield FilesWritten(request.path)
+    set_inputs((*scene.files, *files_of_document(request.document)))
+    steps = package_steps(request.document, request.view, scene.files, Path(request.path))
+    package = yield from map_steps(steps, lambda step: Progress("export", step[0], text=f"copying {step[1]}"))
+    yield FilesWritten(request.path, package.notes)
 
 
 def write_scene(

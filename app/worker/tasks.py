@@ -27,7 +27,8 @@ from app.document.named_files import (
     with_measurements,
 )
 from app.document.node_layers import channel_images, n_nodes_of, plan_layers, with_node_layers
-from app.document.scene_files import files_of_scene, session_of_archive, split_axis, unpacked_scene_file, variants_of
+from app.document.scene_files import files_of_scene, split_axis, unpacked_scene_file, variants_of
+from app.files.session import archived_session
 from app.messages.worker_messages import (
     ChannelsRead,
     FetchTable,
@@ -267,6 +268,7 @@ class RequestDispatcher:
     def _open(self, request: OpenScene) -> Steps:
         yield Progress("scene", 0.0, text="reading the scene")
         path = unpacked_scene_file(request.source)
+        has_session = archived_session(request.source) is not None  # one that cannot be read is refused before all else
         scene = load_scene(path, None, split_axis(request.source)[1], variants_of(request.source))
         document = document_from_description(request.source, scene.description)
         names = described_paths(unread_files(layers_with_variants(document)), scene.folder, path)
@@ -297,7 +299,7 @@ class RequestDispatcher:
             scene.cameras,
             known_nodes(channels),
             added,
-            session_of_archive(request.source) is not None,
+            has_session,
         )
 
     def _set_camera(self, request: SetCamera) -> Steps:

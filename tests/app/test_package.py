@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import pickle
 import shutil
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +17,14 @@ import pytest
 from PIL import Image
 
 import insitu
+from app.cli.exchange import save_scene
 from app.document.commands.light import SetBackground
+from app.document.scene_files import scene_file
 from app.editor.editor import Editor
+from app.export.package import packed
+from app.files.session import Session
 from app.messages.worker_messages import Request
+from app.system.atomic import set_inputs
 from app.worker.cache import ArrayCache
 from app.worker.schedule import InProcessClient
 from app.worker.tasks import RequestDispatcher
@@ -145,6 +154,81 @@ def test_a_file_that_is_missing_is_told_and_nothing_written(scene: insitu.Scene,
     assert not (tmp_path / "a").exists()
 
 
+def test_files_of_the_same_names_do_not_replace_each_other(scene: insitu.Scene, chair: Path, tmp_path: Path) -> None:
+    """The second time, what was added first is in the folder that names of new files are sought in."""
+    scene.add(chair)
+    again = insitu.open(scene.save_scene(tmp_path / "a"))
+    other = tmp_path / "props" / "other" / "chair.obj"
+    other.parent.mkdir()
+    other.write_text("v 0 0 0\nv 1 0 0\nv 0 2 0\nf 1 2 3\n")
+    again.add(other)
+    expected = again.image()
+    third = insitu.open(again.save_scene(tmp_path / "b"))
+    assert np.array_equal(third.image(), expected)
+    assert {path.name for path in (tmp_path / "b" / "scene" / "files").iterdir()} >= {"chair", "chair-2"}
+
+
+def test_a_file_may_have_the_name_of_the_folder_for_others(scene: insitu.Scene, file: Path, tmp_path: Path) -> None:
+    shutil.copy(tmp_path / "work" / "wood.png", file.parent / "files")
+    scene["ground"][0].texture = str(file.parent / "files")
+    expected = scene.image()
+    assert np.array_equal(insitu.open(scene.save_scene(tmp_path / "a")).image(), expected)
+    assert (tmp_path / "a" / "scene" / "files-2" / "other sky.exr").is_file()
+
+
+@pytest.mark.parametrize("name", [".backup", "a\nb", "a:b", ".insitu.zip", "a\nb.insitu.zip", "a:b.insitu.zip"])
+def test_any_name_opens_with_its_edits(scene: insitu.Scene, tmp_path: Path, name: str) -> None:
+    again = insitu.open(scene.save_scene(tmp_path / name))
+    assert again.light.rotation == 40.0 and again["tent"]["cloth"].texture is not None
+
+
+def test_names_that_no_archive_can_have(scene: insitu.Scene, tmp_path: Path) -> None:
+    name = "wood:1.png"
+    shutil.copy(tmp_path / "work" / "wood.png", tmp_path / name)
+    scene["tent"]["cloth"].texture = str(tmp_path / name)
+    with pytest.raises(InsituError, match="a.insitu.zip: .*name in the archive.*; save a folder"):
+        scene.save_scene(tmp_path / "a.insitu.zip")
+    assert not list(tmp_path.glob("*a.insitu*"))
+    assert np.array_equal(insitu.open(scene.save_scene(tmp_path / "a")).image(), scene.image())
+
+
+def test_edits_of_absent_objects_whose_files_are_gone_are_left_out(
+    scene: insitu.Scene, file: Path, tmp_path: Path
+) -> None:
+    document = scene.document
+    absent = replace(document.object("tent"), name="flag")
+    document = replace(document, absent=(absent, replace(document.object("ground"), name="floor")))
+    (tmp_path / "work" / "wood.png").rename(tmp_path / "work" / "moved.png")
+    scene["tent"]["cloth"].texture = str(tmp_path / "work" / "moved.png")
+    document = replace(document, objects=scene.document.objects)
+    package = packed(document, [file, file.parent / "tent.obj"], tmp_path / "a")
+    assert [each.name for each in package.document.absent] == ["floor"]
+    (note,) = package.notes
+    assert note.startswith("the edits of flag, which the scene does not have now, are left out") and "wood.png" in note
+
+
+def test_a_full_disk_is_told(scene: insitu.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene.image()
+    (tmp_path / "a.insitu.zip").write_bytes(b"before")
+
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(zipfile.ZipFile, "writestr", full)
+    with pytest.raises(InsituError, match="a.insitu.zip: not written, No space left"):
+        scene.save_scene(tmp_path / "a.insitu.zip", replaces=True)
+    assert (tmp_path / "a.insitu.zip").read_bytes() == b"before" and not list(tmp_path.glob(".*"))
+
+
+def test_an_archive_does_not_replace_itself(scene: insitu.Scene, tmp_path: Path) -> None:
+    path = scene.save_scene(tmp_path / "a.insitu.zip")
+    before = path.read_bytes()
+    set_inputs([])
+    with pytest.raises(InsituError, match="a.insitu.zip: the project reads this file"):
+        save_scene(str(path), path, replace_=True)
+    assert path.read_bytes() == before
+
+
 def test_built_in_scenes_are_copied_too(tmp_path: Path) -> None:
     scene = insitu.open("shapes", resolution=(12, 8))
     Image.new("RGB", (4, 4), (200, 100, 50)).save(tmp_path / "paint.png")
@@ -155,32 +239,64 @@ def test_built_in_scenes_are_copied_too(tmp_path: Path) -> None:
     assert np.array_equal(insitu.open(tmp_path / "b").image(), expected)
 
 
+@pytest.fixture
+def editor(file: Path, tmp_path: Path) -> Iterator[Editor]:
+    client = InProcessClient(RequestDispatcher(ArrayCache(tmp_path / "arrays")))
+    with closing(Editor(client, str(file), resolution=(6, 4))) as made:
+        wait(made, lambda: made.scene_is_open)
+        yield made
+
+
+def wait(editor: Editor, done: Callable[[], bool]) -> None:
+    for now in range(100_000):
+        editor.tick(0.01 * now)
+        if done():
+            return
+    raise AssertionError(editor.status)
+
+
 @pytest.mark.parametrize("name", ["tent", "tent.insitu.zip"])
-def test_the_editor_saves_and_opens_it(file: Path, tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    editor = Editor(InProcessClient(RequestDispatcher(ArrayCache(tmp_path / "arrays"))), str(file), resolution=(6, 4))
-    now = 0
+def test_the_editor_saves_and_opens_it(
+    editor: Editor, tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    editor.do(SetBackground("transparent"))
+    sent, send = list[Request](), editor.exchange._send
+    monkeypatch.setattr(editor.exchange, "_send", lambda request: sent.append(request) or send(request))
+    assert editor.exchange.save_scene(tmp_path / name) is None
+    assert pickle.loads(pickle.dumps(sent)) == sent  # as it is sent to another process
+    wait(editor, lambda: editor.status.message.startswith("written"))
+    there = moved(tmp_path / name, tmp_path)
+    assert editor.open(str(there)) is None
+    wait(editor, lambda: editor.status.message.startswith("opened"))
+    assert editor.name == "tent" and editor.document.background.kind == "transparent" and not editor.status.is_error
+    assert editor.session_path == (there / "tent.insitu" if name == "tent" else None)
 
-    def wait(done: Callable[[], bool]) -> None:
-        nonlocal now
-        for _ in range(100_000):
-            editor.tick(0.01 * now)
-            if done():
-                return
-            now += 1
-        raise AssertionError(editor.status)
 
-    try:
-        wait(lambda: editor.scene_is_open)
+def test_an_archive_with_a_session_that_cannot_be_read_is_refused(editor: Editor, file: Path, tmp_path: Path) -> None:
+    with zipfile.ZipFile(tmp_path / "bad.insitu.zip", "w") as archive:
+        archive.write(file.parent / "tent.obj", "scene/tent.obj")
+        archive.writestr("bad.insitu", 'version = 99\nscene = "scene/tent.obj"\n')
+    for _ in range(2):  # the second time it is unpacked
+        editor.open(str(tmp_path / "bad.insitu.zip"))
+        wait(editor, lambda: editor.status.is_error)
+        assert "version = 99" in editor.status.message and editor.document.source == str(file)
+        editor.notify("")
         editor.do(SetBackground("transparent"))
-        sent, send = list[Request](), editor.exchange._send
-        monkeypatch.setattr(editor.exchange, "_send", lambda request: sent.append(request) or send(request))
-        assert editor.exchange.save_scene(tmp_path / name) is None
-        assert pickle.loads(pickle.dumps(sent)) == sent  # as it is sent to another process
-        wait(lambda: editor.status.message.startswith("written"))
-        there = moved(tmp_path / name, tmp_path)
-        assert editor.open(str(there)) is None
-        wait(lambda: editor.status.message.startswith("opened"))
-        assert editor.name == "tent" and editor.document.background.kind == "transparent" and not editor.status.is_error
-        assert editor.session_path == (there / "tent.insitu" if name == "tent" else None)
-    finally:
-        editor.close()
+        wait(editor, lambda: editor.status.picture == "refining")  # what was open is drawn again
+        editor.history.undo()
+
+
+def test_an_archive_whose_session_goes_meanwhile_opens_without_it(
+    editor: Editor, scene: insitu.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = scene.save_scene(tmp_path / "a.insitu.zip")
+
+    def archived(source: str) -> Session | None:
+        if scene_file(source) == path:  # not unpacked yet
+            return None
+        raise InsituError("a.insitu: gone")
+
+    monkeypatch.setattr("app.editor.opening.archived_session", archived)
+    editor.open(str(path))
+    wait(editor, lambda: editor.document.source == str(path))
+    assert "opened the scene without its session: a.insitu: gone" in editor.status.message and editor.status.is_error

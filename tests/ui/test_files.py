@@ -72,6 +72,9 @@ def test_the_browser_lists_folders_first_and_hides_the_rest(tmp_path: Path) -> N
     (tmp_path / "zebra").mkdir()
     names = [entry.path.name for entry in entries(tmp_path, (".toml", ".insitu"))]
     assert names == ["zebra", "a.insitu", "b.toml"]
+    assert [entry.path.name for entry in entries(tmp_path, ())] == ["zebra"]
+    (tmp_path / "cup.Insitu.zip").touch()
+    assert [entry.path.name for entry in entries(tmp_path, (".insitu.zip",))] == ["zebra", "cup.Insitu.zip"]
     assert entries(tmp_path / "missing", (".toml",)) == []
 
 

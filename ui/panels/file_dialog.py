@@ -83,7 +83,7 @@ ENDINGS = {
     "save_session": (".insitu",),
     "save_measured": (".binary",),
     "save_picture": (".png", ".exr"),
-    "save_scene": ("",),
+    "save_scene": (),  # a folder
     "save_package": (PACKAGE_ENDING,),
 }
 LAYERS_HINT = (
@@ -119,13 +119,13 @@ class DirectoryEntry:
 
 
 def entries(folder: Path, endings: tuple[str, ...]) -> list[DirectoryEntry]:
-    """Folders, then files with one of the suffixes, by name, without hidden ones. Empty where not readable."""
+    """Folders, then files with one of the endings, by name, without hidden ones. Empty where not readable."""
     try:
         paths = sorted(folder.iterdir())[:MOST_ENTRIES]
     except OSError:
         return []
     found = [DirectoryEntry(path, os.path.isdir(path)) for path in paths if not path.name.startswith(".")]
-    shown = [e for e in found if e.is_folder or e.path.suffix.lower() in endings]
+    shown = [e for e in found if e.is_folder or e.path.name.lower().endswith(endings)]
     return sorted(shown, key=lambda e: (not e.is_folder, e.path.name.lower()))
 
 
@@ -302,7 +302,8 @@ def _named(question: FileQuestion, name: str) -> str:
     if question.purpose == "save_package":
         is_named = question.as_folder or name.lower().endswith(PACKAGE_ENDING)
         return name if is_named else f"{name}{PACKAGE_ENDING}"
-    return name if Path(name).suffix else f"{name}{ENDINGS[question.purpose][0]}"
+    endings = ENDINGS[question.purpose]
+    return f"{name}{endings[0]}" if endings and not Path(name).suffix else name
 
 
 def answer(question: FileQuestion, path: Path) -> AnswerQuestion:

@@ -119,6 +119,13 @@ def test_an_archive_is_unpacked_once_with_what_scenes_name(archive: Callable[...
     assert stat.S_IMODE((cache / "unpacked").stat().st_mode) == 0o700
 
 
+def test_all_files_of_an_archive_with_a_session_are_unpacked(archive: Callable[..., Path]) -> None:
+    session = b'version = 2\nscene = "scene/a.obj"\n'
+    path = archive({"a.insitu": session, "scene/a.obj": CARD, "scene/a.curves": b"of another kind"})
+    found = unpacked_scene_file(str(path))
+    assert found.name == "a.obj" and (found.parent / "a.curves").read_bytes() == b"of another kind"
+
+
 def test_a_project_and_a_session_of_an_archive(archive: Callable[..., Path], tmp_path: Path) -> None:
     path = archive(files())
     project = open_project(str(path), (8, 8))
