@@ -288,7 +288,7 @@ class PlacementWorker(ModeWorker):
         self, placement: Placement, request: ComputeTransport, sky: SkyState, lit_by: LightingState
     ) -> Steps:
         """Answer with mixed or relit pictures, where nothing better is there."""
-        light, weights = None, _weights_of(request.scene)
+        lights, weights = None, _weights_of(request.scene)
         for work in self._selected_first(request):
             if self._is_needless(work, lit_by, RELIT.name, False):
                 continue
@@ -298,9 +298,9 @@ class PlacementWorker(ModeWorker):
                 continue
             if not self._relighting.takes(work, lit_by):
                 continue
-            if light is None:
-                light = yield from self._relighting.light_of(placement, sky)
-            picture = FixedPicture(self._relighting.picture(work, lit_by, light))
+            if lights is None:
+                lights = yield from self._relighting.lights_of(placement, sky)
+            picture = FixedPicture(self._relighting.picture(work, lit_by, lights))
             yield from self._answers(self._hold(LayerData(work, lit_by, RELIT.name, picture, 1.0)), None, "half")
 
     def _is_needless(self, work: LayerState, lit_by: LightingState, stage: str, is_last: bool) -> bool:

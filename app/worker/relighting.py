@@ -7,7 +7,7 @@ light gets the quick picture. The basis was chosen for the sky at the time; anot
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Mapping
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,12 +22,14 @@ from app.worker.layer_data import LayerData, LightingState, reflects_alike
 from engine.core.generators import map_steps
 from engine.light.environment import Environment, constant_environment
 from engine.precompute.direct._relight_kernels import Reflection
+from engine.precompute.direct.linking import reaching_skies
 from engine.precompute.direct.peaks import PeakLight, split_peaks, trace_peaks
 from engine.precompute.direct.pipeline import FINAL, Placement, SkyState
 from engine.precompute.direct.relight import (
     MOST_ROW_BYTES,
     LightRows,
     RowMaker,
+    is_same_sky,
     joined_rows,
     layer_reflection,
     light_coefficients,
@@ -52,10 +54,11 @@ class _DistantLight:
 
 @dataclass(frozen=True, eq=False)
 class _LayerRows:
-    """A layer's rows, for its material then, and what its exact picture (p, 3) adds to them under a light. points: the
-    rows of `hits` that it covers."""
+    """A layer's rows, for its material then, and what its exact picture (p, 3) adds to them under a light. i_object:
+    the object that it covers; points: the rows of `hits` of that."""
 
     work: LayerState
+    i_object: int
     maker: RowMaker
     points: NDArray[np.integer]
     rows: LightRows
@@ -96,13 +99,14 @@ class Relighting:
         """Make the rows that the layers lack, and compare them with their final pictures."""
         pictures = {key: data for key, data in current.items() if data.stage == FINAL.name}
         works = [work for work in scene.layers if work.key in pictures]
-        if sky.environment is None or sky.links or not placement.sphere.done.all() or not works:
+        if sky.environment is None or not placement.sphere.done.all() or not works:
             return
-        rows_of = {work.key: placement.rows_of(placement.scene.object_index(work.object)) for work in works}
+        i_objects = {work.key: placement.scene.object_index(work.object) for work in works}
+        rows_of = {key: placement.rows_of(i_object) for key, i_object in i_objects.items()}
         maker = yield from self._maker_for(placement, sky.environment, sky.scale, works, rows_of)
         self._ready = {work.key: self._ready[work.key] for work in works if work.key in self._ready}
         self._compared_under = sky
-        light = yield from self.light_of(placement, sky)
+        lights = yield from self.lights_of(placement, sky)
         for work in works:
             ready = self._ready.get(work.key)
             if ready is None or ready.maker is not maker or not ready.is_of(work):
@@ -112,10 +116,10 @@ class Relighting:
                 for tile in maker.rows(work.layer, points):
                     tiles.append(tile)
                     yield None
-                ready = _LayerRows(work, maker, points, joined_rows(tiles), reflection)
+                ready = _LayerRows(work, i_objects[work.key], maker, points, joined_rows(tiles), reflection)
             data = pictures[work.key]
             data = data.with_curves(work) if data.fits_curves(work) else data
-            rest = data.radiance - ready.lit(light) if data.lit_by.light == scene.light else None
+            rest = data.radiance - ready.lit(lights[ready.i_object]) if data.lit_by.light == scene.light else None
             self._ready[work.key] = replace(ready, rest=rest, lit_by=data.lit_by)
             yield None
 
@@ -135,31 +139,48 @@ class Relighting:
     # ------------------------------------------------------------------------------------------------------- relighting
 
     def takes(self, work: LayerState, lit_by: LightingState) -> bool:
-        """Whether a layer can be relit: its material is that of its rows, and emitters are as they were, or all of them
-        brighter by one factor. Rows are of light that reaches all objects."""
-        if lit_by.light.exclusions:
-            return False
+        """Whether a layer can be relit: its material is that of its rows, lights reach the objects that they reached,
+        and emitters are as they were, or all of them brighter by one factor."""
         ready = self._ready.get(work.key)
         if ready is None or not ready.is_of(work) or ready.rest is None or ready.lit_by is None:
             return False
-        return _emitter_factors(lit_by, ready.lit_by) is not None
+        is_linked_alike = lit_by.light.exclusions == ready.lit_by.light.exclusions
+        return is_linked_alike and _emitter_factors(lit_by, ready.lit_by) is not None
 
-    def light_of(self, placement: Placement, sky: SkyState) -> Generator[None, None, _DistantLight]:
-        """A sky, to relight layers by. A generator of steps."""
+    def lights_of(self, placement: Placement, sky: SkyState) -> Generator[None, None, list[_DistantLight]]:
+        """What reaches each object of a sky, to relight its layers by. A generator of steps."""
+        n_objects = len(placement.scene.object_names)
+        found = list[tuple[SkyState, SkyState, _DistantLight]]()
+        by_object = list[_DistantLight]()
+        before = reaching_skies(self._compared_under or sky, n_objects)
+        for reaching, compared in zip(reaching_skies(sky, n_objects), before, strict=True):
+            pairs = (light for one, two, light in found if is_same_sky(one, reaching) and is_same_sky(two, compared))
+            light = next(pairs, None)
+            if light is None:
+                light = yield from self._light_of(placement, reaching, compared)
+                found.append((reaching, compared, light))
+            by_object.append(light)
+        return by_object
+
+    def _light_of(
+        self, placement: Placement, sky: SkyState, compared: SkyState
+    ) -> Generator[None, None, _DistantLight]:
+        """A sky that reaches all objects, beside the one that the exact pictures were made under."""
         peaks, rest = split_peaks(sky.environment or constant_environment(0.0))
         tracing = trace_peaks(placement, peaks, sky.rotation, sky.scale)
         peak_light = yield from map_steps(tracing, lambda fraction: None)
         coefficients = light_coefficients(rest, sky.rotation, sky.scale)
-        return _DistantLight(coefficients, peak_light, sky_likeness(sky, self._compared_under or sky))
+        return _DistantLight(coefficients, peak_light, sky_likeness(sky, compared))
 
-    def picture(self, work: LayerState, lit_by: LightingState, light: _DistantLight) -> NDArray[np.float32]:
-        """The radiance (p, 3) of a relit layer, under a sky from `light_of`.
+    def picture(self, work: LayerState, lit_by: LightingState, lights: Sequence[_DistantLight]) -> NDArray[np.float32]:
+        """The radiance (p, 3) of a relit layer, under a sky from `lights_of`.
 
         It adds to the sky's radiance what the exact picture had more under the light before: of emitters, in proportion
         to their radiance; without emitters what is finer than the basis, as far as the sky is still like that one, for
         under another sky it is the ghost of a sun that has moved on.
         """
         ready = self._ready[work.key]
+        light = lights[ready.i_object]
         radiance = ready.lit(light)
         assert ready.rest is not None and ready.lit_by is not None
         if lit_by.emission or _source(lit_by.light) == _source(ready.lit_by.light):

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.precompute.direct.pipeline import Placement, SkyState
+from engine.precompute.direct.relight import is_same_sky
 
 BLACK = (0.0, 0.0, 0.0)
 
@@ -65,6 +66,11 @@ def reaching_skies(sky: SkyState, n_objects: int) -> list[SkyState]:
     """The distant light that reaches each object, without links."""
     skies = replace(sky, links=()), *(link.sky for link in sky.links)
     return [skies[number] for number in sky_numbers(sky, n_objects)]
+
+
+def has_one_sky(sky: SkyState) -> bool:
+    """Whether the whole sky reaches all objects: its links are of emitters alone."""
+    return all(is_same_sky(link.sky, replace(sky, links=())) for link in sky.links)
 
 
 def sky_numbers(sky: SkyState, n_objects: int) -> NDArray[np.int32]:

@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from engine.core.clamping import BRIGHTEST, clamp_radiance, unscaled
 from engine.core.generators import map_steps
 from engine.light.triangle_lights import TriangleLights, cut_lights, turned
+from engine.precompute.direct.linking import has_one_sky
 from engine.precompute.direct.pipeline import SkyState, patches_of
 from engine.precompute.direct.relight import is_same_sky, sky_likeness
 from engine.precompute.indirect._cache_kernels import Lights
@@ -215,9 +216,11 @@ class IndirectRelighting:
 
     def _shows_gloss(self) -> Generator[None, None, bool]:
         """Whether what glossy surfaces add at rest is much of the indirect light, and the sky uneven, and the same for
-        all objects: rows have no links."""
-        environment = self._resting.sky.environment
-        if environment is None or self._resting.sky.links or (environment.radiance == environment.radiance[0, 0]).all():
+        all objects: rows have no links of it."""
+        sky = self._resting.sky
+        if sky.environment is None or not has_one_sky(sky):
+            return False
+        if (sky.environment.radiance == sky.environment.radiance[0, 0]).all():
             return False
         whole = yield from self._reflected(self._lighting.at_rest)
         by_albedo = self._sums(self._skies[0].by_albedo, self._resting.emission)

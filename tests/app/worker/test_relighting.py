@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.document.light_state import LightState
+from app.document.light_state import LightState, MixRow
 from app.document.scene_state import LayerState, SceneState
 from app.measure.subject import errors
 from app.messages.worker_messages import Response
@@ -163,6 +163,26 @@ def test_lamps_stay_as_they_are_while_the_sky_turns(tmp_path: Path) -> None:
     truth = pictures(run_in_process(tasks, asked(LightState(rotation=110.0), emission=lit)), "final")
     for key, picture in truth.items():
         assert errors(found[key], picture).rmse < 0.06
+
+
+@pytest.mark.parametrize("unlit_by", ["light.environment", "lamp"])
+def test_a_sky_turns_over_objects_that_a_light_excludes(tmp_path: Path, unlit_by: str) -> None:
+    """The ball is lit by the lamp alone, or by the sky alone; the ground by both."""
+    tasks, lit = opened(tmp_path, SCENE + LAMP), (("lamp", (3.0, 3.0, 3.0)),)
+    linked = LightState().with_row(unlit_by, MixRow(excludes=("ball",)))
+    final = pictures(run_in_process(tasks, asked(linked, emission=lit)), "final")
+    run_in_process(tasks, PrepareRelighting(asked(linked, emission=lit).scene))
+    turned = replace(linked, rotation=110.0)
+    found = pictures(run_in_process(tasks, asked(turned, 0, lit)), "relit")
+    truth = pictures(run_in_process(tasks, asked(turned, emission=lit)), "final")
+    assert found.keys() == truth.keys() == final.keys()
+    for key, picture in truth.items():
+        assert errors(found[key], picture).rmse < 0.06
+    of_ball = errors(final[METAL], truth[METAL]).rmse
+    assert of_ball < 0.01 if unlit_by == "light.environment" else of_ball > 0.2
+    # Other links are other light: rows say nothing of these.
+    free = run_in_process(tasks, asked(LightState(rotation=110.0), 0, lit))
+    assert not pictures(free, "relit") and pictures(free, "drag").keys() == truth.keys()
 
 
 def test_emitters_that_are_dimmed_together_are_dimmed_at_every_pixel(tmp_path: Path) -> None:

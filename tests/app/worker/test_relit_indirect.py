@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.document.light_state import LightState
+from app.document.light_state import LightState, MixRow
 from app.messages.worker_messages import Response
 from app.modes.placement.placement_messages import (
     ComputeTransport,
@@ -189,3 +189,19 @@ def test_rows_of_mirrored_light_are_made_once_for_light_that_is_frozen_with_glos
         assert len(made) == n_made
         answer, _ = relit(tasks, replace(turned, is_drag=True))
         assert any(light.any() for light in answer.mirrored.values()) == (n_made > 0)
+
+
+@pytest.mark.parametrize(("unlit_by", "has_rows"), [("lamp", True), ("light.environment", False)])
+def test_rows_of_mirrored_light_are_made_where_the_whole_sky_reaches_all_objects(
+    tasks: RequestDispatcher, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, unlit_by: str, has_rows: bool
+) -> None:
+    monkeypatch.setattr(relighting, "_LEAST_GLOSS", 0.0)
+    request = lit_by()
+    name = request.scene.layers[0].object
+    light = LightState(environment=sky_file(tmp_path)).with_row(unlit_by, MixRow(excludes=(name,)))
+    request = replace(request, scene=replace(request.scene, light=light))
+    frozen(tasks, request)
+    run_in_process(tasks, PrepareRelighting(request.scene))
+    turned = replace(request.scene, light=replace(light, rotation=40.0))
+    answer, _ = relit(tasks, replace(request, scene=turned, is_drag=True))
+    assert any(each.any() for each in answer.mirrored.values()) == has_rows
