@@ -6,6 +6,9 @@ indirect light, including what the hidden layers reflect onto others.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 from app.document.commands.curves import CurveEdit
 from app.document.document import Document, Selection, all_factors, split_key
 from app.document.targets import resolve
@@ -14,6 +17,7 @@ from engine.core.errors import InsituError
 from engine.curve.operators import edits_of
 
 Operators = tuple[CurveEdit, ...]
+Path = str | Selection
 
 
 def selection_of(document: Document, path: str | Selection) -> Selection:
@@ -34,6 +38,62 @@ def selection_of(document: Document, path: str | Selection) -> Selection:
     index = topmost if target.layer is None else target.layer
     factor = target.name if target.kind == "factor" else layers[index].model.factors[0].name
     return Selection(target.object, index, factor)
+
+
+def select_in_view(document: Document, view: ViewState, paths: Path | Sequence[Path] | None) -> ViewState:
+    """The view with these selected, the last of them active; of an object that is selected already, what is active of
+    it stays. InsituError where a path names nothing."""
+    several: Sequence[Path] = [paths] if isinstance(paths, str | Selection) else paths or ()
+    if not several:
+        return _activated(view, None, ())
+    found = [selection_of(document, path) for path in several]
+    now, active = view.selected, found[-1]
+    if len(found) > 1 and now is not None and several[-1] == now.object:
+        active = now
+    names = dict.fromkeys(each.object for each in found if each.object != active.object)
+    return _activated(view, active, tuple(names))
+
+
+def toggled(view: ViewState, name: str) -> tuple[str, ...]:
+    """The selected objects after a click on one that adds it, makes it active, or, where it is active, deselects
+    it."""
+    names = view.selected_objects
+    rest = tuple(each for each in names if each != name)
+    return rest if names and names[-1] == name else (*rest, name)
+
+
+def follow_in_view(before: Document, document: Document, view: ViewState) -> ViewState:
+    """The view after an edit, an undo or a redo, in which what is gone is no longer selected; objects that were
+    renamed still are."""
+    view = _renamed_in_view(before, document, view)
+    there = {state.name for state in document.objects}
+    others = tuple(name for name in view.others if name in there)
+    selected = view.selected
+    if selected is None:
+        return view
+    if selected.object not in there and others:
+        return _activated(view, selection_of(document, others[-1]), others[:-1])
+    choice = selection_after_edit(document, selected)
+    if choice != selected:
+        return _activated(view, None if choice is None else selection_of(document, choice), others)
+    operator = operator_after_edit(before, document, selected, view.operator)
+    return replace(view, others=others, operator=operator)
+
+
+def _renamed_in_view(before: Document, document: Document, view: ViewState) -> ViewState:
+    """The view with the new names of selected objects, where objects have only been renamed."""
+    old, new = [state.name for state in before.objects], [state.name for state in document.objects]
+    if view.selected is None or len(old) != len(new) or old == new or set(old) == set(new):
+        return view
+    names = {a: b for a, b in zip(old, new, strict=True) if a != b and a not in new and b not in old}
+    selected = view.selected._replace(object=names.get(view.selected.object, view.selected.object))
+    return replace(view, selected=selected, others=tuple(names.get(name, name) for name in view.others))
+
+
+def _activated(view: ViewState, selected: Selection | None, others: tuple[str, ...]) -> ViewState:
+    if selected == view.selected:
+        return replace(view, others=others)
+    return replace(view, selected=selected, others=others, operator=None, curve_zoom=None)
 
 
 def layer_shown(document: Document, selected: Selection | None) -> Selection | None:

@@ -74,16 +74,18 @@ class Bookmark:
 class ViewState:
     """Selection and display. Angles in radians, exposure in stops, frame budget in milliseconds.
 
-    ``mode`` is the name of the mode that makes the picture. ``settings`` are those of that
-    picture; its number of bounces is 0 until the worker has found how many the scene requires. ``compare`` is the
-    document that A/B shows left of ``compare_divider`` (0 the left edge, 1 the right). Unless it is shown to ``fit``,
-    the picture has ``zoom`` screen pixels for each of its own, and its point ``centre`` (fractions across, down) is in
-    the panel's middle. ``camera`` and ``resolution``, (width, height) of the picture, replace the scene's own, None for
-    those; ``bookmarks`` are views stored by name. While an animation is ``playing`` that is the time which is shown,
-    seconds; at its end it starts again if it ``loops``. ``split``: the borders in Deform's picture, from left to right,
-    between what paths show, transfer that does not rotate, and its own (0 the left edge, 1 the right); ``fit_error``:
-    whether the error of its lobes is shown instead. ``shows_error``: whether the error map is shown over the picture.
-    ``lighting``: the light in place, or a simple one for comparison, in Placement.
+    ``selected`` is the active selection, whose values panels show; ``others`` are the names of further selected
+    objects, in the order in which they were selected. ``mode`` is the name of the mode that makes the picture.
+    ``settings`` are those of that picture; its number of bounces is 0 until the worker has found how many the scene
+    requires. ``compare`` is the document that A/B shows left of ``compare_divider`` (0 the left edge, 1 the right).
+    Unless it is shown to ``fit``, the picture has ``zoom`` screen pixels for each of its own, and its point ``centre``
+    (fractions across, down) is in the panel's middle. ``camera`` and ``resolution``, (width, height) of the picture,
+    replace the scene's own, None for those; ``bookmarks`` are views stored by name. While an animation is ``playing``
+    that is the time which is shown, seconds; at its end it starts again if it ``loops``. ``split``: the borders in
+    Deform's picture, from left to right, between what paths show, transfer that does not rotate, and its own (0 the
+    left edge, 1 the right); ``fit_error``: whether the error of its lobes is shown instead. ``shows_error``: whether
+    the error map is shown over the picture. ``lighting``: the light in place, or a simple one for comparison, in
+    Placement.
     ``regions`` are a ≤ b ≤ c ≤ d of the operator being shown or about to be made; ``operator`` is its index in the
     selected curve's list, None for one about to be made. ``node`` is the index of the node whose curve is shown with
     handles where a parameter varies over the layer; None: the middle one. ``curve_zoom`` is (γ low, γ high, y low, y
@@ -96,6 +98,7 @@ class ViewState:
 
     mode: str = "placement"
     selected: Selection | None = None
+    others: tuple[str, ...] = ()
     hovered: str | None = None
     exposure: float = 0.0
     tone_mapping: ToneMapping = "filmic"
@@ -133,6 +136,11 @@ class ViewState:
     lighting: Lighting = "scene"
 
     @property
+    def selected_objects(self) -> tuple[str, ...]:
+        """The names of all selected objects, the active one last."""
+        return () if self.selected is None else (*self.others, self.selected.object)
+
+    @property
     def viewpoint(self) -> Viewpoint:
         return Viewpoint(self.camera, self.resolution)
 
@@ -145,8 +153,8 @@ class ViewState:
     def for_scene(self, description: SceneDescription) -> ViewState:
         """The view of a scene that was just opened, with the same display settings: nothing in it is selected yet."""
         return replace(
-            self, selected=None, hovered=None, compare=None, operator=None, node=None, curve_zoom=None, solo=None,
-            lobe_pixel=None, camera=None, resolution=None, bookmarks=(), playing=None, lighting="scene",
+            self, selected=None, others=(), hovered=None, compare=None, operator=None, node=None, curve_zoom=None,
+            solo=None, lobe_pixel=None, camera=None, resolution=None, bookmarks=(), playing=None, lighting="scene",
             settings=replace(self.settings, n_bounces=description.bounces or AS_PLANNED),
         )  # fmt: skip
 

@@ -18,11 +18,12 @@ from typing import Any
 
 from app.document.commands import EditCommand
 from app.document.commands.layers import SetMaterial
-from app.document.document import Document, Selection
+from app.document.document import Document
 from app.document.effective_settings import effective_view
 from app.document.history import History
 from app.document.named_files import files_of_document
-from app.document.selection import operator_after_edit, selection_after_edit, selection_of
+from app.document.selection import Path as SelectionPath
+from app.document.selection import follow_in_view, select_in_view
 from app.document.timeline import Player
 from app.document.view_state import OpenPanel, SetView, ViewCommand, ViewState
 from app.editor.camera_history import CameraHistory
@@ -192,19 +193,23 @@ class Editor:
     def camera_redo_label(self) -> str | None:
         return self.camera_history.history.redo_label
 
-    def select(self, path: str | Selection | None) -> str | None:
-        """Select an object, layer or curve; of an object its last layer, of a layer its first curve.
+    def select(self, paths: SelectionPath | Sequence[SelectionPath] | None) -> str | None:
+        """Select an object, layer or curve; of an object its last layer, of a layer its first curve; or several, the
+        last of which is active.
 
         Returns None, or one line that says why there is no such thing.
         """
         try:
-            selected = None if path is None else selection_of(self.document, path)
+            self._show(select_in_view(self.document, self.view, paths))
         except InsituError as error:
             return self._refuse(str(error))
-        if selected != self.view.selected:
-            self.view = replace(self.view, selected=selected, operator=None, curve_zoom=None)
-            self.controller.edited()
         return None
+
+    def _show(self, view: ViewState) -> None:
+        """Take over a view with another selection."""
+        has_changed, self.view = view.selected != self.view.selected, view
+        if has_changed:
+            self.controller.edited()
 
     def notify(self, text: str, is_error: bool = False) -> None:
         """Put one line into ``status.message``."""
@@ -468,12 +473,7 @@ class Editor:
         operator; command: the user's, None where it changed without one."""
         self.scenes.add_files(files_of_document(self.document, before))
         self.controller.edited(command)
-        selected = self.view.selected
-        if selected is not None and (choice := selection_after_edit(self.document, selected)) != selected:
-            self.select(choice)
-        elif before is not None:
-            operator = operator_after_edit(before, self.document, selected, self.view.operator)
-            self.view = replace(self.view, operator=operator)
+        self._show(follow_in_view(before or self.document, self.document, self.view))
 
     def _describe_step(self, step: Callable[[], str | None], what: str) -> str | None:
         before, label = self.document, step()

@@ -344,8 +344,11 @@ class SceneController:
         if selected is None:
             return
         name = change.name_now(selected.object) or selected.object
-        if any(state.name == name for state in host.document.objects):
-            host.view = replace(host.view, selected=selected._replace(object=name))
+        there = {state.name for state in host.document.objects}
+        if name in there:
+            others = tuple(change.name_now(each) or each for each in host.view.others)
+            others = tuple(each for each in others if each in there and each != name)
+            host.view = replace(host.view, selected=selected._replace(object=name), others=others)
         else:
             host.select(initial_selection(host.document))
 

@@ -3,41 +3,56 @@
 from __future__ import annotations
 
 from functools import partial
+from itertools import pairwise
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from app.document.commands.objects import AddObject, DeleteObject, DuplicateObject, free_name
-from app.document.commands.poses import MoveObject, SetTransform
+from app.document.arranging import RestingBox, move_together, placed_objects
+from app.document.commands.objects import AddObject, DeleteObject, DuplicateObject
+from app.document.commands.poses import MoveObject, PlaceObjects
+from app.document.commands.several import Several, named_together
+from app.document.document import Document
 from app.editor.editor import Editor
 from app.operators.edits import PictureIndex
 from app.operators.operator import OBJECT, SCENE, Gesture, Need, Operator, OperatorContext, ScriptKey, ValueRecord
 from app.system.paths import full_path
 from engine.scene.composition import ADDABLE, LIGHTS
 from engine.scene.description import Name, Number, Text, Vector
+from engine.scene.transform import Transform
 
 
 class Move(ValueRecord):
-    """An object, and by how much it is moved, rotated and scaled from where it is."""
+    """An object or several, and by how much they are moved, rotated and scaled from where they are."""
 
-    object: Annotated[Text, Field(description="Which one is moved.")]
+    object: Annotated[Text | None, Field(description="Which one is moved; or `objects`.")] = None
+    objects: Annotated[tuple[Text, ...] | None, Field(
+        min_length=1, description="Which ones are moved together, about their middle and along the world's axes."
+    )] = None  # fmt: skip
     by: Annotated[Vector, Field(description="Metres along the axes of the world.")] = (0.0, 0.0, 0.0)
     rotate: Annotated[Vector, Field(description="Degrees about the world's X, then Y, then Z, through its pivot.")] = (
         0.0, 0.0, 0.0
     )  # fmt: skip
     scale: Annotated[Number | Vector, Field(description="One factor, or one along each axis.")] = 1.0
+    about: Annotated[Literal["middle", "own"], Field(
+        description="Of several: their common middle, or each about its own centre and along its own axes."
+    )] = "middle"  # fmt: skip
 
     @model_validator(mode="after")
     def _moves(self) -> Move:
+        if (self.object is None) == (self.objects is None):
+            raise ValueError("object: exactly one of object and objects")
         if not self.model_fields_set & {"by", "rotate", "scale"}:
             raise ValueError("object, and at least one of by, rotate, scale")
         return self
 
-    @property
-    def command(self) -> MoveObject:
-        """The edit."""
+    def command(self, document: Document, resting_box: RestingBox) -> MoveObject | PlaceObjects:
+        """The edit. Raises InsituError."""
         scale = self.scale if isinstance(self.scale, tuple) else (self.scale, self.scale, self.scale)
-        return MoveObject(self.object, self.by, self.rotate, scale)
+        if self.object is not None:
+            return MoveObject(self.object, self.by, self.rotate, scale)
+        placed = placed_objects(document, dict.fromkeys(self.objects or ()), resting_box)
+        return move_together(placed, self.by, self.rotate, scale, self.about == "own")
 
 
 PicturePixel = tuple[PictureIndex, PictureIndex]
@@ -91,8 +106,7 @@ class Addition(ValueRecord):
 
 
 def _has_moved(context: OperatorContext) -> bool:
-    selected = context.view.selected
-    return selected is not None and not context.document.object(selected.object).transform.is_identity
+    return any(not context.document.object(name).transform.is_identity for name in context.view.selected_objects)
 
 
 def _add(editor: Editor, value: Addition) -> str | None:
@@ -103,26 +117,35 @@ def _add_named(name: str, editor: Editor, value: None) -> str | None:
     return editor.do(AddObject(name))
 
 
+def _move(editor: Editor, value: Move) -> str | None:
+    return editor.do(value.command(editor.document, editor.camera_history.resting_box))
+
+
 def _put_back(editor: Editor, value: None) -> str | None:
-    selected = editor.view.selected
-    return None if selected is None else editor.do(SetTransform(selected.object))
+    names = editor.view.selected_objects
+    return editor.do(PlaceObjects(tuple((name, Transform()) for name in names), f"put back {named_together(names)}"))
 
 
 def _duplicate(editor: Editor, value: None) -> str | None:
-    selected = editor.view.selected
-    if selected is None:
-        return None
-    name = free_name(editor.document, selected.object)
-    return editor.do(DuplicateObject(selected.object, name)) or editor.select(selected._replace(object=name))
+    """Duplicate all selected objects; the duplicates are selected then, with the same curve of the active one."""
+    names, selected = editor.view.selected_objects, editor.view.selected
+    copies = Several(tuple(map(DuplicateObject, names)), f"duplicate {named_together(names)}")
+    there = {state.name for state in editor.document.objects}
+    if selected is None or (refusal := editor.do(copies)) is not None:
+        return refusal
+    # A duplicate stands behind its original.
+    new = {a.name: b.name for a, b in pairwise(editor.document.objects) if b.name not in there}
+    return editor.select((*(new[name] for name in names[:-1]), selected._replace(object=new[names[-1]])))
 
 
 def _delete(editor: Editor, value: None) -> str | None:
-    selected = editor.view.selected
-    return None if selected is None else editor.do(DeleteObject(selected.object))
+    names = editor.view.selected_objects
+    return editor.do(Several(tuple(map(DeleteObject, names)), f"delete {named_together(names)}"))
 
 
 def _has_others(context: OperatorContext) -> bool:
-    return context.view.selected is not None and len(context.document.objects) > 1
+    names = context.view.selected_objects
+    return 0 < len(names) < len(context.document.objects)
 
 
 OTHERS = Need("select an object, of several", _has_others)
@@ -152,8 +175,7 @@ ARRANGE: tuple[Operator | Gesture, ...] = (
         help="Adds all objects of a mesh file, in their own size; as a drop on the window does with Shift held.",
     ),
     Operator(
-        "move", lambda editor, move: editor.do(move.command),
-        script=ScriptKey(Move, "Moves, rotates and scales an object from where it is: see below."),
+        "move", _move, script=ScriptKey(Move, "Moves, rotates and scales objects from where they are: see below."),
     ),
     Operator("place_light", script=ScriptKey(
         PlacedByHand, "Places a light by its highlight or by a shadow: see below."
@@ -171,11 +193,11 @@ ARRANGE: tuple[Operator | Gesture, ...] = (
         "put_back", _put_back, help="Where the scene's file has the object.", entry="Put back", needs=MOVED, waits=True
     ),
     Operator(
-        "duplicate", _duplicate, ("Shift D",), "Duplicate the selected object, in its place", entry="Duplicate",
+        "duplicate", _duplicate, ("Shift D",), "Duplicate the selected objects, in their place", entry="Duplicate",
         needs=OBJECT, waits=True,
     ),
     Operator(
-        "delete_object", _delete, ("Ctrl Delete",), "Delete the selected object", entry="Delete the object",
+        "delete_object", _delete, ("Ctrl Delete",), "Delete the selected objects", entry="Delete the objects",
         needs=OTHERS, waits=True,
     ),
     Gesture("Ctrl drag", "Snap: 0.1 m, 15°, tenths"),

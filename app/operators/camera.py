@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from app.document.view_state import Viewpoint
@@ -86,8 +87,13 @@ def _frame(editor: Editor, name: str | None) -> str | None:
 
 
 def _frame_selection(editor: Editor, value: None) -> str | None:
-    selected = editor.view.selected
-    return _frame(editor, None if selected is None else selected.object)
+    names = editor.view.selected_objects
+    if len(names) < 2:
+        return _frame(editor, names[0] if names else None)
+    boxes = np.array([editor.camera_history.box_of(name) for name in names])
+    box = np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
+    camera = frame_box(editor.camera_history.camera, box, editor.camera_history.aspect)
+    return _see_from(editor, camera, f"frame {len(names)} objects")
 
 
 def _side(side: Side, key: str, help: str = "", listed_keys: str = "") -> Operator:

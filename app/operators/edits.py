@@ -176,8 +176,8 @@ def _reset_curve(editor: Editor, value: None) -> str | None:
     return refusal or editor.do(SetView.of(operator=None))
 
 
-def _select(editor: Editor, path: str | Selection | None) -> str | None:
-    return editor.select(path)
+def _select(editor: Editor, paths: str | Selection | tuple[str, ...] | None) -> str | None:
+    return editor.select(paths)
 
 
 def _log_curve(editor: Editor, value: None) -> str | None:
@@ -204,7 +204,10 @@ EDITS = (
             'Sets values by path, such as `{ "teapot.1.alpha" = 0.3 }`.',
         ),
     ),
-    Operator("select", _select, script=ScriptKey(Text, "Selects an object, a layer or a curve, by its path.")),
+    Operator("select", _select, script=ScriptKey(
+        Text | Annotated[tuple[Text, ...], Field(min_length=1)],
+        "Selects an object, a layer or a curve, by its path; or several objects, the last of which is active.",
+    )),
     Operator("drag", script=ScriptKey(Drag, "Drags a handle or from one pixel to another: see below.")),
     Operator(
         "deform", _deform, script=ScriptKey(Deform, "Sets deformers or the time of an animation: see below.")

@@ -13,13 +13,14 @@ from app.operators.curve_drawing import DRAWING
 from app.operators.edits import CURVES, EDITS, MATERIAL
 from app.operators.files import FILES
 from app.operators.operator import Gesture, Operator
+from app.operators.selecting import SELECTING
 from app.operators.view import HELP, PICTURE
 from engine.core.errors import InsituError
 from engine.scene.composition import LIGHTS, SHAPES
 
 GROUPS: dict[str, tuple[Operator | Gesture, ...]] = {
-    "Edit": EDITS, "Arrange": ARRANGE, "Picture": PICTURE, "Camera": CAMERA, **CONVENTIONS, "File": FILES,
-    "Material": MATERIAL, "Curve": (*CURVES, *DRAWING), "Help": HELP,
+    "Edit": EDITS, "Select": SELECTING, "Arrange": ARRANGE, "Picture": PICTURE, "Camera": CAMERA, **CONVENTIONS,
+    "File": FILES, "Material": MATERIAL, "Curve": (*CURVES, *DRAWING), "Help": HELP,
 }  # fmt: skip
 OPERATORS = {each.name: each for group in GROUPS.values() for each in group if isinstance(each, Operator)}
 
@@ -49,7 +50,8 @@ MENUS = (
     )),
     Menu("Edit", (
         "undo", "redo", "undo_view", "redo_view", None, "copy_material", "copy_curve", "copy_table", "paste",
-        "paste_layers", None, "gizmo_move", "gizmo_rotate", "gizmo_scale", "put_back", "duplicate",
+        "paste_layers", None, Menu("Select", ("select_all", "select_none", "select_others")), None, "gizmo_move",
+        "gizmo_rotate", "gizmo_scale", "put_back", "duplicate",
         "delete_object", None, "table", "mute", "delete",
         "reset_curve",
     )),

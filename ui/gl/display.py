@@ -70,7 +70,7 @@ def _switches(view: ToneMapping) -> dict[str, int]:
 
 Behind = tuple[float, float, float] | None
 BLACK: Behind = (0.0, 0.0, 0.0)
-SELECTION_COLOUR = (1.0, 0.62, 0.12)
+SELECTION_COLOUR, OTHERS_COLOUR = (1.0, 0.62, 0.12), (0.75, 0.33, 0.03)
 HOVER_COLOUR = (0.82, 0.82, 0.82)
 # Where there is no background, display.frag.glsl shows the picture over this, or with alpha.
 _CHECKERBOARD, _WITH_ALPHA = 1, 2
@@ -81,15 +81,16 @@ DIVIDER_COLOUR = (0.95, 0.95, 0.95, 1.0)
 class DisplayView:
     """How the linear picture is shown.
 
-    exposure in stops; selected and hovered are object indices, outlined; compare_divider in [0, 1] is the border
-    between the snapshot A (left) and the picture B (right), None shows the picture alone; compare_exposure is A's, None
-    as B's. behind is the exposed radiance of the background, seen where alpha is below 1, None shows a checkerboard
-    there; compare_behind is A's.
+    exposure in stops; selected (the active one), others and hovered are object indices, outlined; compare_divider in
+    [0, 1] is the border between the snapshot A (left) and the picture B (right), None shows the picture alone;
+    compare_exposure is A's, None as B's. behind is the exposed radiance of the background, seen where alpha is below 1,
+    None shows a checkerboard there; compare_behind is A's.
     """
 
     exposure: float = 0.0
     tone_mapping: ToneMapping = "filmic"
     selected: int | None = None
+    others: tuple[int, ...] = ()
     hovered: int | None = None
     compare_divider: float | None = None
     compare_exposure: float | None = None
@@ -132,7 +133,8 @@ class Display:
         """Redraw `box` of the display picture, and all outlines."""
         for region, source, exposure, behind in self._regions(linear, view, box):
             self._tone_map(self._target, source, exposure, view.tone_mapping, region, behind, _CHECKERBOARD)
-        for i_object, colour in ((view.hovered, HOVER_COLOUR), (view.selected, SELECTION_COLOUR)):
+        others = ((i_object, OTHERS_COLOUR) for i_object in view.others)
+        for i_object, colour in ((view.hovered, HOVER_COLOUR), *others, (view.selected, SELECTION_COLOUR)):
             if i_object is not None and 0 <= i_object < self._frame.n_objects:
                 self._outline(i_object, colour)
         if view.compare_divider is not None and self.has_snapshot:

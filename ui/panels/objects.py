@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from imgui_bundle import ImVec2, ImVec4, imgui
 
 from app.document.commands.layers import AddLayers, RemoveLayer, SetEditable, SetFrozen, SetVisible, new_layer
 from app.document.commands.objects import DeleteObject, RenameObject
+from app.document.commands.several import Several, named_together
 from app.document.document import ObjectState, layer_key
-from app.document.selection import is_layer_visible, solo_layer, toggle_solo
+from app.document.selection import is_layer_visible, solo_layer, toggle_solo, toggled
 from app.files.materials import copy_layer, copy_material
 from app.operators.registry import keys_of
 from engine.material import MODELS
@@ -50,6 +53,7 @@ def _scroll_to(top: float, bottom: float) -> None:
 def _object(context: PanelContext, state: ObjectState) -> list[Action]:
     selected = context.view.selected
     chosen = selected is not None and selected.object == state.name
+    also = state.name in context.view.others
     actions: list[Action] = []
     imgui.push_id(state.name)
     hovered = context.view.hovered == state.name
@@ -57,7 +61,7 @@ def _object(context: PanelContext, state: ObjectState) -> list[Action]:
     storage = imgui.get_state_storage()
     is_open = storage.get_bool(open_id, chosen or state.editable)
     has_rows = len(state.layers) > 1
-    corner, width, quiet = _ground(context, chosen and not has_rows, hovered)
+    corner, width, quiet = _ground(context, chosen and not has_rows, hovered, also)
     if has_rows:
         if _arrow(context, is_open):
             storage.set_bool(open_id, not is_open)
@@ -66,7 +70,8 @@ def _object(context: PanelContext, state: ObjectState) -> list[Action]:
     imgui.same_line()
     what = "the colour and strength of its light" if state.is_lamp else "its curves and parameters"
     icon = Icon.EMITTER if state.emits else ""
-    actions += _name(context, state.name, state.name, what, icon, corner, width, not state.visible)
+    if _name(context, state.name, state.name, what, icon, corner, width, not state.visible):
+        actions.append(RunOperator("select", _clicked(context, state.name)))
     actions += _drop(context, state) + _object_menu(context, state)
     actions += _object_buttons(context, state, quiet)
     if is_open and has_rows:
@@ -74,6 +79,35 @@ def _object(context: PanelContext, state: ObjectState) -> list[Action]:
             actions += _layer(context, state, index, layer)
     imgui.pop_id()
     return actions
+
+
+def _clicked(context: PanelContext, name: str) -> str | tuple[str, ...]:
+    """What is selected after a click on an object's name: it alone, with Ctrl it as well or no longer, with Shift all
+    from the active one to it."""
+    io, selected = imgui.get_io(), context.view.selected
+    if io.key_ctrl:
+        return toggled(context.view, name)
+    if not io.key_shift or selected is None:
+        return name
+    names = [state.name for state in context.document.objects]
+    start, end = names.index(selected.object), names.index(name)
+    between = names[start : end + 1] if start <= end else names[end : start + 1]
+    return (*(each for each in between if each != selected.object), selected.object)
+
+
+def _together(context: PanelContext, name: str) -> tuple[str, ...]:
+    """What a switch in an object's row sets: all selected objects where it is one of them, else it alone."""
+    chosen = context.view.selected_objects
+    return chosen if name in chosen else (name,)
+
+
+def _set_all(
+    context: PanelContext, name: str, command: Callable[[str, bool], SetVisible | SetFrozen], value: bool
+) -> Several | SetVisible | SetFrozen:
+    """Set a switch of an object, and of all that are selected with it, in one step."""
+    first, *rest = (command(each, value) for each in _together(context, name))
+    label = f"{first.label.split()[0]} {named_together(_together(context, name))}"
+    return Several((first, *rest), label) if rest else first
 
 
 def _arrow(context: PanelContext, is_open: bool) -> bool:
@@ -92,25 +126,33 @@ def _arrow(context: PanelContext, is_open: bool) -> bool:
     return pressed
 
 
-def _ground(context: PanelContext, chosen: bool, hovered: bool) -> tuple[ImVec2, float, look.Colour]:
-    """Row background; returns (corner, width, the colour of icons in their normal state on it)."""
+def _ground(
+    context: PanelContext, chosen: bool, hovered: bool, also: bool = False
+) -> tuple[ImVec2, float, look.Colour]:
+    """Row background, `also` of an object that is selected besides the active one; returns (corner, width, the colour
+    of icons in their normal state on it)."""
     corner, width = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
     end = ImVec2(corner.x + width, corner.y + imgui.get_frame_height())
     inside = imgui.is_mouse_hovering_rect(corner, end) and imgui.is_window_hovered(
         imgui.HoveredFlags_.allow_when_blocked_by_active_item
     )
     draw = imgui.get_window_draw_list()
-    if chosen or inside or hovered:
-        draw.add_rect_filled(corner, end, look.pack(look.grey(62 if chosen else 46)), context.px(4))
-    if chosen:
+    if chosen or also or inside or hovered:
+        draw.add_rect_filled(corner, end, look.pack(look.grey(62 if chosen else 54 if also else 46)), context.px(4))
+    if chosen or also:
         bar = ImVec2(corner.x + context.px(2), end.y - context.px(4))
-        draw.add_rect_filled(ImVec2(corner.x, corner.y + context.px(4)), bar, look.pack(look.ACCENT))
+        draw.add_rect_filled(
+            ImVec2(corner.x, corner.y + context.px(4)),
+            bar,
+            look.pack(look.ACCENT if chosen else look.with_alpha(look.ACCENT, 0.55)),
+        )
     return corner, width, look.TEXT_SOFT if inside else look.grey(108 if chosen else 84)
 
 
 def _name(
     context: PanelContext, path: str, text: str, what: str, icon: str, corner: ImVec2, width: float, faint: bool
-) -> list[Action]:
+) -> bool:
+    """The name of a row, on a button over the row's room; returns whether it was pressed."""
     height = imgui.get_frame_height()
     place = imgui.get_cursor_screen_pos()
     room = corner.x + width - BUTTONS * height - place.x
@@ -129,18 +171,18 @@ def _name(
         after = place.x + imgui.calc_text_size(shown).x + context.px(7)
         draw.add_text(ImVec2(after, y), look.pack(look.TEXT_SOFT), icon)
     draw.pop_clip_rect()
-    return [RunOperator("select", path)] if pressed else []
+    return pressed
 
 
 def _object_buttons(context: PanelContext, state: ObjectState, quiet: look.Colour) -> list[Action]:
     actions: list[Action] = []
     if _toggle(context, f"visible.{state.name}", Icon.VISIBLE, Icon.HIDDEN, state.visible, quiet,
                "Show or hide this object's reflection in the picture; its shadow stays."):  # fmt: skip
-        actions.append(SetVisible(state.name, not state.visible))
+        actions.append(_set_all(context, state.name, SetVisible, not state.visible))
     if _toggle(context, f"frozen.{state.name}", Icon.FROZEN, Icon.FROZEN, not state.frozen, quiet,
                "Freeze: protects this object's material from edits. "
                "Indirect light then precomputes nothing for it."):  # fmt: skip
-        actions.append(SetFrozen(state.name, not state.frozen))
+        actions.append(_set_all(context, state.name, SetFrozen, not state.frozen))
     hint = "Editable or fixed: a fixed object has no bands of transport, so its material cannot be edited."
     if not state.is_lamp and _toggle(
         context, f"editable.{state.name}", Icon.EDITABLE, Icon.LOCKED, state.editable, quiet, hint
@@ -159,7 +201,8 @@ def _layer(context: PanelContext, state: ObjectState, index: int, layer: Layer) 
     imgui.dummy(ImVec2(context.px(32), imgui.get_frame_height()))
     imgui.same_line()
     faint = not is_layer_visible(context.document, context.view, path)
-    actions += _name(context, path, layer.title, "its curves and parameters", "", corner, width, faint)
+    if _name(context, path, layer.title, "its curves and parameters", "", corner, width, faint):
+        actions.append(RunOperator("select", path))
     actions += _drop(context, state) + _layer_menu(context, state, path, layer)
     if layer.edits:
         place = ImVec2(corner.x + context.px(23), corner.y + 0.5 * imgui.get_frame_height())
@@ -196,11 +239,13 @@ def _object_menu(context: PanelContext, state: ObjectState) -> list[Action]:
     if not imgui.begin_popup_context_item("menu"):
         return actions
     actions += _name_field(context, state)
+    names = _together(context, state.name)
+    select: list[Action] = [] if len(names) > 1 else [RunOperator("select", state.name)]
     if imgui.menu_item_simple("Duplicate"):
-        actions += [RunOperator("select", state.name), RunOperator("duplicate")]
+        actions += [*select, RunOperator("duplicate")]
     context.handles.note_item(f"objects.{state.name}.duplicate")
-    if imgui.menu_item_simple("Delete", None, False, len(context.document.objects) > 1):
-        actions.append(DeleteObject(state.name))
+    if imgui.menu_item_simple("Delete", None, False, len(context.document.objects) > len(names)):
+        actions.append(RunOperator("delete_object") if len(names) > 1 else DeleteObject(state.name))
     context.handles.note_item(f"objects.{state.name}.delete")
     if state.layers:
         imgui.separator()

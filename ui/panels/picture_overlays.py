@@ -71,10 +71,10 @@ def _draw_boxes(context: PanelContext, placed: PictureRect) -> None:
     draw_list = imgui.get_window_draw_list()
     end = ImVec2(placed.x + placed.width, placed.y + placed.height)
     draw_list.add_rect_filled(ImVec2(placed.x, placed.y), end, look.pack(look.grey(0, 0.5)))
-    selected = context.view.selected
+    chosen = context.view.selected_objects
     for state in [state for state in context.document.objects if state.visible][:MOST_BOXES]:
         box = context.box_of(state.name)
-        is_selected = selected is not None and selected.object == state.name
+        is_selected = state.name in chosen
         ink = look.pack(look.ACCENT if is_selected else look.grey(225, 0.8))
         for (x0, y0), (x1, y1) in (
             [] if box is None else visible_edges(box, context.camera, (placed.width, placed.height))

@@ -79,7 +79,10 @@ def _columns(context: PanelContext) -> None:
     for group in ("File", "Edit", "Material", "Help"):
         _group(context, group)
     imgui.end_group()
-    for least, groups in ((TWO_COLUMNS, ("Picture", "Curve")), (THREE_COLUMNS, (*CHOICES, "Camera", "Arrange"))):
+    for least, groups in (
+        (TWO_COLUMNS, ("Picture", "Curve")),
+        (THREE_COLUMNS, (*CHOICES, "Camera", "Select", "Arrange")),
+    ):
         if imgui.get_main_viewport().work_size.x >= context.px(least):
             imgui.same_line(0.0, context.px(32))
         imgui.begin_group()

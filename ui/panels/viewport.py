@@ -6,7 +6,7 @@ from __future__ import annotations
 from imgui_bundle import ImVec2, imgui
 
 from app.document.commands.light import SetRotation
-from app.document.selection import solo_layer
+from app.document.selection import solo_layer, toggled
 from app.document.view_state import LIGHTING_WORDS, SetView
 from app.messages.editor_status import Status
 from app.operators.registry import keys_of
@@ -24,7 +24,8 @@ from ui.panels.window_state import Grip, LightGrip, PaintGrip
 from ui.theme import Icon
 
 DEGREES_PER_PIXEL = 0.5
-DIVIDER_REACH = 7.0
+DIVIDER_REACH, CLICK_REACH = 7.0, 3.0
+TURN_OR_CLICK = "rotation or click"  # with Shift: a drag turns the light, a click selects as well
 LEGEND_WIDTH = 230.0
 BELOW = 0.9  # of the panel's height: where a label hides little of the picture
 ERROR_LEGEND = "Error, relative to the mean"
@@ -126,6 +127,8 @@ def _interact(
         actions += _drag(context, picture, placed, grip, mouse)
     if imgui.is_item_deactivated() and grip is not None:
         actions += [EndDrag(), HoldGrip(None)]
+        if grip.handle == TURN_OR_CLICK:
+            actions += _toggle(context, _object_at(context, placed.pixel(mouse.x, mouse.y, picture)))
     return actions + _drop(context, picture, placed)
 
 
@@ -204,7 +207,7 @@ def _take_hold(context: PanelContext, picture: Picture, placed: PictureRect, on_
     if on_divider:
         return [HoldGrip(Grip("divider", (mouse.x - divider_x(context, placed), 0.0)))]
     if _turns_light():
-        grip = Grip("rotation", (mouse.x, context.document.light.rotation))
+        grip = Grip(TURN_OR_CLICK, (mouse.x, context.document.light.rotation))
         return [BeginDrag("rotate the environment"), HoldGrip(grip)]
     if paint.painting_layer_key(context) is not None:
         paint.draw_circle(context, placed.scale)
@@ -214,7 +217,13 @@ def _take_hold(context: PanelContext, picture: Picture, placed: PictureRect, on_
     if imgui.get_io().key_alt or context.state.picks_lobe:
         picked = _pick_lobe(context, picture, placed)
         return [*picked, SetPanel({"picks_lobe": False}), HoldGrip(Grip("lobe", (0.0, 0.0)))]
-    return [RunOperator("select", _object_at(context, placed.pixel(mouse.x, mouse.y, picture)))]
+    name = _object_at(context, placed.pixel(mouse.x, mouse.y, picture))
+    return _toggle(context, name) if imgui.get_io().key_ctrl else [RunOperator("select", name)]
+
+
+def _toggle(context: PanelContext, name: str | None) -> list[Action]:
+    """Select an object as well, or no longer."""
+    return [] if name is None else [RunOperator("select", toggled(context.view, name))]
 
 
 def _object_at(context: PanelContext, pixel: tuple[int, int] | None) -> str | None:
@@ -248,6 +257,8 @@ def _drag(context: PanelContext, picture: Picture, placed: PictureRect, grip: Gr
     if grip.handle == "divider":
         share = (mouse.x - grip.offset[0] - placed.x) / max(placed.width, 1.0)
         return [SetView.of(compare_divider=share)]
+    if grip.handle == TURN_OR_CLICK and abs(mouse.x - grip.offset[0]) > context.px(CLICK_REACH):
+        return [HoldGrip(Grip("rotation", (mouse.x, grip.offset[1])))]
     if grip.handle == "rotation":
         turn = (mouse.x - grip.offset[0]) / context.theme.scale * DEGREES_PER_PIXEL
         return [SetRotation(grip.offset[1] - turn)]

@@ -57,12 +57,14 @@ from app.document.commands.poses import (
     AddDeformer,
     MoveDeformer,
     MoveObject,
+    PlaceObjects,
     RemoveDeformer,
     SetDeformer,
     SetPose,
     SetTime,
     SetTransform,
 )
+from app.document.commands.several import Several
 from app.document.commands.suns import SetSun
 
 EditCommand = (
@@ -72,5 +74,5 @@ EditCommand = (
     | SetVariant | AddLayers | RemoveLayer | SetRotation | SetIntensity | SetEnvironment | SetMapping | SetEmission
     | SetFirstBands | SetPose | AddDeformer | SetDeformer | MoveDeformer | RemoveDeformer | SetTime | SetSurface
     | OverrideLine | SetSun | SetMix | SetTransform | MoveObject | DuplicateObject | DeleteObject
-    | RenameObject | SetBackground | SetBackgroundColour | AddObject
+    | RenameObject | SetBackground | SetBackgroundColour | AddObject | Several | PlaceObjects
 )  # fmt: skip

@@ -184,6 +184,24 @@ class SetTransform:
         return document.with_object(replace(state, transform=transform))
 
 
+@dataclass(frozen=True)
+class PlaceObjects:
+    """Place several objects by hand at once: their transforms, by their names; label: of the step."""
+
+    transforms: tuple[tuple[str, Transform], ...]
+    label: str
+
+    def apply(self, document: Document) -> Document:
+        placed = dict(self.transforms)
+        for name in placed:
+            document.object(name)
+        objects = tuple(
+            replace(state, transform=placed[state.name]) if state.name in placed else state
+            for state in document.objects
+        )
+        return replace(document, objects=objects)
+
+
 _VERBS = {"translation": "move", "rotation": "rotate", "scale": "scale"}
 
 

@@ -204,6 +204,7 @@ class OrbitFeed(PictureSource):
             compare_exposure=None if compared is None else view.exposure + stops(compared.light),
             tone_mapping="false_colour" if self._is_measure else tone_mapping,
             selected=self._index(view.selected.object if view.selected and rests else None),
+            others=tuple(self._names.index(name) for name in view.others if name in self._names and rests),
             hovered=self._index(view.hovered if rests else None),
             compare_divider=view.compare_divider if compared is not None and rests else None,
             behind=exposed_background(editor.document.background, view.exposure),

@@ -389,6 +389,7 @@ class PlacementFeed(PictureSource):
             compare_exposure=None if compared is None else view.exposure + stops(compared.light),
             tone_mapping=self._view.follow(view.tone_mapping),
             selected=self._index(view.selected.object if view.selected else None),
+            others=tuple(self._names.index(name) for name in view.others if name in self._names),
             hovered=self._index(view.hovered),
             compare_divider=view.compare_divider if view.compare is not None else None,
             behind=exposed_background(editor.document.background, view.exposure),

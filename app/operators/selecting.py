@@ -1,0 +1,33 @@
+"""Operators that select objects."""
+
+from __future__ import annotations
+
+from app.editor.editor import Editor
+from app.operators.operator import SCENE, Gesture, Operator
+
+
+def _select_all(editor: Editor, value: None) -> str | None:
+    """All that are shown; the active one stays active."""
+    shown = [state.name for state in editor.document.objects if state.visible]
+    active = [name for name in editor.view.selected_objects[-1:] if name in shown]
+    return editor.select(tuple(name for name in shown if name not in active) + tuple(active))
+
+
+def _select_none(editor: Editor, value: None) -> str | None:
+    return editor.select(None)
+
+
+def _invert(editor: Editor, value: None) -> str | None:
+    """All that are shown and not selected now."""
+    chosen = set(editor.view.selected_objects)
+    return editor.select(tuple(s.name for s in editor.document.objects if s.visible and s.name not in chosen))
+
+
+SELECTING = (
+    Gesture("Shift click", "Select another one as well, or no longer"),
+    Operator("select_all", _select_all, ("Ctrl A",), "Select all objects, none", "Ctrl A   Ctrl Shift A",
+             entry="All", needs=SCENE),
+    Operator("select_none", _select_none, ("Ctrl Shift A",), entry="None", needs=SCENE),
+    Operator("select_others", _invert, ("Ctrl I",), "Select the others instead", entry="The others instead",
+             needs=SCENE),
+)  # fmt: skip

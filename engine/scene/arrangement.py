@@ -1,0 +1,116 @@
+"""Several objects moved, rotated and scaled together, about a common point or each about its own centre.
+
+An object with its centre at c and the linear part R S (`engine.scene.transform`) goes, about a point o, to
+
+    c' = o + A (c - o) ,   R' S' nearest to A R S ,
+
+with the rotation or the scale A along the world's axes or any others. A rotation is exact. A scale by f along axes that
+an object's own do not follow would shear it; it scales the object's axis r_j by |A r_j| and keeps their directions, as
+Blender does: exact where the axes agree, and for one factor in all directions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from engine.scene.transform import LEAST_SCALE, MOST_SCALE, Transform, Triple, rotation_degrees, rotation_matrix
+
+Float64Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedObject:
+    """An object as it stands: its name, its box (2, 3) where its file has it, and its transform from there."""
+
+    name: str
+    box: Float64Array
+    transform: Transform
+
+    @property
+    def pivot(self) -> Float64Array:
+        """The centre of its box where its file has it (3,)."""
+        return 0.5 * (self.box[0] + self.box[1])
+
+    @property
+    def centre(self) -> Float64Array:
+        """Where that is now (3,)."""
+        return self.pivot + self.transform.translation
+
+    @property
+    def moved_box(self) -> Float64Array:
+        """The box (2, 3) around it as it stands."""
+        return self.transform.moved_box(self.box)
+
+    def at(self, centre: ArrayLike) -> PlacedObject:
+        """The same with its centre elsewhere. Raises ValueError outside the range of transforms."""
+        translation = _triple(np.asarray(centre, np.float64) - self.pivot)
+        return replace(self, transform=replace(self.transform, translation=translation))
+
+    def extent_along(self, direction: ArrayLike) -> float:
+        """How far its box reaches from its centre in a unit direction (3,)."""
+        half = 0.5 * (self.box[1] - self.box[0])
+        return float(np.abs(np.asarray(direction, np.float64) @ self.transform.linear) @ half)
+
+
+Placed = Sequence[PlacedObject]
+
+
+def middle_of(placed: Placed) -> Float64Array:
+    """The mean of their centres (3,)."""
+    return np.mean([each.centre for each in placed], axis=0)
+
+
+def box_of(placed: Placed) -> Float64Array:
+    """The box (2, 3) around all of them as they stand."""
+    boxes = np.array([each.moved_box for each in placed])
+    return np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
+
+
+def moved(placed: Placed, by: ArrayLike) -> list[PlacedObject]:
+    """All of them moved by metres (3,). Raises ValueError outside the range of transforms."""
+    return [
+        replace(each, transform=replace(each.transform, translation=_triple(np.add(each.transform.translation, by))))
+        for each in placed
+    ]
+
+
+def rotated(placed: Placed, rotation: Float64Array, about: Float64Array | None = None) -> list[PlacedObject]:
+    """All of them rotated (3, 3) about a point (3,), None: each about its centre."""
+    found = list[PlacedObject]()
+    for each in placed:
+        turned = rotation_degrees(rotation @ rotation_matrix(each.transform.rotation))
+        changed = replace(each, transform=replace(each.transform, rotation=turned))
+        found.append(changed if about is None else changed.at(about + rotation @ (each.centre - about)))
+    return found
+
+
+def scaled(
+    placed: Placed, factors: ArrayLike, about: Float64Array | None = None, axes: Float64Array | None = None
+) -> list[PlacedObject]:
+    """All of them scaled by factors (3,) along axes, the columns of (3, 3), about a point (3,). axes None: those of the
+    world, or, where about is None, each along its own axes and about its centre. Factors of an object stay within the
+    range of transforms."""
+    found = list[PlacedObject]()
+    for each in placed:
+        own = rotation_matrix(each.transform.rotation)
+        along = axes if axes is not None else own if about is None else np.eye(3)
+        matrix = along * np.asarray(factors, np.float64) @ along.T
+        stretched = np.linalg.norm(matrix @ own, axis=0) * each.transform.scale
+        scale = _triple(np.clip(stretched, LEAST_SCALE, MOST_SCALE))
+        changed = replace(each, transform=replace(each.transform, scale=scale))
+        found.append(changed if about is None else changed.at(about + matrix @ (each.centre - about)))
+    return found
+
+
+def transforms_of(placed: Iterable[PlacedObject]) -> tuple[tuple[str, Transform], ...]:
+    """The transform of each, by its name."""
+    return tuple((each.name, each.transform) for each in placed)
+
+
+def _triple(values: Float64Array) -> Triple:
+    x, y, z = np.asarray(values, np.float64).tolist()
+    return x, y, z
