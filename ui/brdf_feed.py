@@ -38,10 +38,10 @@ from ui.gl import brdf_views
 from ui.gl.brdf_stack import BrdfStack
 from ui.gl.brdf_views import LitSphere
 from ui.gl.context import GraphicsError
-from ui.gl.display import ToneView
 from ui.gl.gpu_memory import TextureMemory
 from ui.gl.measured_tables import MeasuredTables
 from ui.gl.program import Passes
+from ui.gl.view_transform import ToneView
 from ui.panels.pictures import BrdfBoard, Part, Picture
 from ui.surface_lobe import SurfacePoint, surface_lobe
 

@@ -38,8 +38,10 @@ from engine.core.errors import InsituError
 from engine.render.display import deep_png, exr_bytes, pixels_png
 from engine.scene.description import Camera
 from ui.gl.context import GraphicsError
+from ui.gl.display import ShownPicture
 from ui.gl.gpu_memory import TextureMemory
-from ui.scene_view import PixelValues, SceneView, SurfaceSpot
+from ui.pixel_values import PixelValues, pixel_values
+from ui.scene_view import SceneView, SurfaceSpot
 from ui.surface_lobe import SurfacePoint
 
 # The time between two checks for responses, while a selected curve is waited for.
@@ -78,8 +80,8 @@ class PictureSource(Protocol):
         """The picture as it is now, for a file; None before there is one."""
         return None
 
-    def values_at(self, editor: Editor, column: int, row: int) -> PixelValues | None:
-        """The values of a pixel of the picture; None where there is none."""
+    def shown(self, editor: Editor) -> ShownPicture | None:
+        """What is on screen, to be measured; None where there is nothing."""
         return None
 
     def map_thumbnails(self, key: str) -> Mapping[str, moderngl.Texture]:
@@ -201,11 +203,17 @@ class PictureFeed:
         """The point that a pixel of the picture sees; None for emitters and the background."""
         return self._scene.spot_at(column, row)
 
-    def values_at(self, editor: Editor, column: int, row: int) -> PixelValues | None:
-        """The values of a pixel of the mode's own picture; None while another one stays on screen."""
+    def shown(self, editor: Editor) -> ShownPicture | None:
+        """What is on screen, to be measured; None while it is not the mode's own picture."""
         if self.source is None or self.shows_view_before or self.mode_before is not None:
             return None
-        return self.source.values_at(editor, column, row)
+        return self.source.shown(editor)
+
+    def values_at(self, editor: Editor, column: int, row: int, side: int = 1) -> PixelValues | None:
+        """The values of a pixel of the mode's own picture, or the mean of a square about it; None while another one
+        stays on screen."""
+        picture = self.shown(editor)
+        return None if picture is None else pixel_values(picture, column, row, side)
 
     def take(self, editor: Editor, now: float) -> bool:
         """Process the worker's responses and request what is missing. Returns whether there is something to draw."""

@@ -10,7 +10,6 @@ import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import moderngl
 import numpy as np
@@ -26,21 +25,6 @@ from ui.surface_lobe import SurfacePoint
 
 THUMBNAIL_WIDTH = 512
 _FLAT = ("quad", "disc")  # shapes whose front is their +Z
-
-
-class PixelValues(NamedTuple):
-    """A pixel of the shown picture. radiance: linear, of the whole pixel, including the light's intensity, without
-    exposure; alpha: the share of it that something covers; shown: its colour on screen, sRGB from 0 to 255."""
-
-    radiance: tuple[float, float, float]
-    alpha: float
-    shown: tuple[int, int, int]
-
-
-def pixel_values(values: tuple[NDArray[np.float64], tuple[int, int, int]], intensity: float) -> PixelValues:
-    """The values of a pixel as a renderer has them, without the light's intensity."""
-    (red, green, blue, alpha), shown = values
-    return PixelValues((red * intensity, green * intensity, blue * intensity), float(alpha), shown)
 
 
 class SceneView:

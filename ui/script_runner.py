@@ -24,7 +24,7 @@ from app.worker.client import Client
 from engine.core.errors import InsituError
 from engine.scene.builtin import builtin_environments, builtin_scenes
 from engine.scene.light_placement import PlacedLight
-from ui.gl.display import is_table_ready
+from ui.gl.view_transform import is_table_ready
 from ui.headless import DEFAULT_SIZE, HeadlessWindow
 from ui.layout import PANELS
 from ui.panels.actions import SetPanel, ShowPanel

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, get_args
 
 from app.document.document import Document, Selection
 from engine.core.colour import ToneMapping
@@ -19,9 +19,11 @@ from engine.settings import AS_PLANNED, SETTINGS, Lighting, RenderSettings
 
 Tool = Literal["translate_x", "translate_y", "translate_xy", "amplify_x", "amplify_y", "amplify_xy", "stroke", "points"]
 Channel = Literal["rgb", "r", "g", "b"]
+PictureChannel = Literal["colour", "red", "green", "blue", "alpha", "luminance"]
 BrdfPlot = Literal["lobe", "slice", "albedo"]
 
 CHANNELS: tuple[Channel, ...] = ("rgb", "r", "g", "b")
+PICTURE_CHANNELS: tuple[PictureChannel, ...] = get_args(PictureChannel)
 BRDF_PLOTS: tuple[BrdfPlot, ...] = ("lobe", "slice", "albedo")
 LIGHTING_WORDS: Mapping[Lighting, str] = MappingProxyType(
     {"scene": "", "no_shadows": "no shadows", "point_light": "one light, no shadows"}
@@ -85,7 +87,8 @@ class ViewState:
     Deform's picture, from left to right, between what paths show, transfer that does not rotate, and its own (0 the
     left edge, 1 the right); ``fit_error``: whether the error of its lobes is shown instead. ``shows_error``: whether
     the error map is shown over the picture. ``lighting``: the light in place, or a simple one for comparison, in
-    Placement.
+    Placement. ``picture_channel``: which channel of the picture is seen alone; ``zebra``: stripes over what is clipped
+    on screen; ``view_before``: the view transform that false colours replaced.
     ``regions`` are a ≤ b ≤ c ≤ d of the operator being shown or about to be made; ``operator`` is its index in the
     selected curve's list, None for one about to be made. ``node`` is the index of the node whose curve is shown with
     handles where a parameter varies over the layer; None: the middle one. ``curve_zoom`` is (γ low, γ high, y low, y
@@ -101,7 +104,11 @@ class ViewState:
     others: tuple[str, ...] = ()
     hovered: str | None = None
     exposure: float = 0.0
+    gamma: float = 1.0
     tone_mapping: ToneMapping = "filmic"
+    picture_channel: PictureChannel = "colour"
+    view_before: ToneMapping = "filmic"
+    zebra: bool = False
     compare: Document | None = None
     compare_divider: float = 0.5
     fit: bool = True
@@ -185,6 +192,17 @@ EXPOSURE = Parameter(
     soft=(-8.0, 8.0),
     form="%+.2f EV",
 )
+GAMMA = Parameter(
+    "gamma",
+    "scalar",
+    1.0,
+    "Gamma",
+    "The colours on screen and in PNG files to the power of 1 / gamma: above 1 shadows are lifted.",
+    minimum=0.2,
+    maximum=5.0,
+    soft=(0.5, 2.0),
+    form="%.2f",
+)
 FRAME_BUDGET = Parameter(
     "frame_budget_ms",
     "scalar",
@@ -200,6 +218,7 @@ FRAME_BUDGET = Parameter(
 VIEW_FIELDS = frozenset(f.name for f in fields(ViewState)) - {"settings"}
 LIMITS: dict[str, tuple[float, float]] = {
     "exposure": (EXPOSURE.minimum, EXPOSURE.maximum),
+    "gamma": GAMMA.limits,
     "compare_divider": (0.0, 1.0),
     "zoom": (0.05, 64.0),
     "lobe_angle": (0.0, 1.55),

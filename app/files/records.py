@@ -231,6 +231,7 @@ class ViewRecord(_SettingsRecord):  # type: ignore[misc, valid-type]
     mode: Text = "placement"
     selected: Text | None = None
     exposure: Annotated[Number, Field(ge=-20.0, le=20.0)] = 0.0
+    gamma: Annotated[Number, Field(ge=0.2, le=5.0)] = 1.0
     tone_mapping: ToneMapping = "filmic"
     fit: Flag = True
     log_y: Flag = False

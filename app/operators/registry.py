@@ -6,12 +6,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from app.document.view_state import PICTURE_CHANNELS
 from app.editor.editor import Editor
 from app.operators.arrange import ARRANGE, adding
 from app.operators.camera import CAMERA, CONVENTIONS
 from app.operators.curve_drawing import DRAWING
 from app.operators.edits import CURVES, EDITS, MATERIAL
 from app.operators.files import FILES
+from app.operators.inspect import INSPECT, channel_operator
 from app.operators.operator import Gesture, Operator
 from app.operators.selecting import SELECTING
 from app.operators.view import HELP, PICTURE
@@ -19,7 +21,8 @@ from engine.core.errors import InsituError
 from engine.scene.composition import LIGHTS, SHAPES
 
 GROUPS: dict[str, tuple[Operator | Gesture, ...]] = {
-    "Edit": EDITS, "Select": SELECTING, "Arrange": ARRANGE, "Picture": PICTURE, "Camera": CAMERA, **CONVENTIONS,
+    "Edit": EDITS, "Select": SELECTING, "Arrange": ARRANGE, "Picture": PICTURE, "Inspect": INSPECT, "Camera": CAMERA,
+    **CONVENTIONS,
     "File": FILES, "Material": MATERIAL, "Curve": (*CURVES, *DRAWING), "Help": HELP,
 }  # fmt: skip
 OPERATORS = {each.name: each for group in GROUPS.values() for each in group if isinstance(each, Operator)}
@@ -63,7 +66,12 @@ MENUS = (
             "camera_panel", "go_to_view", None, "frame", "frame_all", None, "view_front", "view_right", "view_top",
             "view_back", "view_left", "view_bottom", None, "level", "own_view", "conventions",
         )),
-        Menu("Colours", ("view",)), "resolution", "compare", "lighting", "error", "values", "log", None, "show",
+        Menu("Colours", ("view", None, "reset_exposure")),
+        Menu("Inspect", (
+            "values", "average", "copy_values", None, *map(channel_operator, PICTURE_CHANNELS), None, "zebra", "stops",
+            "error", None, "zoom_in", "zoom_out",
+        )),
+        "resolution", "compare", "lighting", "log", None, "show",
         "reset_layout",
         None, "screenshot",
     )),

@@ -133,7 +133,6 @@ PICTURE = (
         entry="Simple lighting", needs=PLACEMENT, is_on=lambda context: context.view.lighting != "scene",
         script=ScriptKey(Lighting, "Lights Placement's picture as simple previews do, or `\"scene\"`, in place."),
     ),
-    Operator("values", keys=("Q",), help="Values of the pixel under the mouse", entry="Pixel values"),
     Operator(
         "error", lambda editor, value: editor.do(SetView.of(shows_error=not editor.view.shows_error)), ("E",),
         "Show the error, in false colours", entry="Show the error", is_on=lambda context: context.view.shows_error,

@@ -1,6 +1,7 @@
 // Provides: display_colour(radiance), the sRGB-encoded colour in [0, 1] of a linear Rec. 709 radiance that is exposed
 // already. One of TONE_LINEAR, TONE_FILMIC, TONE_TABLE, TONE_FALSE_COLOUR is defined to 1.
 #include "common/srgb.glsl"
+#include "common/viridis.glsl"
 
 #if TONE_FILMIC
 // Narkowicz' fit of the ACES reference rendering (K. Narkowicz, "ACES Filmic Tone Mapping Curve", 2016).
@@ -23,20 +24,8 @@ vec3 tone_map(vec3 radiance) {
 #endif
 
 #if TONE_FALSE_COLOUR
-// log2 of luminance in bands of one stop, from -8 to +8, dark blue over green to light yellow: a polynomial fit of
-// matplotlib's viridis (lightness grows evenly). The lower half of each stop is a little darker, so that stops can be
-// counted.
-vec3 viridis(float t) {
-    const vec3 c0 = vec3(0.2777273272, 0.0054073445, 0.3340998053);
-    const vec3 c1 = vec3(0.1050930431, 1.4046135299, 1.3845901621);
-    const vec3 c2 = vec3(-0.3308618287, 0.2148475595, 0.0950951630);
-    const vec3 c3 = vec3(-4.6342304990, -5.7991009734, -19.3324409563);
-    const vec3 c4 = vec3(6.2282699363, 14.1799333669, 56.6905526007);
-    const vec3 c5 = vec3(4.7763849783, -13.7451453777, -65.3530326334);
-    const vec3 c6 = vec3(-5.4354558559, 4.6458526121, 26.3124352496);
-    return clamp(c0 + t * (c1 + t * (c2 + t * (c3 + t * (c4 + t * (c5 + t * c6))))), 0.0, 1.0);
-}
-
+// log2 of luminance in bands of one stop, from -8 to +8. The lower half of each stop is a little darker, so that stops
+// can be counted.
 vec3 display_colour(vec3 radiance) {
     float luminance = dot(max(radiance, vec3(0.0)), vec3(0.2126, 0.7152, 0.0722));
     float stops = clamp(log2(max(luminance, 1e-12)), -8.0, 8.0);

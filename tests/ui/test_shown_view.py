@@ -10,8 +10,8 @@ from app.document.view_state import SetView
 from engine.core.colour import ToneMapping
 from engine.core.errors import InsituError
 from engine.render.display import display_picture
-from ui.gl import display
-from ui.gl.display import ToneView
+from ui.gl import view_transform
+from ui.gl.view_transform import ToneView
 from ui.headless import HeadlessWindow
 from ui.picture_feed import PictureFeed
 
@@ -23,11 +23,11 @@ def made_by(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[Callable[[Ton
     """Let tables be made by something else."""
 
     def use(make: Callable[[ToneMapping], np.ndarray]) -> None:
-        display._start_table.cache_clear()
-        monkeypatch.setattr(display, "view_table", make)
+        view_transform._start_table.cache_clear()
+        monkeypatch.setattr(view_transform, "view_table", make)
 
     yield use
-    display._start_table.cache_clear()
+    view_transform._start_table.cache_clear()
 
 
 def test_the_last_view_stays_until_the_table_is_there(made_by) -> None:
@@ -38,7 +38,7 @@ def test_the_last_view_stays_until_the_table_is_there(made_by) -> None:
     assert shown.follow("agx") == "linear" and shown.waits
     assert shown.follow("filmic") == "filmic" and not shown.waits  # another choice meanwhile
     may_end.set()
-    display._start_table("agx").result(20)
+    view_transform._start_table("agx").result(20)
     assert shown.follow("agx") == "agx" and not shown.waits
 
 
@@ -51,7 +51,7 @@ def test_a_view_that_cannot_be_made_is_said_once(made_by) -> None:
     with pytest.raises(InsituError):
         for _ in range(200):  # the thread may take a moment
             shown.follow("aces_2")
-            display._start_table("aces_2").exception(20)
+            view_transform._start_table("aces_2").exception(20)
     assert shown.follow("aces_2") == "filmic" and not shown.waits
 
 
@@ -60,7 +60,7 @@ def test_the_window_shows_what_a_file_would_hold(window: HeadlessWindow) -> None
     window.shell.editor.select(None)
     for view in ("agx", "aces_2", "filmic"):
         window.shell.editor.do(SetView.of(tone_mapping=view))
-        assert window.run_until(lambda view=view: display.is_table_ready(view), 20)
+        assert window.run_until(lambda view=view: view_transform.is_table_ready(view), 20)
         window.frames(2)
         source = window.shell.source
         assert isinstance(source, PictureFeed) and source.source.renderer.frame is not None

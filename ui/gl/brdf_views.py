@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from engine.core.colour import ToneMapping
 from engine.material.layer import Layer
 from ui.gl.brdf_stack import BrdfStack
-from ui.gl.display import ToneMapper
 from ui.gl.gpu_memory import TextureMemory, read_texture
 from ui.gl.program import Passes
+from ui.gl.view_transform import ToneMapper
 
 Float64Array = NDArray[np.float64]
 

@@ -3,67 +3,25 @@
 Outlines are short lists of points drawn over the picture: checking each pixel's neighbours in a full-screen shader
 costs more than the rest of the frame on a software rasterizer, and hardly any pixel needs it.
 
-A view transform is a set of shader switches and a table, which other shaders that end in display colours use as well
-(`ToneMapper`). Making a table imports a library and evaluates a quarter of a million colours: half a second, in a
-thread. Meanwhile the view before it is shown (`ToneView`).
+View transforms are in `ui.gl.view_transform`. What inspects a picture (one channel, stripes where it is clipped) is a
+variant of the shader, so that the picture alone costs nothing more.
 """
 
 from __future__ import annotations
 
-from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
-from functools import lru_cache
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.core.colour import TABLE_SIDE, TABLE_STOPS, TABULATED_VIEWS, TONE_MAPPINGS, VIEWS, ToneMapping, view_table
-from engine.core.errors import InsituError
+from app.document.view_state import PICTURE_CHANNELS, PictureChannel
+from engine.core.colour import ToneMapping
 from engine.scene.picture_frame import PictureFrame
-from ui.gl.context import GraphicsError
-from ui.gl.gpu_memory import TextureMemory, read_texel, read_texture
-from ui.gl.program import Box, Passes, Textures, uniform
-
-_SWITCHES = {"filmic": "TONE_FILMIC", "linear": "TONE_LINEAR", "false_colour": "TONE_FALSE_COLOUR"}
-_TABLE_SWITCH = "TONE_TABLE"
-
-
-class ToneMapper:
-    """Programs and textures by view. A table is made when it is first drawn with, which takes half a second where it
-    was not requested before (`is_table_ready`)."""
-
-    def __init__(self, passes: Passes, memory: TextureMemory) -> None:
-        self._passes, self._memory = passes, memory
-        self._tables: dict[ToneMapping, moderngl.Texture3D] = {}
-
-    def full_screen(self, fragment: str, view: ToneMapping) -> moderngl.Program:
-        """The program of a fragment shader that includes common/tone_mapping.glsl."""
-        program = self._passes.full_screen(fragment, **_switches(view))
-        if view in TABULATED_VIEWS:
-            uniform(program, "table_stops").value = TABLE_STOPS
-        return program
-
-    def textures(self, view: ToneMapping) -> Textures:
-        """The textures that those programs sample besides the picture."""
-        if view not in TABULATED_VIEWS:
-            return {}
-        if view not in self._tables:
-            self._tables[view] = self._memory.cube(TABLE_SIDE, 3, "f2", view_table(view))
-        return {"view_table": self._tables[view]}
-
-    def release(self) -> None:
-        for table in self._tables.values():
-            self._memory.release(table)
-        self._tables.clear()
-
-
-def _switches(view: ToneMapping) -> dict[str, int]:
-    if view not in TONE_MAPPINGS:
-        raise GraphicsError(f"view {view!r}, expected one of {', '.join(TONE_MAPPINGS)}")
-    chosen = _SWITCHES.get(view, _TABLE_SWITCH)
-    return {name: int(name == chosen) for name in (*_SWITCHES.values(), _TABLE_SWITCH)}
-
+from ui.gl.gpu_memory import TextureMemory, read_texture
+from ui.gl.program import Box, Passes
+from ui.gl.view_transform import ToneMapper
 
 # -------------------------------------------------------------------------------------------------- the display picture
 
@@ -84,7 +42,8 @@ class DisplayView:
     exposure in stops; selected (the active one), others and hovered are object indices, outlined; compare_divider in
     [0, 1] is the border between the snapshot A (left) and the picture B (right), None shows the picture alone;
     compare_exposure is A's, None as B's. behind is the exposed radiance of the background, seen where alpha is below 1,
-    None shows a checkerboard there; compare_behind is A's.
+    None shows a checkerboard there; compare_behind is A's. gamma: the finished colours are raised to
+    1 / gamma. channel: which is seen alone; zebra: stripes where the screen's values are at their end.
     """
 
     exposure: float = 0.0
@@ -96,6 +55,36 @@ class DisplayView:
     compare_exposure: float | None = None
     behind: Behind = BLACK
     compare_behind: Behind = BLACK
+    gamma: float = 1.0
+    channel: PictureChannel = "colour"
+    zebra: bool = False
+
+    @property
+    def is_inspected(self) -> bool:
+        """Whether more is shown than the picture."""
+        return self.channel != "colour" or self.zebra
+
+    @property
+    def plain(self) -> DisplayView:
+        """The same without what inspects the picture."""
+        return replace(self, channel="colour", zebra=False)
+
+
+class ShownPicture(NamedTuple):
+    """What is on screen: its display, what the linear picture is drawn into, how it is shown, and the intensity of the
+    light, which the linear picture is without."""
+
+    display: Display
+    target: moderngl.Framebuffer
+    view: DisplayView
+    intensity: float
+
+    @property
+    def linear(self) -> moderngl.Texture:
+        """The linear picture."""
+        texture = self.target.color_attachments[0]
+        assert isinstance(texture, moderngl.Texture)
+        return texture
 
 
 class Display:
@@ -132,7 +121,7 @@ class Display:
     def draw(self, linear: moderngl.Texture, view: DisplayView, box: Box) -> None:
         """Redraw `box` of the display picture, and all outlines."""
         for region, source, exposure, behind in self._regions(linear, view, box):
-            self._tone_map(self._target, source, exposure, view.tone_mapping, region, behind, _CHECKERBOARD)
+            self._tone_map(self._target, source, replace(view, exposure=exposure, behind=behind), region, _CHECKERBOARD)
         others = ((i_object, OTHERS_COLOUR) for i_object in view.others)
         for i_object, colour in ((view.hovered, HOVER_COLOUR), *others, (view.selected, SELECTION_COLOUR)):
             if i_object is not None and 0 <= i_object < self._frame.n_objects:
@@ -146,10 +135,20 @@ class Display:
         """The display picture (H,W,3), sRGB; waits for the GPU."""
         return read_texture(self.texture, np.uint8)[..., :3].astype(np.uint8)
 
-    def shown_at(self, column: int, row: int) -> tuple[int, int, int]:
-        """The colour of a pixel on screen, sRGB from 0 to 255; waits for the GPU."""
-        red, green, blue, _ = read_texel(self._target, column, row, "f1")
-        return int(red), int(green), int(blue)
+    def sampled(
+        self, linear: moderngl.Texture, view: DisplayView, box: Box, size: tuple[int, int], dtype: str = "f1"
+    ) -> NDArray[np.generic]:
+        """The box of a linear picture as it is shown, with nothing drawn over it, by so many pixels (height, width, 4)
+        evenly from it; "f1" from 0 to 255, "f4" from 0 to 1. Waits for the GPU."""
+        texture = self._memory.texture(size, 4, dtype)
+        target = self._memory.framebuffer([texture])
+        stride = box[2] / size[0], box[3] / size[1]
+        try:
+            self._tone_map(target, linear, view.plain, (0, 0, *size), _CHECKERBOARD, (box[0], box[1]), stride)
+            return read_texture(texture, np.uint8 if dtype == "f1" else np.float32)
+        finally:
+            self._memory.release_framebuffer(target)
+            self._memory.release(texture)
 
     def finished(self, linear: moderngl.Texture, view: DisplayView) -> NDArray[np.float32]:
         """The picture (H,W,3) alone, without outlines and divider, in the screen's values, unrounded: for files that
@@ -158,7 +157,7 @@ class Display:
         texture = self._memory.texture(self._size, 4, "f4")
         target = self._memory.framebuffer([texture])
         try:
-            self._tone_map(target, linear, view.exposure, view.tone_mapping, whole, view.behind, _WITH_ALPHA)
+            self._tone_map(target, linear, view.plain, whole, _WITH_ALPHA)
             n_channels = 4 if view.behind is None else 3
             return read_texture(texture, np.float32)[..., :n_channels].astype(np.float32)
         finally:
@@ -183,16 +182,21 @@ class Display:
         return round(min(max(view.compare_divider or 0.0, 0.0), 1.0) * self._size[0])
 
     def _tone_map(
-        self, target: moderngl.Framebuffer, source: moderngl.Texture, exposure: float, tone_mapping: ToneMapping,
-        region: Box, behind: Behind, transparent: int,
+        self, target: moderngl.Framebuffer, source: moderngl.Texture, view: DisplayView, region: Box, transparent: int,
+        first: tuple[int, int] = (0, 0), stride: tuple[float, float] = (1.0, 1.0),
     ) -> None:  # fmt: skip
-        """transparent: what is shown where there is no background, as display.frag.glsl numbers it."""
-        program = self._mapper.full_screen("placement/display.frag.glsl", tone_mapping)
-        textures = {"linear_picture": source, **self._mapper.textures(tone_mapping)}
-        kind = transparent if behind is None else 0
+        """Draw the region of a target. transparent: what is shown where there is no background, as display.frag.glsl
+        numbers it; first, stride: the texel of the source in the target's first, and how many there are for each."""
+        inspects = view.is_inspected
+        program = self._mapper.full_screen("placement/display.frag.glsl", view.tone_mapping, INSPECTED=int(inspects))
+        textures = {"linear_picture": source, **self._mapper.textures(view.tone_mapping)}
+        kind = transparent if view.behind is None else 0
+        inspection: dict[str, Any] = (
+            {"channel": PICTURE_CHANNELS.index(view.channel), "zebra": view.zebra} if inspects else {}
+        )
         self._passes.draw(
-            program, target, region, textures, exposure=exposure_factor(exposure), behind=behind or BLACK,
-            transparent=kind,
+            program, target, region, textures, exposure=exposure_factor(view.exposure), behind=view.behind or BLACK,
+            transparent=kind, first=first, stride=stride, inverse_gamma=1.0 / view.gamma, **inspection,
         )  # fmt: skip
 
     def _outline(self, i_object: int, colour: tuple[float, float, float]) -> None:
@@ -260,37 +264,3 @@ class ErrorOverlay:
         if self._texture is not None:
             self._texture.release()
         self._texture = self._colours = None
-
-
-@lru_cache(maxsize=len(TABULATED_VIEWS))
-def _start_table(view: ToneMapping) -> Future[NDArray[np.float16]]:
-    with_one_thread = ThreadPoolExecutor(1, thread_name_prefix="view")
-    coming = with_one_thread.submit(view_table, view)
-    with_one_thread.shutdown(wait=False)
-    return coming
-
-
-def is_table_ready(view: ToneMapping) -> bool:
-    """Whether a view can be drawn at once; if it cannot, its table is being made from now on."""
-    return view not in TABULATED_VIEWS or _start_table(view).done()
-
-
-class ToneView:
-    """Follows the choice. `waits`: whether another frame will show it."""
-
-    def __init__(self) -> None:
-        self._shown: ToneMapping = "filmic"
-        self._refused: set[ToneMapping] = set()
-        self.waits = False
-
-    def follow(self, wanted: ToneMapping) -> ToneMapping:
-        """The view to show now. Raises InsituError once for a view that cannot be made."""
-        self.waits = not is_table_ready(wanted)
-        if self.waits or wanted in self._refused:
-            return self._shown
-        failure = _start_table(wanted).exception() if wanted in TABULATED_VIEWS else None
-        if failure is not None:
-            self._refused.add(wanted)
-            raise InsituError(f"{VIEWS[wanted].label} cannot be shown: {failure}")
-        self._shown = wanted
-        return wanted

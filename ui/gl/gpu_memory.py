@@ -135,10 +135,11 @@ def read_texture(texture: moderngl.Texture, dtype: type[np.generic]) -> NDArray[
     return raw.reshape(texture.height, texture.width, texture.components)
 
 
-def read_texel(target: moderngl.Framebuffer, column: int, row: int, dtype: str) -> NDArray[np.float64]:
-    """One texel (4,) of a framebuffer's texture, "f4" or "f1" (0 to 255); waits for the GPU."""
-    raw = target.read(viewport=(column, row, 1, 1), components=4, dtype=dtype, alignment=1)
-    return np.frombuffer(raw, np.float32 if dtype == "f4" else np.uint8).astype(np.float64)
+def read_texels(target: moderngl.Framebuffer, box: tuple[int, int, int, int], dtype: str) -> NDArray[np.float64]:
+    """A box of texels (height, width, 4) of a framebuffer's texture, "f4" or "f1" (0 to 255); waits for the GPU."""
+    raw = target.read(viewport=box, components=4, dtype=dtype, alignment=1)
+    numbers = np.frombuffer(raw, np.float32 if dtype == "f4" else np.uint8).astype(np.float64)
+    return numbers.reshape(box[3], box[2], 4)
 
 
 def _sample_nearest(texture: moderngl.Texture | moderngl.TextureArray) -> None:

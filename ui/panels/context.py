@@ -27,7 +27,8 @@ from engine.scene.import_report import ImportReport
 from ui.frame_times import PerformanceRecord
 from ui.panels.pictures import BrdfBoard, Picture
 from ui.panels.window_state import PanelState, Travel
-from ui.scene_view import PixelValues, SurfaceSpot
+from ui.pixel_values import PixelValues
+from ui.scene_view import SurfaceSpot
 from ui.theme import Theme
 
 
@@ -109,7 +110,7 @@ def no_object(column: int, row: int) -> str | None:
     return None
 
 
-def no_values(column: int, row: int) -> PixelValues | None:
+def no_values(column: int, row: int, side: int = 1) -> PixelValues | None:
     """The values of a pixel before there is a picture: none."""
     return None
 
@@ -169,7 +170,7 @@ class PanelContext:
     object_at: Callable[[int, int], str | None] = no_object
     spot_at: Callable[[int, int], SurfaceSpot | None] = no_spot
     facing_of: Callable[[str], NDArray[np.float64] | None] = no_facing
-    values_at: Callable[[int, int], PixelValues | None] = no_values
+    values_at: Callable[[int, int, int], PixelValues | None] = no_values
     heading: float = 0.0
     has_environment: bool = True
     environments: tuple[str, ...] = ()

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from imgui_bundle import ImVec2, imgui
 
-from app.document.view_state import EXPOSURE, OpenPanel, SetView
+from app.document.view_state import EXPOSURE, GAMMA, OpenPanel, SetView
 from app.operators.registry import MENUS, OPERATORS, Menu, keys_of
 from app.operators.view import is_pixel_for_pixel
 from engine.core.colour import VIEWS
@@ -25,6 +25,7 @@ from ui.panels.window_operators import ALT, is_on, perform
 from ui.theme import Icon
 
 EXPOSURE_WIDTH, LEAST_EXPOSURE_WIDTH, TONE_WIDTH, FIT_WIDTH, GAP = 118.0, 64.0, 108.0, 42.0, 12.0
+GAMMA_LABEL = 52.0
 MODE_WIDTH = 84.0
 RECENT_WIDTH = 320.0
 NOT_SAVED = ": there are edits that no session has yet"
@@ -173,7 +174,16 @@ def _views(context: PanelContext, handle: str = "menu.colours") -> list[Action]:
             actions.append(SetView.of(tone_mapping=name))
         context.handles.note_item(f"{handle}.{name}")
         widgets.tooltip(known.tooltip)
-    return actions
+    imgui.separator()
+    return actions + _gamma(context)
+
+
+def _gamma(context: PanelContext) -> list[Action]:
+    row = rows.Row(
+        GAMMA, context.view.gamma, lambda gamma: SetView.of(gamma=gamma), "view.gamma", GAMMA.default, drag=None,
+        origin=1.0,
+    )  # fmt: skip
+    return rows.draw(context, row, GAMMA_LABEL)
 
 
 # How the operators are drawn that a menu has with their choices, or with what they apply to.

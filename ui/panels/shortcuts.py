@@ -57,7 +57,7 @@ def draw(context: PanelContext) -> list[Action]:
         | imgui.WindowFlags_.always_auto_resize | imgui.WindowFlags_.no_saved_settings | imgui.WindowFlags_.no_move
     )  # fmt: skip
     imgui.push_style_color(imgui.Col_.window_bg, look.pack(look.grey(40, 0.985)))
-    imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(context.px(28), context.px(22)))
+    imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(context.px(20), context.px(18)))
     imgui.push_style_var(imgui.StyleVar_.window_border_size, 1.0)
     imgui.begin("Shortcuts###shortcuts", None, flags)
     context.theme.push_bold()
@@ -76,15 +76,15 @@ def draw(context: PanelContext) -> list[Action]:
 
 def _columns(context: PanelContext) -> None:
     imgui.begin_group()
-    for group in ("File", "Edit", "Material", "Help"):
+    for group in ("File", "Edit", "Inspect", "Help"):
         _group(context, group)
     imgui.end_group()
     for least, groups in (
-        (TWO_COLUMNS, ("Picture", "Curve")),
+        (TWO_COLUMNS, ("Picture", "Curve", "Material")),
         (THREE_COLUMNS, (*CHOICES, "Camera", "Select", "Arrange")),
     ):
         if imgui.get_main_viewport().work_size.x >= context.px(least):
-            imgui.same_line(0.0, context.px(32))
+            imgui.same_line(0.0, context.px(22))
         imgui.begin_group()
         for group in groups:
             _group(context, group)

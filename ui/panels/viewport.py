@@ -13,7 +13,7 @@ from app.operators.registry import keys_of
 from app.system.lazy_import import import_named
 from engine.material.layer import object_of
 from ui import theme as look
-from ui.panels import camera, gizmo, light_by_hand, paint, picture_handles, picture_overlays, widgets
+from ui.panels import camera, gizmo, inspection, light_by_hand, paint, picture_handles, picture_overlays, widgets
 from ui.panels.actions import Action, BeginDrag, EndDrag, HoldGrip, RunOperator, SetPanel
 from ui.panels.context import PanelContext
 from ui.panels.library import apply, dropped_material
@@ -66,12 +66,14 @@ def _draw_picture(context: PanelContext, corner: ImVec2, room: ImVec2) -> list[A
     picture_overlays.draw_sketch(context, placed, picture)
     handles = [*picture_handles.handles_of(context, placed), *gizmo.handles(context, placed)]
     picture_handles.draw_handles(context, handles)
-    actions = _gestures(context, picture, space, placed, handles)
+    inspection.draw_grid(context, space, placed)
+    actions = [*inspection.magnify(context, space, placed), *_gestures(context, picture, space, placed, handles)]
     if context.view.compare is not None:
         _draw_divider(context, placed, corner.y, end.y)
     picture_overlays.draw_lobe(context, placed.x, placed.y, placed.scale)
     _draw_labels(context, ImVec2(max(placed.x, corner.x), max(placed.y, corner.y)))
     _draw_zoom(context, end)
+    inspection.draw_stops_legend(context, end)
     if context.view.shows_error:
         _draw_error_legend(context, ImVec2(max(placed.x, corner.x), min(placed.y + placed.height, end.y)))
     if context.status.picture == "waiting":
@@ -166,27 +168,12 @@ def _hover(context: PanelContext, picture: Picture, placed: PictureRect, on_divi
     name = _object_at(context, placed.pixel(mouse.x, mouse.y, picture))
     # At once, without a tooltip's delay.
     place = ImVec2(mouse.x + context.px(14), mouse.y + context.px(12))
-    if context.state.shows_values and (pixel := placed.pixel(mouse.x, mouse.y, picture)) is not None:
-        _draw_values(context, place, pixel, name or "")
+    pixel, state, copied = placed.pixel(mouse.x, mouse.y, picture), context.state, []
+    if pixel is not None and (state.shows_values or state.copies_values):
+        copied = inspection.draw_values(context, pixel, name or "")
     elif name:
         _plate(context, imgui.get_foreground_draw_list(), place, name, look.TEXT)
-    return [SetView.of(hovered=name)] if name != context.view.hovered else []
-
-
-def _draw_values(context: PanelContext, place: ImVec2, pixel: tuple[int, int], name: str) -> None:
-    """The values of a pixel beside the mouse: where it is, its linear radiance, and its colour on screen."""
-    values = context.values_at(*pixel)
-    if values is None:
-        return
-    where = f"{pixel[0]}, {pixel[1]}" + (f"   {name}" if name else "")
-    lines = [where, "linear  " + "  ".join(f"{value:.4g}" for value in values.radiance)]
-    lines += [f"alpha   {values.alpha:.3g}"] if values.alpha < 1.0 else []
-    red, green, blue = values.shown
-    lines.append(f"screen  {red}  {green}  {blue}   #{red:02x}{green:02x}{blue:02x}")
-    text, screen = "\n".join(lines), imgui.get_main_viewport().size
-    extent, pad = imgui.calc_text_size(text), context.px(8)
-    place = ImVec2(min(place.x, screen.x - extent.x - pad), min(place.y, screen.y - extent.y - pad))
-    _plate(context, imgui.get_foreground_draw_list(), place, text, look.TEXT)
+    return [SetView.of(hovered=name), *copied] if name != context.view.hovered else copied
 
 
 def _turns_light() -> bool:
@@ -326,11 +313,13 @@ def _draw_error_legend(context: PanelContext, corner: ImVec2) -> None:
 
 
 def _draw_labels(context: PanelContext, corner: ImVec2) -> None:
-    """Labels that the light is not that in place, and that layers are hidden, so that the picture is not taken for the
-    whole material's in its place."""
+    """Labels that the light is not that in place, and that layers or channels are hidden, so that the picture is not
+    taken for the whole material's in its place."""
     view, texts = context.view, []
     if view.lighting != "scene" and view.mode == "placement":
         texts.append(f"{Icon.EMITTER}  {LIGHTING_WORDS[view.lighting]} ({keys_of('lighting')})")
+    if channel := inspection.channel_label(context):
+        texts.append(f"{channel} ({keys_of('channel_colour')})")
     solo = solo_layer(context.document, view)
     if solo is not None:
         texts.append(f"{Icon.SOLO}  {object_of(solo)}: {context.document.layer(solo).name} alone")

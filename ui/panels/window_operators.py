@@ -36,14 +36,15 @@ from ui.panels.actions import (
 )
 from ui.panels.context import PanelContext
 from ui.panels.curve_gestures import operators_in_use, tool_of
-from ui.panels.window_state import StatusMessage
+from ui.panels.window_state import VALUE_SIDES, StatusMessage
 
 Key = imgui.Key
 CTRL, SHIFT, ALT = (int(key) for key in (Key.mod_ctrl, Key.mod_shift, Key.mod_alt))
 MODIFIERS = {"Ctrl": CTRL, "Shift": SHIFT, "Alt": ALT}
 # Keys whose names imgui writes otherwise; "?" is what the key of the slash prints with Shift.
 KEYS = {
-    "[": int(Key.left_bracket), "]": int(Key.right_bracket), "?": SHIFT | int(Key.slash),
+    "[": int(Key.left_bracket), "]": int(Key.right_bracket), "\\": int(Key.backslash), "=": int(Key.equal),
+    "-": int(Key.minus), "?": SHIFT | int(Key.slash),
     "Keypad .": int(Key.keypad_decimal), "Keypad +": int(Key.keypad_add), "Keypad -": int(Key.keypad_subtract),
 }  # fmt: skip
 
@@ -80,6 +81,8 @@ def is_on(context: PanelContext, name: str) -> bool:
         return name == f"gizmo_{context.state.gizmo}"
     if name == "values":
         return context.state.shows_values
+    if name == "average":
+        return context.state.values_side > 1
     if name == "report":
         return context.state.shows_report
     is_on = OPERATORS[name].is_on
@@ -101,6 +104,17 @@ def _toggle_camera_panel(context: PanelContext) -> list[Action]:
 
 def _toggle_values(context: PanelContext) -> list[Action]:
     return [SetPanel({"shows_values": not context.state.shows_values})]
+
+
+def _zoom(context: PanelContext, step: int) -> list[Action]:
+    return [SetPanel({"zoom_steps": context.state.zoom_steps + step})]
+
+
+def _choose_average(context: PanelContext) -> list[Action]:
+    """Values of one pixel, then the mean of 3 x 3, then of 5 x 5."""
+    sides = VALUE_SIDES
+    side = sides[(sides.index(context.state.values_side) + 1) % len(sides)]
+    return [SetPanel({"values_side": side, "shows_values": True})]
 
 
 def _choose_gizmo(tool: str, context: PanelContext) -> list[Action]:
@@ -196,6 +210,10 @@ WINDOW_OPERATORS: dict[str, Callable[[PanelContext], list[Action]]] = {
     "camera_panel": _toggle_camera_panel,
     "report": _toggle_report,
     "values": _toggle_values,
+    "average": _choose_average,
+    "copy_values": _always(SetPanel({"copies_values": True})),
+    "zoom_in": partial(_zoom, step=1),
+    "zoom_out": partial(_zoom, step=-1),
     "darker": partial(_expose, "darker", -1),
     "brighter": partial(_expose, "brighter", 1),
     "translate": partial(_set_tool, kind="translate"),

@@ -212,6 +212,10 @@ class FileQuestion:
     focus: str = "name"
 
 
+# The sides of squares whose mean can be shown, in pixels.
+VALUE_SIDES = (1, 3, 5)
+
+
 @dataclass(frozen=True)
 class LibraryState:
     """The search text of the library, and the name under which a material is about to be stored."""
@@ -233,11 +237,12 @@ class PanelState:
     light by the mouse wheel. `scroll` is the last move of the camera by it; `shows_camera`: the camera's controls are
     over the picture, where the bookmarked view `renames` is being renamed. `picks_lobe`: the next click on the picture
     chooses where it shows the lobe. `paints`: dragging over the selected object paints its layer's weight map, with
-    `brush`. `shows_values`: the values of the pixel under the mouse are shown. `gizmo`: which of its tools is over the
-    picture, "" for none. `shows_report`: the sheet on what the file contains is open; `report_by_count`: it lists first
-    what is missing most often. `single_panel`: the picture has the place of all panels. `opens_menu`: the menu that a
-    key opens in the coming frame. `front` are panels that come in front of the others in their dock, in the coming
-    frame.
+    `brush`. `shows_values`: the values of the pixel under the mouse are shown, the mean of a square of
+    `values_side` pixels; `copies_values`: they are about to be copied; `zoom_steps`: by which the picture is about to
+    be magnified. `gizmo`: which of its tools is over the picture, "" for none. `shows_report`: the
+    sheet on what the file contains is open; `report_by_count`: it lists first what is missing most often.
+    `single_panel`: the picture has the place of all panels. `opens_menu`: the menu that a key opens in the coming
+    frame. `front` are panels that come in front of the others in their dock, in the coming frame.
     """
 
     grip: Grip | None = None
@@ -251,6 +256,9 @@ class PanelState:
     opens_menu: str = ""
     picks_lobe: bool = False
     shows_values: bool = False
+    values_side: int = 1
+    copies_values: bool = False
+    zoom_steps: int = 0
     gizmo: str = ""
     shows_report: bool = False
     report_by_count: bool = False

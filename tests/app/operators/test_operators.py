@@ -40,6 +40,7 @@ VALUES: dict[str, Any] = {
     "mode": "orbit", "lobe": (2, 3), "resolution": (24, 16), "camera": MoveCamera(orbit=(30.0, 10.0), dolly=0.5),
     "measured": MeasuredFile(file="velvet.binary"), "material_file": MaterialFile(file="wood.mtlx", material="oak"),
     "table": CurveTable(file="peak.csv"), "variant_set": VariantChoice(set="shape", variant="tall"),
+    "picture_channel": "red",
     "draw_curve": CurveStroke(points=((0.0, 1.0), (30.0, 2.0))), "set_points": CurvePoints(points=((5.0, 1.0),)),
 }  # fmt: skip
 
@@ -56,7 +57,7 @@ def worked(client: FakeClient) -> Editor:
     editor.do(SetOperators("pot.1", "theta_h", (LIFT,)))
     editor.do(SetTransform("pot", (0.5, 0.0, 0.0)))
     editor.do(SetRotation(50.0))
-    editor.do(SetView.of(operator=0, fit=False, zoom=3.0))
+    editor.do(SetView.of(operator=0, fit=False, zoom=3.0, exposure=1.0, picture_channel="alpha"))
     tilted = orbit_camera(editor.camera_history.camera, 0.3, 0.4).model_copy(update={"up": (0.3, 1.0, 0.0)})
     for camera in (orbit_camera(tilted, 0.1, 0.0), tilted):
         editor.camera_history.set_viewpoint(Viewpoint(camera), "orbit")

@@ -171,3 +171,46 @@ def test_a_transparent_picture_is_over_a_checkerboard_on_screen_and_has_alpha_in
     np.testing.assert_allclose(finished[:3, 0], own, atol=0.002)
     board = shown[3, 0]
     assert 50 < board < 120 and abs(shown[1, 0] - (0.5 * 255 * own + 0.5 * board)) <= 1.0
+
+
+def test_one_channel_alone_is_grey_by_its_own_value(renderer: PlacementRenderer) -> None:
+    half_covered(renderer)
+    renderer.set_layer_radiance("ball.0", np.array([[0.1, 0.2, 0.4]] * 2, np.float32))
+    luminance = 0.2126 * 0.1 + 0.7152 * 0.2 + 0.0722 * 0.4
+    for channel, value in (("red", 0.1), ("green", 0.2), ("blue", 0.4), ("luminance", luminance)):
+        view = DisplayView(exposure=1.0, tone_mapping="linear", channel=channel)
+        grey = 255.0 * naive.encode_srgb(2.0 * value)
+        assert np.abs(_displayed(renderer, view)[0, 0] - grey).max() <= 1.0, channel
+    alpha = _displayed(renderer, DisplayView(exposure=3.0, channel="alpha"))[0, :, 1]
+    np.testing.assert_array_equal(alpha, [255, 128, 64, 0])  # what covers the pixels, whatever the exposure
+    assert _displayed(renderer, DisplayView(tone_mapping="linear"))[0, 0, 0] < 255
+
+
+def test_stripes_are_where_the_screen_clips_alone_and_not_in_files(renderer: PlacementRenderer) -> None:
+    light = np.full((32, 3), 0.5)
+    light[8:24, 1] = 1.5
+    _show(renderer, light)
+    plain = _displayed(renderer, DisplayView(tone_mapping="linear"))[0]
+    view = DisplayView(tone_mapping="linear", zebra=True)
+    striped = _displayed(renderer, view)[0]
+    differs = (striped != plain).any(axis=1)
+    np.testing.assert_array_equal(differs, [8 <= i < 24 and i // 4 % 2 == 0 for i in range(32)])
+    np.testing.assert_allclose(renderer.finished_image(view)[0], plain / 255.0, atol=0.003)
+
+
+def test_gamma_is_the_power_of_the_finished_colours(renderer: PlacementRenderer) -> None:
+    _show(renderer, RADIANCES[:, None] * np.ones(3))
+    plain = renderer.finished_image(DisplayView())
+    lifted = renderer.finished_image(DisplayView(gamma=2.0))
+    np.testing.assert_allclose(lifted, np.sqrt(plain), atol=1e-5)
+
+
+def test_a_part_is_sampled_evenly(renderer: PlacementRenderer) -> None:
+    """24 pixels from the eighth on, by eight: the second of each three."""
+    steps = np.linspace(0.0, 0.9, 40)
+    _show(renderer, steps[:, None] * np.ones(3))
+    view, (display, target) = DisplayView(tone_mapping="linear"), renderer.shown
+    whole = _displayed(renderer, view)[0]
+    linear = target.color_attachments[0]
+    some = display.sampled(linear, view, (8, 0, 24, 1), (8, 1))
+    np.testing.assert_array_equal(some[0, :, :3], whole[9:32:3])

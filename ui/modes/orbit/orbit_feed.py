@@ -21,12 +21,12 @@ from app.messages.picture_events import PictureEvent, SceneFrame
 from app.modes.orbit.orbit_controller import OrbitController
 from app.modes.orbit.orbit_events import OrbitPartArrived, OrbitPicture
 from ui.gl.context import GraphicsError, shader_bytes
-from ui.gl.display import BLACK, DisplayView, ToneView
+from ui.gl.display import BLACK, DisplayView, ShownPicture
+from ui.gl.view_transform import ToneView
 from ui.modes.orbit.gl.canvas import PictureCanvas
 from ui.modes.orbit.gl.shaded_picture import ShadedPicture
-from ui.modes.placement.placement_feed import PlacementFeed, exposed_background, stops
+from ui.modes.placement.placement_feed import PlacementFeed, exposed_background, inspection, stops
 from ui.picture_feed import PictureSource, ViewportStill, viewport_still
-from ui.scene_view import PixelValues, pixel_values
 
 FADE_SECONDS = 0.25
 
@@ -209,6 +209,7 @@ class OrbitFeed(PictureSource):
             compare_divider=view.compare_divider if compared is not None and rests else None,
             behind=exposed_background(editor.document.background, view.exposure),
             compare_behind=BLACK if compared is None else exposed_background(compared.background, view.exposure),
+            **inspection(view),
         )
 
     def _index(self, name: str | None) -> int | None:
@@ -224,12 +225,13 @@ class OrbitFeed(PictureSource):
         shown = self.canvas.finished_image(self._display_view(editor, controller))
         return viewport_still(shown, self.canvas.linear_image_with_alpha(), intensity, background)
 
-    def values_at(self, editor: Editor, column: int, row: int) -> PixelValues | None:
-        if _controller(editor).shows_placement:
-            return self.placement.values_at(editor, column, row)
+    def shown(self, editor: Editor) -> ShownPicture | None:
+        controller = _controller(editor)
+        if controller.shows_placement:
+            return self.placement.shown(editor)
         if self.canvas.frame is None or self._texture is None or self._is_measure:
             return None
-        return pixel_values(self.canvas.values_at(column, row), editor.document.light.intensity)
+        return ShownPicture(*self.canvas.shown, self._display_view(editor, controller), editor.document.light.intensity)
 
     def map_thumbnails(self, key: str) -> Mapping[str, moderngl.Texture]:
         return self.placement.map_thumbnails(key)

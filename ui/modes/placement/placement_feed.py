@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
 
 import moderngl
 import numpy as np
@@ -24,6 +25,7 @@ from app.document.document import Document, ObjectState, layer_key
 from app.document.light_mix import emission_of
 from app.document.light_state import RGB, LightState
 from app.document.selection import is_layer_visible
+from app.document.view_state import ViewState
 from app.editor.editor import Editor
 from app.messages.picture_events import PictureEvent, SceneFrame, SkyChanged
 from app.modes.placement.placement_controller import PlacementController
@@ -41,13 +43,13 @@ from engine.curve.wavelet import forward
 from engine.material.layer import object_of
 from engine.material.layer_maps import LayerMaps
 from engine.render.headlight import headlight_colour, headlight_radiance
-from ui.gl.display import BLACK, Behind, DisplayView, ToneView, exposure_factor
+from ui.gl.display import BLACK, Behind, DisplayView, ShownPicture, exposure_factor
 from ui.gl.gpu_memory import small_texture
+from ui.gl.view_transform import ToneView
 from ui.modes.placement.gl.layers import ComparedAppearance
 from ui.modes.placement.gl.renderer import PlacementRenderer
 from ui.modes.placement.gl.shader_warm_up import warm_up
 from ui.picture_feed import PictureSource, ViewportStill, viewport_still
-from ui.scene_view import PixelValues, pixel_values
 
 
 class MapFeed:
@@ -152,11 +154,11 @@ class PlacementFeed(PictureSource):
         shown = self.renderer.finished_image(self._display_view(editor))
         return viewport_still(shown, self.renderer.linear_image_with_alpha(), intensity, background)
 
-    def values_at(self, editor: Editor, column: int, row: int) -> PixelValues | None:
+    def shown(self, editor: Editor) -> ShownPicture | None:
         if self.renderer.frame is None or self._texture is None:
             return None
         intensity = _controller(editor).picture.document.light.intensity
-        return pixel_values(self.renderer.values_at(column, row), intensity)
+        return ShownPicture(*self.renderer.shown, self._display_view(editor), intensity)
 
     def close(self) -> None:
         self._maps.clear()
@@ -394,6 +396,7 @@ class PlacementFeed(PictureSource):
             compare_divider=view.compare_divider if view.compare is not None else None,
             behind=exposed_background(editor.document.background, view.exposure),
             compare_behind=BLACK if compared is None else exposed_background(compared.background, view.exposure),
+            **inspection(view),
         )
 
     def _index(self, name: str | None) -> int | None:
@@ -414,6 +417,11 @@ def _both(footprint: Footprint | None) -> tuple[NDArray[np.integer] | None, NDAr
 def stops(light: LightState) -> float:
     """The light's intensity in stops."""
     return math.log2(max(light.intensity, LEAST_INTENSITY))
+
+
+def inspection(view: ViewState) -> dict[str, Any]:
+    """What of `DisplayView` is the same in all modes."""
+    return {"gamma": view.gamma, "channel": view.picture_channel, "zebra": view.zebra}
 
 
 def exposed_background(background: Background, exposure: float) -> Behind:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from engine.scene.picture_frame import PictureFrame
 from ui.gl.context import GraphicsError
 from ui.gl.display import Display, DisplayView
-from ui.gl.gpu_memory import TextureMemory, read_texel, read_texture
+from ui.gl.gpu_memory import TextureMemory, read_texture
 from ui.gl.program import Passes
 
 
@@ -80,11 +80,11 @@ class PictureCanvas:
         self._blend(None, 0.0)
         return self._shown().finished(self._linear_texture(), view)
 
-    def values_at(self, column: int, row: int) -> tuple[NDArray[np.float64], tuple[int, int, int]]:
-        """Linear radiance and alpha (4,) of a pixel as it was drawn last, and its colour on screen; waits for the
-        GPU."""
+    @property
+    def shown(self) -> tuple[Display, moderngl.Framebuffer]:
+        """The display, and what the linear picture was drawn into last."""
         assert self._target is not None
-        return read_texel(self._target, column, row, "f4"), self._shown().shown_at(column, row)
+        return self._shown(), self._target
 
     def linear_image(self) -> NDArray[np.float32]:
         """The picture (H, W, 3) that came last, at the frame's size; waits for the GPU."""

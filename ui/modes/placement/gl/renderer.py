@@ -30,7 +30,7 @@ from engine.scene.picture_frame import PictureFrame
 from engine.settings import Precision
 from ui.gl.context import GraphicsError
 from ui.gl.display import Display, DisplayView
-from ui.gl.gpu_memory import TextureMemory, read_texel
+from ui.gl.gpu_memory import TextureMemory
 from ui.gl.program import Box, Passes
 from ui.modes.placement.gl.composite import Compositor
 from ui.modes.placement.gl.edited_layers import EditedLayers
@@ -363,11 +363,11 @@ class PlacementRenderer:
         """The linear picture as it was drawn last; alpha: the share of each pixel that is covered."""
         return self._shown().compositor.linear
 
-    def values_at(self, column: int, row: int) -> tuple[NDArray[np.float64], tuple[int, int, int]]:
-        """Linear radiance and alpha (4,) of a pixel as it was drawn last, and its colour on screen; waits for the
-        GPU."""
+    @property
+    def shown(self) -> tuple[Display, moderngl.Framebuffer]:
+        """The display, and what the linear picture was drawn into last."""
         picture = self._shown()
-        return read_texel(picture.compositor.linear_target, column, row, "f4"), picture.display.shown_at(column, row)
+        return picture.display, picture.compositor.linear_target
 
     def linear_image(self) -> NDArray[np.float32]:
         """The linear picture (H,W,3); waits for the GPU."""

@@ -1,0 +1,82 @@
+"""Operators that inspect the picture: its channels, what is clipped, its values."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from app.document.view_state import PICTURE_CHANNELS, PictureChannel, SetView
+from app.editor.editor import Editor
+from app.operators.operator import Operator, OperatorContext, ScriptKey
+
+FALSE_COLOUR = "false_colour"
+_KEYS = dict(zip(PICTURE_CHANNELS, ("Ctrl 2", "Ctrl 3", "Ctrl 4", "Ctrl 5", "Ctrl 6", "Ctrl 7"), strict=True))
+_HELP = {"colour": "All channels; R, G, B, A, luminance"}
+
+
+def _choose_channel(editor: Editor, channel: PictureChannel) -> str | None:
+    return editor.do(SetView.of(picture_channel=channel))
+
+
+def _toggle_channel(channel: PictureChannel, editor: Editor, value: None) -> str | None:
+    """Show a channel alone, or all again where it is shown already."""
+    return _choose_channel(editor, "colour" if editor.view.picture_channel == channel else channel)
+
+
+def _is_shown(channel: PictureChannel, context: OperatorContext) -> bool:
+    return context.view.picture_channel == channel
+
+
+def _toggle_zebra(editor: Editor, shown: bool | None) -> str | None:
+    return editor.do(SetView.of(zebra=not editor.view.zebra if shown is None else shown))
+
+
+def _toggle_false_colour(editor: Editor, value: None) -> str | None:
+    """Show luminance in stops, or the view that was shown before."""
+    view = editor.view
+    if view.tone_mapping == FALSE_COLOUR:
+        return editor.do(SetView.of(tone_mapping=view.view_before))
+    return editor.do(SetView.of(tone_mapping=FALSE_COLOUR, view_before=view.tone_mapping))
+
+
+def _reset_exposure(editor: Editor, value: None) -> str | None:
+    return editor.do(SetView.of(exposure=0.0, gamma=1.0))
+
+
+def channel_operator(channel: PictureChannel) -> str:
+    """The name of the operator that shows a channel alone."""
+    return f"channel_{channel}"
+
+
+INSPECT = (
+    Operator("values", keys=("Q",), help="Values of the pixel under the mouse", entry="Pixel values"),
+    Operator("average", keys=("Alt Q",), help="Mean of 1, 9 or 25 pixels", entry="Mean of more pixels"),
+    Operator("copy_values", keys=("Shift Q",), help="Copy them", entry="Copy the pixel's values"),
+    *(
+        Operator(
+            channel_operator(each), partial(_toggle_channel, each), (_KEYS[each],), _HELP.get(each, ""),
+            "Ctrl 2 34567" if each == "colour" else "",
+            entry="All channels" if each == "colour" else f"{each.capitalize()} alone", is_on=partial(_is_shown, each),
+        )
+        for each in PICTURE_CHANNELS
+    ),
+    Operator(
+        "picture_channel", _choose_channel,
+        script=ScriptKey(PictureChannel, "Shows one channel of the picture alone, or `\"colour\"`."),
+    ),
+    Operator(
+        "zebra", _toggle_zebra, ("Ctrl 8",), "Stripes where the screen clips", entry="Stripes where it clips",
+        is_on=lambda context: context.view.zebra,
+        script=ScriptKey(bool, "Whether stripes show where colours are at the screen's upper end."),
+    ),
+    Operator(
+        "stops", _toggle_false_colour, ("Ctrl 9",), "Luminance in stops, in false colours",
+        entry="Stops in false colours", is_on=lambda context: context.view.tone_mapping == FALSE_COLOUR,
+    ),
+    Operator(
+        "reset_exposure", _reset_exposure, ("\\",), "Exposure and gamma as at first",
+        entry="Reset exposure, gamma",
+    ),
+    Operator("zoom_in", keys=("Ctrl =",), help="Magnify the picture, and back", listed_keys="Ctrl = -", repeats=True,
+             entry="Magnify"),
+    Operator("zoom_out", keys=("Ctrl -",), repeats=True, entry="Less"),
+)  # fmt: skip
