@@ -28,6 +28,7 @@ from app.files.records import (
     BookmarkRecord,
     DeformerRecord,
     LightRecord,
+    LookRecord,
     MixRecord,
     ObjectRecord,
     SessionRecord,
@@ -78,6 +79,7 @@ SESSION: Tables = [
     ("[[object.layer]]", LayerRecord), ("[[object.layer.curve]]", CurveRecord), ("its operator", OperatorRecord),
     ("object.added", AddedRecord), ("object.transform", TransformRecord),
     ("[[object.deformer]]", DeformerRecord), ("[[bookmark]]", BookmarkRecord),
+    ("[[look]]", LookRecord),
 ]  # fmt: skip
 SCRIPT: Tables = [
     ("Top of the file", ScriptRecord), ("[[step]]", StepRecord), ("drag", Drag), ("deform", Deform), ("add", Addition),

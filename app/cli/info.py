@@ -15,6 +15,7 @@ import typer
 
 from app.cli.console import print_json, print_line
 from app.cli.options import SCENE_HELP, progress
+from app.document.looks import look_names
 from app.document.sources import LIGHT_ENDINGS, find_source, likely_mapping, probe_size, source_of
 from app.project.project import open_project
 from engine.core.errors import InsituError
@@ -74,8 +75,10 @@ def _describe_scene(name: str) -> FileInfo:
     session = source_of(name).session
     if session is None:
         return FileInfo("scene", tuple(report_lines(found)), report_values(found))
-    values = {"scene": project.document.source, **report_values(found)}
-    return FileInfo("session", (f"of the scene {project.document.source}", *report_lines(found)), values)
+    looks = look_names(project.document)
+    values = {"scene": project.document.source, "looks": list(looks), **report_values(found)}
+    lines = [f"of the scene {project.document.source}", *([f"looks       {', '.join(looks)}"] if looks else [])]
+    return FileInfo("session", (*lines, *report_lines(found)), values)
 
 
 def _describe_environment(name: str) -> FileInfo:

@@ -85,6 +85,7 @@ Variant = Annotated[
         "--variant", metavar="NAME", help="A variant of the scene's materials, as in its file; of a stage SET=NAME."
     ),
 ]
+LookName = Annotated[str | None, typer.Option("--look", metavar="NAME", help="A look of the session.")]
 # Path tracing follows more bounces than the view shows.
 Bounces = Annotated[int | None, setting_option("n_bounces", most=MOST_BOUNCES)]
 Series = Annotated[
@@ -130,12 +131,13 @@ def lines(overrides: list[str] | None) -> dict[str, Any]:
 
 
 def assignments(
-    values: list[str] | None, rotation: float | None = None, time: float | None = None, variant: str | None = None
-) -> list[tuple[str, Any]]:
-    """Path and value of each assignment; the variant first, whose layers others may change."""
+    values: list[str] | None, rotation: float | None = None, time: float | None = None, variant: str | None = None,
+    look: str | None = None,
+) -> list[tuple[str, Any]]:  # fmt: skip
+    """Path and value of each assignment; look and variant first, whose layers others may change."""
     given = [parse_assignment(text) for text in values or ()]
     own = {"light.rotation": rotation, "time": time}
-    first = [] if variant is None else [("variant", variant)]
+    first = [(path, name) for path, name in (("look", look), ("variant", variant)) if name is not None]
     return [*first, *given, *((path, value) for path, value in own.items() if value is not None)]
 
 

@@ -19,6 +19,7 @@ from app.cli.options import (
     Bounces,
     Edges,
     Lights,
+    LookName,
     Nodes,
     Override,
     Patches,
@@ -77,6 +78,7 @@ def render(
     rotation: Rotation = None,
     time_: Time = None,
     variant: Variant = None,
+    look: LookName = None,
     reference: Annotated[bool, typer.Option("--reference", help="By brute force instead of transport: slow.")] = False,
     edges: Edges = None,
     nodes: Nodes = None,
@@ -127,7 +129,7 @@ def render(
         raise InsituError("--override precision: a still is made in single floats, expected another line of the plan")
     if samples is not None and not reference:
         raise InsituError(f"--samples {samples}: transport takes no samples, expected --reference as well")
-    values = assignments(set_, rotation, time_, None if chosen_of_sets(scene, variant) else variant)
+    values = assignments(set_, rotation, time_, None if chosen_of_sets(scene, variant) else variant, look)
     if (turntable is not None or frames is not None) and mode is not StillMode.PLACEMENT and accuracy is not None:
         many = "--turntable" if frames is None else "--frames"
         raise InsituError(f"--accuracy {accuracy:g} {many}: expected --mode placement, or one picture")
@@ -273,6 +275,7 @@ def screenshot(
     resolution: Resolution = None,
     view: ViewName = None,
     variant: Variant = None,
+    look: LookName = None,
 ) -> int:
     """Take a picture of the whole editor window; no display is needed."""
     from app.operators.script import Step, load_script
@@ -287,6 +290,8 @@ def screenshot(
         print_error(problem)  # the user's own materials are missing; the picture is made
     if variant is not None and not chosen_of_sets(scene, variant):
         steps = (Step("set", {"variant": variant}), *steps)
+    if look is not None:
+        steps = (Step("look", look), *steps)
     if view is not None:
         steps = (Step("view", find_view(view)), *steps)
     frontend: Frontend = context.obj

@@ -9,7 +9,7 @@ Names: a layer's *key* is ``"object.index"``; a *path* names anything that can b
 its name: ``"teapot"``, ``"teapot.1"``, ``"teapot.coat.theta_h"``, ``"teapot.1.alpha"``, ``"teapot.1.alpha_map"``,
 ``"teapot.bend"``, ``"teapot.position"``, ``"bat.time"``, ``"bat.membrane.translucency"``, ``"lamp.emission"``,
 ``"light.rotation"``, ``"light.Noon.direction"``, ``"lamp.strength"`` (of its row in the mix,
-`app.document.light_state`), ``"teapot.duplicate"``, ``"teapot.name"``, ``"teapot.deleted"``.
+`app.document.light_state`), ``"teapot.duplicate"``, ``"teapot.name"``, ``"teapot.deleted"``, ``"look"``.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from typing import NamedTuple
 from app.document.background import Background
 from app.document.light_state import RGB, LightState
 from app.document.linked_layers import layers_from_descriptions, linked_indices, with_covers, with_layer
+from app.document.looks import Look, in_all_looks
 from engine.core.errors import InsituError
 from engine.light.suns import Sun
 from engine.material.bumps import NO_BUMPS, Bumps, BumpsByObject
@@ -179,7 +180,7 @@ class Document:
     ``overrides``: the lines of the plan that the user has set, by name, and their values. ``absent``: edited objects
     that the scene's files no longer have, for when they have them again (`app.document.scene_change`). ``deleted``: the
     names of objects of the file that it does not have. Duplicates stand behind their originals.
-    ``background``: what is seen behind all.
+    ``background``: what is seen behind all. ``looks``: its variants, in their order (`app.document.looks`).
     """
 
     source: str
@@ -190,6 +191,12 @@ class Document:
     absent: tuple[ObjectState, ...] = ()
     deleted: tuple[str, ...] = ()
     background: Background = Background()
+    looks: tuple[Look, ...] = ()
+
+    @property
+    def look(self) -> str:
+        """The name of the current look, "" where there are none."""
+        return next((each.name for each in self.looks if each.state is None), "")
 
     def object(self, name: str) -> ObjectState:
         """The object called ``name``; InsituError with the existing names when there is none."""
@@ -262,8 +269,13 @@ class Document:
 
     def without_added(self, sources: Collection[ObjectSource]) -> Document:
         """The document without the objects that were read from these, unless there would be none."""
-        objects = tuple(state for state in self.objects if state.source not in sources)
-        return replace(self, objects=objects) if objects else self
+        if all(state.source in sources for state in self.objects):
+            return self
+
+        def without(document: Document) -> Document:
+            return replace(document, objects=tuple(o for o in document.objects if o.source not in sources))
+
+        return in_all_looks(self, without)
 
     @property
     def poses(self) -> Poses:

@@ -14,6 +14,7 @@ from pathlib import Path
 
 from app.document.document import Document, ObjectState, Variant
 from app.document.linked_layers import Layers
+from app.document.looks import in_all_looks, lights_of_looks, objects_of_looks
 from app.document.scene_files import files_of_scene, scene_file
 from app.system.paths import full_path
 from engine.core.safe_files import resolved
@@ -40,8 +41,8 @@ def unread_files(layers: Iterable[Layer]) -> tuple[str, ...]:
 
 
 def layers_of_document(document: Document) -> list[Layer]:
-    """All layers."""
-    return [layer for _, layer in document.layers()]
+    """All layers, those of its other looks as well."""
+    return [layer for state in objects_of_looks(document) for layer in state.layers]
 
 
 def layers_with_variants(document: Document) -> list[Layer]:
@@ -66,14 +67,17 @@ def document_with_measurements(document: Document, found: Mapping[str, Measureme
     """The document with the measurements read from the files of its layers and its variants."""
     if not found:
         return document
-    objects = (
-        replace(
-            state, layers=with_measurements(state.layers, found),
-            variants=tuple(replace(each, layers=with_measurements(each.layers, found)) for each in state.variants),
-        )
-        for state in document.objects
-    )  # fmt: skip
-    return replace(document, objects=tuple(objects))
+    known = dict[int, ObjectState]()  # looks share objects
+
+    def measured(state: ObjectState) -> ObjectState:
+        if id(state) not in known:
+            known[id(state)] = replace(
+                state, layers=with_measurements(state.layers, found),
+                variants=tuple(replace(each, layers=with_measurements(each.layers, found)) for each in state.variants),
+            )  # fmt: skip
+        return known[id(state)]
+
+    return in_all_looks(document, lambda each: replace(each, objects=tuple(map(measured, each.objects))))
 
 
 def with_full_paths(layers: Layers, folder: Path) -> Layers:
@@ -183,12 +187,12 @@ def files_of_document(document: Document, known: Document | None = None) -> set[
     """All of these files, whether they exist or not; without what `known` has as well."""
     before = None if known is None or known.source != document.source else known
     found = set[Path]() if before is not None else files_of_scene(document.source)
-    light = document.light
-    if before is None or light.environment != before.light.environment:
+    shown = () if before is None else {light.environment for light in lights_of_looks(before)}
+    for light in (each for each in lights_of_looks(document) if each.environment not in shown):
         builtin = builtin_environments().get(light.environment)
         found.update([builtin] if builtin else [Path(light.environment)] if light.is_file else [])
-    unchanged = set() if before is None else set(map(id, before.objects))
-    changed = [state for state in document.objects if id(state) not in unchanged]
+    unchanged = set() if before is None else set(map(id, objects_of_looks(before)))
+    changed = [state for state in objects_of_looks(document) if id(state) not in unchanged]
     names = {name for state in changed for name in names_of_object(state)}
     folder = scene_folder(document.source) if names else Path()
     return found | {folder / name for name in names}

@@ -18,6 +18,7 @@ from typing import Any
 from app.document.document import Document, ObjectState
 from app.document.light_state import LightState
 from app.document.linked_layers import Layers, synchronize_layers
+from app.document.looks import absent_of_looks, in_all_looks, in_look, objects_of_looks
 from app.document.scene_objects import in_scene_order, with_free_names
 from engine.material.layer import Layer
 from engine.scene.composition import ObjectSource
@@ -50,7 +51,10 @@ class SceneChange:
         self._merged: dict[tuple[int, str], tuple[ObjectState, ObjectState]] = {}
 
     def __call__(self, document: Document) -> Document:
-        """The document for the scene as it is now."""
+        """The document for the scene as it is now, in all its looks."""
+        return in_all_looks(document, self._merged_look)
+
+    def _merged_look(self, document: Document) -> Document:
         there = {state.name: state for state in (*document.absent, *document.objects)}
         known = {name: state for name, state in there.items() if state.is_of_file}
         stay = [own for own in self._scene.objects if self._names[own.name] not in document.deleted]
@@ -74,14 +78,21 @@ class SceneChange:
         )
 
     def gone(self, document: Document) -> tuple[str, ...]:
-        """The edited objects of the document that the scene no longer has."""
+        """The objects of the document that the scene no longer has, and that are edited in one of its looks."""
         found: set[ObjectSource] = {*self._names.values(), *self._added}
-        edited = [state for state in (*document.absent, *document.objects) if state != self._base.get(state.name)]
-        return tuple(state.name for state in edited if state.source not in found)
+        edited = [
+            state.name for state in (*absent_of_looks(document), *objects_of_looks(document))
+            if state.source not in found and state != self._base.get(state.name)
+        ]  # fmt: skip
+        return tuple(dict.fromkeys(edited))
 
     def lost_parts(self, document: Document) -> tuple[str, ...]:
         """The edited suns that the files no longer have, and such layers of objects that they have: their edits cannot
         wait."""
+        looks = [document, *(in_look(document, each.name) for each in document.looks if each.state is not None)]
+        return tuple(dict.fromkeys(name for look in looks for name in self._lost_parts(look)))
+
+    def _lost_parts(self, document: Document) -> list[str]:
         there = {state.name: state for state in document.objects}
         now = [sun.name for sun in self._scene.light.own_suns]
         found = [sun.name for sun in document.light.suns if sun not in self._light.own_suns and sun.name not in now]
@@ -90,7 +101,7 @@ class SceneChange:
             if name in there and name in self._base:
                 lost = _lost_layers(there[name].layers, self._base[name].layers, own.layers)
                 found += [f"{own.name} {layer}" for layer in lost]
-        return tuple(found)
+        return found
 
     def name_now(self, name: str) -> str:
         """The name of an object that had this one; "" where the scene no longer has it."""

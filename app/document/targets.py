@@ -48,6 +48,7 @@ EMISSION = "emission"
 FRESNEL_TERM = "fresnel_term"
 UNDER, FRAME = "under", "frame"
 VARIANT = "variant"
+LOOK = "look"
 MAP_SUFFIX = "_map"  # of the path to the map of a parameter: "teapot.1.alpha_map"
 BACKGROUND, BACKGROUND_COLOUR = "background", "background_colour"
 LIGHT_FIELDS = ("rotation", "intensity", "environment", "mapping", BACKGROUND, BACKGROUND_COLOUR)

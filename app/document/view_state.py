@@ -18,6 +18,7 @@ from engine.scene.description import Camera, SceneDescription
 from engine.settings import AS_PLANNED, SETTINGS, Lighting, RenderSettings
 
 Tool = Literal["translate_x", "translate_y", "translate_xy", "amplify_x", "amplify_y", "amplify_xy", "stroke", "points"]
+LooksShown = Literal[1, 2, 4, 6]
 Channel = Literal["rgb", "r", "g", "b"]
 PictureChannel = Literal["colour", "red", "green", "blue", "alpha", "luminance"]
 BrdfPlot = Literal["lobe", "slice", "albedo"]
@@ -88,7 +89,8 @@ class ViewState:
     left edge, 1 the right); ``fit_error``: whether the error of its lobes is shown instead. ``shows_error``: whether
     the error map is shown over the picture. ``lighting``: the light in place, or a simple one for comparison, in
     Placement. ``picture_channel``: which channel of the picture is seen alone; ``zebra``: stripes over what is clipped
-    on screen; ``view_before``: the view transform that false colours replaced.
+    on screen; ``view_before``: the view transform that false colours replaced. ``looks_shown``: how many looks of the
+    document are shown side by side.
     ``regions`` are a ≤ b ≤ c ≤ d of the operator being shown or about to be made; ``operator`` is its index in the
     selected curve's list, None for one about to be made. ``node`` is the index of the node whose curve is shown with
     handles where a parameter varies over the layer; None: the middle one. ``curve_zoom`` is (γ low, γ high, y low, y
@@ -141,6 +143,7 @@ class ViewState:
     fit_error: bool = False
     shows_error: bool = False
     lighting: Lighting = "scene"
+    looks_shown: LooksShown = 1
 
     @property
     def selected_objects(self) -> tuple[str, ...]:

@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 
 from app.document.document import Document, ObjectState
+from app.document.looks import absent_of_looks, in_all_looks, lights_of_looks, objects_of_looks
 from app.document.named_files import names_of_object, with_file_names
 from app.document.scene_files import renamed, scene_file
 from app.document.sources import SESSION_ENDING
@@ -82,8 +83,10 @@ def packed(document: Document, scene_files: Iterable[Path], target: Path) -> Pac
     document, notes = _without_incomplete(document, own)
     inside = sorted(file.relative_to(own).as_posix() for file in files if file.is_relative_to(own))
     copies = {f"{SCENE_FOLDER}/{name}": own / name for name in inside}
-    states = (*document.objects, *document.absent)
-    named = {resolved(own / name) for state in states for name in (*names_of_object(state), document.light.environment)}
+    states = (*objects_of_looks(document), *absent_of_looks(document))
+    named_files = {name for state in states for name in names_of_object(state)}
+    named_files |= {light.environment for light in lights_of_looks(document)}
+    named = {resolved(own / name) for name in named_files}
     own_names = {*inside, *(file.relative_to(own).as_posix() for file in named if file.is_relative_to(own))}
     elsewhere = _free(FILES_FOLDER, own_names, is_folder=True)
     taken = {own: ""}  # folders and files, and their names from the folder of the scene
@@ -110,12 +113,14 @@ def packed(document: Document, scene_files: Iterable[Path], target: Path) -> Pac
         """Objects with other names of their files; measured BRDFs and added meshes have absolute ones."""
         return tuple(with_file_names(each, placed, lambda file: str(folder / placed(file))) for each in states)
 
-    light = document.light
-    if light.is_file:
-        light = replace(light, environment=str(folder / placed(light.environment)))
+    def with_names(look: Document) -> Document:
+        light = look.light
+        if light.is_file:
+            light = replace(light, environment=str(folder / placed(light.environment)))
+        return replace(look, objects=objects(look.objects), absent=objects(look.absent), light=light)
+
     document = replace(
-        document, source=renamed(document.source, str(folder / source.name)),
-        objects=objects(document.objects), absent=objects(document.absent), light=light,
+        in_all_looks(document, with_names), source=renamed(document.source, str(folder / source.name))
     )  # fmt: skip
     missing = next((file for file in copies.values() if not file.is_file()), None)
     if missing is not None:
@@ -126,14 +131,20 @@ def packed(document: Document, scene_files: Iterable[Path], target: Path) -> Pac
 def _without_incomplete(document: Document, own: Path) -> tuple[Document, tuple[str, ...]]:
     """The document without the edits that wait for an object (`Document.absent`) and name a file that is gone: no
     picture needs them; and a note of each."""
-    kept, notes = list[ObjectState](), list[str]()
-    for state in document.absent:
+    lost = dict[str, str]()
+    for state in absent_of_looks(document):
         gone = next((name for name in names_of_object(state) if not (own / name).is_file()), None)
-        if gone is None:
-            kept.append(state)
-        else:
-            notes.append(f"the edits of {state.name}, which the scene does not have now, are left out: {gone} is gone")
-    return replace(document, absent=tuple(kept)), tuple(notes)
+        if gone is not None:
+            lost[state.name] = gone
+
+    def complete(look: Document) -> Document:
+        return replace(look, absent=tuple(state for state in look.absent if state.name not in lost))
+
+    notes = (
+        f"the edits of {name}, which the scene does not have now, are left out: {gone} is gone"
+        for name, gone in lost.items()
+    )
+    return in_all_looks(document, complete), tuple(notes)
 
 
 def _free(name: str, taken: Iterable[str], is_folder: bool = False) -> str:

@@ -25,8 +25,9 @@ from typing import TYPE_CHECKING
 from app.document.document import Document
 from app.document.view_state import ViewState
 from app.files.bookmarks import Bookmarks, without_thumbnails
+from app.files.known_file import KnownFile
 from app.files.records import JournalRecord
-from app.files.session import SUFFIX, KnownFile, Session, dump_checked, load_session, write_session
+from app.files.session import SUFFIX, Session, dump_checked, load_session, write_session
 from app.system.atomic import PRIVATE_FILE, make_private_folder, write_atomically
 from app.system.paths import full_path, journal_directory, written_path
 from engine.core.errors import InsituError, LoadError, plain_line

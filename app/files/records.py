@@ -22,11 +22,12 @@ from pydantic import (
 
 from app.document.background import Background, BackgroundKind
 from app.document.commands.light import INTENSITY
+from app.document.commands.looks import MAX_LOOKS
 from app.document.commands.mix import changed_row
 from app.document.commands.plan import FirstBands
 from app.document.commands.poses import MAX_DEFORMERS
 from app.document.light_state import MIX_FIELDS, PLAIN_ROW, MixRow
-from app.document.view_state import Bookmark, Viewpoint
+from app.document.view_state import Bookmark, LooksShown, Viewpoint
 from app.files.bookmarks import MAX_BOOKMARKS, MAX_NAME, MAX_THUMBNAIL_BYTES, check_thumbnail, is_name
 from app.files.layer_records import MAX_LAYERS, Flag, LayerRecord, StrictModel, Triple
 from app.system.paths import full_path
@@ -238,6 +239,7 @@ class ViewRecord(_SettingsRecord):  # type: ignore[misc, valid-type]
     frame_budget_ms: Annotated[Number, Field(ge=2.0, le=200.0)] = 16.0
     camera: Camera | None = None
     resolution: tuple[Pixels, Pixels] | None = None
+    looks_shown: LooksShown = 1
 
 
 class BookmarkRecord(StrictModel):
@@ -297,6 +299,26 @@ class BackgroundRecord(StrictModel):
         return Background(self.kind, self.colour)
 
 
+class LookRecord(StrictModel):
+    """A look: what differs from the current one, which has nothing but its name. Its objects have all values but which
+    objects they are; one without layers has those of the current look."""
+
+    name: Name
+    current: Flag = False
+    light: LightRecord | None = None
+    background: BackgroundRecord | None = None
+    objects: tuple[ObjectRecord, ...] = Field(default=(), alias="object", max_length=MAX_OBJECTS)
+
+    @model_validator(mode="after")
+    def _is_a_difference(self) -> LookRecord:
+        if self.current and (self.light or self.background or self.objects):
+            raise ValueError("current: a look without values of its own, which are those of the session")
+        other = next((each.name for each in self.objects if each.original or each.added), None)
+        if other is not None:
+            raise ValueError(f"object {other!r}: without original and added, which all looks share")
+        return self
+
+
 class SessionRecord(StrictModel):
     """A whole session file; `ends`: it has its last line."""
 
@@ -311,6 +333,7 @@ class SessionRecord(StrictModel):
     journal: JournalRecord | None = None
     deleted: Annotated[tuple[Name, ...], Field(max_length=MAX_OBJECTS)] = ()
     objects: tuple[ObjectRecord, ...] = Field(alias="object", min_length=1, max_length=MAX_OBJECTS)
+    looks: tuple[LookRecord, ...] = Field(default=(), alias="look", max_length=MAX_LOOKS)
     bookmarks: tuple[BookmarkRecord, ...] = Field(default=(), alias="bookmark", max_length=MAX_BOOKMARKS)
     end: EndRecord | None = None
 
@@ -339,4 +362,18 @@ class SessionRecord(StrictModel):
         views = [record.name for record in self.bookmarks]
         if len(set(views)) < len(views):
             raise ValueError("bookmark: names that differ")
+        return self
+
+    @model_validator(mode="after")
+    def _has_one_current_look(self) -> SessionRecord:
+        looks, there = [each.name for each in self.looks], {each.name for each in self.objects}
+        if len(set(looks)) < len(looks):
+            raise ValueError("look: names that differ")
+        if self.looks and sum(each.current for each in self.looks) != 1:
+            raise ValueError("look: exactly one that is current")
+        for look in self.looks:
+            names = [each.name for each in look.objects]
+            other = next((name for name in names if name not in there or names.count(name) > 1), None)
+            if other is not None:
+                raise ValueError(f"look {look.name!r}: object {other!r}: an object of the session, once")
         return self

@@ -8,8 +8,6 @@ equal to the last bit (see `app.files.layer_records`).
 from __future__ import annotations
 
 import base64
-import hashlib
-import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -23,15 +21,26 @@ from app.document.background import Background
 from app.document.commands.light import check_light
 from app.document.document import Document, ObjectState, Selection, all_factors
 from app.document.light_state import MIX_FIELDS, PLAIN_ROW, LightState, MixRow
+from app.document.looks import Look, LookState, in_all_looks, objects_of_looks
 from app.document.named_files import with_full_paths
 from app.document.scene_files import renamed, session_of_archive, split_axis
 from app.document.scene_objects import NONE_ADDED, AddedStates, by_source, in_scene_order, with_free_names
 from app.document.sources import SESSION_ENDING
 from app.document.targets import TRANSFORM_FIELDS
 from app.document.view_state import Bookmark, SetView, ViewState
+from app.files.known_file import MAX_SESSION_BYTES, KnownFile, digest_of
 from app.files.layer_records import layer_lines, layers_of
 from app.files.old_names import upgrade_session
-from app.files.records import SAVED_SETTINGS, AddedRecord, JournalRecord, ObjectRecord, SessionRecord, ViewRecord
+from app.files.records import (
+    SAVED_SETTINGS,
+    AddedRecord,
+    JournalRecord,
+    LightRecord,
+    LookRecord,
+    ObjectRecord,
+    SessionRecord,
+    ViewRecord,
+)
 from app.system.atomic import save_file
 from app.system.paths import full_path, written_path
 from engine.core.errors import InsituError, LoadError, describe_value, list_names
@@ -46,7 +55,6 @@ from engine.scene.transform import Transform
 
 SUFFIX = SESSION_ENDING
 SESSION_VERSION = 2
-MAX_SESSION_BYTES = 64 * 2**20
 CHANGED = "it has been written elsewhere since it was opened here; save under another name, or replace it"
 
 
@@ -59,24 +67,6 @@ class Session:
     view: ViewState
     journal: JournalRecord | None = None
     digest: str = field(default="", compare=False)
-
-
-@dataclass(frozen=True)
-class KnownFile:
-    """A session's file as it was read or written here last; None before."""
-
-    path: Path | None = None
-    digest: str = ""
-
-    @property
-    def has_changed(self) -> bool:
-        """Whether another window or program has written it since. A file that was deleted is no loss."""
-        if self.path is None or not self.digest or not os.path.exists(self.path):
-            return False
-        try:
-            return _digest(read_regular_file(self.path, MAX_SESSION_BYTES)) != self.digest
-        except LoadError:
-            return True
 
 
 def save_session(path: Path, document: Document, view: ViewState) -> Path:
@@ -99,7 +89,7 @@ def write_session(path: Path, document: Document, view: ViewState, last: KnownFi
     if last is not None and last.path == path and last.has_changed:
         raise InsituError(f"{path}: not saved, {CHANGED}")
     save_file(path, data, session=path)
-    return KnownFile(path, _digest(data))
+    return KnownFile(path, digest_of(data))
 
 
 def dump_checked(
@@ -128,14 +118,20 @@ def _changed_objects(document: Document, known: Document | None) -> Document:
     """The document with only those objects that it does not share with another; one of them at least."""
     if known is None:
         return document
-    shared = set(map(id, known.objects))
-    return replace(document, objects=tuple(o for o in document.objects if id(o) not in shared) or document.objects[:1])
+    shared = set(map(id, objects_of_looks(known)))
+    names = {state.name for state in objects_of_looks(document) if id(state) not in shared}
+    names = names or {state.name for state in document.objects[:1]}
+
+    def changed(look: Document) -> Document:
+        return replace(look, objects=tuple(state for state in look.objects if state.name in names))
+
+    return in_all_looks(document, changed)
 
 
 def load_session(path: Path) -> Session:
     """Read a session file; LoadError names the place of the first error."""
     data = read_regular_file(path, MAX_SESSION_BYTES)
-    return replace(parse_session(data, path, resolved(path).parent), digest=_digest(data))
+    return replace(parse_session(data, path, resolved(path).parent), digest=digest_of(data))
 
 
 def archived_session(source: str) -> Session | None:
@@ -160,24 +156,16 @@ def parse_session(data: bytes, path: Path, folder: Path | None) -> Session:
     except ValidationError as error:
         raise first_validation_error(error, tree, path, SessionRecord) from None
     objects = tuple(_object(str(path), folder, each) for each in record.objects)
-    saved = record.light
-    light = LightState(
-        full_path(saved.environment, folder), saved.mapping, saved.rotation, saved.intensity, saved.radiance,
-        new_suns=None if saved.suns is None else tuple(each.sun for each in saved.suns),
-    )  # fmt: skip
-    light = light.with_rows({each.light: each.row for each in saved.mix})
-    document = Document(full_path(record.scene, folder), objects, check_light(light, str(path)), record.first_bands)
+    light = _light(str(path), folder, record.light)
+    document = Document(full_path(record.scene, folder), objects, light, record.first_bands)
     document = replace(
         document, overrides=tuple(sorted(record.overrides.items())), deleted=record.deleted,
         background=record.background.background,
     )  # fmt: skip
+    looks = (Look(each.name, None if each.current else _look(path, folder, each, document)) for each in record.looks)
+    document = replace(document, looks=tuple(looks))
     view = replace(_view(record.view, document), bookmarks=tuple(each.bookmark for each in record.bookmarks))
     return Session(document, view, record.journal)
-
-
-def _digest(data: bytes) -> str:
-    """Distinguishes two contents of a session file."""
-    return hashlib.blake2b(data, digest_size=20).hexdigest()
 
 
 def fit_session(session: Session, scene: Document, file: str, added: AddedStates = NONE_ADDED) -> Document:
@@ -187,37 +175,45 @@ def fit_session(session: Session, scene: Document, file: str, added: AddedStates
 
     Layers are the session's own, where it has some: an object may have been given another material.
     """
-    session = _with_present_names(session, scene)
-    own = by_source(scene, added)
-    saved = session.document.objects
-    if saved and not any(state.source in own for state in saved):
-        name = min(state.name for state in saved)
-        raise LoadError(file, f"object {name!r}", "in the session", f"an object of the scene, {scene.source}")
-    there = [_with_saved(own[state.source], state) for state in saved if state.source in own]
-    new = with_free_names(_new_objects(session, scene), {state.name for state in saved})
-    deleted = tuple(name for name in session.document.deleted if name in own)
-    deleted += tuple(state.original for state in new if state.original)
-    objects = in_scene_order([*there, *new], scene)
-    absent = tuple(state for state in saved if state.source not in own)
-    light = replace(session.document.light, own_suns=scene.light.own_suns)
-    light = light.with_edited_suns(light.new_suns or ())
-    return replace(session.document, source=scene.source, objects=objects, absent=absent, light=light, deleted=deleted)
+    own, fitted = by_source(scene, added), dict[int, tuple[ObjectState, ObjectState]]()
+
+    def with_saved(state: ObjectState) -> ObjectState:
+        """A saved object; looks share objects, which are held, so that their numbers stay theirs."""
+        if id(state) not in fitted:
+            fitted[id(state)] = state, _with_saved(own[state.source], state)
+        return fitted[id(state)][1]
+
+    def fit(document: Document) -> Document:
+        saved = document.objects
+        if saved and not any(state.source in own for state in saved):
+            name = min(state.name for state in saved)
+            raise LoadError(file, f"object {name!r}", "in the session", f"an object of the scene, {scene.source}")
+        there = [with_saved(state) for state in saved if state.source in own]
+        new = with_free_names(_new_objects(document, scene), {state.name for state in saved})
+        deleted = tuple(name for name in document.deleted if name in own)
+        deleted += tuple(state.original for state in new if state.original)
+        objects = in_scene_order([*there, *new], scene)
+        absent = tuple(state for state in saved if state.source not in own)
+        light = replace(document.light, own_suns=scene.light.own_suns)
+        light = light.with_edited_suns(light.new_suns or ())
+        return replace(document, source=scene.source, objects=objects, absent=absent, light=light, deleted=deleted)
+
+    return in_all_looks(_with_present_names(session.document, scene), fit)
 
 
-def _new_objects(session: Session, scene: Document) -> list[ObjectState]:
-    """The objects of a scene that a session neither has nor has deleted."""
-    document = session.document
+def _new_objects(document: Document, scene: Document) -> list[ObjectState]:
+    """The objects of a scene that the document of a session neither has nor has deleted."""
     known = {*document.deleted, *(state.name for state in document.objects if state.is_of_file)}
     return [state for state in scene.objects if state.name not in known]
 
 
 def session_notes(session: Session, scene: Document, added: AddedStates = NONE_ADDED) -> tuple[str, ...]:
     """What of a session the scene no longer has, and what it has besides; a line each. added: as of `fit_session`."""
-    session = _with_present_names(session, scene)
-    saved = {state.name: state for state in session.document.objects}
+    document = _with_present_names(session.document, scene)
+    saved = {state.name: state for state in document.objects}
     there = by_source(scene, added)
     gone = [name for name, state in saved.items() if state.source not in there]
-    new = [state.name for state in _new_objects(session, scene)]
+    new = [state.name for state in _new_objects(document, scene)]
     still = [name for name, state in saved.items() if state.source in there and _lost_clip(there[state.source], state)]
     lines = (
         (gone, "no longer in the scene; their edits stay in the session"),
@@ -227,15 +223,17 @@ def session_notes(session: Session, scene: Document, added: AddedStates = NONE_A
     return tuple(f"{list_names(names)}: {what}" for names, what in lines if names)
 
 
-def _with_present_names(session: Session, scene: Document) -> Session:
-    """The session with the present names of parts of glTF files, which sessions of version 2 call by their numbers."""
-    saved, there = {state.name for state in session.document.objects}, {state.name for state in scene.objects}
+def _with_present_names(document: Document, scene: Document) -> Document:
+    """The document of a session with the present names of parts of glTF files, which sessions of version 2 call by
+    their numbers."""
+    saved, there = {state.name for state in document.objects}, {state.name for state in scene.objects}
     names = {each.former_name: each.name for each in scene.objects if each.former_name in saved - there}
-    if not names:
-        return session
-    objects = tuple(replace(each, name=names.get(each.name, each.name)) for each in session.document.objects)
-    light = session.document.light.with_renamed_rows(names)
-    return replace(session, document=replace(session.document, objects=objects, light=light))
+
+    def renamed(look: Document) -> Document:
+        objects = tuple(replace(each, name=names.get(each.name, each.name)) for each in look.objects)
+        return replace(look, objects=objects, light=look.light.with_renamed_rows(names))
+
+    return in_all_looks(document, renamed) if names else document
 
 
 def _lost_clip(scene: ObjectState, saved: ObjectState) -> bool:
@@ -262,11 +260,6 @@ def dump_session(
     document: Document, view: ViewState, folder: Path | None = None, journal: JournalRecord | None = None
 ) -> str:
     """The TOML text. Files inside ``folder`` are written relative to it, so that the folder can move."""
-    light = {**vars(document.light), "environment": written_path(document.light.environment, folder)}
-    del light["own_suns"]
-    new_suns = light.pop("new_suns")
-    light["suns"] = None if new_suns is None else [each._asdict() for each in new_suns]
-    light["mix"] = [{"light": key, **_changed(row)} for key, row in document.light.mix] or None
     lines = [
         "# An Insitu session: materials, light and poses on top of a scene. Angles of operators in radians.",
         *toml_lines({"version": SESSION_VERSION, "ends": True, "scene": written_path(document.source, folder)}),
@@ -274,13 +267,15 @@ def dump_session(
     ]
     if journal is not None:
         lines += ["[journal]", *toml_lines(journal.model_dump())]
-    lines += ["[light]", *toml_lines(light)]
+    lines += ["[light]", *toml_lines(_light_values(document.light, folder))]
     if document.background != Background():
         lines += ["[background]", *toml_lines(vars(document.background))]
     lines += ["[overrides]", *toml_lines(dict(document.overrides))]
     lines += ["[view]", *toml_lines(_view_values(view))]
     for state in (*document.objects, *document.absent):
         lines += _object_lines(state, folder)
+    for look in document.looks:
+        lines += _look_lines(look, document, folder)
     for bookmark in view.bookmarks:
         lines += ["[[bookmark]]", *toml_lines(_bookmark_values(bookmark))]
     return "\n".join([*lines, "[end]"]) + "\n"
@@ -291,9 +286,39 @@ def _changed(row: MixRow) -> dict[str, Any]:
     return {name: getattr(row, name) for name in MIX_FIELDS if getattr(row, name) != getattr(PLAIN_ROW, name)}
 
 
-def _object_lines(state: ObjectState, folder: Path | None) -> Iterator[str]:
+def _light_values(light: LightState, folder: Path | None) -> dict[str, Any]:
+    """The values of a light; suns are those that were edited."""
+    values = {**vars(light), "environment": written_path(light.environment, folder)}
+    del values["own_suns"]
+    new_suns = values.pop("new_suns")
+    values["suns"] = None if new_suns is None else [each._asdict() for each in new_suns]
+    values["mix"] = [{"light": key, **_changed(row)} for key, row in light.mix] or None
+    return values
+
+
+def _look_lines(look: Look, document: Document, folder: Path | None) -> Iterator[str]:
+    """A look: its differences to the current one, object by object; of an object with the same layers these are left
+    out."""
+    yield "[[look]]"
+    yield from toml_lines({"name": look.name, "current": True if look.state is None else None})
+    if look.state is None:
+        return
+    if look.state.light != document.light:
+        yield "[look.light]"
+        yield from toml_lines(_light_values(look.state.light, folder))
+    if look.state.background != document.background:
+        yield "[look.background]"
+        yield from toml_lines(vars(look.state.background))
+    current = {state.name: state for state in (*document.objects, *document.absent)}
+    for state in (*look.state.objects, *look.state.absent):
+        if (same := current[state.name]) != state:
+            layers = () if state.layers == same.layers else state.layers
+            yield from _object_lines(replace(state, layers=layers, original="", added=None), folder, "look.object")
+
+
+def _object_lines(state: ObjectState, folder: Path | None, table: str = "object") -> Iterator[str]:
     switches = {"visible": state.visible, "frozen": state.frozen, "editable": state.editable}
-    yield "[[object]]"
+    yield f"[[{table}]]"
     original = state.original or None
     yield from toml_lines({"name": state.name, "original": original, **switches, "emission": state.emission})
     if state.added is not None:
@@ -309,9 +334,9 @@ def _object_lines(state: ObjectState, folder: Path | None) -> Iterator[str]:
     if not state.transform.is_identity:
         own = {name: getattr(state.transform, field) for name, field in TRANSFORM_FIELDS.items()}
         yield f"transform = {toml_value(own)}"
-    yield from layer_lines(state.layers, "object.layer", folder)
+    yield from layer_lines(state.layers, f"{table}.layer", folder)
     for deformation in state.deformations:
-        yield "[[object.deformer]]"
+        yield f"[[{table}.deformer]]"
         yield from toml_lines(vars(deformation))
 
 
@@ -339,6 +364,33 @@ def _bookmark_values(bookmark: Bookmark) -> dict[str, Any]:
     return {
         "name": bookmark.name, "camera": _camera_values(camera), "resolution": resolution, "thumbnail": thumbnail
     }  # fmt: skip
+
+
+def _light(file: str, folder: Path | None, saved: LightRecord) -> LightState:
+    """The light of a record. Raises LoadError for the file."""
+    light = LightState(
+        full_path(saved.environment, folder), saved.mapping, saved.rotation, saved.intensity, saved.radiance,
+        new_suns=None if saved.suns is None else tuple(each.sun for each in saved.suns),
+    )  # fmt: skip
+    return check_light(light.with_rows({each.light: each.row for each in saved.mix}), file)
+
+
+def _look(file: Path, folder: Path | None, record: LookRecord, current: Document) -> LookState:
+    """A look that is not current, of its differences to the document. Raises LoadError for the file."""
+    light, background = current.light, current.background
+    if record.light is not None:
+        light = _light(str(file), folder, record.light)
+    if record.background is not None:
+        background = record.background.background
+    own = {each.name: _object(str(file), folder, each) for each in record.objects}
+
+    def state(same: ObjectState) -> ObjectState:
+        found = own.get(same.name)
+        if found is None:
+            return same
+        return replace(found, layers=found.layers or same.layers, original=same.original, added=same.added)
+
+    return LookState(tuple(map(state, current.objects)), light, background)
 
 
 def _object(file: str, folder: Path | None, record: ObjectRecord) -> ObjectState:

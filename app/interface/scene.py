@@ -7,8 +7,10 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+from app.document.commands.looks import AddLook, DeleteLook, MoveLook, RenameLook, SetLook
 from app.document.commands.objects import AddObject
 from app.document.document import Document
+from app.document.looks import look_names
 from app.document.scene_files import Up
 from app.document.sources import SESSION_ENDING, find_source, source_of
 from app.document.view_state import Viewpoint, ViewState
@@ -108,6 +110,29 @@ class Scene:
     def camera(self) -> CameraNode:
         """The camera that pictures are seen from."""
         return CameraNode(self._editing)
+
+    @property
+    def looks(self) -> tuple[str, ...]:
+        """The names of its looks: variants of materials, light and poses; none where it has one state without a name.
+
+        >>> import insitu
+        >>> scene = insitu.open("shapes", resolution=(48, 32))
+        >>> scene.new_look("Bare")
+        >>> scene["cube"]["paint"].visible = False
+        >>> scene.look = "Look 1"
+        >>> scene.looks, scene["cube"]["paint"].visible
+        (('Look 1', 'Bare'), True)
+        """
+        return look_names(self.document)
+
+    @property
+    def look(self) -> str:
+        """The name of the current look, which edits and pictures are of; "" where there are none."""
+        return self.document.look
+
+    @look.setter
+    def look(self, name: str) -> None:
+        self._editing.do(SetLook(name))
 
     @property
     def report(self) -> ImportReport:
@@ -215,6 +240,23 @@ class Scene:
         command = AddObject(what if what in ADDABLE else full_path(what), name, at, size)
         self._editing.do(complete(command, lambda: self._seen_in(None).scene))
         return self[self.document.objects[count].name]
+
+    def new_look(self, name: str = "") -> None:
+        """Make a look behind the current one, equal to it, and current; name: "" for a free one. Raises
+        insitu.Error."""
+        self._editing.do(AddLook(name))
+
+    def rename_look(self, look: str, name: str) -> None:
+        """Give a look another name. Raises insitu.Error."""
+        self._editing.do(RenameLook(look, name))
+
+    def move_look(self, look: str, place: int) -> None:
+        """Move a look to another place among them, from 0. Raises insitu.Error."""
+        self._editing.do(MoveLook(look, place))
+
+    def delete_look(self, look: str) -> None:
+        """Delete a look; of the current one the next becomes current. Raises insitu.Error."""
+        self._editing.do(DeleteLook(look))
 
     def undo(self) -> str | None:
         """Undo the last edit; returns its label, None where there is none."""

@@ -14,6 +14,7 @@ from app.operators.curve_drawing import DRAWING
 from app.operators.edits import CURVES, EDITS, MATERIAL
 from app.operators.files import FILES
 from app.operators.inspect import INSPECT, channel_operator
+from app.operators.looks import LOOKS
 from app.operators.operator import Gesture, Operator
 from app.operators.selecting import SELECTING
 from app.operators.view import HELP, PICTURE
@@ -21,8 +22,8 @@ from engine.core.errors import InsituError
 from engine.scene.composition import LIGHTS, SHAPES
 
 GROUPS: dict[str, tuple[Operator | Gesture, ...]] = {
-    "Edit": EDITS, "Select": SELECTING, "Arrange": ARRANGE, "Picture": PICTURE, "Inspect": INSPECT, "Camera": CAMERA,
-    **CONVENTIONS,
+    "Edit": EDITS, "Select": SELECTING, "Arrange": ARRANGE, "Looks": LOOKS, "Picture": PICTURE, "Inspect": INSPECT,
+    "Camera": CAMERA, **CONVENTIONS,
     "File": FILES, "Material": MATERIAL, "Curve": (*CURVES, *DRAWING), "Help": HELP,
 }  # fmt: skip
 OPERATORS = {each.name: each for group in GROUPS.values() for each in group if isinstance(each, Operator)}
@@ -71,9 +72,12 @@ MENUS = (
             "values", "average", "copy_values", None, *map(channel_operator, PICTURE_CHANNELS), None, "zebra", "stops",
             "error", None, "zoom_in", "zoom_out",
         )),
-        "resolution", "compare", "lighting", "log", None, "show",
-        "reset_layout",
-        None, "screenshot",
+        "resolution", "compare", Menu("Side by side", ("looks_1", "looks_2", "looks_4", "looks_6")), "lighting", "log",
+        None, "show", "reset_layout", None, "screenshot",
+    )),
+    Menu("Looks", (
+        "new_look", "look", None, "previous_look", "next_look", None, "rename_look", "look_up", "look_down",
+        "delete_look",
     )),
     Menu("Help", ("help",)),
 )  # fmt: skip

@@ -175,7 +175,7 @@ PICTURE = (
 )  # fmt: skip
 
 HELP = (
-    Gesture("Alt", "The menus; Alt F, E, A, V, H: one of them"),
+    Gesture("Alt", "The menus; Alt F, E, A, V, L, H: one of them"),
     Operator(
         "help", lambda editor, value: editor.do(SetView.of(show_shortcuts=not editor.view.show_shortcuts)),
         ("?", "F1"), "This list", entry="Shortcuts", is_on=lambda context: context.view.show_shortcuts,

@@ -31,6 +31,7 @@ from app.document.commands.light import (
     SetRotation,
     set_environment_file,
 )
+from app.document.commands.looks import SetLook
 from app.document.commands.maps import SetBumps, SetMap, SetOpacity, SetParameterMap, surface_named
 from app.document.commands.mix import SetMix
 from app.document.commands.objects import addition, with_presence
@@ -58,6 +59,7 @@ from app.document.targets import (
     EMISSION,
     FRAME,
     FRESNEL_TERM,
+    LOOK,
     MATERIAL,
     TIME,
     UNDER,
@@ -327,6 +329,10 @@ def set_path(document: Document, path: str, value: Any) -> EditCommand:
         if not isinstance(value, str):
             raise LoadError(path, "value", value, "the name of a variant of the scene")
         return SetVariant(value)
+    if path == LOOK and all(state.name != LOOK for state in document.objects):
+        if not isinstance(value, str):
+            raise LoadError(path, "value", value, "the name of a look of the session")
+        return SetLook(value)
     head, _, last = path.rpartition(".")
     if last == ADD and all(state.name != head for state in document.objects):
         return addition(path, head, value)

@@ -1,5 +1,5 @@
 """Small windows over the picture, which stays usable under them: the question before edits would be lost, the list of
-edits that can be recovered, and another resolution of the picture with its cost.
+edits that can be recovered, another resolution of the picture with its cost, and another name of a look.
 """
 
 from __future__ import annotations
@@ -187,3 +187,31 @@ def _buttons(context: PanelContext, size: Size, enabled: bool) -> list[Action]:
         return [RunOperator("resolution", size), close]
     imgui.same_line()
     return [close] if widgets.text_button(context, "resolution.cancel", "Cancel", "Cancel. (Esc)") else []
+
+
+# -------------------------------------------------------------------------------------------------- the name of a look
+
+
+def draw_look_name(context: PanelContext) -> list[Action]:
+    """A field for another name of the current look; Enter accepts it."""
+    name = context.state.look_name
+    if name is None or not context.document.looks:
+        return []
+    actions: list[Action] = []
+    close = SetPanel({"look_name": None})
+    with _window(context, "Rename###look") as is_seen:
+        if is_seen:
+            imgui.align_text_to_frame_padding()
+            imgui.text_unformatted(f"Name of the look {context.document.look}")
+            imgui.same_line()
+            imgui.set_next_item_width(context.px(NAME_WIDTH))
+            if not imgui.get_io().want_text_input:
+                imgui.set_keyboard_focus_here()
+            flags = imgui.InputTextFlags_.auto_select_all | imgui.InputTextFlags_.enter_returns_true
+            entered, typed = imgui.input_text("##look", name, flags)
+            context.handles.note_item("look.name")
+            if entered or imgui.is_item_deactivated_after_edit():
+                actions += [RunOperator("rename_look", typed.strip()), close]
+            elif imgui.is_item_deactivated():
+                actions.append(close)
+    return actions

@@ -13,13 +13,14 @@ from pathlib import Path
 
 from imgui_bundle import ImVec2, imgui
 
+from app.document.looks import look_names
 from app.document.view_state import EXPOSURE, GAMMA, OpenPanel, SetView
 from app.operators.registry import MENUS, OPERATORS, Menu, keys_of
 from app.operators.view import is_pixel_for_pixel
 from engine.core.colour import VIEWS
 from ui.layout import PANELS, is_behind
 from ui.panels import rows, widgets
-from ui.panels.actions import Action, MoveCameraTo, OpenFile, SetPanel, SetPreference, ShowPanel
+from ui.panels.actions import Action, MoveCameraTo, OpenFile, RunOperator, SetPanel, SetPreference, ShowPanel
 from ui.panels.context import PanelContext
 from ui.panels.window_operators import ALT, is_on, perform
 from ui.theme import Icon
@@ -160,6 +161,19 @@ def _conventions(context: PanelContext) -> list[Action]:
     return actions
 
 
+def _looks(context: PanelContext) -> list[Action]:
+    """The looks of the document, the current one checked."""
+    actions: list[Action] = []
+    names = look_names(context.document)
+    if names and _begin(context, OPERATORS["look"].entry_text(context)):
+        for index, name in enumerate(names):
+            if imgui.menu_item_simple(f"{name}###look.{name}", None, name == context.document.look):
+                actions.append(RunOperator("look", name))
+            context.handles.note_item(f"menu.look.{index}")
+        imgui.end_menu()
+    return actions
+
+
 def _resolution(context: PanelContext) -> list[Action]:
     picture = context.picture
     size = "" if picture is None else f" ({picture.width} x {picture.height})"
@@ -190,6 +204,7 @@ def _gamma(context: PanelContext) -> list[Action]:
 CHOICES: dict[str, Callable[[PanelContext], list[Action]]] = {
     "open_recent": _recent, "open_builtin": _builtin_scenes, "recover": _recover, "show": _panels,
     "go_to_view": _saved_views, "conventions": _conventions, "resolution": _resolution, "view": _views,
+    "look": _looks,
 }  # fmt: skip
 
 

@@ -60,6 +60,7 @@ def draw_panels(context: PanelContext, barrier: Barrier, begin_space: Callable[[
     actions += draw_guarded(barrier, "The import report", import_sheet.draw, context) or []
     actions += draw_guarded(barrier, "The dialog", file_dialog.draw, context) or []
     actions += draw_guarded(barrier, "The resolution", dialogs.draw_resolution, context) or []
+    actions += draw_guarded(barrier, "The name of a look", dialogs.draw_look_name, context) or []
     actions += draw_guarded(barrier, "The question", dialogs.draw_unsaved, context) or []
     actions += draw_guarded(barrier, "The help", shortcuts.draw, context) or []
     return actions

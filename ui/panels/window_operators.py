@@ -43,8 +43,8 @@ CTRL, SHIFT, ALT = (int(key) for key in (Key.mod_ctrl, Key.mod_shift, Key.mod_al
 MODIFIERS = {"Ctrl": CTRL, "Shift": SHIFT, "Alt": ALT}
 # Keys whose names imgui writes otherwise; "?" is what the key of the slash prints with Shift.
 KEYS = {
-    "[": int(Key.left_bracket), "]": int(Key.right_bracket), "\\": int(Key.backslash), "=": int(Key.equal),
-    "-": int(Key.minus), "?": SHIFT | int(Key.slash),
+    ",": int(Key.comma), ".": int(Key.period), "[": int(Key.left_bracket), "]": int(Key.right_bracket),
+    "\\": int(Key.backslash), "=": int(Key.equal), "-": int(Key.minus), "?": SHIFT | int(Key.slash),
     "Keypad .": int(Key.keypad_decimal), "Keypad +": int(Key.keypad_add), "Keypad -": int(Key.keypad_subtract),
 }  # fmt: skip
 
@@ -206,6 +206,7 @@ WINDOW_OPERATORS: dict[str, Callable[[PanelContext], list[Action]]] = {
     "brdf": _always(ShowPanel("brdf")),
     "reset_layout": _always(ResetLayout()),
     "resolution": _set_resolution,
+    "rename_look": lambda context: [SetPanel({"look_name": context.document.look})],
     "alone": _leave_alone,
     "camera_panel": _toggle_camera_panel,
     "report": _toggle_report,

@@ -228,7 +228,8 @@ class LibraryState:
 class PanelState:
     """The window's own state.
 
-    `resolution` is the one in the resolution dialog, None while that is closed. `pending_action` is the action that
+    `resolution` is the one in the resolution dialog, None while that is closed, `look_name` the name in
+    the one that renames a look. `pending_action` is the action that
     waits for the answer on unsaved edits; `shows_recoveries`: the list of edits that can be recovered is open.
 
     `shows_images`: the material panel has its rows for images, also where a layer has none; `shows_transform`: it has
@@ -265,6 +266,7 @@ class PanelState:
     message: StatusMessage | None = None
     question: FileQuestion | None = None
     resolution: tuple[int, int] | None = None
+    look_name: str | None = None
     pending_action: Action | None = None
     shows_recoveries: bool = True
     library: LibraryState = LibraryState()

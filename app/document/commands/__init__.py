@@ -40,6 +40,7 @@ from app.document.commands.light import (
     SetMapping,
     SetRotation,
 )
+from app.document.commands.looks import AddLook, DeleteLook, MoveLook, RenameLook, SetLook
 from app.document.commands.maps import (
     BlendByMap,
     ClearMap,
@@ -75,4 +76,5 @@ EditCommand = (
     | SetFirstBands | SetPose | AddDeformer | SetDeformer | MoveDeformer | RemoveDeformer | SetTime | SetSurface
     | OverrideLine | SetSun | SetMix | SetTransform | MoveObject | DuplicateObject | DeleteObject
     | RenameObject | SetBackground | SetBackgroundColour | AddObject | Several | PlaceObjects
+    | AddLook | SetLook | RenameLook | DeleteLook | MoveLook
 )  # fmt: skip

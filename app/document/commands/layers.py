@@ -18,6 +18,7 @@ from app.document.linked_layers import (
     with_fresnel,
     without_fresnel,
 )
+from app.document.looks import carried_out_in_all_looks
 from app.document.named_files import variant_with_scene_names, with_scene_names
 from app.document.targets import resolve
 from engine.core.errors import InsituError
@@ -180,6 +181,7 @@ class SetEditable:
     def label(self) -> str:
         return f"make {self.object} {'editable' if self.editable else 'fixed'}"
 
+    @carried_out_in_all_looks
     def apply(self, document: Document) -> Document:
         return document.with_object(replace(document.object(self.object), editable=self.editable))
 

@@ -10,6 +10,7 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 
 from app.document.document import Document, ObjectState
+from app.document.looks import carried_out_in_all_looks
 from app.document.scene_objects import numbered_name
 from app.system.paths import full_path
 from engine.core.errors import InsituError, LoadError
@@ -47,6 +48,7 @@ class AddObject:
         if len(document.objects) + max(len(self.objects), 1) > MAX_OBJECTS:
             raise InsituError(f"{Path(self.what).name} is not added: a scene has at most {MAX_OBJECTS} objects")
 
+    @carried_out_in_all_looks
     def apply(self, document: Document) -> Document:
         self.check(document)
         taken = _taken(document)
@@ -71,6 +73,7 @@ class DuplicateObject:
     def label(self) -> str:
         return f"duplicate {self.object}"
 
+    @carried_out_in_all_looks
     def apply(self, document: Document) -> Document:
         state = document.object(self.object)
         if len(document.objects) == MAX_OBJECTS:
@@ -92,6 +95,7 @@ class DeleteObject:
     def label(self) -> str:
         return f"delete {self.object}"
 
+    @carried_out_in_all_looks
     def apply(self, document: Document) -> Document:
         state = document.object(self.object)
         if len(document.objects) == 1:
@@ -112,6 +116,7 @@ class RenameObject:
     def label(self) -> str:
         return f"rename {self.object}"
 
+    @carried_out_in_all_looks
     def apply(self, document: Document) -> Document:
         state = document.object(self.object)
         if self.name == self.object:

@@ -14,7 +14,8 @@ from app.document.document import Document
 from app.document.view_state import ViewState
 from app.editor.editor import Editor
 from app.files.journal import RETRY_SECONDS, WRITE_SECONDS, Journal, recoverable_sessions
-from app.files.session import KnownFile, load_session, save_session
+from app.files.known_file import KnownFile
+from app.files.session import load_session, save_session
 from tests.app.fake_worker import FakeClient
 from tests.app.limits import largest_file
 

@@ -14,8 +14,9 @@ from app.document.document import Document
 from app.document.view_state import ViewState
 from app.editor.editor import Editor
 from app.files.journal import WRITE_SECONDS, Journal, recoverable_sessions
+from app.files.known_file import KnownFile
 from app.files.materials import Material, load_material, save_material
-from app.files.session import KnownFile, load_session, save_session, write_session
+from app.files.session import load_session, save_session, write_session
 from engine.core.errors import InsituError
 from engine.material import MODELS, make_layer
 from engine.realtime.zonal_harmonics.pose import Moment

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.document.commands import SetTransform
+from app.document.commands import AddLook, SetLook, SetTransform
 from app.document.commands.curves import SetOperators
 from app.document.commands.light import SetRotation
 from app.document.view_state import SetView, Viewpoint
@@ -41,6 +41,7 @@ VALUES: dict[str, Any] = {
     "measured": MeasuredFile(file="velvet.binary"), "material_file": MaterialFile(file="wood.mtlx", material="oak"),
     "table": CurveTable(file="peak.csv"), "variant_set": VariantChoice(set="shape", variant="tall"),
     "picture_channel": "red",
+    "look": "Night", "rename_look": "Gold", "move_look": 2, "delete_look": "Night", "side_by_side": 2,
     "draw_curve": CurveStroke(points=((0.0, 1.0), (30.0, 2.0))), "set_points": CurvePoints(points=((5.0, 1.0),)),
 }  # fmt: skip
 
@@ -48,7 +49,7 @@ VALUES: dict[str, Any] = {
 @pytest.fixture
 def worked(client: FakeClient) -> Editor:
     """An editor in which all can be done: an edited curve whose operator is selected, a camera that was moved, a saved
-    view, an animation, a moved object, and something to undo."""
+    view, an animation, a moved object, three looks, the second one current, and something to undo."""
     editor = Editor(client, "shelf")
     boxes = np.array([[[-1, -1, -1], [1, 1, 1]]] * 3, float)
     client.open_scene(animations=((Animation("flap", 1.2),), (), ()), boxes=boxes)
@@ -56,7 +57,8 @@ def worked(client: FakeClient) -> Editor:
     editor.select("pot.1.theta_h")
     editor.do(SetOperators("pot.1", "theta_h", (LIFT,)))
     editor.do(SetTransform("pot", (0.5, 0.0, 0.0)))
-    editor.do(SetRotation(50.0))
+    for command in (AddLook("Brass"), AddLook("Night"), SetLook("Brass"), SetRotation(50.0)):
+        editor.do(command)
     editor.do(SetView.of(operator=0, fit=False, zoom=3.0, exposure=1.0, picture_channel="alpha"))
     tilted = orbit_camera(editor.camera_history.camera, 0.3, 0.4).model_copy(update={"up": (0.3, 1.0, 0.0)})
     for camera in (orbit_camera(tilted, 0.1, 0.0), tilted):
@@ -73,6 +75,8 @@ def test_each_operator_does_something(worked: Editor, client: FakeClient, name: 
         worked.history.document = replace(worked.document, source="/models/pot.stl")
     if name == "variant_set":  # only a stage of USD has sets
         worked.history.document = replace(worked.document, source="/models/pot.usda")
+    if name == "looks_1":
+        worked.do(SetView.of(looks_shown=4))
     before = worked.document, worked.view, len(client.requests)
     if name == "resume":
         worked.cancel_work()
