@@ -98,6 +98,8 @@ class Icon:
     POINTS = "\uf55b"
     COPY = "\uf0c5"
     REPORT = "\uf05a"
+    GROUP = "\uf247"
+    MAGNET = "\uf076"
 
 
 @dataclass

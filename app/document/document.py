@@ -9,7 +9,8 @@ Names: a layer's *key* is ``"object.index"``; a *path* names anything that can b
 its name: ``"teapot"``, ``"teapot.1"``, ``"teapot.coat.theta_h"``, ``"teapot.1.alpha"``, ``"teapot.1.alpha_map"``,
 ``"teapot.bend"``, ``"teapot.position"``, ``"bat.time"``, ``"bat.membrane.translucency"``, ``"lamp.emission"``,
 ``"light.rotation"``, ``"light.Noon.direction"``, ``"lamp.strength"`` (of its row in the mix,
-`app.document.light_state`), ``"teapot.duplicate"``, ``"teapot.name"``, ``"teapot.deleted"``, ``"look"``.
+`app.document.light_state`), ``"teapot.duplicate"``, ``"teapot.name"``, ``"teapot.deleted"``, ``"teapot.in_group"``,
+``"groups.Tea.visible"``, ``"look"``.
 """
 
 from __future__ import annotations
@@ -83,7 +84,8 @@ class ObjectState:
     ``variants`` are the materials that its file gives it by the names of the scene's variants.
     ``former_name`` is its name in sessions of version 2, empty where that is the same. ``original`` is the object of
     the scene's file that it is a duplicate of, or was before it was renamed; empty where the file has it by its name.
-    ``added``: what it is read from where the scene's file does not have it.
+    ``added``: what it is read from where the scene's file does not have it. ``in_group`` is the name of the group of
+    objects that it is in, empty for none.
     """
 
     name: str
@@ -107,6 +109,7 @@ class ObjectState:
     former_name: str = field(default="", compare=False)
     original: str = ""
     added: ObjectDescription | None = None
+    in_group: str = ""
 
     def in_variant(self, name: str) -> ObjectState:
         """The object in one of the scene's variants; as it is where it has none of that name."""
@@ -261,6 +264,15 @@ class Document:
         if not self.deleted and all(state.is_of_file for state in self.objects):
             return ()
         return tuple(SceneObject(state.name, state.source) for state in self.objects)
+
+    @functools.cached_property
+    def groups(self) -> dict[str, tuple[str, ...]]:
+        """The names of the objects in each group of objects, by its name. Panels ask in each frame."""
+        found: dict[str, list[str]] = {}
+        for state in self.objects:
+            if state.in_group:
+                found.setdefault(state.in_group, []).append(state.name)
+        return {group: tuple(names) for group, names in found.items()}
 
     @property
     def added_sources(self) -> tuple[ObjectDescription, ...]:

@@ -125,7 +125,7 @@ class SceneChange:
         bumps, opacity, surface = edited.new_bumps, edited.new_opacity, edited.new_surface
         merged = replace(
             own, **kept, layers=_merge_layers(edited.layers, None if base is None else base.layers, own.layers),
-            deformations=edited.deformations, moment=moment, transform=edited.transform,
+            deformations=edited.deformations, moment=moment, transform=edited.transform, in_group=edited.in_group,
             new_bumps=None if own.is_lamp or bumps == own.own_bumps else bumps,
             new_opacity=None if own.is_lamp or opacity == own.own_opacity else opacity,
             new_surface=None if own.is_lamp or surface == own.own_surface else surface,

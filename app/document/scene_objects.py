@@ -8,6 +8,7 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from app.document.document import Document, ObjectState
+from app.document.looks import in_all_looks
 from engine.scene.composition import ObjectSource
 from engine.scene.description import LONGEST_NAME
 
@@ -41,6 +42,16 @@ def with_objects_of(described: Document, document: Document, added: AddedStates 
         for state in document.objects if state.source in own
     )  # fmt: skip
     return replace(described, objects=objects, deleted=document.deleted)
+
+
+def with_group(document: Document, names: Collection[str], group: str) -> Document:
+    """The document with these objects in a group of this name, in all its looks; "": in none."""
+
+    def grouped(look: Document) -> Document:
+        states = (replace(each, in_group=group) if each.name in names else each for each in look.objects)
+        return replace(look, objects=tuple(states))
+
+    return in_all_looks(document, grouped)
 
 
 def with_free_names(own: Sequence[ObjectState], taken: Collection[str]) -> list[ObjectState]:

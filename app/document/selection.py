@@ -54,12 +54,27 @@ def select_in_view(document: Document, view: ViewState, paths: Path | Sequence[P
     return _activated(view, active, tuple(names))
 
 
-def toggled(view: ViewState, name: str) -> tuple[str, ...]:
-    """The selected objects after a click on one that adds it, makes it active, or, where it is active, deselects
-    it."""
-    names = view.selected_objects
-    rest = tuple(each for each in names if each != name)
-    return rest if names and names[-1] == name else (*rest, name)
+def toggled(view: ViewState, *names: str) -> tuple[str, ...]:
+    """The selected objects after a click on one, or on one of a group, which is the last of these: they are selected as
+    well and it is active, or, where one of them is active, they no longer are."""
+    chosen = view.selected_objects
+    rest = tuple(each for each in chosen if each not in names)
+    return rest if chosen and chosen[-1] in names and set(names) <= set(chosen) else (*rest, *names)
+
+
+def group_around(document: Document, name: str) -> tuple[str, ...]:
+    """The objects of an object's group, it last; it alone where it is in none."""
+    group = document.object(name).in_group
+    members = document.groups[group] if group else ()
+    return (*(each for each in members if each != name), name)
+
+
+def clicked(document: Document, view: ViewState, name: str) -> tuple[str, ...]:
+    """What a click on an object in the picture is about: all of its group, it last; it alone where only some of its
+    group are selected, as by a double click on one before."""
+    members = group_around(document, name)
+    some = set(members) & set(view.selected_objects)
+    return members if not some or len(some) == len(members) else (name,)
 
 
 def follow_in_view(before: Document, document: Document, view: ViewState) -> ViewState:

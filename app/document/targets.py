@@ -16,14 +16,14 @@ from engine.scene.surface_kinds import SURFACES
 
 Kind = Literal[
     "object", "layer", "factor", "parameter", "map", "parameter_map", "switch", "presence", "deformer", "transform",
-    "time", "bumps", "opacity", "surface", "light", "sun", "mix",
+    "group", "time", "bumps", "opacity", "surface", "light", "sun", "mix",
 ]  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Target:
     """The target of a path. ``key`` is None for an object or the light, ``name`` None for an object or a layer;
-    ``object`` is the name of a sun where that is the target."""
+    ``object`` is the name of a sun or a group where that is the target."""
 
     kind: Kind
     object: str = ""
@@ -42,7 +42,10 @@ TIME = "time"
 TRANSFORM_FIELDS = {"position": "translation", "rotation": "rotation", "scale": "scale"}
 # What makes, deletes and renames objects; `ADD` is of a name that no object has yet.
 ADD = "add"
-PRESENCE_FIELDS = ("name", "duplicate", "deleted")
+IN_GROUP = "in_group"
+PRESENCE_FIELDS = ("name", "duplicate", "deleted", IN_GROUP)
+# Of groups of objects, whose paths begin so.
+GROUPS, GROUP_FIELDS = "groups", ("name", "visible", "frozen")
 SURFACE = "surface"
 EMISSION = "emission"
 FRESNEL_TERM = "fresnel_term"
@@ -74,6 +77,8 @@ def resolve(document: Document, path: str) -> Target:
         suns = [f"{each.name}.{name}" for each in document.light.suns for name in SUN_FIELDS]
         rows = [f"{key.removeprefix('light.')}.{name}" for key in keys for name in MIX_FIELDS]
         raise unknown("property of the light", rest, (*LIGHT_FIELDS, *suns, *rows))
+    if head == GROUPS and all(state.name != GROUPS for state in document.objects):
+        return _resolve_group(document, rest)
     state, rest = split_object(document, path)
     if rest in MIX_FIELDS and state.emits and rest not in [layer.name for layer in state.layers]:
         return Target("mix", state.name, name=rest)
@@ -88,6 +93,15 @@ def resolve(document: Document, path: str) -> Target:
     if rest in ("visible", "frozen", FRESNEL_TERM, UNDER, FRAME):
         return Target("switch", state.name, index, rest)
     return _resolve_in_layer(state, index, rest)
+
+
+def _resolve_group(document: Document, path: str) -> Target:
+    name, dot, field = path.partition(".")
+    if name not in document.groups:
+        raise unknown("group", name, document.groups)
+    if dot and field not in GROUP_FIELDS:
+        raise unknown(f"property of the group {name}", field, GROUP_FIELDS)
+    return Target("group", name, name=field or None)
 
 
 def _kind_of(name: str) -> Kind | None:

@@ -150,6 +150,7 @@ class ObjectRecord(StrictModel):
     transform: TransformRecord | None = None
     original: Name | None = None
     added: AddedRecord | None = None
+    in_group: Name | None = None
     deformers: tuple[DeformerRecord, ...] = Field(default=(), alias="deformer", max_length=MAX_DEFORMERS)
 
     @model_validator(mode="after")

@@ -319,8 +319,8 @@ def _look_lines(look: Look, document: Document, folder: Path | None) -> Iterator
 def _object_lines(state: ObjectState, folder: Path | None, table: str = "object") -> Iterator[str]:
     switches = {"visible": state.visible, "frozen": state.frozen, "editable": state.editable}
     yield f"[[{table}]]"
-    original = state.original or None
-    yield from toml_lines({"name": state.name, "original": original, **switches, "emission": state.emission})
+    names = {"name": state.name, "original": state.original or None, "in_group": state.in_group or None}
+    yield from toml_lines({**names, **switches, "emission": state.emission})
     if state.added is not None:
         yield f"added = {toml_value(_added_values(state.added, folder))}"
     if state.new_bumps is not None:
@@ -412,6 +412,7 @@ def _object(file: str, folder: Path | None, record: ObjectRecord) -> ObjectState
         new_surface=record.deform,
         original=record.original or "",
         added=None if record.added is None else record.added.description(folder),
+        in_group=record.in_group or "",
     )
 
 

@@ -19,6 +19,7 @@ from pydantic import ValidationError
 
 from app.document.commands import EditCommand
 from app.document.commands.curves import AddOperator, ResetCurve, SetOperators
+from app.document.commands.groups import members_of
 from app.document.document import Document, all_factors
 from app.document.history import History
 from app.document.light_state import MIX_FIELDS, group_key, group_of, sun_key
@@ -27,6 +28,9 @@ from app.document.targets import (
     BACKGROUND_COLOUR,
     EMISSION,
     FRAME,
+    GROUP_FIELDS,
+    GROUPS,
+    IN_GROUP,
     LIGHT_FIELDS,
     MAP_SUFFIX,
     MATERIAL,
@@ -201,12 +205,44 @@ class RowNode(Node):
         return (*SUN_FIELDS, *MIX_FIELDS) if is_sun else MIX_FIELDS
 
 
+class GroupsNode(Node):
+    """The groups of objects, by name; each has `name`, `visible` and `frozen`.
+
+    >>> import insitu
+    >>> scene = insitu.open("teatray")
+    >>> scene["teapot"].in_group = scene["tray"].in_group = "Tea"
+    >>> scene.groups["Tea"].visible = False
+    >>> list(scene.groups), scene["tray"].visible
+    (['Tea'], False)
+    """
+
+    def __getitem__(self, name: str) -> GroupNode:
+        return GroupNode(self._editing, f"{self._path}.{members_of(self._editing.document, name) and name}")
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._editing.document.groups)
+
+    def _names(self) -> Sequence[str]:
+        return list(self)
+
+
+class GroupNode(Node):
+    """A group of objects: its `name`, and whether all of them are `visible` and `frozen`."""
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(members_of(self._editing.document, self._path.removeprefix(f"{GROUPS}.")))
+
+    def _names(self) -> Sequence[str]:
+        return GROUP_FIELDS
+
+
 class ObjectNode(Node):
-    """An object: `visible`, `frozen`, `editable`, `emission` (of a lamp, three numbers) and its row in the mix of
-    lights (`on`, `solo`, `strength`, `colour`, `kelvin`, `group`, `excludes`), `position` (metres), `rotation`
-    (degrees) and `scale` relative to its place in the file, `time` of its animation, amounts of deformers (`bend`,
-    `twist` …), parts of bumps and opacity; `material`, which can be set alone, to the
-    name of a material of the library, a material's file or a measured BRDF's. Its layers are found by name or number.
+    """An object: `visible`, `frozen`, `editable`, `in_group` (the name of a group of objects, "" for none), `emission`
+    (of a lamp, three numbers) and its row in the mix of lights (`on`, `solo`, `strength`, `colour`, `kelvin`, `group`,
+    `excludes`), `position` (metres), `rotation` (degrees) and `scale` relative to its place in the file, `time` of its
+    animation, amounts of deformers (`bend`, `twist` …), parts of bumps and opacity; `material`, which can be set alone,
+    to the name of a material of the library, a material's file or a measured BRDF's. Its layers are found by name or
+    number.
 
     >>> import insitu
     >>> scene = insitu.open("teatray")
@@ -229,7 +265,7 @@ class ObjectNode(Node):
 
     def _names(self) -> Sequence[str]:
         mix = MIX_FIELDS if self._editing.document.object(self._path).emits else ()
-        return (*SWITCHES, EMISSION, *mix, TIME, *KINDS, *bump_fields(), *opacity_fields())
+        return (*SWITCHES, IN_GROUP, EMISSION, *mix, TIME, *KINDS, *bump_fields(), *opacity_fields())
 
 
 class LayerNode(Node):
@@ -409,6 +445,9 @@ def value_at(document: Document, path: str) -> Any:
         return getattr(document.light, name)
     if target.kind == "sun":
         return next(getattr(each, name) for each in document.light.suns if each.name == target.object)
+    if target.kind == "group" and name:
+        members = map(document.object, document.groups[target.object])
+        return target.object if name == "name" else all(getattr(state, name) for state in members)
     if target.kind == "mix":
         row = document.light.row(target.object)
         return group_of(target.object) or row.group if name == "group" else getattr(row, name)
@@ -434,6 +473,8 @@ def value_at(document: Document, path: str) -> Any:
             return getattr(state, name)
         case "deformer":
             return next((each.amount for each in state.deformations if each.kind == name), 0.0)
+        case "presence" if name == IN_GROUP:
+            return state.in_group
         case "presence":
             return state.name if name == "name" else "" if name == "duplicate" else False
         case "transform":

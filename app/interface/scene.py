@@ -16,7 +16,7 @@ from app.document.sources import SESSION_ENDING, find_source, source_of
 from app.document.view_state import Viewpoint, ViewState
 from app.export import require_package_place
 from app.files.session import save_session
-from app.interface.nodes import CameraNode, Editing, LightNode, ObjectNode
+from app.interface.nodes import CameraNode, Editing, GroupsNode, LightNode, ObjectNode
 from app.interface.pictures import Mode, Picture, Pictures
 from app.project.project import Project, open_project, session_of
 from app.project.reading import complete
@@ -105,6 +105,11 @@ class Scene:
     def light(self) -> LightNode:
         """The distant light."""
         return LightNode(self._editing, "light")
+
+    @property
+    def groups(self) -> GroupsNode:
+        """The groups of objects."""
+        return GroupsNode(self._editing, "groups")
 
     @property
     def camera(self) -> CameraNode:

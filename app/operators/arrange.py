@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from functools import partial
-from itertools import pairwise
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
 from app.document.arranging import RestingBox, move_together, placed_objects
-from app.document.commands.objects import AddObject, DeleteObject, DuplicateObject
+from app.document.commands.groups import RenameGroup, SetGroup, free_group_name, members_of, ungrouping
+from app.document.commands.objects import AddObject, DeleteObject, DuplicateObjects, duplicates_of
 from app.document.commands.poses import MoveObject, PlaceObjects
 from app.document.commands.several import Several, named_together
 from app.document.document import Document
@@ -22,13 +22,21 @@ from engine.scene.description import Name, Number, Text, Vector
 from engine.scene.transform import Transform
 
 
+class Grouping(ValueRecord):
+    """Objects that are put in a group, with those that it has."""
+
+    name: Annotated[Name, Field(description="Of the group.")]
+    objects: Annotated[tuple[Text, ...], Field(min_length=1, description="What is put in it.")]
+
+
 class Move(ValueRecord):
     """An object or several, and by how much they are moved, rotated and scaled from where they are."""
 
-    object: Annotated[Text | None, Field(description="Which one is moved; or `objects`.")] = None
+    object: Annotated[Text | None, Field(description="Which one is moved; or `objects` or `group`.")] = None
     objects: Annotated[tuple[Text, ...] | None, Field(
         min_length=1, description="Which ones are moved together, about their middle and along the world's axes."
     )] = None  # fmt: skip
+    group: Annotated[Text | None, Field(description="Whose objects are moved together.")] = None
     by: Annotated[Vector, Field(description="Metres along the axes of the world.")] = (0.0, 0.0, 0.0)
     rotate: Annotated[Vector, Field(description="Degrees about the world's X, then Y, then Z, through its pivot.")] = (
         0.0, 0.0, 0.0
@@ -40,8 +48,8 @@ class Move(ValueRecord):
 
     @model_validator(mode="after")
     def _moves(self) -> Move:
-        if (self.object is None) == (self.objects is None):
-            raise ValueError("object: exactly one of object and objects")
+        if [self.object, self.objects, self.group].count(None) != 2:
+            raise ValueError("object: exactly one of object, objects and group")
         if not self.model_fields_set & {"by", "rotate", "scale"}:
             raise ValueError("object, and at least one of by, rotate, scale")
         return self
@@ -51,7 +59,8 @@ class Move(ValueRecord):
         scale = self.scale if isinstance(self.scale, tuple) else (self.scale, self.scale, self.scale)
         if self.object is not None:
             return MoveObject(self.object, self.by, self.rotate, scale)
-        placed = placed_objects(document, dict.fromkeys(self.objects or ()), resting_box)
+        names = members_of(document, self.group) if self.group is not None else self.objects or ()
+        placed = placed_objects(document, dict.fromkeys(names), resting_box)
         return move_together(placed, self.by, self.rotate, scale, self.about == "own")
 
 
@@ -128,13 +137,10 @@ def _put_back(editor: Editor, value: None) -> str | None:
 
 def _duplicate(editor: Editor, value: None) -> str | None:
     """Duplicate all selected objects; the duplicates are selected then, with the same curve of the active one."""
-    names, selected = editor.view.selected_objects, editor.view.selected
-    copies = Several(tuple(map(DuplicateObject, names)), f"duplicate {named_together(names)}")
-    there = {state.name for state in editor.document.objects}
-    if selected is None or (refusal := editor.do(copies)) is not None:
+    names, selected, before = editor.view.selected_objects, editor.view.selected, editor.document
+    if selected is None or (refusal := editor.do(DuplicateObjects(names))) is not None:
         return refusal
-    # A duplicate stands behind its original.
-    new = {a.name: b.name for a, b in pairwise(editor.document.objects) if b.name not in there}
+    new = duplicates_of(before, editor.document)
     return editor.select((*(new[name] for name in names[:-1]), selected._replace(object=new[names[-1]])))
 
 
@@ -143,12 +149,26 @@ def _delete(editor: Editor, value: None) -> str | None:
     return editor.do(Several(tuple(map(DeleteObject, names)), f"delete {named_together(names)}"))
 
 
+def _group_selected(editor: Editor, value: None) -> str | None:
+    return editor.do(SetGroup(editor.view.selected_objects, free_group_name(editor.document)))
+
+
+def _ungroup_selected(editor: Editor, value: None) -> str | None:
+    """Dissolve the groups that selected objects are in."""
+    return editor.do(ungrouping(editor.document, editor.view.selected_objects))
+
+
+def _is_grouped(context: OperatorContext) -> bool:
+    return any(context.document.object(name).in_group for name in context.view.selected_objects)
+
+
 def _has_others(context: OperatorContext) -> bool:
     names = context.view.selected_objects
     return 0 < len(names) < len(context.document.objects)
 
 
 OTHERS = Need("select an object, of several", _has_others)
+GROUPED = Need("select objects of a group", _is_grouped)
 MOVED = Need("select an object that was moved", _has_moved)
 
 
@@ -199,6 +219,21 @@ ARRANGE: tuple[Operator | Gesture, ...] = (
     Operator(
         "delete_object", _delete, ("Ctrl Delete",), "Delete the selected objects", entry="Delete the objects",
         needs=OTHERS, waits=True,
+    ),
+    Operator(
+        "group", lambda editor, value: editor.do(SetGroup(value.objects, value.name)),
+        script=ScriptKey(Grouping, "Puts objects in a group: see below."),
+    ),
+    Operator(
+        "ungroup", lambda editor, name: editor.do(RenameGroup(name, "")),
+        script=ScriptKey(Text, "Dissolves the group of this name."),
+    ),
+    Operator(
+        "group_selected", _group_selected, ("Ctrl G",), "Group the selected objects, ungroup them",
+        "Ctrl G   Ctrl Alt G", entry="Group", needs=OBJECT, waits=True,
+    ),
+    Operator(
+        "ungroup_selected", _ungroup_selected, ("Ctrl Alt G",), entry="Ungroup", needs=GROUPED, waits=True,
     ),
     Gesture("Ctrl drag", "Snap: 0.1 m, 15°, tenths"),
     Gesture("H click", "Place the light by its highlight"),

@@ -56,7 +56,7 @@ MENUS = (
         "undo", "redo", "undo_view", "redo_view", None, "copy_material", "copy_curve", "copy_table", "paste",
         "paste_layers", None, Menu("Select", ("select_all", "select_none", "select_others")), None, "gizmo_move",
         "gizmo_rotate", "gizmo_scale", "put_back", "duplicate",
-        "delete_object", None, "table", "mute", "delete",
+        "delete_object", "group_selected", "ungroup_selected", None, "table", "mute", "delete",
         "reset_curve",
     )),
     Menu("Add", (*map(adding, SHAPES), None, *map(adding, LIGHTS), None, "add_file")),

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from app.document.commands import EditCommand
+from app.document.commands.groups import SetGroup, group_edit
 from app.document.commands.layers import (
     SetEditable,
     SetFrame,
@@ -59,6 +60,7 @@ from app.document.targets import (
     EMISSION,
     FRAME,
     FRESNEL_TERM,
+    IN_GROUP,
     LOOK,
     MATERIAL,
     TIME,
@@ -356,6 +358,12 @@ def set_path(document: Document, path: str, value: Any) -> EditCommand:
         return with_amounts(document, target.object, {target.name: value})
     if target.kind == "transform" and target.name is not None:
         return with_placement(path, target.object, target.name, value)
+    if target.kind == "group" and target.name is not None:
+        return group_edit(document, path, target.object, target.name, value)
+    if target.kind == "presence" and target.name == IN_GROUP:
+        if not isinstance(value, str):
+            raise LoadError(path, "value", value, 'the name of a group, or ""')
+        return SetGroup((target.object,), value)
     if target.kind == "presence" and target.name is not None:
         return with_presence(path, target.object, target.name, value)
     if target.kind == "time":

@@ -82,6 +82,51 @@ def test_a_switch_of_one_sets_all_that_are_selected_in_one_step(window: Headless
     assert [step.label for step in editor.history.undo_steps] == ["hide 3 objects", "freeze wall"]
 
 
+def test_a_click_selects_the_group_and_a_double_click_one_of_it(window: HeadlessWindow) -> None:
+    editor: Editor = window.shell.editor
+    held_click(window, stripe(window, 2), SHIFT)
+    window.key(imgui.Key.g, CTRL)
+    assert editor.document.groups == {"Group": ("teapot", "wall")}
+    window.frames(30)  # no double click
+    held_click(window, stripe(window, 1))
+    assert names(window) == ("tray",)
+    window.frames(30)
+    held_click(window, stripe(window, 0))
+    assert names(window) == ("wall", "teapot")
+    held_click(window, stripe(window, 0))
+    assert names(window) == ("teapot",)
+    window.frames(30)
+    held_click(window, stripe(window, 2))
+    assert names(window) == ("wall",)
+    window.key(imgui.Key.g, CTRL, imgui.Key.mod_alt)
+    assert editor.document.groups == {} and len(editor.history.undo_steps) == 2
+
+
+def test_the_row_of_a_group_selects_shows_freezes_and_folds_it(window: HeadlessWindow) -> None:
+    editor: Editor = window.shell.editor
+    editor.select(("lamp", "teapot"))
+    window.key(imgui.Key.g, CTRL)
+    window.frames(2)
+    held_click(window, "objects.tray")
+    held_click(window, "objects.groups.Group")
+    assert names(window) == ("teapot", "lamp")
+    held_click(window, "button.visible.groups.Group")
+    held_click(window, "button.frozen.groups.Group")
+    assert [(each.visible, each.frozen) for each in editor.document.objects] == [
+        (False, True), (True, False), (True, False), (False, True)
+    ]  # fmt: skip
+    labels = [step.label for step in editor.history.undo_steps]
+    assert labels == ["group 2 objects", "hide Group", "freeze Group"]
+    rows = set(window.shell.handles.names())
+    held_click(window, "arrow.groups.Group")
+    assert rows - set(window.shell.handles.names()) >= {"objects.lamp", "objects.teapot", "button.visible.lamp"}
+    x, y = window.shell.handle_position("objects.groups.Group")
+    window.click(x, y, 1)
+    window.frames(2)
+    held_click(window, "groups.Group.ungroup_selected")
+    assert editor.document.groups == {}
+
+
 def test_all_that_are_selected_are_outlined(window: HeadlessWindow) -> None:
     """The active one brighter than the others."""
     feed = window.shell.source

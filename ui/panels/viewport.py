@@ -6,7 +6,7 @@ from __future__ import annotations
 from imgui_bundle import ImVec2, imgui
 
 from app.document.commands.light import SetRotation
-from app.document.selection import solo_layer, toggled
+from app.document.selection import clicked, solo_layer, toggled
 from app.document.view_state import LIGHTING_WORDS, SetView
 from app.messages.editor_status import Status
 from app.operators.registry import keys_of
@@ -205,12 +205,18 @@ def _take_hold(context: PanelContext, picture: Picture, placed: PictureRect, on_
         picked = _pick_lobe(context, picture, placed)
         return [*picked, SetPanel({"picks_lobe": False}), HoldGrip(Grip("lobe", (0.0, 0.0)))]
     name = _object_at(context, placed.pixel(mouse.x, mouse.y, picture))
-    return _toggle(context, name) if imgui.get_io().key_ctrl else [RunOperator("select", name)]
+    if imgui.get_io().key_ctrl:
+        return _toggle(context, name)
+    if name is None or imgui.is_mouse_double_clicked(imgui.MouseButton_.left):
+        return [RunOperator("select", name)]
+    return [RunOperator("select", clicked(context.document, context.view, name))]
 
 
 def _toggle(context: PanelContext, name: str | None) -> list[Action]:
-    """Select an object as well, or no longer."""
-    return [] if name is None else [RunOperator("select", toggled(context.view, name))]
+    """Select an object as well, with the others of its group, or no longer."""
+    if name is None:
+        return []
+    return [RunOperator("select", toggled(context.view, *clicked(context.document, context.view, name)))]
 
 
 def _object_at(context: PanelContext, pixel: tuple[int, int] | None) -> str | None:

@@ -17,6 +17,7 @@ from app.document.commands.curves import (
     ResetCurve,
     SetOperators,
 )
+from app.document.commands.groups import RenameGroup, SetGroup
 from app.document.commands.layers import (
     AddLayers,
     RemoveLayer,
@@ -52,7 +53,7 @@ from app.document.commands.maps import (
     SetSurface,
 )
 from app.document.commands.mix import SetMix
-from app.document.commands.objects import AddObject, DeleteObject, DuplicateObject, RenameObject
+from app.document.commands.objects import AddObject, DeleteObject, DuplicateObject, DuplicateObjects, RenameObject
 from app.document.commands.plan import OverrideLine, SetFirstBands
 from app.document.commands.poses import (
     AddDeformer,
@@ -77,4 +78,5 @@ EditCommand = (
     | OverrideLine | SetSun | SetMix | SetTransform | MoveObject | DuplicateObject | DeleteObject
     | RenameObject | SetBackground | SetBackgroundColour | AddObject | Several | PlaceObjects
     | AddLook | SetLook | RenameLook | DeleteLook | MoveLook
+    | DuplicateObjects | SetGroup | RenameGroup
 )  # fmt: skip

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
+from app.document.commands.several import named_together
 from app.document.document import Document, ObjectState
 from app.document.looks import carried_out_in_all_looks
-from app.document.scene_objects import numbered_name
+from app.document.scene_objects import numbered_name, with_group
 from app.system.paths import full_path
 from engine.core.errors import InsituError, LoadError
 from engine.scene.composition import ADDABLE
@@ -86,6 +88,28 @@ class DuplicateObject:
 
 
 @dataclass(frozen=True)
+class DuplicateObjects:
+    """Add duplicates of several objects. Those of a whole group are a group of their own, with the next number."""
+
+    objects: tuple[str, ...]
+
+    @property
+    def label(self) -> str:
+        return f"duplicate {named_together(self.objects)}"
+
+    def apply(self, document: Document) -> Document:
+        found = document
+        for name in self.objects:
+            found = DuplicateObject(name).apply(found)
+        copies = duplicates_of(document, found)
+        for group, members in document.groups.items():
+            if len(members) > 1 and copies.keys() >= set(members):
+                new = numbered_name(group, found.groups)
+                found = with_group(found, {copies[name] for name in members}, new)
+        return found
+
+
+@dataclass(frozen=True)
 class DeleteObject:
     """Delete an object, with its row in the mix; one of the scene's at least stays."""
 
@@ -152,6 +176,13 @@ def with_presence(path: str, name: str, field: str, value: Any) -> DuplicateObje
     return RenameObject(name, value) if field == "name" else DuplicateObject(name, value)
 
 
+def duplicates_of(before: Document, document: Document) -> dict[str, str]:
+    """The names of the duplicates that a document has more than before, by those of their originals, which they stand
+    behind."""
+    there = {state.name for state in before.objects}
+    return {a.name: b.name for a, b in pairwise(document.objects) if b.name not in there}
+
+
 def free_name(document: Document, name: str) -> str:
     """The name with the first number from 2 on that no object of the document or of its file has: "cup 2"."""
     return numbered_name(name, _taken(document))
@@ -161,13 +192,18 @@ def _taken(document: Document) -> set[str]:
     return {each.name for each in (*document.objects, *document.absent)} | set(document.deleted)
 
 
-def _checked(document: Document, name: str) -> str:
-    """A name for another object. Raises InsituError."""
+def checked_name(name: str) -> str:
+    """A name of objects or groups. Raises InsituError."""
     try:
-        _NAMES.validate_python(name)
+        return _NAMES.validate_python(name)
     except ValidationError:
         expected = f"a name of 1 to {LONGEST_NAME} characters without . = [ ] and quotes"
         raise InsituError(f"name = {name!r}, expected {expected}") from None
+
+
+def _checked(document: Document, name: str) -> str:
+    """A name for another object. Raises InsituError."""
+    checked_name(name)
     if any(each.name == name for each in (*document.objects, *document.absent)):
         raise InsituError(f"name = {name!r}, expected one that no other object has")
     return name

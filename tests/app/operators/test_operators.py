@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.document.commands import AddLook, SetLook, SetTransform
+from app.document.commands import AddLook, SetGroup, SetLook, SetTransform
 from app.document.commands.curves import SetOperators
 from app.document.commands.light import SetRotation
 from app.document.view_state import SetView, Viewpoint
 from app.editor.editor import Editor
 from app.messages.worker_messages import OpenScene
-from app.operators.arrange import Addition, Move
+from app.operators.arrange import Addition, Grouping, Move
 from app.operators.camera import MoveCamera
 from app.operators.curve_drawing import CurvePoints, CurveStroke
 from app.operators.edits import Deform
@@ -36,6 +36,7 @@ RUN_BY_EDITOR = sorted(name for name, each in OPERATORS.items() if each.run is n
 VALUES: dict[str, Any] = {
     "set": {"pot.1.alpha": 0.37, "light.intensity": 2.0}, "select": "floor", "deform": Deform(object="pot", bend=20.0),
     "move": Move(object="pot", by=(0.1, 0.0, 0.0)), "add": Addition(shape="box"),
+    "group": Grouping(name="Set", objects=("floor", "pot")), "ungroup": "Tea",
     "rotate": 75.0, "accuracy": 0.0, "override": {"lights": 600}, "view": "AgX", "rename_view": ("View 1", "Spout"),
     "mode": "orbit", "lobe": (2, 3), "resolution": (24, 16), "camera": MoveCamera(orbit=(30.0, 10.0), dolly=0.5),
     "measured": MeasuredFile(file="velvet.binary"), "material_file": MaterialFile(file="wood.mtlx", material="oak"),
@@ -57,6 +58,7 @@ def worked(client: FakeClient) -> Editor:
     editor.select("pot.1.theta_h")
     editor.do(SetOperators("pot.1", "theta_h", (LIFT,)))
     editor.do(SetTransform("pot", (0.5, 0.0, 0.0)))
+    editor.do(SetGroup(("pot",), "Tea"))
     for command in (AddLook("Brass"), AddLook("Night"), SetLook("Brass"), SetRotation(50.0)):
         editor.do(command)
     editor.do(SetView.of(operator=0, fit=False, zoom=3.0, exposure=1.0, picture_channel="alpha"))
