@@ -11,6 +11,7 @@ from typing import Any
 
 from app.document.commands.maps import Paint
 from app.document.document import layer_key, split_key
+from app.document.light_state import sun_key
 from app.editor.editor import Editor
 from app.messages.worker_messages import WorkerClient
 from app.modes.placement.placement_status import PlacementStatus
@@ -22,13 +23,14 @@ from app.operators.view import AwaitedPicture
 from app.system.atomic import make_folder_of, require_place
 from app.worker.client import Client
 from engine.core.errors import InsituError
+from engine.light.suns import Sun
 from engine.scene.builtin import builtin_environments, builtin_scenes
 from engine.scene.light_placement import PlacedLight
 from ui.gl.view_transform import is_table_ready
 from ui.headless import DEFAULT_SIZE, HeadlessWindow
 from ui.layout import PANELS
 from ui.panels.actions import SetPanel, ShowPanel
-from ui.panels.light_by_hand import placement
+from ui.panels.light_by_hand import placement, sun_placement
 from ui.picture_feed import PictureFeed
 from ui.scene_view import SurfaceSpot, sample_path, spots_at, stroke_at
 
@@ -195,18 +197,32 @@ def _place_light(window: HeadlessWindow, editor: Editor, step: PlacedByHand) -> 
             raise ScriptError(f"place_light: pixel {pixel[0]}, {pixel[1]} sees no surface")
         return spot
 
+    start, end = (None, step.highlight) if step.shadow is None else step.shadow
+    assert end is not None
+    x, y, z = (0.0, 0.0, 0.0) if start is None else spot_at(start).place.tolist()
+    caster = None if start is None else (x, y, z)
+    sun = _sun_of(editor, step.light)
+    if sun is not None:
+        aimed = sun_placement(sun, editor.document.light.rotation, spot_at(end), history.camera, caster)
+        refusal = None if aimed is None else editor.do(aimed)
+        if refusal is not None:
+            raise ScriptError(refusal)
+        return
     state = editor.document.object(step.light)
     box = history.resting_box(step.light)
     if not state.emits or box is None:
         raise ScriptError(f"place_light: {step.light} is no light that has a place")
     light = PlacedLight(box.mean(axis=0), source.facing_of(step.light), state.transform)
-    start, end = (None, step.highlight) if step.shadow is None else step.shadow
-    assert end is not None
-    x, y, z = (0.0, 0.0, 0.0) if start is None else spot_at(start).place.tolist()
-    caster = None if start is None else (x, y, z)
     refusal = editor.do(placement(step.light, light, spot_at(end), history.camera, caster))
     if refusal is not None:
         raise ScriptError(refusal)
+
+
+def _sun_of(editor: Editor, name: str) -> Sun | None:
+    """The sun that a name means, also as "light.Noon"; None of an object."""
+    if any(state.name == name for state in editor.document.objects):
+        return None
+    return next((sun for sun in editor.document.light.suns if name in (sun.name, sun_key(sun.name))), None)
 
 
 def _drag(window: HeadlessWindow, editor: Editor, drag: Drag) -> None:

@@ -23,7 +23,7 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 from app.document.background import Background
-from app.document.light_state import RGB, LightState
+from app.document.light_state import NO_SUNS, RGB, LightState
 from app.document.linked_layers import layers_from_descriptions, linked_indices, with_covers, with_layer
 from app.document.looks import Look, in_all_looks
 from engine.core.errors import InsituError
@@ -404,7 +404,7 @@ def _with_own_variant(state: ObjectState) -> ObjectState:
 
 def _suns_of(environment: EnvironmentDescription) -> tuple[Sun, ...]:
     """The suns of a scene's environment, with names of their own."""
-    suns, taken = list[Sun](), {"environment"}  # has a row of its own in the mix
+    suns, taken = list[Sun](), set(NO_SUNS)
     for number, each in enumerate(environment.suns, 1):
         red, green, blue = (environment.scale * value for value in each.irradiance)
         length, (x, y, z) = math.hypot(*each.direction), each.direction

@@ -27,6 +27,8 @@ RGB = tuple[float, float, float]
 SCENE_ENVIRONMENT = "scene"
 CONSTANT_ENVIRONMENT = "constant"
 ENVIRONMENT_KEY = "light.environment"
+# What no sun is called: their keys begin as those of suns do.
+NO_SUNS = ("environment", "groups")
 MIX_FIELDS = ("on", "solo", "strength", "colour", "kelvin", "group", "excludes")
 
 
@@ -92,7 +94,8 @@ class LightState:
     everywhere), a built-in environment's name or a file's path, read with ``mapping``. ``rotation`` in degrees rotates
     it counter-clockwise about +Y seen from above. ``intensity`` multiplies all light, emitters included: it is applied
     to the finished picture, so it costs nothing and transport does not depend on it. ``new_suns`` replace the
-    ``own_suns`` of the scene's file; they turn with the environment.
+    ``own_suns`` of the scene's file; they turn with the environment. One that has the name of none of the file's was
+    added, one of the file's whose name none has was deleted; one that was renamed is both.
     """
 
     environment: str = SCENE_ENVIRONMENT
@@ -109,11 +112,37 @@ class LightState:
         """The suns that shine, whatever the environment is; their names differ."""
         return self.own_suns if self.new_suns is None else self.new_suns
 
-    def with_edited_suns(self, suns: Iterable[Sun]) -> LightState:
-        """The light with its own suns, and those of these in their places that have their names."""
-        edited = {each.name: each for each in suns}
-        found = tuple(edited.get(own.name, own) for own in self.own_suns)
+    @property
+    def added_suns(self) -> tuple[str, ...]:
+        """The names of the suns that the scene's file does not have."""
+        own = {each.name for each in self.own_suns}
+        return tuple(each.name for each in self.suns if each.name not in own)
+
+    @property
+    def deleted_suns(self) -> tuple[str, ...]:
+        """The names of the suns of the scene's file that it does not have."""
+        there = {each.name for each in self.suns}
+        return tuple(each.name for each in self.own_suns if each.name not in there)
+
+    def with_suns(self, suns: Iterable[Sun]) -> LightState:
+        """The light with these suns and no others."""
+        found = tuple(suns)
         return replace(self, new_suns=None if found == self.own_suns else found)
+
+    def with_own_suns(self, own: tuple[Sun, ...]) -> LightState:
+        """The light for a scene whose file has other suns now. Those that were edited stay so where the file still has
+        them, deleted ones stay away, added ones stay; new ones of the file come."""
+        edited = {each.name: each for each in self.suns}
+        before = {each.name for each in self.own_suns}
+        found = [edited.get(each.name, each) for each in own if each.name in edited or each.name not in before]
+        names = {each.name for each in own}
+        added = [edited[name] for name in self.added_suns if name not in names]
+        return replace(self, own_suns=own).with_suns((*found, *added))
+
+    def with_renamed_sun(self, before: str, name: str) -> LightState:
+        """The light with another name of a sun, whose row in the mix follows."""
+        suns = (each._replace(name=name) if each.name == before else each for each in self.suns)
+        return self.with_suns(suns).with_renamed_rows({sun_key(before): sun_key(name)})
 
     @property
     def is_file(self) -> bool:
@@ -167,7 +196,7 @@ class LightState:
         return self.with_rows({**rows, name: rows.get(of, PLAIN_ROW)})
 
     def without_object(self, name: str) -> LightState:
-        """The light without the row of an object, which no other row excludes."""
+        """The light without the row of an object or a sun, which no other row excludes."""
         return self.with_rows({
             key: replace(row, excludes=tuple(each for each in row.excludes if each != name))
             for key, row in self.mix if key != name

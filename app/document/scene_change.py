@@ -95,7 +95,11 @@ class SceneChange:
     def _lost_parts(self, document: Document) -> list[str]:
         there = {state.name: state for state in document.objects}
         now = [sun.name for sun in self._scene.light.own_suns]
-        found = [sun.name for sun in document.light.suns if sun not in self._light.own_suns and sun.name not in now]
+        before = {sun.name: sun for sun in self._light.own_suns}
+        found = [
+            sun.name for sun in document.light.suns
+            if sun.name in before and sun != before[sun.name] and sun.name not in now
+        ]  # fmt: skip
         for own in self._scene.objects:
             name = self._names[own.name]
             if name in there and name in self._base:
@@ -134,15 +138,17 @@ class SceneChange:
 
 
 def _merge_light(edited: LightState, base: LightState, own: LightState) -> LightState:
-    """The light field by field, and each sun as well, by its name."""
+    """The light field by field, and each sun as well, by its name; added ones stay, and deleted ones stay away."""
     before, theirs = ({sun.name: sun for sun in light.own_suns} for light in (base, own))
     suns = [
         theirs[sun.name]._replace(**{
             name: value for name, value in sun._asdict().items() if value != getattr(before[sun.name], name)
         })
-        for sun in edited.suns if sun.name in before and sun.name in theirs
+        if sun.name in before and sun.name in theirs else sun
+        for sun in edited.suns
     ]  # fmt: skip
-    return replace(_merge_fields(edited, base, own), own_suns=own.own_suns).with_edited_suns(suns)
+    merged = replace(_merge_fields(edited, base, own), own_suns=base.own_suns).with_suns(suns)
+    return merged.with_own_suns(own.own_suns)
 
 
 def _differ(edited: Any, base: Any, name: str) -> bool:

@@ -7,14 +7,18 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 
+from pydantic import TypeAdapter, ValidationError
+
 from app.document.document import Document, ObjectState
 from app.document.looks import in_all_looks
+from engine.core.errors import InsituError
 from engine.scene.composition import ObjectSource
-from engine.scene.description import LONGEST_NAME
+from engine.scene.description import LONGEST_NAME, Name
 
 # Objects that the scene's file does not have, as they were read, by what they were read from.
 AddedStates = Mapping[ObjectSource, ObjectState]
 NONE_ADDED: AddedStates = MappingProxyType({})
+_NAMES = TypeAdapter[str](Name)
 _NUMBERED = re.compile(r"(?P<name>.*\S) \d+")
 
 
@@ -63,6 +67,33 @@ def with_free_names(own: Sequence[ObjectState], taken: Collection[str]) -> list[
             names.add(state.name)
         found.append(state)
     return found
+
+
+def taken_names(document: Document) -> set[str]:
+    """The names that another object or light cannot have."""
+    light = document.light
+    suns = {each.name for each in (*light.suns, *light.own_suns)}
+    return {each.name for each in (*document.objects, *document.absent)} | set(document.deleted) | suns
+
+
+def checked_name(name: str) -> str:
+    """A name of objects, lights or groups. Raises InsituError."""
+    try:
+        return _NAMES.validate_python(name)
+    except ValidationError:
+        expected = f"a name of 1 to {LONGEST_NAME} characters without . = [ ] and quotes"
+        raise InsituError(f"name = {name!r}, expected {expected}") from None
+
+
+def checked_new_name(document: Document, name: str) -> str:
+    """A name for another object or light. Raises InsituError."""
+    checked_name(name)
+    objects, suns = (*document.objects, *document.absent), document.light.suns
+    if any(each.name == name for each in objects):
+        raise InsituError(f"name = {name!r}, expected one that no other object has")
+    if any(each.name == name for each in suns):
+        raise InsituError(f"name = {name!r}, expected one that no sun has")
+    return name
 
 
 def numbered_name(name: str, taken: Collection[str]) -> str:

@@ -11,10 +11,12 @@ from dataclasses import replace
 
 from app.document.commands.curves import CurveEdit
 from app.document.document import Document, Selection, all_factors, split_key
+from app.document.light_state import sun_key
 from app.document.targets import resolve
 from app.document.view_state import SetView, ViewState
 from engine.core.errors import InsituError
 from engine.curve.operators import edits_of
+from engine.light.suns import Sun
 
 Operators = tuple[CurveEdit, ...]
 Path = str | Selection
@@ -27,7 +29,7 @@ def selection_of(document: Document, path: str | Selection) -> Selection:
         return Selection(path.object, 0)
     target = resolve(document, path.path if isinstance(path, Selection) else path)
     if target.kind == "light":
-        raise InsituError("the light cannot be selected; name an object, a layer or a curve")
+        raise InsituError("the light cannot be selected; name an object, a layer, a curve or a sun")
     state = document.object(target.object)
     layers = state.layers
     if state.is_lamp:
@@ -42,9 +44,11 @@ def selection_of(document: Document, path: str | Selection) -> Selection:
 
 def select_in_view(document: Document, view: ViewState, paths: Path | Sequence[Path] | None) -> ViewState:
     """The view with these selected, the last of them active; of an object that is selected already, what is active of
-    it stays. InsituError where a path names nothing."""
+    it stays. A sun is selected alone. InsituError where a path names nothing."""
     several: Sequence[Path] = [paths] if isinstance(paths, str | Selection) else paths or ()
-    if not several:
+    sun = sun_of_path(document, several[-1]) if several else None
+    view = replace(view, sun=sun)
+    if not several or sun is not None:
         return _activated(view, None, ())
     found = [selection_of(document, path) for path in several]
     now, active = view.selected, found[-1]
@@ -80,7 +84,7 @@ def clicked(document: Document, view: ViewState, name: str) -> tuple[str, ...]:
 def follow_in_view(before: Document, document: Document, view: ViewState) -> ViewState:
     """The view after an edit, an undo or a redo, in which what is gone is no longer selected; objects that were
     renamed still are."""
-    view = _renamed_in_view(before, document, view)
+    view = replace(_renamed_in_view(before, document, view), sun=sun_after_edit(before, document, view.sun))
     there = {state.name for state in document.objects}
     others = tuple(name for name in view.others if name in there)
     selected = view.selected
@@ -111,6 +115,13 @@ def _activated(view: ViewState, selected: Selection | None, others: tuple[str, .
     return replace(view, selected=selected, others=others, operator=None, curve_zoom=None)
 
 
+def sun_of_path(document: Document, path: str | Selection | None) -> str | None:
+    """The name of the sun that a path such as "light.Noon" is of; None where it is of anything else."""
+    if not isinstance(path, str):
+        return None
+    return next((each.name for each in document.light.suns if path == sun_key(each.name)), None)
+
+
 def layer_shown(document: Document, selected: Selection | None) -> Selection | None:
     """The selection, where it is of a layer: a lamp only emits."""
     return None if selected is None or document.object(selected.object).is_lamp else selected
@@ -135,6 +146,21 @@ def selection_after_edit(document: Document, selected: Selection) -> str | Selec
         return selected.object
     names = [factor.name for factor in all_factors(layers[selected.layer].model)]
     return selected if selected.factor is None or selected.factor in names else selected.key
+
+
+def sun_after_edit(before: Document | None, after: Document, sun: str | None) -> str | None:
+    """The selected sun after an edit, an undo or a redo, under its name of now; None where it is gone."""
+    names = [each.name for each in after.light.suns]
+    was = () if before is None else before.light.suns
+    if sun is None or sun in names:
+        return sun
+    pairs = zip(was, names, strict=True) if len(was) == len(names) else ()
+    return next((now for each, now in pairs if each.name == sun), None)
+
+
+def selected_sun(document: Document, view: ViewState) -> Sun | None:
+    """The sun that is selected."""
+    return next((each for each in document.light.suns if each.name == view.sun), None)
 
 
 def operator_after_edit(before: Document, after: Document, selected: Selection | None, index: int | None) -> int | None:

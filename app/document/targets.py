@@ -55,7 +55,7 @@ LOOK = "look"
 MAP_SUFFIX = "_map"  # of the path to the map of a parameter: "teapot.1.alpha_map"
 BACKGROUND, BACKGROUND_COLOUR = "background", "background_colour"
 LIGHT_FIELDS = ("rotation", "intensity", "environment", "mapping", BACKGROUND, BACKGROUND_COLOUR)
-SUN_FIELDS = ("direction", "irradiance", "diameter")
+SUN_FIELDS = ("direction", "azimuth", "elevation", "irradiance", "diameter")
 
 
 def resolve(document: Document, path: str) -> Target:
@@ -67,16 +67,19 @@ def resolve(document: Document, path: str) -> Target:
     if head == "light" and rest in LIGHT_FIELDS:
         return Target("light", name=rest)
     sun, _, last = rest.rpartition(".")
-    if head == "light" and last in SUN_FIELDS and sun in [each.name for each in document.light.suns]:
+    suns = [each.name for each in document.light.suns]
+    if head == "light" and last in (*SUN_FIELDS, *PRESENCE_FIELDS) and sun in suns:
         return Target("sun", sun, name=last)
+    if head == "light" and rest in suns:
+        return Target("sun", rest)
     key, _, _ = path.rpartition(".")
     keys = (*document.light.keys, *map(group_key, document.light.groups))
     if last in MIX_FIELDS and key in keys:
         return Target("mix", key, name=last)
     if head == "light" and all(state.name != "light" for state in document.objects):
-        suns = [f"{each.name}.{name}" for each in document.light.suns for name in SUN_FIELDS]
+        values = [f"{name}.{field}" for name in suns for field in (*SUN_FIELDS, *PRESENCE_FIELDS)]
         rows = [f"{key.removeprefix('light.')}.{name}" for key in keys for name in MIX_FIELDS]
-        raise unknown("property of the light", rest, (*LIGHT_FIELDS, *suns, *rows))
+        raise unknown("property of the light", rest, (*LIGHT_FIELDS, *values, *rows))
     if head == GROUPS and all(state.name != GROUPS for state in document.objects):
         return _resolve_group(document, rest)
     state, rest = split_object(document, path)

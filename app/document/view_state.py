@@ -78,7 +78,8 @@ class ViewState:
     """Selection and display. Angles in radians, exposure in stops, frame budget in milliseconds.
 
     ``selected`` is the active selection, whose values panels show; ``others`` are the names of further selected
-    objects, in the order in which they were selected. ``mode`` is the name of the mode that makes the picture.
+    objects, in the order in which they were selected; ``sun`` is the name of the selected sun: then there is no other
+    selection. ``mode`` is the name of the mode that makes the picture.
     ``settings`` are those of that picture; its number of bounces is 0 until the worker has found how many the scene
     requires. ``compare`` is the document that A/B shows left of ``compare_divider`` (0 the left edge, 1 the right).
     Unless it is shown to ``fit``, the picture has ``zoom`` screen pixels for each of its own, and its point ``centre``
@@ -104,6 +105,7 @@ class ViewState:
     mode: str = "placement"
     selected: Selection | None = None
     others: tuple[str, ...] = ()
+    sun: str | None = None
     hovered: str | None = None
     exposure: float = 0.0
     gamma: float = 1.0
@@ -163,9 +165,9 @@ class ViewState:
     def for_scene(self, description: SceneDescription) -> ViewState:
         """The view of a scene that was just opened, with the same display settings: nothing in it is selected yet."""
         return replace(
-            self, selected=None, others=(), hovered=None, compare=None, operator=None, node=None, curve_zoom=None,
-            solo=None, lobe_pixel=None, camera=None, resolution=None, bookmarks=(), playing=None, lighting="scene",
-            settings=replace(self.settings, n_bounces=description.bounces or AS_PLANNED),
+            self, selected=None, others=(), sun=None, hovered=None, compare=None, operator=None, node=None,
+            curve_zoom=None, solo=None, lobe_pixel=None, camera=None, resolution=None, bookmarks=(), playing=None,
+            lighting="scene", settings=replace(self.settings, n_bounces=description.bounces or AS_PLANNED),
         )  # fmt: skip
 
     def from_viewpoint(self, look: Viewpoint) -> ViewState:

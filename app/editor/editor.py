@@ -18,9 +18,11 @@ from typing import Any
 
 from app.document.commands import EditCommand
 from app.document.commands.layers import SetMaterial
+from app.document.commands.suns import AddSun
 from app.document.document import Document
 from app.document.effective_settings import effective_view
 from app.document.history import History
+from app.document.light_state import sun_key
 from app.document.named_files import files_of_document
 from app.document.selection import Path as SelectionPath
 from app.document.selection import follow_in_view, select_in_view
@@ -128,6 +130,8 @@ class Editor:
         Consecutive edits with the same ``merge_key`` are one step of the history.
         """
         before = self.document
+        if isinstance(command, AddSun):
+            command = command.seen_from(self.camera_history.camera)
         try:
             if isinstance(command, SetView | OpenPanel):
                 self.view = command.apply(self.view)
@@ -195,7 +199,7 @@ class Editor:
 
     def select(self, paths: SelectionPath | Sequence[SelectionPath] | None) -> str | None:
         """Select an object, layer or curve; of an object its last layer, of a layer its first curve; or several, the
-        last of which is active.
+        last of which is active; or a sun.
 
         Returns None, or one line that says why there is no such thing.
         """
@@ -474,6 +478,8 @@ class Editor:
         self.scenes.add_files(files_of_document(self.document, before))
         self.controller.edited(command)
         self._show(follow_in_view(before or self.document, self.document, self.view))
+        if isinstance(command, AddSun):
+            self.select(sun_key(self.document.light.suns[-1].name))
 
     def _describe_step(self, step: Callable[[], str | None], what: str) -> str | None:
         before, label = self.document, step()

@@ -271,7 +271,7 @@ class SceneController:
         host.view = host.view.from_viewpoint(self.tracing.adopt_resolution(host.camera_history.own_resolution))
         host.camera_history.reset_history()
         self._announce_own(description, described, opened, response)
-        if host.view.selected is None:
+        if host.view.selected is None and host.view.sun is None:
             host.select(initial_selection(host.document))
         if opening.light is not None:
             host.do(set_environment_file(opening.light))

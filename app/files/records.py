@@ -26,7 +26,7 @@ from app.document.commands.looks import MAX_LOOKS
 from app.document.commands.mix import changed_row
 from app.document.commands.plan import FirstBands
 from app.document.commands.poses import MAX_DEFORMERS
-from app.document.light_state import MIX_FIELDS, PLAIN_ROW, MixRow
+from app.document.light_state import MIX_FIELDS, NO_SUNS, PLAIN_ROW, MixRow
 from app.document.view_state import Bookmark, LooksShown, Viewpoint
 from app.files.bookmarks import MAX_BOOKMARKS, MAX_NAME, MAX_THUMBNAIL_BYTES, check_thumbnail, is_name
 from app.files.layer_records import MAX_LAYERS, Flag, LayerRecord, StrictModel, Triple
@@ -165,9 +165,10 @@ class ObjectRecord(StrictModel):
 
 
 class SunRecord(SunDescription):
-    """An edited sun, named as in the scene."""
+    """An edited sun, named as in the scene, or an added one."""
 
     name: Name
+    added: Flag = False
 
     @property
     def sun(self) -> Sun:
@@ -210,7 +211,16 @@ class LightRecord(StrictModel):
     intensity: Annotated[Number, Field(ge=0.0, le=INTENSITY.maximum)] = 1.0
     radiance: Radiance | None = None
     suns: Annotated[tuple[SunRecord, ...], Field(max_length=MAX_SUNS)] | None = None
+    deleted_suns: Annotated[tuple[Name, ...], Field(max_length=MAX_SUNS)] = ()
     mix: Annotated[tuple[MixRecord, ...], Field(max_length=MAX_MIX_ROWS)] = ()
+
+    @model_validator(mode="after")
+    def _has_suns_of_one_name_each(self) -> LightRecord:
+        names = [*(each.name for each in self.suns or ()), *self.deleted_suns]
+        twice = next((name for k, name in enumerate(names) if name in (*names[:k], *NO_SUNS)), None)
+        if twice is not None:
+            raise ValueError(f"suns: each with a name of its own, and none of {', '.join(NO_SUNS)}")
+        return self
 
 
 def _type_of(setting: Setting) -> Any:

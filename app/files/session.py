@@ -20,11 +20,12 @@ from pydantic import (
 from app.document.background import Background
 from app.document.commands.light import check_light
 from app.document.document import Document, ObjectState, Selection, all_factors
-from app.document.light_state import MIX_FIELDS, PLAIN_ROW, LightState, MixRow
+from app.document.light_state import MIX_FIELDS, PLAIN_ROW, LightState, MixRow, sun_key
 from app.document.looks import Look, LookState, in_all_looks, objects_of_looks
 from app.document.named_files import with_full_paths
 from app.document.scene_files import renamed, session_of_archive, split_axis
 from app.document.scene_objects import NONE_ADDED, AddedStates, by_source, in_scene_order, with_free_names
+from app.document.selection import sun_of_path
 from app.document.sources import SESSION_ENDING
 from app.document.targets import TRANSFORM_FIELDS
 from app.document.view_state import Bookmark, SetView, ViewState
@@ -45,6 +46,7 @@ from app.system.atomic import save_file
 from app.system.paths import full_path, written_path
 from engine.core.errors import InsituError, LoadError, describe_value, list_names
 from engine.core.safe_files import read_regular_file, resolved
+from engine.light.suns import Sun
 from engine.material.bumps import bump_parts
 from engine.material.layer import object_of, place_of
 from engine.material.opacity import opacity_parts
@@ -194,8 +196,7 @@ def fit_session(session: Session, scene: Document, file: str, added: AddedStates
         deleted += tuple(state.original for state in new if state.original)
         objects = in_scene_order([*there, *new], scene)
         absent = tuple(state for state in saved if state.source not in own)
-        light = replace(document.light, own_suns=scene.light.own_suns)
-        light = light.with_edited_suns(light.new_suns or ())
+        light = document.light.with_own_suns(scene.light.own_suns)
         return replace(document, source=scene.source, objects=objects, absent=absent, light=light, deleted=deleted)
 
     return in_all_looks(_with_present_names(session.document, scene), fit)
@@ -291,7 +292,9 @@ def _light_values(light: LightState, folder: Path | None) -> dict[str, Any]:
     values = {**vars(light), "environment": written_path(light.environment, folder)}
     del values["own_suns"]
     new_suns = values.pop("new_suns")
-    values["suns"] = None if new_suns is None else [each._asdict() for each in new_suns]
+    marks: dict[str, dict[str, bool]] = {name: {"added": True} for name in light.added_suns}
+    values["suns"] = None if new_suns is None else [each._asdict() | marks.get(each.name, {}) for each in new_suns]
+    values["deleted_suns"] = light.deleted_suns or None
     values["mix"] = [{"light": key, **_changed(row)} for key, row in light.mix] or None
     return values
 
@@ -351,6 +354,7 @@ def _view_values(view: ViewState) -> dict[str, Any]:
     settings = {name: getattr(view.settings, name) for name in SAVED_SETTINGS}
     others = {name: getattr(view, name) for name in ViewRecord.model_fields if name not in ("selected", *settings)}
     selected = None if view.selected is None else view.selected.path
+    selected = selected if view.sun is None else sun_key(view.sun)
     return {"selected": selected, **others, **settings, "camera": _camera_values(view.camera)}
 
 
@@ -370,6 +374,11 @@ def _light(file: str, folder: Path | None, saved: LightRecord) -> LightState:
     """The light of a record. Raises LoadError for the file."""
     light = LightState(
         full_path(saved.environment, folder), saved.mapping, saved.rotation, saved.intensity, saved.radiance,
+        # Those of the scene as far as the session knows them: what it has edited, and the names of deleted ones.
+        own_suns=(
+            *(each.sun for each in saved.suns or () if not each.added),
+            *(Sun((0.0, 1.0, 0.0), (0.0, 0.0, 0.0), name=name) for name in saved.deleted_suns),
+        ),
         new_suns=None if saved.suns is None else tuple(each.sun for each in saved.suns),
     )  # fmt: skip
     return check_light(light.with_rows({each.light: each.row for each in saved.mix}), file)
@@ -418,7 +427,8 @@ def _object(file: str, folder: Path | None, record: ObjectRecord) -> ObjectState
 
 def _view(record: ViewRecord, document: Document) -> ViewState:
     values = {name: getattr(record, name) for name in ViewRecord.model_fields if name != "selected"}
-    return replace(SetView.of(**values).apply(ViewState()), selected=_selection(record.selected, document))
+    selected, sun = _selection(record.selected, document), sun_of_path(document, record.selected)
+    return replace(SetView.of(**values).apply(ViewState()), selected=selected, sun=sun)
 
 
 def _selection(path: str | None, document: Document) -> Selection | None:

@@ -20,6 +20,7 @@ from pydantic import ValidationError
 from app.document.commands import EditCommand
 from app.document.commands.curves import AddOperator, ResetCurve, SetOperators
 from app.document.commands.groups import members_of
+from app.document.commands.suns import angles_of, sun_named
 from app.document.document import Document, all_factors
 from app.document.history import History
 from app.document.light_state import MIX_FIELDS, group_key, group_of, sun_key
@@ -34,6 +35,7 @@ from app.document.targets import (
     LIGHT_FIELDS,
     MAP_SUFFIX,
     MATERIAL,
+    PRESENCE_FIELDS,
     SUN_FIELDS,
     SWITCHES,
     TIME,
@@ -46,6 +48,7 @@ from app.project.project import set_path
 from app.project.reading import read_measurements
 from engine.core.errors import InsituError
 from engine.curve.operators import ALL_CHANNELS, HALF_PI, Channels, Edit, Operator, OperatorError
+from engine.light.suns import Sun
 from engine.material.bumps import bump_fields
 from engine.material.layer import Layer
 from engine.material.map_tables import map_fields
@@ -166,8 +169,8 @@ class LightNode(Node):
     """The distant light: `environment` (a built-in name or a file), `mapping`, `rotation` in degrees counter-clockwise
     about +Y, and `intensity`, which multiplies all light. `background` is what is seen behind all, "environment",
     "colour" (`background_colour`, linear) or "transparent": then pictures have alpha. Suns are found by their names,
-    and have `direction`, `irradiance` (W/m²) and `diameter` (degrees). Emitters in the scene are set by the `emission`
-    of their object.
+    and have `direction`, `irradiance` (W/m²) and `diameter` (degrees); `scene.add("sun")` adds one. Emitters in the
+    scene are set by the `emission` of their object.
 
     Each light has a row in the mix: `light["environment"]`, suns, `light["groups.Key"]` for all lights whose group is
     "Key", and emitters, by their object: `on`, `solo`, `strength` in stops, `colour` or `kelvin`, `group`,
@@ -197,12 +200,13 @@ class LightNode(Node):
 
 class RowNode(Node):
     """A light's row in the mix: `on`, `solo`, `strength`, `colour`, `kelvin`, `group` and `excludes`. A sun has also
-    `direction` towards it at rotation 0, `irradiance` of a surface that faces it (W/m², three numbers), and `diameter`
-    in degrees."""
+    `direction` towards it at rotation 0, or its `azimuth` and `elevation` in degrees, `irradiance` of a surface that
+    faces it (W/m², three numbers), and `diameter` in degrees; `name`, `duplicate` (set to the name of a new one) and
+    `deleted` (set to True)."""
 
     def _names(self) -> Sequence[str]:
         is_sun = self._path in map(sun_key, [each.name for each in self._editing.document.light.suns])
-        return (*SUN_FIELDS, *MIX_FIELDS) if is_sun else MIX_FIELDS
+        return (*SUN_FIELDS, *PRESENCE_FIELDS, *MIX_FIELDS) if is_sun else MIX_FIELDS
 
 
 class GroupsNode(Node):
@@ -443,8 +447,8 @@ def value_at(document: Document, path: str) -> Any:
         if name in (BACKGROUND, BACKGROUND_COLOUR):
             return document.background.kind if name == BACKGROUND else document.background.colour
         return getattr(document.light, name)
-    if target.kind == "sun":
-        return next(getattr(each, name) for each in document.light.suns if each.name == target.object)
+    if target.kind == "sun" and name:
+        return _value_of_sun(sun_named(document, target.object), name)
     if target.kind == "group" and name:
         members = map(document.object, document.groups[target.object])
         return target.object if name == "name" else all(getattr(state, name) for state in members)
@@ -488,6 +492,14 @@ def value_at(document: Document, path: str) -> Any:
         case "surface" if name not in SURFACES and "." not in name:
             return state.surface.kind or "none"
     raise InsituError(f"{path!r} is a {target.kind} and has no value")
+
+
+def _value_of_sun(sun: Sun, name: str) -> Any:
+    if name in ("azimuth", "elevation"):
+        return angles_of(sun.direction)[("azimuth", "elevation").index(name)]
+    if name in PRESENCE_FIELDS:
+        return sun.name if name == "name" else "" if name == "duplicate" else False
+    return getattr(sun, name)
 
 
 def plain_value(value: object) -> object:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from app.document.commands.looks import AddLook, DeleteLook, MoveLook, RenameLook, SetLook
 from app.document.commands.objects import AddObject
+from app.document.commands.suns import sun_addition
 from app.document.document import Document
 from app.document.looks import look_names
 from app.document.scene_files import Up
@@ -16,7 +17,7 @@ from app.document.sources import SESSION_ENDING, find_source, source_of
 from app.document.view_state import Viewpoint, ViewState
 from app.export import require_package_place
 from app.files.session import save_session
-from app.interface.nodes import CameraNode, Editing, GroupsNode, LightNode, ObjectNode
+from app.interface.nodes import CameraNode, Editing, GroupsNode, LightNode, ObjectNode, RowNode
 from app.interface.pictures import Mode, Picture, Pictures
 from app.project.project import Project, open_project, session_of
 from app.project.reading import complete
@@ -30,7 +31,7 @@ from engine.reference.path_tracer import N_SAMPLES
 from engine.render.display import png_bytes
 from engine.render.picture_error import ErrorEstimate
 from engine.scene.builtin import DEFAULT_SCENE
-from engine.scene.composition import ADDABLE
+from engine.scene.composition import ADDABLE, SUN
 from engine.scene.import_report import ImportReport, report_scene
 
 MAX_SIDE = 16384
@@ -228,12 +229,12 @@ class Scene:
     def add(
         self, what: str | os.PathLike[str], name: str = "", *, at: tuple[float, float, float] | None = None,
         size: float | None = None,
-    ) -> ObjectNode:  # fmt: skip
+    ) -> ObjectNode | RowNode:  # fmt: skip
         """Add a shape ("box", "sphere", "plane", "cylinder", "cone", "torus"), a light ("rectangle light", "disc
-        light", "sphere light", "point light", "spot light") or all objects of a mesh file; returns the first. name: of
-        the object, "" for its own. at: the point that it stands on, of a light its middle; None: the ground at the
-        point looked at, or above that. size: its largest side in metres; None: a share of the scene's, of a file its
-        own. Raises insitu.Error.
+        light", "sphere light", "point light", "spot light"), a "sun" or all objects of a mesh file; returns the first.
+        name: of the object, "" for its own. at: the point that it stands on, of a light its middle; None: the ground at
+        the point looked at, or above that. size: its largest side in metres; None: a share of the scene's, of a file
+        its own. A sun has no place, and its size is an angle in degrees. Raises insitu.Error.
 
         >>> import insitu
         >>> scene = insitu.open("shapes", resolution=(48, 32))
@@ -242,6 +243,9 @@ class Scene:
         <scene shapes, 48 x 32: torus, cone, sphere, cylinder, cube, ground, plinth>
         """
         what, count = os.fspath(what), len(self.document.objects)
+        if what == SUN:
+            self._editing.do(complete(sun_addition(name, at, size), lambda: self._seen_in(None).scene))
+            return self.light[self.document.light.suns[-1].name]
         command = AddObject(what if what in ADDABLE else full_path(what), name, at, size)
         self._editing.do(complete(command, lambda: self._seen_in(None).scene))
         return self[self.document.objects[count].name]

@@ -12,12 +12,15 @@ from app.document.commands.groups import RenameGroup, SetGroup, free_group_name,
 from app.document.commands.objects import AddObject, DeleteObject, DuplicateObjects, duplicates_of
 from app.document.commands.poses import MoveObject, PlaceObjects
 from app.document.commands.several import Several, named_together
+from app.document.commands.suns import AddSun, DeleteSun, DuplicateSun, sun_addition
 from app.document.document import Document
+from app.document.light_state import sun_key
+from app.document.scene_objects import numbered_name, taken_names
 from app.editor.editor import Editor
 from app.operators.edits import PictureIndex
 from app.operators.operator import OBJECT, SCENE, Gesture, Need, Operator, OperatorContext, ScriptKey, ValueRecord
 from app.system.paths import full_path
-from engine.scene.composition import ADDABLE, LIGHTS
+from engine.scene.composition import ADDABLE, LIGHTS, SUN
 from engine.scene.description import Name, Number, Text, Vector
 from engine.scene.transform import Transform
 
@@ -91,15 +94,17 @@ class Addition(ValueRecord):
     shape: Annotated[Literal["box", "sphere", "plane", "cylinder", "cone", "torus"] | None, Field(
         description="A shape; or `light` or `file`."
     )] = None  # fmt: skip
-    light: Annotated[Literal["rectangle", "disc", "sphere", "point", "spot"] | None, Field(
-        description="A light that shines down."
+    light: Annotated[Literal["rectangle", "disc", "sphere", "point", "spot", "sun"] | None, Field(
+        description="A light that shines down; a sun does from the camera's upper left, and has no place."
     )] = None  # fmt: skip
     file: Annotated[Text | None, Field(description="A mesh file, whose objects are all added.")] = None
     name: Annotated[Name | None, Field(description="Of the object; its own where it is left out.")] = None
     at: Annotated[Vector | None, Field(
         description="The point that it stands on, of a light its middle, metres; else where there is room."
     )] = None  # fmt: skip
-    size: Annotated[Number | None, Field(description="Its largest side in metres; else a share of the scene's.")] = None
+    size: Annotated[Number | None, Field(
+        description="Its largest side in metres, else a share of the scene's; of a sun degrees."
+    )] = None  # fmt: skip
 
     @model_validator(mode="after")
     def _is_one(self) -> Addition:
@@ -108,8 +113,10 @@ class Addition(ValueRecord):
         return self
 
     @property
-    def command(self) -> AddObject:
+    def command(self) -> AddObject | AddSun:
         """The edit. Raises InsituError."""
+        if self.light == SUN:
+            return sun_addition(self.name or "", self.at, self.size)
         named = self.shape if self.light is None else f"{self.light} light"
         return AddObject(named or full_path(self.file or ""), self.name or "", self.at, self.size)
 
@@ -130,13 +137,21 @@ def _move(editor: Editor, value: Move) -> str | None:
     return editor.do(value.command(editor.document, editor.camera_history.resting_box))
 
 
+def _add_sun(editor: Editor, value: None) -> str | None:
+    return editor.do(AddSun())
+
+
 def _put_back(editor: Editor, value: None) -> str | None:
     names = editor.view.selected_objects
     return editor.do(PlaceObjects(tuple((name, Transform()) for name in names), f"put back {named_together(names)}"))
 
 
 def _duplicate(editor: Editor, value: None) -> str | None:
-    """Duplicate all selected objects; the duplicates are selected then, with the same curve of the active one."""
+    """Duplicate all selected objects, or the selected sun; the duplicates are selected then, with the same curve of the
+    active one."""
+    if (sun := editor.view.sun) is not None:
+        name = numbered_name(sun, taken_names(editor.document))
+        return editor.do(DuplicateSun(sun, name)) or editor.select(sun_key(name))
     names, selected, before = editor.view.selected_objects, editor.view.selected, editor.document
     if selected is None or (refusal := editor.do(DuplicateObjects(names))) is not None:
         return refusal
@@ -145,6 +160,8 @@ def _duplicate(editor: Editor, value: None) -> str | None:
 
 
 def _delete(editor: Editor, value: None) -> str | None:
+    if editor.view.sun is not None:
+        return editor.do(DeleteSun(editor.view.sun))
     names = editor.view.selected_objects
     return editor.do(Several(tuple(map(DeleteObject, names)), f"delete {named_together(names)}"))
 
@@ -164,11 +181,14 @@ def _is_grouped(context: OperatorContext) -> bool:
 
 def _has_others(context: OperatorContext) -> bool:
     names = context.view.selected_objects
-    return 0 < len(names) < len(context.document.objects)
+    return context.view.sun is not None or 0 < len(names) < len(context.document.objects)
 
 
 OTHERS = Need("select an object, of several", _has_others)
 GROUPED = Need("select objects of a group", _is_grouped)
+OBJECT_OR_SUN = Need(
+    "select an object or a sun", lambda context: context.view.selected is not None or context.view.sun is not None
+)
 MOVED = Need("select an object that was moved", _has_moved)
 
 
@@ -191,6 +211,10 @@ ARRANGE: tuple[Operator | Gesture, ...] = (
         for name in ADDABLE
     ),
     Operator(
+        adding(SUN), _add_sun, entry=SUN.capitalize(), needs=SCENE, waits=True,
+        help="Shines from the camera's upper left, 45° high, on all objects alike.",
+    ),
+    Operator(
         "add_file", entry="Objects of a file…", needs=SCENE,
         help="Adds all objects of a mesh file, in their own size; as a drop on the window does with Shift held.",
     ),
@@ -202,22 +226,22 @@ ARRANGE: tuple[Operator | Gesture, ...] = (
     )),
     Operator(
         "gizmo_move", keys=("V",), help="Move the object by handles", entry="Move",
-        needs=OBJECT,
+        needs=OBJECT_OR_SUN,
     ),
     Operator("gizmo", script=ScriptKey(
         Literal["move", "rotate", "scale", "none"], "Shows handles of the selected object, which `drag` takes by name."
     )),
-    Operator("gizmo_rotate", keys=("R",), help="Rotate it", entry="Rotate", needs=OBJECT),
+    Operator("gizmo_rotate", keys=("R",), help="Rotate it, aim a sun", entry="Rotate", needs=OBJECT_OR_SUN),
     Operator("gizmo_scale", keys=("Z",), help="Scale it", entry="Scale", needs=OBJECT),
     Operator(
         "put_back", _put_back, help="Where the scene's file has the object.", entry="Put back", needs=MOVED, waits=True
     ),
     Operator(
-        "duplicate", _duplicate, ("Shift D",), "Duplicate the selected objects, in their place", entry="Duplicate",
-        needs=OBJECT, waits=True,
+        "duplicate", _duplicate, ("Shift D",), "Duplicate the selected objects or sun, in their place",
+        entry="Duplicate", needs=OBJECT_OR_SUN, waits=True,
     ),
     Operator(
-        "delete_object", _delete, ("Ctrl Delete",), "Delete the selected objects", entry="Delete the objects",
+        "delete_object", _delete, ("Ctrl Delete",), "Delete the selected objects or sun", entry="Delete the objects",
         needs=OTHERS, waits=True,
     ),
     Operator(

@@ -19,7 +19,7 @@ from app.operators.operator import Gesture, Operator
 from app.operators.selecting import SELECTING
 from app.operators.view import HELP, PICTURE
 from engine.core.errors import InsituError
-from engine.scene.composition import LIGHTS, SHAPES
+from engine.scene.composition import LIGHTS, SHAPES, SUN
 
 GROUPS: dict[str, tuple[Operator | Gesture, ...]] = {
     "Edit": EDITS, "Select": SELECTING, "Arrange": ARRANGE, "Looks": LOOKS, "Picture": PICTURE, "Inspect": INSPECT,
@@ -59,7 +59,7 @@ MENUS = (
         "delete_object", "group_selected", "ungroup_selected", None, "table", "mute", "delete",
         "reset_curve",
     )),
-    Menu("Add", (*map(adding, SHAPES), None, *map(adding, LIGHTS), None, "add_file")),
+    Menu("Add", (*map(adding, SHAPES), None, *map(adding, LIGHTS), adding(SUN), None, "add_file")),
     # The picture's entries come first: in a small window the rest of the menu scrolls.
     Menu("View", (
         "alone", "whole", "pixels",

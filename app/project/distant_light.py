@@ -58,7 +58,9 @@ def _distant_light(scene: Scene, light: LightState, load: Callable[[Path, str], 
     elif light.environment != SCENE_ENVIRONMENT:
         environment = load(builtin_environments().get(light.environment) or Path(light.environment), light.mapping)
     elif described is None:
-        return SkyState(None)
+        if not light.suns:
+            return SkyState(None)
+        environment = constant_environment(0.0)
     else:
         scale = described.scale
         if scene.sky is not None:

@@ -38,7 +38,7 @@ from app.document.commands.mix import SetMix
 from app.document.commands.objects import addition, with_presence
 from app.document.commands.plan import FIRST_BANDS, active_overrides, override_from_value, set_first_bands
 from app.document.commands.poses import with_amounts, with_placement, with_time
-from app.document.commands.suns import SetSun
+from app.document.commands.suns import SetSun, sun_presence
 from app.document.document import Document, document_from_description, reflecting_layers
 from app.document.light_mix import emission_of, mixed_light
 from app.document.light_state import ENVIRONMENT_KEY
@@ -63,6 +63,7 @@ from app.document.targets import (
     IN_GROUP,
     LOOK,
     MATERIAL,
+    PRESENCE_FIELDS,
     TIME,
     UNDER,
     VARIANT,
@@ -371,6 +372,8 @@ def set_path(document: Document, path: str, value: Any) -> EditCommand:
     if target.kind == "light":
         return _set_light(path, target, value)
     if target.kind == "sun" and target.name is not None:
+        if target.name in PRESENCE_FIELDS:
+            return sun_presence(path, target.object, target.name, value)
         return SetSun(target.object, target.name, value)
     if target.kind == "mix" and target.name is not None:
         return SetMix(target.object, target.name, value)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from app.document.commands import EditCommand
 from app.document.commands.layers import SetMaterial
 from app.document.commands.objects import AddObject
+from app.document.commands.suns import AddSun
 from app.document.document import Document, added_state
 from app.document.named_files import document_with_measurements, layers_with_variants, unread_files
 from app.document.scene_objects import AddedStates
@@ -21,8 +22,10 @@ if TYPE_CHECKING:
 
 
 def complete(command: EditCommand, present: Callable[[], Scene]) -> EditCommand:
-    """A command with the material or the objects that it waits for; present: gives the scene that these are added to.
-    Raises LoadError."""
+    """A command with the material or the objects that it waits for; present: gives the scene that these are added to,
+    as it is seen. Raises LoadError."""
+    if isinstance(command, AddSun):
+        return command.seen_from(present().description.camera)
     if isinstance(command, AddObject) and not command.objects:
         from engine.scene.added_objects import read_added
 

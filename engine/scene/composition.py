@@ -15,6 +15,7 @@ LIGHTS: dict[str, Primitive] = {
     "spot light": "sphere",
 }  # fmt: skip
 ADDABLE = (*SHAPES, *LIGHTS)
+SUN = "sun"  # a light that is no object
 # The name of an object of the scene's file, or the description of one that was added: what it is read from, without
 # layers, its file by its full path.
 ObjectSource = str | ObjectDescription

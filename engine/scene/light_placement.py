@@ -5,7 +5,8 @@ A light at c is seen by the eye e as mirrored in a surface at p, with unit norma
     p + s r ,   r = d - 2 (d . n) n ,   d = (p - e) / |p - e| ,
 
 and the shadow of a point a falls on b where c lies on the ray from b through a, beyond a. Either way the light stays as
-far from p, or from a, as it was, and shines towards it.
+far from p, or from a, as it was, and shines towards it. A sun is at no distance: it stands in the sky where r, or the
+direction from b to a, points.
 """
 
 from __future__ import annotations
@@ -39,17 +40,13 @@ class PlacedLight:
     def by_highlight(self, point: ArrayLike, normal: ArrayLike, eye: ArrayLike) -> Transform:
         """The transform with which the eye sees it mirrored at a point of a surface; the present one where the surface
         is seen from behind."""
-        point, normal = np.asarray(point, np.float64), np.asarray(normal, np.float64)
-        seen = _unit(point - np.asarray(eye, np.float64))
-        if seen is None or seen @ normal >= 0.0:
-            return self.transform
-        return self._towards(point, seen - 2.0 * (seen @ normal) * normal)
+        direction = mirror_direction(point, normal, eye)
+        return self.transform if direction is None else self._towards(np.asarray(point, np.float64), direction)
 
     def by_shadow(self, caster: ArrayLike, receiver: ArrayLike) -> Transform:
         """The transform with which the shadow of one point falls on another; the present one where they are one."""
-        caster = np.asarray(caster, np.float64)
-        direction = _unit(caster - np.asarray(receiver, np.float64))
-        return self.transform if direction is None else self._towards(caster, direction)
+        direction = shadow_direction(caster, receiver)
+        return self.transform if direction is None else self._towards(np.asarray(caster, np.float64), direction)
 
     def _towards(self, point: Float64Array, direction: Float64Array) -> Transform:
         """As far from a point as now, in a unit direction from it, shining towards it."""
@@ -61,6 +58,19 @@ class PlacedLight:
         turned = rotation_matrix(self.transform.rotation)
         turned = rotation_between(turned @ self.facing, -direction) @ turned
         return replace(moved, rotation=rotation_degrees(turned))
+
+
+def mirror_direction(point: ArrayLike, normal: ArrayLike, eye: ArrayLike) -> Float64Array | None:
+    """The unit direction (3,) that an eye sees mirrored at a point of a surface with this unit normal; None where the
+    surface is seen from behind."""
+    normal = np.asarray(normal, np.float64)
+    seen = _unit(np.asarray(point, np.float64) - np.asarray(eye, np.float64))
+    return None if seen is None or seen @ normal >= 0.0 else seen - 2.0 * (seen @ normal) * normal
+
+
+def shadow_direction(caster: ArrayLike, receiver: ArrayLike) -> Float64Array | None:
+    """The unit direction (3,) from which light throws the shadow of one point on another; None where they are one."""
+    return _unit(np.asarray(caster, np.float64) - np.asarray(receiver, np.float64))
 
 
 def rotation_between(start: Float64Array, end: Float64Array) -> Float64Array:

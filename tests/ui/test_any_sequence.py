@@ -29,6 +29,7 @@ from app.document.commands.light import SetBackground, SetBackgroundColour, SetE
 from app.document.commands.maps import SetBumps
 from app.document.commands.mix import SetMix
 from app.document.commands.objects import AddObject, DeleteObject, RenameObject
+from app.document.commands.suns import AddSun, DeleteSun, RenameSun, SetSun
 from app.document.view_state import SetView
 from app.editor.editor import Editor
 from app.files.materials import Library
@@ -251,6 +252,14 @@ OBJECTS: dict[str, Callable[[Walk], object]] = {
     "call it ball": lambda w: w.editor.do(RenameObject("bowl", "ball")),
     "move": lambda w: run_operator(w.editor, "move", Move(object=w.editor.document.objects[-1].name, by=(0.2, 0, 0.1))),
     "select the last": lambda w: w.editor.select(w.editor.document.objects[-1].name),
+    "add a sun": lambda w: w.editor.do(AddSun()),
+    "add it again": lambda w: w.editor.do(AddSun("noon")),
+    "aim the sun": lambda w: w.editor.do(SetSun("noon", "direction", (0.4, 0.8, 0.2))),
+    "widen the sun": lambda w: w.editor.do(SetSun("sun", "diameter", 12.0)),
+    "rename the sun": lambda w: w.editor.do(RenameSun("sun", "noon")),
+    "select the sun": lambda w: w.editor.select("light.noon"),
+    "dim the sun": lambda w: w.editor.do(SetMix("light.noon", "strength", -1.0)),
+    "delete the sun": lambda w: w.editor.do(DeleteSun("noon")),
 }
 # Said to a person, and meant for one.
 MAY_BE_TOLD = (
@@ -266,6 +275,10 @@ MAY_BE_TOLD = (
     "expected one that no other object has",
     "the comparison ended: its picture has other objects",
     "is not deleted",
+    "there is no sun",
+    "expected one that no sun has",
+    "there is no light",
+    "there is no property of the light",
 )
 
 

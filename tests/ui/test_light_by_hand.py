@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
+from app.document.commands.light import SetRotation
+from app.document.commands.suns import AddSun, turned
 from app.editor.editor import Editor
-from engine.scene.light_placement import PlacedLight
+from engine.scene.light_placement import PlacedLight, mirror_direction
 from engine.scene.transform import Transform
 from tests.ui.test_gizmo import BOX, prepared
 from ui.headless import HeadlessWindow
@@ -99,3 +101,33 @@ def test_other_objects_are_selected_as_before_and_esc_takes_a_drag_back(window: 
     window.hold(H, False)
     assert not editor.history.undo_steps  # it shines not: a click selects
     assert editor.view.selected is not None and editor.view.selected.object == "teapot"
+
+
+def test_a_sun_is_placed_by_its_highlight_and_by_a_shadow(window: HeadlessWindow, editor: Editor) -> None:
+    """The camera's mirror image at the click, and the way from the shadow to what throws it; the light is rotated."""
+    editor.do(SetRotation(-35.0))
+    editor.do(AddSun("key"))
+    n_steps, resting = len(editor.history.undo_steps), editor.document.light.suns[-1]
+    assert editor.view.sun == "key"
+    window.frames(2)
+
+    def towards() -> np.ndarray:
+        return np.array(turned(editor.document.light.suns[-1].direction, -35.0))
+
+    at = place(window, 0.22, 0.53)
+    window.hold(H, True)
+    window.click(*at)
+    window.hold(H, False)
+    expected = mirror_direction(*spot(window, at), editor.camera_history.camera.position)
+    np.testing.assert_allclose(towards(), expected, atol=1e-9)
+    start, end = place(window, 0.22, 0.33), place(window, 0.27, 0.91)
+    window.hold(J, True)
+    window.drag(start, end)
+    window.hold(J, False)
+    between = spot(window, start)[0] - spot(window, end)[0]
+    np.testing.assert_allclose(towards(), between / np.linalg.norm(between), atol=1e-9)
+    labels = [step.label for step in editor.history.undo_steps[n_steps:]]
+    assert labels == ["place key by its highlight", "place key by a shadow"]
+    editor.undo()
+    editor.undo()
+    assert editor.document.light.suns[-1] == resting

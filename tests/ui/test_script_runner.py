@@ -276,6 +276,14 @@ def test_a_script_places_a_light(window: HeadlessWindow, tmp_path: Path, monkeyp
     assert found.translation == pytest.approx((0.0, 0.0, 0.0)) and found.rotation != (0.0, 0.0, 0.0)
     run(window, tmp_path, '[[step]]\nplace_light = { light = "lamp", highlight = [4, 4] }')
     assert editor.document.object("lamp").transform != found
+    run(window, tmp_path, '[[step]]\nadd = { light = "sun", name = "key" }')
+    caster, receiver = (np.array(places[at]) for at in ((4, 4), (5, 9)))
+    for name in ("key", "light.key"):
+        run(window, tmp_path, f'[[step]]\nplace_light = {{ light = "{name}", shadow = [[4, 4], [5, 9]] }}')
+        towards = editor.document.light.suns[-1].direction
+        np.testing.assert_allclose(towards, (caster - receiver) / np.linalg.norm(caster - receiver), atol=1e-9)
+        run(window, tmp_path, f'[[step]]\nplace_light = {{ light = "{name}", highlight = [4, 4] }}')
+        assert editor.document.light.suns[-1].direction != towards
     for step, says in (
         ('light = "lamp", highlight = [1, 1]', "pixel 1, 1 sees no surface"),
         ('light = "teapot", highlight = [4, 4]', "teapot is no light"),

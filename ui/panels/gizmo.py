@@ -101,13 +101,14 @@ def _draw_outline(subject: _Subject) -> None:
         imgui.get_window_draw_list().add_line(*line, look.pack(look.with_alpha(look.ACCENT, 0.8)), context.px(1.2))
 
 
-def _snaps() -> bool:
+def snaps() -> bool:
+    """Whether drags go in steps."""
     return bool(imgui.get_io().key_ctrl)
 
 
 def _rounded(values: Float64Array, which: NDArray[np.bool_], step: float) -> Float64Array:
     """These of the values rounded to multiples of a step, where snapping is on."""
-    return np.where(which, np.round(np.round(values / step) * step, 6), values) if _snaps() else values
+    return np.where(which, np.round(np.round(values / step) * step, 6), values) if snaps() else values
 
 
 # --------------------------------------------------------------------------------------------------------------- moving
@@ -193,7 +194,7 @@ def _rotate_about(subject: _Subject, k: int, knob: Float64Array, to: Place) -> l
         return _first(subject.on_screen(subject.pivot + subject.arm * _about(k, degrees) @ knob))
 
     degrees = value_at(seen, 0.0, to, 0.5, 30.0, (-180.0, 180.0))
-    if _snaps():
+    if snaps():
         degrees = round(degrees / SNAP_DEGREES) * SNAP_DEGREES
     by: Triple = (degrees * (k == 0), degrees * (k == 1), degrees * (k == 2))
     return subject.set_part("rotation", np.array(subject.transform.rotated(by).rotation)) if degrees else []
@@ -229,4 +230,4 @@ def _scale_along(subject: _Subject, way: Float64Array, which: NDArray[np.bool_],
     scale = np.array(subject.transform.scale)
     factor = value_at(seen, now, to, 0.005 * now, now, (LEAST_SCALE, MOST_SCALE))
     found = _rounded(np.where(which, scale * (factor / now), scale), which, SNAP_SCALE)
-    return subject.set_part("scale", np.clip(found, SNAP_SCALE if _snaps() else LEAST_SCALE, MOST_SCALE))
+    return subject.set_part("scale", np.clip(found, SNAP_SCALE if snaps() else LEAST_SCALE, MOST_SCALE))

@@ -9,8 +9,12 @@ from __future__ import annotations
 from imgui_bundle import imgui
 
 from app.document.commands.poses import SetTransform
+from app.document.commands.suns import SetSun, turned
+from app.document.selection import selected_sun
+from engine.light.suns import Sun
 from engine.scene.description import Camera
-from engine.scene.light_placement import PlacedLight
+from engine.scene.light_placement import PlacedLight, mirror_direction, shadow_direction
+from engine.scene.transform import Transform
 from ui.panels.actions import Action, BeginDrag, HoldGrip
 from ui.panels.context import PanelContext
 from ui.panels.window_state import LightGrip
@@ -22,15 +26,17 @@ HIGHLIGHT, SHADOW = imgui.Key.h, imgui.Key.j
 def is_placing(context: PanelContext) -> bool:
     """Whether one of the keys is held, and a light is selected."""
     is_held = imgui.is_key_down(HIGHLIGHT) or imgui.is_key_down(SHADOW)
-    return is_held and not context.keys_taken and _selected_light(context) is not None
+    has_light = _selected_light(context) is not None or selected_sun(context.document, context.view) is not None
+    return is_held and not context.keys_taken and has_light
 
 
 def begin(context: PanelContext, pixel: tuple[int, int] | None) -> list[Action]:
     """The mouse was pressed at a pixel of the picture."""
-    name, spot = _selected_light(context), None if pixel is None else context.spot_at(*pixel)
+    sun, spot = selected_sun(context.document, context.view), None if pixel is None else context.spot_at(*pixel)
+    name = _selected_light(context) if sun is None else sun.name
     if name is None or spot is None:
         return []
-    start = context.document.object(name).transform
+    start = context.document.object(name).transform if sun is None else Transform()
     if imgui.is_key_down(HIGHLIGHT):
         grip = LightGrip("light", (0.0, 0.0), name, start)
         return [BeginDrag(f"place {name} by its highlight"), HoldGrip(grip), *go_on(context, grip, pixel)]
@@ -40,7 +46,11 @@ def begin(context: PanelContext, pixel: tuple[int, int] | None) -> list[Action]:
 
 def go_on(context: PanelContext, grip: LightGrip, pixel: tuple[int, int] | None) -> list[Action]:
     """The mouse is at a pixel now; nothing where no surface is seen there."""
-    spot, box = None if pixel is None else context.spot_at(*pixel), context.resting_box_of(grip.light)
+    spot, sun = None if pixel is None else context.spot_at(*pixel), selected_sun(context.document, context.view)
+    if spot is not None and sun is not None:
+        aimed = sun_placement(sun, context.document.light.rotation, spot, context.camera, grip.caster)
+        return [] if aimed is None else [aimed]
+    box = None if sun is not None else context.resting_box_of(grip.light)
     if spot is None or box is None:
         return []
     light = PlacedLight(box.mean(axis=0), context.facing_of(grip.light), grip.start)
@@ -58,6 +68,22 @@ def placement(
     else:
         after = light.by_shadow(caster, spot.place)
     return SetTransform(name, after.translation, after.rotation)
+
+
+def sun_placement(
+    sun: Sun, rotation: float, spot: SurfaceSpot, camera: Camera, caster: tuple[float, float, float] | None
+) -> SetSun | None:
+    """The same of a sun, of which only the direction follows; None where there is none, or it stands there already.
+    rotation: of the light, degrees."""
+    if caster is None:
+        towards = mirror_direction(spot.place, spot.normal, camera.position)
+    else:
+        towards = shadow_direction(caster, spot.place)
+    if towards is None:
+        return None
+    x, y, z = towards.tolist()
+    direction = turned((x, y, z), -rotation)
+    return None if direction == sun.direction else SetSun(sun.name, "direction", direction)
 
 
 def _selected_light(context: PanelContext) -> str | None:

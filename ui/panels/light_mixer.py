@@ -12,6 +12,7 @@ from imgui_bundle import imgui
 
 from app.document.commands.mix import COLOUR, KELVIN, STRENGTH, SetMix
 from app.document.light_state import ENVIRONMENT_KEY, PLAIN_ROW, SCENE_ENVIRONMENT, group_key, group_of, sun_key
+from engine.light.suns import Sun
 from ui.panels import light_colour, rows, suns, widgets
 from ui.panels.actions import Action
 from ui.panels.context import PanelContext
@@ -19,7 +20,10 @@ from ui.theme import Icon
 
 GAP, NAME_WIDTH = 4.0, 108.0
 ENVIRONMENT_HINT = "The environment, without suns. Opened: its colour and its group."
-SUN_HINT = "A directional light: a distant disc that lights all objects alike. Opened: where it is seen, its colour."
+SUN_HINT = (
+    "A directional light: a distant disc that lights all objects alike. A click selects it and opens where it is seen; "
+    "a right click has its name, duplicates and deletes it."
+)
 EMITTER_HINT = "An object that emits light. Opened: its colour and its group; its radiance is in the Material panel."
 GROUP_HINT = "All lights of this group: what is set here multiplies each of them."
 GROUP_OF_HINT = "Lights of a group have a line together, which multiplies all of them."
@@ -32,7 +36,8 @@ def draw(context: PanelContext) -> list[Action]:
     if context.has_environment or light.environment != SCENE_ENVIRONMENT or light.suns:
         actions += _light(context, ENVIRONMENT_KEY, "Environment", ENVIRONMENT_HINT)
     for sun in light.suns:
-        is_open, changed = _line(context, sun_key(sun.name), sun.name, SUN_HINT, len(light.suns) == 1)
+        chosen = sun.name == context.view.sun
+        is_open, changed = _line(context, sun_key(sun.name), sun.name, SUN_HINT, len(light.suns) == 1, chosen, sun)
         actions += changed
         if is_open:
             actions += suns.draw(context, sun) + _details(context, sun_key(sun.name))
@@ -55,21 +60,26 @@ def _light(context: PanelContext, key: str, name: str, hint: str) -> list[Action
     return actions
 
 
-def _line(context: PanelContext, key: str, name: str, hint: str, opened: bool = False) -> tuple[bool, list[Action]]:
-    """A light's line; whether it is open, and what the user did."""
+def _line(
+    context: PanelContext, key: str, name: str, hint: str, opened: bool = False, chosen: bool = False,
+    sun: Sun | None = None,
+) -> tuple[bool, list[Action]]:  # fmt: skip
+    """A light's line; whether it is open, and what the user did. That of a sun selects it."""
     row, at = context.document.light.row(key), f"mix.{key}"
     start, width, side = imgui.get_cursor_pos_x(), context.px(NAME_WIDTH), imgui.get_frame_height()
     imgui.set_next_item_open(opened, imgui.Cond_.once)
     shown = widgets.shortened(name, width - imgui.get_tree_node_to_label_spacing() - context.px(GAP))
-    is_open = imgui.tree_node_ex(f"{shown}###{at}", imgui.TreeNodeFlags_.frame_padding)
+    flags = imgui.TreeNodeFlags_.frame_padding | (imgui.TreeNodeFlags_.selected if chosen else 0)
+    is_open = imgui.tree_node_ex(f"{shown}###{at}", flags)
     context.handles.note_item(at)
     widgets.tooltip(f"{name}. {hint}")
+    of_sun = [] if sun is None else suns.selection(sun) + suns.menu(context, sun)
     imgui.same_line(start + width)
     imgui.set_next_item_width(max(imgui.get_content_region_avail().x - 2.0 * side, 1.0))
     strength = rows.Row(
         STRENGTH, row.strength, partial(SetMix, key, "strength"), f"{at}.strength", PLAIN_ROW.strength, origin=0.0
     )
-    actions = rows.control(context, strength)
+    actions = of_sun + rows.control(context, strength)
     imgui.same_line(0.0, 0.0)
     if widgets.icon_button(context, f"{at}.on", Icon.EMITTER, "Switch it off or on; its values stay.", lit=row.on):
         actions.append(SetMix(key, "on", not row.on))

@@ -16,6 +16,7 @@ from app.document.document import ObjectState, Selection
 from app.document.light_mix import emission_of
 from app.document.light_state import RGB
 from app.document.linked_layers import linked_indices, possible_covers
+from app.document.selection import selected_sun
 from app.files.materials import describe_measurement
 from app.operators.files import VariantChoice
 from app.system.lazy_import import import_named
@@ -25,7 +26,7 @@ from engine.material.measured import HIGHLIGHT_MODELS
 from engine.material.opacity import OPAQUE
 from engine.material.parameters import INDICES, Value, index_of_reflectance, reflectance_of_index
 from engine.measured.measurement import Measurement
-from ui.panels import light_colour, maps, parameter_maps, rows, transform, widgets
+from ui.panels import light_colour, maps, parameter_maps, rows, suns, transform, widgets
 from ui.panels.actions import Action, RunOperator, SetPanel
 from ui.panels.brdf import is_anisotropic
 from ui.panels.context import PanelContext
@@ -56,6 +57,11 @@ def _material(context: PanelContext) -> list[Action]:
     selection = context.view.selected
     width = widgets.LABEL_WIDTH if selection is None else _labels_of(context, selection)
     actions = _variant(context, width)
+    sun = selected_sun(context.document, context.view)
+    if sun is not None:
+        imgui.text(sun.name)
+        widgets.caption("A sun; its strength and colour in the mix are in the Light panel.")
+        return actions + suns.draw(context, sun, "selected_sun")
     if selection is None:
         imgui.text_disabled("Nothing selected")
         widgets.caption("Click an object in the picture, or a layer in the list.")

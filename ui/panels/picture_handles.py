@@ -18,7 +18,7 @@ from engine.core.camera import camera_frame, project
 from engine.scene.camera_moves import distance
 from ui import theme as look
 from ui.panels import widgets
-from ui.panels.actions import Action, BeginDrag, HoldGrip
+from ui.panels.actions import Action, BeginDrag, HoldGrip, RunOperator
 from ui.panels.context import PanelContext
 from ui.panels.viewport_layout import PictureRect
 from ui.panels.window_state import Grip
@@ -34,7 +34,8 @@ _NEAREST = 1e-3  # of the distance to the target; a point behind the camera has 
 @dataclass(frozen=True)
 class PictureHandle:
     """A grip at a place on screen, a line with it; the action of dragging it to a place, as one step of the history
-    called `label`; hint: its tooltip; by_line: whether it can be grabbed anywhere along the line; ink: its colour."""
+    called `label`; hint: its tooltip; by_line: whether it can be grabbed anywhere along the line; ink: its colour;
+    selects: the path that is selected when it is grabbed, "" for none."""
 
     name: str
     place: Place
@@ -44,6 +45,7 @@ class PictureHandle:
     drag: Callable[[Place], list[Action]]
     by_line: bool = False
     ink: look.Colour = look.grey(240)
+    selects: str = ""
 
     def distance_to(self, x: float, y: float) -> float:
         """The distance of a place on screen from where it can be grabbed."""
@@ -118,7 +120,8 @@ def take_hold(handle: PictureHandle) -> list[Action]:
     """Grab a handle under the mouse, which keeps its offset from the mouse."""
     mouse = imgui.get_mouse_pos()
     offset = mouse.x - handle.place[0], mouse.y - handle.place[1]
-    return [BeginDrag(handle.label), HoldGrip(Grip(handle.name, offset))]
+    selection = [RunOperator("select", handle.selects)] if handle.selects else []
+    return [*selection, BeginDrag(handle.label), HoldGrip(Grip(handle.name, offset))]
 
 
 def drag_actions(context: PanelContext, handle: PictureHandle) -> list[Action]:

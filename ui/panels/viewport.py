@@ -13,7 +13,17 @@ from app.operators.registry import keys_of
 from app.system.lazy_import import import_named
 from engine.material.layer import object_of
 from ui import theme as look
-from ui.panels import camera, gizmo, inspection, light_by_hand, paint, picture_handles, picture_overlays, widgets
+from ui.panels import (
+    camera,
+    gizmo,
+    inspection,
+    light_by_hand,
+    paint,
+    picture_handles,
+    picture_overlays,
+    sun_handles,
+    widgets,
+)
 from ui.panels.actions import Action, BeginDrag, EndDrag, HoldGrip, RunOperator, SetPanel
 from ui.panels.context import PanelContext
 from ui.panels.library import apply, dropped_material
@@ -65,6 +75,7 @@ def _draw_picture(context: PanelContext, corner: ImVec2, room: ImVec2) -> list[A
         draw_list.add_image(context.error_overlay.reference, ImVec2(placed.x, placed.y), far)
     picture_overlays.draw_sketch(context, placed, picture)
     handles = [*picture_handles.handles_of(context, placed), *gizmo.handles(context, placed)]
+    handles += sun_handles.handles(context, placed)
     picture_handles.draw_handles(context, handles)
     inspection.draw_grid(context, space, placed)
     actions = [*inspection.magnify(context, space, placed), *_gestures(context, picture, space, placed, handles)]

@@ -67,7 +67,7 @@ from app.document.commands.poses import (
     SetTransform,
 )
 from app.document.commands.several import Several
-from app.document.commands.suns import SetSun
+from app.document.commands.suns import AddSun, DeleteSun, DuplicateSun, RenameSun, SetSun
 
 EditCommand = (
     SetParameter | SetModel | SetOperators | AddOperator | ReplaceOperator | RemoveOperator | MoveOperator
@@ -78,5 +78,5 @@ EditCommand = (
     | OverrideLine | SetSun | SetMix | SetTransform | MoveObject | DuplicateObject | DeleteObject
     | RenameObject | SetBackground | SetBackgroundColour | AddObject | Several | PlaceObjects
     | AddLook | SetLook | RenameLook | DeleteLook | MoveLook
-    | DuplicateObjects | SetGroup | RenameGroup
+    | DuplicateObjects | SetGroup | RenameGroup | AddSun | DuplicateSun | DeleteSun | RenameSun
 )  # fmt: skip

@@ -12,10 +12,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from app.document.commands.layers import SetFrozen, SetVisible
-from app.document.commands.objects import checked_name
 from app.document.commands.several import Several, named_together
 from app.document.document import Document, unknown
-from app.document.scene_objects import numbered_name, with_group
+from app.document.scene_objects import checked_name, numbered_name, with_group
 from engine.core.errors import InsituError, LoadError
 
 NEW_GROUP = "Group"

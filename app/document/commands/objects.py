@@ -8,18 +8,16 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from pydantic import TypeAdapter, ValidationError
-
 from app.document.commands.several import named_together
+from app.document.commands.suns import AddSun
 from app.document.document import Document, ObjectState
+from app.document.light_state import sun_key
 from app.document.looks import carried_out_in_all_looks
-from app.document.scene_objects import numbered_name, with_group
+from app.document.scene_objects import checked_new_name, numbered_name, taken_names, with_group
 from app.system.paths import full_path
 from engine.core.errors import InsituError, LoadError
-from engine.scene.composition import ADDABLE
-from engine.scene.description import LONGEST_NAME, MAX_OBJECTS, Name
-
-_NAMES = TypeAdapter[str](Name)
+from engine.scene.composition import ADDABLE, SUN
+from engine.scene.description import MAX_OBJECTS
 
 
 @dataclass(frozen=True)
@@ -42,7 +40,7 @@ class AddObject:
     def check(self, document: Document) -> None:
         """Raise InsituError where it would not be carried out."""
         if self.name:
-            _checked(document, self.name)
+            checked_new_name(document, self.name)
         if self.size is not None and not 1e-6 <= self.size <= 1e6:
             raise InsituError(f"size = {self.size!r}, expected metres from 1e-06 to 1e+06")
         if self.at is not None and not (len(self.at) == 3 and all(abs(each) <= 1e9 for each in self.at)):
@@ -53,7 +51,7 @@ class AddObject:
     @carried_out_in_all_looks
     def apply(self, document: Document) -> Document:
         self.check(document)
-        taken = _taken(document)
+        taken = taken_names(document)
         found = list[ObjectState]()
         for state in self.objects:
             name = self.name or state.name
@@ -80,7 +78,7 @@ class DuplicateObject:
         state = document.object(self.object)
         if len(document.objects) == MAX_OBJECTS:
             raise InsituError(f"{self.object} is not duplicated: a scene has at most {MAX_OBJECTS} objects")
-        name = _checked(document, self.name) if self.name else free_name(document, self.object)
+        name = checked_new_name(document, self.name) if self.name else free_name(document, self.object)
         place = document.objects.index(state) + 1
         objects = (*document.objects[:place], _renamed(state, name), *document.objects[place:])
         light = document.light.with_duplicate(name, state.name)
@@ -145,7 +143,7 @@ class RenameObject:
         state = document.object(self.object)
         if self.name == self.object:
             return document
-        name = _checked(document, self.name)
+        name = checked_new_name(document, self.name)
         renamed = _renamed(state, name)
         objects = tuple(renamed if each is state else each for each in document.objects)
         deleted = (*document.deleted, state.name) if state.is_of_file else document.deleted
@@ -156,11 +154,13 @@ class RenameObject:
         ))  # fmt: skip
 
 
-def addition(path: str, name: str, value: Any) -> AddObject:
+def addition(path: str, name: str, value: Any) -> AddObject | AddSun:
     """The command that ``"ball.add"`` stands for, by a value from a file or a command line: the name of a shape or a
-    light, or a file. Raises InsituError."""
+    light, or a file; of a sun ``"light.Noon.add"``, too. Raises InsituError."""
     if not isinstance(value, str):
-        raise LoadError(path, "value", value, f"one of {', '.join(ADDABLE)}, or the path of a mesh file")
+        raise LoadError(path, "value", value, f"one of {', '.join((*ADDABLE, SUN))}, or the path of a mesh file")
+    if value == SUN:
+        return AddSun(name.removeprefix(sun_key("")))
     return AddObject(value if value in ADDABLE else full_path(value), name)
 
 
@@ -185,28 +185,7 @@ def duplicates_of(before: Document, document: Document) -> dict[str, str]:
 
 def free_name(document: Document, name: str) -> str:
     """The name with the first number from 2 on that no object of the document or of its file has: "cup 2"."""
-    return numbered_name(name, _taken(document))
-
-
-def _taken(document: Document) -> set[str]:
-    return {each.name for each in (*document.objects, *document.absent)} | set(document.deleted)
-
-
-def checked_name(name: str) -> str:
-    """A name of objects or groups. Raises InsituError."""
-    try:
-        return _NAMES.validate_python(name)
-    except ValidationError:
-        expected = f"a name of 1 to {LONGEST_NAME} characters without . = [ ] and quotes"
-        raise InsituError(f"name = {name!r}, expected {expected}") from None
-
-
-def _checked(document: Document, name: str) -> str:
-    """A name for another object. Raises InsituError."""
-    checked_name(name)
-    if any(each.name == name for each in (*document.objects, *document.absent)):
-        raise InsituError(f"name = {name!r}, expected one that no other object has")
-    return name
+    return numbered_name(name, taken_names(document))
 
 
 def _renamed(state: ObjectState, name: str) -> ObjectState:
