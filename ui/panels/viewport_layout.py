@@ -33,8 +33,9 @@ class PictureRect:
 
     def pixel(self, x: float, y: float, picture: Picture) -> tuple[int, int] | None:
         """(column, row) of the picture under a screen position; None beside it."""
-        column, row = int((x - self.x) // self.scale), int((y - self.y) // self.scale)
-        return (column, row) if 0 <= column < picture.width and 0 <= row < picture.height else None
+        across, down = (x - self.x) / self.scale, (y - self.y) / self.scale  # infinite where the mouse is nowhere
+        is_inside = 0.0 <= across < picture.width and 0.0 <= down < picture.height
+        return (int(across), int(down)) if is_inside else None
 
     def point(self, x: float, y: float) -> tuple[float, float]:
         """The place of a screen position on the picture, in its pixels; also beside it."""
