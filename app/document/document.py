@@ -184,6 +184,7 @@ class Document:
     that the scene's files no longer have, for when they have them again (`app.document.scene_change`). ``deleted``: the
     names of objects of the file that it does not have. Duplicates stand behind their originals.
     ``background``: what is seen behind all. ``looks``: its variants, in their order (`app.document.looks`).
+    ``is_open``: false while the scene is read for the first time.
     """
 
     source: str
@@ -195,6 +196,7 @@ class Document:
     deleted: tuple[str, ...] = ()
     background: Background = Background()
     looks: tuple[Look, ...] = ()
+    is_open: bool = True
 
     @property
     def look(self) -> str:
@@ -279,9 +281,14 @@ class Document:
         """What those of its objects are read from that the scene's file does not have, absent ones too, each once."""
         return tuple(dict.fromkeys(state.added for state in (*self.objects, *self.absent) if state.added is not None))
 
+    def can_delete(self, names: Collection[str]) -> bool:
+        """Whether objects of these names can be deleted: one stays of a scene whose file has any."""
+        is_empty = all(state.name in names for state in self.objects)
+        return not is_empty or not self.deleted and not any(state.is_of_file for state in self.objects)
+
     def without_added(self, sources: Collection[ObjectSource]) -> Document:
-        """The document without the objects that were read from these, unless there would be none."""
-        if all(state.source in sources for state in self.objects):
+        """The document without the objects that were read from these, unless one of them has to stay."""
+        if not self.can_delete([state.name for state in self.objects if state.source in sources]):
             return self
 
         def without(document: Document) -> Document:

@@ -89,7 +89,7 @@ class Editor:
     ) -> None:
         self.barrier = barrier or Barrier()
         self.barrier.on_fault = partial(self.notify, is_error=True)
-        self.history = History(Document(source))
+        self.history = History(Document(source, is_open=False))
         self.view = self._view_before_drag = ViewState()
         self.resolution = resolution
         self.metrics = StatusMetrics()
@@ -122,7 +122,7 @@ class Editor:
     @property
     def scene_is_open(self) -> bool:
         """Whether there is a scene to edit (the first one is still being loaded otherwise)."""
-        return bool(self.document.objects)
+        return self.document.is_open
 
     def do(self, command: EditCommand | ViewCommand, merge_key: str | None = None) -> str | None:
         """Carry out an edit or a change of view; returns None, or one line that says why it was refused.

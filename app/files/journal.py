@@ -277,7 +277,7 @@ class SessionStore:
     def leave_document(self, document: Document, view: ViewState) -> bool:
         """Leave the document for another scene: unsaved edits stay in a journal to recover; returns whether there were
         any."""
-        if self._journal is None or not document.objects or not self.unsaved(document, view):
+        if self._journal is None or not document.is_open or not self.unsaved(document, view):
             return False
         self._journal.note(math.inf, document, view, True, self._file)
         self._journal.close(keep=True)

@@ -343,7 +343,7 @@ class SessionRecord(StrictModel):
     view: ViewRecord = ViewRecord()
     journal: JournalRecord | None = None
     deleted: Annotated[tuple[Name, ...], Field(max_length=MAX_OBJECTS)] = ()
-    objects: tuple[ObjectRecord, ...] = Field(alias="object", min_length=1, max_length=MAX_OBJECTS)
+    objects: tuple[ObjectRecord, ...] = Field(default=(), alias="object", max_length=MAX_OBJECTS)
     looks: tuple[LookRecord, ...] = Field(default=(), alias="look", max_length=MAX_LOOKS)
     bookmarks: tuple[BookmarkRecord, ...] = Field(default=(), alias="bookmark", max_length=MAX_BOOKMARKS)
     end: EndRecord | None = None

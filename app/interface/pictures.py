@@ -193,7 +193,7 @@ class PlacementPictures:
 
     def _viewed(self, project: Project, n_edge_rays: int) -> _View:
         scene, document, before = project.scene, project.document, self._view
-        geometry = document.poses, document.new_bumps, document.new_opacities
+        geometry = document.composition, document.poses, document.new_bumps, document.new_opacities
         key = (geometry, scene.description.camera, scene.resolution, n_edge_rays, scene.emission.tobytes())
         if before is not None and before.key == key:
             return before

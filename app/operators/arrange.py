@@ -181,7 +181,7 @@ def _is_grouped(context: OperatorContext) -> bool:
 
 def _has_others(context: OperatorContext) -> bool:
     names = context.view.selected_objects
-    return context.view.sun is not None or 0 < len(names) < len(context.document.objects)
+    return context.view.sun is not None or bool(names) and context.document.can_delete(names)
 
 
 OTHERS = Need("select an object, of several", _has_others)

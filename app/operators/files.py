@@ -54,7 +54,7 @@ STAGE = Need("only stages of USD have sets of variants", lambda context: has_var
 
 FILES = (
     Operator("open", keys=("Ctrl O",), help="Open a scene or session", entry="Open…"),
-    Operator("new", keys=("Ctrl N",), help="New: the built-in scene", entry="New"),
+    Operator("new", keys=("Ctrl N",), help="New: an empty scene", entry="New"),
     Operator("open_recent", entry="Open recent"),
     Operator("open_builtin", entry="Built-in scenes"),
     Operator("open_environment", entry="Open environment…"),

@@ -113,7 +113,7 @@ def _has_curve(context: OperatorContext) -> bool:
     return selected is not None and selected.factor is not None
 
 
-SCENE = Need("no scene is open yet", lambda context: bool(context.document.objects))
+SCENE = Need("no scene is open yet", lambda context: context.document.is_open)
 LAYER = Need(
     "select an object with a material", lambda context: layer_shown(context.document, context.view.selected) is not None
 )

@@ -61,8 +61,9 @@ def object_coverage(hits: PrimaryHits) -> Float32Array:
     order = mine[np.argsort(hits.lamps.share[mine], kind="stable")]
     emitter[hits.lamps.pixel[order]] = hits.lamps.object[order]  # the last of a pixel stays
     centre = hits.object_image.ravel()
-    is_there = (centre >= 0) & only_emits[centre]
-    emitter[is_there] = centre[is_there]
+    there = np.flatnonzero(centre >= 0)
+    there = there[only_emits[centre[there]]]
+    emitter[there] = centre[there]
     left = np.clip(1.0 - hits.open_image.ravel() - coverage.sum(axis=0), 0.0, 1.0)
     pixels = np.flatnonzero(emitter >= 0)
     coverage[emitter[pixels], pixels] = left[pixels]

@@ -170,10 +170,11 @@ def _share_of(boxes: Matrix, share: float) -> float:
 
 def _free_place(camera: Camera, boxes: Matrix, extent: Matrix) -> Matrix:
     """Where a box of this extent (3,) stands: below the point looked at, or nearer to the camera until these boxes
-    leave room for it, but still in sight. A box that the camera is in is a room and in no one's way."""
+    leave room for it, but still in sight; without boxes at height 0. A box that the camera is in is a room and in no
+    one's way."""
     point, position = np.array(camera.target), np.array(camera.position)
     if not len(boxes):
-        return point
+        return point * (1.0, 0.0, 1.0)
     point[1] = boxes[:, 0, 1].min()
     axis = (camera.target - position) / np.linalg.norm(camera.target - position)
     is_room = _are_around(boxes, camera)

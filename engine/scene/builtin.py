@@ -7,6 +7,7 @@ from pathlib import Path
 
 ASSETS = Path(__file__).resolve().parents[2] / "assets"
 DEFAULT_SCENE = "teatray"
+EMPTY_SCENE = "empty"
 
 
 def builtin_scenes() -> dict[str, Path]:

@@ -53,6 +53,8 @@ def lift_overlapping_faces(meshes: Sequence[Mesh], can_move: Sequence[bool], loo
     vertices of its own. can_move: which objects may be changed; looks: equal numbers for objects of equal, plain
     materials, below 0 for others."""
     found = list(meshes)
+    if not found:
+        return found
     faces = _faces_of(meshes)
     lower, upper = _overlapping_pairs(faces)
     look, flat = np.asarray(looks, np.int64)[faces.owner], faces.flat

@@ -370,7 +370,7 @@ class SceneDescription(_Description):
     bounces: Annotated[int, Field(ge=1, le=MAX_BOUNCES, strict=True)] | None = None
     camera: CameraDescription
     environment: EnvironmentDescription | None = None
-    objects: tuple[ObjectDescription, ...] = Field(alias="object", min_length=1, max_length=MAX_OBJECTS)
+    objects: tuple[ObjectDescription, ...] = Field(default=(), alias="object", max_length=MAX_OBJECTS)
 
     @model_validator(mode="after")
     def _names_differ(self) -> SceneDescription:

@@ -253,6 +253,8 @@ def join_meshes(meshes: list[Mesh]) -> Mesh:
     """Join several meshes; those without normals get smooth ones if any other has its own (see `with_normals`), those
     without texture coordinates (0, 0), those with fewer sets of them their first set again, those without colours
     white."""
+    if not meshes:
+        return Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32), np.zeros((0, 3)))
     starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes])
     normals = None
     if any(mesh.normals is not None for mesh in meshes):

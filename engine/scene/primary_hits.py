@@ -143,15 +143,17 @@ class _Rays(NamedTuple):
 
     def reflecting(self, scene: Scene) -> npt.NDArray[np.intp]:
         """Which of them hit reflecting objects."""
-        return np.flatnonzero((self.ids >= 0) & scene.reflecting[self.ids])
+        met = np.flatnonzero(self.ids >= 0)
+        return met[scene.reflecting[self.ids[met]]]
 
     def lamps(self, scene: Scene, share: float, of: npt.NDArray[np.integer], size: tuple[int, int]) -> Lamps:
         """What the rays `of` see shining, each ray representing this share of its pixel of a picture of that size."""
+        of = of[self.ids[of] >= 0]
         facing = np.einsum("rk,rk->r", scene.geometric_normals[self.found.triangle[of]], self.directions[of]) < 0.0
-        mine = of[(self.ids[of] >= 0) & facing & scene.shining[self.ids[of]]]
+        mine = of[facing & scene.shining[self.ids[of]]]
         places = _places(self.pixel[mine], self.offset[mine], size[0])
         factors = scene.emission_textures.over_pixels(self.found.of(mine), places, size)
-        n_objects = len(scene.emission)
+        n_objects = max(len(scene.emission), 1)
         pairs, group = np.unique(self.pixel[mine].astype(np.int64) * n_objects + self.ids[mine], return_inverse=True)
         shares = cone_shares(scene.cones[self.ids[mine]], self.directions[mine])
         sent = np.bincount(group.ravel(), shares, len(pairs))
@@ -331,13 +333,17 @@ def _surface_around(scene: Scene, rays: _Rays) -> Surface:
 
 def object_ids(scene: Scene, found: Intersections) -> Int32Array:
     """The object each ray hits (R,), −1 for none."""
-    return np.where(found.triangle >= 0, scene.object_of_triangle[found.triangle], -1).astype(np.int32)
+    objects = np.full(len(found.triangle), -1, np.int32)
+    met = found.triangle >= 0
+    objects[met] = scene.object_of_triangle[found.triangle[met]]
+    return objects
 
 
 def emission_towards(scene: Scene, found: Intersections, ids: Int32Array, directions: Float32Array) -> Float32Array:
     """Radiance (R, 3) of the emitters hit on their front, the side their winding faces."""
-    facing = np.einsum("rk,rk->r", scene.geometric_normals[found.triangle], directions) < 0.0
-    emits = np.flatnonzero((ids >= 0) & facing & scene.emitters[ids])
+    met = np.flatnonzero(ids >= 0)
+    facing = np.einsum("rk,rk->r", scene.geometric_normals[found.triangle[met]], directions[met]) < 0.0
+    emits = met[facing & scene.emitters[ids[met]]]
     hit, radiance = found.of(emits), np.zeros((len(ids), 3), np.float32)
     sent = scene.emission[ids[emits]] * cone_shares(scene.cones[ids[emits]], directions[emits])[:, None]
     radiance[emits] = sent * scene.emission_textures.at(hit.triangle, hit.u, hit.v)

@@ -89,7 +89,7 @@ class RayCaster:
         self, vertices: npt.ArrayLike, triangles: npt.ArrayLike, threads: int | None = None,
         cutouts: Cutouts | None = None,
     ) -> None:  # fmt: skip
-        """vertices (V, 3) finite, triangles (T, 3) indices, T ≥ 1; threads: 0 or None for all cores; cutouts: where
+        """vertices (V, 3) finite, triangles (T, 3) indices, T ≥ 0; threads: 0 or None for all cores; cutouts: where
         rays pass, None for nowhere.
 
         Raises ValueError for arrays of another shape, with indices out of range or with numbers that are not finite.
@@ -100,7 +100,7 @@ class RayCaster:
         self._centre, self._scale = _normalization(used)
         local = np.ascontiguousarray((world - self._centre) * self._scale, dtype=np.float32)
         self._identity = self._scale == 1.0 and not self._centre.any()
-        largest = float(np.abs((used - self._centre) * self._scale).max())
+        largest = float(np.abs((used - self._centre) * self._scale).max(initial=0.0))
         self._offset = _OFFSET * (largest + float(np.abs(self._centre).max()) * self._scale) / self._scale
         self._n_threads = threads or n_threads()
         # Persistent threads, a second pool for threads for which `has_own_threads`; they start on first use.
@@ -259,7 +259,10 @@ def _hashed(origins: Float32Array, directions: Float32Array) -> Float32Array:
 
 
 def _normalization(points: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64], float]:
-    """Centre and power-of-two scale that bring the points to about [−1, 1]³; zero and 1 if they nearly are there."""
+    """Centre and power-of-two scale that bring the points to about [−1, 1]³; zero and 1 if they nearly are there, or if
+    there are none."""
+    if not len(points):
+        return np.zeros(3), 1.0
     low, high = points.min(axis=0), points.max(axis=0)
     half = float((high - low).max()) / 2
     centre = (low + high) / 2
@@ -281,8 +284,10 @@ def _checked_vertices(vertices: npt.ArrayLike) -> npt.NDArray[np.float64]:
 def _checked_triangles(triangles: npt.ArrayLike, n_vertices: int) -> npt.NDArray[np.int32]:
     """(T, 3) contiguous int32 within range."""
     array = np.asarray(triangles)
-    if array.ndim != 2 or array.shape[1] != 3 or not len(array) or not np.issubdtype(array.dtype, np.integer):
-        raise ValueError(f"triangles of shape {array.shape} and type {array.dtype}: expected (T, 3) integers, T ≥ 1")
+    if array.ndim != 2 or array.shape[1] != 3 or not np.issubdtype(array.dtype, np.integer):
+        raise ValueError(f"triangles of shape {array.shape} and type {array.dtype}: expected (T, 3) integers")
+    if not len(array):
+        return np.zeros((0, 3), np.int32)
     if array.min() < 0 or array.max() >= n_vertices:
         raise ValueError(f"triangle index {array.min()} to {array.max()}: expected 0 to {n_vertices - 1}")
     return np.ascontiguousarray(array, dtype=np.int32)

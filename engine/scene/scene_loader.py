@@ -300,25 +300,27 @@ def _assemble(
     objects = description.objects
     models = {id(item.model): item.model for item in items if item.model is not None}.values()
     emission = np.array([o.emission if o.emission is not None else (0.0, 0.0, 0.0) for o in objects], np.float32)
+    emission = emission.reshape(-1, 3)
+    boxes = [box_frame(item.mesh, np.reshape(item.description.transform, (4, 4)), origin) for item in items]
     scene = Scene(
         description=description,
         folder=path.parent,
         resolution=resolution or description.camera.resolution,
         vertices=vertices,
-        normals=np.concatenate([mesh.normals for mesh in placed]).astype(np.float32),  # type: ignore[arg-type]
+        normals=joined.normals.astype(np.float32),
         triangles=triangles,
         object_of_triangle=np.repeat(np.arange(len(objects), dtype=np.int32), counts),
         triangle_ranges=ranges,
         geometric_normals=geometric.astype(np.float32),
-        smooth=np.array([o.smooth for o in objects]),
+        smooth=np.array([o.smooth for o in objects], bool),
         emission=emission,
         origin=origin,
         file=path,
         uvs=joined.uvs,
         tangents=joined.tangents,
         colours=joined.colours,
-        boxes=np.array([box_frame(i.mesh, np.reshape(i.description.transform, (4, 4)), origin) for i in items]),
-        has_uvs=np.array([mesh.uvs is not None for mesh in placed]),
+        boxes=np.array(boxes).reshape(-1, 3, 4),
+        has_uvs=np.array([mesh.uvs is not None for mesh in placed], bool),
         textures=TextureStore(path),
         vertex_ranges=ranges_of([len(mesh.vertices) for mesh in placed]),
         rigs=tuple(_rig_in_scene(item, origin) for item in items),
@@ -415,6 +417,8 @@ def _find_origin(placed: Sequence[Mesh], path: Path) -> npt.NDArray[np.float64]:
     that of the scene's median object; and so it is if this object alone is 1024 of its own half extents away: a figure
     on a wide floor must keep its detail. A room with a small lamp in it stays in place, and its strokes with it.
     """
+    if not placed:
+        return np.zeros(3)
     boxes = np.array([_box(mesh.vertices[mesh.triangles].reshape(-1, 3)) for mesh in placed])
     low, high = _box(boxes.reshape(-1, 3))
     size = float((high - low).max())
@@ -452,7 +456,7 @@ def _round_all(
             mesh = select_faces(mesh, solid)
         rounded.append(vertices)
         kept.append(mesh)
-    return np.concatenate(rounded), kept, notes
+    return np.concatenate([np.zeros((0, 3), np.float32), *rounded]), kept, notes
 
 
 def ranges_of(counts: Sequence[int]) -> npt.NDArray[np.int32]:

@@ -37,7 +37,8 @@ N_CODES = 256
 
 def object_axes(scene: Scene) -> Float64Array:
     """Each object's axes in the world, unit, (M, 3, 3): rows X, Y, Z."""
-    axes = np.array([np.reshape(o.transform, (4, 4))[:3, :3].T for o in scene.description.objects])
+    transforms = np.array([o.transform for o in scene.description.objects]).reshape(-1, 4, 4)
+    axes = transforms[:, :3, :3].transpose(0, 2, 1)
     return axes / np.linalg.norm(axes, axis=2, keepdims=True)
 
 

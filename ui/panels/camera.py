@@ -63,7 +63,7 @@ CAMERA_DRAG = (BeginCameraDrag("focal length"), EndCameraDrag())
 
 def draw(context: PanelContext, corner: ImVec2, room: ImVec2) -> list[Action]:
     """The controls, where they are switched on and the picture's panel, from its corner, has room for them."""
-    if not context.state.shows_camera or not context.document.objects or room.x < context.px(WIDTH + 2 * MARGIN):
+    if not context.state.shows_camera or not context.document.is_open or room.x < context.px(WIDTH + 2 * MARGIN):
         return []
     actions: list[Action] = []
     at = ImVec2(corner.x + room.x - context.px(MARGIN), corner.y + context.px(MARGIN))

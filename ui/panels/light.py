@@ -185,7 +185,7 @@ def _scrolled(draw_list: imgui.ImDrawList, picture: Picture, corner: ImVec2, end
 
 
 def _even(context: PanelContext, draw_list: imgui.ImDrawList, corner: ImVec2, end: ImVec2) -> None:
-    if not context.document.objects:  # a scene that is being opened has no light yet
+    if not context.document.is_open:  # a scene that is being opened has no light yet
         return
     light = context.document.light
     text = "even light" if light.environment == CONSTANT_ENVIRONMENT else "no environment"

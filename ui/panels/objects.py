@@ -199,7 +199,7 @@ def _object_menu(context: PanelContext, state: ObjectState) -> list[Action]:
     if imgui.menu_item_simple("Duplicate"):
         actions += [*select, RunOperator("duplicate")]
     context.handles.note_item(f"objects.{state.name}.duplicate")
-    if imgui.menu_item_simple("Delete", None, False, len(context.document.objects) > len(names)):
+    if imgui.menu_item_simple("Delete", None, False, context.document.can_delete(names)):
         actions.append(RunOperator("delete_object") if len(names) > 1 else DeleteObject(state.name))
     context.handles.note_item(f"objects.{state.name}.delete")
     if state.in_group and imgui.menu_item_simple(f"Take out of {state.in_group}"):

@@ -17,7 +17,7 @@ from app.operators.edits import selected_curve
 from app.operators.registry import OPERATORS
 from engine.curve.operators import collapse
 from engine.curve.table_text import MAX_ROWS, table_text
-from engine.scene.builtin import DEFAULT_SCENE
+from engine.scene.builtin import EMPTY_SCENE
 from ui.panels import gizmo, paint, timeline
 from ui.panels.actions import (
     Action,
@@ -180,7 +180,7 @@ def _always(*actions: Action) -> Callable[[PanelContext], list[Action]]:
 
 
 WINDOW_OPERATORS: dict[str, Callable[[PanelContext], list[Action]]] = {
-    "new": _always(OpenFile(DEFAULT_SCENE)),
+    "new": _always(OpenFile(EMPTY_SCENE)),
     "open": _always(AskFile("open_scene")),
     "add": _always(SetPanel({"opens_menu": "Add"})),
     "add_file": _always(AskFile("add_file")),

@@ -120,7 +120,7 @@ class DeleteObject:
     @carried_out_in_all_looks
     def apply(self, document: Document) -> Document:
         state = document.object(self.object)
-        if len(document.objects) == 1:
+        if not document.can_delete((self.object,)):
             raise InsituError(f"{self.object} is not deleted: a scene has at least one object")
         objects = tuple(each for each in document.objects if each is not state)
         deleted = (*document.deleted, state.name) if state.is_of_file else document.deleted

@@ -83,6 +83,8 @@ def first_cell_size(placement: Placement, lobe_axes: NDArray[np.int64], n_record
     hits, scene = placement.hits, placement.scene
     rows = np.arange(0, len(hits.pixel), max(1, -(-len(hits.pixel) // _PILOT_POINTS)), dtype=np.int32)
     first_sets, counts = np.zeros(len(rows), np.uint8), sample_counts(_PILOT_RAYS, HALF)
+    if not len(scene.triangles):
+        return 1.0
     extent = float(np.linalg.norm(np.ptp(scene.vertices[np.unique(scene.triangles)], axis=0)))
     # Bisect the logarithm of the size.
     low, high = extent / 4096.0, extent

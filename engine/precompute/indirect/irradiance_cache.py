@@ -77,7 +77,8 @@ class IrradianceCache:
             scene.vertices, scene.normals, scene.triangles, np.ascontiguousarray(scene.geometric_normals),
             scene.object_of_triangle, scene.smooth, reflects,
         )  # fmt: skip
-        self._low = scene.vertices[np.unique(scene.triangles)].min(axis=0) - np.float32(0.37 * size)
+        used = scene.vertices[np.unique(scene.triangles)]
+        self._low = used.min(axis=0, initial=np.inf) - np.float32(0.37 * size)
         places = (MAX_RECORDS, kernels.N_PLACES)
         self._table = kernels.CacheTable(
             np.zeros(N_SLOTS, np.uint64), np.zeros(N_SLOTS, np.int32), np.zeros(1, np.int64),

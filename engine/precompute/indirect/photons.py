@@ -334,6 +334,7 @@ def no_nearby_photons(n_points: int) -> NearbyPhotons:
 
 def join_nearby(parts: Sequence[NearbyPhotons]) -> NearbyPhotons:
     """The photons near several sets of points, concatenated."""
+    parts = parts or [no_nearby_photons(0)]
     start = np.concatenate([[0], np.cumsum(np.concatenate([np.diff(part.start) for part in parts]))])
     return NearbyPhotons(start, *(np.concatenate(arrays) for arrays in list(zip(*parts, strict=True))[1:]))
 

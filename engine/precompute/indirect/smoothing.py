@@ -100,7 +100,8 @@ def smoothing_for(
     objects = object_of_rows(hits, rows)
     starts = np.searchsorted(objects, np.arange(len(hits.object_ranges) + 1))
     dark = _DARK * float(0.5 * (first + second).sum(axis=1).mean()) if len(rows) else 0.0
-    neighbours, weights = [], []
+    # A start without rows, for a scene without objects.
+    neighbours, weights = [np.zeros((0, 1), np.int32)], [np.zeros((0, 1), np.float32)]
     for least, begin, end in zip(least_alike, starts[:-1], starts[1:], strict=True):
         if end - begin < 2:
             neighbours.append(np.arange(begin, end, dtype=np.int32)[:, None])

@@ -62,7 +62,8 @@ class CornerVisibility:
         """Restrict corners and weights of samples (R,) to visible ones; triangle (R,): the triangle that each lies
         in."""
         points = self._points
-        rows = np.flatnonzero(self._divided_somewhere[triangle] & (samples.corners[:, 0] >= 0))  # few: see the module
+        met = np.flatnonzero(samples.corners[:, 0] >= 0)
+        rows = met[self._divided_somewhere[triangle[met]]]  # few: see the module
         side = (np.einsum("ri,ri->r", samples.wo[rows], self._faces[triangle[rows]]) < 0.0).astype(np.intp)
         mine = self.split_triangles[triangle[rows], side]
         rows, side = rows[mine], side[mine]

@@ -37,6 +37,8 @@ class Sides(NamedTuple):
 
 def lit_sides(scene: Scene, caster: RayCaster) -> Sides:
     """Find the lit sides of a scene; caster: intersects its triangles."""
+    if not len(scene.triangles):
+        return Sides(np.zeros((0, 2), bool), np.zeros(0, bool))
     chance = np.random.default_rng(3)
     counts, sent = np.zeros((2, len(scene.smooth), 2), np.int64)
     last: NDArray[np.intp] | None = None

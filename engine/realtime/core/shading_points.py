@@ -129,6 +129,8 @@ def place_points(
     """As `shading_points`, in pieces of about 30 ms."""
     if n_points < 0:
         raise ValueError(f"n_points = {n_points}, expected 0 or more")
+    if not len(scene.triangles):
+        return _no_points()
     reflects = scene.reflecting[scene.object_of_triangle]
     even = np.zeros(len(scene.smooth), bool) if even is None else even
     yield
@@ -161,6 +163,15 @@ def place_points(
         sides,
         relays & scene.reflecting,
     )
+
+
+def _no_points() -> ShadingPoints:
+    """Those of a scene without objects."""
+    vectors = np.zeros((0, 3), np.float32)
+    return ShadingPoints(
+        vectors, vectors, vectors, vectors, np.zeros(0, np.int32), np.zeros((0, 2, 3), np.int32), np.zeros(0, np.int32),
+        np.zeros((0, 3, 3)), np.zeros((0, 3, 2), np.float32), np.zeros((0, 2), bool), np.zeros(0, bool),
+    )  # fmt: skip
 
 
 def with_backs(points: ShadingPoints, behind: NDArray[np.bool_]) -> ShadingPoints:

@@ -195,7 +195,7 @@ def refining(
     """Trace rays of more points where the gathering points around them disagree; shone (S, 3): irradiance under three
     probe lights, one per channel, which represent all possible light; late: see `trace_bounce_rays`."""
     rows, space = exchange.rows, _Space.of(points, exchange.rows)
-    for _ in range(_FURTHER_ROUNDS):
+    for _ in range(_FURTHER_ROUNDS if len(rows) else 0):
         unlike, around = _unlike(exchange, shone), exchange.around
         wanted = (unlike > _UNLIKE) | (around.error > _CLOSE)
         near = np.flatnonzero(wanted | (unlike > 0.5 * _UNLIKE))
