@@ -29,7 +29,7 @@ from engine.scene.light_placement import PlacedLight
 from ui.gl.view_transform import is_table_ready
 from ui.headless import DEFAULT_SIZE, HeadlessWindow
 from ui.layout import PANELS
-from ui.panels.actions import SetPanel, ShowPanel
+from ui.panels.actions import SavePicture, SetPanel, ShowPanel
 from ui.panels.light_by_hand import placement, sun_placement
 from ui.picture_feed import PictureFeed
 from ui.scene_view import SurfaceSpot, sample_path, spots_at, stroke_at
@@ -67,7 +67,7 @@ def take_screenshot(
         window.shell.source = feed
         try:
             wait_for_scene(window, editor)
-            pictures = [output, *(step.value for step in steps if step.name == "capture")]
+            pictures = [output, *(step.value for step in steps if step.name in ("capture", "picture"))]
             for path in pictures:
                 make_folder_of(path)
             require_place(*pictures)
@@ -164,6 +164,38 @@ def _choose_view(window: HeadlessWindow, editor: Editor, name: str) -> None:
 def _capture(window: HeadlessWindow, editor: Editor, path: Path) -> None:
     window.leave()
     window.save(path)
+
+
+def _save_session(window: HeadlessWindow, editor: Editor, path: Path) -> None:
+    if (refusal := editor.save(path)) is not None:
+        raise ScriptError(refusal)
+
+
+def _save_scene(window: HeadlessWindow, editor: Editor, path: Path) -> None:
+    _write(window, editor, editor.exchange.save_scene(path, replaces=False))
+
+
+def _export_scene(window: HeadlessWindow, editor: Editor, folder: Path) -> None:
+    _write(window, editor, editor.exchange.export_scene(folder))
+
+
+def _write(window: HeadlessWindow, editor: Editor, refusal: str | None) -> None:
+    """Wait until the worker has written what it was asked for, unless that was refused."""
+    if refusal is not None:
+        raise ScriptError(refusal)
+    if not window.run_until(lambda: not editor.exchange.is_writing, WAIT_SECONDS):
+        raise ScriptError(f"the files are still being written after {WAIT_SECONDS:.0f} s")
+    if editor.status.is_error:
+        raise ScriptError(editor.status.message)
+
+
+def _save_picture(window: HeadlessWindow, editor: Editor, path: Path) -> None:
+    said_before = editor.status.message_number
+    window.shell.request(SavePicture(path))
+    if not window.run_until(lambda: editor.status.message_number != said_before, WAIT_SECONDS):
+        raise ScriptError(f"the picture is still being written after {WAIT_SECONDS:.0f} s")
+    if editor.status.is_error:
+        raise ScriptError(editor.status.message)
 
 
 def _paint(window: HeadlessWindow, editor: Editor, step: PaintStroke) -> None:
@@ -264,5 +296,6 @@ def _assert_error(window: HeadlessWindow, editor: Editor, bound: float) -> None:
 WINDOW_STEPS: dict[str, Callable[[HeadlessWindow, Editor, Any], None]] = {
     "gizmo": _show_gizmo, "set": _set, "view": _choose_view, "drag": _drag, "paint": _paint, "show": _show,
     "place_light": _place_light,
+    "save_as": _save_session, "save_scene": _save_scene, "export_scene": _export_scene, "picture": _save_picture,
     "wait": wait_for_picture, "capture": _capture, "assert_error_below": _assert_error,
 }  # fmt: skip

@@ -278,14 +278,14 @@ def screenshot(
     look: LookName = None,
 ) -> int:
     """Take a picture of the whole editor window; no display is needed."""
-    from app.operators.script import Step, load_script
+    from app.operators.script import WRITTEN_FILES, Step, load_script
     from app.stills.stills import check_output
 
     check_output(output, (".png",))
     steps = load_script(script, Path(os.path.abspath(output)).parent) if script is not None else ()
     for step in steps:
-        if step.name == "capture":
-            check_output(step.value, (".png",))
+        if step.name in ("capture", "picture"):
+            check_output(step.value, WRITTEN_FILES[step.name])
     if problem := state_problem():
         print_error(problem)  # the user's own materials are missing; the picture is made
     if variant is not None and not chosen_of_sets(scene, variant):

@@ -408,7 +408,7 @@ class Editor:
                 self.nodes.receive(response)
             case FilesWritten():
                 self.metrics.progress = None
-                self.notify("; ".join((f"written {response.path}", *response.notes)))
+                self.exchange.take_written(response)
             case WorkerWarnings():
                 self.metrics.note(*response.lines)
                 self.notify("; ".join(response.lines), True)

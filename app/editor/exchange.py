@@ -18,6 +18,7 @@ from app.files.material_files import import_material
 from app.files.materials import PendingMeasurement, describe_reading, import_measured
 from app.messages.worker_messages import (
     CurveTableRead,
+    FilesWritten,
     MaterialsRead,
     MeasurementsRead,
     ObjectsRead,
@@ -63,6 +64,12 @@ class FileExchange:
         self._late: CurveTableRead | None = None  # one that came during a drag
         self._adding: list[AddObject] = []  # the first one's objects are being read, by the request of that number
         self._adding_id = -1
+        self._writing = set[int]()  # the requests
+
+    @property
+    def is_writing(self) -> bool:
+        """Whether the worker is writing files."""
+        return bool(self._writing)
 
     @property
     def is_reading(self) -> bool:
@@ -72,6 +79,7 @@ class FileExchange:
     def cancel(self, id: int | None = None) -> None:
         """Give up the edits that wait, or only those that wait for that request."""
         self.reading.cancel(id)
+        self._writing.discard(-1 if id is None else id)
         if id is None:
             self._adding.clear()
         elif id == self._adding_id:
@@ -191,7 +199,7 @@ class FileExchange:
             require_place(path)
         except InsituError as error:
             return self._refuse(str(error))
-        self._send(WriteFiles(str(resolved(path)), self._host.document.object(selected.object).layers))
+        self._write(WriteFiles(str(resolved(path)), self._host.document.object(selected.object).layers))
         return None
 
     def export_scene(self, folder: Path) -> str | None:
@@ -204,22 +212,30 @@ class FileExchange:
             require_folder(folder, written_names([state.name for state in host.document.objects]))
         except InsituError as error:
             return self._refuse(str(error))
-        self._send(WriteFiles(str(resolved(folder)), (), host.document, max(host.view.settings.n_bounces, 1)))
+        self._write(WriteFiles(str(resolved(folder)), (), host.document, max(host.view.settings.n_bounces, 1)))
         return None
 
-    def save_scene(self, path: Path) -> str | None:
-        """Save the scene as it is now with everything it needs, in a new folder or in an archive; returns None, or one
-        line that says why not."""
+    def save_scene(self, path: Path, replaces: bool = True) -> str | None:
+        """Save the scene as it is now with everything it needs, in a new folder or in an archive, which `replaces`
+        one of that name; returns None, or one line that says why not."""
         host = self._host
         if not host.scene_is_open:
             return self._refuse(f"{path.name}: no scene is open that could be saved")
         try:
-            require_package_place(path, replaces=True)
+            require_package_place(path, replaces=replaces)
         except InsituError as error:
             return self._refuse(str(error))
         view = replace(host.view, panels={})  # the window's own, which another process cannot be sent
-        self._send(SaveScene(str(resolved(path)), host.document, view))
+        self._write(SaveScene(str(resolved(path)), host.document, view))
         return None
+
+    def _write(self, request: WriteFiles | SaveScene) -> None:
+        self._writing.add(self._send(request))
+
+    def take_written(self, response: FilesWritten) -> None:
+        """Say that files were written."""
+        self._writing.discard(response.id)
+        self._host.notify("; ".join((f"written {response.path}", *response.notes)))
 
     def _refuse(self, line: str) -> str:
         self._host.notify(line, True)

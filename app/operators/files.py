@@ -75,10 +75,14 @@ FILES = (
     ),
     Operator("report", keys=("I",), help="What the file has, and what is not shown", entry="What the file contains"),
     Operator("save", keys=("Ctrl S",), help="Save the session", entry="Save session"),
-    Operator("save_as", keys=("Ctrl Shift S",), help="Save the session under a new name", entry="Save session as…"),
+    Operator(
+        "save_as", keys=("Ctrl Shift S",), help="Save the session under a new name", entry="Save session as…",
+        script=ScriptKey(Text, "Saves the session in a file (.insitu)."),
+    ),
     Operator(
         "save_scene", entry="Save as scene…", needs=SCENE,
         help="Save the scene as it is now with everything it needs, in a folder or in one file.",
+        script=ScriptKey(Text, "Saves the scene with everything it needs: a folder, or a file (.insitu.zip)."),
     ),
     Operator("recover", entry="Recover edits…"),
     Operator(
@@ -103,10 +107,11 @@ FILES = (
     Operator(
         "export_scene", entry="Export for Mitsuba 3…", needs=SCENE,
         help="Write the scene as it is now into a folder, with a program that renders the final frame from it.",
+        script=ScriptKey(Text, "Writes the scene for Mitsuba 3 into a folder."),
     ),
     Operator(
         "picture", keys=("F12",), help="Save the picture: PNG of 8 or 16 bits, EXR", entry="Save the picture…",
-        needs=SCENE,
+        needs=SCENE, script=ScriptKey(Text, "Writes the picture alone to a PNG or EXR file."),
     ),
     Operator(
         "screenshot", keys=("Shift F12",), help="Save a picture of the window", entry="Save a picture of the window"

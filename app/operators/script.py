@@ -31,6 +31,10 @@ from engine.scene.toml_text import first_validation_error, load_toml
 
 MAX_SCRIPT_BYTES = 2**20
 MAX_STEPS = 10_000
+# The steps that write a file, and how its name may end; a folder's as it likes.
+WRITTEN_FILES: dict[str, tuple[str, ...]] = {
+    "capture": (".png",), "picture": (".png", ".exr"), "save_as": (".insitu",), "save_scene": (), "export_scene": ()
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -68,7 +72,7 @@ class ScriptRecord(ValueRecord):
 
 
 def load_script(path: Path, folder: Path | None = None) -> tuple[Step, ...]:
-    """Read and check a script; pictures that it captures go to ``folder`` (default: the script's own).
+    """Read and check a script; files that it writes go to ``folder`` (default: the script's own).
 
     Raises LoadError that names the step and the key of the first error.
     """
@@ -90,9 +94,10 @@ def _step(number: int, record: _OneKey, file: Path, folder: Path) -> Step:
     """The step of a record; what names of files and views can be is checked here, beyond their type."""
     (name,) = record.model_fields_set
     value, where = getattr(record, name), f"step {number}: {name}"
-    if name == "capture":
-        if Path(value).suffix.lower() != ".png":
-            raise LoadError(file, where, value, "a file name that ends in .png")
+    if name in WRITTEN_FILES:
+        endings = WRITTEN_FILES[name]
+        if endings and not value.lower().endswith(endings):
+            raise LoadError(file, where, value, f"a file name that ends in {' or '.join(endings)}")
         if "\0" in value:
             raise LoadError(file, where, value, "the name of a file, without NUL")
         value = Path(os.path.abspath(folder / value))

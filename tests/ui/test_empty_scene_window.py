@@ -6,9 +6,13 @@ from pathlib import Path
 
 import moderngl
 import numpy as np
+import OpenEXR
 import pytest
 from imgui_bundle import imgui
+from PIL import Image
 
+import insitu
+from app.operators.script import load_script
 from app.worker.cache import ArrayCache
 from app.worker.orbit_worker import OrbitWorker
 from app.worker.schedule import InProcessClient
@@ -16,6 +20,7 @@ from app.worker.tasks import RequestDispatcher
 from tests.scene_text import camera, environment
 from tests.ui.small_scene import opened_window, wait_until_exact, write_small_scene
 from ui.headless import HeadlessWindow
+from ui.script_runner import ScriptError, run_steps
 
 pytestmark = pytest.mark.gl
 
@@ -56,6 +61,40 @@ def test_an_object_comes_and_goes(
         np.testing.assert_allclose(exact_picture(window), with_ball, rtol=2e-3, atol=1e-4)
         window.key(imgui.Key.z, imgui.Key.mod_ctrl)
         np.testing.assert_allclose(exact_picture(window), bare, rtol=2e-3)
+
+
+def test_a_script_saves_and_exports_what_it_made(context: moderngl.Context, tmp_path: Path) -> None:
+    client = InProcessClient(RequestDispatcher(ArrayCache(tmp_path / "cache")))
+    scene, script = write_small_scene(tmp_path, EMPTY), tmp_path / "steps.toml"
+    script.write_text("""
+[[step]]
+add = {shape = "sphere", name = "ball"}
+[[step]]
+wait = "exact"
+[[step]]
+picture = "ball.png"
+[[step]]
+picture = "ball.exr"
+[[step]]
+save_as = "ball.insitu"
+[[step]]
+save_scene = "ball.insitu.zip"
+[[step]]
+export_scene = "mitsuba"
+""")
+    with opened_window(context, scene, client, resolution=(24, 16), n_lights=40, n_bounces=1) as window:
+        steps = load_script(script)
+        run_steps(window, window.shell.editor, steps)
+        shown = exact_picture(window)
+        with pytest.raises(ScriptError, match=r"ball\.insitu\.zip: is there already"):  # nothing is overwritten unasked
+            run_steps(window, window.shell.editor, steps[5:6])
+    for made in ("ball.insitu", "ball.insitu.zip"):
+        np.testing.assert_allclose(insitu.open(tmp_path / made).image(bounces=1), shown, rtol=0.12)  # 40 lights
+    stored = OpenEXR.File(str(tmp_path / "ball.exr")).channels()["RGB"].pixels
+    np.testing.assert_allclose(stored, shown, rtol=2e-3, atol=1e-3)
+    with Image.open(tmp_path / "ball.png") as image:
+        assert image.size == (24, 16)
+    assert (tmp_path / "mitsuba" / "scene.xml").exists()
 
 
 def test_new_is_an_empty_scene(context: moderngl.Context, tmp_path: Path) -> None:

@@ -108,6 +108,8 @@ def test_captures_go_to_their_paths(tmp_path: Path) -> None:
         ("[[step]]\ndrag = {from = [1, 2], to = [3]}", "step 0: drag: to 1 = nothing"),
         ("[[step]]\ndrag = {from = [1, 2], to = [3, 4, 5]}", "step 0: drag: to"),
         ("[[step]]\ndrag = {from = [1, 2], to = [3, 1e9]}", "step 0: drag: to 1"),
+        ("[[step]]\npicture = 'a.jpg'", "step 0: picture = a.jpg, expected a file name that ends in .png or .exr"),
+        ("[[step]]\nsave_as = 'a.toml'", "step 0: save_as = a.toml, expected a file name that ends in .insitu"),
         ("[[step]]\ncapture = 'a.exr'", "step 0: capture = a.exr, expected a file name that ends in .png"),
         ("[[step]]\nassert_error_below = 0", "step 0: assert_error_below = 0"),
         ("[[step]]\nundo = ", "TOML"),

@@ -12,8 +12,8 @@ from engine.scene.description import load_description
 from engine.scene.scene_loader import load_scene
 
 SCENES = [  # default first
-    "teatray", "ajar", "amphora", "bat", "cornell", "dominoes", "earrings", "empty", "idol", "mime", "plant", "plate", "ring",
-    "rings", "room", "shapes", "stairwell", "storeroom", "vase",
+    "teatray", "ajar", "amphora", "bat", "cornell", "dominoes", "earrings", "empty", "idol", "mime", "plant", "plate",
+    "ring", "rings", "room", "shapes", "stairwell", "storeroom", "vase",
 ]  # fmt: skip
 
 
