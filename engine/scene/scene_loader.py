@@ -307,7 +307,7 @@ def _assemble(
         folder=path.parent,
         resolution=resolution or description.camera.resolution,
         vertices=vertices,
-        normals=joined.normals.astype(np.float32),
+        normals=np.asarray(joined.normals, np.float32),
         triangles=triangles,
         object_of_triangle=np.repeat(np.arange(len(objects), dtype=np.int32), counts),
         triangle_ranges=ranges,
