@@ -61,6 +61,7 @@ from ui.panels.actions import (
     CopyText,
     DeleteMaterial,
     DragCamera,
+    DrawLooks,
     EndCameraDrag,
     EndDrag,
     ExportMeasured,
@@ -78,6 +79,7 @@ from ui.panels.actions import (
     ReloadImages,
     ResetLayout,
     RunOperator,
+    SaveContactSheet,
     SaveMaterial,
     SavePicture,
     SaveScene,
@@ -98,15 +100,18 @@ class FrameOutcome:
     state: PanelState
     reset_layout: bool = False
     screenshot: Path | None = None
-    picture: SavePicture | None = None
+    picture: SavePicture | SaveContactSheet | None = None
     stops_layers: bool = False
+    draws_looks: bool | None = None
     quit: bool = False
 
     def after(self, earlier: FrameOutcome) -> FrameOutcome:
         """This outcome, with what is still to be done of an earlier one of the same frame."""
         return replace(
             self, screenshot=self.screenshot or earlier.screenshot, picture=self.picture or earlier.picture,
-            stops_layers=self.stops_layers or earlier.stops_layers, quit=self.quit or earlier.quit,
+            stops_layers=self.stops_layers or earlier.stops_layers,
+            draws_looks=earlier.draws_looks if self.draws_looks is None else self.draws_looks,
+            quit=self.quit or earlier.quit,
         )  # fmt: skip
 
 
@@ -115,7 +120,7 @@ KIND_OF = {
     "open_scene": "scene", "add_file": "scene", "save_session": "scene",
     "open_environment": "environment", "open_measured": "measured",
     "open_material": "material",
-    "save_measured": "measured", "save_picture": "picture", "save_scene": "export",
+    "save_measured": "measured", "save_picture": "picture", "save_sheet": "picture", "save_scene": "export",
     "save_package": "package",
     "open_table": "table",
 }  # fmt: skip
@@ -191,8 +196,12 @@ class ActionHandler:
             case SavePicture():
                 self._remember_picture(action)
                 return replace(outcome, picture=action)
+            case SaveContactSheet():
+                return replace(outcome, picture=self._checked_sheet(action))
             case StopLayers():
                 return replace(outcome, stops_layers=True)
+            case DrawLooks():
+                return replace(outcome, draws_looks=action.goes_on)
             case ResetLayout():
                 return replace(outcome, reset_layout=True)
             case Quit():
@@ -216,6 +225,14 @@ class ActionHandler:
         self._folders["picture"] = action.path.absolute().parent
         self._deep, self._layers = action.deep, action.layers
         self._picture_ending = action.path.suffix.lower()
+
+    def _checked_sheet(self, action: SaveContactSheet) -> SaveContactSheet:
+        """A contact sheet that is about to be saved. Raises InsituError where it cannot be saved there."""
+        if action.path.suffix.lower() != ".png":
+            raise InsituError(f"{action.path}: the name of a contact sheet ends in .png")
+        require_place(action.path)
+        self._folders["picture"] = action.path.absolute().parent
+        return action
 
     def _answer(self, action: AnswerQuestion, outcome: FrameOutcome) -> FrameOutcome:
         """Do with the chosen file what the dialog was opened for; where it is refused, the dialog stays and shows
@@ -380,6 +397,8 @@ class ActionHandler:
         if action.purpose == "save_picture":
             name = f"{editor.name}{self._picture_ending}"
             return FileQuestion(action.purpose, folder, name, deep=self._deep, layers=self._layers)
+        if action.purpose == "save_sheet":
+            return FileQuestion(action.purpose, folder, f"{editor.name} looks.png")
         if action.purpose == "save_package":
             return FileQuestion(action.purpose, folder, f"{editor.name}{PACKAGE_ENDING}")
         if action.purpose != "save_session":

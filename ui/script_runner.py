@@ -117,6 +117,9 @@ def wait_for_picture(
     source = window.shell.source
     if picture == "exact" and source is not None:  # over Orbit's picture it fades in
         _wait(window, editor, lambda: source.is_finished, timeout)
+    if picture == "exact":
+        _wait(window, editor, lambda: window.shell.looks.pictures.is_finished, timeout)
+        window.frames(1)
     _wait(window, editor, lambda: not window.shell.awaits_table, timeout)
 
 

@@ -33,10 +33,12 @@ from ui.event_queue import ALTS, EventQueue
 from ui.frame_times import REDRAW_SECONDS, FramePacing, PerformanceRecord
 from ui.gl.interface import InterfaceRenderer
 from ui.layout import Docking
+from ui.look_feed import LookFeed
 from ui.panel_pictures import PanelPictures, panel_context
 from ui.panels import file_dialog, shortcuts
-from ui.panels.actions import Action, CancelDrag, SavePicture, SetPanel
+from ui.panels.actions import Action, CancelDrag, SaveContactSheet, SavePicture, SetPanel
 from ui.panels.context import Fields, Handles, PanelContext
+from ui.panels.look_board import LookBoard
 from ui.panels.panel_windows import close_what_is_open, depth_now, draw_guarded, draw_panels
 from ui.panels.pictures import BrdfBoard
 from ui.panels.window_state import PanelState, StatusMessage
@@ -115,6 +117,8 @@ class Shell:
         self._tables = TableFeed(context)
         self._pictures = PanelPictures(context, editor, self._interface, self._tables)
         self._brdf = BrdfFeed(context, self._brdf_board, self._pictures.picture, self._tables)
+        self._look_board = LookBoard()
+        self.looks = LookFeed(context, self._look_board, self._pictures.picture)
         self._escape_is_imguis = False
         self._focus_comes_in = 0
         self._frame_ms = 0.0
@@ -149,9 +153,10 @@ class Shell:
         self._requested += actions
         self.pacing.note_input()
 
-    def _save_picture(self, action: SavePicture) -> None:
-        """Save what is shown now, read at once and written by a thread; or, with its layers, what is drawn anew."""
-        if action.layers:
+    def _save_picture(self, action: SavePicture | SaveContactSheet) -> None:
+        """Save what is shown now, read at once and written by a thread; or, with its layers or all looks, what is drawn
+        anew."""
+        if isinstance(action, SaveContactSheet) or action.layers:
             self._save_layers(action.path)
             return
         still = None if self.source is None else self.source.still(self.editor)
@@ -231,16 +236,23 @@ class Shell:
         self._take_message(now)
         self.editor.barrier.run("The library", self._read_library, None, ())
         self._docking.take_size(size, self.theme.scale)
+        # Before the panels draw their textures, some of which it replaces.
+        follow = partial(self.looks.follow, self.editor, now)
+        follows_looks = self.editor.barrier.run("Looks side by side", follow, False, ())
         actions, outcome = self._process_events(now)
         imgui.render()
+        self._note_look()
         prepared, self._prepared = self._prepared, None
         hand_first = prepared is None or bool(actions) or self._is_dragging
         working = self._draw_picture() if hand_first else bool(prepared)
         working = self._draw_brdf(now) or working
+        working = working or follows_looks
         if outcome.picture is not None:
             self._save_picture(outcome.picture)
         if outcome.stops_layers:
             self._layers.stop()
+        if outcome.draws_looks is not None:
+            (self.looks.pictures.resume if outcome.draws_looks else self.looks.pictures.stop)()
         self.draw_interface(target)
         self.editor.barrier.run("A thumbnail", self._advance_thumbnails, None, ())
         self.editor.barrier.run("A view's picture", self._follow_view, None, ())
@@ -281,6 +293,7 @@ class Shell:
             imgui.internal.set_key_owner(key, SHORTCUT_OWNER)
         self.handles.begin_frame()
         self._brdf_board.begin_frame()
+        self._look_board.begin_frame()
         events = self.events
         context = replace(
             self._context(now), keys_taken=keys_taken, alt_tapped=events.alt_tapped, repeated=events.repeated
@@ -312,6 +325,8 @@ class Shell:
         source, run = self.source, self.editor.barrier.run
         if source is None:
             return False
+        if run("Looks side by side", lambda: self.looks.has_news, False, ()):
+            return True
         started = time.perf_counter()
         if run("The worker's answers", lambda: source.take(self.editor, now), False, ()):
             return True
@@ -340,6 +355,7 @@ class Shell:
         self._layers.close()
         self._docking.keep()
         self._brdf.close()
+        self.looks.close()
         self._tables.release()
         self._interface.release()
         self._pictures.release()
@@ -349,6 +365,11 @@ class Shell:
     def _is_dragging(self) -> bool:
         """Whether a drag is under way, whose frames must include its picture."""
         return self.editor.history.dragging or self.state.grip is not None
+
+    def _note_look(self) -> None:
+        """Before the picture follows the document: what was on screen of a look that was left stays beside it."""
+        picture = None if self.source is None else self.source.picture
+        self.editor.barrier.run("Looks", partial(self.looks.note_switch, self.editor, picture), None, ())
 
     def _draw_picture(self) -> bool:
         """Update the picture; textures that were replaced since the panels drew are drawn in their place."""
@@ -382,7 +403,8 @@ class Shell:
         return point
 
     def _has_news(self, now: float) -> bool:
-        return self.pacing.has_news(now, self.editor.status) or self._layers.progress != self._shown_saving
+        shown = self._layers.progress != self._shown_saving or self.looks.progress_changed
+        return self.pacing.has_news(now, self.editor.status) or shown
 
     def _result(self, busy: bool, screenshot: Path | None, quit: bool) -> FrameResult:
         plays = self.editor.view.playing is not None
@@ -423,9 +445,10 @@ class Shell:
         handler, self._shown_saving = self.actor, self._layers.progress
         return panel_context(
             self.editor, self.source, self._pictures, state=self.state, theme=self.theme, handles=self.handles,
-            fields=self._fields, brdf=self._brdf_board, record=self._record, environments=self.environments,
-            scenes=self.scenes, preferences=handler.preferences.current, recent=handler.recent.entries,
-            recoveries=handler.recoveries, library=handler.library.entries, now=now, saving=self._shown_saving,
+            fields=self._fields, brdf=self._brdf_board, looks=self._look_board, record=self._record,
+            environments=self.environments, scenes=self.scenes, preferences=handler.preferences.current,
+            recent=handler.recent.entries, recoveries=handler.recoveries, library=handler.library.entries, now=now,
+            saving=self._shown_saving,
         )  # fmt: skip
 
     def _panels(self, context: PanelContext) -> list[Action]:

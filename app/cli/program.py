@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 from app.cli.console import FAILED, INTERRUPTED, USAGE, Frontend, print_error, print_line
+from app.cli.contact_sheet import contact_sheet
 from app.cli.exchange import export, export_brdf, import_brdf, save_scene
 from app.cli.info import info
 from app.cli.options import (
@@ -179,6 +180,7 @@ cli.command("import-brdf")(import_brdf)
 cli.command("export-brdf")(export_brdf)
 cli.command()(export)
 cli.command("save-scene")(save_scene)
+cli.command("contact-sheet")(contact_sheet)
 cli.command()(doctor)
 
 

@@ -10,7 +10,7 @@ from pydantic import Field
 from app.document.scene_files import can_turn, has_variants, split_axis
 from app.editor.editor import Editor
 from app.files.material_files import MARK
-from app.operators.operator import CURVE, LAYER, SCENE, Need, Operator, ScriptKey, ValueRecord
+from app.operators.operator import CURVE, LAYER, LOOK, SCENE, Need, Operator, ScriptKey, ValueRecord
 from engine.scene.description import Text
 
 
@@ -112,6 +112,10 @@ FILES = (
     Operator(
         "picture", keys=("F12",), help="Save the picture: PNG of 8 or 16 bits, EXR", entry="Save the picture…",
         needs=SCENE, script=ScriptKey(Text, "Writes the picture alone to a PNG or EXR file."),
+    ),
+    Operator(
+        "contact_sheet", entry="Save contact sheet…", needs=LOOK,
+        help="All looks, drawn in the background, on one page with their names: PNG.",
     ),
     Operator(
         "screenshot", keys=("Shift F12",), help="Save a picture of the window", entry="Save a picture of the window"

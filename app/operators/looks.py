@@ -10,12 +10,11 @@ from app.document.commands.looks import AddLook, DeleteLook, MoveLook, RenameLoo
 from app.document.looks import look_names
 from app.document.view_state import LooksShown, SetView
 from app.editor.editor import Editor
-from app.operators.operator import SCENE, Gesture, Need, Operator, OperatorContext, ScriptKey
+from app.operators.operator import LOOK, SCENE, Gesture, Need, Operator, OperatorContext, ScriptKey
 from engine.scene.description import Text
 
 LookName = Annotated[Text, Field(min_length=1)]
 Place = Annotated[int, Field(ge=0, strict=True)]
-LOOK = Need("make a look first", lambda context: bool(context.document.looks))
 SEVERAL = Need("make a second look first", lambda context: len(context.document.looks) > 1)
 SHOWN_WORDS: dict[LooksShown, str] = {1: "One look", 2: "Two looks", 4: "Four looks", 6: "Six looks"}
 

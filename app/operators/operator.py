@@ -118,4 +118,5 @@ LAYER = Need(
     "select an object with a material", lambda context: layer_shown(context.document, context.view.selected) is not None
 )
 CURVE = Need("select a curve", _has_curve)
+LOOK = Need("make a look first", lambda context: bool(context.document.looks))
 OBJECT = Need("select an object", lambda context: context.view.selected is not None)

@@ -50,7 +50,7 @@ MENUS = (
         "new", "open", "open_recent", "open_builtin", "open_environment", "reload", "z_up", "report", None,
         "material_file", "measured", "export_measured", "export_scene", None, "save", "save_as", "save_scene",
         "recover", None,
-        "picture", None, "quit",
+        "picture", "contact_sheet", None, "quit",
     )),
     Menu("Edit", (
         "undo", "redo", "undo_view", "redo_view", None, "copy_material", "copy_curve", "copy_table", "paste",

@@ -1,9 +1,10 @@
-"""Saves pictures with their layers (`app.stills.picture_layers`) while the editor goes on.
+"""Saves pictures with their layers (`app.stills.picture_layers`), and contact sheets, while the editor goes on.
 
-A picture of every light takes as long as several stills, so a process of its own draws it, at low priority: the worker
-goes on with what the user edits. It is given the document as a session, and tells its progress in lines of JSON on its
-standard output. `python -m app.stills.layer_saver SESSION OUTPUT PARENT` is the process; it ends with its parent.
-Rejected: a request to the worker, whose quick jobs would delay all slow ones, and whose slow ones this would delay.
+A picture of every light, or of every look, takes as long as several stills, so a process of its own draws it, at low
+priority: the worker goes on with what the user edits. It is given the document as a session, and tells its progress in
+lines of JSON on its standard output. `python -m app.stills.layer_saver SESSION OUTPUT PARENT` is the process; it ends
+with its parent. A PNG is a contact sheet, an EXR has layers. Rejected: a request to the worker, whose quick jobs would
+delay all slow ones, and whose slow ones this would delay.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ class _Picture:
 
 
 class LayerSaver:
-    """Saves one picture with layers at a time."""
+    """Saves one picture with layers, or one contact sheet, at a time."""
 
     def __init__(self) -> None:
         self._picture: _Picture | None = None
@@ -65,8 +66,8 @@ class LayerSaver:
         return "" if picture is None else f"saving {picture.path.name} {picture.fraction:.0%}"
 
     def save(self, document: Document, view: ViewState, path: Path) -> None:
-        """Begin to draw the document's picture with its layers for a file. Raises InsituError where that cannot be
-        written, or another is being drawn."""
+        """Begin to draw the document's picture with its layers, or its contact sheet, for a file. Raises InsituError
+        where that cannot be written, or another is being drawn."""
         if self._picture is not None:
             raise InsituError(f"{path.name}: {self._picture.path.name} is still being saved; wait, or stop it")
         require_place(path)
@@ -103,7 +104,7 @@ class LayerSaver:
             with tempfile.TemporaryDirectory(prefix="insitu-", ignore_cleanup_errors=True) as folder:
                 said, failed = self._run(picture, Path(folder))
         except (OSError, InsituError) as error:
-            said, failed = f"{name}: the layers could not be drawn, {error}", True
+            said, failed = f"{name}: it could not be drawn, {error}", True
         if picture.is_stopped:
             sweep_temporaries(picture.path.parent, name)
             if failed:
@@ -143,13 +144,14 @@ class LayerSaver:
 def _how_it_ended(status: int) -> str:
     """Why a process that said nothing has drawn no layers."""
     if status < 0:
-        return f"the layers were not drawn, signal {-status} ended the process; is memory short?"
-    return f"the layers could not be drawn: a bug in Insitu (for a report: {log_directory() / LOG})"
+        return f"it was not drawn, signal {-status} ended the process; is memory short?"
+    return f"it could not be drawn: a bug in Insitu (for a report: {log_directory() / LOG})"
 
 
 def main(session: str, output: str) -> None:
-    """Draw the picture of a session with its layers, and write it; tell how far it is."""
+    """Draw the picture of a session with its layers, or its contact sheet, and write it; tell how far it is."""
     from app.project.project import open_project
+    from app.stills.contact_sheet import render_sheet, sheet_of, write_sheet
     from app.stills.picture_layers import render_layers
     from app.stills.stills import write_picture
     from app.system.kernel_cache import use_kernel_cache
@@ -164,6 +166,12 @@ def main(session: str, output: str) -> None:
     try:
         project = open_project(session)
         shutil.rmtree(Path(session).parent, ignore_errors=True)  # the parent may be killed before it does
+        if Path(output).suffix.lower() == ".png":
+            sheet = sheet_of(project)
+            pictures = render_sheet(project, sheet, lambda step: tell(fraction=step.fraction))
+            write_sheet(Path(output), pictures, sheet, project.view)
+            tell(said=f"saved {output} with {len(pictures)} looks", failed=False)
+            return
         still = render_layers(project, lambda step: tell(fraction=step.fraction))
         error = "" if still.error is None else still.error.text
         write_picture(Path(output), still.picture, comment=error, layers=still.layers)

@@ -121,7 +121,8 @@ class Display:
     def draw(self, linear: moderngl.Texture, view: DisplayView, box: Box) -> None:
         """Redraw `box` of the display picture, and all outlines."""
         for region, source, exposure, behind in self._regions(linear, view, box):
-            self._tone_map(self._target, source, replace(view, exposure=exposure, behind=behind), region, _CHECKERBOARD)
+            shown = replace(view, exposure=exposure, behind=behind)
+            draw_on_screen(self._passes, self._mapper, self._target, source, shown, region)
         others = ((i_object, OTHERS_COLOUR) for i_object in view.others)
         for i_object, colour in ((view.hovered, HOVER_COLOUR), *others, (view.selected, SELECTION_COLOUR)):
             if i_object is not None and 0 <= i_object < self._frame.n_objects:
@@ -144,7 +145,8 @@ class Display:
         target = self._memory.framebuffer([texture])
         stride = box[2] / size[0], box[3] / size[1]
         try:
-            self._tone_map(target, linear, view.plain, (0, 0, *size), _CHECKERBOARD, (box[0], box[1]), stride)
+            part = (0, 0, *size), _CHECKERBOARD, (box[0], box[1]), stride
+            draw_on_screen(self._passes, self._mapper, target, linear, view.plain, *part)
             return read_texture(texture, np.uint8 if dtype == "f1" else np.float32)
         finally:
             self._memory.release_framebuffer(target)
@@ -157,7 +159,7 @@ class Display:
         texture = self._memory.texture(self._size, 4, "f4")
         target = self._memory.framebuffer([texture])
         try:
-            self._tone_map(target, linear, view.plain, whole, _WITH_ALPHA)
+            draw_on_screen(self._passes, self._mapper, target, linear, view.plain, whole, _WITH_ALPHA)
             n_channels = 4 if view.behind is None else 3
             return read_texture(texture, np.float32)[..., :n_channels].astype(np.float32)
         finally:
@@ -181,24 +183,6 @@ class Display:
     def _divider_column(self, view: DisplayView) -> int:
         return round(min(max(view.compare_divider or 0.0, 0.0), 1.0) * self._size[0])
 
-    def _tone_map(
-        self, target: moderngl.Framebuffer, source: moderngl.Texture, view: DisplayView, region: Box, transparent: int,
-        first: tuple[int, int] = (0, 0), stride: tuple[float, float] = (1.0, 1.0),
-    ) -> None:  # fmt: skip
-        """Draw the region of a target. transparent: what is shown where there is no background, as display.frag.glsl
-        numbers it; first, stride: the texel of the source in the target's first, and how many there are for each."""
-        inspects = view.is_inspected
-        program = self._mapper.full_screen("placement/display.frag.glsl", view.tone_mapping, INSPECTED=int(inspects))
-        textures = {"linear_picture": source, **self._mapper.textures(view.tone_mapping)}
-        kind = transparent if view.behind is None else 0
-        inspection: dict[str, Any] = (
-            {"channel": PICTURE_CHANNELS.index(view.channel), "zebra": view.zebra} if inspects else {}
-        )
-        self._passes.draw(
-            program, target, region, textures, exposure=exposure_factor(view.exposure), behind=view.behind or BLACK,
-            transparent=kind, first=first, stride=stride, inverse_gamma=1.0 / view.gamma, **inspection,
-        )  # fmt: skip
-
     def _outline(self, i_object: int, colour: tuple[float, float, float]) -> None:
         if i_object not in self._outlines:
             self._outlines[i_object] = self._outline_points(i_object)
@@ -221,6 +205,27 @@ class Display:
             buffer.release()
         self._memory.release_framebuffer(self._target)
         self._memory.release(self.texture)
+
+
+def draw_on_screen(
+    passes: Passes, mapper: ToneMapper, target: moderngl.Framebuffer, source: moderngl.Texture, view: DisplayView,
+    region: Box, transparent: int = _CHECKERBOARD, first: tuple[int, int] = (0, 0),
+    stride: tuple[float, float] = (1.0, 1.0),
+) -> None:  # fmt: skip
+    """Draw the region of a target from a linear picture as it is shown. transparent: what is shown where there is no
+    background, as display.frag.glsl numbers it; first, stride: the texel of the source in the target's first, and how
+    many there are for each."""
+    inspects = view.is_inspected
+    program = mapper.full_screen("placement/display.frag.glsl", view.tone_mapping, INSPECTED=int(inspects))
+    textures = {"linear_picture": source, **mapper.textures(view.tone_mapping)}
+    kind = transparent if view.behind is None else 0
+    inspection: dict[str, Any] = (
+        {"channel": PICTURE_CHANNELS.index(view.channel), "zebra": view.zebra} if inspects else {}
+    )
+    passes.draw(
+        program, target, region, textures, exposure=exposure_factor(view.exposure), behind=view.behind or BLACK,
+        transparent=kind, first=first, stride=stride, inverse_gamma=1.0 / view.gamma, **inspection,
+    )  # fmt: skip
 
 
 def exposure_factor(stops: float) -> float:

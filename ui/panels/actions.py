@@ -203,8 +203,22 @@ class SavePicture:
 
 
 @dataclass(frozen=True)
+class SaveContactSheet:
+    """Draw all looks, and write them on one page."""
+
+    path: Path
+
+
+@dataclass(frozen=True)
 class StopLayers:
-    """Stop drawing the picture with layers that is being saved."""
+    """Stop drawing the picture with layers, or the contact sheet, that is being saved."""
+
+
+@dataclass(frozen=True)
+class DrawLooks:
+    """Stop drawing the pictures of looks, or go on with it."""
+
+    goes_on: bool
 
 
 @dataclass(frozen=True)
@@ -286,6 +300,6 @@ WindowAction = (
     | RunOperator | SetPreference | HoldGrip | SetPanel | OpenFile | OpenImage | AskFile | ReloadImages | SaveSession
     | SavePicture | ImportMaterial | ImportMeasured | ExportMeasured | ExportScene | SaveScene | Screenshot
     | SaveMaterial | DeleteMaterial | Copy | CopyText | Paste | Recover | AnswerUnsaved | ShowPanel | ResetLayout | Quit
-    | AnswerQuestion | StopLayers
+    | AnswerQuestion | StopLayers | DrawLooks | SaveContactSheet
 )  # fmt: skip
 Action = EditCommand | SetView | OpenPanel | WindowAction

@@ -25,6 +25,7 @@ from app.modes.mode import Mode
 from engine.scene.description import Camera
 from engine.scene.import_report import ImportReport
 from ui.frame_times import PerformanceRecord
+from ui.panels.look_board import LookBoard
 from ui.panels.pictures import BrdfBoard, Picture
 from ui.panels.window_state import PanelState, Travel
 from ui.pixel_values import PixelValues
@@ -128,6 +129,7 @@ def no_spot(column: int, row: int) -> SurfaceSpot | None:
 @dataclass(frozen=True)
 class PanelContext:
     """What every panel reads. `picture` is the scene, `environment` the thumbnail; None until there is one.
+    `looks` has the pictures of looks beside the current one.
     `error_overlay` is the map of its error, None while unknown. `has_environment`: whether the scene's file has one.
 
     `map_thumbnails` are the selected layer's "texture" and "weight", `map_refusal` says why they cannot be used.
@@ -158,6 +160,7 @@ class PanelContext:
     modes: tuple[Mode, ...] = ()
     handles: Handles = field(default_factory=Handles)
     fields: Fields = field(default_factory=Fields)
+    looks: LookBoard = field(default_factory=LookBoard)
     brdf: BrdfBoard = field(default_factory=BrdfBoard)
     record: PerformanceRecord = field(default_factory=PerformanceRecord)
     picture: Picture | None = None

@@ -30,6 +30,7 @@ from ui.panels.actions import (
     ImportMeasured,
     OpenFile,
     OpenImage,
+    SaveContactSheet,
     SavePicture,
     SaveScene,
     SaveSession,
@@ -59,6 +60,7 @@ TITLES = {
     "save_session": "Save the session",
     "save_measured": "Export the selected object's material as a MERL file",
     "save_picture": "Save the picture",
+    "save_sheet": "Save a contact sheet of all looks",
     "save_scene": "Export the scene for Mitsuba 3: name a folder",
     "save_package": "Save the scene with everything it needs",
 }
@@ -83,6 +85,7 @@ ENDINGS = {
     "save_session": (".insitu",),
     "save_measured": (".binary",),
     "save_picture": (".png", ".exr"),
+    "save_sheet": (".png",),
     "save_scene": (),  # a folder
     "save_package": (PACKAGE_ENDING,),
 }
@@ -317,6 +320,7 @@ def answer(question: FileQuestion, path: Path) -> AnswerQuestion:
         "add_file": AddObject(str(resolved(path))), "open_material": ImportMaterial(path),
         "open_measured": ImportMeasured(path, question.cloth), "save_measured": ExportMeasured(path),
         "save_session": SaveSession(path), "save_picture": _saved_picture(question, path),
+        "save_sheet": SaveContactSheet(path),
         "save_scene": ExportScene(path), "save_package": SaveScene(path),
     }  # fmt: skip
     return AnswerQuestion(path, actions.get(purpose, OpenFile(str(path))))

@@ -15,7 +15,7 @@ from engine.render.picture_error import percent
 from ui import theme as look
 from ui.panels import picture_overlays, widgets
 from ui.panels.accuracy import STOPPED, error_parts, error_text, work_text
-from ui.panels.actions import Action, SetPanel, StopLayers
+from ui.panels.actions import Action, DrawLooks, SetPanel, StopLayers
 from ui.panels.context import PanelContext
 from ui.theme import Icon
 
@@ -101,6 +101,8 @@ def _contents(context: PanelContext) -> tuple[list[ColouredText], list[Action]]:
         _words(ColouredText(advice, look.TEXT_FAINT), hint)
     if context.saving:
         actions += _saving(context)
+    if context.looks.progress or context.looks.is_stopped:
+        actions += _drawing_looks(context)
     if work and _has_room(work, end - context.px(36)):
         _gap(context)
         _words(ColouredText(work, look.TEXT_SOFT), status.text or "What is being computed.")
@@ -125,6 +127,17 @@ def _saving(context: PanelContext) -> list[Action]:
     imgui.set_cursor_pos_y(imgui.get_cursor_pos_y() - imgui.get_style().frame_padding.y)
     stops = widgets.icon_button(context, "saving.stop", Icon.CLOSE, "Stop; the file stays as it was.")
     return [StopLayers()] if stops else []
+
+
+def _drawing_looks(context: PanelContext) -> list[Action]:
+    """The look that is being drawn beside the current one, with a button that stops it, or goes on."""
+    stopped = context.looks.is_stopped
+    _gap(context)
+    _words(ColouredText("looks stopped" if stopped else context.looks.progress), "Pictures of looks, side by side.")
+    imgui.same_line(0.0, context.px(4))
+    imgui.set_cursor_pos_y(imgui.get_cursor_pos_y() - imgui.get_style().frame_padding.y)
+    icon, hint = (Icon.RESUME, "Go on.") if stopped else (Icon.CLOSE, "Stop; the pictures stay as they are.")
+    return [DrawLooks(stopped)] if widgets.icon_button(context, "looks.stop", icon, hint) else []
 
 
 def placeholder_text(context: PanelContext) -> str:

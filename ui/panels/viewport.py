@@ -18,6 +18,7 @@ from ui.panels import (
     gizmo,
     inspection,
     light_by_hand,
+    look_panes,
     paint,
     picture_handles,
     picture_overlays,
@@ -53,7 +54,10 @@ def draw(context: PanelContext) -> list[Action]:
     if room.x < 8 or room.y < 8:
         return []
     taken, below = import_named(context.mode.strip)(context, corner, room) if context.mode.strip else (0.0, [])
-    return _draw_picture(context, corner, ImVec2(room.x, room.y - taken)) + below
+    left = ImVec2(room.x, room.y - taken)
+    if context.view.looks_shown > 1:
+        return look_panes.draw(look_panes.with_stand_in(context), corner, left, _draw_picture) + below
+    return _draw_picture(context, corner, left) + below
 
 
 def _draw_picture(context: PanelContext, corner: ImVec2, room: ImVec2) -> list[Action]:

@@ -84,6 +84,28 @@ def viewport_rect(corner: ImVec2, size: ImVec2, picture: Picture) -> ViewportRec
     return ViewportRect(corner.x, corner.y, size.x, size.y, picture)
 
 
+def pane_places(
+    room: tuple[float, float], count: int, aspect: float, label: float, gap: float
+) -> list[tuple[float, float, float, float]]:
+    """The places (x, y, width, height) of so many panes in a room, row by row: so that a picture of this aspect ratio
+    is as large as possible in each, above a label of this height, with gaps between."""
+
+    def place(columns: int) -> tuple[float, float]:
+        rows = -(-count // columns)
+        return (room[0] - (columns - 1) * gap) / columns, (room[1] - (rows - 1) * gap) / rows
+
+    def picture_width(columns: int) -> float:
+        width, height = place(columns)
+        return min(width, (height - label) * aspect)
+
+    columns = max((n for n in range(1, count + 1) if count % n == 0), key=picture_width)
+    width, height = place(columns)
+    return [
+        (round((n % columns) * (width + gap)), round((n // columns) * (height + gap)), int(width), int(height))
+        for n in range(count)
+    ]
+
+
 def _start(corner: float, room: float, extent: float, wanted: float) -> float:
     """Where the picture begins along one axis: in the middle where it is the smaller, else so that the panel is
     full."""

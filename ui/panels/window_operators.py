@@ -194,6 +194,7 @@ WINDOW_OPERATORS: dict[str, Callable[[PanelContext], list[Action]]] = {
     "save_as": _always(AskFile("save_session")),
     "recover": _always(SetPanel({"shows_recoveries": True})),
     "picture": _always(AskFile("save_picture")),
+    "contact_sheet": _always(AskFile("save_sheet")),
     "screenshot": _always(Screenshot()),
     "quit": _always(Quit()),
     "copy_material": _copy_material,
