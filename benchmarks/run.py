@@ -21,6 +21,7 @@ from benchmarks.figures import Figure, summary_lines, write_figures
 from benchmarks.gloss import gloss_figures
 from benchmarks.indirect import indirect_figures
 from benchmarks.light_mix import mix_figures
+from benchmarks.moves import move_figures
 from benchmarks.orbit import orbit_figures
 from benchmarks.plan_costs import measure_plans
 from benchmarks.plan_savings import measure_savings
@@ -92,6 +93,7 @@ def _measured_figures(source: str, output: Path, effort: Effort, report: Callabl
     figures += relight_figures(effort.relight, report)
     figures += drag_figures(effort.drags, report)
     figures += mix_figures(effort.mixes, report)
+    figures += move_figures(effort.moves, report)
     figures += api_edit_figures(effort.api_edits, report)
     if effort.turning is not None:
         write_turning(output, turning_errors(effort.turning, report))

@@ -78,11 +78,12 @@ class LayerState:
 @dataclass(frozen=True)
 class SceneState:
     """A scene's light, mixed (`mixed_light`) and at intensity 1, the radiance of its emitters by name, and the layers
-    of all other objects."""
+    of all other objects. lamps: the poses of those that a hand has moved from where the view has them."""
 
     light: LightState
     layers: tuple[LayerState, ...]
     emission: tuple[tuple[str, RGB], ...] = ()
+    lamps: Poses = ()
 
     @property
     def visible(self) -> tuple[LayerState, ...]:

@@ -84,7 +84,10 @@ class CompositionController:
         self.is_waiting = composition != tracing.composition
         if self.is_waiting and not was_waiting:
             self._close()
+        number = tracing.requested_id
         has_moved = tracing.update(now, view)
+        if tracing.requested_id != number:
+            host.controller.view_requested()
         if composition == tracing.requested_composition:
             self._requested = host.document
         if self.is_waiting:

@@ -372,7 +372,7 @@ class SceneController:
         """Note a traced view; the renderer is to be notified of it."""
         described = scene.description.from_camera(self.tracing.traced.camera)
         self._shown = [SceneFrame(self.tracing.scene, scene.document.source, described, seen.frame)]
-        self.opened = scene = replace(scene, view_id=seen.id)
+        self.opened = scene = replace(scene, view_id=seen.id, poses=self.tracing.poses)
         return scene
 
     def _report_flaws(self, response: ViewTraced) -> None:

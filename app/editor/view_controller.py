@@ -57,6 +57,17 @@ class ViewController:
         return self._traced.viewpoint
 
     @property
+    def poses(self) -> Poses:
+        """The poses of objects that the picture shows."""
+        return self._traced.poses
+
+    @property
+    def requested_id(self) -> int:
+        """The number of the newest request, 0 for none."""
+        requested = self._reconciler.requested
+        return 0 if requested is None else requested.id
+
+    @property
     def scene(self) -> int:
         """The number of the request that opened its scene."""
         return self._traced.scene

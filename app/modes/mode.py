@@ -23,6 +23,7 @@ from app.messages.picture_events import PictureEvent, SkyChanged
 from app.messages.worker_messages import Request, Response
 from app.system.barrier import Barrier
 from engine.material.layer import Layer
+from engine.realtime.zonal_harmonics.pose import Poses
 from engine.scene.description import SceneDescription
 
 if TYPE_CHECKING:
@@ -64,7 +65,7 @@ class EditorServices(Protocol):
 class OpenedScene:
     """The scene that the worker has open: the number of its traced view, what was planned of its layers, what its file
     says, the document that this describes, and the one that pictures are made of now; notes: warnings about the
-    scene."""
+    scene; poses: those in the traced view."""
 
     view_id: int
     planned: tuple[tuple[Layer, dict[str, int]], ...]
@@ -72,6 +73,7 @@ class OpenedScene:
     described: Document
     document: Document
     notes: tuple[str, ...] = ()
+    poses: Poses = ()
 
 
 class ModeController(Protocol):
@@ -94,6 +96,9 @@ class ModeController(Protocol):
 
     def view_moved(self) -> None:
         """The view is not the one that the worker has traced; it is traced again once idle."""
+
+    def view_requested(self) -> None:
+        """The worker was asked for another view, and has given up what it did for the one before."""
 
     def view_restored(self) -> None:
         """The view is again the one that the worker has traced."""

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from app.document.light_state import LightState
 from app.document.scene_state import LayerState
@@ -37,6 +38,7 @@ from app.modes.placement.placement_messages import (
 from app.worker.array_files import Tiles
 from app.worker.cache import ArrayCache, content_key
 from app.worker.executor import IndirectSteps
+from app.worker.moved_pictures import MovedPictures
 from engine.core.generators import map_steps
 from engine.core.stored_arrays import Arrays
 from engine.material.layer import Layer, object_of
@@ -49,12 +51,14 @@ from engine.precompute.indirect.gather_polynomial import GatherPolynomial
 from engine.precompute.indirect.indirect_layers import IndirectLayer, indirect_layer
 from engine.precompute.indirect.indirect_light import IndirectLight
 from engine.precompute.indirect.irradiance_cache import NO_OBJECT
+from engine.precompute.indirect.moved_light import CARRIED, moved_light
 from engine.precompute.indirect.reflection import OutgoingRadiance
-from engine.precompute.indirect.relighting import IndirectRelighting, SceneLight, SourceLighting
+from engine.precompute.indirect.relighting import IndirectRelighting, RelitLayer, SceneLight, SourceLighting
 from engine.precompute.indirect.sampling_settings import FINE, ROUGH, SamplingSettings
 from engine.precompute.indirect.solver import Solver, relit
 from engine.render.bounce_plan import planned_bounces
 from engine.render.still import direct_mean
+from engine.scene.scene_loader import Scene
 
 Steps = Iterator[Response | None]
 # The visible layers by key.
@@ -88,7 +92,7 @@ class _FoundLight:
 
     def lacks_rays(self, materials: Materials) -> bool:
         """Whether rays may be missing where these materials need them: not where gloss goes by albedo."""
-        return self.sampled_for != materials and self.settings is not ROUGH and self.light.points.glossy
+        return self.sampled_for != materials and self.settings not in (ROUGH, CARRIED) and self.light.points.glossy
 
 
 class _Checkpoints:
@@ -141,6 +145,18 @@ class IndirectTasks:
     def light(self) -> IndirectLight | None:
         """The light that was found for the transport requested last; None while there is none."""
         return self._found.light if self._found is not None and self._is_requested_light(self._found) else None
+
+    def carry_over(self, known: IndirectTasks, moved: MovedPictures) -> None:
+        """Begin with the light of the view before, where objects were moved since, until it is found anew. Where lights
+        are among these, its records are lit anew."""
+        found = known._found
+        light = None if found is None else moved_light(found.light, moved.before.scene, self._placement, moved.same)
+        if found is None or light is None:
+            return
+        settings = found.settings if found.settings is ROUGH else CARRIED
+        lit_by = "" if moved.moves_emitters else found.lit_by
+        self._found = replace(found, light=light, settings=settings, lit_by=lit_by, number=next(self._numbers))
+        self._representations = known._representations
 
     def transport_requested(self, lit_by: str, n_bounces: int) -> None:
         """Note that other transport was requested, under the light of that key: its freezing comes after it. No
@@ -197,7 +213,7 @@ class IndirectTasks:
             "indirect", STORED_VERSION, NAMES, self._scene_key, models, lit_by, n_bounces, repr(fine), n_rays
         )
         # Light that takes the place of other fine light was changed by an edit.
-        is_edited = self._found is not None and self._found.settings is not ROUGH
+        is_edited = self._found is not None and self._found.settings not in (ROUGH, CARRIED)
         as_requested = partial(
             _FoundLight, lit=self._scene_light(sky), settings=fine, n_rays=n_rays, models=models, lit_by=lit_by,
             depth=n_bounces, sampled_for=None if is_edited else _materials(layers),
@@ -292,11 +308,17 @@ class IndirectTasks:
         relit = relighting.mixed(weights, resting) if resting else None
         if relit is None:
             relit = yield from relighting.relit(self._scene_light(sky))
-        parts = (
-            {each.key: getattr(layer, what) for each, layer in zip(layers, relit, strict=True)}
-            for what in ("now", "resting", "gloss", "mirrored")
-        )
-        yield IndirectRelit(found.number, *parts)
+        yield _relit_message(found, layers, relit)
+
+    def relight_moved(
+        self, layers: Sequence[LayerState], moved: Scene, lamps: NDArray[np.bool_], n_bounces: int
+    ) -> Steps:
+        """The same where some lamps (M,) are elsewhere, in a scene that has them there."""
+        relighting, found = self._relighting_of(layers), self._frozen_light
+        if relighting is None or found is None or n_bounces not in (0, found.light.n_bounces):
+            return
+        relit = yield from relighting.relit_moved(moved, lamps)
+        yield _relit_message(found, layers, relit)
 
     def prepare_relighting(self, layers: Sequence[LayerState]) -> Steps:
         """Do of `relight` what does not depend on the other light."""
@@ -431,6 +453,14 @@ class IndirectTasks:
 
     def _object(self, state: LayerState) -> int:
         return self._placement.scene.object_index(state.object)
+
+
+def _relit_message(found: _FoundLight, layers: Sequence[LayerState], relit: Sequence[RelitLayer]) -> IndirectRelit:
+    parts = (
+        {each.key: getattr(layer, what) for each, layer in zip(layers, relit, strict=True)}
+        for what in ("now", "resting", "gloss", "mirrored")
+    )
+    return IndirectRelit(found.number, *parts)
 
 
 def _materials(layers: Sequence[LayerState]) -> Materials:

@@ -41,6 +41,7 @@ from engine.scene.builtin import ASSETS
 from engine.scene.description import SceneDescription, parse_description
 from engine.scene.surface_kinds import DeformSurface, Detail, Membrane, Subsurface
 from engine.scene.toml_text import parse_toml
+from engine.scene.transform import Transform
 from engine.settings import RenderSettings
 
 _SCENE = """version = 1
@@ -147,6 +148,7 @@ def warm_up_later(first: str = "", is_done: Callable[[str], bool] = lambda what:
         _ask(client, EstimateError(state))
         yield ESTIMATE
         _relight_concave(Path(folder))
+        _move_ball_and_lamp(client, state)
         yield RELIGHTING
         if first != ORBIT and not is_done(ORBIT):
             _warm_up_orbit(client, Path(folder))
@@ -154,6 +156,16 @@ def warm_up_later(first: str = "", is_done: Callable[[str], bool] = lambda what:
     if first != DEFORM and not is_done(DEFORM):
         warm_up_deform()
         yield DEFORM
+
+
+def _move_ball_and_lamp(client: InProcessClient, state: SceneState) -> None:
+    """Drag the lamp over the open scene, then put the ball elsewhere."""
+    moved = (Transform((0.1, 0.0, 0.1)),)
+    transport = ComputeTransport(state, "ball.1", "theta_h", 50, RenderSettings(100, 64, 3))
+    dragged = replace(state, lamps=(("lamp", moved),))
+    _ask(client, replace(transport, scene=dragged, is_drag=True))
+    _ask(client, SetCamera(1, poses=(("ball", moved),)))
+    _ask(client, transport)
 
 
 def _freeze_concave(folder: Path) -> None:

@@ -191,6 +191,13 @@ class LightPictures:
                     picture = placement.interpolated(picture, i_object[work.key], quality.stride)
                 self._add(work, light, np.ascontiguousarray(picture, np.float32), quality.stride > 1)
 
+    def of_emitter(self, work: LayerState, name: str) -> Float32Array | None:
+        """The final picture (p, 3) of a layer under an emitter alone, of radiance 1; None where there is none."""
+        ready = self._ready.get(work.key)
+        if ready is None or not ready.is_of(work):
+            return None
+        return next((ready.alone[light] for light in ready.alone.keys() - ready.coarse if light.emitter == name), None)
+
     def _set_black(self, light: SingleLight, works: list[LayerState]) -> None:
         """Note that a light does not reach these layers."""
         for work in works:

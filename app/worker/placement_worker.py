@@ -40,6 +40,7 @@ from app.worker.layer_data import (
     LightingState,
 )
 from app.worker.light_pictures import LightPictures
+from app.worker.moves import Moves
 from app.worker.planning import LightBudgets, plan_bands
 from app.worker.relighting import Relighting
 from app.worker.schedule import Handlers, Steps
@@ -79,6 +80,7 @@ class PlacementWorker(ModeWorker):
         self._maps: MapTasks | None = None
         self._relighting, self._lights = Relighting(), LightPictures()
         self._light_plans = LightBudgets(context)
+        self._moves = Moves(context)
 
     @property
     def handlers(self) -> Handlers:
@@ -94,8 +96,11 @@ class PlacementWorker(ModeWorker):
         }
 
     def view_traced(self) -> None:
+        moved, known = self._moves.view_traced(self._layers), self._indirect
         self._layers, self._current = {}, {}
         self._indirect, self._maps = None, None
+        if moved is not None and known is not None:
+            self._indirect_tasks().carry_over(known, moved)
         self._relighting, self._lights = Relighting(), LightPictures()
         self._light_plans = LightBudgets(self._context)
         self._selected = {}
@@ -171,6 +176,9 @@ class PlacementWorker(ModeWorker):
         if (image := self._context.sky_image(sky)) is not None:
             yield image
         lit_by = LightingState(scene.light, request.lit, scene.emission)
+        if scene.lamps:
+            yield from self._send_dragged(request)
+            return
         yield from self._send_held(placement, request, lit_by)
         yield from self._kernels_ready()
         is_simple = settings.lighting != "scene"
@@ -185,12 +193,15 @@ class PlacementWorker(ModeWorker):
             )
         if not is_simple:
             yield from self._send_relit(placement, request, sky, lit_by)
+            yield from self._send_moved(request, sky, lit_by)
         n_bounces, bounces_reported, bounces_found = settings.n_bounces, settings.n_bounces == 1, False
         begun = time.process_time()
-        for quality, exact in stages_of(request)[-1 if self._context.fills else 0 :]:
+        is_moved = self._moves.has_first(scene.layers, lit_by)
+        for quality, exact in self._stages_due(request, is_moved):
             started = time.monotonic()
-            works = self._selected_first(request)
-            due = [work for work in works if not self._is_needless(work, lit_by, quality.name, exact)]
+            works = self._selected_first(request) if quality is not RELIT else []
+            lacks_bands = exact or is_moved
+            due = [work for work in works if not self._is_needless(work, lit_by, quality.name, lacks_bands)]
             if due and quality.name == FINAL.name:
                 if need is None and not is_simple:
                     need = yield from self._light_plans.find_budget(request, sky)
@@ -216,11 +227,19 @@ class PlacementWorker(ModeWorker):
             if quality is DRAG and self._indirect is not None and n_bounces != 1:
                 yield from self._indirect.relight(scene.visible, sky, n_bounces, _weights_of(scene))
             # A cached picture waits for the first indirect light, and for nothing else.
-            if due or exact or quality.name == COARSE.name and n_bounces > 1:
+            if due or exact or quality.name in (COARSE.name, RELIT.name) and n_bounces > 1:
                 spent = time.process_time() - begun
                 yield StageDone(quality.name, exact, time.monotonic() - started, self._n_bytes, spent)
             yield from self._context.new_warnings()
         yield from self._lights.compare(scene, self._current)
+
+    def _stages_due(self, request: ComputeTransport, is_moved: bool) -> list[tuple[Quality, bool]]:
+        """The stages of a request. is_moved: whether the picture is that of the view before, in which objects were
+        moved: it is at every pixel, so that the last stage follows the coarse one, which has bands."""
+        stages = stages_of(request)[-1 if self._context.fills else 0 :]
+        if not is_moved or request.is_drag:
+            return stages
+        return [(RELIT, False), *(each for each in stages if each[1] or each[0].name == COARSE.name)]
 
     def _begin(self, request: ComputeTransport) -> None:
         """Note what is requested; of layers that are no longer there nothing is held."""
@@ -302,6 +321,26 @@ class PlacementWorker(ModeWorker):
                 lights = yield from self._relighting.lights_of(placement, sky)
             picture = FixedPicture(self._relighting.picture(work, lit_by, lights))
             yield from self._answers(self._hold(LayerData(work, lit_by, RELIT.name, picture, 1.0)), None, "half")
+
+    def _send_dragged(self, request: ComputeTransport) -> Steps:
+        """Answer with the pictures at rest, in which lamps are elsewhere: direct light first, then that between
+        surfaces."""
+        started, scene, n_bounces = time.monotonic(), request.scene, request.settings.n_bounces
+        there = self._moves.scene_with(scene)
+        works = self._selected_first(request)
+        for data in self._moves.dragged_pictures(works, scene, there, self._layers, self._lights):
+            yield from (None,) if data is None else data.responses(None, "half")
+        yield StageDone(DRAG.name, True, time.monotonic() - started, self._n_bytes)
+        if self._indirect is not None and self._moves.dragged is not None and n_bounces != 1:
+            yield from self._indirect.relight_moved(scene.visible, there, self._moves.dragged.objects, n_bounces)
+
+    def _send_moved(self, request: ComputeTransport, sky: SkyState, lit_by: LightingState) -> Steps:
+        """Answer with pictures of the view before, where objects were moved since, as far as nothing is there."""
+        if request.is_drag or not self._is_compiled(RELIGHTING):
+            return
+        works = [work for work in self._selected_first(request) if work.key not in self._layers]
+        for data in self._moves.first_pictures(works, lit_by, sky):
+            yield from (None,) if data is None else self._answers(self._hold(data), None, "half")
 
     def _is_needless(self, work: LayerState, lit_by: LightingState, stage: str, is_last: bool) -> bool:
         data = self._layers.get(work.key)

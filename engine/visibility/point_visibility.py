@@ -175,7 +175,7 @@ def evaluate_block(
     n_traced = 0
     while n_rays:
         n_traced += n_rays
-        blocked = _trace(points, caster, targets, rows, block, target)
+        blocked = trace_targets(points, caster, targets, rows, block, target)
         room = n_rays * targets.neighbours.shape[1]
         next_block, next_target = np.empty(room, np.int32), np.empty(room, np.int32)
         n_rays = kernels.apply_answers(
@@ -185,7 +185,7 @@ def evaluate_block(
     return n_traced, int(kernels.count_bits(horizon))
 
 
-def _trace(
+def trace_targets(
     points: SurfacePoints, caster: RayCaster, targets: Targets, rows: np.ndarray, block: np.ndarray, target: np.ndarray
 ) -> np.ndarray:
     """Whether the targets (R,) are occluded from the points rows[block] (R,)."""

@@ -97,7 +97,7 @@ class OrbitController(ModeController):
         self._error.forget()
         self._handover.forget()
         self.placement.scene_opened(scene)
-        self.placement.view_moved()
+        self.placement.scene_closed()
 
     def view_moved(self) -> None:
         self.is_away = True
@@ -113,7 +113,7 @@ class OrbitController(ModeController):
         self._error.forget()
         self._handover.forget()
         self.placement.view_traced(scene)
-        self.placement.view_moved()
+        self.placement.scene_closed()
 
     def deactivated(self) -> None:
         drawing = self._drawing

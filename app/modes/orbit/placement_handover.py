@@ -39,7 +39,7 @@ class PlacementHandover:
         """Stop Placement's requests until the other picture is complete again."""
         if self.is_active:
             self.is_active = self.follows = False
-            self.placement.view_moved()
+            self.placement.scene_closed()
             self._services.send(CancelRequests(of=(ComputeTransport,)))
 
     def picture_shown(self) -> None:

@@ -14,6 +14,7 @@ from app.document.light_state import RGB, LightState
 from app.document.scene_state import LayerState
 from app.document.view_state import ViewState
 from app.modes.placement.curves import Coefficients, Curves, Float64Array
+from engine.realtime.zonal_harmonics.pose import Poses
 from engine.settings import Precision, RenderSettings
 
 Emission = tuple[tuple[str, RGB], ...]
@@ -66,26 +67,30 @@ def transport_shape(state: LayerState, coefficients: Coefficients) -> TransportS
 
 @dataclass(frozen=True)
 class DesiredTransport:
-    """All that transport depends on: equal values have equal transport. is_drag: a quick picture of a dragged light."""
+    """All that transport depends on: equal values have equal transport. is_drag: a quick picture of a dragged light;
+    lamps: the poses of emitters that it has moved from where the view has them."""
 
     light: LightState
     layers: tuple[TransportShape, ...]
     emission: Emission = ()
     settings: RenderSettings = RenderSettings()
     is_drag: bool = False
+    lamps: Poses = ()
 
     def moved_from(self, other: DesiredTransport) -> bool:
-        """Whether only the environment's rotation and gain and its suns differ, or what emitters emit, and they light
-        the same objects."""
+        """Whether only the environment's rotation and gain and its suns differ, what emitters emit or where they are,
+        and they light the same objects."""
         moved = {name: getattr(other.light, name) for name in ("rotation", "new_suns", "mix")}
         light = replace(self.light, **moved)
-        stayed = replace(self, light=light, emission=other.emission, layers=other.layers, is_drag=other.is_drag)
+        stayed = replace(
+            self, light=light, emission=other.emission, lamps=other.lamps, layers=other.layers, is_drag=other.is_drag
+        )
         is_linked_alike = self.light.exclusions == other.light.exclusions
         return stayed == other and is_linked_alike and not self.lights_like(other)
 
     def lights_like(self, other: DesiredTransport) -> bool:
         """Whether the light is the same."""
-        return (self.light, self.emission) == (other.light, other.emission)
+        return (self.light, self.emission, self.lamps) == (other.light, other.emission, other.lamps)
 
     def can_mix_with(self, other: DesiredTransport) -> bool:
         """Whether pictures of layers under both can be shown side by side."""

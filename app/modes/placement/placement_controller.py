@@ -32,6 +32,7 @@ from app.modes.placement.drawn_picture import DrawnPicture
 from app.modes.placement.idle_work import IdleWork
 from app.modes.placement.indirect_controller import IndirectController
 from app.modes.placement.map_controller import MapController
+from app.modes.placement.moved_lamps import moved_lamps
 from app.modes.placement.picture_transition import PictureTransition, RequestedTransport
 from app.modes.placement.placement_events import (
     DocumentDrawn,
@@ -79,6 +80,7 @@ from app.modes.placement.placement_status import (
 from app.modes.placement.transport_controller import TransportController
 from engine.core.clamping import TOO_BRIGHT
 from engine.material.layer import Layer, object_of
+from engine.realtime.zonal_harmonics.pose import Poses
 from engine.settings import AS_PLANNED
 
 
@@ -107,6 +109,7 @@ class PlacementController(ModeController):
         self._accepted_light = AcceptedLight()
         self._report = PlacementReport()
         self._was_held = False
+        self._poses: Poses = ()
 
     # --------------------------------------------------------------------------------------------- events of the editor
 
@@ -120,6 +123,11 @@ class PlacementController(ModeController):
         self.maps.lose_request()
 
     def view_moved(self) -> None:
+        # The light of lamps that a hand has follows in the view before.
+        if not (self._services.history.dragging and moved_lamps(self._document, self._poses)):
+            self.scene_closed()
+
+    def view_requested(self) -> None:
         self.scene_closed()
 
     def view_restored(self) -> None:
@@ -130,7 +138,7 @@ class PlacementController(ModeController):
 
     def scene_opened(self, scene: OpenedScene) -> None:
         self._forget()
-        self._view_id = scene.view_id
+        self._view_id, self._poses = scene.view_id, scene.poses
         self._transport.scene_opened(has_sky=scene.description.environment is not None)
         self.indirect.scene_opened()
         self.maps.scene_opened()
@@ -217,7 +225,10 @@ class PlacementController(ModeController):
         # A light that the worker is prepared for is mixed at once, dragged or not.
         dragging = self._services.history.dragging or self.idle.relight.mixes(document)
         is_fine = self._changeover.is_fine
-        controller.update(now, document, view.selected, settings, dragging, view.settings.precision, planned, is_fine)
+        lamps = moved_lamps(document, self._poses)
+        controller.update(
+            now, document, view.selected, settings, dragging, view.settings.precision, planned, is_fine, lamps
+        )
         if controller.revision != revision:
             self._changeover.transport_requested(controller.received)
         self.maps.request_missing(document, controller.is_open)

@@ -34,6 +34,7 @@ from app.modes.placement.desired_state import (
 from app.modes.placement.edited_curves import desired_curves
 from app.modes.placement.placement_messages import ComputeTransport, StageDone
 from app.modes.reconciler import Reconciler
+from engine.realtime.zonal_harmonics.pose import Poses
 from engine.settings import Precision, RenderSettings
 
 IDLE_SECONDS = 0.25
@@ -41,6 +42,7 @@ IDLE_SECONDS = 0.25
 QUICK_PATIENCE = 0.5
 N_LIGHTS_PREVIEW = 400
 FINAL_STAGE = "final"
+WHOLE_STAGES = ("relit", "preview", FINAL_STAGE)
 
 
 class TransportController:
@@ -250,10 +252,11 @@ class TransportController:
 
     def update(
         self, now: float, document: Document, selected: Selection | None, settings: RenderSettings, dragging: bool,
-        precision: Precision = "half", planned: bool = True, is_fine: bool = False,
+        precision: Precision = "half", planned: bool = True, is_fine: bool = False, lamps: Poses = (),
     ) -> None:  # fmt: skip
         """Request what is missing; ``now`` in seconds of any steady clock. planned: whether the bands of all layers are
-        known; until they are, nothing is requested. is_fine: whether all that is on screen is of the last stage."""
+        known; until they are, nothing is requested. is_fine: whether all that is on screen is of the last stage. lamps:
+        where a hand has emitters, as far as the view has them elsewhere: of that view nothing else is requested."""
         if not self.is_open:
             return
         reconciler, desired = self._reconciler, self._desired_transport(document, settings)
@@ -265,9 +268,10 @@ class TransportController:
         if self._requested is None:
             reconciler.skip_idle()
         is_due = reconciler.action(now) == "request"
-        if dragging and self._is_drag_due(desired):
-            self._compute(now, replace(desired, is_drag=True), document, curves, precision, is_fine=False)
-        elif is_due and not (dragging and self._awaits_quick_picture(now)):
+        dragged = replace(desired, is_drag=True, lamps=lamps)
+        if dragging and self._is_drag_due(dragged):
+            self._compute(now, dragged, document, curves, precision, is_fine=False)
+        elif is_due and not lamps and not (dragging and self._awaits_quick_picture(now)):
             self._compute(now, desired, document, curves, precision, is_fine)
         if not self.drag_quality:
             self.contractions.update(now, document, curves, self.revision)
@@ -276,7 +280,17 @@ class TransportController:
         """Whether a dragged light is to have another quick picture: one at a time."""
         if self._requested is None or self._reconciler.is_refused or self.drag_quality and self.running:
             return False
+        if self._requested.lamps and not desired.lamps:  # back where they were: that picture is there
+            return False
+        if desired.lamps and not (self.drag_quality or self._has_whole_pictures):
+            return False
         return desired.moved_from(self._requested)
+
+    @property
+    def _has_whole_pictures(self) -> bool:
+        """Whether each layer has a picture at every pixel, to which a lamp that moves adds its light."""
+        shown = [self.contractions.layers.get(shape.key) for shape in self.requested_layers]
+        return all(layer is not None and layer.stage in WHOLE_STAGES for layer in shown)
 
     def _awaits_quick_picture(self, now: float) -> bool:
         """Whether a quick picture is about to come: the stages of other transport, which take longer, would void it."""
@@ -294,7 +308,7 @@ class TransportController:
         self._requested_document, self.has_stage = document, False
         self.revision += 1
         request = ComputeTransport(
-            replace(self._curves.scene_state(document), emission=desired.emission),
+            replace(self._curves.scene_state(document), emission=desired.emission, lamps=desired.lamps),
             curves[0].key if curves else None,
             curves[0].factor if curves else None,
             min(N_LIGHTS_PREVIEW, desired.settings.n_lights),

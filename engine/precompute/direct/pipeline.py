@@ -15,7 +15,7 @@ from engine.light.emitters import EmitterPatches, EmitterTree, emitter_patches, 
 from engine.light.environment import Environment
 from engine.light.triangle_lights import cut_lights
 from engine.precompute.direct import _footprint_kernels as kernels
-from engine.precompute.direct.lighting import emitters_for, prepare_lighting
+from engine.precompute.direct.lighting import Lighting, emitters_for, prepare_lighting
 from engine.precompute.direct.near_leaves import NearLight, no_near_leaves
 from engine.precompute.direct.projection import VisibleLight
 from engine.scene.cutouts import scene_caster
@@ -190,6 +190,14 @@ class Placement:
                 peak_level=quality.sun_level,
             )
         lighting = prepare_lighting(cut, self.emitters(quality.n_patches), quality.tolerance, own_rays, sky.scale)
+        return (yield from self.visible_light(lighting, quality, own_rays))
+
+    def visible_light(
+        self, lighting: Lighting, quality: Quality, own_rays: bool = True
+    ) -> Generator[float, None, VisibleLight]:
+        """Traces the visibility of a light; yields the fraction done. own_rays: of one each of whose sky lights has a
+        ray of its own."""
+        rows = self.rows(quality.stride)
         fine = empty_visibility(self.hits, lighting.fine_targets)
         yield from _rescale_progress(
             self._trace_visibility(fine, quality.stride, None if own_rays else self.sphere), SPHERE_DONE, FINE_DONE

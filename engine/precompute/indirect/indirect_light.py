@@ -157,7 +157,8 @@ class GatherPoints:
 @dataclass(frozen=True, eq=False)
 class IndirectLight:
     """Indirect light of a picture. footprint: four gather points of each point of the picture, by number, and their
-    weights, (P, 4) each; light: between the records, for up to n_bounces reflections; all_lights: sky and emitters.
+    weights, (P, 4) each; ranges (M, 2): those of the objects among these P, where the picture is not that of the gather
+    points, None where it is; light: between the records, for up to n_bounces reflections; all_lights: sky and emitters.
     Everything is in units of `unit`, except pictures. ray_budget: rays per sample set, with the reason."""
 
     points: GatherPoints
@@ -168,6 +169,7 @@ class IndirectLight:
     n_bounces: int
     unit: float
     ray_budget: RayBudget
+    ranges: NDArray[np.int32] | None = None
 
     @property
     def n_bytes(self) -> int:
@@ -192,8 +194,9 @@ class IndirectLight:
     def footprint_by_object(self) -> Footprint:
         """The footprint with gather points numbered within each object."""
         rows, weights = self.footprint
-        ranges = self.points.hits.object_ranges
-        firsts = np.searchsorted(self.points.samples.points, ranges[:, 0])
+        own_ranges = self.points.hits.object_ranges
+        ranges = own_ranges if self.ranges is None else self.ranges
+        firsts = np.searchsorted(self.points.samples.points, own_ranges[:, 0])
         own = np.repeat(firsts, ranges[:, 1] - ranges[:, 0])[:, None]
         return np.asarray(np.where(weights > 0.0, rows - own, 0), np.int32), weights
 

@@ -139,9 +139,12 @@ class SourceLighting:
             return None
         return cut_lights(sky.environment, N_LIGHTS, sky.rotation).scale_by(sky.scale / self.at_rest.unit)
 
-    def by_emitters(self, emission: NDArray[np.floating], sky: SkyState) -> Generator[None, None, IndirectLight]:
-        """The light that objects of this radiance (M, 3) alone give, by the links of a sky."""
-        scene = replace(self._scene, emission=np.asarray(emission, np.float32))
+    def by_emitters(
+        self, emission: NDArray[np.floating], sky: SkyState, scene: Scene | None = None
+    ) -> Generator[None, None, IndirectLight]:
+        """The light that objects of this radiance (M, 3) alone give, by the links of a sky. scene: where they are,
+        None for where they were found."""
+        scene = replace(scene or self._scene, emission=np.asarray(emission, np.float32))
         _, _, unit = in_units(None, patches_of(scene, N_PATCHES), 1.0)
         links = tuple(link._replace(sky=SkyState(None)) for link in sky.links)
         return (yield from self._lit_by(group_lights(scene, SkyState(None, links=links), unit), unit))
@@ -293,6 +296,20 @@ class IndirectRelighting:
         gloss = _ratios(kept, resting)
         mirrored = [a - share * b for a, b, share in zip(sky_now.added, sky_then.added, gloss, strict=True)]
         return [RelitLayer(*each) for each in zip(now, resting, gloss, mirrored, strict=True)]
+
+    def relit_moved(self, moved: Scene, lamps: NDArray[np.bool_]) -> Generator[None, None, list[RelitLayer]]:
+        """Each layer where some lamps (M,) are elsewhere, in a scene that has them there. What glossy surfaces add at
+        rest stays as far as there is as much light by albedo as then. A generator of steps."""
+        then = self._resting
+        by_sky = (yield from self._by_sky(then.sky)).by_albedo
+        yield from self._separate(np.flatnonzero(lamps).tolist())
+        emission = np.where(lamps[:, None], then.emission, np.float32(0.0))
+        lit = yield from self._lighting.by_emitters(emission, then.sky, moved)
+        found = yield from self._reflected(lit)
+        staying, resting = self._sums(by_sky, then.emission - emission), self._sums(by_sky, then.emission)
+        now = [clamp_radiance(a + b, BRIGHTEST) for a, b in zip(staying, found, strict=True)]
+        gloss = [np.minimum(each, np.float32(1.0)) for each in _ratios(now, resting)]
+        return [RelitLayer(*each, np.zeros_like(each[0])) for each in zip(now, resting, gloss, strict=True)]
 
     def _by_sky(self, sky: SkyState) -> Generator[None, None, _ReflectedSky]:
         """What the layers reflect of a sky; that at rest and the newest are stored."""

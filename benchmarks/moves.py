@@ -1,0 +1,258 @@
+"""What a dragged lamp and a moved object cost in Placement until they are seen, and how exact that is.
+
+The worker's own requests are carried out in this process, as the window asks them, and their pictures are uploaded and
+shaded. The scene is that of the mix of lights: two balls under a sky and seven lamps, one of which is coated metal.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from app.document.scene_state import SceneState
+from app.measure.subject import errors
+from app.messages.worker_messages import Request, RequestFailed, Response, SetCamera, ViewTraced
+from app.modes.placement.placement_messages import (
+    FreezeIndirect,
+    IndirectFound,
+    IndirectFrozen,
+    IndirectRelit,
+    LayerPicture,
+    StageDone,
+)
+from app.worker.schedule import InProcessClient
+from benchmarks.figures import Figure, NotMeasured, not_measured
+from benchmarks.light_mix import scene_text
+from benchmarks.relighting import Pictures, ReadyScene, RelightEffort
+from engine.realtime.zonal_harmonics.pose import Poses
+from engine.scene.transform import Transform
+from engine.settings import RenderSettings
+
+if TYPE_CHECKING:
+    import moderngl
+
+    from engine.scene.picture_frame import PictureFrame
+
+NAMES = ("light_drag_first_ms", "light_drag_exact_s", "move_first_s")
+LAMP, OBJECT = "lamp 2", "matt"
+_FACTOR = 0  # of the selected layer
+
+
+@dataclass(frozen=True)
+class MoveEffort:
+    """The side of the picture, its lights, bounces, and how often a hand moves each."""
+
+    side: int = 512
+    n_final: int = 400
+    n_bounces: int = 4
+    n_moves: int = 5
+
+
+def move_figures(effort: MoveEffort | None, report: Callable[[str], None]) -> list[Figure]:
+    """All of them; None: left out."""
+    if effort is None:
+        return [not_measured(name, "left out of a quick run") for name in NAMES]
+    report("a dragged lamp and a moved object in Placement")
+    try:
+        with tempfile.TemporaryDirectory(prefix="insitu-measure-") as folder:
+            return _measured(effort, Path(folder))
+    except NotMeasured as error:
+        return [not_measured(name, str(error)) for name in NAMES]
+
+
+def _measured(effort: MoveEffort, folder: Path) -> list[Figure]:
+    (folder / "scene.toml").write_text(scene_text())
+    size = effort.side, effort.side
+    ready = _OpenScene(str(folder / "scene.toml"), RelightEffort(size, n_final=effort.n_final), folder, effort)
+    how = f"{effort.side} x {effort.side}, two balls under a sky and seven lamps, {effort.n_bounces} bounces"
+    ready.rest()
+    drags = [ready.drag((0.08 * (k + 1), 0.0, 0.05 * k)) for k in range(effort.n_moves)]
+    first, whole = (tuple(getattr(each, name) for each in drags) for name in ("first_s", "whole_s"))
+    moves = [ready.move(OBJECT, (0.06 * (k + 1), 0.0, 0.04 * k)) for k in range(effort.n_moves)]
+    lamp = ready.move(LAMP, (0.3, 0.0, 0.1))
+    return [
+        Figure(
+            "light_drag_first_ms", tuple(1e3 * each for each in first[1:]),
+            f"{how}: from a place of the lamp to its shadowed direct light on screen",
+            {
+                "the first place": 1e3 * first[0],
+                "processor": 1e3 * float(np.median([each.first_cpu for each in drags[1:]])),
+            },
+        ),
+        Figure(
+            "light_drag_exact_s", whole[1:], f"{how}: the same, with all bounces",
+            {"the first place": whole[0], "processor": float(np.median([each.whole_cpu for each in drags[1:]]))},
+        ),
+        Figure(
+            "move_first_s", tuple(each.first_s for each in moves),
+            f"{how}: from the pose of a ball to the first whole picture of it on screen",
+            {
+                "tracing": float(np.median([each.traced_s for each in moves])),
+                "processor": float(np.median([each.first_cpu for each in moves])),
+                "a lamp": lamp.first_s, "error": max(each.error for each in moves), "error of a lamp": lamp.error,
+            },
+        ),
+    ]  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Drag:
+    """Seconds, and processor seconds, until direct light was on screen, and until all of it was."""
+
+    first_s: float
+    whole_s: float
+    first_cpu: float
+    whole_cpu: float
+
+
+@dataclass(frozen=True)
+class _Move:
+    """Seconds until the view was traced, and until its first picture was on screen; its processor seconds, and its
+    relRMSE in direct light against the transport of a fresh start."""
+
+    traced_s: float
+    first_s: float
+    first_cpu: float
+    error: float
+
+
+class _OpenScene(ReadyScene):
+    """The scene with its exact picture, and a renderer that shows it."""
+
+    def __init__(self, source: str, effort: RelightEffort, cache: Path, settings: MoveEffort) -> None:
+        super().__init__(source, effort, cache)
+        self._size, self._settings = effort.resolution, settings
+        self._screen = _Screen()
+
+    def request(self, scene: SceneState, is_drag: bool = False) -> Request:
+        of_direct = self.transport(scene, self._settings.n_final)
+        settings = RenderSettings(self._settings.n_final, n_bounces=self._settings.n_bounces)
+        return replace(of_direct, settings=settings, is_drag=is_drag)
+
+    @property
+    def freezing(self) -> FreezeIndirect:
+        return FreezeIndirect(self.scene, self.scene.layers[0].key, _FACTOR)
+
+    def look(self, poses: Poses) -> SetCamera:
+        return SetCamera(1, None, self._size, poses)
+
+    def rest(self, poses: Poses = ()) -> Pictures:
+        """Find the exact picture of these poses, and show it; returns what each layer sends."""
+        found = Pictures()
+        for answer in self.answers(self.look(poses)):
+            if isinstance(answer, ViewTraced):
+                self._show(answer)
+        for answer in self.answers(self.request(self.scene), self.freezing):
+            match answer:
+                case LayerPicture(stage="preview" | "final"):
+                    found[answer.key] = np.array(answer.radiance)
+                    self._screen.take(answer.key, answer.radiance)
+                case IndirectFound():
+                    self._screen.footprint(answer.rows, answer.weights)
+        self._screen.draw()
+        return found
+
+    def _show(self, answer: ViewTraced) -> None:
+        scene = self._tasks.context.open_placement.scene
+        self._screen.show(answer.frame, {each.key: scene.object_index(each.object) for each in self.scene.layers})
+
+    def answers(self, *requests: Request) -> Iterator[Response]:
+        """The answers, as they come."""
+        client = InProcessClient(self._tasks)
+        for request in requests:
+            client.send(request)
+        while client.wait(0.0):
+            for answer in client.poll(0.0):
+                if isinstance(answer, RequestFailed):
+                    raise NotMeasured(answer.line)
+                yield answer
+
+    def drag(self, by: tuple[float, float, float]) -> _Drag:
+        lamps = ((LAMP, (Transform(by),)),)
+        begun, cpu = time.perf_counter(), time.process_time()
+        first_s = first_cpu = 0.0
+        for answer in self.answers(self.request(replace(self.scene, lamps=lamps), is_drag=True)):
+            match answer:
+                case LayerPicture():
+                    self._screen.take(answer.key, answer.radiance)
+                case StageDone():
+                    self._screen.draw()
+                    first_s, first_cpu = time.perf_counter() - begun, time.process_time() - cpu
+                case IndirectRelit():
+                    for key, light in answer.now.items():
+                        self._screen.take_indirect(key, light)
+                    self._screen.draw()
+        return _Drag(first_s, time.perf_counter() - begun, first_cpu, time.process_time() - cpu)
+
+    def move(self, name: str, by: tuple[float, float, float]) -> _Move:
+        """Move an object, and measure until its first picture; then find the exact one, and where it is again."""
+        poses, found = ((name, (Transform(by),)),), Pictures()
+        begun, cpu, traced_s = time.perf_counter(), time.process_time(), 0.0
+        for answer in self.answers(self.look(poses)):
+            if isinstance(answer, ViewTraced):
+                traced_s = time.perf_counter() - begun
+                self._show(answer)
+        for answer in self.answers(self.request(self.scene), self.freezing):
+            match answer:
+                case LayerPicture():
+                    found[answer.key] = np.array(answer.radiance)
+                    self._screen.take(answer.key, answer.radiance)
+                case IndirectFound():
+                    self._screen.footprint(answer.rows, answer.weights)
+                case IndirectFrozen():
+                    for number, powers in answer.light.reflected.items():
+                        self._screen.take_indirect(answer.keys[number], np.ascontiguousarray(powers.sum(axis=1).T))
+                case StageDone():
+                    self._screen.draw()
+                    break
+        first_s, first_cpu = time.perf_counter() - begun, time.process_time() - cpu
+        exact = self.rest(poses)
+        both = (np.concatenate([each[key] for key in sorted(exact)]) for each in (found, exact))
+        off = errors(*both).rmse
+        self.rest()
+        return _Move(traced_s, first_s, first_cpu, off)
+
+
+class _Screen:
+    """A renderer of pictures without a window. Raises NotMeasured where there is no OpenGL."""
+
+    def __init__(self) -> None:
+        from ui.gl.context import GraphicsError, create_headless_context
+        from ui.modes.placement.gl.renderer import PlacementRenderer
+
+        try:
+            self._context: moderngl.Context = create_headless_context()
+        except GraphicsError as error:
+            raise NotMeasured(str(error)) from None
+        self._renderer, self._is_ready = PlacementRenderer(self._context), False
+
+    def show(self, frame: PictureFrame, objects: dict[str, int]) -> None:
+        self._renderer.set_frame(frame)
+        for key, index in objects.items():
+            begin, end = frame.object_ranges[index]
+            self._renderer.set_layer(key, index, int(end - begin))
+        self._is_ready = True
+
+    def footprint(self, rows: np.ndarray, weights: np.ndarray) -> None:
+        self._renderer.set_indirect_footprint(rows, weights)
+
+    def take(self, key: str, radiance: np.ndarray) -> None:
+        if self._is_ready:
+            self._renderer.set_layer_radiance(key, radiance)
+
+    def take_indirect(self, key: str, light: np.ndarray) -> None:
+        if self._is_ready:
+            self._renderer.set_layer_indirect(key, light)
+
+    def draw(self) -> None:
+        from ui.gl.display import DisplayView
+
+        if self._is_ready:
+            self._renderer.composite(DisplayView())
+            self._context.finish()

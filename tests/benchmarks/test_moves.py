@@ -1,0 +1,23 @@
+"""The figures of moved objects and lamps, of a small picture."""
+
+import pytest
+
+from benchmarks.figures import SPECS
+from benchmarks.moves import NAMES, MoveEffort, move_figures
+from tests.quick_indirect import light_quickly
+
+pytestmark = pytest.mark.gl
+
+
+def test_the_first_pictures_after_moves_are_near_the_exact_ones(monkeypatch: pytest.MonkeyPatch) -> None:
+    light_quickly(monkeypatch)
+    figures = {each.name: each for each in move_figures(MoveEffort(40, 120, 2, 2), lambda line: None)}
+    assert set(figures) == set(NAMES) <= SPECS.keys()
+    assert len(figures["light_drag_first_ms"].samples) == 1 and len(figures["move_first_s"].samples) == 2
+    assert max(figures["light_drag_exact_s"].samples) > 0.001 * max(figures["light_drag_first_ms"].samples)
+    assert 0.0 < figures["move_first_s"].parts["error"] < 0.1 and figures["move_first_s"].parts["error of a lamp"] < 0.1
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_quick_run_leaves_them_out(name: str) -> None:
+    assert name in [figure.name for figure in move_figures(None, lambda line: None)]
