@@ -9,7 +9,7 @@ from PIL import Image
 from .environments import ENVIRONMENTS
 from .mesh import check, save_ply
 from .panorama import save_exr
-from .scenes import IMAGES, LIT_BY, MODELS, SCENES
+from .scenes import IMAGES, LIT_BY, MODELS, SCENES, SINGLE_MODELS
 
 ASSETS = Path(__file__).resolve().parents[1]
 
@@ -33,6 +33,11 @@ def generate(names: list[str], folder: Path = ASSETS) -> list[Path]:
             (folder / "scenes" / name).mkdir(parents=True, exist_ok=True)
             save(folder / "scenes" / name / file)
             written.append(folder / "scenes" / name / file)
+    for name, save in SINGLE_MODELS.items():
+        if name in names:
+            (folder / "models").mkdir(parents=True, exist_ok=True)
+            save(folder / "models" / f"{name}.glb")
+            written.append(folder / "models" / f"{name}.glb")
     for name, picture in ENVIRONMENTS.items():
         if name in names:
             target = folder / "environments"
@@ -46,7 +51,7 @@ def generate(names: list[str], folder: Path = ASSETS) -> list[Path]:
 
 
 def main() -> None:
-    known = [*SCENES, *MODELS, *ENVIRONMENTS]
+    known = [*SCENES, *MODELS, *SINGLE_MODELS, *ENVIRONMENTS]
     names = sys.argv[1:] or known
     unknown = sorted(set(names) - set(known))
     if unknown:

@@ -1,4 +1,4 @@
-"""GLB 2 files of meshes that hang on joints or have morph targets, and of an animation of these."""
+"""GLB 2 files of meshes at rest, and of meshes that hang on joints or have morph targets with an animation of these."""
 
 import json
 import struct
@@ -50,6 +50,17 @@ class Shape:
 
     name: str
     positions: Floats
+
+
+@dataclass(frozen=True)
+class Part:
+    """A mesh at rest in a metallic-roughness material."""
+
+    mesh: Mesh
+    name: str
+    colour: tuple[float, float, float]
+    metallic: float
+    roughness: float
 
 
 @dataclass
@@ -118,6 +129,27 @@ def save_morphing_glb(
     _write(path, tree, buffer)
 
 
+def save_parts_glb(path: Path, parts: Sequence[Part]) -> None:
+    """One node for each mesh, at rest."""
+    buffer, meshes = _Buffer(), []
+    for i, part in enumerate(parts):
+        attributes = {
+            "POSITION": _places(buffer, part.mesh.positions),
+            "NORMAL": buffer.add(part.mesh.normals, "<f4"),
+        }
+        faces = buffer.add(part.mesh.faces.ravel(), "<u2" if len(part.mesh.positions) < 1 << 16 else "<u4")
+        meshes.append({"primitives": [{"attributes": attributes, "indices": faces, "material": i}]})
+    tree = {
+        "asset": {"version": "2.0", "generator": "insitu"},
+        "scene": 0,
+        "scenes": [{"nodes": list(range(len(parts)))}],
+        "nodes": [{"name": part.name, "mesh": i} for i, part in enumerate(parts)],
+        "meshes": meshes,
+        "materials": [_material(part.name, part.colour, part.metallic, part.roughness) for part in parts],
+    }
+    _write(path, tree, buffer)
+
+
 def _write(path: Path, tree: dict[str, Any], buffer: _Buffer) -> None:
     tree |= {"accessors": buffer.accessors, "bufferViews": buffer.views, "buffers": [{"byteLength": len(buffer.data)}]}
     text = json.dumps(tree, separators=(",", ":")).encode()
@@ -154,8 +186,10 @@ def _places(buffer: _Buffer, positions: Floats) -> int:
     return buffer.add(places, "<f4", min=places.min(axis=0).tolist(), max=places.max(axis=0).tolist())
 
 
-def _material(name: str, colour: tuple[float, float, float]) -> dict[str, Any]:
-    surface = {"baseColorFactor": [*colour, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.8}
+def _material(
+    name: str, colour: tuple[float, float, float], metallic: float = 0.0, roughness: float = 0.8
+) -> dict[str, Any]:
+    surface = {"baseColorFactor": [*colour, 1.0], "metallicFactor": metallic, "roughnessFactor": roughness}
     return {"name": name, "doubleSided": True, "pbrMetallicRoughness": surface}
 
 

@@ -24,6 +24,7 @@ from . import (
     stairwell,
     storeroom,
     teatray,
+    urn,
     vase,
 )
 from .mesh import Mesh
@@ -43,6 +44,7 @@ LIT_BY = {
     "bat": "studio",
     "amphora": "studio",
     "mime": "studio",
+    "empty": "studio",
 }
 
 SCENES: dict[str, Callable[[], dict[str, Mesh]]] = {
@@ -67,6 +69,9 @@ SCENES: dict[str, Callable[[], dict[str, Mesh]]] = {
 
 # Scenes whose mesh moves: what writes it to a file, by its name.
 MODELS: dict[str, dict[str, Callable[[Path], None]]] = {"bat": {"bat.glb": bat.save}, "mime": {"face.glb": mime.save}}
+
+# Models of no scene, for users to add to one: what writes each to its file in `models`.
+SINGLE_MODELS: dict[str, Callable[[Path], None]] = {"urn": urn.save}
 
 # Textures and weight maps: for each scene, file name -> (H, W, 3) sRGB or (H, W) shares, 8 bits.
 IMAGES: dict[str, Callable[[], dict[str, NDArray[np.uint8]]]] = {
