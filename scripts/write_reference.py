@@ -39,7 +39,7 @@ from app.files.records import (
 from app.operators.arrange import Addition, Move, PlacedByHand
 from app.operators.camera import MoveCamera
 from app.operators.curve_drawing import CurvePoints, CurveStroke
-from app.operators.edits import Deform, Drag, PaintStroke
+from app.operators.edits import CurveLink, Deform, Drag, PaintStroke
 from app.operators.files import CurveTable, MaterialFile, MeasuredFile, VariantChoice
 from app.operators.registry import GROUPS, MENUS, OPERATORS, Menu, keys_of, listed_lines
 from app.operators.script import ScriptRecord, StepRecord
@@ -85,6 +85,7 @@ SCRIPT: Tables = [
     ("Top of the file", ScriptRecord), ("[[step]]", StepRecord), ("drag", Drag), ("deform", Deform), ("add", Addition),
     ("move", Move),
     ("place_light", PlacedByHand),
+    ("link", CurveLink),
     ("paint", PaintStroke), ("measured", MeasuredFile), ("material_file", MaterialFile), ("table", CurveTable),
     ("variant_set", VariantChoice), ("draw_curve", CurveStroke), ("set_points", CurvePoints), ("camera", MoveCamera),
 ]  # fmt: skip

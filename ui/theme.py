@@ -97,6 +97,7 @@ class Icon:
     PENCIL = "\uf303"
     POINTS = "\uf55b"
     COPY = "\uf0c5"
+    LINK = "\uf0c1"
     REPORT = "\uf05a"
     GROUP = "\uf247"
     MAGNET = "\uf076"

@@ -24,12 +24,19 @@ from typing import NamedTuple
 
 from app.document.background import Background
 from app.document.light_state import NO_SUNS, RGB, LightState
+from app.document.linked_curves import (
+    CurveLinks,
+    curve_links,
+    linked_layers_of,
+    with_linked_curves,
+    with_links_followed,
+)
 from app.document.linked_layers import layers_from_descriptions, linked_indices, with_covers, with_layer
 from app.document.looks import Look, in_all_looks
 from engine.core.errors import InsituError
 from engine.light.suns import Sun
 from engine.material.bumps import NO_BUMPS, Bumps, BumpsByObject
-from engine.material.layer import Layer
+from engine.material.layer import Layer, object_of
 from engine.material.layer_maps import LayerMaps
 from engine.material.model import Factor, Model
 from engine.material.opacity import OPAQUE, Opacity, OpacityByObject
@@ -239,13 +246,26 @@ class Document:
         """This document with one layer replaced, and its curves in the layers that share them."""
         name, index = split_key(self, key)
         state = self.object(name)
-        return self.with_object(replace(state, layers=with_layer(state.layers, index, changed)))
+        if changed.links and changed.model is not state.layers[index].model:
+            changed = with_linked_curves(self, key, changed)
+        found = self.with_object(replace(state, layers=with_layer(state.layers, index, changed)))
+        if not self.curve_links:
+            return found
+        now = found.object(name).layers
+        pairs = enumerate(zip(now, state.layers, strict=True))
+        return with_links_followed(found, tuple(layer_key(name, i) for i, (one, two) in pairs if one is not two))
+
+    @functools.cached_property
+    def curve_links(self) -> CurveLinks:
+        """The layers that share each curve that has a link (`app.document.linked_curves`). Panels ask in each frame."""
+        return curve_links(self)
 
     def is_frozen(self, key: str) -> bool:
-        """Whether the layer, one that shares its curves, or the object it belongs to, refuses edits."""
+        """Whether the layer, one that shares its curves, or the object that one of them belongs to, refuses edits."""
         name, index = split_key(self, key)
-        state = self.object(name)
-        return state.frozen or any(state.layers[i].frozen for i in linked_indices(state.layers, index))
+        own = [layer_key(name, i) for i in linked_indices(self.object(name).layers, index)]
+        others = [other for each in own for other in linked_layers_of(self, each)] if self.curve_links else []
+        return any(self.object(object_of(each)).frozen or self.layer(each).frozen for each in (*own, *others))
 
     @functools.cached_property
     def variants(self) -> tuple[str, ...]:

@@ -57,7 +57,7 @@ def with_covers(layers: Layers) -> Layers:
         covers: list[Layer] = []
         above = by_name.get(layer.under)
         while above is not None and above.name not in {layer.name, *(each.name for each in covers)}:
-            covers.append(above.replace(covers=(), frozen=False))
+            covers.append(above.replace(covers=(), frozen=False, links=()))
             above = by_name.get(above.under)
         under = covers[0].name if covers else ""
         if (layer.under, layer.covers) != (under, tuple(covers)):

@@ -94,6 +94,7 @@ class LayerRecord(StrictModel):
     frame: Frame = "base"
     visible: Flag = True
     frozen: Flag = False
+    links: dict[Text, Name] = Field(default_factory=dict)
     maps: Maps = LayerMaps()
     parameter_maps: dict[str, dict[str, Any]] = Field(default_factory=dict)
     values: dict[str, Parameter] = Field(default_factory=dict)
@@ -119,7 +120,7 @@ def layers_of(file: str, name: str, records: Sequence[LayerRecord]) -> Layers:
     return synchronize_layers(
         tuple(
             with_curves(file, layer_key(name, i), layer, record.curves).replace(
-                visible=record.visible, frozen=record.frozen
+                visible=record.visible, frozen=record.frozen, links=tuple(sorted(record.links.items()))
             )
             for i, (layer, record) in enumerate(zip(plain, records, strict=True))
         )
@@ -151,6 +152,8 @@ def layer_lines(layers: Layers, table: str, folder: Path | None = None) -> Itera
     for layer in layers:
         yield f"[[{table}]]"
         yield from toml_lines({**_named(layer), "visible": layer.visible, "frozen": layer.frozen})
+        if layer.links and not layer.rises:
+            yield f"links = {toml_value(dict(layer.links))}"
         if maps := _maps(layer):
             yield f"maps = {toml_value(maps)}"
         if parameter_maps := _parameter_maps(layer):

@@ -20,10 +20,12 @@ from pydantic import ValidationError
 from app.document.commands import EditCommand
 from app.document.commands.curves import AddOperator, ResetCurve, SetOperators
 from app.document.commands.groups import members_of
+from app.document.commands.links import LinkCurves, UnlinkCurve
 from app.document.commands.suns import angles_of, sun_named
 from app.document.document import Document, all_factors
 from app.document.history import History
 from app.document.light_state import MIX_FIELDS, group_key, group_of, sun_key
+from app.document.linked_curves import linked_keys
 from app.document.targets import (
     BACKGROUND,
     BACKGROUND_COLOUR,
@@ -368,6 +370,33 @@ class Curve:
     def reset(self) -> None:
         """Remove all operators: the curve is again as the layer's parameters generate it."""
         self._editing.do(ResetCurve(self._key, self._factor))
+
+    def link(self, *others: Curve) -> None:
+        """Let curves of other objects follow this one: they become equal to it, and edits of any are edits of all.
+        Raises insitu.Error."""
+        self._editing.do(LinkCurves(self._path, tuple(other._path for other in others)))
+
+    def unlink(self) -> None:
+        """Take it out of its link: it stays as it is, and is edited alone. Raises insitu.Error."""
+        self._editing.do(UnlinkCurve(self._path))
+
+    @property
+    def linked(self) -> tuple[str, ...]:
+        """The paths of the curves that it is linked to.
+
+        >>> import insitu
+        >>> scene = insitu.open("shapes", resolution=(48, 32))
+        >>> first, second = (scene[name]["gloss"]["theta_r"] for name in ("torus", "cone"))
+        >>> first.link(second)
+        >>> first.linked, second(0.0) == first(0.0)
+        (('cone.1.theta_r',), array([[ True,  True,  True]]))
+        """
+        keys = linked_keys(self._editing.document, self._key, self._factor)
+        return tuple(f"{key}.{self._factor}" for key in keys)
+
+    @property
+    def _path(self) -> str:
+        return f"{self._key}.{self._factor}"
 
     def _add(
         self, kind: Any, y: float | None, x: float | None, about: tuple[float, float], region: Region,

@@ -9,6 +9,7 @@ from pydantic import ConfigDict, Field, StrictInt, StrictStr, model_validator
 
 from app.document.commands.curves import MuteOperator, RemoveOperator, ResetCurve
 from app.document.commands.light import SetRotation
+from app.document.commands.links import LinkCurves, UnlinkCurve
 from app.document.commands.plan import override_from_value, set_series
 from app.document.commands.poses import SetTime, with_amounts
 from app.document.document import Selection
@@ -17,7 +18,7 @@ from app.document.pareto_front import load_front
 from app.document.selection import layer_shown
 from app.document.view_state import SetView
 from app.editor.editor import Editor
-from app.operators.operator import CURVE, LAYER, Gesture, Need, Operator, OperatorContext, ScriptKey, ValueRecord
+from app.operators.operator import CURVE, LAYER, SCENE, Gesture, Need, Operator, OperatorContext, ScriptKey, ValueRecord
 from app.project.project import set_path
 from engine.realtime.deformers import KINDS
 from engine.scene.description import Number, Parameter, Text
@@ -74,6 +75,13 @@ class Deform(ValueRecord):
     def amounts(self) -> dict[str, float]:
         """Amounts by kind."""
         return self.__pydantic_extra__
+
+
+class CurveLink(ValueRecord):
+    """A curve, and the curves of other layers that follow it from now on."""
+
+    curve: Annotated[Text, Field(description="The curve that they become equal to, by its path.")]
+    to: Annotated[tuple[Text, ...], Field(min_length=1, max_length=1000, description="Those that are linked to it.")]
 
 
 class PaintStroke(ValueRecord):
@@ -176,6 +184,13 @@ def _reset_curve(editor: Editor, value: None) -> str | None:
     return refusal or editor.do(SetView.of(operator=None))
 
 
+def _unlink(editor: Editor, path: str | None) -> str | None:
+    curve = selected_curve(editor)
+    if path is None and curve is not None:
+        path = f"{curve[0]}.{curve[1]}"
+    return "no curve is selected" if path is None else editor.do(UnlinkCurve(path))
+
+
 def _select(editor: Editor, paths: str | Selection | tuple[str, ...] | None) -> str | None:
     return editor.select(paths)
 
@@ -189,6 +204,7 @@ REDO = Need("nothing to redo", lambda context: context.redo_label is not None)
 UNDO_VIEW = Need("nothing to undo in the view", lambda context: context.camera_undo_label is not None)
 REDO_VIEW = Need("nothing to redo in the view", lambda context: context.camera_redo_label is not None)
 CURVE_OPERATOR = Need("select an operator of the curve", _has_operator)
+LINKED = Need("no curves are linked", lambda context: bool(context.document.curve_links))
 EDITED_CURVE = Need("select an edited curve that is not frozen", _can_reset)
 
 
@@ -293,6 +309,15 @@ CURVES = (
     Operator(
         "delete", _delete_operator, ("Delete",), "Delete the operator", entry="Delete the operator",
         needs=CURVE_OPERATOR, waits=True,
+    ),
+    Operator(
+        "link", lambda editor, value: editor.do(LinkCurves(value.curve, value.to)), needs=SCENE,
+        script=ScriptKey(CurveLink, "Links curves of several objects, which are edited as one: see below."),
+    ),
+    Operator(
+        "unlink", _unlink, entry="Unlink the curve", needs=LINKED, waits=True,
+        help="The curve stays as it is, and is edited alone.",
+        script=ScriptKey(Text, "Unlinks a curve, by its path, which is edited alone from then on."),
     ),
     Operator("reset_curve", _reset_curve, entry="Reset the curve", needs=EDITED_CURVE),
     Gesture("Wheel", "Zoom the angle; with Shift the height"),

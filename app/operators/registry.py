@@ -57,7 +57,7 @@ MENUS = (
         "paste_layers", None, Menu("Select", ("select_all", "select_none", "select_others")), None, "gizmo_move",
         "gizmo_rotate", "gizmo_scale", "put_back", "duplicate",
         "delete_object", "group_selected", "ungroup_selected", None, "table", "mute", "delete",
-        "reset_curve",
+        "reset_curve", "unlink",
     )),
     Menu("Add", (*map(adding, SHAPES), None, *map(adding, LIGHTS), adding(SUN), None, "add_file")),
     # The picture's entries come first: in a small window the rest of the menu scrolls.

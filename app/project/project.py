@@ -32,6 +32,7 @@ from app.document.commands.light import (
     SetRotation,
     set_environment_file,
 )
+from app.document.commands.links import LinkCurves, UnlinkCurve
 from app.document.commands.looks import SetLook
 from app.document.commands.maps import SetBumps, SetMap, SetOpacity, SetParameterMap, surface_named
 from app.document.commands.mix import SetMix
@@ -343,6 +344,10 @@ def set_path(document: Document, path: str, value: Any) -> EditCommand:
     if by_index is not None:
         return by_index
     target = resolve(document, path)
+    if target.kind == "factor":
+        if not isinstance(value, str):
+            raise LoadError(path, "value", value, 'the curve that it follows, such as cup.coat.theta_h, or ""')
+        return LinkCurves(value, (path,)) if value else UnlinkCurve(path)
     if target.kind == "parameter" and target.key is not None and target.name is not None:
         return SetParameter(target.key, target.name, value)
     if target.kind == "map" and target.key is not None and target.name is not None:

@@ -92,6 +92,8 @@ class Layer:
     (`engine.material.bumps.Bumps`). Every factor above takes theta_o to the normal of its own layer's frame; light that
     another normal would let in under a coat is not told apart, for the product reads the view's angle alone.
 
+    `links`: for each curve that layers of other objects share, its name and that of the link, which they have as well.
+
     Any layer can have Schlick's Fresnel factor R + (1 - R)(1 - cos theta_d)^5 per channel: it is split into two layers
     with the same curves [BenArtzi07, eq. 3.12], itself times R, and a second one, which `rises`, times (1 - R)(1 - cos
     theta_d)^5. Both then have the further parameter `FRESNEL`, R, and no transport depends on it.
@@ -111,6 +113,7 @@ class Layer:
     parameter_maps: ParameterMaps = ()
     node_of: str = ""
     frame: Frame = "base"
+    links: tuple[tuple[str, str], ...] = ()
 
     @property
     def title(self) -> str:
@@ -270,7 +273,7 @@ class Layer:
         if self.rises or other.rises:
             shared = self.replace(
                 model=other.model, parameters=other.parameters, edits=other.edits, maps=other.maps,
-                parameter_maps=other.parameter_maps, under=other.under, frame=other.frame,
+                parameter_maps=other.parameter_maps, under=other.under, frame=other.frame, links=other.links,
             )  # fmt: skip
             return self if shared == self else shared
         curves = self.model.curve_names & other.model.curve_names
@@ -281,10 +284,36 @@ class Layer:
         names = {p.name for p in driving}
         maps = [each for each in self.parameter_maps if each.parameter not in names]
         maps += [each for each in other.parameter_maps if each.parameter in names]
+        links = {name: link for name, link in self.links if name not in curves}
+        links |= {name: link for name, link in other.links if name in curves}
         shared = self.replace(
-            parameters=tuple(values.items()), edits=tuple(sorted(edits.items())),
+            parameters=tuple(values.items()), edits=tuple(sorted(edits.items())), links=tuple(sorted(links.items())),
             parameter_maps=tuple(sorted(maps, key=lambda each: each.parameter)),
         )  # fmt: skip
+        return self if shared == self else shared
+
+    def link(self, factor: str) -> str:
+        """The name of the link of a curve, "" where it is shared with no other object."""
+        return dict(self.links).get(factor, "") if factor in self.model.curve_names else ""
+
+    def with_link(self, factor: str, name: str) -> Layer:
+        """The layer with another link of a curve; "": none."""
+        links = {**dict(self.links), factor: name}
+        return self.replace(links=tuple((each, links[each]) for each in sorted(links) if links[each]))
+
+    def with_curve_of(self, other: Layer, factor: str) -> Layer:
+        """This layer with one curve of another that both models have: its operators, and the parameters that drive it
+        in both tables alike, and their maps. Returns itself if nothing differs."""
+        mine, theirs = (
+            {p: dataclasses.replace(p, drives=()) for p in layer.model.drivers(factor)} for layer in (self, other)
+        )
+        names = {p.name for p in mine if mine[p] in theirs.values() and p.kind != "file"}
+        values = {name: other.values[name] if name in names else value for name, value in self.values.items()}
+        maps = [each for each in self.parameter_maps if each.parameter not in names]
+        maps += [each for each in other.parameter_maps if each.parameter in names]
+        shared = self.with_operators(factor, other.operators(factor)).replace(
+            parameters=tuple(values.items()), parameter_maps=tuple(sorted(maps, key=lambda each: each.parameter))
+        )
         return self if shared == self else shared
 
 

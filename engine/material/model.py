@@ -149,6 +149,12 @@ class Model(ABC):
         driving = [each for each in self.parameters if {"A", "B", "o"}.intersection(each.drives)]
         return frozenset(dataclasses.replace(parameter, drives=()) for parameter in driving)
 
+    def drivers(self, name: str) -> tuple[Parameter, ...]:
+        """The parameters that drive a curve."""
+        slots = {"o"} if self.view_factor is not None and name == self.view_factor.name else set[str]()
+        slots |= {slot for slot, factor in zip("AB", self.factors, strict=False) if self.leader(factor.name) == name}
+        return tuple(each for each in self.parameters if slots.intersection(each.drives))
+
     def leader(self, name: str) -> str:
         """The curve that stores a curve's operators: itself, unless it is shared. Raises ParameterError."""
         return self.shared.get(name, self.factor(name).name)

@@ -21,7 +21,7 @@ from app.document.view_state import CHANNELS, SetView
 from engine.curve.operators import Operator, apply_operators
 from engine.material.parameters import Value
 from ui import theme as look
-from ui.panels import curve_helper, curve_keyboard, operator_list, widgets
+from ui.panels import curve_helper, curve_keyboard, curve_links, operator_list, widgets
 from ui.panels import curve_plot as plot
 from ui.panels.actions import Action, RunOperator
 from ui.panels.brdf import energy_warning
@@ -132,9 +132,10 @@ def _toolbar(context: PanelContext, curves: DrawnCurves) -> list[Action]:
     symbols = [widgets.angle_symbol(factor.name) for factor in factors]
     titles = [f"{factor.label.split()[0]} {symbol}" for factor, symbol in zip(factors, symbols, strict=True)]
     room, gap = imgui.get_content_region_avail().x, imgui.get_style().item_spacing.x
-    short = widgets.segments_width(context, titles) + gap + _right_width(context, WIDE_CHANNEL) > room
+    chain = curve_links.width(context, curves.key, curves.factor)
+    short = widgets.segments_width(context, titles) + gap + _right_width(context, WIDE_CHANNEL) + chain > room
     least = NARROW_CHANNEL if short else WIDE_CHANNEL
-    right = _right_width(context, least)
+    right = _right_width(context, least) + chain
     choices = [(name, f.tooltip) for name, f in zip(symbols if short else titles, factors, strict=True)]
     names = [f.name for f in factors]
     pressed = widgets.segments(context, "curve.factor", choices, names.index(curves.factor))
@@ -159,7 +160,8 @@ def _toolbar(context: PanelContext, curves: DrawnCurves) -> list[Action]:
         context, "curve.reset", Icon.RESET, hint, enabled=bool(curves.operators) and curves.editable
     ):
         actions.append(RunOperator("reset_curve"))
-    return actions
+    imgui.same_line(0.0, 0.0)
+    return actions + curve_links.draw(context, curves.key, curves.factor, curves.editable)
 
 
 def _right_width(context: PanelContext, least: float) -> float:

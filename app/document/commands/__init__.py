@@ -41,6 +41,7 @@ from app.document.commands.light import (
     SetMapping,
     SetRotation,
 )
+from app.document.commands.links import LinkCurves, UnlinkCurve
 from app.document.commands.looks import AddLook, DeleteLook, MoveLook, RenameLook, SetLook
 from app.document.commands.maps import (
     BlendByMap,
@@ -77,6 +78,6 @@ EditCommand = (
     | SetFirstBands | SetPose | AddDeformer | SetDeformer | MoveDeformer | RemoveDeformer | SetTime | SetSurface
     | OverrideLine | SetSun | SetMix | SetTransform | MoveObject | DuplicateObject | DeleteObject
     | RenameObject | SetBackground | SetBackgroundColour | AddObject | Several | PlaceObjects
-    | AddLook | SetLook | RenameLook | DeleteLook | MoveLook
+    | LinkCurves | UnlinkCurve | AddLook | SetLook | RenameLook | DeleteLook | MoveLook
     | DuplicateObjects | SetGroup | RenameGroup | AddSun | DuplicateSun | DeleteSun | RenameSun
 )  # fmt: skip

@@ -211,7 +211,7 @@ class SetMaterial:
         state = self.check(document)
         if not self.layers:
             raise InsituError(f"{self.name or self.file} has no layers; an object has one at least")
-        layers = tuple(layer.replace(frozen=False) for layer in self.layers)
+        layers = tuple(layer.replace(frozen=False, links=()) for layer in self.layers)
         material = Variant(self.name, layers, self.bumps, self.opacity)
         there = {variant.name for variant in state.variants}
         added = tuple(
@@ -371,7 +371,11 @@ def _renamed(layers: Layers, there: Sequence[Layer]) -> Layers:
         taken.add(names[layer.name])
     return tuple(
         layer.replace(
-            name=names[layer.name], follows=names.get(layer.follows, ""), under=names.get(layer.under, ""), frozen=False
-        )
+            name=names[layer.name],
+            follows=names.get(layer.follows, ""),
+            under=names.get(layer.under, ""),
+            frozen=False,
+            links=(),
+        )  # fmt: skip
         for layer in layers
     )

@@ -105,7 +105,9 @@ def desired_freezing(
         names = list(curves.coefficients(document, key))
         if selected.factor in names and document.object(selected.object).editable:
             factor = names.index(selected.factor)
-            for other in edited_layers(document, selected)[1:]:
+            # Other objects that share the curve are no variables: their light follows once nothing changes any more.
+            own = [each for each in edited_layers(document, selected)[1:] if object_of(each) == selected.object]
+            for other in own:
                 theirs = list(curves.coefficients(document, other))
                 edited |= {other: theirs.index(selected.factor)} if selected.factor in theirs else {}
     scene = curves.scene_state(document)

@@ -1,5 +1,5 @@
 """The transport of edited curves that is desired, requested and ready: the selected layer's, and that of layers that
-share its curve.
+share its curve, those of other objects with a link to it among them.
 
 All of them follow the pointer in every frame, each from its own transport. The selected one's is requested first.
 """
@@ -9,9 +9,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from app.document.document import Document, Selection
+from app.document.linked_curves import linked_keys
 from app.document.linked_layers import linked_indices
 from app.modes.placement.curves import Curves
 from app.modes.placement.desired_state import DesiredCurve, ReadyCurve, ReadyLayer, same_coefficients
+from engine.material.layer import object_of
 from engine.settings import Precision
 
 
@@ -29,7 +31,16 @@ def edited_layers(document: Document, selected: Selection | None) -> tuple[str, 
         i for i in linked_indices(state.layers, selected.layer) if i != selected.layer and state.layers[i].visible
     ]
     sharing = [i for i in others if selected.factor in state.layers[i].model.curve_names]
-    return tuple(f"{selected.object}.{i}" for i in (selected.layer, *sharing))
+    own = tuple(f"{selected.object}.{i}" for i in (selected.layer, *sharing))
+    if not document.curve_links:
+        return own
+    linked = dict.fromkeys(key for each in own for key in linked_keys(document, each, selected.factor))
+    return (*own, *(key for key in linked if key not in own and _is_drawn(document, key)))
+
+
+def _is_drawn(document: Document, key: str) -> bool:
+    """Whether a layer takes part in the picture, and its object can be edited: a fixed one has no transport."""
+    return document.is_visible(key) and document.object(object_of(key)).editable
 
 
 def desired_curves(

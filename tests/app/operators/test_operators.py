@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.document.commands import AddLook, SetGroup, SetLook, SetTransform
+from app.document.commands import AddLook, DuplicateObject, LinkCurves, SetGroup, SetLook, SetTransform
 from app.document.commands.curves import SetOperators
 from app.document.commands.light import SetRotation
 from app.document.view_state import SetView, Viewpoint
@@ -19,7 +19,7 @@ from app.messages.worker_messages import OpenScene
 from app.operators.arrange import Addition, Grouping, Move
 from app.operators.camera import MoveCamera
 from app.operators.curve_drawing import CurvePoints, CurveStroke
-from app.operators.edits import Deform
+from app.operators.edits import CurveLink, Deform
 from app.operators.files import CurveTable, MaterialFile, MeasuredFile, VariantChoice
 from app.operators.operator import Gesture
 from app.operators.registry import GROUPS, MENUS, OPERATORS, keys_of, listed_lines, run_operator
@@ -43,6 +43,7 @@ VALUES: dict[str, Any] = {
     "table": CurveTable(file="peak.csv"), "variant_set": VariantChoice(set="shape", variant="tall"),
     "picture_channel": "red",
     "look": "Night", "rename_look": "Gold", "move_look": 2, "delete_look": "Night", "side_by_side": 2,
+    "link": CurveLink(curve="pot.1.theta_h", to=("cup.1.theta_h",)), "unlink": "pot.1.theta_h",
     "draw_curve": CurveStroke(points=((0.0, 1.0), (30.0, 2.0))), "set_points": CurvePoints(points=((5.0, 1.0),)),
 }  # fmt: skip
 
@@ -77,6 +78,10 @@ def test_each_operator_does_something(worked: Editor, client: FakeClient, name: 
         worked.history.document = replace(worked.document, source="/models/pot.stl")
     if name == "variant_set":  # only a stage of USD has sets
         worked.history.document = replace(worked.document, source="/models/pot.usda")
+    if name in ("link", "unlink"):  # only curves of several objects
+        worked.history.document = DuplicateObject("pot", "cup").apply(worked.document)
+    if name == "unlink":
+        worked.history.document = LinkCurves("pot.1.theta_h", ("cup.1.theta_h",)).apply(worked.document)
     if name == "looks_1":
         worked.do(SetView.of(looks_shown=4))
     before = worked.document, worked.view, len(client.requests)
