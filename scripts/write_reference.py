@@ -41,6 +41,7 @@ from app.operators.camera import MoveCamera
 from app.operators.curve_drawing import CurvePoints, CurveStroke
 from app.operators.edits import CurveLink, Deform, Drag, PaintStroke
 from app.operators.files import CurveTable, MaterialFile, MeasuredFile, VariantChoice
+from app.operators.keymap import KEYMAP_LABELS, KEYMAPS, in_keymap
 from app.operators.registry import GROUPS, MENUS, OPERATORS, Menu, keys_of, listed_lines
 from app.operators.script import ScriptRecord, StepRecord
 from engine.material import MODELS
@@ -169,6 +170,14 @@ def _shortcuts() -> str:
     for group in GROUPS:
         rows = [(f"`{keys}`", text) for keys, text in listed_lines(group)]
         blocks += [f"## {group}", _table(("keys, mouse", "what they do"), rows)]
+    for keys, label in KEYMAP_LABELS.items():
+        rows = [
+            (f"`{'`, `'.join(own)}`", OPERATORS[name].entry or in_keymap(OPERATORS[name], keys).help)
+            for name, (own, _) in KEYMAPS[keys].items()
+        ]
+        if rows:
+            said = "*Edit > Arrange > Keys* chooses these in place of the keys above."
+            blocks += [f"## Keys: {label}", said, _table(("keys", "what they do"), rows)]
     blocks.append("## Menus")
     entries = [row for menu in MENUS for row in _menu_rows(menu, menu.title)]
     return _joined([*blocks, _table(("entry", "keys", "why it cannot be chosen"), entries)])

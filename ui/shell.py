@@ -35,7 +35,7 @@ from ui.gl.interface import InterfaceRenderer
 from ui.layout import Docking
 from ui.look_feed import LookFeed
 from ui.panel_pictures import PanelPictures, panel_context
-from ui.panels import file_dialog, shortcuts
+from ui.panels import file_dialog, grab, shortcuts
 from ui.panels.actions import Action, CancelDrag, SaveContactSheet, SavePicture, SetPanel
 from ui.panels.context import Fields, Handles, PanelContext
 from ui.panels.look_board import LookBoard
@@ -291,6 +291,7 @@ class Shell:
         self._depth = depth_now()
         for key in ALTS:
             imgui.internal.set_key_owner(key, SHORTCUT_OWNER)
+        grab.claim_input(self.state)
         self.handles.begin_frame()
         self._brdf_board.begin_frame()
         self._look_board.begin_frame()

@@ -20,7 +20,8 @@ RestingBox = Callable[[str], NDArray[np.float64] | None]
 def placed_objects(document: Document, names: Iterable[str], resting_box: RestingBox) -> list[PlacedObject]:
     """These objects as they stand, without those that have no surface; resting_box: gives the box (2, 3) of an object
     where its file has it."""
-    boxes = [(document.object(name), resting_box(name)) for name in names]
+    known = {state.name: state for state in document.objects}
+    boxes = [(known.get(name) or document.object(name), resting_box(name)) for name in names]
     return [PlacedObject(state.name, box, state.transform) for state, box in boxes if box is not None]
 
 

@@ -1,4 +1,5 @@
-"""What belongs to the user and not to a session: how mouse and trackpad move the camera, and the files opened last.
+"""What belongs to the user and not to a session: how mouse and trackpad move the camera, which keys arrange objects,
+and the files opened last.
 
 Each is stored in a small file of the state folder: preferences as TOML; the scenes and sessions that were opened or
 saved last, for the menu, as one absolute path a line, the newest first. They are conveniences: a file that is missing
@@ -22,16 +23,18 @@ from engine.scene.toml_text import load_toml, toml_lines
 
 Mouse = Literal["blender", "maya"]
 Scroll = Literal["dolly", "orbit"]
+Keys = Literal["blender", "maya", "insitu"]
 MAX_BYTES = 64 * 1024
 
 
 @dataclass(frozen=True)
 class Preferences:
-    """mouse: the program whose mouse buttons move the camera; scroll: what the wheel, or two fingers on a trackpad,
-    do."""
+    """mouse: the program whose mouse buttons move the camera; scroll: what the wheel, or two fingers on a trackpad, do;
+    keys: the program whose keys arrange objects."""
 
     mouse: Mouse = "blender"
     scroll: Scroll = "dolly"
+    keys: Keys = "blender"
 
 
 class _Record(BaseModel):
@@ -39,6 +42,7 @@ class _Record(BaseModel):
 
     mouse: Mouse = "blender"
     scroll: Scroll = "dolly"
+    keys: Keys = "blender"
 
 
 class PreferenceFile:
@@ -60,7 +64,7 @@ def _read(file: Path) -> Preferences:
         record = _Record.model_validate(load_toml(file, MAX_BYTES))
     except (InsituError, ValidationError):
         return Preferences()
-    return Preferences(record.mouse, record.scroll)
+    return Preferences(**record.model_dump())
 
 
 MOST = 10

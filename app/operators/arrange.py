@@ -225,14 +225,27 @@ ARRANGE: tuple[Operator | Gesture, ...] = (
         PlacedByHand, "Places a light by its highlight or by a shadow: see below."
     )),
     Operator(
-        "gizmo_move", keys=("V",), help="Move the object by handles", entry="Move",
-        needs=OBJECT_OR_SUN,
+        "grab", keys=("G",), help="Move, rotate, scale: follows the mouse", listed_keys="G   R   S", entry="Move",
+        needs=OBJECT, waits=True,
+    ),
+    Operator("turn", keys=("R",), entry="Rotate", needs=OBJECT, waits=True),
+    Operator("resize", keys=("S",), entry="Scale", needs=OBJECT, waits=True),
+    Gesture("then X Y Z", "Along an axis; again: the object's; Shift: across"),
+    Gesture("a number", "By so much; Enter or a click ends it, Esc not"),
+    Operator(
+        "gizmo_move", keys=("Shift G", "V"), help="Handles that move, rotate, scale", listed_keys="Shift G   R   S",
+        entry="Handles to move", needs=OBJECT_OR_SUN,
     ),
     Operator("gizmo", script=ScriptKey(
-        Literal["move", "rotate", "scale", "none"], "Shows handles of the selected object, which `drag` takes by name."
+        Literal["move", "rotate", "scale", "none"], "Shows handles of the selected objects, which `drag` takes by name."
     )),
-    Operator("gizmo_rotate", keys=("R",), help="Rotate it, aim a sun", entry="Rotate", needs=OBJECT_OR_SUN),
-    Operator("gizmo_scale", keys=("Z",), help="Scale it", entry="Scale", needs=OBJECT),
+    Operator("gizmo_rotate", keys=("Shift R",), entry="Handles to rotate", needs=OBJECT_OR_SUN),
+    Operator("gizmo_scale", keys=("Shift S", "Z"), entry="Handles to scale", needs=OBJECT),
+    Operator("keymap", entry="Keys"),
+    Operator(
+        "own_pivots", entry="Each about its own centre", needs=OBJECT,
+        help="Rotate and scale each of several objects about its own centre, and not about their common middle.",
+    ),
     Operator(
         "put_back", _put_back, help="Where the scene's file has the object.", entry="Put back", needs=MOVED, waits=True
     ),

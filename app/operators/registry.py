@@ -8,12 +8,14 @@ from typing import Any
 
 from app.document.view_state import PICTURE_CHANNELS
 from app.editor.editor import Editor
+from app.files.preferences import Keys, Preferences
 from app.operators.arrange import ARRANGE, adding
 from app.operators.camera import CAMERA, CONVENTIONS
 from app.operators.curve_drawing import DRAWING
 from app.operators.edits import CURVES, EDITS, MATERIAL
 from app.operators.files import FILES
 from app.operators.inspect import INSPECT, channel_operator
+from app.operators.keymap import in_keymap
 from app.operators.looks import LOOKS
 from app.operators.operator import Gesture, Operator
 from app.operators.selecting import SELECTING
@@ -26,6 +28,7 @@ GROUPS: dict[str, tuple[Operator | Gesture, ...]] = {
     "Camera": CAMERA, **CONVENTIONS,
     "File": FILES, "Material": MATERIAL, "Curve": (*CURVES, *DRAWING), "Help": HELP,
 }  # fmt: skip
+DEFAULT_KEYS: Keys = Preferences().keys
 OPERATORS = {each.name: each for group in GROUPS.values() for each in group if isinstance(each, Operator)}
 
 
@@ -54,9 +57,13 @@ MENUS = (
     )),
     Menu("Edit", (
         "undo", "redo", "undo_view", "redo_view", None, "copy_material", "copy_curve", "copy_table", "paste",
-        "paste_layers", None, Menu("Select", ("select_all", "select_none", "select_others")), None, "gizmo_move",
-        "gizmo_rotate", "gizmo_scale", "put_back", "duplicate",
-        "delete_object", "group_selected", "ungroup_selected", None, "table", "mute", "delete",
+        "paste_layers", None,
+        Menu("Select", ("select_all", "select_none", "select_others")),
+        Menu("Arrange", (
+            "grab", "turn", "resize", None, "gizmo_move", "gizmo_rotate", "gizmo_scale", None, "put_back",
+            "own_pivots", "keymap",
+        )),
+        "duplicate", "delete_object", "group_selected", "ungroup_selected", None, "table", "mute", "delete",
         "reset_curve", "unlink",
     )),
     Menu("Add", (*map(adding, SHAPES), None, *map(adding, LIGHTS), adding(SUN), None, "add_file")),
@@ -83,19 +90,21 @@ MENUS = (
 )  # fmt: skip
 
 
-def keys_of(name: str) -> str:
-    """The keys shown beside an operator's menu entry and in tooltips; "" where it has none."""
-    return next(iter(OPERATORS[name].keys), "")
+def keys_of(name: str, keys: Keys = DEFAULT_KEYS) -> str:
+    """The keys shown beside an operator's menu entry and in tooltips; "" where it has none. keys: the keymap."""
+    return next(iter(in_keymap(OPERATORS[name], keys).keys), "")
 
 
-def listed_lines(group: str) -> list[tuple[str, str]]:
-    """The lines of a group in the list of shortcuts: keys or gesture, and what it does."""
+def listed_lines(group: str, keys: Keys = DEFAULT_KEYS) -> list[tuple[str, str]]:
+    """The lines of a group in the list of shortcuts: keys or gesture, and what it does. keys: the keymap."""
     lines: list[tuple[str, str]] = []
     for each in GROUPS[group]:
         if isinstance(each, Gesture):
             lines.append((each.listed_keys, each.help))
-        elif each.keys and each.help:
-            lines.append((each.listed_keys or each.keys[0], each.help))
+            continue
+        operator = in_keymap(each, keys)
+        if operator.keys and operator.help:
+            lines.append((operator.listed_keys or operator.keys[0], operator.help))
     return lines
 
 

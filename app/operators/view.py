@@ -121,7 +121,7 @@ PICTURE = (
         "Placement, or Orbit, where the camera moves freely",
     ),
     Operator(
-        "toggle_deform", lambda editor, value: _toggle_mode(editor, "deform"), ("G",),
+        "toggle_deform", lambda editor, value: _toggle_mode(editor, "deform"), ("Shift O",),
         "Placement, or Deform, where objects bend",
     ),
     Operator(
@@ -162,7 +162,7 @@ PICTURE = (
         "Exposure down, up; the brush smaller, larger", listed_keys="[  ]", repeats=True,
     ),
     Operator("brighter", lambda editor, value: _expose(editor, STOPS_A_PRESS), ("]",), repeats=True),
-    Operator("solo", _solo, ("S",), "See the selected layer alone, or all again", needs=LAYER),
+    Operator("solo", _solo, ("/",), "See the selected layer alone, or all again", needs=LAYER),
     Operator("stop", _stop),
     Operator("resume", _resume),
     Operator("wait", script=ScriptKey(AwaitedPicture, "Waits for a picture, or for its error estimate.")),

@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from engine.scene.light_placement import rotation_between
 from engine.scene.transform import LEAST_SCALE, MOST_SCALE, Transform, Triple, rotation_degrees, rotation_matrix
 
 Float64Array = NDArray[np.float64]
@@ -96,11 +97,13 @@ def scaled(
     range of transforms."""
     found = list[PlacedObject]()
     for each in placed:
-        own = rotation_matrix(each.transform.rotation)
-        along = axes if axes is not None else own if about is None else np.eye(3)
+        along = np.eye(3) if axes is None else axes
         matrix = along * np.asarray(factors, np.float64) @ along.T
-        stretched = np.linalg.norm(matrix @ own, axis=0) * each.transform.scale
-        scale = _triple(np.clip(stretched, LEAST_SCALE, MOST_SCALE))
+        if axes is None and about is None:
+            stretched = np.asarray(factors, np.float64)
+        else:
+            stretched = np.linalg.norm(matrix @ rotation_matrix(each.transform.rotation), axis=0)
+        scale = _triple(np.clip(stretched * each.transform.scale, LEAST_SCALE, MOST_SCALE))
         changed = replace(each, transform=replace(each.transform, scale=scale))
         found.append(changed if about is None else changed.at(about + matrix @ (each.centre - about)))
     return found
@@ -114,3 +117,48 @@ def transforms_of(placed: Iterable[PlacedObject]) -> tuple[tuple[str, Transform]
 def _triple(values: Float64Array) -> Triple:
     x, y, z = np.asarray(values, np.float64).tolist()
     return x, y, z
+
+
+# ----------------------------------------------------------------------------------------------- standing on something
+
+
+def stood_on(placed: Placed, point: ArrayLike, normal: ArrayLike, aligns: bool = False) -> list[PlacedObject]:
+    """All of them moved so that their middle is over a point of a surface, in the direction of its unit normal, and
+    their boxes touch it. aligns: turned first so that what is up in the world points along the normal. Raises
+    ValueError outside the range of transforms."""
+    normal, middle = np.asarray(normal, np.float64), middle_of(placed)
+    if aligns:
+        placed = rotated(placed, rotation_between(np.array([0.0, 1.0, 0.0]), normal), middle)
+    # How far they reach from their middle against the normal.
+    reach = max(float((middle - each.centre) @ normal) + each.extent_along(normal) for each in placed)
+    return moved(placed, np.asarray(point, np.float64) + reach * normal - middle)
+
+
+def dropped(units: Sequence[Placed], others: Float64Array) -> list[PlacedObject]:
+    """Units, of objects that stay together, moved up or down to stand on what is below their middle: the lowest first,
+    on the boxes (N, 2, 3) of the others and on those that stand already. Raises ValueError outside the range of
+    transforms."""
+    found, boxes = list[PlacedObject](), [*others]
+    for unit in sorted(units, key=lambda unit: float(box_of(unit)[0, 1])):
+        box = box_of(unit)
+        rise = support_below(box, np.array(boxes).reshape(-1, 2, 3)) - box[0, 1]
+        stands = moved(unit, (0.0, rise, 0.0))
+        found += stands
+        boxes += [each.moved_box for each in stands]
+    return found
+
+
+def support_below(box: Float64Array, others: Float64Array) -> float:
+    """The height on which a box (2, 3) stands above others (N, 2, 3): the highest top below its middle of those that it
+    overlaps from above, or the floor of those that it is in, as of a room or a backdrop; else the lowest of all; 0
+    where there are none."""
+    if not len(others):
+        return 0.0
+    low, high = others[:, 0], others[:, 1]
+    middle = 0.5 * (box[0] + box[1])
+    overlaps = np.all((low < box[1]) & (high > box[0]), axis=1, where=np.array([True, False, True]))
+    surrounds = np.all((low <= middle) & (middle < high), axis=1)
+    tops = high[overlaps & (high[:, 1] <= middle[1]), 1]
+    floors = low[overlaps & surrounds, 1]
+    heights = np.concatenate([tops, floors])
+    return float(heights.max() if len(heights) else low[:, 1].min())

@@ -68,7 +68,7 @@ def test_the_pivot_goes_over_the_ground_under_the_mouse(window: HeadlessWindow) 
 
 
 def test_a_knob_turns_along_its_ring(window: HeadlessWindow, arranging: Editor) -> None:
-    window.key(imgui.Key.r)
+    window.key(imgui.Key.r, imgui.Key.mod_shift)
     window.frames(2)
     dragged(window, "gizmo.y", (25.0, 0.0))
     x, y, z = transform(arranging).rotation
@@ -88,11 +88,11 @@ def test_handles_beside_the_box_scale_one_axis_and_all(window: HeadlessWindow) -
 
 
 @pytest.mark.parametrize(
-    ("key", "part", "step"), [("v", "translation", 0.1), ("r", "rotation", 15.0), ("z", "scale", 0.1)]
+    ("key", "part", "step"), [("g", "translation", 0.1), ("r", "rotation", 15.0), ("s", "scale", 0.1)]
 )
 def test_ctrl_snaps(window: HeadlessWindow, key: str, part: str, step: float) -> None:
     editor = prepared(window, "placement")
-    window.key(getattr(imgui.Key, key))
+    window.key(getattr(imgui.Key, key), imgui.Key.mod_shift)
     window.frames(2)
     x, y = window.shell.handle_position("gizmo.y")
     window.move(x, y)
@@ -183,9 +183,9 @@ def test_any_sequence_of_drags_undo_and_redo_ends_where_its_steps_say(window: He
     editor, rng = prepared(window, "placement"), random.Random(3)
     first, states = editor.document, [editor.document]
     for _ in range(25):
-        what = rng.choice(("v", "r", "z", "drag", "drag", "drag", "undo", "redo"))
-        if what in "vrz":
-            window.key(getattr(imgui.Key, what))
+        what = rng.choice(("g", "r", "s", "drag", "drag", "drag", "undo", "redo"))
+        if what in "grs":
+            window.key(getattr(imgui.Key, what), imgui.Key.mod_shift)
         elif what == "drag" and window.shell.state.gizmo:
             n_steps = len(editor.history.undo_steps)
             window.drag_handle(f"gizmo.{rng.choice('xyz')}", (rng.uniform(-15, 15), rng.uniform(-15, 15)))

@@ -38,7 +38,7 @@ def test_a_drag_moves_the_ball_in_one_step_and_the_picture_follows(moving: RealW
 
 
 def test_the_tools_by_keys_in_turn(moving: RealWindow) -> None:
-    for key, part in (("r", "rotation"), ("z", "scale"), ("v", "translation")):
+    for key, part in (("shift+r", "rotation"), ("z", "scale"), ("shift+g", "translation")):
         moving.key(key)
         before = moving.ask(f"{BALL}.{part}")
         moving.drag("gizmo.y", by=(25.0, -25.0))
@@ -64,3 +64,33 @@ def test_escape_takes_a_drag_back_and_then_the_handles_away(moving: RealWindow) 
     assert moving.ask(f"{BALL}.is_identity") and moving.n_steps() == 0 and moving.ask("state.gizmo") == "move"
     moving.key("escape")
     assert moving.ask("state.gizmo") == "" and "gizmo.y" not in moving.handles()
+
+
+def test_after_a_key_the_ball_follows_the_mouse_until_a_click(moving: RealWindow) -> None:
+    moving.key("escape")
+    x, y = moving.at("viewport.centre")
+    for key, part in (("g", "translation"), ("r", "rotation"), ("s", "scale")):
+        before = moving.ask(f"{BALL}.{part}")
+        moving.move((x + 80.0, y))
+        moving.key(key)
+        moving.events(*[("move", x + 80.0 + 6.0 * i, y - 8.0 * i) for i in range(1, 8)])
+        assert moving.ask("state.grip is not None") and moving.ask(f"{BALL}.{part}") != before
+        moving.click((x + 122.0, y - 56.0))
+        assert moving.ask("state.grip is None and editor.view.selected_objects == ('ball',)")
+    assert moving.n_steps() == 3
+    moving.key("g", "x", "0", ".", "5")
+    moving.key("escape")
+    assert moving.n_steps() == 3 and moving.ask("state.grip is None")
+
+
+def test_two_objects_are_selected_grouped_and_turned_in_one_step(moving: RealWindow) -> None:
+    moving.click("objects.floor", held="ctrl")
+    assert moving.ask("editor.view.selected_objects") == ("ball", "floor")
+    moving.key("ctrl+g", "shift+r")
+    assert moving.ask("editor.document.groups") == {"Group": ("ball", "floor")}
+    moving.drag("gizmo.y", by=(40.0, 10.0))
+    names = ("ball", "floor")
+    assert all(moving.ask(f"editor.document.object('{name}').transform.rotation[1]") != 0.0 for name in names)
+    assert moving.n_steps() == 2
+    moving.quick("ctrl+z", 2)
+    assert moving.ask(f"{BALL}.is_identity and editor.document.groups == {{}}")

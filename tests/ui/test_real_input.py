@@ -315,7 +315,7 @@ def test_the_wheel_turns_the_dial(real: RealWindow) -> None:
 SPARED = ("button.screenshot", "button.library.add", "button.recover", "button.discard", "files.", "menu.")
 CHORDS = (
     "ctrl+z", "ctrl+y", "ctrl+shift+z", "ctrl+c", "ctrl+shift+c", "ctrl+v", "escape", "tab", "up", "right", "delete",
-    "a", "t", "x", "y", "d", "l", "m", "c", "f", "s", "b", "space", "alt", "alt+v", "f1", "enter", "[", "1", "5",
+    "a", "t", "x", "y", "d", "l", "m", "c", "f", "/", "b", "space", "alt", "alt+v", "f1", "enter", "[", "1", "5",
     "home", "n", "alt+z", "shift+alt+z",
 )  # fmt: skip
 

@@ -141,7 +141,7 @@ def test_solo_shows_one_layer_and_is_no_edit(window: HeadlessWindow) -> None:
     # The teapot is the picture's left quarter: its layers are a sum, all else is as it was.
     assert base[:, :12] + coat[:, :12] == pytest.approx(whole[:, :12], rel=2e-3, abs=1e-4)
     assert np.array_equal(base[:, 12:], whole[:, 12:]) and base[:, :12].max() > 0.0
-    window.key(imgui.Key.s)  # the selected layer is the coat
+    window.key(imgui.Key.slash)  # the selected layer is the coat
     assert editor.view.solo == "teapot.1"
-    window.key(imgui.Key.s)
+    window.key(imgui.Key.slash)
     assert editor.view.solo is None and radiance() == pytest.approx(whole, rel=1e-5)

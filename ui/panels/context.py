@@ -22,6 +22,7 @@ from app.files.materials import LibraryEntry
 from app.files.preferences import Preferences, Recent
 from app.messages.editor_status import Status
 from app.modes.mode import Mode
+from app.operators.registry import keys_of
 from engine.scene.description import Camera
 from engine.scene.import_report import ImportReport
 from ui.frame_times import PerformanceRecord
@@ -218,6 +219,10 @@ class PanelContext:
         """Its width divided by its height."""
         width, height = self.resolution
         return width / max(height, 1)
+
+    def keys_of(self, name: str) -> str:
+        """The keys of an operator, as the user prefers them; "" where it has none."""
+        return keys_of(name, self.preferences.keys)
 
     def px(self, size: float) -> float:
         """A design size in framebuffer pixels."""

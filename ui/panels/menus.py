@@ -15,6 +15,7 @@ from imgui_bundle import ImVec2, imgui
 
 from app.document.looks import look_names
 from app.document.view_state import EXPOSURE, GAMMA, OpenPanel, SetView
+from app.operators.keymap import KEYMAP_LABELS
 from app.operators.registry import MENUS, OPERATORS, Menu, keys_of
 from app.operators.view import is_pixel_for_pixel
 from engine.core.colour import VIEWS
@@ -82,9 +83,9 @@ def _entry(context: PanelContext, name: str, text: str = "") -> list[Action]:
     operator = OPERATORS[name]
     why_not = operator.why_not(context)
     text = text or operator.entry_text(context)
-    pressed = imgui.menu_item_simple(text, keys_of(name), is_on(context, name), not why_not)
+    pressed = imgui.menu_item_simple(text, context.keys_of(name), is_on(context, name), not why_not)
     context.handles.note_item(f"menu.{name}")
-    widgets.tooltip(why_not or ("" if operator.keys else operator.help))
+    widgets.tooltip(why_not or ("" if context.keys_of(name) else operator.help))
     return perform(context, name) if pressed else []
 
 
@@ -174,6 +175,19 @@ def _looks(context: PanelContext) -> list[Action]:
     return actions
 
 
+def _keymaps(context: PanelContext) -> list[Action]:
+    """The keys that arrange objects."""
+    if not _begin(context, OPERATORS["keymap"].entry):
+        return []
+    actions: list[Action] = []
+    for keys, label in KEYMAP_LABELS.items():
+        if imgui.menu_item_simple(label, None, context.preferences.keys == keys):
+            actions.append(SetPreference({"keys": keys}))
+        context.handles.note_item(f"menu.keys.{keys}")
+    imgui.end_menu()
+    return actions
+
+
 def _resolution(context: PanelContext) -> list[Action]:
     picture = context.picture
     size = "" if picture is None else f" ({picture.width} x {picture.height})"
@@ -203,8 +217,8 @@ def _gamma(context: PanelContext) -> list[Action]:
 # How the operators are drawn that a menu has with their choices, or with what they apply to.
 CHOICES: dict[str, Callable[[PanelContext], list[Action]]] = {
     "open_recent": _recent, "open_builtin": _builtin_scenes, "recover": _recover, "show": _panels,
-    "go_to_view": _saved_views, "conventions": _conventions, "resolution": _resolution, "view": _views,
-    "look": _looks,
+    "go_to_view": _saved_views, "conventions": _conventions, "keymap": _keymaps, "resolution": _resolution,
+    "view": _views, "look": _looks,
 }  # fmt: skip
 
 
@@ -270,7 +284,7 @@ def _buttons(context: PanelContext) -> list[Action]:
 def _button(context: PanelContext, name: str, icon: str, hint: str) -> list[Action]:
     """An operator's button, lit where the operator is on; its tooltip ends in its keys."""
     enabled = not OPERATORS[name].why_not(context)
-    hint = f"{hint}. ({keys_of(name)})"
+    hint = f"{hint}. ({context.keys_of(name)})"
     pressed = widgets.icon_button(context, name, icon, hint, enabled, lit=is_on(context, name))
     return perform(context, name) if pressed else []
 

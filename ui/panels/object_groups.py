@@ -6,7 +6,6 @@ from imgui_bundle import imgui
 
 from app.document.commands.groups import RenameGroup, switching
 from app.document.selection import toggled
-from app.operators.registry import keys_of
 from ui.panels import object_rows, widgets
 from ui.panels.actions import Action, RunOperator
 from ui.panels.context import PanelContext
@@ -61,7 +60,7 @@ def _menu(context: PanelContext, group: str, members: tuple[str, ...]) -> list[A
         ("Duplicate", "duplicate", True), ("Delete", "delete_object", len(members) < len(context.document.objects)),
         ("Ungroup", "ungroup_selected", True),
     ):  # fmt: skip
-        if imgui.menu_item_simple(text, keys_of(operator), False, is_possible):
+        if imgui.menu_item_simple(text, context.keys_of(operator), False, is_possible):
             actions += [select, RunOperator(operator)]
         context.handles.note_item(f"groups.{group}.{operator}")
     imgui.end_popup()

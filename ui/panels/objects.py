@@ -13,7 +13,6 @@ from app.document.commands.objects import DeleteObject, RenameObject
 from app.document.document import Document, ObjectState, layer_key
 from app.document.selection import is_layer_visible, solo_layer, toggle_solo, toggled
 from app.files.materials import copy_layer, copy_material
-from app.operators.registry import keys_of
 from engine.material import MODELS
 from engine.material.layer import Layer
 from ui import theme as look
@@ -172,7 +171,7 @@ def _layer(context: PanelContext, state: ObjectState, index: int, layer: Layer) 
     if not layer.rises and rows.toggle(
         context, f"solo.{path}", Icon.SOLO, Icon.SOLO, solo_layer(context.document, context.view) != path, quiet,
         "Solo: see this layer without the others of its object; again: all of them. Not an edit. "
-        f"({keys_of('solo')})",
+        f"({context.keys_of('solo')})",
     ):  # fmt: skip
         actions.append(toggle_solo(context.view, path))
     imgui.pop_id()

@@ -15,13 +15,14 @@ from numpy.typing import NDArray
 
 from app.system.lazy_import import import_named
 from engine.core.camera import camera_frame, project
+from engine.scene.arrangement import PlacedObject
 from engine.scene.camera_moves import distance
 from ui import theme as look
 from ui.panels import widgets
 from ui.panels.actions import Action, BeginDrag, HoldGrip, RunOperator
 from ui.panels.context import PanelContext
 from ui.panels.viewport_layout import PictureRect
-from ui.panels.window_state import Grip
+from ui.panels.window_state import ArrangeGrip, Grip
 
 Float64Array = NDArray[np.float64]
 Place = tuple[float, float]
@@ -35,7 +36,8 @@ _NEAREST = 1e-3  # of the distance to the target; a point behind the camera has 
 class PictureHandle:
     """A grip at a place on screen, a line with it; the action of dragging it to a place, as one step of the history
     called `label`; hint: its tooltip; by_line: whether it can be grabbed anywhere along the line; ink: its colour;
-    selects: the path that is selected when it is grabbed, "" for none."""
+    selects: the path that is selected when it is grabbed, "" for none; start: the objects that it moves, as they
+    stand."""
 
     name: str
     place: Place
@@ -46,6 +48,7 @@ class PictureHandle:
     by_line: bool = False
     ink: look.Colour = look.grey(240)
     selects: str = ""
+    start: tuple[PlacedObject, ...] = ()
 
     def distance_to(self, x: float, y: float) -> float:
         """The distance of a place on screen from where it can be grabbed."""
@@ -121,7 +124,8 @@ def take_hold(handle: PictureHandle) -> list[Action]:
     mouse = imgui.get_mouse_pos()
     offset = mouse.x - handle.place[0], mouse.y - handle.place[1]
     selection = [RunOperator("select", handle.selects)] if handle.selects else []
-    return [*selection, BeginDrag(handle.label), HoldGrip(Grip(handle.name, offset))]
+    grip = ArrangeGrip(handle.name, offset, handle.start) if handle.start else Grip(handle.name, offset)
+    return [*selection, BeginDrag(handle.label), HoldGrip(grip)]
 
 
 def drag_actions(context: PanelContext, handle: PictureHandle) -> list[Action]:

@@ -199,3 +199,12 @@ def draw_legend(context: PanelContext, draw_list: imgui.ImDrawList, corner: ImVe
         place = ImVec2(min(max(x - 0.5 * width, corner.x), corner.x + room - width), corner.y + bar + gap)
         draw_list.add_text(place, look.pack(look.TEXT_SOFT), text)
     imgui.pop_font()
+
+
+def plate(context: PanelContext, draw_list: imgui.ImDrawList, place: ImVec2, text: str, ink: look.Colour) -> None:
+    """Words over the picture, on a background that keeps them legible."""
+    extent, pad = imgui.calc_text_size(text), context.px(6)
+    upper = ImVec2(place.x - pad, place.y - 0.6 * pad)
+    lower = ImVec2(place.x + extent.x + pad, place.y + extent.y + 0.6 * pad)
+    draw_list.add_rect_filled(upper, lower, look.pack(look.grey(26, 0.88)), context.px(4))
+    draw_list.add_text(place, look.pack(ink), text)

@@ -11,23 +11,28 @@ from imgui_bundle import ImVec2, imgui
 
 from app.document.view_state import SetView
 from app.operators.camera import CHOICES
+from app.operators.keymap import KEYMAPS, in_keymap
 from app.operators.operator import Operator
 from app.operators.registry import OPERATORS, listed_lines
 from ui import theme as look
+from ui.panels import grab
 from ui.panels.actions import Action, CancelDrag, RunOperator, SetPanel
 from ui.panels.context import PanelContext
 from ui.panels.window_operators import chord_of, perform, play_or_leave_alone
 
 TWO_COLUMNS, THREE_COLUMNS, KEYS_WIDTH = 840.0, 1200.0, 106.0
-CHORDS = {name: tuple(map(chord_of, operator.keys)) for name, operator in OPERATORS.items()}
+CHORDS = {
+    keys: {name: tuple(map(chord_of, in_keymap(operator, keys).keys)) for name, operator in OPERATORS.items()}
+    for keys in KEYMAPS
+}
 
 
 def keyboard(context: PanelContext) -> list[Action]:
     """The actions of the key pressed in this pass; none while the user types, or chooses from a list or a file."""
-    if context.keys_taken or context.state.question is not None:
+    if context.keys_taken or context.state.question is not None or grab.is_under_way(context):
         return []
     actions: list[Action] = []
-    for name, chords in CHORDS.items():
+    for name, chords in CHORDS[context.preferences.keys].items():
         operator = OPERATORS[name]
         if context.state.grip is not None and operator.waits:
             continue
@@ -97,7 +102,7 @@ def _group(context: PanelContext, group: str) -> None:
     imgui.push_style_color(imgui.Col_.text, look.pack(look.ACCENT if is_chosen else look.TEXT_FAINT))
     imgui.text_unformatted(group if is_chosen else f"{group} (View > Camera)")
     imgui.pop_style_color()
-    for keys, text in listed_lines(group):
+    for keys, text in listed_lines(group, context.preferences.keys):
         imgui.text_unformatted(keys)
         imgui.same_line(context.px(KEYS_WIDTH))
         imgui.push_style_color(imgui.Col_.text, look.pack(look.TEXT_SOFT))

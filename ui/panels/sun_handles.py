@@ -23,8 +23,8 @@ from engine.light.suns import Sun
 from engine.scene.camera_moves import distance
 from ui import theme as look
 from ui.panels.actions import Action
+from ui.panels.arranging import SNAP_DEGREES, snaps_to_steps
 from ui.panels.context import PanelContext
-from ui.panels.gizmo import SNAP_DEGREES, snaps
 from ui.panels.picture_handles import PictureHandle, Place, on_screen, value_at
 from ui.panels.viewport_layout import PictureRect
 
@@ -188,7 +188,7 @@ def _point(aim: _Aim, to: Place) -> list[Action]:
 
 
 def _snapped(degrees: float) -> float:
-    return round(degrees / SNAP_DEGREES) * SNAP_DEGREES if snaps() else degrees
+    return round(degrees / SNAP_DEGREES) * SNAP_DEGREES if snaps_to_steps() else degrees
 
 
 def _first(places: list[Place] | None) -> Float64Array | None:

@@ -43,7 +43,7 @@ def draw(context: PanelContext) -> list[Action]:
         )  # fmt: skip
         actions += rows.draw(context, row)
     tools = [
-        (each.capitalize(), f"Handles in the picture ({keys_of(f'gizmo_{each}')}); again: none.")
+        (each.capitalize(), f"Handles in the picture ({context.keys_of(f'gizmo_{each}')}); again: none.")
         for each in gizmo.TOOLS
     ]
     room = widgets.segments_width(context, [text for text, _ in tools]) / context.theme.scale

@@ -16,6 +16,7 @@ from ui import theme as look
 from ui.panels import (
     camera,
     gizmo,
+    grab,
     inspection,
     light_by_hand,
     look_panes,
@@ -101,6 +102,8 @@ def _gestures(
     context: PanelContext, picture: Picture, space: ViewportRect, placed: PictureRect, handles: list[PictureHandle]
 ) -> list[Action]:
     """Gestures over the picture: they move the camera, or the picture in its panel, or act on the scene."""
+    if grab.is_under_way(context):
+        return grab.go_on(context, placed)
     moved = camera.navigate(context, placed, picture)
     if moved is not None:
         clicked = camera.was_a_click(context, moved)
@@ -187,7 +190,7 @@ def _hover(context: PanelContext, picture: Picture, placed: PictureRect, on_divi
     if pixel is not None and (state.shows_values or state.copies_values):
         copied = inspection.draw_values(context, pixel, name or "")
     elif name:
-        _plate(context, imgui.get_foreground_draw_list(), place, name, look.TEXT)
+        picture_overlays.plate(context, imgui.get_foreground_draw_list(), place, name, look.TEXT)
     return [SetView.of(hovered=name), *copied] if name != context.view.hovered else copied
 
 
@@ -305,7 +308,7 @@ def _draw_zoom(context: PanelContext, end: ImVec2) -> None:
     text = f"{context.view.zoom:.0%}"
     extent, pad = imgui.calc_text_size(text), context.px(12)
     place = ImVec2(end.x - extent.x - pad, end.y - extent.y - pad)
-    _plate(context, imgui.get_window_draw_list(), place, text, look.TEXT_SOFT)
+    picture_overlays.plate(context, imgui.get_window_draw_list(), place, text, look.TEXT_SOFT)
 
 
 def error_missing(status: Status) -> str:
@@ -324,7 +327,7 @@ def _draw_error_legend(context: PanelContext, corner: ImVec2) -> None:
     place = ImVec2(corner.x + pad, corner.y - 1.5 * pad - line - bar)
     draw_list = imgui.get_window_draw_list()
     if not known:
-        _plate(context, draw_list, place, words, look.TEXT)
+        picture_overlays.plate(context, draw_list, place, words, look.TEXT)
         return
     low = ImVec2(place.x - 0.5 * pad, place.y - 0.3 * pad)
     high = ImVec2(place.x + width + 0.5 * pad, place.y + line + bar + 0.3 * pad)
@@ -346,16 +349,7 @@ def _draw_labels(context: PanelContext, corner: ImVec2) -> None:
         texts.append(f"{Icon.SOLO}  {object_of(solo)}: {context.document.layer(solo).name} alone")
     for row, text in enumerate(texts):
         place = ImVec2(corner.x + context.px(12), corner.y + context.px(10 + 28 * row))
-        _plate(context, imgui.get_window_draw_list(), place, text, look.ACCENT)
-
-
-def _plate(context: PanelContext, draw_list: imgui.ImDrawList, place: ImVec2, text: str, ink: look.Colour) -> None:
-    """Words over the picture, on a background that keeps them legible."""
-    extent, pad = imgui.calc_text_size(text), context.px(6)
-    upper = ImVec2(place.x - pad, place.y - 0.6 * pad)
-    lower = ImVec2(place.x + extent.x + pad, place.y + extent.y + 0.6 * pad)
-    draw_list.add_rect_filled(upper, lower, look.pack(look.grey(26, 0.88)), context.px(4))
-    draw_list.add_text(place, look.pack(ink), text)
+        picture_overlays.plate(context, imgui.get_window_draw_list(), place, text, look.ACCENT)
 
 
 def _draw_waiting(context: PanelContext, corner: ImVec2, room: ImVec2, down: float) -> None:

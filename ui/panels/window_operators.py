@@ -18,7 +18,7 @@ from app.operators.registry import OPERATORS
 from engine.curve.operators import collapse
 from engine.curve.table_text import MAX_ROWS, table_text
 from engine.scene.builtin import EMPTY_SCENE
-from ui.panels import gizmo, paint, timeline
+from ui.panels import gizmo, grab, paint, timeline
 from ui.panels.actions import (
     Action,
     AskFile,
@@ -44,7 +44,8 @@ MODIFIERS = {"Ctrl": CTRL, "Shift": SHIFT, "Alt": ALT}
 # Keys whose names imgui writes otherwise; "?" is what the key of the slash prints with Shift.
 KEYS = {
     ",": int(Key.comma), ".": int(Key.period), "[": int(Key.left_bracket), "]": int(Key.right_bracket),
-    "\\": int(Key.backslash), "=": int(Key.equal), "-": int(Key.minus), "?": SHIFT | int(Key.slash),
+    "/": int(Key.slash), "\\": int(Key.backslash), "=": int(Key.equal), "-": int(Key.minus),
+    "?": SHIFT | int(Key.slash),
     "Keypad .": int(Key.keypad_decimal), "Keypad +": int(Key.keypad_add), "Keypad -": int(Key.keypad_subtract),
 }  # fmt: skip
 
@@ -79,6 +80,8 @@ def is_on(context: PanelContext, name: str) -> bool:
         return context.state.shows_camera
     if name.startswith("gizmo_"):
         return name == f"gizmo_{context.state.gizmo}"
+    if name == "own_pivots":
+        return context.state.own_pivots
     if name == "values":
         return context.state.shows_values
     if name == "average":
@@ -120,6 +123,10 @@ def _choose_average(context: PanelContext) -> list[Action]:
 def _choose_gizmo(tool: str, context: PanelContext) -> list[Action]:
     """Show the handles of a tool of the gizmo, or none where they are there already."""
     return [SetPanel({"gizmo": "" if context.state.gizmo == tool else tool})]
+
+
+def _toggle_own_pivots(context: PanelContext) -> list[Action]:
+    return [SetPanel({"own_pivots": not context.state.own_pivots})]
 
 
 def _toggle_report(context: PanelContext) -> list[Action]:
@@ -204,6 +211,10 @@ WINDOW_OPERATORS: dict[str, Callable[[PanelContext], list[Action]]] = {
     "paste": _always(Paste()),
     "paste_layers": _always(Paste(as_layers=True)),
     **{f"gizmo_{tool}": partial(_choose_gizmo, tool) for tool in gizmo.TOOLS},
+    "grab": partial(grab.begin, "move"),
+    "turn": partial(grab.begin, "rotate"),
+    "resize": partial(grab.begin, "scale"),
+    "own_pivots": _toggle_own_pivots,
     "brdf": _always(ShowPanel("brdf")),
     "reset_layout": _always(ResetLayout()),
     "resolution": _set_resolution,

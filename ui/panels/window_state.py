@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from engine.curve.operators import Operator
 from engine.curve.tables import TabulatedCurve
 from engine.material.parameters import Parameter
+from engine.scene.arrangement import PlacedObject
 from engine.scene.transform import Transform
 
 FINE = 0.1
@@ -101,6 +102,30 @@ class LightGrip(Grip):
     light: str
     start: Transform
     caster: tuple[float, float, float] | None = None
+
+
+@dataclass(frozen=True)
+class ArrangeGrip(Grip):
+    """Objects that are being moved, rotated or scaled by a handle; start: as they stood before, from which they go to
+    wherever the hand is."""
+
+    start: tuple[PlacedObject, ...] = ()
+
+
+@dataclass(frozen=True)
+class GrabGrip(ArrangeGrip):
+    """The same without a handle: they follow the mouse, with no button held, until a click or a key. `offset` is where
+    the mouse was, `travel` how far it has moved; kind: "move", "rotate" or "scale". axis: that which they go along or
+    about, by its number, None: none yet; across: along the two others instead; own: the axes are the active object's
+    own. typed: the number so far. angle: by which the mouse has turned them, degrees, more than one turn as well."""
+
+    kind: str = "move"
+    travel: Travel = Travel((0.0, 0.0))
+    axis: int | None = None
+    across: bool = False
+    own: bool = False
+    typed: str = ""
+    angle: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -261,6 +286,8 @@ class PanelState:
     copies_values: bool = False
     zoom_steps: int = 0
     gizmo: str = ""
+    own_pivots: bool = False
+    snaps: bool = False
     shows_report: bool = False
     report_by_count: bool = False
     message: StatusMessage | None = None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from engine.scene.arrangement import PlacedObject, box_of, middle_of, moved, rotated, scaled
+from engine.scene.arrangement import PlacedObject, box_of, dropped, middle_of, moved, rotated, scaled, stood_on
 from engine.scene.transform import MOST_SCALE, Transform, rotation_matrix
 
 LEFT = PlacedObject("left", np.array([[-2.0, 0.0, -1.0], [0.0, 1.0, 1.0]]), Transform((0.0, 0.5, 0.0)))
@@ -67,3 +67,47 @@ def test_a_move_moves_all_and_no_farther_than_there_is_room() -> None:
         assert corners(after) == pytest.approx(corners(before) + (0.1, -2.0, 3.0))
     with pytest.raises(ValueError, match="translation"):
         moved(BOTH, (1e7, 0.0, 0.0))
+
+
+FLOOR = np.array([[-9.0, -0.1, -9.0], [9.0, 0.0, 9.0]])
+TABLE = np.array([[-1.0, 0.0, -1.0], [1.0, 0.7, 1.0]])
+ROOM = np.array([[-5.0, -1.0, -5.0], [5.0, 4.0, 5.0]])
+
+
+def ball(x: float, y: float) -> PlacedObject:
+    """A ball of radius 0.1 with its centre there."""
+    return PlacedObject(f"ball {x} {y}", np.array([[-0.1] * 3, [0.1] * 3]), Transform((x, y, 0.0)))
+
+
+def test_what_is_dropped_stands_on_what_is_below() -> None:
+    for x, y, height in (
+        (0.0, 2.0, 0.7), (0.0, 0.75, 0.7), (0.0, 0.3, 0.0), (3.0, 2.0, 0.0), (1.05, 2.0, 0.7), (20.0, 1.0, -1.0)
+    ):  # fmt: skip
+        (found,) = dropped([[ball(x, y)]], np.array([FLOOR, TABLE, ROOM]))
+        assert found.centre == pytest.approx([x, height + 0.1, 0.0]), (x, y)
+    (found,) = dropped([[ball(0.0, 2.0)]], ROOM[None])  # on its floor, not on its roof
+    assert found.centre[1] == pytest.approx(-0.9)
+    (found,) = dropped([[ball(0.0, 2.0)]], np.zeros((0, 2, 3)))
+    assert found.centre[1] == pytest.approx(0.1)
+
+
+def test_what_is_dropped_at_once_stands_on_each_other_and_a_group_stays_together() -> None:
+    found = dropped([[ball(0.0, 3.0)], [ball(0.05, 1.0)]], FLOOR[None])
+    assert sorted(each.centre[1] for each in found) == pytest.approx([0.1, 0.3])
+    found = dropped([[ball(0.0, 3.0), ball(0.05, 1.0)]], FLOOR[None])
+    assert sorted(each.centre[1] for each in found) == pytest.approx([0.1, 2.1])
+
+
+@pytest.mark.parametrize("aligns", [False, True])
+def test_what_stands_on_a_surface_touches_it_and_is_nowhere_behind_it(aligns: bool) -> None:
+    tilted = PlacedObject("tilted", LEFT.box, Transform((3.0, 1.0, 2.0), (20.0, 30.0, 40.0), (1.0, 2.0, 0.5)))
+    point, normal = np.array([0.4, 0.2, -0.3]), np.array([0.6, 0.8, 0.0])
+    for placed in ((LEFT,), (tilted,), (LEFT, RIGHT), (LEFT, RIGHT, tilted)):
+        found = stood_on(placed, point, normal, aligns)
+        heights = np.concatenate([(corners(each) - point) @ normal for each in found])
+        assert heights.min() == pytest.approx(0.0, abs=1e-12)
+        across = middle_of(found) - point
+        assert across - (across @ normal) * normal == pytest.approx(np.zeros(3), abs=1e-12)
+    turn = rotation_matrix((0.0, 0.0, -np.degrees(np.arctan2(0.6, 0.8)))) if aligns else np.eye(3)
+    before, after = (rotation_matrix(each.transform.rotation) for each in (tilted, found[-1]))
+    assert after == pytest.approx(turn @ before)
