@@ -9,13 +9,15 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from app.document.arranging import placed_objects, standing
 from app.document.commands.maps import Paint
+from app.document.commands.poses import PlaceObjects
 from app.document.document import layer_key, split_key
 from app.document.light_state import sun_key
 from app.editor.editor import Editor
 from app.messages.worker_messages import WorkerClient
 from app.modes.placement.placement_status import PlacementStatus
-from app.operators.arrange import PlacedByHand
+from app.operators.arrange import Aim, Move, PlacedByHand
 from app.operators.edits import Drag, PaintStroke
 from app.operators.registry import run_operator
 from app.operators.script import Step
@@ -253,6 +255,46 @@ def _place_light(window: HeadlessWindow, editor: Editor, step: PlacedByHand) -> 
         raise ScriptError(refusal)
 
 
+def _surface_at(window: HeadlessWindow, step: str, pixel: tuple[int, int]) -> SurfaceSpot:
+    source = window.shell.source
+    assert source is not None
+    window.frames(2)
+    if (spot := source.spot_at(*pixel)) is None:
+        raise ScriptError(f"{step}: pixel {pixel[0]}, {pixel[1]} sees no surface")
+    return spot
+
+
+def _move(window: HeadlessWindow, editor: Editor, step: Move) -> None:
+    """By numbers, or onto what a pixel of the picture sees."""
+    if step.onto is None:
+        _run_operator(window, editor, "move", step)
+        return
+    placed = step.placed(editor.document, editor.camera_history.resting_box)
+    names = [each.name for each in placed]
+    spot, source = _surface_at(window, "move", step.onto), window.shell.source
+    if not placed or source is None or source.object_at(*step.onto) in names:
+        raise ScriptError(f"move: pixel {step.onto[0]}, {step.onto[1]} sees what is moved, expected another surface")
+    refusal = editor.do(standing(placed, spot.place, spot.normal, step.align))
+    if refusal is not None:
+        raise ScriptError(refusal)
+
+
+def _aim(window: HeadlessWindow, editor: Editor, step: Aim) -> None:
+    source = window.shell.source
+    assert source is not None
+    point = step.at if step.onto is None else _surface_at(window, "aim", step.onto).place
+    assert point is not None
+    window.frames(2)
+    placed = placed_objects(editor.document, [step.light], editor.camera_history.resting_box)
+    facing = source.facing_of(step.light)
+    if not placed or facing is None:
+        raise ScriptError(f"aim: {step.light} shines to all sides or not at all, expected a flat light or a spot")
+    aimed = PlacedLight(placed[0].pivot, facing, placed[0].transform).aimed_at(point)
+    refusal = editor.do(PlaceObjects(((step.light, aimed),), f"aim {step.light}"))
+    if refusal is not None:
+        raise ScriptError(refusal)
+
+
 def _sun_of(editor: Editor, name: str) -> Sun | None:
     """The sun that a name means, also as "light.Noon"; None of an object."""
     if any(state.name == name for state in editor.document.objects):
@@ -298,7 +340,7 @@ def _assert_error(window: HeadlessWindow, editor: Editor, bound: float) -> None:
 # The steps that only a window can carry out, by their operator's name.
 WINDOW_STEPS: dict[str, Callable[[HeadlessWindow, Editor, Any], None]] = {
     "gizmo": _show_gizmo, "set": _set, "view": _choose_view, "drag": _drag, "paint": _paint, "show": _show,
-    "place_light": _place_light,
+    "place_light": _place_light, "move": _move, "aim": _aim,
     "save_as": _save_session, "save_scene": _save_scene, "export_scene": _export_scene, "picture": _save_picture,
     "wait": wait_for_picture, "capture": _capture, "assert_error_below": _assert_error,
 }  # fmt: skip

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from app.document.arranging import RestingBox, move_together, placed_objects
+from app.document.arranging import RestingBox, dropping, move_together, placed_objects
 from app.document.commands.groups import RenameGroup, SetGroup, free_group_name, members_of, ungrouping
 from app.document.commands.objects import AddObject, DeleteObject, DuplicateObjects, duplicates_of
 from app.document.commands.poses import MoveObject, PlaceObjects
@@ -20,9 +20,12 @@ from app.editor.editor import Editor
 from app.operators.edits import PictureIndex
 from app.operators.operator import OBJECT, SCENE, Gesture, Need, Operator, OperatorContext, ScriptKey, ValueRecord
 from app.system.paths import full_path
+from engine.scene.arrangement import PlacedObject
 from engine.scene.composition import ADDABLE, LIGHTS, SUN
 from engine.scene.description import Name, Number, Text, Vector
 from engine.scene.transform import Transform
+
+PicturePixel = tuple[PictureIndex, PictureIndex]
 
 
 class Grouping(ValueRecord):
@@ -49,12 +52,19 @@ class Move(ValueRecord):
         description="Of several: their common middle, or each about its own centre and along its own axes."
     )] = "middle"  # fmt: skip
 
+    onto: Annotated[PicturePixel | None, Field(
+        description="The pixel of a surface that they are moved to stand on, instead of `by` and the others."
+    )] = None  # fmt: skip
+    align: Annotated[bool, Field(description="With `onto`: turned so that they are upright on the surface.")] = False
+
     @model_validator(mode="after")
     def _moves(self) -> Move:
         if [self.object, self.objects, self.group].count(None) != 2:
             raise ValueError("object: exactly one of object, objects and group")
-        if not self.model_fields_set & {"by", "rotate", "scale"}:
-            raise ValueError("object, and at least one of by, rotate, scale")
+        if bool(self.model_fields_set & {"by", "rotate", "scale"}) == (self.onto is not None):
+            raise ValueError("object, and at least one of by, rotate, scale, or onto")
+        if self.align and self.onto is None:
+            raise ValueError("align: beside onto")
         return self
 
     def command(self, document: Document, resting_box: RestingBox) -> MoveObject | PlaceObjects:
@@ -62,12 +72,30 @@ class Move(ValueRecord):
         scale = self.scale if isinstance(self.scale, tuple) else (self.scale, self.scale, self.scale)
         if self.object is not None:
             return MoveObject(self.object, self.by, self.rotate, scale)
-        names = members_of(document, self.group) if self.group is not None else self.objects or ()
-        placed = placed_objects(document, dict.fromkeys(names), resting_box)
+        placed = self.placed(document, resting_box)
         return move_together(placed, self.by, self.rotate, scale, self.about == "own")
 
+    def placed(self, document: Document, resting_box: RestingBox) -> list[PlacedObject]:
+        """What is moved, as it stands. Raises InsituError."""
+        if self.group is not None:
+            names = members_of(document, self.group)
+        else:
+            names = self.objects or (self.object or "",)
+        return placed_objects(document, dict.fromkeys(names), resting_box)
 
-PicturePixel = tuple[PictureIndex, PictureIndex]
+
+class Aim(ValueRecord):
+    """A light, and what it is turned to shine at."""
+
+    light: Annotated[Text, Field(description="A flat light or a spot.")]
+    at: Annotated[Vector | None, Field(description="A point, metres; or `onto`.")] = None
+    onto: Annotated[PicturePixel | None, Field(description="A pixel of the picture, whose surface it is.")] = None
+
+    @model_validator(mode="after")
+    def _is_one(self) -> Aim:
+        if (self.at is None) == (self.onto is None):
+            raise ValueError("at: exactly one of at and onto")
+        return self
 
 
 class PlacedByHand(ValueRecord):
@@ -141,6 +169,12 @@ def _add_sun(editor: Editor, value: None) -> str | None:
     return editor.do(AddSun())
 
 
+def _drop(editor: Editor, names: str | tuple[str, ...] | None) -> str | None:
+    """Let objects stand on what is below them; without names those that are selected."""
+    chosen = editor.view.selected_objects if names is None else (names,) if isinstance(names, str) else names
+    return editor.do(dropping(editor.document, chosen, editor.camera_history.resting_box))
+
+
 def _put_back(editor: Editor, value: None) -> str | None:
     names = editor.view.selected_objects
     return editor.do(PlaceObjects(tuple((name, Transform()) for name in names), f"put back {named_together(names)}"))
@@ -179,12 +213,18 @@ def _is_grouped(context: OperatorContext) -> bool:
     return any(context.document.object(name).in_group for name in context.view.selected_objects)
 
 
+def _has_light(context: OperatorContext) -> bool:
+    selected = context.view.selected
+    return selected is not None and context.document.object(selected.object).emits
+
+
 def _has_others(context: OperatorContext) -> bool:
     names = context.view.selected_objects
     return context.view.sun is not None or bool(names) and context.document.can_delete(names)
 
 
 OTHERS = Need("select an object, of several", _has_others)
+LIGHT = Need("select a light", _has_light)
 GROUPED = Need("select objects of a group", _is_grouped)
 OBJECT_OR_SUN = Need(
     "select an object or a sun", lambda context: context.view.selected is not None or context.view.sun is not None
@@ -221,6 +261,9 @@ ARRANGE: tuple[Operator | Gesture, ...] = (
     Operator(
         "move", _move, script=ScriptKey(Move, "Moves, rotates and scales objects from where they are: see below."),
     ),
+    Operator("drop", _drop, script=ScriptKey(
+        Text | Annotated[tuple[Text, ...], Field(min_length=1)], "Lets objects stand on what is below them."
+    )),
     Operator("place_light", script=ScriptKey(
         PlacedByHand, "Places a light by its highlight or by a shadow: see below."
     )),
@@ -237,10 +280,28 @@ ARRANGE: tuple[Operator | Gesture, ...] = (
         entry="Handles to move", needs=OBJECT_OR_SUN,
     ),
     Operator("gizmo", script=ScriptKey(
-        Literal["move", "rotate", "scale", "none"], "Shows handles of the selected objects, which `drag` takes by name."
+        Literal["move", "rotate", "scale", "aim", "none"],
+        "Shows handles of the selected objects, which `drag` takes by name."
     )),
     Operator("gizmo_rotate", keys=("Shift R",), entry="Handles to rotate", needs=OBJECT_OR_SUN),
     Operator("gizmo_scale", keys=("Shift S", "Z"), entry="Handles to scale", needs=OBJECT),
+    Operator("gizmo_aim", entry="Handle to aim", help="A handle at what a light shines at.", needs=LIGHT),
+    Operator(
+        "aim", keys=("Shift T",), help="Aim the light at what is under the mouse", entry="Aim", needs=LIGHT, waits=True,
+        script=ScriptKey(Aim, "Turns a light to shine at a point: see below."),
+    ),
+    Operator(
+        "drop_selected", _drop, ("End",), "Stand on what is below", entry="Stand on the ground", needs=OBJECT,
+        waits=True,
+    ),
+    Operator(
+        "snaps", keys=("Shift M",), help="Moves go over surfaces under the mouse", entry="Snap to surfaces",
+        needs=SCENE,
+    ),
+    Operator(
+        "aligns", entry="Upright on surfaces", needs=SCENE,
+        help="Objects that snap to a surface are turned with it.",
+    ),
     Operator("keymap", entry="Keys"),
     Operator(
         "own_pivots", entry="Each about its own centre", needs=OBJECT,

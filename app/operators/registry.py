@@ -60,8 +60,8 @@ MENUS = (
         "paste_layers", None,
         Menu("Select", ("select_all", "select_none", "select_others")),
         Menu("Arrange", (
-            "grab", "turn", "resize", None, "gizmo_move", "gizmo_rotate", "gizmo_scale", None, "put_back",
-            "own_pivots", "keymap",
+            "grab", "turn", "resize", None, "gizmo_move", "gizmo_rotate", "gizmo_scale", None, "aim",
+            "gizmo_aim", None, "drop_selected", "snaps", "aligns", None, "put_back", "own_pivots", "keymap",
         )),
         "duplicate", "delete_object", "group_selected", "ungroup_selected", None, "table", "mute", "delete",
         "reset_curve", "unlink",

@@ -48,6 +48,16 @@ class PlacedLight:
         direction = shadow_direction(caster, receiver)
         return self.transform if direction is None else self._towards(np.asarray(caster, np.float64), direction)
 
+    def aimed_at(self, point: ArrayLike) -> Transform:
+        """The transform with which it shines towards a point from where it is: turned no further than that takes; the
+        present one where it shines to all sides, or the point is where it is."""
+        direction = _unit(np.asarray(point, np.float64) - self.centre)
+        if self.facing is None or direction is None:
+            return self.transform
+        turned = rotation_matrix(self.transform.rotation)
+        turned = rotation_between(turned @ self.facing, direction) @ turned
+        return replace(self.transform, rotation=rotation_degrees(turned))
+
     def _towards(self, point: Float64Array, direction: Float64Array) -> Transform:
         """As far from a point as now, in a unit direction from it, shining towards it."""
         distance = max(float(np.linalg.norm(self.centre - point)), _NEAREST)

@@ -11,11 +11,13 @@ from imgui_bundle import imgui
 from app.editor.editor import Editor
 from app.operators.keymap import KEYMAPS
 from app.operators.registry import OPERATORS
-from engine.scene.transform import Transform
+from engine.scene.transform import Transform, rotation_matrix
 from ui.headless import HeadlessWindow
 from ui.panels.actions import SetPanel, SetPreference
 from ui.panels.grab import typed_value, with_character
 from ui.panels.window_operators import chord_of
+from ui.picture_feed import PictureFeed
+from ui.scene_view import SurfaceSpot
 
 pytestmark = pytest.mark.gl
 Key = imgui.Key
@@ -193,6 +195,48 @@ def test_shift_makes_it_fine(window: HeadlessWindow, grabbing: Editor) -> None:
     window.key(Key.enter)
     window.hold(Key.mod_shift, False)
     assert abs(transform(grabbing).translation[0]) == pytest.approx(0.1 * coarse, rel=0.15)
+
+
+def test_with_snap_a_move_goes_over_the_surface_under_the_mouse(window: HeadlessWindow, grabbing: Editor) -> None:
+    """All surfaces of the stand-in are 4 m away from the camera, and face along Z."""
+    window.key(Key.m, Key.mod_shift)
+    assert window.shell.state.snaps
+    corner, at, source = window.shell.handle_position("viewport.corner"), middle(window), window.shell.source
+    assert source is not None and (spot := source.spot_at(int(48 * 2.5 / 4.0), 16)) is not None
+    window.key(Key.g)
+    moved_by(window, 2.0 * (at[0] - corner[0]) * (2.5 / 4.0 - 0.5), 5.0)  # the third stripe
+    x, y, z = transform(grabbing).translation
+    assert z == pytest.approx(spot.place[2] + 0.3)  # its side touches the wall
+    assert (x, 0.5 + y) == pytest.approx(spot.place[:2], abs=2.0 * spot.metres)
+    window.key(Key.enter)
+    assert labels(grabbing) == ["move teapot"]
+
+
+def test_a_lamp_is_aimed_at_what_is_under_the_mouse(
+    window: HeadlessWindow, grabbing: Editor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    grabbing.select("lamp")
+    window.frames(2)
+    source, corner, at = window.shell.source, window.shell.handle_position("viewport.corner"), middle(window)
+    assert source is not None and (spot := source.spot_at(int(48 * 0.5 / 4.0), 16)) is not None
+    window.key(Key.t, Key.mod_shift)
+    moved_by(window, 2.0 * (at[0] - corner[0]) * (0.5 / 4.0 - 0.5), 5.0)
+    window.key(Key.enter)
+    found = transform(grabbing, "lamp")
+    towards = spot.place - (0.0, 2.0, 0.0)
+    facing = rotation_matrix(found.rotation) @ (0.0, 0.0, 1.0)
+    assert facing == pytest.approx(towards / np.linalg.norm(towards), abs=0.02) and labels(grabbing) == ["aim lamp"]
+    window.shell.do(SetPanel({"gizmo": "aim"}))
+    window.frames(2)
+    elsewhere = SurfaceSpot(np.array([1.0, 0.5, 0.5]), np.array([0.0, 0.0, 1.0]), 0.1)
+    monkeypatch.setattr(PictureFeed, "spot_at", lambda feed, *at: elsewhere)
+    window.drag_handle("gizmo.aim", (20.0, -10.0))
+    towards = elsewhere.place - (0.0, 2.0, 0.0)
+    facing = rotation_matrix(transform(grabbing, "lamp").rotation) @ (0.0, 0.0, 1.0)
+    assert facing == pytest.approx(towards / np.linalg.norm(towards)) and len(grabbing.history.undo_steps) == 2
+    grabbing.select("teapot")
+    window.key(Key.t, Key.mod_shift)
+    assert window.shell.state.message is not None and window.shell.state.grip is None
 
 
 def test_no_control_and_no_other_key_gets_what_is_pressed(window: HeadlessWindow, grabbing: Editor) -> None:

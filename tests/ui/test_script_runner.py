@@ -14,6 +14,7 @@ from app.operators.script import Step, load_script
 from engine.core.errors import InsituError
 from engine.curve.operators import Operator
 from engine.render.picture_error import ErrorEstimate
+from engine.scene.transform import rotation_matrix
 from tests.app.limits import largest_file
 from tests.ui.stand_in import StandInClient
 from ui.headless import HeadlessWindow
@@ -259,6 +260,37 @@ def test_a_script_drags_the_gizmo(window: HeadlessWindow, tmp_path: Path) -> Non
     steps = ('select = "teapot"', 'gizmo = "move"', 'drag = { item = "gizmo.y", by = [0, -30] }', 'gizmo = "none"')
     run(window, tmp_path, "".join(f"[[step]]\n{step}\n" for step in steps))
     assert editor.document.object("teapot").transform.translation[1] > 0.0 and window.shell.state.gizmo == ""
+
+
+def test_a_script_stands_an_object_on_a_surface_and_aims_a_lamp(
+    window: HeadlessWindow, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    editor = window.shell.editor
+    boxes = np.tile([[-0.3, 0.0, -0.3], [0.3, 1.0, 0.3]], (len(editor.document.objects), 1, 1))
+    editor.camera_history.scene_opened(editor.scenes.opened.description, boxes)
+    place, normal = np.array([2.0, 0.3, 1.0]), np.array([0.0, 0.0, 1.0])
+    monkeypatch.setattr(PictureFeed, "spot_at", lambda feed, *at: SurfaceSpot(place, normal, 0.1))
+    run(window, tmp_path, '[[step]]\nmove = { object = "teapot", onto = [40, 4] }')
+    found = editor.document.object("teapot").transform
+    # The centre was at (0, 0.5, 0); it is half the box's depth before the wall.
+    assert found.translation == pytest.approx((2.0, -0.2, 1.3)) and not any(found.rotation)
+    run(window, tmp_path, '[[step]]\nmove = { object = "teapot", onto = [40, 4], align = true }')
+    found = editor.document.object("teapot").transform
+    # What was up points along Z, half a metre before the wall.
+    assert found.rotation == pytest.approx((90.0, 0.0, 0.0)) and found.translation[2] == pytest.approx(1.5)
+    for how in ("at = [0.0, 0.5, -3.0]", "onto = [4, 4]"):
+        run(window, tmp_path, f'[[step]]\naim = {{ light = "lamp", {how} }}')
+        towards = np.array([0.0, 0.0, -1.0]) if how.startswith("at") else place - (0.0, 0.5, 0.0)
+        facing = rotation_matrix(editor.document.object("lamp").transform.rotation) @ (0.0, 0.0, 1.0)
+        assert facing == pytest.approx(towards / np.linalg.norm(towards))
+    for step, says in (
+        ('aim = { light = "teapot", at = [0, 0, 0] }', "teapot shines to all sides or not at all"),
+        ('aim = { light = "lamp" }', "exactly one of at and onto"),
+        ('move = { object = "teapot", onto = [4, 4] }', "sees what is moved"),
+        ('drop = "cup"', "no object 'cup'"),
+    ):
+        with pytest.raises(InsituError, match=says):
+            run(window, tmp_path, f"[[step]]\n{step}")
 
 
 def test_a_script_places_a_light(window: HeadlessWindow, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

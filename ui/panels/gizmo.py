@@ -36,11 +36,12 @@ from ui.panels.arranging import (
 from ui.panels.context import PanelContext
 from ui.panels.picture_handles import PictureHandle, Place, value_at
 from ui.panels.picture_overlays import CORNERS, EDGES
+from ui.panels.surface_snap import aim_under, stand_under, target_of
 from ui.panels.viewport_layout import PictureRect
 
 Float64Array = NDArray[np.float64]
 
-TOOLS = ("move", "rotate", "scale")
+TOOLS = ("move", "rotate", "scale", "aim")
 HOW = "drag it; Ctrl snaps."
 MOST_OUTLINES = 64
 WHITE = look.grey(240)
@@ -56,7 +57,8 @@ def handles(context: PanelContext, placed: PictureRect) -> list[PictureHandle]:
     if found is None or found.arm_at(found.middle) == 0.0:
         return []
     draw_outlines(found)
-    return list({"move": _moving, "rotate": _rotating, "scale": _scaling}[context.state.gizmo](found))
+    tools = {"move": _moving, "rotate": _rotating, "scale": _scaling, "aim": _aiming}
+    return list(tools[context.state.gizmo](found))
 
 
 def draw_outlines(arranged: Arranged) -> None:
@@ -116,11 +118,25 @@ def _move_along(arranged: Arranged, k: int, to: Place) -> list[Action]:
 
 def _move_over_ground(arranged: Arranged, to: Place) -> list[Action]:
     """Move the middle in its level plane to a place on screen."""
+    if arranged.context.state.snaps:
+        return stand_under(arranged, to)
     met = arranged.on_plane(to, arranged.first_middle, np.array([0.0, 1.0, 0.0]))
     if met is None:
         return []
     by = (met - arranged.first_middle) * (1.0, 0.0, 1.0)
     return arranged.moved(arranged.snapped_move(by, np.array([True, False, True])))
+
+
+# --------------------------------------------------------------------------------------------------------------- aiming
+
+
+def _aiming(arranged: Arranged) -> Iterator[PictureHandle]:
+    """A handle at the point that the active light shines at, with a line from the light."""
+    target = target_of(arranged)
+    line = None if target is None else arranged.on_screen(arranged.active.centre, target)
+    if line is not None:
+        hint = f"What {arranged.active.name} shines at: drag it over the picture."
+        yield _handle(arranged, "aim", line[1], line, hint, partial(aim_under, arranged))
 
 
 # ------------------------------------------------------------------------------------------------------------- rotating

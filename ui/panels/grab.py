@@ -3,7 +3,8 @@ no button held, until a click or Enter; Esc or a right click takes it back.
 
 Meanwhile X, Y and Z constrain it to an axis of the world, a second time to the active object's own, a third time to
 none; with Shift to the two other axes. Digits type how far: metres along the axis, degrees about it, or a factor. Ctrl
-snaps to steps, Shift is fine. No other key, and no control under the mouse, gets what is pressed.
+snaps to steps, Shift is fine; with *Snap to surfaces* a move goes over what is under the mouse. No other key, and no
+control under the mouse, gets what is pressed.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from engine.scene.arrangement import middle_of
 from engine.scene.transform import LEAST_SCALE, MOST_METRES, MOST_SCALE
 from ui import theme as look
 from ui.panels import gizmo
-from ui.panels.actions import Action, BeginDrag, CancelDrag, EndDrag, HoldGrip
+from ui.panels.actions import Action, BeginDrag, CancelDrag, EndDrag, HoldGrip, SetPanel
 from ui.panels.arranging import (
     AXES,
     SNAP_DEGREES,
@@ -33,14 +34,15 @@ from ui.panels.arranging import (
 from ui.panels.context import PanelContext
 from ui.panels.picture_handles import Place, value_at
 from ui.panels.picture_overlays import plate
+from ui.panels.surface_snap import aim_under, stand_under
 from ui.panels.viewport_layout import PictureRect
-from ui.panels.window_state import GrabGrip, PanelState, Travel
+from ui.panels.window_state import GrabGrip, PanelState, StatusMessage, Travel
 
 Float64Array = NDArray[np.float64]
 Key = imgui.Key
 
-WORDS = {"move": "Move", "rotate": "Rotate", "scale": "Scale"}
-UNITS = {"move": " m", "rotate": "°", "scale": " times"}
+WORDS = {"move": "Move", "rotate": "Rotate", "scale": "Scale", "aim": "Aim"}
+UNITS = {"move": " m", "rotate": "°", "scale": " times", "aim": ""}
 MOST_TYPED = 12
 LEAST_REACH = 8.0  # pixels from the middle: nearer than this the mouse has no direction
 _OWNER = 0x1A5173
@@ -58,6 +60,9 @@ def begin(kind: str, context: PanelContext) -> list[Action]:
     start = objects_of(context)
     if not start or context.picture is None or context.state.grip is not None:
         return []
+    if kind == "aim" and context.facing_of(start[-1].name) is None:
+        reason = f"{start[-1].name} shines to all sides, or not at all; select a flat light or a spot"
+        return [SetPanel({"message": StatusMessage(reason, context.now)})]
     mouse = imgui.get_mouse_pos()
     label = f"{kind} {start[0].name if len(start) == 1 else f'{len(start)} objects'}"
     grip = GrabGrip("grab", (mouse.x, mouse.y), start, kind, Travel((mouse.x, mouse.y)))
@@ -84,12 +89,13 @@ def go_on(context: PanelContext, placed: PictureRect) -> list[Action]:
     if found is None or imgui.is_mouse_clicked(imgui.MouseButton_.right):
         return [CancelDrag()]
     mouse = imgui.get_mouse_pos()
-    grip = _with_keys(grip)
+    if grip.kind != "aim":
+        grip = _with_keys(grip)
     grip = replace(grip, travel=grip.travel.with_fine((mouse.x, mouse.y), bool(imgui.get_io().key_shift)))
     pointer = _pointer(grip, (mouse.x, mouse.y))
     if grip.kind == "rotate":
         grip = replace(grip, angle=_angle(found, grip, pointer))
-    actions = {"move": _move, "rotate": _rotate, "scale": _scale}[grip.kind](found, grip, pointer)
+    actions = {"move": _move, "rotate": _rotate, "scale": _scale, "aim": _aim}[grip.kind](found, grip, pointer)
     _draw(found, grip)
     imgui.set_mouse_cursor(imgui.MouseCursor_.resize_all)
     if imgui.is_mouse_clicked(imgui.MouseButton_.left) or any(imgui.is_key_pressed(key, False) for key in _CONFIRM):
@@ -152,6 +158,8 @@ def _move(arranged: Arranged, grip: GrabGrip, pointer: Place) -> list[Action]:
     axis = axes[:, 0 if grip.axis is None else grip.axis]
     if typed is not None:
         return arranged.moved(np.clip(typed, -MOST_METRES, MOST_METRES) * axis)
+    if grip.axis is None and arranged.context.state.snaps:
+        return stand_under(arranged, pointer)
     if grip.axis is None:
         by, which = _across_plane(arranged, grip, pointer, camera_frame(arranged.context.camera)[2]), np.full(3, True)
     elif grip.across:
@@ -159,6 +167,10 @@ def _move(arranged: Arranged, grip: GrabGrip, pointer: Place) -> list[Action]:
     else:
         by, which = _along(arranged, grip, pointer, axis) * axis, np.arange(3) == grip.axis
     return arranged.moved(by if grip.own else arranged.snapped_move(by, which))
+
+
+def _aim(arranged: Arranged, grip: GrabGrip, pointer: Place) -> list[Action]:
+    return aim_under(arranged, pointer)
 
 
 def _along(arranged: Arranged, grip: GrabGrip, pointer: Place, axis: Float64Array) -> float:
@@ -252,6 +264,8 @@ def _draw_axis(arranged: Arranged, middle: Float64Array, axis: Float64Array, ink
 def described(arranged: Arranged, grip: GrabGrip) -> str:
     """What is being done, by how much, and along which axes."""
     before, now = arranged.start[-1].transform, arranged.active.transform
+    if grip.kind == "aim":
+        return f"{WORDS['aim']} {arranged.active.name} at what is under the mouse"
     if grip.typed:
         said = f"{grip.typed}|{UNITS[grip.kind]}"
     elif grip.kind == "move":

@@ -42,19 +42,22 @@ def draw(context: PanelContext) -> list[Action]:
             f"transform.{parameter.name}", parameter.default, parts=rows.AXES,
         )  # fmt: skip
         actions += rows.draw(context, row)
-    tools = [
-        (each.capitalize(), f"Handles in the picture ({context.keys_of(f'gizmo_{each}')}); again: none.")
-        for each in gizmo.TOOLS
-    ]
+    offered = [each for each in gizmo.TOOLS if each != "aim" or context.facing_of(state.name) is not None]
+    tools = [(each.capitalize(), _hint(context, each)) for each in offered]
     room = widgets.segments_width(context, [text for text, _ in tools]) / context.theme.scale
     widgets.label(context, "Handles", least=room)
-    shown = gizmo.TOOLS.index(context.state.gizmo) if context.state.gizmo else -1
+    shown = offered.index(context.state.gizmo) if context.state.gizmo in offered else -1
     if (chosen := widgets.segments(context, "transform.tool", tools, shown)) is not None:
-        actions.append(SetPanel({"gizmo": "" if chosen == shown else gizmo.TOOLS[chosen]}))
+        actions.append(SetPanel({"gizmo": "" if chosen == shown else offered[chosen]}))
     hint = f"Where the scene's file has it; {keys_of('undo')} brings it back here."
     if state.transform != Transform() and widgets.text_button(context, "transform.reset", PUT_BACK, hint):
         actions.append(SetTransform(state.name))
     return actions
+
+
+def _hint(context: PanelContext, tool: str) -> str:
+    keys = context.keys_of(f"gizmo_{tool}")
+    return f"Handles in the picture{f' ({keys})' if keys else ''}; again: none."
 
 
 def _set(name: str, field: str, value: tuple[float, float, float]) -> SetTransform:

@@ -50,6 +50,10 @@ KEYS = {
 }  # fmt: skip
 
 
+# Operators that switch a field of the window's state of their name.
+SWITCHES = ("own_pivots", "snaps", "aligns")
+
+
 def chord_of(keys: str) -> int:
     """The chord for imgui of keys such as "Ctrl Shift S" or "Keypad 1"."""
     chord, words = 0, keys.split()
@@ -80,8 +84,8 @@ def is_on(context: PanelContext, name: str) -> bool:
         return context.state.shows_camera
     if name.startswith("gizmo_"):
         return name == f"gizmo_{context.state.gizmo}"
-    if name == "own_pivots":
-        return context.state.own_pivots
+    if name in SWITCHES:
+        return bool(getattr(context.state, name))
     if name == "values":
         return context.state.shows_values
     if name == "average":
@@ -125,8 +129,9 @@ def _choose_gizmo(tool: str, context: PanelContext) -> list[Action]:
     return [SetPanel({"gizmo": "" if context.state.gizmo == tool else tool})]
 
 
-def _toggle_own_pivots(context: PanelContext) -> list[Action]:
-    return [SetPanel({"own_pivots": not context.state.own_pivots})]
+def _toggle(name: str, context: PanelContext) -> list[Action]:
+    """Switch a field of the window's state on or off."""
+    return [SetPanel({name: not getattr(context.state, name)})]
 
 
 def _toggle_report(context: PanelContext) -> list[Action]:
@@ -214,7 +219,8 @@ WINDOW_OPERATORS: dict[str, Callable[[PanelContext], list[Action]]] = {
     "grab": partial(grab.begin, "move"),
     "turn": partial(grab.begin, "rotate"),
     "resize": partial(grab.begin, "scale"),
-    "own_pivots": _toggle_own_pivots,
+    "aim": partial(grab.begin, "aim"),
+    **{name: partial(_toggle, name) for name in SWITCHES},
     "brdf": _always(ShowPanel("brdf")),
     "reset_layout": _always(ResetLayout()),
     "resolution": _set_resolution,

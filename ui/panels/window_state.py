@@ -115,9 +115,10 @@ class ArrangeGrip(Grip):
 @dataclass(frozen=True)
 class GrabGrip(ArrangeGrip):
     """The same without a handle: they follow the mouse, with no button held, until a click or a key. `offset` is where
-    the mouse was, `travel` how far it has moved; kind: "move", "rotate" or "scale". axis: that which they go along or
-    about, by its number, None: none yet; across: along the two others instead; own: the axes are the active object's
-    own. typed: the number so far. angle: by which the mouse has turned them, degrees, more than one turn as well."""
+    the mouse was, `travel` how far it has moved; kind: "move", "rotate", "scale" or "aim". axis: that which they go
+    along or about, by its number, None: none yet; across: along the two others instead; own: the axes are the active
+    object's own. typed: the number so far. angle: by which the mouse has turned them, degrees, more than one turn as
+    well."""
 
     kind: str = "move"
     travel: Travel = Travel((0.0, 0.0))
@@ -263,12 +264,13 @@ class PanelState:
     light by the mouse wheel. `scroll` is the last move of the camera by it; `shows_camera`: the camera's controls are
     over the picture, where the bookmarked view `renames` is being renamed. `picks_lobe`: the next click on the picture
     chooses where it shows the lobe. `paints`: dragging over the selected object paints its layer's weight map, with
-    `brush`. `shows_values`: the values of the pixel under the mouse are shown, the mean of a square of
-    `values_side` pixels; `copies_values`: they are about to be copied; `zoom_steps`: by which the picture is about to
-    be magnified. `gizmo`: which of its tools is over the picture, "" for none. `shows_report`: the
-    sheet on what the file contains is open; `report_by_count`: it lists first what is missing most often.
-    `single_panel`: the picture has the place of all panels. `opens_menu`: the menu that a key opens in the coming
-    frame. `front` are panels that come in front of the others in their dock, in the coming frame.
+    `brush`. `shows_values`: the values of the pixel under the mouse are shown, the mean of a square of `values_side`
+    pixels; `copies_values`: they are about to be copied; `zoom_steps`: by which the picture is about to be magnified.
+    `gizmo`: which of its tools is over the picture, "" for none. `own_pivots`: several objects are rotated and scaled
+    each about its own centre; `snaps`: what follows the mouse stands on what is under it, and with `aligns` upright on
+    that. `shows_report`: the sheet on what the file contains is open; `report_by_count`: it lists first what is missing
+    most often. `single_panel`: the picture has the place of all panels. `opens_menu`: the menu that a key opens in the
+    coming frame. `front` are panels that come in front of the others in their dock, in the coming frame.
     """
 
     grip: Grip | None = None
@@ -288,6 +290,7 @@ class PanelState:
     gizmo: str = ""
     own_pivots: bool = False
     snaps: bool = False
+    aligns: bool = False
     shows_report: bool = False
     report_by_count: bool = False
     message: StatusMessage | None = None

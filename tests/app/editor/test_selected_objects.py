@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from app.document.commands import DeleteObject, RenameObject
+from app.document.commands import DeleteObject, RenameObject, SetGroup
 from app.document.selection import toggled
 from app.editor.editor import Editor
 from app.operators.arrange import Move
@@ -100,8 +100,26 @@ def test_a_move_of_several_goes_about_their_middle(several: Editor) -> None:
     assert several.document.poses == () and several.history.undo_label == "put back 2 objects"
 
 
+def test_what_is_dropped_stands_on_the_floor_and_a_group_stays_together(several: Editor) -> None:
+    several.select(("pot", "lamp"))
+    run_operator(several, "move", Move(objects=("pot", "lamp"), by=(0.0, 3.0, 0.0)))
+    assert run_operator(several, "drop_selected") is None
+    assert transform(several, "pot").translation == pytest.approx((0.0, 0.0, 0.0))
+    assert transform(several, "lamp").translation == pytest.approx((0.0, -4.0, 0.0))
+    assert several.history.undo_label == "drop 2 objects"
+    several.undo()
+    several.do(SetGroup(("pot", "lamp"), "Tea"))
+    run_operator(several, "drop", ("pot", "lamp"))
+    assert transform(several, "lamp").translation == pytest.approx((0.0, 0.0, 0.0))
+    assert "cup" in str(run_operator(several, "drop", "cup"))
+
+
 def test_what_a_move_names_is_checked(several: Editor) -> None:
-    for wrong in ({"by": (1, 0, 0)}, {"object": "pot", "objects": ("pot",), "by": (1, 0, 0)}, {"objects": ("pot",)}):
+    x = (1.0, 0.0, 0.0)
+    for wrong in (
+        {"by": x}, {"object": "pot", "objects": ("pot",), "by": x}, {"objects": ("pot",)},
+        {"object": "pot", "onto": (1, 2), "by": x}, {"object": "pot", "by": x, "align": True},
+    ):  # fmt: skip
         with pytest.raises(ValidationError):
             Move(**wrong)
     assert "cup" in str(run_operator(several, "move", Move(objects=("pot", "cup"), by=(1.0, 0.0, 0.0))))

@@ -36,7 +36,7 @@ RUN_BY_EDITOR = sorted(name for name, each in OPERATORS.items() if each.run is n
 VALUES: dict[str, Any] = {
     "set": {"pot.1.alpha": 0.37, "light.intensity": 2.0}, "select": "floor", "deform": Deform(object="pot", bend=20.0),
     "move": Move(object="pot", by=(0.1, 0.0, 0.0)), "add": Addition(shape="box"),
-    "group": Grouping(name="Set", objects=("floor", "pot")), "ungroup": "Tea",
+    "group": Grouping(name="Set", objects=("floor", "pot")), "ungroup": "Tea", "drop": "pot",
     "rotate": 75.0, "accuracy": 0.0, "override": {"lights": 600}, "view": "AgX", "rename_view": ("View 1", "Spout"),
     "mode": "orbit", "lobe": (2, 3), "resolution": (24, 16), "camera": MoveCamera(orbit=(30.0, 10.0), dolly=0.5),
     "measured": MeasuredFile(file="velvet.binary"), "material_file": MaterialFile(file="wood.mtlx", material="oak"),
@@ -58,7 +58,7 @@ def worked(client: FakeClient) -> Editor:
     editor.tick(0.0)
     editor.select("pot.1.theta_h")
     editor.do(SetOperators("pot.1", "theta_h", (LIFT,)))
-    editor.do(SetTransform("pot", (0.5, 0.0, 0.0)))
+    editor.do(SetTransform("pot", (0.5, 0.2, 0.0)))
     editor.do(SetGroup(("pot",), "Tea"))
     for command in (AddLook("Brass"), AddLook("Night"), SetLook("Brass"), SetRotation(50.0)):
         editor.do(command)

@@ -64,3 +64,19 @@ def test_opposite_directions_are_half_a_turn_apart() -> None:
         np.testing.assert_allclose(turned @ start, -start, atol=1e-12)
         np.testing.assert_allclose(turned @ turned.T, np.eye(3), atol=1e-12)
         assert np.linalg.det(turned) == pytest.approx(1.0)
+
+
+def test_a_light_is_aimed_from_where_it_is_and_turned_no_further_than_that_takes() -> None:
+    start = Transform((1.0, 2.0, 0.0), (10.0, 20.0, 30.0), (2.0, 1.0, 1.0))
+    light = PlacedLight(np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0]), start)
+    point = np.array([-2.0, 0.5, 4.0])
+    aimed = light.aimed_at(point)
+    assert (aimed.translation, aimed.scale) == (start.translation, start.scale)
+    before, after = rotation_matrix(start.rotation), rotation_matrix(aimed.rotation)
+    towards = (point - light.centre) / np.linalg.norm(point - light.centre)
+    assert light.facing is not None and after @ light.facing == pytest.approx(towards)
+    # The angle of the rotation between is that between the two directions.
+    turned = np.arccos(np.clip((np.trace(after @ before.T) - 1.0) / 2.0, -1.0, 1.0))
+    assert turned == pytest.approx(np.arccos(before @ light.facing @ towards))
+    assert light.aimed_at(light.centre) is start
+    assert PlacedLight(light.pivot, None, start).aimed_at(point) is start

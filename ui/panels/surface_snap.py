@@ -1,0 +1,88 @@
+"""Surfaces under the mouse: what is moved stands on them, and lights are aimed at them.
+
+A pixel's surface is that of the picture that was traced last. Where this shows what is being moved, or nothing, a level
+plane goes on from what it stands on.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.scene.arrangement import box_of, middle_of, stood_on
+from engine.scene.light_placement import PlacedLight
+from ui.panels.actions import Action
+from ui.panels.arranging import Arranged, own_axes
+from ui.panels.picture_handles import Place
+from ui.panels.picture_overlays import has_moved
+from ui.scene_view import SurfaceSpot
+
+Float64Array = NDArray[np.float64]
+UP = np.array([0.0, 1.0, 0.0])
+_LEVEL = 0.02
+
+
+def surface_under(arranged: Arranged, place: Place) -> SurfaceSpot | None:
+    """The surface at a place on screen, of an object that is not being moved."""
+    context, picture = arranged.context, arranged.context.picture
+    pixel = None if picture is None or has_moved(context) else arranged.placed.pixel(*place, picture)
+    if pixel is None or context.object_at(*pixel) in [each.name for each in arranged.objects]:
+        return None
+    return context.spot_at(*pixel)
+
+
+def stand_under(arranged: Arranged, place: Place) -> list[Action]:
+    """Let the objects stand on what is under the mouse."""
+    spot = surface_under(arranged, place)
+    if spot is not None:
+        point, normal = spot.place, spot.normal
+    else:
+        foot = middle_of(arranged.objects) * (1.0, 0.0, 1.0) + box_of(arranged.objects)[0] * UP
+        met = arranged.on_plane(place, foot, UP)
+        if met is None:
+            return []
+        point, normal = met, UP
+    try:
+        return arranged.to(stood_on(arranged.start, point, normal, arranged.context.state.aligns), "move")
+    except ValueError:
+        return []
+
+
+def can_aim(arranged: Arranged) -> bool:
+    """Whether the active object is a light that shines in a direction."""
+    return arranged.context.facing_of(arranged.active.name) is not None
+
+
+def target_of(arranged: Arranged) -> Float64Array | None:
+    """The point (3,) that the active light is aimed at: where its axis meets the ground, or else as far away as the
+    scene's middle; None for a light that shines to all sides."""
+    facing = arranged.context.facing_of(arranged.active.name)
+    box = arranged.context.box_of(None)
+    if facing is None:
+        return None
+    axis, centre = own_axes(arranged.active) @ facing, arranged.active.centre
+    if box is None:
+        return np.asarray(centre + axis)
+    height = float(centre[1] - box[0][1])
+    if axis[1] < -_LEVEL and height > 0.0:
+        return np.asarray(centre - axis * (height / axis[1]))
+    return np.asarray(centre + axis * max(float(np.linalg.norm(box.mean(axis=0) - centre)), 1e-3))
+
+
+def aim_under(arranged: Arranged, place: Place) -> list[Action]:
+    """Aim the active light at what is under the mouse."""
+    spot, target, light = surface_under(arranged, place), target_of(arranged), arranged.start[-1]
+    if target is None:
+        return []
+    if spot is not None:
+        point = spot.place
+    elif (met := arranged.on_plane(place, target, UP)) is not None:
+        point = met
+    else:
+        eye = np.array(arranged.context.camera.position)
+        point = eye + arranged.ray_to(place) * float(np.linalg.norm(target - eye))
+    facing = arranged.context.facing_of(light.name)
+    aimed = PlacedLight(light.pivot, facing, light.transform).aimed_at(point)
+    return arranged.to((*arranged.start[:-1], replace(light, transform=aimed)), "aim")
