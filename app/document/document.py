@@ -116,6 +116,7 @@ class ObjectState:
     former_name: str = field(default="", compare=False)
     original: str = ""
     added: ObjectDescription | None = None
+    shadow_catcher: bool = False
     in_group: str = ""
 
     def in_variant(self, name: str) -> ObjectState:
@@ -295,6 +296,16 @@ class Document:
             if state.in_group:
                 found.setdefault(state.in_group, []).append(state.name)
         return {group: tuple(names) for group, names in found.items()}
+
+    @property
+    def shadow_catchers(self) -> tuple[str, ...]:
+        """The names of the objects of which rendered pictures show the shadows on them alone."""
+        return tuple(state.name for state in self.objects if state.shadow_catcher)
+
+    @property
+    def hides_environment(self) -> bool:
+        """Whether rendered pictures are drawn without the environment first, with alpha."""
+        return self.background.hides_environment or bool(self.shadow_catchers)
 
     @property
     def added_sources(self) -> tuple[ObjectDescription, ...]:

@@ -26,7 +26,7 @@ from engine.scene.description import SceneDescription
 from engine.scene.import_report import ImportReport
 
 # Fields of an object that are the file's until the user changes them.
-_SWITCHES = ("editable", "visible", "frozen", "emission")
+_SWITCHES = ("editable", "visible", "frozen", "shadow_catcher", "emission")
 _PAIRS = ("parameters", "edits")  # of a layer: (name, value) each
 Pairs = tuple[tuple[str, Any], ...]
 

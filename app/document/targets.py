@@ -35,7 +35,8 @@ class Target:
         return None if self.layer is None else layer_key(self.object, self.layer)
 
 
-SWITCHES = ("visible", "frozen", "editable")
+SHADOW_CATCHER = "shadow_catcher"
+SWITCHES = ("visible", "frozen", "editable", SHADOW_CATCHER)
 MATERIAL = "material"
 TIME = "time"
 # The paths of a transform's parts, and its fields.

@@ -140,6 +140,7 @@ class ObjectRecord(StrictModel):
     visible: Flag = True
     frozen: Flag = False
     editable: Flag = True
+    shadow_catcher: Flag = False
     emission: Radiance | None = None
     layers: tuple[LayerRecord, ...] = Field(default=(), alias="layer", max_length=MAX_LAYERS)
     bumps: SavedBumps | None = None

@@ -321,6 +321,7 @@ def _look_lines(look: Look, document: Document, folder: Path | None) -> Iterator
 
 def _object_lines(state: ObjectState, folder: Path | None, table: str = "object") -> Iterator[str]:
     switches = {"visible": state.visible, "frozen": state.frozen, "editable": state.editable}
+    switches |= {"shadow_catcher": True} if state.shadow_catcher else {}
     yield f"[[{table}]]"
     names = {"name": state.name, "original": state.original or None, "in_group": state.in_group or None}
     yield from toml_lines({**names, **switches, "emission": state.emission})
@@ -419,6 +420,7 @@ def _object(file: str, folder: Path | None, record: ObjectRecord) -> ObjectState
         new_bumps=record.bumps,
         new_opacity=record.opacity,
         new_surface=record.deform,
+        shadow_catcher=record.shadow_catcher,
         original=record.original or "",
         added=None if record.added is None else record.added.description(folder),
         in_group=record.in_group or "",

@@ -243,12 +243,12 @@ class GroupNode(Node):
 
 
 class ObjectNode(Node):
-    """An object: `visible`, `frozen`, `editable`, `in_group` (the name of a group of objects, "" for none), `emission`
-    (of a lamp, three numbers) and its row in the mix of lights (`on`, `solo`, `strength`, `colour`, `kelvin`, `group`,
-    `excludes`), `position` (metres), `rotation` (degrees) and `scale` relative to its place in the file, `time` of its
-    animation, amounts of deformers (`bend`, `twist` …), parts of bumps and opacity; `material`, which can be set alone,
-    to the name of a material of the library, a material's file or a measured BRDF's. Its layers are found by name or
-    number.
+    """An object: `visible`, `frozen`, `editable`, `shadow_catcher` (rendered pictures show only shadows on it),
+    `in_group` (the name of a group of objects, "" for none), `emission` (of a lamp, three numbers) and its row in the
+    mix of lights (`on`, `solo`, `strength`, `colour`, `kelvin`, `group`, `excludes`), `position` (metres), `rotation`
+    (degrees) and `scale` relative to its place in the file, `time` of its animation, amounts of deformers (`bend`,
+    `twist` …), parts of bumps and opacity; `material`, which can be set alone, to the name of a material of the
+    library, a material's file or a measured BRDF's. Its layers are found by name or number.
 
     >>> import insitu
     >>> scene = insitu.open("teatray")

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from app.document.light_mix import mixed_light
 from app.document.scene_state import moved_objects
 from app.project.project import Project
+from app.stills.shadow_catcher import catcher_light, without_others
 from app.stills.stills import (
     chosen_bounces,
     deform_only_objects,
@@ -34,6 +35,8 @@ from app.stills.stills import (
     prepared_deform,
     prepared_orbit,
     render_project,
+    with_caught_shadows,
+    with_intensity,
 )
 from engine.core.errors import InsituError
 from engine.core.generators import run_to_end
@@ -120,9 +123,11 @@ class _KeptIndirect:
 
 
 class PlacementPictures:
-    """Pictures of one scene; see the module."""
+    """Pictures of one scene; see the module. catchers (H, W, 3): what shadow catchers add to the last one, None where
+    there are none."""
 
     def __init__(self) -> None:
+        self.catchers: NDArray[np.float64] | None = None
         self._view: _View | None = None
         self._light: _Light | None = None
         self._layers: dict[str, _KeptLayer] = {}
@@ -132,8 +137,8 @@ class PlacementPictures:
         self._bounces: tuple[Key, int] | None = None
 
     def picture(self, project: Project, n_bounces: int | None = None, draft: bool = False) -> Picture:
-        """Linear radiance (H, W, 3 or 4). n_bounces: None for as many as the scene says or requires; draft: transport
-        stays where only a quotient's parameters have changed."""
+        """Linear radiance (H, W, 3 or 4) before the intensity of the light. n_bounces: None for as many as the scene
+        says or requires; draft: transport stays where only a quotient's parameters have changed."""
         radiance, _, _ = self._radiance(project, n_bounces, draft)
         view, light = self._made()
         assert light.background is not None
@@ -141,7 +146,8 @@ class PlacementPictures:
         lit = np.ascontiguousarray(picture[..., :3])
         add_points(hits.pixel, hits.share, radiance, lit.reshape(-1, 3))
         picture[..., :3] = lit
-        return finished_picture(project.document, picture)
+        self.catchers = catcher_light(project, hits, radiance)
+        return picture
 
     def error(self, project: Project, n_bounces: int | None = None) -> ErrorEstimate:
         """The error of that picture, estimated by tracing some of its points."""
@@ -209,7 +215,7 @@ class PlacementPictures:
 
     def _lit(self, project: Project, view: _View, layers: Sequence[StillLayer], plan: Plan) -> _Light:
         settings = plan.light_settings.of_direct_light
-        hides_sky = project.document.background.hides_environment
+        hides_sky = project.document.hides_environment
         key = (view.key, replace(mixed_light(project.document), intensity=1.0), settings)
         if self._light is None or self._light.key != key:
             placement, sky = view.placement, project.sky
@@ -329,6 +335,7 @@ class Pictures:
 
     def __init__(self) -> None:
         self._placement = PlacementPictures()
+        self._catchers: Pictures | None = None  # of shadow catchers alone
         self._orbit: tuple[object, Orbit] | None = None
         self._deform: tuple[object, Deform] | None = None
 
@@ -340,14 +347,23 @@ class Pictures:
             raise InsituError(f"mode = {mode!r}, expected one of {', '.join(get_args(Mode))}")
         if n_bounces is not None and not 1 <= n_bounces <= MOST_BOUNCES:
             raise InsituError(f"bounces = {n_bounces}, expected 1 to {MOST_BOUNCES}")
-        if mode == "placement":
-            return self._placement.picture(project, n_bounces, draft)
         if mode == "paths":
             series = None if n_bounces is None else BounceSeries(n_bounces)
             still = render_project(project, lambda step: None, reference=True, series=series, n_samples=n_samples)
             return still.picture
-        picture = self._in_orbit(project, n_bounces) if mode == "orbit" else self._in_deform(project, n_bounces)
+        picture, alone = self._drawn(project, mode, n_bounces, draft), without_others(project)
+        if alone is not None:
+            self._catchers = self._catchers or Pictures()
+            rest = self._catchers._drawn(alone, mode, n_bounces, draft)
+            light = self._placement.catchers if mode == "placement" else None
+            picture = with_caught_shadows(project, alone, picture, rest, light)
         return finished_picture(project.document, picture)
+
+    def _drawn(self, project: Project, mode: Mode, n_bounces: int | None, draft: bool = False) -> Picture:
+        """A picture before the intensity of the light, its background and shadow catchers."""
+        if mode == "placement":
+            return self._placement.picture(project, n_bounces, draft)
+        return self._in_orbit(project, n_bounces) if mode == "orbit" else self._in_deform(project, n_bounces)
 
     def error(self, project: Project, mode: Mode, n_bounces: int | None) -> ErrorEstimate:
         """The error of such a picture, estimated by path tracing. Raises InsituError where that is impossible."""
@@ -360,7 +376,8 @@ class Pictures:
             raise InsituError(f"no error estimate: path tracing does not support the surface of {', '.join(alone)}")
         if not project.document.light.intensity:
             raise InsituError("light.intensity = 0, expected more: a black picture has no relative error")
-        estimate = estimate_picture_error(project, self.picture(project, mode, n_bounces, 1), n_bounces)
+        drawn = with_intensity(project.document, self._drawn(project, mode, n_bounces)[..., :3])
+        estimate = estimate_picture_error(project, drawn, n_bounces)
         assert estimate is not None
         return estimate
 
@@ -377,7 +394,7 @@ class Pictures:
         orbit.set_layers(layers_by_object(project))
         orbit.set_bounces(n_bounces or project.chosen_bounces or 0)
         finish_work(orbit)
-        camera, transparent = scene.description.camera, document.background.hides_environment
+        camera, transparent = scene.description.camera, document.hides_environment
         picture = orbit.draw(camera, scene.resolution, "still", transparent=transparent)
         if orbit.is_done:
             return picture
@@ -401,7 +418,7 @@ class Pictures:
         deform.set_moved(*moved_objects(document))
         deform.set_bounces(n_bounces or project.chosen_bounces or 0)
         finish_work(deform)
-        camera, transparent = scene.description.camera, document.background.hides_environment
+        camera, transparent = scene.description.camera, document.hides_environment
         return deform.draw(camera, scene.resolution, document.poses, "rest", transparent=transparent)
 
 

@@ -18,6 +18,7 @@ from app.document.commands.layers import (
     SetFrozen,
     SetMaterial,
     SetParameter,
+    SetShadowCatcher,
     SetUnder,
     SetVariant,
     SetVisible,
@@ -65,6 +66,7 @@ from app.document.targets import (
     LOOK,
     MATERIAL,
     PRESENCE_FIELDS,
+    SHADOW_CATCHER,
     TIME,
     UNDER,
     VARIANT,
@@ -462,6 +464,8 @@ def _set_switch(path: str, target: Target, value: Any) -> EditCommand:
         return SetFrame(owner, value)
     if not isinstance(value, bool):
         raise LoadError(path, "value", value, "true or false")
+    if target.name == SHADOW_CATCHER:
+        return SetShadowCatcher(owner, value)
     if target.name == "editable":
         return SetEditable(owner, value)
     if target.name == FRESNEL_TERM:

@@ -20,16 +20,19 @@ from app.document.scene_state import moved_objects
 from app.document.timeline import timeline
 from app.document.view_state import ViewState
 from app.project.project import Project
+from app.stills.shadow_catcher import without_others
 from app.stills.stills import (
     Mode,
+    Still,
     StillProgress,
     deform_only_objects,
+    draw_still,
     estimate_picture_error,
     finished_picture,
     prepared_deform,
     prepared_orbit,
-    render_project,
     still_settings,
+    with_caught_shadows,
 )
 from engine.core.errors import InsituError
 from engine.precompute.indirect.sampling_settings import BounceSeries
@@ -87,12 +90,21 @@ def draw_here(
 
 def drawer_of(project: Project, frames: Frames) -> Drawer:
     """The drawer of these frames. Raises InsituError where the scene has no animation."""
+    poses = poses_of(project, frames.count) if frames.animated else []
+    alone = without_others(project)
+    if alone is None:
+        return _FinishedFrames(project, _drawer(project, frames, poses))
+    names = set(alone.object_names)
+    own = [tuple(each for each in pose if each[0] in names) for pose in poses]
+    return _FinishedFrames(project, _drawer(project, frames, poses), alone, _drawer(alone, frames, own))
+
+
+def _drawer(project: Project, frames: Frames, poses: Sequence[Poses]) -> _RawDrawer:
     if not frames.animated:
         seen = [project.scene.from_camera(camera) for camera in cameras(own_camera(project.scene), frames.count)]
         return (
             _OrbitFrames(project, frames, seen) if frames.mode == "orbit" else _PlacementFrames(project, frames, seen)
         )
-    poses = poses_of(project, frames.count)
     if frames.mode == "deform":
         return _DeformFrames(project, frames, poses)
     return _PlacementFrames(project, frames, [_in_poses(project, each) for each in poses])
@@ -101,7 +113,7 @@ def drawer_of(project: Project, frames: Frames) -> Drawer:
 def estimate_frame_error(project: Project, frames: Frames, i: int, picture: Picture) -> str:
     """The error of frame i of an animation, as one line; "" where it cannot be estimated."""
     scene = _in_poses(project, poses_of(project, frames.count)[i])
-    if deform_only_objects(project):
+    if deform_only_objects(project) or project.document.shadow_catchers:
         return ""
     n_bounces = None if frames.series is None else frames.series.n_bounces
     estimate = estimate_picture_error(replace(project, scene=scene), picture, n_bounces)
@@ -132,6 +144,47 @@ def _in_poses(project: Project, poses: Poses) -> Scene:
     return bumped.from_camera(None, project.scene.resolution)
 
 
+class _RawDrawer(Protocol):
+    """Draws frames before the intensity of the light, their background and shadow catchers."""
+
+    ready_at: float
+
+    def prepare(self, report: Report) -> None:
+        """Do what is done once for all frames."""
+
+    def draw(self, i: int) -> Still:
+        """Frame i."""
+
+    def scene(self, i: int) -> Scene:
+        """The scene of frame i, as it is seen."""
+
+
+class _FinishedFrames:
+    """Finishes frames: with the shadows on catchers, where those alone are drawn as well."""
+
+    def __init__(
+        self, project: Project, whole: _RawDrawer, alone: Project | None = None, rest: _RawDrawer | None = None
+    ) -> None:
+        self._project, self._whole, self._alone, self._rest = project, whole, alone, rest
+        self.ready_at = whole.ready_at
+
+    def prepare(self, report: Report) -> None:
+        self._whole.prepare(report)
+        if self._rest is not None:
+            self._rest.prepare(lambda step: None)
+
+    def draw(self, i: int) -> Picture:
+        still = self._whole.draw(i)
+        picture = still.picture
+        if self._alone is not None and self._rest is not None:
+            project, alone = (
+                replace(each, scene=drawer.scene(i))
+                for each, drawer in ((self._project, self._whole), (self._alone, self._rest))
+            )
+            picture = with_caught_shadows(project, alone, picture, self._rest.draw(i).picture, still.catchers)
+        return finished_picture(self._project.document, picture)
+
+
 class _PlacementFrames:
     """Draws each frame as a still of its own; where only the camera moves, with the same rays."""
 
@@ -145,11 +198,12 @@ class _PlacementFrames:
     def prepare(self, report: Report) -> None:
         """Does nothing: frames share no work."""
 
-    def draw(self, i: int) -> Picture:
+    def scene(self, i: int) -> Scene:
+        return self._seen[i]
+
+    def draw(self, i: int) -> Still:
         own, frames = replace(self._project, scene=self._seen[i]), self._frames
-        return render_project(
-            own, lambda step: None, series=frames.series, caster=self._caster, **dict(frames.settings)
-        ).picture
+        return draw_still(own, lambda step: None, series=frames.series, caster=self._caster, **dict(frames.settings))
 
 
 class _OrbitFrames:
@@ -166,15 +220,18 @@ class _OrbitFrames:
         for step in self._orbit.work():
             report(step)
 
-    def draw(self, i: int) -> Picture:
+    def scene(self, i: int) -> Scene:
+        return self._seen[i]
+
+    def draw(self, i: int) -> Still:
         camera, resolution = self._seen[i].description.camera, self._seen[i].resolution
-        transparent = self._document.background.hides_environment
+        transparent = self._document.hides_environment
         picture = self._orbit.draw(camera, resolution, "still", transparent=transparent)
         if not self._orbit.is_done:
             for _ in self._orbit.work():
                 pass
             picture = self._orbit.draw(camera, resolution, "still", transparent=transparent)
-        return finished_picture(self._document, picture)
+        return Still(picture)
 
 
 class _DeformFrames:
@@ -189,14 +246,17 @@ class _DeformFrames:
         self._deform = prepared_deform(project, project.resting, [name for name, _ in poses[0]], frames.series)
         self._deform.set_moved(*moved_objects(project.document))
         self._scene, self._poses = project.scene, poses
-        self._document = project.document
+        self._document, self._project = project.document, project
 
     def prepare(self, report: Report) -> None:
         for step in self._deform.work():
             report(step)
 
-    def draw(self, i: int) -> Picture:
+    def scene(self, i: int) -> Scene:
+        return _in_poses(self._project, self._poses[i])
+
+    def draw(self, i: int) -> Still:
         camera, resolution = self._scene.description.camera, self._scene.resolution
-        transparent = self._document.background.hides_environment
+        transparent = self._document.hides_environment
         picture = self._deform.draw(camera, resolution, self._poses[i], "rest", transparent=transparent)
-        return finished_picture(self._document, picture)
+        return Still(picture)

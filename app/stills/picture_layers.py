@@ -7,6 +7,7 @@
 | emission | what is seen of lamps and the environment |
 | light_NAME | what one light, or one group of the mix, adds to the picture |
 | background | what a background of one colour adds, only where there is one |
+| shadow.A | the share of what is behind that shadows on catchers hide, only where there are some |
 | albedo | the share of light that surfaces reflect |
 | normal, position (X, Y, Z) and Z | at pixels' centres, in the scene's frame, and the depth along the camera's axis |
 | mask_NAME.A | the share of each pixel that an object covers |
@@ -14,8 +15,8 @@
 
 Light adds up [BenArtzi07, eq. 7.4]: each light is computed alone, with bounces of its own. So lights sum to the picture
 less its background of one colour, as direct light, indirect light and emission do, and each may be scaled or coloured
-afterwards. Rejected: light by light from the samples of one solution, whose glossy second bounces are those of all
-lights together.
+afterwards. Of shadow catchers layers have the light that they would show themselves. Rejected: light by light from the
+samples of one solution, whose glossy second bounces are those of all lights together.
 
 Names are `layer.channel`, which Nuke and Blender show as layers; Blender's depth is Z as well. In names of objects
 and lights, what is no letter, digit or "-" is "_": a dot would begin another layer. The second of equal names has _2.
@@ -39,7 +40,18 @@ from app.document.light_mix import emission_of, gains_of, lights_of, mixed_light
 from app.document.light_state import RGB, group_key
 from app.project.distant_light import sky_of
 from app.project.project import Project
-from app.stills.stills import Report, Still, StillParts, finished_picture, still_parts, still_settings, with_intensity
+from app.stills.shadow_catcher import catcher_light, catcher_view, caught_shadows, over_sky, without_others
+from app.stills.stills import (
+    Report,
+    Still,
+    StillParts,
+    draw_still,
+    finished_picture,
+    plan_still,
+    still_parts,
+    still_settings,
+    with_intensity,
+)
 from engine.core.generators import StillProgress, run_to_end
 from engine.precompute.direct.pipeline import Placement, SkyState
 from engine.precompute.indirect.sampling_settings import BounceSeries
@@ -89,17 +101,39 @@ def render_layers(project: Project, report: Report, *, series: BounceSeries | No
     black, background = _black(parts.placement.hits), project.document.background
     covered = 1.0 - parts.placement.hits.open_image
     picture = with_alpha(light_of(whole), covered) if background.hides_environment else light_of(whole)
+    alone, shadow = without_others(project), None
+    if alone is not None:
+        picture, shadow = _with_caught_shadows(project, alone, parts, light_of(whole), whole)
     layers = (
         PictureLayer("direct", "RGB", shown(replace(black, direct=whole.direct))),
         PictureLayer("indirect", "RGB", shown(replace(black, indirect=whole.indirect))),
         PictureLayer("emission", "RGB", shown(replace(black, emission=whole.emission))),
         *_named("light", "RGB", zip((name for name, _ in lights), map(shown, lit), strict=True)),
-        *_background_layer(background, covered),
+        *_background_layer(background, covered if shadow is None else picture[..., 3]),
+        *((PictureLayer("shadow", "A", shadow),) if shadow is not None else ()),
         *_data_layers(parts),
         *_named("mask", "A", zip(project.object_names, object_coverage(parts.placement.hits), strict=True)),
         PictureLayer("error", "Y", np.nan_to_num(run_to_end(error_map(parts.placement.hits, errors)))),
     )
     return Still(finished_picture(project.document, picture), errors.estimate, parts.warning, layers)
+
+
+def _with_caught_shadows(
+    project: Project, alone: Project, parts: StillParts, light: Float64Array, whole: _LitPart
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """A picture of this light (H, W, 3) with the shadows on catchers, as `with_caught_shadows` returns it, and the
+    share (H, W) of what is behind that they hide. alone: the project of `without_others`; whole: all light."""
+    hits, sky, background = parts.placement.hits, project.sky, project.document.background
+    if not background.hides_environment:  # what is seen of it is in the light
+        nothing = np.zeros((len(hits.pixel), 3))
+        light = light - (compose(parts.placement, nothing, sky) - compose(parts.placement, nothing, sky, True)[..., :3])
+    covered, view = 1.0 - hits.open_image, catcher_view(project, hits)
+    rest = draw_still(alone, lambda step: None, series=parts.series).picture
+    catchers = catcher_light(project, hits, whole.direct + whole.indirect)
+    view_alone = catcher_view(alone, Placement(alone.scene, None, plan_still(alone).n_edge_rays).hits)
+    picture = caught_shadows(with_alpha(light, covered), rest, view, view_alone, catchers)
+    shadow = np.clip(picture[..., 3] - (covered - view.share), 0.0, 1.0).astype(np.float32)
+    return picture if background.hides_environment else over_sky(picture, sky, hits.ray_directions), shadow
 
 
 def _background_layer(background: Background, covered: NDArray[np.floating]) -> tuple[PictureLayer, ...]:

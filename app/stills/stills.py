@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from app.document.document import Document, reflecting_layers
 from app.project.project import Project
+from app.stills.shadow_catcher import catcher_light, catcher_view, caught_shadows, over_sky, without_others
 from app.system.atomic import make_folder_of, require_place, save_file
 from app.system.memory import orbit_bytes, orbit_slice_bytes
 from app.worker.cache import ArrayCache
@@ -32,7 +33,7 @@ from engine.realtime.stills import render_deform, render_orbit
 from engine.realtime.triple_product.orbit_engine import Orbit
 from engine.realtime.zonal_harmonics.deform_engine import Deform
 from engine.realtime.zonal_harmonics.transfer import N_RAYS as DEFORM_RAYS
-from engine.reference.path_tracer import N_SAMPLES
+from engine.reference.path_tracer import N_SAMPLES, trace_paths
 from engine.render.bounce_plan import planned_bounces
 from engine.render.display import PictureLayer, exr_bytes, png_bytes
 from engine.render.error_estimate import estimate_drawn_errors, estimate_error
@@ -47,7 +48,6 @@ from engine.render.still import (
     noise_in,
     reflect_layers,
     reflected_light,
-    render_paths,
     render_reference,
     still_layers,
     still_quality,
@@ -60,11 +60,11 @@ from engine.settings import MODE_LINES, RenderSettings
 # Deform's transfer of a still has more rays than that of the editor.
 STILL_SETTINGS = RenderSettings(n_rays=DEFORM_RAYS)
 REFERENCE_PATCHES = 1024
+_WHOLE = 0.7  # of the progress: the picture with all objects, before that of shadow catchers alone
 ENDINGS = (".exr", ".png")
 
 Report = Callable[[StillProgress], None]
 Mode = Literal["placement", "orbit", "deform"]
-Steps = Generator[StillProgress, None, NDArray[np.float32]]
 
 
 def check_output(path: Path, endings: tuple[str, ...] = ENDINGS) -> Path:
@@ -82,12 +82,14 @@ def check_output(path: Path, endings: tuple[str, ...] = ENDINGS) -> Path:
 class Still:
     """Linear radiance (H, W, 3), with alpha (H, W, 4) over a transparent background, and its estimated error, None
     where that was not requested. warning: about light that is left out, else ""; layers: besides the picture itself,
-    where they were requested."""
+    where they were requested; catchers (H, W, 3): what shadow catchers add to a picture that is not
+    finished, None where that is not known."""
 
     picture: NDArray[np.float32]
     error: ErrorEstimate | None = None
     warning: str = ""
     layers: tuple[PictureLayer, ...] = ()
+    catchers: NDArray[np.float64] | None = None
 
 
 def render_picture(
@@ -109,15 +111,53 @@ def render_project(
     series: None for as many bounces as the scene says, or requires; the document may set the bands of the first bounce;
     by brute force bands do not matter. n_samples: paths per pixel, by brute force; without them direct light alone is
     integrated over all directions, without noise. estimates_error: whether its error is estimated; not by brute force,
-    which knows its noise. caster: the ray caster of the scene's triangles, where there is one already; settings: those
-    that differ from `STILL_SETTINGS`, the numbers of lights and patches at most (`engine.render.light_pilot`).
+    which knows its noise, and of shadow catchers as they are themselves. caster: the ray caster of the scene's
+    triangles, where there is one already; settings: those that differ from `STILL_SETTINGS`, the numbers of lights and
+    patches at most (`engine.render.light_pilot`).
     """
+    how: dict[str, Any] = dict(reference=reference, series=series, n_samples=n_samples, mode=mode, **settings)
+    alone = without_others(project)
+    if alone is None:
+        still = draw_still(project, report, estimates_error=estimates_error, caster=caster, **how)
+        return replace(still, picture=finished_picture(project.document, still.picture))
+    whole = _within(report, 0.0, _WHOLE)
+    still = draw_still(project, whole, estimates_error=estimates_error, caster=caster, **how)
+    rest = draw_still(alone, _within(report, _WHOLE, 1.0), **how).picture
+    picture = with_caught_shadows(project, alone, still.picture, rest, still.catchers)
+    return replace(still, picture=finished_picture(project.document, picture))
+
+
+def with_caught_shadows(
+    project: Project, alone: Project, whole: NDArray[np.float32], rest: NDArray[np.float32],
+    light: NDArray[np.float64] | None = None,
+) -> NDArray[np.float32]:  # fmt: skip
+    """A picture of a project with the shadows on its catchers, over the environment (H, W, 3), or (H, W, 4) where this
+    is hidden. alone: the project of `without_others`; whole, rest: pictures (H, W, 4) of both, without the intensity of
+    the light; light (H, W, 3): what catchers add to the first, None where that is not known."""
+    hits, hits_alone = (Placement(each.scene, None, plan_still(each).n_edge_rays).hits for each in (project, alone))
+    picture = caught_shadows(whole, rest, catcher_view(project, hits), catcher_view(alone, hits_alone), light)
+    hides = project.document.background.hides_environment
+    return picture if hides else over_sky(picture, project.sky, hits.ray_directions)
+
+
+def _within(report: Report, begin: float, end: float) -> Report:
+    """Reports the progress of a part of the work, from one fraction of the whole to another."""
+    return lambda step: report(replace(step, fraction=begin + (end - begin) * step.fraction))
+
+
+def draw_still(
+    project: Project, report: Report, *, reference: bool = False, series: BounceSeries | None = None,
+    n_samples: int | None = None,
+    mode: Mode = "placement", estimates_error: bool = False, caster: RayCaster | None = None, **settings: Any,
+) -> Still:  # fmt: skip
+    """A still before the intensity of the light, its background and catchers; arguments: see `render_project`."""
     chosen = still_settings(project, mode, settings)
     parts = still_parts(project, chosen, series, caster)
     placement, layers, series, warning = parts.placement, parts.layers, parts.series, parts.warning
     if reference:
         steps = _reference(placement, project, series.n_bounces, n_samples)
-        return Still(finished_picture(project.document, run_to_end(steps, report)), warning=warning)
+        picture, catchers = run_to_end(steps, report)
+        return Still(picture, warning=warning, catchers=catchers)
     if mode != "placement":
         how = report, placement, layers, series, chosen
         return _real_time_still(project, mode, *how, estimates_error, warning)
@@ -131,8 +171,8 @@ def render_project(
             placement, layers, sky, quality, series.n_bounces, radiance, indirect, noise=noise
         )  # fmt: skip
         error = run_to_end(estimating, report)
-    composed = compose(placement, radiance, sky, project.document.background.hides_environment)
-    return Still(finished_picture(project.document, composed), error, warning)
+    picture = compose(placement, radiance, sky, project.document.hides_environment)
+    return Still(picture, error, warning, catchers=catcher_light(project, placement.hits, radiance))
 
 
 def with_intensity(document: Document, light: NDArray[np.floating]) -> NDArray[np.float32]:
@@ -212,7 +252,7 @@ def _real_time_still(
     series: BounceSeries, settings: RenderSettings, estimates_error: bool, warning: str,
 ) -> Still:  # fmt: skip
     """A still as Orbit or Deform shows it at rest; layers: those of its estimate."""
-    transparent = project.document.background.hides_environment
+    transparent = project.document.hides_environment
     if mode == "orbit":
         drawing = render_orbit(
             placement, layers_by_object(project), project.sky, settings.n_patches, settings.n_points,
@@ -230,7 +270,7 @@ def _real_time_still(
         estimating = estimate_drawn_errors(placement, layers, project.sky, series.n_bounces, [picture[..., :3]])
         (estimated,) = run_to_end(estimating, report)
         error = estimated.estimate
-    return Still(finished_picture(project.document, picture), error, warning)
+    return Still(picture, error, warning)
 
 
 def estimate_picture_error(
@@ -291,14 +331,20 @@ def prepared_deform(
     return deform
 
 
-def _reference(placement: Placement, project: Project, n_bounces: int, n_samples: int | None) -> Steps:
+def _reference(
+    placement: Placement, project: Project, n_bounces: int, n_samples: int | None
+) -> Generator[StillProgress, None, tuple[NDArray[np.float32], NDArray[np.float64] | None]]:
+    """A picture by brute force, and what shadow catchers add to it, None where that is not known."""
     # With the parameters of each hit where they vary, not their nodes; only paths look them up.
     layers, sky = layers_by_object(project, dict(reflecting_layers(project.document))), project.sky
-    transparent = project.document.background.hides_environment
+    transparent = project.document.hides_environment
     vary = any(layer.parameter_maps for own in layers.values() for layer in own)
     if n_bounces == 1 and n_samples is None and not vary:
-        return render_reference(placement, layers, sky, REFERENCE_PATCHES, REFERENCE_LEVEL, transparent)
-    return render_paths(placement, layers, sky, n_bounces, n_samples or N_SAMPLES, transparent=transparent)
+        shown = yield from render_reference(placement, layers, sky, REFERENCE_PATCHES, REFERENCE_LEVEL, transparent)
+        return shown, None
+    estimate = yield from trace_paths(placement, layers, sky, n_bounces, n_samples or N_SAMPLES)
+    light = catcher_light(project, placement.hits, estimate.radiance)
+    return compose(placement, estimate.radiance, sky, transparent), light
 
 
 def still_settings(project: Project, mode: Mode, changes: Mapping[str, int] = MappingProxyType({})) -> RenderSettings:

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 import moderngl
 import numpy as np
 import pytest
-from imgui_bundle import imgui
 
 from app.document.commands.light import SetRotation
 from app.document.commands.suns import RenameSun, SetSun, angles_of, direction_of, turned
@@ -17,6 +16,7 @@ from engine.light.suns import Sun
 from tests.ui.conftest import opened
 from tests.ui.stand_in import SCENE, scene_opened
 from ui.headless import HeadlessWindow
+from ui.panels.actions import SetPanel
 from ui.picture_feed import PictureFeed
 
 pytestmark = pytest.mark.gl
@@ -97,6 +97,19 @@ def test_a_line_selects_its_sun_and_its_menu_duplicates_and_deletes_it(sunny: He
     assert [sun.name for sun in editor.document.light.suns] == ["Noon"]
 
 
+def test_the_menu_of_an_object_makes_it_a_shadow_catcher(sunny: HeadlessWindow) -> None:
+    editor = sunny.shell.editor
+    sunny.frames(4)
+    for catchers in (("tray",), ()):
+        sunny.click(*sunny.shell.handle_position("objects.tray"), button=1)
+        sunny.frames(3)
+        sunny.click(*sunny.shell.handle_position("objects.tray.shadow_catcher"))
+        sunny.frames(3)
+        assert editor.document.shadow_catchers == catchers
+    editor.undo()
+    assert editor.document.shadow_catchers == ("tray",)
+
+
 def test_a_sun_that_is_added_is_selected_and_follows_its_name(sunny: HeadlessWindow) -> None:
     editor = sunny.shell.editor
     assert run_operator(editor, "add_sun") is None and editor.view.sun == "sun"
@@ -113,7 +126,7 @@ def test_handles_aim_the_selected_sun_in_one_step_each(sunny: HeadlessWindow) ->
     editor.do(SetRotation(50.0))
     editor.do(SetSun("Noon", "direction", turned(direction_of(30.0, 25.0), -50.0)))
     editor.select("light.Noon")
-    sunny.key(imgui.Key.r)
+    sunny.shell.do(SetPanel({"gizmo": "rotate"}))
     sunny.frames(3)
 
     def angles() -> tuple[float, float]:

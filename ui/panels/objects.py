@@ -8,7 +8,15 @@ from functools import partial
 from imgui_bundle import ImVec2, imgui
 
 from app.document.commands.groups import SetGroup, switching
-from app.document.commands.layers import AddLayers, RemoveLayer, SetEditable, SetFrozen, SetVisible, new_layer
+from app.document.commands.layers import (
+    AddLayers,
+    RemoveLayer,
+    SetEditable,
+    SetFrozen,
+    SetShadowCatcher,
+    SetVisible,
+    new_layer,
+)
 from app.document.commands.objects import DeleteObject, RenameObject
 from app.document.document import Document, ObjectState, layer_key
 from app.document.selection import is_layer_visible, solo_layer, toggle_solo, toggled
@@ -24,6 +32,10 @@ from ui.panels.library import apply, dropped_material
 from ui.theme import Icon
 
 INDENT = 12.0
+CATCHER_HINT = (
+    "Rendered pictures show only the shadows that others throw on it: insitu render, and pictures that are saved with "
+    "layers. Here it stays as it is."
+)
 CURVES = "its curves and parameters"
 
 
@@ -204,6 +216,11 @@ def _object_menu(context: PanelContext, state: ObjectState) -> list[Action]:
     if state.in_group and imgui.menu_item_simple(f"Take out of {state.in_group}"):
         actions.append(SetGroup((state.name,)))
     context.handles.note_item(f"objects.{state.name}.take_out")
+    if not state.emits:
+        if imgui.menu_item_simple("Shadow catcher", None, state.shadow_catcher):
+            actions.append(SetShadowCatcher(state.name, not state.shadow_catcher))
+        context.handles.note_item(f"objects.{state.name}.shadow_catcher")
+        widgets.tooltip(CATCHER_HINT)
     if state.layers:
         imgui.separator()
         if imgui.menu_item_simple("Copy the material"):

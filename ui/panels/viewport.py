@@ -11,6 +11,7 @@ from app.document.view_state import LIGHTING_WORDS, SetView
 from app.messages.editor_status import Status
 from app.operators.registry import keys_of
 from app.system.lazy_import import import_named
+from engine.core.errors import list_names
 from engine.material.layer import object_of
 from ui import theme as look
 from ui.panels import (
@@ -344,6 +345,9 @@ def _draw_labels(context: PanelContext, corner: ImVec2) -> None:
         texts.append(f"{Icon.EMITTER}  {LIGHTING_WORDS[view.lighting]} ({keys_of('lighting')})")
     if channel := inspection.channel_label(context):
         texts.append(f"{channel} ({keys_of('channel_colour')})")
+    if context.document.shadow_catchers:
+        names = list_names(context.document.shadow_catchers)
+        texts.append(f"{Icon.HIDDEN}  {names}: only shadows, in rendered pictures")
     solo = solo_layer(context.document, view)
     if solo is not None:
         texts.append(f"{Icon.SOLO}  {object_of(solo)}: {context.document.layer(solo).name} alone")

@@ -28,6 +28,7 @@ from app.document.commands.layers import (
     SetMaterial,
     SetModel,
     SetParameter,
+    SetShadowCatcher,
     SetUnder,
     SetVariant,
     SetVisible,
@@ -80,4 +81,5 @@ EditCommand = (
     | RenameObject | SetBackground | SetBackgroundColour | AddObject | Several | PlaceObjects
     | LinkCurves | UnlinkCurve | AddLook | SetLook | RenameLook | DeleteLook | MoveLook
     | DuplicateObjects | SetGroup | RenameGroup | AddSun | DuplicateSun | DeleteSun | RenameSun
+    | SetShadowCatcher
 )  # fmt: skip

@@ -98,6 +98,24 @@ class SetVisible:
 
 
 @dataclass(frozen=True)
+class SetShadowCatcher:
+    """Make an object a shadow catcher, or an object like others again."""
+
+    object: str
+    is_catcher: bool
+
+    @property
+    def label(self) -> str:
+        return f"{self.object} {'a' if self.is_catcher else 'no'} shadow catcher"
+
+    def apply(self, document: Document) -> Document:
+        state = document.object(self.object)
+        if state.emits and self.is_catcher:
+            raise InsituError(f"{self.object} emits light: it catches no shadows")
+        return document.with_object(replace(state, shadow_catcher=self.is_catcher))
+
+
+@dataclass(frozen=True)
 class SetFrozen:
     """Freeze an object or a layer, so that it refuses edits, or unfreeze it."""
 

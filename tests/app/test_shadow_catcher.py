@@ -1,0 +1,170 @@
+"""Shadow catchers: known shares of light in closed form, paths beside Placement, alpha, and files."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import insitu
+from app.document.commands import DuplicateObject, SetShadowCatcher
+from app.project.project import open_project, set_path
+from app.stills.picture_layers import render_layers
+from app.stills.shadow_catcher import CatcherView, caught_shadows
+from app.stills.stills import picture_bytes, render_project
+from engine.core.errors import InsituError
+from engine.light.environment import LUMINANCE
+from tests.scene_text import camera, environment, facing_down, facing_up, material, placed
+
+GREY = material('model = "lambert", albedo = [0.5, 0.5, 0.5]')
+RED = material('model = "lambert", albedo = [0.9, 0.1, 0.05]')
+
+
+def scene_under_a_disc(folder: Path, light: str, bounces: int = 1, paint: str = GREY, size: float = 1.0) -> str:
+    """A floor, and a disc `size` m wide half a metre above it, seen from below its edge."""
+    text = camera((1.6, 0.3, 0), 12, (16, 12), head=f"bounces = {bounces}\n") + light
+    text += placed("floor", "quad", facing_up(20), GREY) + placed("disc", "disc", facing_down(size, (0, 0.5, 0)), paint)
+    (folder / "scene.toml").write_text(text)
+    return str(folder / "scene.toml")
+
+
+def opened(source: str, background: str = "transparent") -> insitu.Scene:
+    scene = insitu.open(source)
+    scene["floor"].shadow_catcher = True
+    scene.light.background = background
+    return scene
+
+
+def at_centre(picture: Any) -> np.ndarray:
+    return np.asarray(picture)[5:7, 7:9].reshape(4, -1).mean(axis=0)
+
+
+@pytest.mark.parametrize(("mode", "within"), [("placement", 0.01), ("paths", 0.02), ("orbit", 0.03), ("deform", 0.05)])
+def test_below_a_disc_an_even_sky_is_hidden_by_its_share(tmp_path: Path, mode: Any, within: float) -> None:
+    """Of a sky of constant radiance a disc of radius r at the height h hides r² / (r² + h²) of the irradiance below its
+    middle: 1/2 with r = h. So much is alpha, and nothing is added; over a colour the rest of that is left."""
+    scene = opened(scene_under_a_disc(tmp_path, environment()))
+    assert at_centre(scene.image(mode, samples=256)) == pytest.approx([0.0, 0.0, 0.0, 0.5], abs=within)
+    scene.light.background_colour = (0.2, 0.4, 0.8)
+    assert at_centre(scene.image(mode, samples=256)) == pytest.approx([0.1, 0.2, 0.4], abs=within)
+    scene.light.background = "environment"  # of radiance 1, itself seen through the floor
+    scene.light.intensity = 3.0
+    assert at_centre(scene.image(mode, samples=256)) == pytest.approx([1.5, 1.5, 1.5], abs=3.0 * within)
+
+
+def test_the_umbra_of_a_sun_is_opaque_and_what_it_lights_is_not(tmp_path: Path) -> None:
+    scene = opened(scene_under_a_disc(tmp_path, "", size=0.2))
+    sun = scene.add("sun", "key", size=1.0)
+    sun.direction = (0.0, 1.0, 0.0)
+    alpha = scene.image()[..., 3]
+    assert (alpha == 1.0).any() and (alpha == 0.0).any()  # to the last bit
+    row = alpha[6]
+    assert row[7] == 1.0 and row[0] == 0.0 and set(np.unique(np.round(row[[0, 1, -1, -2]], 6))) == {0.0}
+
+
+def test_over_its_own_picture_it_is_the_picture_with_all(tmp_path: Path) -> None:
+    """Grey light: channel by channel. With a red disc, whose light comes on top, in luminance: Y(s W + e) = Y(C)."""
+    for paint, bounces in ((GREY, 1), (GREY, 2), (RED, 2)):
+        source = scene_under_a_disc(tmp_path, environment(), bounces, paint)
+        scene = insitu.open(source)
+        scene.light.background = "transparent"
+        whole = np.asarray(scene.image(bounces=bounces), np.float64)
+        scene["floor"].shadow_catcher = True
+        caught = np.asarray(scene.image(bounces=bounces), np.float64)
+        own = 0.5 * np.ones(3)  # a floor of albedo 1/2 under a sky of radiance 1
+        over = caught[..., :3] + (whole[..., 3:] - caught[..., 3:]) * own
+        if paint == GREY:
+            np.testing.assert_allclose(over, whole[..., :3], atol=0.004)
+        np.testing.assert_allclose(over @ LUMINANCE, whole[..., :3] @ LUMINANCE, atol=0.004)
+
+
+def test_placement_agrees_with_paths(tmp_path: Path) -> None:
+    """Light and alpha, with two bounces, a lamp and the red disc."""
+    lamp = placed("lamp", "quad", facing_down(0.6, (1.0, 1.5, 0.5)), "emission = [4, 4, 4]\n")
+    source = scene_under_a_disc(tmp_path, environment((0.3, 0.4, 0.5)), 2, RED)
+    Path(source).write_text(Path(source).read_text() + lamp)
+    scene = opened(source)
+    shown, traced = scene.image(bounces=2), scene.image("paths", bounces=2, samples=512)
+    assert np.abs(shown[..., 3] - traced[..., 3]).max() < 0.03
+    assert np.abs(shown[..., :3] - traced[..., :3]).max() < 0.02
+    assert shown[..., 3].max() > 0.4 and shown[..., 3].min() < 0.1
+
+
+def test_what_objects_throw_on_it_is_added() -> None:
+    """In closed form: C = 1/2, 1 and 3 times W, alone, at an edge, and where nothing else is."""
+    rng = np.random.default_rng(3)
+    empty, share, others = np.array([0.2, 0.4, 0.6]), np.array([[1.0, 1.0, 0.25, 0.0]]), np.array([0.9, 0.5, 0.1])
+    times = np.array([[0.5, 3.0, 0.5, 0.0]])
+    light = times[..., None] * share[..., None] * empty
+    whole = np.concatenate([light + (1.0 - share[..., None]) * others, np.ones((1, 4, 1))], axis=2)
+    alone = np.concatenate([np.broadcast_to(empty, (1, 4, 3)), np.ones((1, 4, 1))], axis=2)
+    directions = rng.normal(size=(1, 4, 3)).astype(np.float32)
+    view = CatcherView(share, share == 1.0, directions)
+    everywhere = CatcherView(np.ones((1, 4)), np.ones((1, 4), bool), directions)
+    expected = np.array([
+        [0.0, 0.0, 0.0, 0.5], [*(2.0 * empty), 0.0], [*(0.75 * others), 0.75 + 0.25 * 0.5], [*others, 1.0],
+    ])  # fmt: skip
+    exact = caught_shadows(whole.astype(np.float32), alone.astype(np.float32), view, everywhere, light)
+    np.testing.assert_allclose(exact[0], expected, atol=1e-6)
+    # Without the catcher's light the edge takes the share of its nearest neighbour, which has three times W.
+    guessed = caught_shadows(whole.astype(np.float32), alone.astype(np.float32), view, everywhere)
+    np.testing.assert_allclose(guessed[0, [0, 1, 3]], expected[[0, 1, 3]], atol=1e-6)
+    assert guessed[0, 2, 3] == pytest.approx(0.75)
+
+
+def test_files_have_its_alpha_and_layers_its_shadow(tmp_path: Path) -> None:
+    values = [("floor.shadow_catcher", True), ("light.background", "transparent")]
+    project = open_project(scene_under_a_disc(tmp_path, environment()), values=values)
+    still = render_project(project, lambda step: None)
+    png = np.asarray(Image.open(io.BytesIO(picture_bytes(Path("x.png"), still.picture))))
+    assert png[6, 8, 3] == round(255 * float(still.picture[6, 8, 3])) and 120 < png[6, 8, 3] < 135
+    layers = render_layers(project, lambda step: None)
+    np.testing.assert_allclose(layers.picture, still.picture, atol=2e-3)
+    (shadow,) = [each for each in layers.layers if each.name == "shadow"]
+    assert shadow.letters == "A" and shadow.values[6, 8] == pytest.approx(float(still.picture[6, 8, 3]), abs=2e-3)
+
+
+def test_an_added_plane_catches_shadows_and_duplicates_and_sessions_keep_it(tmp_path: Path) -> None:
+    source = tmp_path / "scene.toml"
+    source.write_text(
+        camera((1.6, 0.3, 0), 12, (16, 12), head="bounces = 1\n") + environment()
+        + placed("disc", "disc", facing_down(1, (0, 0.5, 0)), GREY)
+    )  # fmt: skip
+    scene = insitu.open(str(source))
+    scene.add("plane", "floor", at=(0.0, 0.0, 0.0), size=20.0).shadow_catcher = True
+    scene.light.background = "transparent"
+    assert at_centre(scene.image())[3] == pytest.approx(0.5, abs=0.01)
+    scene.save(tmp_path / "mine.insitu")
+    again = insitu.open(str(tmp_path / "mine.insitu"))
+    assert again["floor"].shadow_catcher and again.document == scene.document
+    copied = DuplicateObject("floor", "other").apply(scene.document)
+    assert copied.shadow_catchers == ("floor", "other")
+    assert scene.undo() and scene.undo() and scene.document.shadow_catchers == ()
+
+
+def test_lamps_catch_none_and_what_is_no_switch_is_refused(tmp_path: Path) -> None:
+    lamp = placed("lamp", "quad", facing_down(0.6, (1.0, 1.5, 0.5)), "emission = [4, 4, 4]\n")
+    source = scene_under_a_disc(tmp_path, environment())
+    Path(source).write_text(Path(source).read_text() + lamp)
+    document = open_project(source).document
+    with pytest.raises(InsituError, match="lamp emits light: it catches no shadows"):
+        SetShadowCatcher("lamp", True).apply(document)
+    with pytest.raises(InsituError, match="expected true or false"):
+        set_path(document, "floor.shadow_catcher", 3)
+    caught = set_path(document, "floor.shadow_catcher", True).apply(document)
+    assert SetShadowCatcher("floor", False).apply(caught) == document
+
+
+def test_frames_around_the_scene_have_the_shadow(tmp_path: Path) -> None:
+    from app.stills.frame_sequence import Frames, draw_here
+
+    values = [("floor.shadow_catcher", True), ("light.background", "transparent")]
+    project = open_project(scene_under_a_disc(tmp_path, environment()), values=values)
+    for mode in ("placement", "orbit"):
+        frames = list(draw_here(project, Frames(2, mode=mode), [0, 1], lambda step: None))
+        for _, picture in frames:
+            assert at_centre(picture)[3] == pytest.approx(0.5, abs=0.03)
