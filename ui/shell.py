@@ -286,7 +286,8 @@ class Shell:
         self._focus_comes_in = max(self._focus_comes_in - 1, 0)
         self._docking.make_room(self.state.front)
         if not keys_taken:  # else imgui would also move to a control of the panel that was last in use
-            imgui.internal.set_key_owner(imgui.Key.home, SHORTCUT_OWNER)
+            for key in (imgui.Key.home, imgui.Key.end):
+                imgui.internal.set_key_owner(key, SHORTCUT_OWNER)
         imgui.new_frame()
         self._depth = depth_now()
         for key in ALTS:
