@@ -29,6 +29,7 @@ from ui.picture_feed import CopiedPicture
 
 # A pane's picture has one of so many shares of the resolution, so that a border that is moved draws few of them anew.
 STEPS = 8
+PATIENCE_S = 5.0
 
 
 @dataclass(eq=False)
@@ -56,6 +57,7 @@ class LookFeed:
         self._copies: dict[str, CopiedPicture] = {}
         self._document: Document | None = None
         self._switched_to: Document | None = None
+        self._was_whole = False  # whether the picture on screen is that of the document before this frame's edits
 
     def note_switch(self, editor: Editor, picture: moderngl.Texture | None) -> None:
         """Note which look is current, before the picture follows: of one that was left a copy of it stays."""
@@ -67,7 +69,7 @@ class LookFeed:
             self._switched_to = None
         if before.look != document.look and document.looks:
             self._switched_to = document
-            if picture is not None and editor.status.is_whole:
+            if picture is not None and self._was_whole:
                 self._drop_copy(before.look)
                 try:
                     self._copies[before.look] = CopiedPicture(self._context, picture)
@@ -78,6 +80,7 @@ class LookFeed:
         """Have what panels show drawn, and update their pictures; once a frame. Returns whether there is something
         new."""
         board, pictures = self._board, self.pictures
+        self._was_whole = editor.status.is_whole
         views = _views(editor, board.shown)
         others = {name: view for name, view in views.items() if name != editor.document.look}
         pictures.want(now, others)
@@ -93,6 +96,7 @@ class LookFeed:
             editor.notify(str(error), True)
         board.pictures = {name: found for name in others if (found := self._picture_of(name)) is not None}
         board.states = {name: pictures.state(name) for name in others}
+        board.outdated = frozenset(name for name in others if name not in self._shown or pictures.is_outdated(name))
         board.stand_in = self._stand_in(editor, views)
         board.progress, board.is_stopped = pictures.progress, pictures.is_stopped
         return is_new or self._tone.waits
@@ -109,7 +113,7 @@ class LookFeed:
 
     def close(self) -> None:
         """End the drawing, and free all textures."""
-        self.pictures.close()
+        self.pictures.close(PATIENCE_S)
         self._forget()
         self._mapper.release()
         self._passes.release()

@@ -107,7 +107,7 @@ class LookPictures:
         self._fraction = 0.0
         self._number = 0
         self._answers: queue.SimpleQueue[tuple[int, str, Any]] = queue.SimpleQueue()
-        self._process: subprocess.Popen[bytes] | None = None
+        self._painter: _Painter | None = None
         self._stopped = False
 
     @property
@@ -139,6 +139,11 @@ class LookPictures:
         """Whether the picture of a look is finished, and of what is wanted now."""
         picture = self._pictures.get(name)
         return picture is not None and not picture.is_coarse and picture.of == self._wanted.get(name)
+
+    def is_outdated(self, name: str) -> bool:
+        """Whether the picture of a look, if there is one, is of something else than what is wanted now."""
+        picture = self._pictures.get(name)
+        return picture is not None and picture.of != self._wanted.get(name)
 
     def state(self, name: str) -> str:
         """What the user is told of a look's picture: "" where it is finished."""
@@ -190,12 +195,11 @@ class LookPictures:
         """Go on with what was stopped."""
         self._stopped = False
 
-    def close(self) -> None:
-        """End the process; pictures stay."""
-        process, self._process, self._job = self._process, None, None
-        if process is not None:
-            process.kill()
-            process.wait()
+    def close(self, patience_s: float = 0.0) -> None:
+        """End the process, and wait so long until it has; pictures stay."""
+        painter, self._painter, self._job = self._painter, None, None
+        if painter is not None:
+            painter.close(patience_s)
 
     # ----------------------------------------------------------------------------------------------------------- inside
 
@@ -220,34 +224,22 @@ class LookPictures:
     def _begin(self, job: _Job) -> None:
         self._number += 1
         self._job, self._fraction = replace(job, number=self._number), 0.0
-        if self._process is None or self._process.poll() is not None:
-            try:
-                self._start()
-            except OSError as error:
-                self._fail(self._job, f"cannot be drawn: {error.strerror or error}")
-                return
+        if self._painter is None:
+            self._painter = _Painter(self._answers)
         self._send((self._number, job.view.coarse if job.is_coarse else job.view))
-
-    def _start(self) -> None:
-        command = [sys.executable, "-P", "-m", qualified("app.stills.look_pictures"), str(os.getpid())]
-        with open_log(LOG) as log:
-            process = subprocess.Popen(
-                command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=log, env=program_environment()
-            )
-        self._process = process
-        requests: queue.SimpleQueue[Any] = queue.SimpleQueue()
-        self._requests = requests
-        threading.Thread(target=_write_requests, args=(process, requests), daemon=True).start()
-        threading.Thread(target=_read_answers, args=(process, self._answers, self._number), daemon=True).start()
 
     def _send(self, what: tuple[int, LookView] | None) -> None:
         """Give the process something to draw, None: nothing."""
-        if self._process is not None:
-            self._requests.put(what)
+        if self._painter is not None:
+            self._painter.put(what)
 
     def _take(self, number: int, what: str, value: Any) -> bool:
         job = self._job
-        if job is None or number != job.number and what != "ended" or what == "ended" and value is not self._process:
+        if what == "ended" and value is self._painter:
+            self._painter = None
+        elif what == "ended" or job is None or number != job.number:
+            return False
+        if job is None:
             return False
         if what == "fraction":
             self._fraction = value
@@ -264,24 +256,63 @@ class LookPictures:
         self._job = None
 
 
-def _write_requests(process: subprocess.Popen[bytes], requests: queue.SimpleQueue[Any]) -> None:
-    """In a thread: a large scene is more than a pipe holds."""
-    assert process.stdin is not None
-    with contextlib.suppress(OSError):
-        while process.poll() is None:
-            pickle.dump(requests.get(), process.stdin)
-            process.stdin.flush()
+class _Painter:
+    """A process that draws, from here. Threads start it, write to it and read from it: a start takes longer than a
+    frame has, and a large scene or a picture is more than a pipe holds. answers: what it says, with the number of the
+    request; its end as (0, "ended", this)."""
 
+    def __init__(self, answers: queue.SimpleQueue[tuple[int, str, Any]]) -> None:
+        self._answers, self._requests = answers, queue.SimpleQueue[Any]()
+        self._lock, self._closed = threading.Lock(), False
+        self._process: subprocess.Popen[bytes] | None = None
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
 
-def _read_answers(
-    process: subprocess.Popen[bytes], answers: queue.SimpleQueue[tuple[int, str, Any]], number: int
-) -> None:
-    """In a thread: a picture is more than a pipe holds."""
-    assert process.stdout is not None
-    with contextlib.suppress(OSError, EOFError, pickle.UnpicklingError):
-        while True:
-            answers.put(pickle.load(process.stdout))
-    answers.put((number, "ended", process))
+    def put(self, request: tuple[int, LookView] | None) -> None:
+        """Give it something to draw, None: nothing."""
+        self._requests.put(request)
+
+    def close(self, patience_s: float = 0.0) -> None:
+        """End it, and wait so long until it has."""
+        with self._lock:
+            self._closed = True
+            if self._process is not None:
+                self._process.kill()
+        if patience_s:
+            self._thread.join(patience_s)
+
+    def _run(self) -> None:
+        """In a thread: start the process, and read what it says until it ends."""
+        command = [sys.executable, "-P", "-m", qualified("app.stills.look_pictures"), str(os.getpid())]
+        try:
+            with open_log(LOG) as log, self._lock:
+                if self._closed:
+                    return
+                self._process = process = subprocess.Popen(
+                    command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=log, env=program_environment()
+                )
+        except OSError:
+            self._answers.put((0, "ended", self))
+            return
+        writer = threading.Thread(target=self._write, args=(process,), daemon=True)
+        writer.start()
+        assert process.stdout is not None
+        with contextlib.suppress(OSError, EOFError, pickle.UnpicklingError):
+            while True:
+                self._answers.put(pickle.load(process.stdout))
+        self._answers.put((0, "ended", self))
+        self._requests.put(None)  # so that the other thread ends as well
+        writer.join()
+        with contextlib.suppress(OSError), process:  # closes what is open
+            process.kill()
+
+    def _write(self, process: subprocess.Popen[bytes]) -> None:
+        """In a thread: give the process what it is to draw."""
+        assert process.stdin is not None
+        with contextlib.suppress(OSError):
+            while process.poll() is None:
+                pickle.dump(self._requests.get(), process.stdin)
+                process.stdin.flush()
 
 
 # ---------------------------------------------------------------------------------------------------------- the process
@@ -291,8 +322,8 @@ class _StoppedError(Exception):
     """The picture is no longer wanted."""
 
 
-class _Painter:
-    """Draws looks of the scene that it has open."""
+class _OpenScene:
+    """The scene that looks are drawn of."""
 
     def __init__(self) -> None:
         self._project: Project | None = None
@@ -322,7 +353,7 @@ def _draw_all(inlet: IO[bytes], outlet: IO[bytes]) -> None:
 
     wanted: queue.SimpleQueue[tuple[int, LookView] | None] = queue.SimpleQueue()
     threading.Thread(target=_read_requests, args=(inlet, wanted), daemon=True).start()
-    painter = _Painter()
+    scene = _OpenScene()
 
     def tell(number: int, what: str, value: object) -> None:
         pickle.dump((number, what, value), outlet)
@@ -342,7 +373,7 @@ def _draw_all(inlet: IO[bytes], outlet: IO[bytes]) -> None:
             tell(number, "fraction", step.fraction)
 
         try:
-            tell(number, "picture", render_picture(painter.project(view), follow))
+            tell(number, "picture", render_picture(scene.project(view), follow))
         except _StoppedError:
             continue
         except InsituError as refusal:

@@ -15,6 +15,7 @@ from app.document.commands import AddLook, RenameLook, SetLook, SetParameter, Se
 from app.document.document import Document
 from app.document.view_state import Viewpoint
 from app.project.project import Project, open_project
+from app.stills import look_pictures
 from app.stills.look_pictures import IDLE_SECONDS, LookPictures, LookView, look_alone, shown_looks
 from app.stills.stills import render_picture
 from engine.settings import RenderSettings
@@ -43,7 +44,7 @@ def project(tmp_path: Path) -> Project:
 def pictures() -> Iterator[LookPictures]:
     made = LookPictures()
     yield made
-    made.close()
+    made.close(5.0)
 
 
 def views(project: Project, document: Document | None = None, size: tuple[int, int] = SIZE) -> dict[str, LookView]:
@@ -123,8 +124,7 @@ def test_any_sequence_ends_with_the_pictures_that_are_wanted(
 ) -> None:
     """The process is a stand-in that answers, or fails, or ends, in any order; no picture is of what is not wanted."""
     sent: list[object] = []
-    monkeypatch.setattr(LookPictures, "_start", lambda self: setattr(self, "_process", _Process()))
-    monkeypatch.setattr(LookPictures, "_send", lambda self, what: sent.append(what))
+    monkeypatch.setattr(look_pictures, "_Painter", lambda answers: _Painter(sent))
     rng, now = random.Random(7), 0.0
     wanted = views(project)
     for _ in range(600):
@@ -137,7 +137,7 @@ def test_any_sequence_ends_with_the_pictures_that_are_wanted(
         elif what == "late":
             pictures._answers.put((number - 1, "picture", np.ones((1, 1, 3), np.float32)))
         elif what == "end":
-            pictures._answers.put((number, "ended", pictures._process))
+            pictures._answers.put((0, "ended", pictures._painter))
         elif what == "size":
             wanted = views(project, size=rng.choice((SIZE, (8, 6), (4, 3))))
         elif what == "none":
@@ -154,12 +154,10 @@ def test_any_sequence_ends_with_the_pictures_that_are_wanted(
             assert (pictures.state(name) == "") == is_there
 
 
-class _Process:
-    """A process that does nothing."""
+class _Painter:
+    """A process that notes what it is given."""
 
-    def poll(self) -> None:
-        return None
+    def __init__(self, sent: list[object]) -> None:
+        self.put = sent.append
 
-    def kill(self) -> None: ...
-
-    def wait(self) -> None: ...
+    def close(self, patience_s: float) -> None: ...

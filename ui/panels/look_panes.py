@@ -56,7 +56,7 @@ def _draw_other(context: PanelContext, name: str, at: ImVec2, size: ImVec2) -> l
     is_hovered = imgui.is_item_hovered()
     end = ImVec2(at.x + size.x, at.y + size.y)
     draw_list.push_clip_rect(at, end, True)
-    picture, state = board.pictures.get(name), board.states.get(name, "")
+    picture = board.pictures.get(name)
     if context.picture is not None:
         # The place of the picture that is edited, whose pixels may be smaller.
         place = viewport_rect(at, size, context.picture).place(context.view)
@@ -65,7 +65,9 @@ def _draw_other(context: PanelContext, name: str, at: ImVec2, size: ImVec2) -> l
         if picture is not None:
             upper, lower = picture.corners()
             draw_list.add_image(picture.reference, low, far, upper, lower)
-        if picture is None or state:
+        if picture is None:
+            draw_list.add_rect_filled(low, far, look.pack(look.WELL))
+        elif name in board.outdated:
             draw_list.add_rect_filled(low, far, look.pack(look.with_alpha(look.BACKDROP, DIM)))
         if is_hovered:
             imgui.set_mouse_cursor(imgui.MouseCursor_.hand)
@@ -101,7 +103,10 @@ def _draw_label(context: PanelContext, name: str, at: ImVec2, size: ImVec2, is_c
 
 def _menu(context: PanelContext, name: str) -> list[Action]:
     """What can be done with a look."""
-    if not imgui.begin_popup_context_item(f"look.menu.{name}"):
+    imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(context.px(8), context.px(8)))  # the picture has none
+    is_open = imgui.begin_popup_context_item(f"look.menu.{name}")
+    imgui.pop_style_var()
+    if not is_open:
         return []
     actions: list[Action] = []
     choose: list[Action] = [] if name == context.document.look else [RunOperator("look", name)]
