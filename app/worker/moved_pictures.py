@@ -1,10 +1,11 @@
 """The first picture after objects were moved: what the view before had, with what the move changes of it.
 
 Most points of the picture show the same place as before, and keep the radiance of the exact picture; a lattice finds
-the light that they gained and lost (`engine.precompute.direct.moves`), interpolated as a coarse stage is. Points that
-show another place, those of the moved objects and what these hid before, are lit as in a coarse stage. Emitters that
-were moved are lights of their own: their light from where they were is taken away, and that from where they are added.
-The stages of the transport replace all of it.
+the light that they gained and lost (`engine.precompute.direct.moves`), interpolated as a coarse stage is. Detail of the
+picture before that the lattice leaves out stays as far as light does. Points that show another place, those of the
+moved objects and what these hid before, are lit as in a coarse stage. Emitters that were moved are lights of their own:
+their light from where they were is taken away, and that from where they are added. The stages of the transport replace
+all of it.
 """
 
 from __future__ import annotations
@@ -37,6 +38,7 @@ from engine.precompute.direct.moves import (
     SceneMove,
     changed_light,
     changed_rows,
+    kept_detail,
     lattice_stride,
     same_points,
     scene_move,
@@ -80,10 +82,13 @@ class LightSamples:
     rows: Int32Array
     terms: tuple[tuple[VisibleLight, float], ...]
 
-    def radiance(self, work: LayerState, i_object: int) -> Generator[None, None, tuple[Int32Array, Float32Array]]:
-        """Rows (s,) of one object's samples, and a layer's radiance (s, 3) there, without f_q and f_o."""
+    def radiance(
+        self, work: LayerState, i_object: int
+    ) -> Generator[None, None, tuple[Int32Array, Float32Array, Float32Array]]:
+        """Rows (s,) of one object's samples, a layer's radiance (s, 3) there, without f_q and f_o, and the same with
+        all terms added."""
         fixed, (begin, end) = replace(work, fixed=True), self.placement.hits.object_ranges[i_object]
-        total = np.zeros((end - begin, 3), np.float32)
+        total, added = np.zeros((2, end - begin, 3), np.float32)
         for light, sign in self.terms:
             lit = changed_rows(light)
             lit = lit[(lit >= begin) & (lit < end)]
@@ -93,9 +98,10 @@ class LightSamples:
             for tile in project_layer(self.placement.hits, lit, light, shape_of(work)):
                 parts[tile.begin] = tile_content(fixed, tile)
                 yield None
-            found = join_tile_contents(fixed, parts).radiance(*both_curves(fixed))
-            total[lit - begin] += np.float32(sign * light.lighting.unit) * found
-        return self.rows[begin:end], total
+            found = np.float32(light.lighting.unit) * join_tile_contents(fixed, parts).radiance(*both_curves(fixed))
+            total[lit - begin] += np.float32(sign) * found
+            added[lit - begin] += found
+        return self.rows[begin:end], total, added
 
 
 class MovedPictures:
@@ -173,12 +179,17 @@ class MovedPictures:
         old = self.layers[work.key].taken_over_by(work).radiance
         out[kept] = old[same[begin:end][kept] - self.before.hits.object_ranges[i_object, 0]]
         assert self._changes is not None
-        rows, change = yield from self._changes.radiance(work, i_object)
-        if change.any():
-            out[kept] += self._interpolated(begin + kept, rows, change, i_object)
+        rows, change, changed = yield from self._changes.radiance(work, i_object)
+        if change.any() or changed.any():
+            lattice = np.searchsorted(kept, rows - begin)
+            known = np.concatenate([out[kept[lattice]], change, changed], axis=1)
+            whole, change, changed = np.split(self._interpolated(begin + kept, rows, known, i_object), 3, axis=1)
+            detail = kept_detail(whole + np.maximum(change, 0.0), changed) * (out[kept] - whole)
+            touched = changed.any(axis=1)
+            out[kept[touched]] = (whole + change + detail)[touched]
         new = np.flatnonzero(same[begin:end] < 0)
         if len(new) and self._anew is not None:
-            rows, radiance = yield from self._anew.radiance(work, i_object)
+            rows, radiance, _ = yield from self._anew.radiance(work, i_object)
             out[new] = self._interpolated(begin + new, rows, radiance, i_object)
         return np.maximum(out, np.float32(0.0), out=out)
 

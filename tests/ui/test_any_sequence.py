@@ -13,6 +13,7 @@ import moderngl
 import numpy as np
 import pytest
 
+from app.document.commands import MoveObject, SetTransform
 from app.document.commands.curves import AddOperator, ResetCurve
 from app.document.commands.layers import (
     AddLayers,
@@ -261,6 +262,39 @@ OBJECTS: dict[str, Callable[[Walk], object]] = {
     "dim the sun": lambda w: w.editor.do(SetMix("light.noon", "strength", -1.0)),
     "delete the sun": lambda w: w.editor.do(DeleteSun("noon")),
 }
+
+
+def move(walk: Walk, *names: str) -> None:
+    """Move objects a little further, as a hand does, where they are still there."""
+    for name in names:
+        walk.editor.do(MoveObject(name, (0.15, 0.0, 0.1)))
+        walk.frames(2)
+
+
+def let_worker_go_on(walk: Walk) -> None:
+    """Let the worker come to the end of what it does, and the picture with it."""
+    walk.client.hurries = True
+    walk.frames(60)
+    walk.client.hurries = False
+
+
+MOVES: dict[str, Callable[[Walk], object]] = {
+    **{
+        name: COMMANDS[name]
+        for name in (
+            "undo", "redo", "lift", "roughness", "turn", "brighten the sky", "take hold", "let go", "give up", "kill",
+            "compare", "compare no more", "fix", "free", "select θh", "stop and go on", "no shadows", "light in place",
+        )
+    },
+    "brighten the lamp": lambda w: w.editor.do(SetMix("lamp", "strength", 1.0)),
+    "move the lamp": lambda w: move(w, "lamp"),
+    "move the lamp on": lambda w: move(w, "lamp", "lamp", "lamp"),
+    "move the ball": lambda w: move(w, "ball"),
+    "move both": lambda w: move(w, "lamp", "ball"),
+    "put the lamp back": lambda w: w.editor.do(SetTransform("lamp")),
+    "wait": let_worker_go_on,
+    "wait longer": lambda w: (let_worker_go_on(w), let_worker_go_on(w)),
+}  # fmt: skip
 # Said to a person, and meant for one.
 MAY_BE_TOLD = (
     "computing stopped (killed) and was started again; your edits are untouched",
@@ -373,6 +407,13 @@ def test_so_it_does_while_objects_come_and_go(
     context: moderngl.Context, source: str, tmp_path: Path, seed: int
 ) -> None:
     walk(context, source, tmp_path, seed, 20, bounces=1, commands=OBJECTS)
+
+
+@pytest.mark.parametrize("seed", [400, 401, *(pytest.param(seed, marks=pytest.mark.sweep) for seed in range(402, 440))])
+def test_so_it_does_while_objects_and_lamps_are_moved(
+    context: moderngl.Context, source: str, tmp_path: Path, seed: int
+) -> None:
+    walk(context, source, tmp_path, seed, 25, bounces=1 + seed % 2, commands=MOVES)
 
 
 def test_so_it_does_with_indirect_light(context: moderngl.Context, source: str, tmp_path: Path) -> None:

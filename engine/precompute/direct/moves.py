@@ -162,6 +162,15 @@ def changed_rows(light: VisibleLight) -> NDArray[np.int32]:
     return np.flatnonzero(light.fine.bits.any(axis=1) | light.emitters.bits.any(axis=1)).astype(np.int32)
 
 
+def kept_detail(interpolated: NDArray[np.float32], changed: NDArray[np.float32]) -> NDArray[np.float32]:
+    """How much of a picture's detail, what a lattice leaves out of it, stays where light changes, (P, 3) in [0, 1]: the
+    share of the light that stays, or highlights and edges of shadows would be seen where they were. interpolated,
+    changed (P, 3): from the lattice, all light and that which changes."""
+    share = np.where(changed > 0.0, np.float32(1.0), np.float32(0.0))  # where there is no other light
+    np.divide(changed, interpolated, out=share, where=interpolated > changed)
+    return np.float32(1.0) - share
+
+
 def without_objects(scene: Scene, objects: NDArray[np.bool_]) -> Scene:
     """A scene in which rays meet nothing of some objects (M,): their triangles have no area."""
     vertices = scene.vertices.copy()

@@ -19,8 +19,8 @@ from engine.precompute.indirect.irradiance_cache import IrradianceCache
 from engine.precompute.indirect.sampling_settings import FINE
 from engine.scene.scene_loader import Scene
 
-# Fine light of a view in which objects were moved since.
-CARRIED = replace(FINE, name="carried")
+# Fine light of a view in which objects were moved since; where lamps were, few samples light its records anew.
+CARRIED = replace(FINE, name="carried", n_samples=16)
 N_NEAREST = 4
 # How far apart opposite normals are, in sizes of the object.
 TURNED = 0.5

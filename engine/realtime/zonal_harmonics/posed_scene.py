@@ -76,9 +76,12 @@ def pose_scene(scene: Scene, poses: Poses) -> Scene:
             placed[i] = transform.matrix(box.mean(axis=0))
         check_extent(scene.object_names[i], pose.positions, MAX_EXTENT)
         vertices[which], normals[which] = pose.positions, pose.frames[:, 2]
-    geometric, solid = face_normals(vertices, scene.triangles)
-    geometric = np.where(solid[:, None], geometric, scene.geometric_normals)
-    posed = replace(scene, vertices=vertices, normals=normals, geometric_normals=geometric.astype(np.float32))
+    geometric = scene.geometric_normals.copy()
+    for i, _ in moving:
+        own = slice(*scene.triangle_ranges[i])
+        found, solid = face_normals(vertices, scene.triangles[own])
+        geometric[own] = np.where(solid[:, None], found, geometric[own])
+    posed = replace(scene, vertices=vertices, normals=normals, geometric_normals=geometric)
     return _with_frames(posed, placed) if placed else posed
 
 

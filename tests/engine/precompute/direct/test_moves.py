@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from engine.precompute.direct.lighting import prepare_lighting
-from engine.precompute.direct.moves import changed_light, changed_rows, same_points, scene_move
+from engine.precompute.direct.moves import changed_light, changed_rows, kept_detail, same_points, scene_move
 from engine.precompute.direct.pipeline import Placement
 from engine.realtime.zonal_harmonics.posed_scene import pose_scene
 from engine.scene.scene_loader import load_scene
@@ -79,3 +79,11 @@ def test_scenes_that_differ_in_more_are_no_move(tmp_path: Path, changed: str) ->
     else:
         found = scene_move(after.scene, after.scene)
         assert found is not None and not found.moved.any() and found.boxes.shape == (0, 2, 3)
+
+
+def test_detail_stays_by_the_share_of_other_light() -> None:
+    """All of it where nothing changes; three quarters and none where a quarter, all or more than all of the light does;
+    in the dark all where nothing changes, none where light comes."""
+    light, changed = [2.0, 2.0, 2.0, 2.0, 0.0, 0.0], [0.0, 0.5, 2.0, 3.0, 0.0, 1e-44]
+    kept = kept_detail(np.array([light], np.float32), np.array([changed], np.float32))
+    assert kept.tolist() == [[1.0, 0.75, 0.0, 0.0, 1.0, 0.0]]
