@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from app.operators.script import Step
     from app.worker.process import StartedWorker
+    from engine.core.colour import ConfigView
 
 INTERRUPTED = 130
 
@@ -23,7 +24,7 @@ INTERRUPTED = 130
 class Desktop:
     """The window's side; each part of it is imported when it is used."""
 
-    def open_window(self, source: str) -> int:
+    def open_window(self, source: str, view: ConfigView | None = None) -> int:
         # First of all start the worker, which imports its libraries while this process imports the window's.
         started = _started_worker()
         from app.worker.client import Client
@@ -31,7 +32,7 @@ class Desktop:
         with Client(started=started) as client:
             from ui.window import run
 
-            return run(source, client=client)
+            return run(source, client=client, view=view)
 
     def take_screenshot(
         self, source: str, output: Path, steps: Sequence[Step], size: tuple[int, int], scale: float,

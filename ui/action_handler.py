@@ -41,6 +41,7 @@ from app.files.preferences import PreferenceFile, RecentFiles
 from app.files.session import CHANGED
 from app.operators.registry import run_operator
 from app.system.atomic import require_place
+from engine.core.colour import ConfigView
 from engine.core.errors import InsituError
 from engine.core.safe_files import resolved
 from engine.curve.table_text import TABLE_ENDINGS
@@ -71,6 +72,7 @@ from ui.panels.actions import (
     ImportMeasured,
     MergedEdit,
     MoveCameraTo,
+    OpenConfig,
     OpenFile,
     OpenImage,
     Paste,
@@ -123,6 +125,7 @@ KIND_OF = {
     "save_measured": "measured", "save_picture": "picture", "save_sheet": "picture", "save_scene": "export",
     "save_package": "package",
     "open_table": "table",
+    "open_config": "config",
 }  # fmt: skip
 
 
@@ -274,6 +277,9 @@ class ActionHandler:
             case ImportMeasured():
                 if self._check_file(action.path, "measured"):
                     editor.exchange.import_measured(action.path, action.cloth)
+            case OpenConfig():
+                if self._check_file(action.path, "config"):
+                    editor.colours.open(ConfigView(str(action.path)))
             case ExportMeasured():
                 self._folders["measured"] = action.path.absolute().parent
                 editor.exchange.export_measured(action.path)

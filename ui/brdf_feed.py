@@ -30,7 +30,6 @@ from app.document.node_layers import NodeCount, layers_at_nodes, picked_node
 from app.document.selection import layer_shown
 from app.document.view_state import ViewState
 from app.editor.editor import Editor
-from engine.core.colour import ToneMapping
 from engine.core.errors import InsituError
 from engine.material.layer import Layer
 from engine.measured.measurement import Measurement
@@ -41,7 +40,7 @@ from ui.gl.context import GraphicsError
 from ui.gl.gpu_memory import TextureMemory
 from ui.gl.measured_tables import MeasuredTables
 from ui.gl.program import Passes
-from ui.gl.view_transform import ToneView
+from ui.gl.view_transform import DrawnView, ToneView
 from ui.panels.pictures import BrdfBoard, Part, Picture
 from ui.surface_lobe import SurfacePoint, surface_lobe
 
@@ -64,7 +63,7 @@ class BrdfFeed:
         self._context, self._board, self._picture = context, board, picture
         self._passes, self._memory = Passes(context), TextureMemory(context)
         self._tables, self._view = tables, ToneView()
-        self._tone_mapping: ToneMapping = "filmic"
+        self._tone_mapping: DrawnView = "filmic"
         self._stack = BrdfStack(self._passes, self._memory, tables.tables)
         self._sphere: LitSphere | None = None
         self._retired: LitSphere | None = None
@@ -87,7 +86,7 @@ class BrdfFeed:
         if self._retired is not None:
             self._retired.release()
             self._retired = None
-        self._surface_at, self._tone_mapping = surface_at, self._view.follow(editor.view.tone_mapping)
+        self._surface_at, self._tone_mapping = surface_at, self._view.follow(editor.view.tone_mapping, editor.colours)
         layers = shown_layers(editor.document, editor.view, editor.status.map_nodes)
         self._want_tables(editor, layers)
         part = self._next_part(layers, editor)

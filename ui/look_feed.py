@@ -132,7 +132,7 @@ class LookFeed:
             self._shown[name] = shown
         is_transparent = picture.radiance.shape[2] == 4
         view = DisplayView(
-            editor.view.exposure, self._tone.follow(editor.view.tone_mapping),
+            editor.view.exposure, self._tone.follow(editor.view.tone_mapping, editor.colours),
             behind=None if is_transparent else (0.0, 0.0, 0.0), **inspection(editor.view),
         )  # fmt: skip
         if view == shown.view:

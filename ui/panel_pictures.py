@@ -161,6 +161,7 @@ def panel_context(editor: Editor, source: PictureFeed | None, pictures: PanelPic
         redo_label=redo and with_display_names(document, redo),
         scene_document=editor.scene_document,
         name=editor.name,
+        catalogues=editor.colours.catalogues,
         unsaved=editor.unsaved,
         report=editor.scenes.report,
         camera=history.camera,

@@ -19,16 +19,18 @@ from app.messages.worker_messages import WorkerClient
 from app.modes.placement.placement_status import PlacementStatus
 from app.operators.arrange import Aim, Move, PlacedByHand
 from app.operators.edits import Drag, PaintStroke
+from app.operators.inspect import ConfiguredView
 from app.operators.registry import run_operator
 from app.operators.script import Step
 from app.operators.view import AwaitedPicture
 from app.system.atomic import make_folder_of, require_place
 from app.worker.client import Client
+from engine.core.colour import ConfigView
 from engine.core.errors import InsituError
 from engine.light.suns import Sun
 from engine.scene.builtin import builtin_environments, builtin_scenes
 from engine.scene.light_placement import PlacedLight
-from ui.gl.view_transform import is_table_ready
+from ui.gl.view_transform import is_view_ready
 from ui.headless import DEFAULT_SIZE, HeadlessWindow
 from ui.layout import PANELS
 from ui.panels.actions import SavePicture, SetPanel, ShowPanel
@@ -163,7 +165,19 @@ def _show_gizmo(window: HeadlessWindow, editor: Editor, tool: str) -> None:
 
 def _choose_view(window: HeadlessWindow, editor: Editor, name: str) -> None:
     _run_operator(window, editor, "view", name)
-    window.run_until(lambda: is_table_ready(editor.view.tone_mapping), WAIT_SECONDS)
+    _wait_for_view(window, editor)
+
+
+def _open_config(window: HeadlessWindow, editor: Editor, value: ConfiguredView) -> None:
+    _run_operator(window, editor, "ocio", value)
+    wanted = editor.view.tone_mapping
+    _wait_for_view(window, editor)
+    if isinstance(wanted, ConfigView) and editor.colours.shader(wanted) is None:
+        raise ScriptError(editor.status.message)
+
+
+def _wait_for_view(window: HeadlessWindow, editor: Editor) -> None:
+    window.run_until(lambda: is_view_ready(editor.view.tone_mapping, editor.colours), WAIT_SECONDS)
 
 
 def _capture(window: HeadlessWindow, editor: Editor, path: Path) -> None:
@@ -339,8 +353,8 @@ def _assert_error(window: HeadlessWindow, editor: Editor, bound: float) -> None:
 
 # The steps that only a window can carry out, by their operator's name.
 WINDOW_STEPS: dict[str, Callable[[HeadlessWindow, Editor, Any], None]] = {
-    "gizmo": _show_gizmo, "set": _set, "view": _choose_view, "drag": _drag, "paint": _paint, "show": _show,
-    "place_light": _place_light, "move": _move, "aim": _aim,
+    "gizmo": _show_gizmo, "set": _set, "view": _choose_view, "ocio": _open_config, "drag": _drag, "paint": _paint,
+    "show": _show, "place_light": _place_light, "move": _move, "aim": _aim,
     "save_as": _save_session, "save_scene": _save_scene, "export_scene": _export_scene, "picture": _save_picture,
     "wait": wait_for_picture, "capture": _capture, "assert_error_below": _assert_error,
 }  # fmt: skip

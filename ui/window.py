@@ -28,6 +28,7 @@ from app.system.atomic import save_file
 from app.system.barrier import Barrier
 from app.system.paths import layout_file, preference_file, recent_file
 from app.worker.client import Client
+from engine.core.colour import ConfigView
 from engine.core.errors import InsituError
 from engine.render.display import pixels_png
 from engine.scene.builtin import builtin_environments, builtin_scenes
@@ -77,11 +78,13 @@ def run(
     resolution: tuple[int, int] | None = None,
     require: int = REQUIRED_VERSION,
     client: WorkerClient | None = None,
+    view: ConfigView | None = None,
     on_frame: Callable[[Window], bool] | None = None,
 ) -> int:
     """Open the editor on a scene and run until it is closed; returns the exit status: 0, 1 (no GL) or 2 (no display).
 
-    `on_frame` is called after each frame and returns whether to close (tests, measurements).
+    view: that of an OpenColorIO configuration to begin with. `on_frame` is called after each frame and returns whether
+    to close (tests, measurements).
     """
     try:
         handle = open_glfw_window(require)
@@ -94,6 +97,8 @@ def run(
     recoveries = recoverable_sessions()
     barrier = Barrier(holds=True)
     editor = Editor(client or Client(), source, resolution=resolution, journal=Journal(), barrier=barrier)
+    if view is not None:
+        editor.colours.open(view)
     editor.scenes.watch.start()
     try:
         window = Window(handle, editor, require, recoveries)

@@ -21,6 +21,7 @@ from engine.core.errors import InsituError, plain_line
 
 if TYPE_CHECKING:
     from app.operators.script import Step
+    from engine.core.colour import ConfigView
 
 FAILED, USAGE, INTERRUPTED = 1, 2, 130
 ERROR_FILE = "last-error.txt"
@@ -94,7 +95,7 @@ def _forget_output() -> None:
 class Frontend(Protocol):
     """The window, with a display and without one."""
 
-    def open_window(self, source: str) -> int:
+    def open_window(self, source: str, view: ConfigView | None = None) -> int:
         """Open the editor and run until it is closed; returns the exit status."""
 
     def take_screenshot(

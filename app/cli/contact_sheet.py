@@ -11,6 +11,7 @@ import typer
 from app.cli.console import print_line
 from app.cli.options import (
     Axis,
+    Configuration,
     Resolution,
     SavedView,
     Scene,
@@ -18,13 +19,13 @@ from app.cli.options import (
     Values,
     ViewName,
     assignments,
+    chosen_view,
     oriented,
     print_project_notes,
     progress,
 )
 from app.project.project import ProjectSpec
 from app.system.atomic import require_place
-from engine.core.colour import find_view
 from engine.scene.builtin import DEFAULT_SCENE
 
 
@@ -44,6 +45,7 @@ def contact_sheet(
     set_: Values = None,
     resolution: Resolution = None,
     view: ViewName = None,
+    ocio: Configuration = None,
     camera: SavedView = None,
     up: Up = Axis.Y,
 ) -> int:
@@ -52,7 +54,7 @@ def contact_sheet(
     from app.stills.stills import check_output
 
     check_output(output, (".png",))
-    shown = None if view is None else find_view(view)
+    shown = chosen_view(view, ocio)
     started = time.monotonic()
     project = ProjectSpec(oriented(scene, up), resolution, tuple(assignments(set_)), camera).open()
     sheet = sheet_of(project, looks, columns, width, exr)

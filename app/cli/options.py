@@ -13,6 +13,7 @@ import typer
 from app.cli.console import print_line
 from app.document.scene_files import has_variants, with_axis, with_variants
 from app.project.project import Project, parse_assignment
+from engine.core.colour import AnyView, ConfigView, find_view
 from engine.core.errors import plain_line, plain_notes
 from engine.precompute.indirect.sampling_settings import MOST_BOUNCES
 from engine.scene.description import MAX_RESOLUTION
@@ -72,6 +73,12 @@ ViewName = Annotated[
     str | None,
     typer.Option("--view", metavar="NAME", help="Filmic, AgX, ACES 2.0, ACES 1.3, Standard or False colour."),
 ]
+Configuration = Annotated[
+    str | None,
+    typer.Option(
+        "--ocio", metavar="FILE", help="An OpenColorIO configuration; --view names a view of it, or DISPLAY: VIEW."
+    ),
+]
 SavedView = Annotated[
     str | None, typer.Option("--camera", metavar="NAME", help="A view saved in the session, or a camera of the file.")
 ]
@@ -123,6 +130,15 @@ def chosen_of_sets(scene: str, variant: str | None) -> dict[str, str]:
     """The variants of sets of a stage that are chosen, by the names of these; none where it is one of materials."""
     chosen = parse_choices(variant or "")
     return chosen if chosen is not None and has_variants(scene) else {}
+
+
+def chosen_view(view: str | None, config: str | None) -> AnyView | None:
+    """The view transform that options name; None for the project's own. Raises LoadError."""
+    if config is None:
+        return None if view is None else find_view(view)
+    from engine.core.colour_config import config_name, resolve_view  # late: few commands read one
+
+    return resolve_view(ConfigView(config_name(config), view=view or ""))
 
 
 def lines(overrides: list[str] | None) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from app.cli.options import (
     Accuracy,
     Axis,
     Bounces,
+    Configuration,
     Edges,
     Lights,
     LookName,
@@ -37,6 +38,7 @@ from app.cli.options import (
     ViewName,
     assignments,
     chosen_of_sets,
+    chosen_view,
     lines,
     oriented,
     print_project_notes,
@@ -47,7 +49,7 @@ from app.document.sources import find_source
 from app.project.project import ProjectSpec
 from app.system.atomic import require_folder, require_place
 from app.system.paths import state_problem
-from engine.core.colour import find_view
+from engine.core.colour import AnyView, find_view
 from engine.core.errors import InsituError
 from engine.precompute.indirect.sampling_settings import BounceSeries, parse_series
 from engine.scene.builtin import DEFAULT_SCENE
@@ -85,6 +87,7 @@ def render(
     overrides: Override = None,
     samples: Samples = None,
     view: ViewName = None,
+    ocio: Configuration = None,
     camera: SavedView = None,
     mode: Annotated[StillMode, typer.Option("--mode", help="The mode whose engine renders it.")] = StillMode.PLACEMENT,
     turntable: Annotated[
@@ -108,6 +111,8 @@ def render(
     """Render a picture with the editor's engine, without a window."""
     if aovs:
         _check_layers(output, mode, reference, turntable, frames)
+    shown = chosen_view(view, ocio)
+    _check_view(output, view, ocio)
     if reference and mode is not StillMode.PLACEMENT:
         raise InsituError(f"--mode {mode.value} --reference: brute force is their reference, expected one of them")
     if mode is not StillMode.PLACEMENT and (series is not None or lights != N_LIGHTS):
@@ -141,7 +146,7 @@ def render(
         _check_frames(turntable, frames, mode, reference, time_)
         count, animated = (frames, True) if turntable is None else (turntable, False)
         requested = Frames(count or 0, animated, mode.value, tuple(settings.items()), chosen)
-        return _frames(words, output, requested, view, scheduler)
+        return _frames(words, output, requested, shown, scheduler)
     if scheduler is not None:
         raise InsituError(
             f"--scheduler {scheduler}: one picture is drawn here, expected --turntable or --frames as well"
@@ -149,19 +154,16 @@ def render(
     how = {"series": chosen, **settings}
     if not aovs:
         how |= {"reference": reference, "n_samples": samples, "mode": mode.value, "estimates_error": True}
-    return _still(words, output, view, how, aovs)
+    return _still(words, output, shown, how, aovs)
 
 
-def _still(words: ProjectSpec, output: Path, view: str | None, how: Mapping[str, Any], aovs: bool) -> int:
+def _still(words: ProjectSpec, output: Path, view: AnyView | None, how: Mapping[str, Any], aovs: bool) -> int:
     """Draw one picture, with its layers or without; how: as `render_layers` or `render_project` takes it."""
     from app.stills.picture_layers import render_layers
     from app.stills.stills import StillProgress, check_output, render_project, write_picture
     from engine.core.clamping import TOO_BRIGHT, is_clamped
 
     check_output(output)
-    shown = None if view is None else find_view(view)
-    if shown is not None and output.suffix.lower() == ".exr":
-        raise InsituError(f"--view {view}: {output} holds light itself, expected a name that ends in .png")
     started = time.monotonic()
     project = words.open()
     require_place(output)  # now the files that were read are known
@@ -178,7 +180,7 @@ def _still(words: ProjectSpec, output: Path, view: str | None, how: Mapping[str,
     picture, error = still.picture, still.error
     remains = "" if noise is None else f"noise {noise:.2%}"
     said = remains if error is None else error.text
-    write_picture(output, picture, shown or project.view, said, still.layers)
+    write_picture(output, picture, view or project.view, said, still.layers)
     if is_clamped(picture):
         print(TOO_BRIGHT, file=sys.stderr)
     line = f"{output}: {picture.shape[1]} x {picture.shape[0]}, {time.monotonic() - started:.1f} s"
@@ -188,6 +190,13 @@ def _still(words: ProjectSpec, output: Path, view: str | None, how: Mapping[str,
     if still.warning:
         print_line(f"note: {still.warning}")
     return 0
+
+
+def _check_view(output: Path, view: str | None, ocio: str | None) -> None:
+    """Refuse a view of light itself."""
+    given = f"--view {view}" if view is not None else f"--ocio {ocio}"
+    if (view is not None or ocio is not None) and output.suffix.lower() == ".exr":
+        raise InsituError(f"{given}: {output} holds light itself, expected a name that ends in .png")
 
 
 def _check_layers(output: Path, mode: StillMode, reference: bool, turntable: int | None, frames: int | None) -> None:
@@ -241,20 +250,18 @@ def _check_frames(
         raise InsituError(f"{requested} --time {time_:g}: expected one of them")
 
 
-def _frames(words: ProjectSpec, output: Path, frames: Frames, view: str | None, scheduler: str | None) -> int:
+def _frames(words: ProjectSpec, output: Path, frames: Frames, view: AnyView | None, scheduler: str | None) -> int:
     """Draw frames around a scene or through its animation; existing ones are reused."""
     from app.cli.turntable import FrameFiles, draw_frames
     from app.cluster.cluster_project import open_on_cluster
     from app.stills.frame_sequence import draw_here
 
     started, files = time.monotonic(), FrameFiles.of(output, frames.count)
-    if view is not None and files.ending == ".exr":
-        raise InsituError(f"--view {view}: {output} holds light itself, expected a name that ends in .png")
     require_folder(files.folder)  # before the scene is read and workers are waited for
     with progress() as report, open_on_cluster(words, scheduler) as (project, cluster):
         drawn, error = draw_frames(
             project, frames, files, lambda step: report(step.fraction, step.text),
-            project.view if view is None else find_view(view), draw_here if cluster is None else cluster.draw,
+            project.view if view is None else view, draw_here if cluster is None else cluster.draw,
         )  # fmt: skip
     print_project_notes(project)
     kept = f", {frames.count - drawn} were there" if drawn < frames.count else ""
@@ -274,10 +281,12 @@ def screenshot(
     scale: Annotated[float, typer.Option("--scale", min=0.5, max=4.0, help="1 is 96 dots per inch.")] = 1.0,
     resolution: Resolution = None,
     view: ViewName = None,
+    ocio: Configuration = None,
     variant: Variant = None,
     look: LookName = None,
 ) -> int:
     """Take a picture of the whole editor window; no display is needed."""
+    from app.operators.inspect import ConfiguredView
     from app.operators.script import WRITTEN_FILES, Step, load_script
     from app.stills.stills import check_output
 
@@ -292,7 +301,9 @@ def screenshot(
         steps = (Step("set", {"variant": variant}), *steps)
     if look is not None:
         steps = (Step("look", look), *steps)
-    if view is not None:
+    if ocio is not None:
+        steps = (Step("ocio", ConfiguredView(config=ocio, view=view or "")), *steps)
+    elif view is not None:
         steps = (Step("view", find_view(view)), *steps)
     frontend: Frontend = context.obj
     frontend.take_screenshot(find_source(oriented(scene, up, variant)), output, steps, size, scale, resolution)

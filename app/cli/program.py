@@ -17,6 +17,7 @@ from app.cli.info import info
 from app.cli.options import (
     LIGHTS,
     Axis,
+    Configuration,
     Lights,
     Override,
     Resolution,
@@ -35,15 +36,18 @@ from app.document.sources import find_source
 from app.files.old_names import upgrade_arguments, upgrade_part
 from app.project.project import ProjectSpec
 from app.system.memory import available_memory
+from engine.core.colour import ConfigView
+from engine.core.colour_config import config_name
 from engine.scene.builtin import DEFAULT_SCENE, builtin_scenes
 from engine.scene.mesh import MESH_ENDINGS
 from engine.settings import N_LIGHTS
 
 
-def edit(context: typer.Context, scene: Scene = DEFAULT_SCENE, up: Up = Axis.Y) -> int:
+def edit(context: typer.Context, scene: Scene = DEFAULT_SCENE, up: Up = Axis.Y, ocio: Configuration = None) -> int:
     """Open the editor (what `insitu SCENE` does)."""
     frontend: Frontend = context.obj
-    return frontend.open_window(find_source(oriented(scene, up)))
+    view = None if ocio is None else ConfigView(config_name(ocio))
+    return frontend.open_window(find_source(oriented(scene, up)), view)
 
 
 def precompute(

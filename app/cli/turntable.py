@@ -30,7 +30,7 @@ from app.stills.frame_sequence import Draw, Frames, Report, draw_here, estimate_
 from app.stills.stills import ENDINGS, picture_bytes
 from app.system.atomic import make_folder_of, require_place, save_file
 from app.worker.cache import KeyPart, content_key
-from engine.core.colour import ToneMapping
+from engine.core.colour import AnyView
 from engine.core.errors import InsituError
 from engine.light.radiance_files import read_radiance_image
 from engine.material.model import Model
@@ -140,7 +140,7 @@ class FrameFiles:
             raise InsituError(f"{self.folder}: the folder cannot be used, {error}") from error
         return [i for i in range(self.count) if not _is_whole(self.path(i), resolution)]
 
-    def write(self, i: int, picture: NDArray[np.float32], view: ToneMapping) -> None:
+    def write(self, i: int, picture: NDArray[np.float32], view: AnyView) -> None:
         """Write a frame to its file, which is listed before. Raises InsituError."""
         content, (key, written) = picture_bytes(self.path(i), picture, view), self._read_record()
         self._write_record(key, {**written, self.path(i).name: _digest(content)})
@@ -158,7 +158,7 @@ class FrameFiles:
 
 
 def draw_frames(
-    project: Project, frames: Frames, files: FrameFiles, report: Report, view: ToneMapping = "filmic",
+    project: Project, frames: Frames, files: FrameFiles, report: Report, view: AnyView = "filmic",
     draw: Draw = draw_here,
 ) -> tuple[int, str]:  # fmt: skip
     """Draw the missing frames, here or where `draw` does; returns how many they were, and in Deform the error of the

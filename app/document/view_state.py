@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import Any, Literal, NamedTuple, get_args
 
 from app.document.document import Document, Selection
-from engine.core.colour import ToneMapping
+from engine.core.colour import AnyView
 from engine.core.errors import InsituError
 from engine.material.parameters import Parameter
 from engine.scene.description import Camera, SceneDescription
@@ -109,9 +109,9 @@ class ViewState:
     hovered: str | None = None
     exposure: float = 0.0
     gamma: float = 1.0
-    tone_mapping: ToneMapping = "filmic"
+    tone_mapping: AnyView = "filmic"
     picture_channel: PictureChannel = "colour"
-    view_before: ToneMapping = "filmic"
+    view_before: AnyView = "filmic"
     zebra: bool = False
     compare: Document | None = None
     compare_divider: float = 0.5

@@ -29,6 +29,7 @@ from app.document.selection import follow_in_view, select_in_view
 from app.document.timeline import Player
 from app.document.view_state import OpenPanel, SetView, ViewCommand, ViewState
 from app.editor.camera_history import CameraHistory
+from app.editor.colour_controller import ColourController
 from app.editor.exchange import FileExchange
 from app.editor.node_controller import NodeController
 from app.editor.opening import Opening
@@ -40,6 +41,7 @@ from app.messages.picture_events import PictureEvent
 from app.messages.worker_messages import (
     CancelRequests,
     ChannelsRead,
+    ColourViewRead,
     CurveTableRead,
     FilesWritten,
     MaterialsRead,
@@ -97,6 +99,7 @@ class Editor:
         self._keeper = SessionStore(journal)
         self.exchange = FileExchange(self, client.send)
         self.tables = TableController(client.send)
+        self.colours = ColourController(self, client.send)
         self.nodes = NodeController(self)
         self.scenes = SceneController(self, self._keeper)
         self.camera_history = CameraHistory(self, self.scenes.tracing)
@@ -334,6 +337,7 @@ class Editor:
         if self.scene_is_open:
             view = effective_view(self.view, self.document)
             self.scenes.update(now, view)
+            self.colours.follow()
             self.nodes.request_missing(*filter(None, (self.document, view.compare)))
             drawn = self.scenes.composing.drawn(self.document)
             made_of = self.with_nodes(drawn), self.scenes.composing.view_of(drawn, view)
@@ -404,6 +408,8 @@ class Editor:
             case TableFetched():
                 self.metrics.progress = None
                 self.tables.receive(response)
+            case ColourViewRead():
+                self.colours.receive(response)
             case ChannelsRead():
                 self.nodes.receive(response)
             case FilesWritten():
@@ -416,6 +422,7 @@ class Editor:
                 return self.scenes.take_sky(response)
             case WorkerRestarted():
                 self.controller.worker_restarted()
+                self.colours.worker_restarted()
                 self.notify(
                     f"computing stopped ({response.reason}) and was started again; your edits are untouched", True
                 )
@@ -448,7 +455,7 @@ class Editor:
     def take_failure(self, response: RequestFailed) -> None:
         """Note that a request failed: its response will not come."""
         self.metrics.progress = None
-        if self.tables.receive_failure(response):
+        if self.tables.receive_failure(response) or self.colours.receive_failure(response):
             return
         self.exchange.cancel(response.id)
         self.nodes.receive_failure(response.id, response.line)

@@ -240,12 +240,22 @@ _FIELDS: Any = {name: (_type_of(SETTINGS[name]), getattr(RenderSettings(), name)
 _SettingsRecord = create_model("_SettingsRecord", __base__=StrictModel, **_FIELDS)
 
 
+class ConfigViewRecord(StrictModel):
+    """A view of an OpenColorIO configuration."""
+
+    config: PathText
+    display: Annotated[str, Field(strict=True, max_length=1000)] = ""
+    view: Annotated[str, Field(strict=True, max_length=1000)] = ""
+    look: Annotated[str, Field(strict=True, max_length=1000)] = ""
+
+
 class ViewRecord(_SettingsRecord):  # type: ignore[misc, valid-type]
     mode: Text = "placement"
     selected: Text | None = None
     exposure: Annotated[Number, Field(ge=-20.0, le=20.0)] = 0.0
     gamma: Annotated[Number, Field(ge=0.2, le=5.0)] = 1.0
     tone_mapping: ToneMapping = "filmic"
+    ocio: ConfigViewRecord | None = None
     fit: Flag = True
     log_y: Flag = False
     frame_budget_ms: Annotated[Number, Field(ge=2.0, le=200.0)] = 16.0

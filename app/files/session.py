@@ -44,6 +44,8 @@ from app.files.records import (
 )
 from app.system.atomic import save_file
 from app.system.paths import full_path, written_path
+from engine.core.colour import ConfigView
+from engine.core.colour_config import BUILT_IN
 from engine.core.errors import InsituError, LoadError, describe_value, list_names
 from engine.core.safe_files import read_regular_file, resolved
 from engine.light.suns import Sun
@@ -166,7 +168,7 @@ def parse_session(data: bytes, path: Path, folder: Path | None) -> Session:
     )  # fmt: skip
     looks = (Look(each.name, None if each.current else _look(path, folder, each, document)) for each in record.looks)
     document = replace(document, looks=tuple(looks))
-    view = replace(_view(record.view, document), bookmarks=tuple(each.bookmark for each in record.bookmarks))
+    view = replace(_view(record.view, document, folder), bookmarks=tuple(each.bookmark for each in record.bookmarks))
     return Session(document, view, record.journal)
 
 
@@ -272,7 +274,7 @@ def dump_session(
     if document.background != Background():
         lines += ["[background]", *toml_lines(vars(document.background))]
     lines += ["[overrides]", *toml_lines(dict(document.overrides))]
-    lines += ["[view]", *toml_lines(_view_values(view))]
+    lines += ["[view]", *toml_lines(_view_values(view, folder))]
     for state in (*document.objects, *document.absent):
         lines += _object_lines(state, folder)
     for look in document.looks:
@@ -351,11 +353,16 @@ def _added_values(added: ObjectDescription, folder: Path | None) -> dict[str, An
     return {name: value for name, value in {**values, "mesh": mesh, "cone": cone}.items() if value is not None}
 
 
-def _view_values(view: ViewState) -> dict[str, Any]:
+def _view_values(view: ViewState, folder: Path | None) -> dict[str, Any]:
     settings = {name: getattr(view.settings, name) for name in SAVED_SETTINGS}
-    others = {name: getattr(view, name) for name in ViewRecord.model_fields if name not in ("selected", *settings)}
-    selected = None if view.selected is None else view.selected.path
+    apart = "selected", "ocio", *settings
+    others = {name: getattr(view, name) for name in ViewRecord.model_fields if name not in apart}
+    selected, shown = None if view.selected is None else view.selected.path, view.tone_mapping
     selected = selected if view.sun is None else sun_key(view.sun)
+    if isinstance(shown, ConfigView):  # with the view that programs show which cannot read it
+        others["tone_mapping"] = ViewState().tone_mapping
+        config = shown.config if shown.config.startswith(BUILT_IN) else written_path(shown.config, folder)
+        others["ocio"] = {**vars(shown), "config": config}
     return {"selected": selected, **others, **settings, "camera": _camera_values(view.camera)}
 
 
@@ -427,8 +434,11 @@ def _object(file: str, folder: Path | None, record: ObjectRecord) -> ObjectState
     )
 
 
-def _view(record: ViewRecord, document: Document) -> ViewState:
-    values = {name: getattr(record, name) for name in ViewRecord.model_fields if name != "selected"}
+def _view(record: ViewRecord, document: Document, folder: Path | None) -> ViewState:
+    values = {name: getattr(record, name) for name in ViewRecord.model_fields if name not in ("selected", "ocio")}
+    if (own := record.ocio) is not None:
+        config = own.config if own.config.startswith(BUILT_IN) else full_path(own.config, folder)
+        values["tone_mapping"] = ConfigView(config, own.display, own.view, own.look)
     selected, sun = _selection(record.selected, document), sun_of_path(document, record.selected)
     return replace(SetView.of(**values).apply(ViewState()), selected=selected, sun=sun)
 

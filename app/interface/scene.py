@@ -25,6 +25,8 @@ from app.stills.frame_sequence import own_camera
 from app.stills.stills import ENDINGS, check_output, write_picture
 from app.system.memory import require_memory_for
 from app.system.paths import full_path
+from engine.core.colour import AnyView, ConfigView, find_view
+from engine.core.colour_config import config_name, resolve_view
 from engine.core.errors import InsituError
 from engine.core.generators import run_to_end
 from engine.reference.path_tracer import N_SAMPLES
@@ -193,6 +195,22 @@ class Scene:
         True
         """
         return self._pictures.error(self._seen_in(resolution), mode, bounces)
+
+    def set_view(self, name: str = "", *, ocio: str | None = None, display: str = "", look: str = "") -> None:
+        """Choose how light becomes colour in PNG files and notebooks: a view such as `"AgX"`, or one of an
+        OpenColorIO configuration, the file `ocio`; what is left open is its default. Raises insitu.Error.
+
+        >>> import insitu
+        >>> scene = insitu.open("shapes", resolution=(48, 32))
+        >>> scene.set_view("AgX")
+        >>> scene.set_view("Un-tone-mapped", ocio="ocio://default")
+        """
+        view: AnyView
+        if ocio is None:
+            view = find_view(name)
+        else:
+            view = resolve_view(ConfigView(config_name(ocio), display, name, look))
+        self._project, self._view = replace(self._project, view=view), replace(self._view, tone_mapping=view)
 
     def save(
         self, path: str | os.PathLike[str] | None = None, mode: Mode = "placement", *, bounces: int | None = None

@@ -26,6 +26,8 @@ from engine.scene.loaders.model import ImportedCamera
 if TYPE_CHECKING:
     from app.document.document import Document, Variant
     from app.document.view_state import ViewState
+    from engine.core.colour import ConfigView
+    from engine.core.colour_config import ConfigCatalogue, ViewShader
     from engine.curve.tables import TabulatedCurve
     from engine.material.bumps import BumpsByObject
     from engine.material.layer import Layer
@@ -202,6 +204,17 @@ class FetchTable(Request):
 
 
 @dataclass(frozen=True)
+class ReadColourView(Request):
+    """Read a view of an OpenColorIO configuration; answered by `ColourViewRead`."""
+
+    priority = 2
+    answered_once = True
+    is_stopped_by_user = False
+
+    view: ConfigView
+
+
+@dataclass(frozen=True)
 class WriteFiles(Request):
     """Export for other programs: the reflection of layers as a MERL file; or, with a `document`, the open scene as a
     folder for Mitsuba 3, with so many bounces. Answered by `FilesWritten`."""
@@ -334,6 +347,14 @@ class ChannelsRead(Response):
     statistics: Mapping[ChannelImage, ChannelStatistics]
     refused: Mapping[ChannelImage, str]
     nodes: KnownNodes = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class ColourViewRead(Response):
+    """A view of a configuration, and what else this offers."""
+
+    catalogue: ConfigCatalogue
+    shader: ViewShader
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 from functools import partial
+from typing import Annotated
+
+from pydantic import Field
 
 from app.document.view_state import PICTURE_CHANNELS, PictureChannel, SetView
 from app.editor.editor import Editor
-from app.operators.operator import Operator, OperatorContext, ScriptKey
+from app.operators.operator import Operator, OperatorContext, ScriptKey, ValueRecord
+from engine.core.colour import ConfigView
+from engine.scene.description import Text
 
 FALSE_COLOUR = "false_colour"
 _KEYS = dict(zip(PICTURE_CHANNELS, ("Ctrl 2", "Ctrl 3", "Ctrl 4", "Ctrl 5", "Ctrl 6", "Ctrl 7"), strict=True))
@@ -42,12 +47,29 @@ def _reset_exposure(editor: Editor, value: None) -> str | None:
     return editor.do(SetView.of(exposure=0.0, gamma=1.0))
 
 
+class ConfiguredView(ValueRecord):
+    config: Annotated[Text, Field(description="A configuration of OpenColorIO, or `ocio://default`.")]
+    display: Annotated[str, Field(description="One of its displays; else its default.")] = ""
+    view: Annotated[str, Field(description="A view of that display; else its default.")] = ""
+    look: Annotated[str, Field(description="One of its looks, applied before the view.")] = ""
+
+
+def _open_config(editor: Editor, value: ConfiguredView) -> str | None:
+    editor.colours.open(ConfigView(value.config, value.display, value.view, value.look))
+    return None
+
+
 def channel_operator(channel: PictureChannel) -> str:
     """The name of the operator that shows a channel alone."""
     return f"channel_{channel}"
 
 
 INSPECT = (
+    Operator("open_config", entry="Open a configuration…", help="Open a configuration of OpenColorIO (.ocio, .ocioz)."),
+    Operator(
+        "ocio", _open_config,
+        script=ScriptKey(ConfiguredView, "Shows light through a view of an OpenColorIO configuration: see below."),
+    ),
     Operator("values", keys=("Q",), help="Values of the pixel under the mouse", entry="Pixel values"),
     Operator("average", keys=("Alt Q",), help="Mean of 1, 9 or 25 pixels", entry="Mean of more pixels"),
     Operator("copy_values", keys=("Shift Q",), help="Copy them", entry="Copy the pixel's values"),

@@ -74,7 +74,7 @@ MENUS = (
             "camera_panel", "go_to_view", None, "frame", "frame_all", None, "view_front", "view_right", "view_top",
             "view_back", "view_left", "view_bottom", None, "level", "own_view", "conventions",
         )),
-        Menu("Colours", ("view", None, "reset_exposure")),
+        Menu("Colours", ("view", None, "open_config", "reset_exposure")),
         Menu("Inspect", (
             "values", "average", "copy_values", None, *map(channel_operator, PICTURE_CHANNELS), None, "zebra", "stops",
             "error", None, "zoom_in", "zoom_out",

@@ -84,7 +84,7 @@ from app.system.atomic import set_inputs
 from app.system.decoder_process import use_decoder_process
 from app.system.memory import require_memory_for
 from app.system.paths import full_path, is_file_name
-from engine.core.colour import ToneMapping
+from engine.core.colour import AnyView
 from engine.core.errors import InsituError, LoadError
 from engine.material.layer import FRAMES, object_of
 from engine.material.parameters import INDICES, reflectance_of_index
@@ -111,7 +111,7 @@ class Project:
 
     scene: Scene
     document: Document
-    view: ToneMapping = "filmic"
+    view: AnyView = "filmic"
     settings: RenderSettings = RenderSettings(n_bounces=AS_PLANNED)
     at_rest: Scene | None = None
     notes: tuple[str, ...] = ()

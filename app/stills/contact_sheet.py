@@ -16,7 +16,7 @@ from app.document.view_state import Viewpoint
 from app.project.project import Project
 from app.stills.stills import Report, render_picture, write_picture
 from app.system.atomic import require_place, save_file
-from engine.core.colour import ToneMapping
+from engine.core.colour import AnyView
 from engine.core.errors import InsituError
 from engine.core.generators import StillProgress
 from engine.render.display import display_picture, pixels_png, without_alpha
@@ -76,7 +76,7 @@ def render_sheet(project: Project, sheet: Sheet, report: Report) -> list[tuple[s
 
 
 def write_sheet(
-    path: Path, pictures: Sequence[tuple[str, NDArray[np.float32]]], sheet: Sheet, view: ToneMapping = "filmic"
+    path: Path, pictures: Sequence[tuple[str, NDArray[np.float32]]], sheet: Sheet, view: AnyView = "filmic"
 ) -> None:
     """Write the page as a PNG, and where they are asked for the linear pictures beside it, each whole or not at all.
     Raises InsituError."""
@@ -127,7 +127,7 @@ def _fitting(name: str, font: ImageFont.FreeTypeFont | ImageFont.ImageFont, widt
     return name[:kept] + "…"
 
 
-def _on_screen(radiance: NDArray[np.float32], view: ToneMapping) -> NDArray[np.uint8]:
+def _on_screen(radiance: NDArray[np.float32], view: AnyView) -> NDArray[np.uint8]:
     """A picture as the viewport shows it, 8 bits; one with alpha over the page."""
     if radiance.shape[2] == 3:
         return display_picture(radiance, tone_mapping=view)

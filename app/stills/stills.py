@@ -22,7 +22,7 @@ from app.system.memory import orbit_bytes, orbit_slice_bytes
 from app.worker.cache import ArrayCache
 from app.worker.deform_worker import StoredLobes
 from engine.core.clamping import BRIGHTEST, clamp_radiance
-from engine.core.colour import ToneMapping
+from engine.core.colour import AnyView
 from engine.core.errors import InsituError
 from engine.core.generators import StillProgress, run_to_end
 from engine.material.layer import Layer, object_of
@@ -369,7 +369,7 @@ def chosen_bounces(project: Project, plan: Plan) -> int | None:
 
 
 def write_picture(
-    path: Path, radiance: NDArray[np.float32], view: ToneMapping = "filmic", comment: str = "",
+    path: Path, radiance: NDArray[np.float32], view: AnyView = "filmic", comment: str = "",
     layers: Sequence[PictureLayer] = (),
 ) -> None:  # fmt: skip
     """Write a picture (H, W, 3), or with alpha (H, W, 4), to a file, whole or not at all; see `picture_bytes`."""
@@ -377,7 +377,7 @@ def write_picture(
 
 
 def picture_bytes(
-    path: Path, radiance: NDArray[np.float32], view: ToneMapping = "filmic", comment: str = "",
+    path: Path, radiance: NDArray[np.float32], view: AnyView = "filmic", comment: str = "",
     layers: Sequence[PictureLayer] = (),
 ) -> bytes:  # fmt: skip
     """The bytes of a picture's file: an .exr (linear, 32 bits, with a comment and layers) or a .png (as the viewport

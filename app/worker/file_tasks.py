@@ -14,12 +14,14 @@ from app.document.named_files import files_of_document, layers_of_document, meas
 from app.files.brdf_files import export_steps
 from app.files.material_files import read_file_materials
 from app.messages.worker_messages import (
+    ColourViewRead,
     CurveTableRead,
     FetchTable,
     FilesWritten,
     MaterialsRead,
     MeasurementsRead,
     Progress,
+    ReadColourView,
     ReadCurveTable,
     ReadMaterials,
     ReadMeasured,
@@ -30,6 +32,7 @@ from app.messages.worker_messages import (
 )
 from app.project.project import Project
 from app.system.atomic import set_inputs
+from engine.core.colour_config import read_view
 from engine.core.errors import InsituError, LoadError
 from engine.core.generators import map_steps
 from engine.core.safe_files import resolve_inside
@@ -87,6 +90,11 @@ def read_curve_table(request: ReadCurveTable) -> Generator[Response | None, None
         yield CurveTableRead(load_table(Path(request.name)))
     else:
         yield CurveTableRead(parse_table(request.text.encode(errors="replace"), request.name))
+
+
+def read_colour_view(request: ReadColourView) -> Generator[Response | None, None, None]:
+    """A view of an OpenColorIO configuration. Raises LoadError."""
+    yield ColourViewRead(*read_view(request.view))
 
 
 def read_channels(

@@ -17,9 +17,9 @@ whose white is yellower, would be tinted.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeVar
 
@@ -34,6 +34,26 @@ if TYPE_CHECKING:
 Float64Array = NDArray[np.float64]
 Real = TypeVar("Real", np.float32, np.float64)
 ToneMapping = Literal["filmic", "agx", "aces_2", "aces_1", "linear", "false_colour"]
+
+
+@dataclass(frozen=True)
+class ConfigView:
+    """A view of a configuration of OpenColorIO (`engine.core.colour_config`): a file, or the name of one that is built
+    into the library; a display of it, one of its views, and a look; "" for the configuration's default, or no look."""
+
+    config: str
+    display: str = ""
+    view: str = ""
+    look: str = ""
+
+    @property
+    def label(self) -> str:
+        """Its name in the window."""
+        return self.view or Path(self.config).stem
+
+
+AnyView = ToneMapping | ConfigView
+"""A view transform: one of Insitu's own, or of a configuration."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +82,7 @@ TABULATED_VIEWS = ("agx", *_BUILT_IN)
 TABLE_SIDE = 65
 # log2 of radiance at the table's ends; beyond them the views are black and white.
 TABLE_STOPS = (-12.5, 7.5)
-_BRIGHTEST = 2.0**16
+BRIGHTEST_SHOWN = 2.0**16
 
 _AGX_INSET = np.array(
     [
@@ -77,6 +97,8 @@ _AGX_SAMPLES = 4096
 
 REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
 """x, y of red, green, blue and white (D65) [ITU-R BT.709]."""
+_ACES2065 = (0.7347, 0.2653, 0.0, 1.0, 0.0001, -0.077, 0.32168, 0.33767)
+"""The same of ACES2065-1 [SMPTE ST 2065-1]."""
 XYZ_PRIMARIES = (1.0, 0.0, 0.0, 1.0, 0.0, 0.0)
 """Those of CIE XYZ itself."""
 _BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
@@ -108,7 +130,7 @@ def decode_srgb(encoded: NDArray[Real]) -> NDArray[Real]:
 
 def display_transform(radiance: NDArray[np.floating], view: ToneMapping) -> NDArray[np.float32]:
     """Linear Rec. 709 radiance (..., 3) as sRGB-encoded values in [0, 1], by one of the views in `TABULATED_VIEWS`."""
-    values = np.clip(np.nan_to_num(radiance, nan=0.0), 0.0, _BRIGHTEST)
+    values = np.clip(np.nan_to_num(radiance, nan=0.0), 0.0, BRIGHTEST_SHOWN)
     pixels = np.array(values, np.float32, order="C").reshape(-1, 3)
     if len(pixels):
         _processor(view).applyRGB(pixels)
@@ -117,11 +139,16 @@ def display_transform(radiance: NDArray[np.floating], view: ToneMapping) -> NDAr
 
 @lru_cache(maxsize=len(TABULATED_VIEWS))
 def view_table(view: ToneMapping) -> NDArray[np.float16]:
-    """The view over log2 of radiance within `TABLE_STOPS`: (blue, green, red, 3), `TABLE_SIDE` colours along each
-    axis."""
+    """The view as a table."""
+    return tabulated(partial(display_transform, view=view))
+
+
+def tabulated(transform: Callable[[NDArray[np.floating]], NDArray[np.floating]]) -> NDArray[np.float16]:
+    """A transform of light to display colours over log2 of radiance within `TABLE_STOPS`: (blue, green, red, 3),
+    `TABLE_SIDE` colours along each axis."""
     levels = np.exp2(np.linspace(*TABLE_STOPS, TABLE_SIDE))
     blue, green, red = np.meshgrid(levels, levels, levels, indexing="ij")
-    return display_transform(np.stack([red, green, blue], axis=-1), view).astype(np.float16)
+    return transform(np.stack([red, green, blue], axis=-1)).astype(np.float16)
 
 
 def agx_sigmoid(x: NDArray[np.floating]) -> NDArray[np.float64]:
@@ -185,6 +212,18 @@ def to_rec709(chromaticities: Sequence[float]) -> Float64Array | None:
     if not np.isfinite(matrix).all() or np.abs(matrix).max() > 100.0:
         raise ValueError("chromaticities of no colours")
     return matrix
+
+
+def rec709_to_aces() -> Float64Array:
+    """The matrix (3, 3) from linear Rec. 709 to ACES2065-1."""
+    to_rec = to_rec709(_ACES2065)
+    assert to_rec is not None
+    return np.asarray(np.linalg.inv(to_rec))
+
+
+def view_label(view: AnyView) -> str:
+    """The name of a view in the window."""
+    return view.label if isinstance(view, ConfigView) else VIEWS[view].label
 
 
 def xyz_to_rec709() -> Float64Array:

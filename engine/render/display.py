@@ -20,7 +20,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from engine.core.colour import TABULATED_VIEWS, ToneMapping, display_transform, encode_srgb
+from engine.core.colour import TABULATED_VIEWS, AnyView, ConfigView, display_transform, encode_srgb
+from engine.core.colour_config import config_transform
 from engine.light.environment import LUMINANCE
 
 BRIGHTEST = 1e4
@@ -43,17 +44,19 @@ _VIRIDIS = np.array(
 
 
 def display_picture(
-    radiance: NDArray[np.floating], exposure: float = 0.0, tone_mapping: ToneMapping = "filmic"
+    radiance: NDArray[np.floating], exposure: float = 0.0, tone_mapping: AnyView = "filmic"
 ) -> NDArray[np.uint8]:
     """Convert linear Rec. 709 radiance (H, W, 3) to 8-bit sRGB; exposure in stops, clamped to ±64."""
     return np.round(255.0 * display_values(radiance, exposure, tone_mapping)).astype(np.uint8)
 
 
 def display_values(
-    radiance: NDArray[np.floating], exposure: float = 0.0, tone_mapping: ToneMapping = "filmic"
+    radiance: NDArray[np.floating], exposure: float = 0.0, tone_mapping: AnyView = "filmic"
 ) -> NDArray[np.floating]:
     """The same as floats in [0, 1]."""
     exposed = np.asarray(radiance, np.float64) * 2.0 ** min(max(exposure, -64.0), 64.0)
+    if isinstance(tone_mapping, ConfigView):
+        return config_transform(exposed, tone_mapping)
     if tone_mapping in TABULATED_VIEWS:
         return display_transform(exposed, tone_mapping)
     if tone_mapping == "false_colour":
@@ -129,7 +132,7 @@ def exr_bytes(radiance: NDArray[np.float32], comment: str = "", layers: Iterable
     return buffer.getvalue()
 
 
-def png_bytes(radiance: NDArray[np.float32], exposure: float = 0.0, tone_mapping: ToneMapping = "filmic") -> bytes:
+def png_bytes(radiance: NDArray[np.float32], exposure: float = 0.0, tone_mapping: AnyView = "filmic") -> bytes:
     """A PNG, 8-bit sRGB, of linear radiance (H, W, 3) as the editor's viewport shows it; with alpha (H, W, 4), by which
     PNG does not multiply its colours."""
     if radiance.shape[2] == 3:

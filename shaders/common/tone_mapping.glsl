@@ -1,5 +1,5 @@
 // Provides: display_colour(radiance), the sRGB-encoded colour in [0, 1] of a linear Rec. 709 radiance that is exposed
-// already. One of TONE_LINEAR, TONE_FILMIC, TONE_TABLE, TONE_FALSE_COLOUR is defined to 1.
+// already. One of TONE_LINEAR, TONE_FILMIC, TONE_TABLE, TONE_FALSE_COLOUR, TONE_CONFIGURED is defined to 1.
 #include "common/srgb.glsl"
 #include "common/viridis.glsl"
 
@@ -40,7 +40,15 @@ vec3 display_colour(vec3 radiance) {
     vec3 stops = clamp(log2(max(radiance, vec3(1e-30))), table_stops.x, table_stops.y);
     float side = float(textureSize(view_table, 0).x);
     vec3 place = (stops - table_stops.x) / (table_stops.y - table_stops.x);
-    return texture(view_table, (place * (side - 1.0) + 0.5) / side).rgb;
+    return clamp(texture(view_table, (place * (side - 1.0) + 0.5) / side).rgb, 0.0, 1.0);
+}
+#elif TONE_CONFIGURED
+// A view of a configuration of OpenColorIO, whose text replaces this file (engine/core/colour_config.py).
+#include "common/configured_view.glsl"
+
+vec3 display_colour(vec3 radiance) {
+    vec3 shown = configured_view(vec4(min(max(radiance, vec3(0.0)), vec3(65536.0)), 1.0)).rgb;
+    return clamp(shown, 0.0, 1.0);
 }
 #else
 vec3 display_colour(vec3 radiance) {

@@ -17,6 +17,7 @@ from app.messages.worker_messages import (
     MeasurementsRead,
     OpenScene,
     Progress,
+    ReadColourView,
     ReadCurveTable,
     ReadMeasured,
     Request,
@@ -37,7 +38,7 @@ from app.modes.placement.placement_messages import (
     StageDone,
     StageFootprint,
 )
-from app.worker.file_tasks import read_curve_table
+from app.worker.file_tasks import read_colour_view, read_curve_table
 from app.worker.planning import plan_bands
 from engine.core.errors import LoadError
 from engine.curve.wavelet import forward
@@ -172,9 +173,10 @@ class StandInClient:
             yield from self._contract(request)
         elif isinstance(request, PlanBands):
             yield from (answer for answer in plan_bands(request) if answer is not None)
-        elif isinstance(request, ReadCurveTable):
+        elif isinstance(request, ReadCurveTable | ReadColourView):
+            read = read_curve_table if isinstance(request, ReadCurveTable) else read_colour_view
             try:
-                yield from (answer for answer in read_curve_table(request) if answer is not None)
+                yield from (answer for answer in read(request) if answer is not None)
             except LoadError as error:
                 yield RequestFailed(str(error))
         elif isinstance(request, ReadMeasured):

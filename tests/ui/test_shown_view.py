@@ -7,15 +7,18 @@ import numpy as np
 import pytest
 
 from app.document.view_state import SetView
+from app.editor.editor import Editor
 from engine.core.colour import ToneMapping
 from engine.core.errors import InsituError
 from engine.render.display import display_picture
+from tests.ui.stand_in import StandInClient
 from ui.gl import view_transform
 from ui.gl.view_transform import ToneView
 from ui.headless import HeadlessWindow
 from ui.picture_feed import PictureFeed
 
 TABLE = np.zeros((2, 2, 2, 3), np.float16)
+COLOURS = Editor(StandInClient(), "stand-in").colours  # no configuration is open
 
 
 @pytest.fixture
@@ -34,12 +37,12 @@ def test_the_last_view_stays_until_the_table_is_there(made_by) -> None:
     may_end = threading.Event()
     made_by(lambda view: TABLE if may_end.wait(20) else TABLE)
     shown = ToneView()
-    assert shown.follow("linear") == "linear" and not shown.waits
-    assert shown.follow("agx") == "linear" and shown.waits
-    assert shown.follow("filmic") == "filmic" and not shown.waits  # another choice meanwhile
+    assert shown.follow("linear", COLOURS) == "linear" and not shown.waits
+    assert shown.follow("agx", COLOURS) == "linear" and shown.waits
+    assert shown.follow("filmic", COLOURS) == "filmic" and not shown.waits  # another choice meanwhile
     may_end.set()
     view_transform._start_table("agx").result(20)
-    assert shown.follow("agx") == "agx" and not shown.waits
+    assert shown.follow("agx", COLOURS) == "agx" and not shown.waits
 
 
 def test_a_view_that_cannot_be_made_is_said_once(made_by) -> None:
@@ -50,9 +53,9 @@ def test_a_view_that_cannot_be_made_is_said_once(made_by) -> None:
     shown = ToneView()
     with pytest.raises(InsituError):
         for _ in range(200):  # the thread may take a moment
-            shown.follow("aces_2")
+            shown.follow("aces_2", COLOURS)
             view_transform._start_table("aces_2").exception(20)
-    assert shown.follow("aces_2") == "filmic" and not shown.waits
+    assert shown.follow("aces_2", COLOURS) == "filmic" and not shown.waits
 
 
 @pytest.mark.gl

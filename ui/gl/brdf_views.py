@@ -16,12 +16,11 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.core.colour import ToneMapping
 from engine.material.layer import Layer
 from ui.gl.brdf_stack import BrdfStack
 from ui.gl.gpu_memory import TextureMemory, read_texture
 from ui.gl.program import Passes
-from ui.gl.view_transform import ToneMapper
+from ui.gl.view_transform import DrawnView, ToneMapper
 
 Float64Array = NDArray[np.float64]
 
@@ -196,7 +195,7 @@ class LitSphere:
         """Start over: the material has changed."""
         self.steps = self._row = 0
 
-    def step(self, stack: BrdfStack, tone_mapping: ToneMapping = "filmic", rows: int | None = None) -> bool:
+    def step(self, stack: BrdfStack, tone_mapping: DrawnView = "filmic", rows: int | None = None) -> bool:
         """Draw one step more, or so many rows of it, and after it the picture so far; returns whether there are more.
 
         Raises GraphicsError, Untranslatable.
@@ -212,7 +211,7 @@ class LitSphere:
             self.show(tone_mapping)
         return not self.finished
 
-    def show(self, tone_mapping: ToneMapping) -> None:
+    def show(self, tone_mapping: DrawnView) -> None:
         """Tone map the picture so far."""
         program = self._mapper.full_screen("brdf/sphere_shown.frag.glsl", tone_mapping)
         textures = {"summed": self._sum, **self._mapper.textures(tone_mapping)}

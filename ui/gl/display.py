@@ -17,11 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.document.view_state import PICTURE_CHANNELS, PictureChannel
-from engine.core.colour import ToneMapping
 from engine.scene.picture_frame import PictureFrame
 from ui.gl.gpu_memory import TextureMemory, read_texture
 from ui.gl.program import Box, Passes
-from ui.gl.view_transform import ToneMapper
+from ui.gl.view_transform import DrawnView, ToneMapper
 
 # -------------------------------------------------------------------------------------------------- the display picture
 
@@ -47,7 +46,7 @@ class DisplayView:
     """
 
     exposure: float = 0.0
-    tone_mapping: ToneMapping = "filmic"
+    tone_mapping: DrawnView = "filmic"
     selected: int | None = None
     others: tuple[int, ...] = ()
     hovered: int | None = None

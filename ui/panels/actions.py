@@ -158,6 +158,13 @@ class ImportMeasured:
 
 
 @dataclass(frozen=True)
+class OpenConfig:
+    """Show light through the default view of a configuration of OpenColorIO."""
+
+    path: Path
+
+
+@dataclass(frozen=True)
 class ExportMeasured:
     """Write the selected object's material as a MERL file."""
 
@@ -300,6 +307,6 @@ WindowAction = (
     | RunOperator | SetPreference | HoldGrip | SetPanel | OpenFile | OpenImage | AskFile | ReloadImages | SaveSession
     | SavePicture | ImportMaterial | ImportMeasured | ExportMeasured | ExportScene | SaveScene | Screenshot
     | SaveMaterial | DeleteMaterial | Copy | CopyText | Paste | Recover | AnswerUnsaved | ShowPanel | ResetLayout | Quit
-    | AnswerQuestion | StopLayers | DrawLooks | SaveContactSheet
+    | AnswerQuestion | StopLayers | DrawLooks | SaveContactSheet | OpenConfig
 )  # fmt: skip
 Action = EditCommand | SetView | OpenPanel | WindowAction

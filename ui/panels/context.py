@@ -23,6 +23,7 @@ from app.files.preferences import Preferences, Recent
 from app.messages.editor_status import Status
 from app.modes.mode import Mode
 from app.operators.registry import keys_of
+from engine.core.colour_config import ConfigCatalogue
 from engine.scene.description import Camera
 from engine.scene.import_report import ImportReport
 from ui.frame_times import PerformanceRecord
@@ -147,9 +148,9 @@ class PanelContext:
     of the mode whose picture is still shown, "" where it is the present one's. `scene_document` is the document as the
     scene's own file has it. `name` is the name of what is open, `unsaved` whether there are edits that no session has.
     `recent` are the files opened last, `recoveries` edits that the program left behind when it ended. `keys_taken`:
-    keys go to a text field, a list or a menu; `alt_tapped`: Alt was pressed and released by itself; `saving`: the
-    picture with layers that is being saved, and its progress, "" for none; `repeated`: the key that the system repeats
-    in this pass, while it is held.
+    keys go to a text field, a list or a menu; `alt_tapped`: Alt was pressed and released by itself; `catalogues` are
+    those of the OpenColorIO configurations that are known; `saving`: the picture with layers that is being saved, and
+    its progress, "" for none; `repeated`: the key that the system repeats in this pass, while it is held.
     """
 
     document: Document
@@ -198,6 +199,7 @@ class PanelContext:
     report: ImportReport = ImportReport()
     recent: Callable[[], tuple[Recent, ...]] = tuple
     saving: str = ""
+    catalogues: tuple[ConfigCatalogue, ...] = ()
     recoveries: tuple[Recovery, ...] = ()
     now: float = 0.0
     keys_taken: bool = False

@@ -15,6 +15,7 @@ from imgui_bundle import ImVec2, imgui
 from app.document.commands.objects import AddObject
 from app.document.sources import IMAGE_SUFFIXES, LIGHT_ENDINGS, SCENE_ENDINGS, SESSION_ENDING
 from app.export import PACKAGE_ENDING
+from engine.core.colour_config import ENDINGS as CONFIG_ENDINGS
 from engine.core.safe_files import resolved
 from engine.curve.table_text import TABLE_ENDINGS
 from engine.measured.measurement import ENDINGS as MEASURED_ENDINGS
@@ -28,6 +29,7 @@ from ui.panels.actions import (
     ExportScene,
     ImportMaterial,
     ImportMeasured,
+    OpenConfig,
     OpenFile,
     OpenImage,
     SaveContactSheet,
@@ -45,6 +47,7 @@ TITLES = {
     "add_file": "Add the objects of a mesh file to the scene",
     "open_material": "Import a material of MaterialX onto the selected object",
     "open_measured": "Import a measured BRDF onto the selected object",
+    "open_config": "Open a configuration of OpenColorIO",
     "open_table": "Load a table onto the selected curve (CSV: angle in degrees, values)",
     "open_texture": "Open a texture",
     "open_normal_map": "Open a normal map",
@@ -70,6 +73,7 @@ ENDINGS = {
     "add_file": MESH_ENDINGS,
     "open_material": (MATERIAL_ENDING,),
     "open_measured": MEASURED_ENDINGS,
+    "open_config": CONFIG_ENDINGS,
     "open_table": TABLE_ENDINGS,
     "open_texture": IMAGE_SUFFIXES,
     "open_normal_map": IMAGE_SUFFIXES,
@@ -318,6 +322,7 @@ def answer(question: FileQuestion, path: Path) -> AnswerQuestion:
         path = path.with_name(_named(question, path.name))
     actions: dict[str, Action] = {
         "add_file": AddObject(str(resolved(path))), "open_material": ImportMaterial(path),
+        "open_config": OpenConfig(path),
         "open_measured": ImportMeasured(path, question.cloth), "save_measured": ExportMeasured(path),
         "save_session": SaveSession(path), "save_picture": _saved_picture(question, path),
         "save_sheet": SaveContactSheet(path),

@@ -67,7 +67,7 @@ def draw_values(context: PanelContext, pixel: tuple[int, int], name: str) -> lis
 
 def draw_grid(context: PanelContext, room: ViewportRect, placed: PictureRect) -> None:
     """Lines between the pixels that are seen, where these are large; and a frame around the one under the mouse."""
-    if placed.scale < context.px(GRID_SCALE):
+    if context.view.fit or placed.scale < context.px(GRID_SCALE):
         return
     draw_list, ink = imgui.get_window_draw_list(), look.pack(look.grey(128, 0.35))
     left, top = max(placed.x, room.x), max(placed.y, room.y)

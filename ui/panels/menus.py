@@ -8,6 +8,7 @@ drawn here. The controls at the right are always visible.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -18,7 +19,8 @@ from app.document.view_state import EXPOSURE, GAMMA, OpenPanel, SetView
 from app.operators.keymap import KEYMAP_LABELS
 from app.operators.registry import MENUS, OPERATORS, Menu, keys_of
 from app.operators.view import is_pixel_for_pixel
-from engine.core.colour import VIEWS
+from engine.core.colour import VIEWS, ConfigView, view_label
+from engine.core.colour_config import ConfigCatalogue
 from ui.layout import PANELS, is_behind
 from ui.panels import rows, widgets
 from ui.panels.actions import Action, MoveCameraTo, OpenFile, RunOperator, SetPanel, SetPreference, ShowPanel
@@ -28,6 +30,7 @@ from ui.theme import Icon
 
 EXPOSURE_WIDTH, LEAST_EXPOSURE_WIDTH, TONE_WIDTH, FIT_WIDTH, GAP = 118.0, 64.0, 108.0, 42.0, 12.0
 GAMMA_LABEL = 52.0
+MENU_HANDLE = "menu.colours"
 MODE_WIDTH = 84.0
 RECENT_WIDTH = 320.0
 NOT_SAVED = ": there are edits that no session has yet"
@@ -194,7 +197,7 @@ def _resolution(context: PanelContext) -> list[Action]:
     return _entry(context, "resolution", f"{OPERATORS['resolution'].entry}{size}")
 
 
-def _views(context: PanelContext, handle: str = "menu.colours") -> list[Action]:
+def _views(context: PanelContext, handle: str = MENU_HANDLE) -> list[Action]:
     """The choice of the view transform, in a list or a menu."""
     actions: list[Action] = []
     for name, known in VIEWS.items():
@@ -202,8 +205,40 @@ def _views(context: PanelContext, handle: str = "menu.colours") -> list[Action]:
             actions.append(SetView.of(tone_mapping=name))
         context.handles.note_item(f"{handle}.{name}")
         widgets.tooltip(known.tooltip)
+    for catalogue in context.catalogues:
+        actions += _configured_views(context, catalogue, handle == MENU_HANDLE)
     imgui.separator()
     return actions + _gamma(context)
+
+
+def _configured_views(context: PanelContext, catalogue: ConfigCatalogue, nests: bool) -> list[Action]:
+    """The displays of an OpenColorIO configuration with their views, and its looks; nests: as submenus, which a list
+    has not."""
+    shown, actions = context.view.tone_mapping, list[Action]()
+    own = shown if isinstance(shown, ConfigView) and shown.config == catalogue.config else None
+    look = "" if own is None else own.look
+    imgui.separator()
+    imgui.text_disabled(Path(catalogue.config).name)
+    widgets.tooltip(catalogue.note or catalogue.config)
+    for display, views in catalogue.displays:
+        if nests and not _begin(context, display):
+            continue
+        if not nests:
+            imgui.text_disabled(f"  {display}")
+        for name in views:
+            is_chosen = own is not None and (own.display, own.view) == (display, name)
+            if imgui.menu_item_simple(f"{name}###{display}.{name}", None, is_chosen):
+                actions.append(SetView.of(tone_mapping=ConfigView(catalogue.config, display, name, look)))
+            context.handles.note_item(f"menu.colours.{display}.{name}")
+        if nests:
+            imgui.end_menu()
+    if nests and own is not None and catalogue.looks and _begin(context, "Look"):
+        for each in ("", *catalogue.looks):
+            if imgui.menu_item_simple(each or "None", None, each == look):
+                actions.append(SetView.of(tone_mapping=replace(own, look=each)))
+            context.handles.note_item(f"menu.look.{each}")
+        imgui.end_menu()
+    return actions
 
 
 def _gamma(context: PanelContext) -> list[Action]:
@@ -353,7 +388,7 @@ def _exposure(context: PanelContext, width: float) -> list[Action]:
 def _tone_mapping(context: PanelContext) -> list[Action]:
     actions: list[Action] = []
     imgui.set_next_item_width(context.px(TONE_WIDTH))
-    if widgets.begin_combo("##tone", VIEWS[context.view.tone_mapping].label):
+    if widgets.begin_combo("##tone", view_label(context.view.tone_mapping), is_tall=True):
         actions += _views(context, "colours")
         imgui.end_combo()
     context.handles.note_item("view.tone_mapping")

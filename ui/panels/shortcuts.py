@@ -21,6 +21,7 @@ from ui.panels.context import PanelContext
 from ui.panels.window_operators import chord_of, perform, play_or_leave_alone
 
 TWO_COLUMNS, THREE_COLUMNS, KEYS_WIDTH = 840.0, 1200.0, 106.0
+MARGIN = 12.0  # beside the list, where a click closes it
 CHORDS = {
     keys: {name: tuple(map(chord_of, in_keymap(operator, keys).keys)) for name, operator in OPERATORS.items()}
     for keys in KEYMAPS
@@ -56,7 +57,8 @@ def draw(context: PanelContext) -> list[Action]:
         return []
     viewport = imgui.get_main_viewport()
     imgui.set_next_window_pos(viewport.get_work_center(), imgui.Cond_.always, ImVec2(0.5, 0.5))
-    imgui.set_next_window_size_constraints(ImVec2(0, 0), viewport.work_size)
+    most = ImVec2(viewport.work_size.x - 2 * context.px(MARGIN), viewport.work_size.y)
+    imgui.set_next_window_size_constraints(ImVec2(0, 0), most)
     flags = (
         imgui.WindowFlags_.no_title_bar | imgui.WindowFlags_.no_collapse | imgui.WindowFlags_.no_docking
         | imgui.WindowFlags_.always_auto_resize | imgui.WindowFlags_.no_saved_settings | imgui.WindowFlags_.no_move

@@ -113,11 +113,13 @@ def choose(
     return picked
 
 
-def begin_combo(name: str, shown: str) -> bool:
-    """imgui's list and its choice; a choice that is too long first takes the room of the arrow, then loses its end."""
+def begin_combo(name: str, shown: str, is_tall: bool = False) -> bool:
+    """imgui's list and its choice; a choice that is too long first takes the room of the arrow, then loses its end.
+    is_tall: the list is as high as the window, where it has so much."""
     room = imgui.calc_item_width() - 2.0 * imgui.get_style().frame_padding.x
     fits = imgui.calc_text_size(shown).x <= room - imgui.get_frame_height()
-    return imgui.begin_combo(name, shortened(shown, room), 0 if fits else imgui.ComboFlags_.no_arrow_button)
+    flags = (0 if fits else imgui.ComboFlags_.no_arrow_button) | (imgui.ComboFlags_.height_largest if is_tall else 0)
+    return imgui.begin_combo(name, shortened(shown, room), flags)
 
 
 @contextmanager

@@ -228,6 +228,7 @@ WINDOW_OPERATORS: dict[str, Callable[[PanelContext], list[Action]]] = {
     "alone": _leave_alone,
     "camera_panel": _toggle_camera_panel,
     "report": _toggle_report,
+    "open_config": _always(AskFile("open_config")),
     "values": _toggle_values,
     "average": _choose_average,
     "copy_values": _always(SetPanel({"copies_values": True})),

@@ -21,6 +21,7 @@ from app.operators.camera import MoveCamera
 from app.operators.curve_drawing import CurvePoints, CurveStroke
 from app.operators.edits import CurveLink, Deform
 from app.operators.files import CurveTable, MaterialFile, MeasuredFile, VariantChoice
+from app.operators.inspect import ConfiguredView
 from app.operators.operator import Gesture
 from app.operators.registry import GROUPS, MENUS, OPERATORS, keys_of, listed_lines, run_operator
 from app.operators.script import StepRecord
@@ -44,6 +45,7 @@ VALUES: dict[str, Any] = {
     "picture_channel": "red",
     "look": "Night", "rename_look": "Gold", "move_look": 2, "delete_look": "Night", "side_by_side": 2,
     "link": CurveLink(curve="pot.1.theta_h", to=("cup.1.theta_h",)), "unlink": "pot.1.theta_h",
+    "ocio": ConfiguredView(config="studio.ocio"),
     "draw_curve": CurveStroke(points=((0.0, 1.0), (30.0, 2.0))), "set_points": CurvePoints(points=((5.0, 1.0),)),
 }  # fmt: skip
 

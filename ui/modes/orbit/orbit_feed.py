@@ -198,7 +198,7 @@ class OrbitFeed(PictureSource):
         is shown until the next has been drawn, they would be beside their objects."""
         view, compared = editor.view, editor.view.compare
         rests = not controller.is_away and controller.shows_viewpoint
-        tone_mapping = self._view.follow(view.tone_mapping)
+        tone_mapping = self._view.follow(view.tone_mapping, editor.colours)
         return DisplayView(
             exposure=0.0 if self._is_measure else view.exposure + stops(editor.document.light),
             compare_exposure=None if compared is None else view.exposure + stops(compared.light),

@@ -389,7 +389,7 @@ class PlacementFeed(PictureSource):
         return DisplayView(
             exposure=view.exposure + stops(_controller(editor).picture.document.light),
             compare_exposure=None if compared is None else view.exposure + stops(compared.light),
-            tone_mapping=self._view.follow(view.tone_mapping),
+            tone_mapping=self._view.follow(view.tone_mapping, editor.colours),
             selected=self._index(view.selected.object if view.selected else None),
             others=tuple(self._names.index(name) for name in view.others if name in self._names),
             hovered=self._index(view.hovered),
