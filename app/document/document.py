@@ -32,7 +32,7 @@ from app.document.linked_curves import (
     with_links_followed,
 )
 from app.document.linked_layers import layers_from_descriptions, linked_indices, with_covers, with_layer
-from app.document.looks import Look, in_all_looks
+from app.document.looks import Look
 from engine.core.errors import InsituError
 from engine.light.suns import Sun
 from engine.material.bumps import NO_BUMPS, Bumps, BumpsByObject
@@ -83,16 +83,16 @@ class Variant:
 class ObjectState:
     """One object of the scene: its layers, and what of it can be edited.
 
-    ``frozen`` objects and layers refuse edits of their material until they are unfrozen. ``editable`` False marks an
-    object that the scene declares fixed. Its ``deformations`` apply one after another, to its pose by its file's
-    animation at a ``moment``; None: to its rest pose; and its ``transform`` after these. ``animations`` are those of
-    its file. ``new_bumps`` replace the ``own_bumps`` of the scene's file, ``new_opacity`` its ``own_opacity``,
-    ``new_surface`` its ``own_surface``, which only Deform draws. ``emission_texture`` multiplies its emission.
-    ``variants`` are the materials that its file gives it by the names of the scene's variants.
-    ``former_name`` is its name in sessions of version 2, empty where that is the same. ``original`` is the object of
-    the scene's file that it is a duplicate of, or was before it was renamed; empty where the file has it by its name.
-    ``added``: what it is read from where the scene's file does not have it. ``in_group`` is the name of the group of
-    objects that it is in, empty for none.
+    One that is not ``visible`` is not there: it is not seen, shades and lights nothing. ``frozen`` objects and layers
+    refuse edits of their material until they are unfrozen. ``editable`` False marks an object that the scene declares
+    fixed. Its ``deformations`` apply one after another, to its pose by its file's animation at a ``moment``; None: to
+    its rest pose; and its ``transform`` after these. ``animations`` are those of its file. ``new_bumps`` replace the
+    ``own_bumps`` of the scene's file, ``new_opacity`` its ``own_opacity``, ``new_surface`` its ``own_surface``, which
+    only Deform draws. ``emission_texture`` multiplies its emission. ``variants`` are the materials that its file gives
+    it by the names of the scene's variants. ``former_name`` is its name in sessions of version 2, empty where that is
+    the same. ``original`` is the object of the scene's file that it is a duplicate of, or was before it was renamed;
+    empty where the file has it by its name. ``added``: what it is read from where the scene's file does not have it.
+    ``in_group`` is the name of the group of objects that it is in, empty for none.
     """
 
     name: str
@@ -283,10 +283,16 @@ class Document:
 
     @functools.cached_property
     def composition(self) -> Composition:
-        """The objects of its scene; none where they are those of the scene's file. Controllers ask in each frame."""
-        if not self.deleted and all(state.is_of_file for state in self.objects):
+        """The objects of its scene; none where they are those of the scene's file, all of them shown. Controllers ask
+        in each frame."""
+        if not self.deleted and all(state.is_of_file and state.visible for state in self.objects):
             return ()
-        return tuple(SceneObject(state.name, state.source) for state in self.objects)
+        return tuple(SceneObject(state.name, state.source, not state.visible) for state in self.objects)
+
+    @property
+    def shown(self) -> tuple[ObjectState, ...]:
+        """The objects that are not hidden: what is edited of others does not concern the picture."""
+        return tuple(state for state in self.objects if state.visible)
 
     @functools.cached_property
     def groups(self) -> dict[str, tuple[str, ...]]:
@@ -317,35 +323,25 @@ class Document:
         is_empty = all(state.name in names for state in self.objects)
         return not is_empty or not self.deleted and not any(state.is_of_file for state in self.objects)
 
-    def without_added(self, sources: Collection[ObjectSource]) -> Document:
-        """The document without the objects that were read from these, unless one of them has to stay."""
-        if not self.can_delete([state.name for state in self.objects if state.source in sources]):
-            return self
-
-        def without(document: Document) -> Document:
-            return replace(document, objects=tuple(o for o in document.objects if o.source not in sources))
-
-        return in_all_looks(self, without)
-
     @property
     def poses(self) -> Poses:
-        """The poses of all objects that are not as the scene's file has them, by name."""
-        return without_identity([(state.name, state.motion_stack) for state in self.objects])
+        """The poses of all shown objects that are not as the scene's file has them, by name."""
+        return without_identity([(state.name, state.motion_stack) for state in self.shown])
 
     @property
     def new_bumps(self) -> BumpsByObject:
-        """The bumps of all objects that are not as the scene's file has them, by name."""
-        return tuple((state.name, state.new_bumps) for state in self.objects if state.new_bumps is not None)
+        """The bumps of all shown objects that are not as the scene's file has them, by name."""
+        return tuple((state.name, state.new_bumps) for state in self.shown if state.new_bumps is not None)
 
     @property
     def new_opacities(self) -> OpacityByObject:
-        """The opacities of all objects that are not as the scene's file has them, by name."""
-        return tuple((state.name, state.new_opacity) for state in self.objects if state.new_opacity is not None)
+        """The opacities of all shown objects that are not as the scene's file has them, by name."""
+        return tuple((state.name, state.new_opacity) for state in self.shown if state.new_opacity is not None)
 
     @property
     def new_surfaces(self) -> SurfacesByObject:
-        """The surfaces for Deform of all objects that are not as the scene's file has them, by name."""
-        return tuple((state.name, state.new_surface) for state in self.objects if state.new_surface is not None)
+        """The surfaces for Deform of all shown objects that are not as the scene's file has them, by name."""
+        return tuple((state.name, state.new_surface) for state in self.shown if state.new_surface is not None)
 
     def is_visible(self, key: str) -> bool:
         """Whether the layer takes part in the picture."""

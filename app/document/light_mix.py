@@ -45,11 +45,12 @@ def exclusions_of(document: Document) -> dict[str, tuple[str, ...]]:
 
 
 def emission_of(document: Document) -> tuple[tuple[str, RGB], ...]:
-    """(name, radiance) of all emitters in the mix."""
+    """(name, radiance) of all emitters in the mix; hidden ones are black."""
     gains = gains_of(document)
     return tuple(
-        (each.name, scaled(each.emission, gains[each.name])) for each in document.objects if each.emission is not None
-    )
+        (each.name, scaled(each.emission, gains[each.name]) if each.visible else BLACK)
+        for each in document.objects if each.emission is not None
+    )  # fmt: skip
 
 
 def mixed_light(document: Document) -> LightState:

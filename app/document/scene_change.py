@@ -11,7 +11,7 @@ leaves out an object by mistake costs no edits.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import fields, replace
 from typing import Any
 
@@ -19,7 +19,7 @@ from app.document.document import Document, ObjectState
 from app.document.light_state import LightState
 from app.document.linked_layers import Layers, synchronize_layers
 from app.document.looks import absent_of_looks, in_all_looks, in_look, objects_of_looks
-from app.document.scene_objects import in_scene_order, with_free_names
+from app.document.scene_objects import NONE_ADDED, AddedStates, in_scene_order, with_free_names
 from engine.material.layer import Layer
 from engine.scene.composition import ObjectSource
 from engine.scene.description import SceneDescription
@@ -34,15 +34,15 @@ Pairs = tuple[tuple[str, Any], ...]
 class SceneChange:
     """Applies to documents what changed in a scene's files. names: for objects of `scene` that are parts of a mesh
     file, their names in `base` (parts are numbered, and found again by their material). Another object that has such a
-    name now is a new one. added: what could be read of the objects that the scene's file does not have; these stay as
-    they are."""
+    name now is a new one. had, added: the objects that the scene's file does not have, as they were read before and
+    now; they follow their files as the others do."""
 
     def __init__(
         self, base: Document, scene: Document, names: Mapping[str, str] | None = None,
-        added: Collection[ObjectSource] = (),
+        had: AddedStates = NONE_ADDED, added: AddedStates = NONE_ADDED,
     ) -> None:  # fmt: skip
         self._base = {state.name: state for state in base.objects}
-        self._scene, self._light, self._added = scene, base.light, added
+        self._scene, self._light, self._had, self._added = scene, base.light, had, added
         known = names or {}
         taken = set(known.values())
         own = {state.name: "" if state.name in taken else state.name for state in scene.objects}
@@ -63,7 +63,10 @@ class SceneChange:
             for state in there.values() if state.original
             for own in self._scene.objects if self._names[own.name] == state.original
         ]  # fmt: skip
-        others += [state for state in there.values() if state.added in self._added]
+        others += [
+            self._object(state, replace(self._added[state.added], name=state.name))
+            for state in there.values() if state.added is not None and state.added in self._added
+        ]  # fmt: skip
         merged = [self._object(known.get(self._names[own.name]), own) for own in stay]
         merged = with_free_names(merged, {state.name for state in others})
         objects = in_scene_order([*merged, *others], self._scene)
@@ -117,7 +120,8 @@ class SceneChange:
             return own
         key = id(edited), own.name
         if key not in self._merged:
-            self._merged[key] = edited, self._merge(edited, self._base.get(edited.original or edited.name), own)
+            base = self._base.get(edited.original or edited.name) if own.added is None else self._had.get(own.added)
+            self._merged[key] = edited, self._merge(edited, base, own)
         return self._merged[key][1]
 
     def _merge(self, edited: ObjectState, base: ObjectState | None, own: ObjectState) -> ObjectState:

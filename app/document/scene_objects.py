@@ -58,6 +58,22 @@ def with_group(document: Document, names: Collection[str], group: str) -> Docume
     return in_all_looks(document, grouped)
 
 
+def without_sources(document: Document, missing: Collection[ObjectSource], described: Document) -> Document:
+    """The document where the objects that are read from these are absent, in all its looks: they wait for their files
+    with all edits. described: the scene as its file describes it, whose objects it has where no others are left."""
+
+    def left(look: Document) -> Document:
+        gone = tuple(state for state in look.objects if state.source in missing)
+        if not gone:
+            return look
+        objects, deleted = tuple(state for state in look.objects if state.source not in missing), look.deleted
+        if not objects:
+            objects, deleted = tuple(with_free_names(described.objects, {state.name for state in gone})), ()
+        return replace(look, objects=objects, absent=(*look.absent, *gone), deleted=deleted)
+
+    return in_all_looks(document, left)
+
+
 def with_free_names(own: Sequence[ObjectState], taken: Collection[str]) -> list[ObjectState]:
     """Objects of the scene's file under names that no others have taken, which they keep as their originals."""
     found, names = list[ObjectState](), {*taken, *(state.name for state in own)}

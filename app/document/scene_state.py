@@ -104,6 +104,6 @@ def scene_state(document: Document, layer: Callable[[Document, str], LayerState]
 
 
 def moved_objects(document: Document) -> tuple[tuple[str, ...], Poses]:
-    """The names of the objects that were moved by hand, and the transforms of emitters among them, for Deform."""
-    moved = [state for state in document.objects if not state.transform.is_identity]
+    """The names of the shown objects that were moved by hand, and the transforms of emitters among them, for Deform."""
+    moved = [state for state in document.shown if not state.transform.is_identity]
     return tuple(state.name for state in moved), tuple((each.name, (each.transform,)) for each in moved if each.emits)

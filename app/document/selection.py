@@ -10,13 +10,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from app.document.commands.curves import CurveEdit
-from app.document.document import Document, Selection, all_factors, split_key
+from app.document.document import Document, Selection, all_factors, layer_key, split_key
 from app.document.light_state import sun_key
 from app.document.targets import resolve
 from app.document.view_state import SetView, ViewState
 from engine.core.errors import InsituError
 from engine.curve.operators import edits_of
 from engine.light.suns import Sun
+from engine.material.layer import object_of, place_of
 
 Operators = tuple[CurveEdit, ...]
 Path = str | Selection
@@ -100,13 +101,19 @@ def follow_in_view(before: Document, document: Document, view: ViewState) -> Vie
 
 
 def _renamed_in_view(before: Document, document: Document, view: ViewState) -> ViewState:
-    """The view with the new names of selected objects, where objects have only been renamed."""
+    """The view with the new names of selected objects and of the layer that is shown alone, where objects have only
+    been renamed."""
     old, new = [state.name for state in before.objects], [state.name for state in document.objects]
-    if view.selected is None or len(old) != len(new) or old == new or set(old) == set(new):
+    if len(old) != len(new) or old == new or set(old) == set(new):
         return view
     names = {a: b for a, b in zip(old, new, strict=True) if a != b and a not in new and b not in old}
-    selected = view.selected._replace(object=names.get(view.selected.object, view.selected.object))
-    return replace(view, selected=selected, others=tuple(names.get(name, name) for name in view.others))
+    selected, solo = view.selected, view.solo
+    if selected is not None:
+        selected = selected._replace(object=names.get(selected.object, selected.object))
+    if solo is not None and (name := names.get(object_of(solo))) is not None:
+        solo = layer_key(name, place_of(solo))
+    others = tuple(names.get(name, name) for name in view.others)
+    return replace(view, selected=selected, others=others, solo=solo)
 
 
 def _activated(view: ViewState, selected: Selection | None, others: tuple[str, ...]) -> ViewState:

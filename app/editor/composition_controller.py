@@ -1,4 +1,4 @@
-"""Objects that were added, deleted or renamed, and that the worker has not traced yet.
+"""Objects that were added, deleted, renamed, hidden or shown, and that the worker has not traced yet.
 
 A document with other objects than the picture closes the mode's scene until these are traced: what the mode computes is
 of objects by their numbers. Meanwhile the mode is given the last document that has the objects of the picture. Undo
@@ -7,12 +7,13 @@ before the answer goes on with what is there.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from app.document.document import Document, ObjectState, added_state
-from app.document.scene_objects import with_objects_of
+from app.document.history import History
+from app.document.scene_objects import AddedStates, with_objects_of, without_sources
 from app.document.selection import selection_after_edit
 from app.document.view_state import ViewState
 from app.editor.view_controller import TracedView, ViewController
@@ -24,11 +25,20 @@ if TYPE_CHECKING:
     from engine.scene.added_objects import AddedObject
 
 
+class FittedScene(NamedTuple):
+    """A scene as its file describes it, as a description and as a document, and the document that it is opened with."""
+
+    description: SceneDescription
+    described: Document
+    document: Document
+
+
 class CompositionHost(Protocol):
     """What the composition controller needs of the editor."""
 
     view: ViewState
     controller: ModeController
+    history: History[Document]
 
     @property
     def document(self) -> Document: ...
@@ -47,35 +57,40 @@ class CompositionController:
         self._host, self._tracing = host, tracing
         self.own: tuple[SceneDescription, Document] | None = None
         self.added: dict[ObjectSource, ObjectState] = {}
-        self._descriptions: dict[ObjectSource, ObjectDescription] = {}
+        self._descriptions: dict[ObjectDescription, ObjectDescription] = {}
         self.is_waiting = False
         # The last documents with the objects of the picture and with those that were requested.
         self._drawn = self._requested = Document("")
         self._shown: Composition = ()
 
-    def open_scene(self, description: SceneDescription, described: Document, added: Iterable[AddedObject]) -> None:
-        """Begin with a scene that was opened with the objects of its file, and with those of its document that were
-        added; these are traced next. Raises LoadError."""
-        self.own, self.added, self._descriptions = (description, described), {}, {}
-        self._drawn, self._shown, self.is_waiting = described, (), False
+    def open_scene(self, fitted: FittedScene, added: Iterable[AddedObject]) -> None:
+        """Begin with a scene that was opened and traced, with the objects of its document where it has others than its
+        file, some of them added."""
+        self.own, self.added, self._descriptions = (fitted.description, fitted.described), {}, {}
+        self._drawn = self._requested = fitted.document
         self.add(added)
 
     def add(self, objects: Iterable[AddedObject]) -> tuple[ObjectState, ...]:
         """Note objects that were read, and that the scene's file does not have; returns them. Raises LoadError."""
-        states = tuple(added_state(each.source, each.description, each.animations) for each in objects)
         self._descriptions |= {each.source: each.description for each in objects}
-        self.added |= {state.source: state for state in states}
-        return states
+        states = added_states(objects)
+        self.added |= states
+        return tuple(states.values())
 
     @property
-    def descriptions(self) -> tuple[ObjectDescription, ...]:
-        """What these were read from."""
-        return tuple(state.added for state in self.added.values() if state.added is not None)
+    def sources(self) -> tuple[ObjectDescription, ...]:
+        """What these are read from."""
+        return tuple(self._descriptions)
 
-    def unread(self, document: Document) -> tuple[ObjectSource, ...]:
-        """What the objects of a document are read from that are not in the picture, of those that were added."""
-        shown = {each.source for each in self._tracing.composition}
-        return tuple(source for source in document.added_sources if source not in shown)
+    def leave_out(self, missing: Collection[ObjectSource], is_of_view: bool) -> None:
+        """Note that the objects that are read from these cannot be read any more: they are absent in all of the
+        history. is_of_view: whether they are not in the view that was just traced."""
+        assert self.own is not None
+        described = self.own[1]
+        self._host.history.map(lambda document: without_sources(document, missing, described))
+        if is_of_view:
+            self._requested = without_sources(self._requested, missing, described)
+            self._tracing.adopt_composition(self._requested.composition)
 
     def update(self, now: float, view: TracedView) -> None:
         """Request that the view is traced once it is idle, and tell the mode whether it is; once a frame."""
@@ -112,8 +127,9 @@ class CompositionController:
 
     @property
     def has_new_objects(self) -> bool:
-        """Whether the view that was just traced has other objects than the picture so far."""
-        return self._tracing.composition != self._shown
+        """Whether the view that was just traced has other objects than the mode's scene, or this is closed until it has
+        come."""
+        return self.is_waiting or self._tracing.composition != self._shown
 
     def take_objects(self, opened: OpenedScene) -> OpenedScene:
         """The open scene with the objects that were just traced."""
@@ -122,8 +138,13 @@ class CompositionController:
         description, described = self.own
         document = self.drawn(self._host.document)
         if document.composition:
-            known = {each.name: each for each in description.objects} | self._descriptions
-            objects = tuple(known[state.source].model_copy(update={"name": state.name}) for state in document.objects)
+            own = {each.name: each for each in description.objects}
+            objects = tuple(
+                (own[state.source] if isinstance(state.source, str) else self._descriptions[state.source]).model_copy(
+                    update={"name": state.name}
+                )
+                for state in document.objects
+            )
             description = description.model_copy(update={"objects": objects})
         described = with_objects_of(described, document, self.added)
         return replace(opened, description=description, described=described, document=self._host.with_nodes(document))
@@ -136,3 +157,8 @@ class CompositionController:
         if host.view.compare is not None and host.view.compare.composition != host.document.composition:
             host.view = replace(host.view, compare=None)
             host.notify("the comparison ended: its picture has other objects")
+
+
+def added_states(objects: Iterable[AddedObject]) -> AddedStates:
+    """Objects that were read, as their files describe them. Raises LoadError."""
+    return {each.source: added_state(each.source, each.description, each.animations) for each in objects}

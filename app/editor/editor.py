@@ -123,6 +123,16 @@ class Editor:
         return self.nodes.with_nodes(document)
 
     @property
+    def pictured(self) -> Document:
+        """The document that pictures are made of now: with the objects of the traced scene, and with nodes."""
+        return self.with_nodes(self.scenes.composing.drawn(self.document))
+
+    @property
+    def pictured_view(self) -> ViewState:
+        """The view of that document: without the selection of what it does not have."""
+        return self.scenes.composing.view_of(self.scenes.composing.drawn(self.document), self.view)
+
+    @property
     def scene_is_open(self) -> bool:
         """Whether there is a scene to edit (the first one is still being loaded otherwise)."""
         return self.document.is_open
@@ -402,7 +412,8 @@ class Editor:
             case ObjectsRead():
                 self.metrics.progress = None
                 self.camera_history.add_boxes(response.objects)
-                self.exchange.take_objects(response, self.scenes.composing.add(response.objects))
+                objects = self.scenes.composing.add(response.objects)
+                self.exchange.take_objects(response, objects, self.history.dragging)
             case CurveTableRead():
                 self.exchange.take_table(response, self.history.dragging)
             case TableFetched():
@@ -494,6 +505,7 @@ class Editor:
         if label is not None:
             self.document_changed(before)
             self.notify(f"{what}: {label}")
+        self.exchange.drag_ended()
         return label
 
     def _refuse(self, line: str) -> str:

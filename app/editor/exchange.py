@@ -64,6 +64,7 @@ class FileExchange:
         self._late: CurveTableRead | None = None  # one that came during a drag
         self._adding: list[AddObject] = []  # the first one's objects are being read, by the request of that number
         self._adding_id = -1
+        self._late_objects: tuple[ObjectsRead, tuple[ObjectState, ...]] | None = None  # as well
         self._writing = set[int]()  # the requests
 
     @property
@@ -82,6 +83,7 @@ class FileExchange:
         self._writing.discard(-1 if id is None else id)
         if id is None:
             self._adding.clear()
+            self._late_objects = None
         elif id == self._adding_id:
             self._read_next()
         if self._table is not None and id in (None, self._table[0]):
@@ -108,9 +110,13 @@ class FileExchange:
         if self._adding:
             self._request_objects()
 
-    def take_objects(self, response: ObjectsRead, objects: tuple[ObjectState, ...]) -> None:
-        """Add the objects that were read, and select the first of them."""
+    def take_objects(self, response: ObjectsRead, objects: tuple[ObjectState, ...], is_dragging: bool) -> None:
+        """Add the objects that were read, and select the first of them; the end of a drag, of which that is no part, is
+        waited for."""
         if not self._adding or response.id != self._adding_id:
+            return
+        if is_dragging:
+            self._late_objects = response, objects
             return
         command, host, n_before = self._adding[0], self._host, len(self._host.document.objects)
         self._read_next()
@@ -185,10 +191,13 @@ class FileExchange:
             self._host.notify(f"a table of {len(response.table.gammas)} rows is on {key} {factor}")
 
     def drag_ended(self) -> None:
-        """Put the table that came during a drag on its curve."""
+        """Put the table that came during a drag on its curve, and add the objects that did."""
         late, self._late = self._late, None
         if late is not None:
             self.take_table(late, False)
+        objects, self._late_objects = self._late_objects, None
+        if objects is not None:
+            self.take_objects(*objects, False)
 
     def export_measured(self, path: Path) -> str | None:
         """Export the selected object's material as a MERL file; returns None, or one line that says why not."""

@@ -9,10 +9,12 @@ from pathlib import Path
 from app.document.document import Document, document_from_description
 from app.document.effective_settings import effective_view
 from app.document.named_files import document_with_measurements, layers_of_document, unread_files
+from app.document.scene_change import SceneChange
 from app.document.scene_objects import AddedStates
 from app.document.sources import source_of
 from app.document.timeline import visible_poses
 from app.document.view_state import Viewpoint, ViewState
+from app.editor.composition_controller import FittedScene
 from app.editor.view_controller import TracedView
 from app.files.journal import Recovery
 from app.files.session import Session, archived_session, fit_session, load_session
@@ -23,7 +25,8 @@ from engine.scene.description import ObjectDescription, SceneDescription
 @dataclass(frozen=True)
 class Opening:
     """A scene that is being opened by the request `id`; the session, the journal or the light that it is opened for;
-    what is open, where its files are read again; the worker's response, before the scene is traced."""
+    what is open, where its files are read again; the worker's response, before the scene is traced, and what it is
+    opened with then, None where that does not fit."""
 
     id: int
     source: str
@@ -34,6 +37,8 @@ class Opening:
     fallback_reason: str = ""
     present: tuple[Document, ViewState] | None = None
     opened: SceneOpened | None = None
+    fitted: FittedScene | None = None
+    change: SceneChange | None = None
 
     @classmethod
     def of(cls, name: str, instead_of: str = "") -> Opening:
@@ -83,7 +88,9 @@ class Opening:
         document, view = self.edited
         poses = document.poses if self.present is None else visible_poses(document, view)
         n_edge_rays = effective_view(view, document).settings.n_edge_rays
-        return TracedView(look, poses, document.new_bumps, n_edge_rays, id, document.new_opacities)
+        return TracedView(
+            look, poses, document.new_bumps, n_edge_rays, id, document.new_opacities, document.composition
+        )
 
     def document(self, description: SceneDescription, opened: SceneOpened) -> Document:
         """The scene's own document. Raises InsituError."""

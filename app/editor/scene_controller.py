@@ -9,6 +9,7 @@ that of its views.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
@@ -24,7 +25,7 @@ from app.document.selection import initial_selection
 from app.document.timeline import visible_poses
 from app.document.view_state import ViewState
 from app.editor.camera_history import CameraHistory
-from app.editor.composition_controller import CompositionController, CompositionHost
+from app.editor.composition_controller import CompositionController, CompositionHost, FittedScene, added_states
 from app.editor.node_controller import NodeController
 from app.editor.opening import Opening
 from app.editor.view_controller import TracedView, ViewController, describe_empty_frame
@@ -63,7 +64,7 @@ class SceneHost(CompositionHost, Protocol):
 
     def select(self, path: str | Selection | None) -> str | None: ...
 
-    def document_changed(self) -> None: ...
+    def document_changed(self, before: Document | None = None) -> None: ...
 
     def picture_voided(self, notes: tuple[str, ...]) -> None: ...
 
@@ -89,7 +90,7 @@ class SceneController:
         """Request that a scene is loaded and traced."""
         host = self._host
         host.controller.scene_closed()
-        id = host.send(opening.request(self.composing.descriptions if opening.present else ()))
+        id = host.send(opening.request(self.composing.sources if opening.present else ()))
         self.tracing.request_view(opening.first_view(id, host.resolution, host.view))
         self._opening = replace(opening, id=id)
         host.metrics.progress = None
@@ -188,7 +189,32 @@ class SceneController:
             if refusal is None:
                 return
             opening = replace(opening, fallback_reason=f"opened the scene without its session: {refusal}")
-        self._opening = replace(opening, opened=response)
+        self._opening = opening = self._fitted(replace(opening, opened=response), response)
+        fitted = opening.fitted
+        if fitted is not None and fitted.document.composition != self.tracing.requested_composition:
+            view = opening.first_view(response.id, self._host.resolution, self._host.view)
+            self.tracing.request_view(view._replace(composition=fitted.document.composition))
+
+    def _fitted(self, opening: Opening, opened: SceneOpened) -> Opening:
+        """The opening of a scene that was loaded, with the document that it is opened with: the first view is of its
+        objects."""
+        description = SceneDescription.model_validate_json(opened.description)
+        try:
+            described, added = opening.document(description, opened), added_states(opened.added)
+        except InsituError as error:
+            self._host.take_failure(RequestFailed(str(error), id=opened.id))
+            return opening
+        if opening.present is not None:
+            before, own = self.composing.own or (description, described)
+            names = matching_parts(before, self.report, description, opened.report)
+            change = SceneChange(own, described, names, self.composing.added, added)
+            fitted = FittedScene(description, described, change(opening.present[0]))
+            return replace(opening, fitted=fitted, change=change)
+        document = described
+        if opening.session is not None:
+            with suppress(InsituError):  # then it is opened without its session, which is said once it is traced
+                document = opening.restored(opening.session, described, opened, added)
+        return replace(opening, fitted=FittedScene(description, described, document))
 
     def take_sky(self, response: SkyImage) -> list[PictureEvent]:
         """The image of the sky behind the scene has come."""
@@ -200,11 +226,15 @@ class SceneController:
 
     def take_traced(self, response: ViewTraced) -> list[PictureEvent]:
         """The scene was traced: one that is being opened is open now."""
-        if not self.tracing.note_traced(response):
-            return []
+        is_awaited = self.tracing.note_traced(response)
         opening = self._opening
-        if opening is not None and opening.opened is not None:
-            events = self._take_scene(opening, opening.opened, response)
+        if response.missing and self.opened is not None and opening is None:
+            self._leave_out(response, is_awaited)
+        if not is_awaited:
+            self._report_missing(response)
+            return []
+        if opening is not None and opening.opened is not None and opening.fitted is not None:
+            events = self._take_scene(opening, opening.opened, opening.fitted, response)
             self._report_flaws(response)
             return events
         assert self.opened is not None
@@ -223,6 +253,7 @@ class SceneController:
         if missing := describe_empty_frame(response.frame):
             host.notify(missing)
         self._report_flaws(response)
+        self._report_missing(response)
         return self._shown
 
     def take_failure(self, response: RequestFailed) -> None:
@@ -231,31 +262,29 @@ class SceneController:
         if opening is not None and response.id == opening.id or self.tracing.is_pending(response.id):
             self._opening = None
             self._give_up_view(opening)
-            if opening is None:
-                self._take_back()
             if opening is not None and opening.source != DEFAULT_SCENE:
                 self.open_default(response.line)
 
-    def _take_back(self) -> None:
-        """Take back the objects that were added and cannot be traced, as where their file has gone: out of all of the
-        history, because no step of it could show them."""
-        host = self._host
-        if unread := self.composing.unread(host.document):
-            host.history.map(lambda document: document.without_added(unread))
-            host.document_changed()
+    def _leave_out(self, response: ViewTraced, is_awaited: bool) -> None:
+        """Objects whose files cannot be read are absent from now on, and wait for these with all edits. is_awaited:
+        whether the view is the newest; else a new worker has traced again what the picture shows."""
+        host, before = self._host, self._host.document
+        self.composing.leave_out(response.missing, is_awaited)
+        host.document_changed(before)
 
-    def _take_scene(self, opening: Opening, opened: SceneOpened, response: ViewTraced) -> list[PictureEvent]:
+    def _report_missing(self, response: ViewTraced) -> None:
+        if response.problems:
+            self._host.notify("; ".join((*response.problems, "its objects wait for it, with all edits")), True)
+
+    def _take_scene(
+        self, opening: Opening, opened: SceneOpened, fitted: FittedScene, response: ViewTraced
+    ) -> list[PictureEvent]:
         host = self._host
-        description = SceneDescription.model_validate_json(opened.description)
-        try:
-            described = opening.document(description, opened)
-        except InsituError as error:
-            host.take_failure(RequestFailed(str(error), id=opened.id))
-            return []
-        if opening.present is not None:
-            return self._take_again(described, description, opened, response)
+        if opening.change is not None:
+            return self._take_again(opening.change, fitted, opened, response)
         left_unsaved = self._keeper.leave_document(host.document, host.view)
-        self._note_files(description, described, opened)
+        self._note_files(fitted, opened)
+        description, described, _ = fitted
         views = camera_bookmarks(opened.cameras, description.camera.resolution)
         host.view = replace(host.view.for_scene(description), bookmarks=views)
         host.history = History(described)
@@ -270,30 +299,25 @@ class SceneController:
         self.add_files(files_of_document(host.document) | ({opening.session_path} if opening.session_path else set()))
         host.view = host.view.from_viewpoint(self.tracing.adopt_resolution(host.camera_history.own_resolution))
         host.camera_history.reset_history()
-        self._announce_own(description, described, opened, response)
+        self._announce(fitted, opened, response)
         if host.view.selected is None and host.view.sun is None:
             host.select(initial_selection(host.document))
         if opening.light is not None:
             host.do(set_environment_file(opening.light))
         return self._shown
 
-    def _announce_own(
-        self, description: SceneDescription, described: Document, opened: SceneOpened, response: ViewTraced
-    ) -> None:
-        """Tell the mode of a scene that was opened, with the objects of its file; those of a document with others are
-        traced next."""
-        host = self._host
-        pictured = host.with_nodes(self.composing.drawn(host.document))
-        scene = OpenedScene(0, opened.planned, description, described, pictured, opened.notes)
-        host.controller.scene_opened(self._view_traced(scene, response))
+    def _announce(self, fitted: FittedScene, opened: SceneOpened, response: ViewTraced) -> None:
+        """Tell the mode of a scene that was opened."""
+        scene = OpenedScene(0, opened.planned, fitted.description, fitted.described, fitted.document, opened.notes)
+        self._host.controller.scene_opened(self._view_traced(self.composing.take_objects(scene), response))
 
-    def _note_files(self, description: SceneDescription, described: Document, opened: SceneOpened) -> None:
+    def _note_files(self, fitted: FittedScene, opened: SceneOpened) -> None:
         """Note what a scene was read from that is open from now on, and what is in it."""
         self._host.picture_voided(opened.notes)
         self._opening = None
-        self._host.camera_history.scene_opened(description, opened.boxes)
+        self._host.camera_history.scene_opened(fitted.description, opened.boxes)
         self._host.camera_history.add_boxes(opened.added)
-        self.composing.open_scene(description, described, opened.added)
+        self.composing.open_scene(fitted, opened.added)
         self.report = opened.report
         set_inputs(map(Path, opened.files))
         self.watch.watch(opened.files)
@@ -304,19 +328,17 @@ class SceneController:
         self.watch.add(files)
 
     def _take_again(
-        self, described: Document, description: SceneDescription, opened: SceneOpened, response: ViewTraced
+        self, change: SceneChange, fitted: FittedScene, opened: SceneOpened, response: ViewTraced
     ) -> list[PictureEvent]:
         """The files of the open scene were read again: the whole history goes on with them."""
-        host, (before, own) = self._host, self.composing.own or (description, described)
-        names = matching_parts(before, self.report, description, opened.report)
-        change = SceneChange(own, described, names, [each.source for each in opened.added])
+        host, description = self._host, fitted.description
         known = {each.name for each in host.view.bookmarks} | set(self.report.cameras)
         new = [each for each in opened.cameras if each.name not in known]
         views = camera_bookmarks(new, description.camera.resolution)
         host.view = replace(host.view, bookmarks=(*host.view.bookmarks, *views)[:MAX_BOOKMARKS])
         gone = [name for name in change.gone(host.document) if all(name != each.name for each in host.document.absent)]
         parts = change.lost_parts(host.document)
-        self._note_files(description, described, opened)
+        self._note_files(fitted, opened)
         host.history.map(change)
         self._keeper.map(change)
         if host.view.compare is not None:
@@ -324,7 +346,7 @@ class SceneController:
         self.watch.add([self._keeper.path] if self._keeper.path else [])
         host.view = host.view.from_viewpoint(self.tracing.adopt_resolution(host.camera_history.own_resolution))
         host.nodes.scene_opened(opened.channels, opened.nodes)
-        self._announce_own(description, described, opened, response)
+        self._announce(fitted, opened, response)
         self._select_again(change)
         host.document_changed()
         waiting = {state.name for state in host.document.absent}

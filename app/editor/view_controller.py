@@ -128,6 +128,10 @@ class ViewController:
             self._reconciler.accept(self.id, adopted)
         return self.traced
 
+    def adopt_composition(self, composition: Composition) -> None:
+        """Note that the traced view has these objects: others could not be read."""
+        self._reconciler.accept(self.id, self._traced._replace(composition=composition))
+
     def is_pending(self, id: int) -> bool:
         """Whether the response to the request of that number is still to come."""
         requested = self._reconciler.requested

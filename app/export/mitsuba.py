@@ -70,7 +70,8 @@ def _write(project: Project, folder: Path, n_bounces: int) -> Steps:
     names = project.object_names
     for index, name in enumerate(names):
         yield index / len(names), name
-        notes += _add_object(root, project, folder, index)
+        if project.document.object(name).visible:
+            notes += _add_object(root, project, folder, index)
     ElementTree.indent(root)
     write_atomically(folder / "scene.xml", ElementTree.tostring(root, encoding="utf-8", xml_declaration=True))
     write_atomically(folder / "render.py", RENDER.read_bytes())

@@ -248,11 +248,12 @@ class Scene:
         self, what: str | os.PathLike[str], name: str = "", *, at: tuple[float, float, float] | None = None,
         size: float | None = None,
     ) -> ObjectNode | RowNode:  # fmt: skip
-        """Add a shape ("box", "sphere", "plane", "cylinder", "cone", "torus"), a light ("rectangle light", "disc
-        light", "sphere light", "point light", "spot light"), a "sun" or all objects of a mesh file; returns the first.
-        name: of the object, "" for its own. at: the point that it stands on, of a light its middle; None: the ground at
-        the point looked at, or above that. size: its largest side in metres; None: a share of the scene's, of a file
-        its own. A sun has no place, and its size is an angle in degrees. Raises insitu.Error.
+        """Add a shape ("box", "sphere", "plane", "cylinder", "cone", "torus"), a prop ("backdrop", "shader ball",
+        "pedestal"), a light ("rectangle light", "disc light", "sphere light", "point light", "spot light"), a "sun" or
+        all objects of a mesh file; returns the first. name: of the object, "" for its own. at: the point that it stands
+        on, of a light its middle; None: the ground at the point looked at, or above that. size: its largest side in
+        metres; None: a share of the scene's, of a file its own. A sun has no place, and its size is an angle in
+        degrees. Raises insitu.Error.
 
         >>> import insitu
         >>> scene = insitu.open("shapes", resolution=(48, 32))
@@ -265,7 +266,7 @@ class Scene:
             self._editing.do(complete(sun_addition(name, at, size), lambda: self._seen_in(None).scene))
             return self.light[self.document.light.suns[-1].name]
         command = AddObject(what if what in ADDABLE else full_path(what), name, at, size)
-        self._editing.do(complete(command, lambda: self._seen_in(None).scene))
+        self._editing.do(complete(command, lambda: self._seen_in(None).scene, self._project.composer))
         return self[self.document.objects[count].name]
 
     def new_look(self, name: str = "") -> None:

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from engine.measured.measurement import Measurement
     from engine.realtime.zonal_harmonics.pose import Poses
     from engine.scene.added_objects import AddedObject
-    from engine.scene.composition import Composition
+    from engine.scene.composition import Composition, ObjectSource
     from engine.scene.description import Camera, ObjectDescription
     from engine.scene.picture_frame import PictureFrame
     from engine.scene.rig import Animations
@@ -299,10 +299,13 @@ class SceneOpened(Response):
 
 @dataclass(frozen=True, eq=False)
 class ViewTraced(Response):
-    """The primary hits of the camera; flaws: errors of bump images, which are flat then, a line each."""
+    """The primary hits of the camera; flaws: errors of bump images, which are flat then, a line each; missing: objects
+    of the view that it does not have, as they cannot be read; problems: why, a line for each file."""
 
     frame: PictureFrame
     flaws: tuple[str, ...] = ()
+    missing: tuple[ObjectSource, ...] = ()
+    problems: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -42,6 +42,15 @@ class EditorServices(Protocol):
     history: History[Document]
     view: ViewState
 
+    @property
+    def pictured(self) -> Document:
+        """The document that pictures are made of now, see `with_nodes`: with the objects of the traced scene, whatever
+        the present document has."""
+
+    @property
+    def pictured_view(self) -> ViewState:
+        """The view of that document: without the selection of what it does not have."""
+
     def shared_state(self, kind: type[Shared]) -> Shared:
         """State that one controller leaves to the next, one of a kind; made where there is none yet."""
 

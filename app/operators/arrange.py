@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from app.document.arranging import RestingBox, dropping, move_together, placed_objects
-from app.document.commands.groups import RenameGroup, SetGroup, free_group_name, members_of, ungrouping
-from app.document.commands.objects import AddObject, DeleteObject, DuplicateObjects, duplicates_of
+from app.document.commands.groups import RenameGroup, SetGroup, free_group_name, members_of, switching, ungrouping
+from app.document.commands.objects import AddObject, DeleteObject, DuplicateObjects, ShowObjects, duplicates_of
 from app.document.commands.poses import MoveObject, PlaceObjects
 from app.document.commands.several import Several, named_together
 from app.document.commands.suns import AddSun, DeleteSun, DuplicateSun, sun_addition
@@ -119,9 +119,9 @@ class PlacedByHand(ValueRecord):
 class Addition(ValueRecord):
     """A shape, a light or a file, and where it is added."""
 
-    shape: Annotated[Literal["box", "sphere", "plane", "cylinder", "cone", "torus"] | None, Field(
-        description="A shape; or `light` or `file`."
-    )] = None  # fmt: skip
+    shape: Annotated[Literal[
+        "box", "sphere", "plane", "cylinder", "cone", "torus", "backdrop", "shader ball", "pedestal"
+    ] | None, Field(description="A shape or a prop; or `light` or `file`.")] = None  # fmt: skip
     light: Annotated[Literal["rectangle", "disc", "sphere", "point", "spot", "sun"] | None, Field(
         description="A light that shines down; a sun does from the camera's upper left, and has no place."
     )] = None  # fmt: skip
@@ -218,6 +218,19 @@ def _has_light(context: OperatorContext) -> bool:
     return selected is not None and context.document.object(selected.object).emits
 
 
+def _hide(editor: Editor, value: None) -> str | None:
+    names = editor.view.selected_objects
+    return editor.do(switching(names, "visible", not editor.document.object(names[-1]).visible))
+
+
+def _show_all(editor: Editor, value: None) -> str | None:
+    return editor.do(ShowObjects())
+
+
+def _has_hidden(context: OperatorContext) -> bool:
+    return len(context.document.shown) < len(context.document.objects)
+
+
 def _has_others(context: OperatorContext) -> bool:
     names = context.view.selected_objects
     return context.view.sun is not None or bool(names) and context.document.can_delete(names)
@@ -229,6 +242,7 @@ GROUPED = Need("select objects of a group", _is_grouped)
 OBJECT_OR_SUN = Need(
     "select an object or a sun", lambda context: context.view.selected is not None or context.view.sun is not None
 )
+HIDDEN = Need("hide an object first", _has_hidden)
 MOVED = Need("select an object that was moved", _has_moved)
 
 
@@ -236,6 +250,11 @@ def adding(name: str) -> str:
     """The operator that adds a shape or a light of this name."""
     return f"add_{name.replace(' ', '_')}"
 
+
+_ADDED_HELP = {
+    "backdrop": "A seamless sweep behind all that stands there, which stands on it; it faces the camera.",
+    "shader ball": "A ball on a base, two objects, to see a material on.",
+}
 
 ARRANGE: tuple[Operator | Gesture, ...] = (
     Operator(
@@ -245,8 +264,8 @@ ARRANGE: tuple[Operator | Gesture, ...] = (
     *(
         Operator(
             adding(name), partial(_add_named, name), entry=name.capitalize(), needs=SCENE, waits=True,
-            help="Hangs above the point looked at and shines down." if name in LIGHTS
-            else "Stands on the ground at the point looked at, in a size that fits the scene.",
+            help=_ADDED_HELP.get(name, "Hangs above the point looked at and shines down." if name in LIGHTS
+            else "Stands on the ground at the point looked at, in a size that fits the scene."),
         )
         for name in ADDABLE
     ),
@@ -332,6 +351,13 @@ ARRANGE: tuple[Operator | Gesture, ...] = (
     ),
     Operator(
         "ungroup_selected", _ungroup_selected, ("Ctrl Alt G",), entry="Ungroup", needs=GROUPED, waits=True,
+    ),
+    Operator(
+        "hide", _hide, ("Ctrl H",), "Hide the selected objects, or show them: hidden, they light and shade nothing",
+        entry="Hide or show", needs=OBJECT, waits=True,
+    ),
+    Operator(
+        "show_all", _show_all, ("Ctrl Shift H",), "Show all hidden objects", entry="Show all", needs=HIDDEN, waits=True
     ),
     Gesture("Ctrl drag", "Snap: 0.1 m, 15°, tenths"),
     Gesture("H click", "Place the light by its highlight"),

@@ -21,7 +21,7 @@ from app.operators.operator import Gesture, Operator
 from app.operators.selecting import SELECTING
 from app.operators.view import HELP, PICTURE
 from engine.core.errors import InsituError
-from engine.scene.composition import LIGHTS, SHAPES, SUN
+from engine.scene.composition import LIGHTS, PROPS, SHAPES, SUN
 
 GROUPS: dict[str, tuple[Operator | Gesture, ...]] = {
     "Edit": EDITS, "Select": SELECTING, "Arrange": ARRANGE, "Looks": LOOKS, "Picture": PICTURE, "Inspect": INSPECT,
@@ -63,10 +63,12 @@ MENUS = (
             "grab", "turn", "resize", None, "gizmo_move", "gizmo_rotate", "gizmo_scale", None, "aim",
             "gizmo_aim", None, "drop_selected", "snaps", "aligns", None, "put_back", "own_pivots", "keymap",
         )),
-        "duplicate", "delete_object", "group_selected", "ungroup_selected", None, "table", "mute", "delete",
-        "reset_curve", "unlink",
+        "duplicate", "delete_object", "hide", "show_all", "group_selected", "ungroup_selected", None,
+        "table", "mute", "delete", "reset_curve", "unlink",
     )),
-    Menu("Add", (*map(adding, SHAPES), None, *map(adding, LIGHTS), adding(SUN), None, "add_file")),
+    Menu("Add", (
+        *map(adding, SHAPES), None, *map(adding, PROPS), None, *map(adding, LIGHTS), adding(SUN), None, "add_file",
+    )),
     # The picture's entries come first: in a small window the rest of the menu scrolls.
     Menu("View", (
         "alone", "whole", "pixels",

@@ -4,7 +4,7 @@ them."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -42,7 +42,7 @@ from app.document.commands.plan import FIRST_BANDS, active_overrides, override_f
 from app.document.commands.poses import with_amounts, with_placement, with_time
 from app.document.commands.suns import SetSun, sun_presence
 from app.document.document import Document, document_from_description, reflecting_layers
-from app.document.light_mix import emission_of, mixed_light
+from app.document.light_mix import mixed_light
 from app.document.light_state import ENVIRONMENT_KEY
 from app.document.named_files import files_of_document
 from app.document.node_layers import Statistics, channel_images, with_node_layers
@@ -79,6 +79,7 @@ from app.files.material_files import import_material, is_material_file
 from app.files.materials import Library, full_material_name, import_measured, load_material
 from app.files.session import Session, archived_session, fit_session, load_session, session_notes
 from app.project.distant_light import sky_of
+from app.project.document_scene import posed_scene, scene_at_rest, shape_of
 from app.project.reading import added_again, complete, read_measurements
 from app.system.atomic import set_inputs
 from app.system.decoder_process import use_decoder_process
@@ -97,6 +98,7 @@ from engine.settings import AS_PLANNED, LineValue, RenderSettings, checked_setti
 if TYPE_CHECKING:
     from engine.material.layer import Layer
     from engine.precompute.direct.pipeline import SkyState
+    from engine.scene.composed_scene import SceneComposer
     from engine.scene.scene_loader import Scene
 
 
@@ -105,8 +107,8 @@ class Project:
     """A loaded scene, the document to edit, and its view; emitters have the document's emission.
 
     view: its tone mapping; settings: those of its session, with those of the user. at_rest: the scene where no object
-    is deformed, None where that is it. notes: what of its session does not fit the scene. own: the scene as its file
-    has it, None where its objects are those of `scene`.
+    is deformed, None where that is it. notes: what of its session does not fit the scene. composer: has the scene
+    as its file has it, None where its objects are those of `scene`.
     """
 
     scene: Scene
@@ -115,7 +117,7 @@ class Project:
     settings: RenderSettings = RenderSettings(n_bounces=AS_PLANNED)
     at_rest: Scene | None = None
     notes: tuple[str, ...] = ()
-    own: Scene | None = None
+    composer: SceneComposer | None = field(default=None, compare=False, repr=False)
 
     @property
     def resting(self) -> Scene:
@@ -187,10 +189,11 @@ class Project:
         """The same scene under another document, from another camera; what neither changes is shared. look: its camera
         and resolution are those of the scene as it is where they are None. Raises InsituError."""
         from engine.realtime.zonal_harmonics.posed_scene import pose_scene
+        from engine.scene.composed_scene import SceneComposer
 
         old, scene, at_rest = self.document, self.scene, self.resting
-        if _shape(document) != _shape(old):
-            at_rest = _at_rest(self.own or at_rest, document)
+        if shape_of(document) != shape_of(old):
+            at_rest = scene_at_rest(self.composer or SceneComposer(at_rest), document)
             scene = pose_scene(at_rest, document.poses).with_bumps(dict(document.new_bumps))
             scene = scene.from_camera(self.scene.description.camera, self.scene.resolution)
             scene.check_surfaces()
@@ -261,6 +264,7 @@ def open_project(
     Raises InsituError with one line for the user.
     """
     from engine.realtime.zonal_harmonics.posed_scene import pose_scene
+    from engine.scene.composed_scene import SceneComposer
     from engine.scene.scene_loader import load_scene
 
     use_decoder_process()
@@ -278,27 +282,26 @@ def open_project(
         look = find_bookmark(offered, camera).viewpoint
     scene = scene.from_camera(look.camera, resolution or look.resolution)
     require_memory_for(scene.resolution)
-    document = read_measurements(
-        document_from_description(named, scene.description, scene.animations), scene.folder, path
-    )
+    document, composer = document_from_description(named, scene.description, scene.animations), SceneComposer(scene)
+    document = read_measurements(document, scene.folder, path)
     if source.light is not None:
         document = set_environment_file(source.light).apply(document)
     notes: tuple[str, ...] = ()
     if session is not None:
-        added, problems = added_again(session.document, scene)
+        added, problems = added_again(session.document, composer)
         notes = (*problems, *session_notes(session, document, added))
         document = read_measurements(fit_session(session, document, str(source.session or source.scene), added))
     for where, value in values:
-        command = complete(set_path(document, where, value), partial(_posed, scene, document))
+        command = complete(set_path(document, where, value), partial(posed_scene, composer, document), composer)
         document = read_measurements(command.apply(document))
-    own, at_rest = scene, _at_rest(scene, document)
+    at_rest = scene_at_rest(composer, document)
     scene = pose_scene(at_rest, document.poses).with_bumps(dict(document.new_bumps))
     scene.check_surfaces()
     sessions = () if source.session is None else (source.session,)
     set_inputs((*scene.files, *files_of_document(document), *sessions))
     if session is None:
-        return Project(scene, document, at_rest=at_rest, own=own)
-    return Project(scene, document, session.view.tone_mapping, session.view.settings, at_rest, notes, own)
+        return Project(scene, document, at_rest=at_rest, composer=composer)
+    return Project(scene, document, session.view.tone_mapping, session.view.settings, at_rest, notes, composer)
 
 
 def with_overrides(project: Project, lines: Mapping[str, Any]) -> Project:
@@ -396,29 +399,6 @@ def _with_full_path(path: str, value: Any) -> Any:
         return full_path(value)
     is_material = isinstance(value, str) and path.rpartition(".")[2] == MATERIAL
     return full_material_name(value) if is_material else value
-
-
-def _shape(document: Document) -> tuple[object, ...]:
-    """What of a document the arrays of a scene depend on."""
-    shape = document.composition, document.poses, document.new_bumps, document.new_opacities
-    return *shape, emission_of(document)
-
-
-def _at_rest(scene: Scene, document: Document) -> Scene:
-    """A scene as its file has it, at rest under a document: with its objects, their emission and opacity."""
-    from engine.scene.composed_scene import compose_scene
-
-    if document.composition:
-        scene = compose_scene(scene, document.composition)
-    opacities = {state.name: state.opacity for state in document.objects}
-    return scene.with_emission(dict(emission_of(document))).with_opacities(opacities)
-
-
-def _posed(scene: Scene, document: Document) -> Scene:
-    """The same with its objects where the document has them."""
-    from engine.realtime.zonal_harmonics.posed_scene import pose_scene
-
-    return pose_scene(_at_rest(scene, document), document.poses)
 
 
 def _set_by_index(document: Document, path: str, value: Any) -> SetParameter | None:

@@ -18,19 +18,22 @@ from app.document.scene_objects import AddedStates
 from app.files.material_files import complete_material, read_file_materials
 
 if TYPE_CHECKING:
+    from engine.scene.composed_scene import SceneComposer
     from engine.scene.scene_loader import Scene
 
 
-def complete(command: EditCommand, present: Callable[[], Scene]) -> EditCommand:
+def complete(command: EditCommand, present: Callable[[], Scene], composer: SceneComposer | None = None) -> EditCommand:
     """A command with the material or the objects that it waits for; present: gives the scene that these are added to,
-    as it is seen. Raises LoadError."""
+    as it is seen; composer: what is to compose it, None for none. Raises LoadError."""
     if isinstance(command, AddSun):
         return command.seen_from(present().description.camera)
     if isinstance(command, AddObject) and not command.objects:
         from engine.scene.added_objects import read_added
 
-        added, _ = read_added(command.what, present(), command.at, command.size)
-        states = tuple(added_state(each.source, each.description, each.animations) for each in added)
+        read = read_added(command.what, present(), command.at, command.size)
+        if composer is not None:
+            composer.note(read.parts)
+        states = tuple(added_state(each.source, each.description, each.animations) for each in read.objects)
         return replace(command, objects=states)
     if not isinstance(command, SetMaterial) or not command.file:
         return command
@@ -38,12 +41,13 @@ def complete(command: EditCommand, present: Callable[[], Scene]) -> EditCommand:
     return complete_material(command, found.materials, found.chosen)
 
 
-def added_again(document: Document, scene: Scene) -> tuple[AddedStates, tuple[str, ...]]:
+def added_again(document: Document, composer: SceneComposer) -> tuple[AddedStates, tuple[str, ...]]:
     """The objects of a session's document that the scene's file does not have, read again, and a line on each file that
     cannot be read."""
     from engine.scene.added_objects import read_again
 
-    found, problems = read_again(document.added_sources, scene)
+    found, problems, parts = read_again(document.added_sources, composer.own)
+    composer.note(parts)
     return {each.source: added_state(each.source, each.description, each.animations) for each in found}, problems
 
 

@@ -9,15 +9,16 @@ on it is done by an executor: this process, or others (`app.cluster.cluster_jobs
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
-from app.document.document import document_from_description
+from app.document.document import Document, document_from_description
 from app.document.light_state import LightState
 from app.document.named_files import (
     document_with_measurements,
@@ -53,6 +54,7 @@ from app.messages.worker_messages import (
 from app.modes.mode import Mode
 from app.modes.registry import MODES
 from app.project.distant_light import sky_of
+from app.project.document_scene import posed_scene
 from app.system.file_watch import file_stamp
 from app.system.lazy_import import import_named
 from app.worker.cache import ArrayCache, content_key
@@ -80,10 +82,11 @@ from engine.planner import planned_edge_rays
 from engine.precompute.direct.pipeline import Placement, SkyState
 from engine.realtime.zonal_harmonics.pose import Poses
 from engine.realtime.zonal_harmonics.posed_scene import pose_scene
-from engine.scene.added_objects import added_files, read_added, read_again
-from engine.scene.composed_scene import ComposedScene, compose_scene
+from engine.scene.added_objects import Part, added_files, read_added, read_again
+from engine.scene.composed_scene import ComposedScene, SceneComposer
 from engine.scene.composition import Composition
 from engine.scene.cutouts import scene_caster
+from engine.scene.description import ObjectDescription
 from engine.scene.import_report import report_scene
 from engine.scene.picture_frame import picture_frame
 from engine.scene.primary_hits import trace_primary_steps
@@ -136,15 +139,33 @@ class WorkerContext:
             raise InsituError("no scene is open")
         return self._scene.resting[1]
 
-    def load(self, scene: Scene, id: int) -> None:
-        """Note that a scene is loaded and can be traced, by the request of that number."""
-        self._loaded = _LoadedScene(id, scene)
+    def load(self, scene: Scene, id: int, added: Mapping[ObjectDescription, Part] = MappingProxyType({})) -> None:
+        """Note that a scene is loaded and can be traced, by the request of that number, and which objects were read
+        besides."""
+        self._loaded = _LoadedScene(id, SceneComposer(scene))
+        self.note_added(added)
         self._environments = {}  # another program may have written the file
 
-    def set_camera(self, request: SetCamera) -> Generator[None, None, None]:
-        """Open a loaded scene as this camera sees it, after some steps; that may be the background alone."""
+    def note_added(self, parts: Mapping[ObjectDescription, Part]) -> None:
+        """Note objects that were read to be added."""
+        for each in (self._scene, self._loaded):
+            if each.composer is not None:
+                each.composer.note(parts)
+
+    def scene_of(self, document: Document) -> Scene:
+        """The open scene with the objects of a document where it has them, whatever the camera sees. Raises
+        InsituError where some cannot be read."""
+        if self._scene.composer is None:
+            raise InsituError("no scene is open")
+        scene = posed_scene(self._scene.composer, document)
+        seen = self.open_placement.scene
+        return scene.with_bumps(dict(document.new_bumps)).from_camera(seen.description.camera, seen.resolution)
+
+    def set_camera(self, request: SetCamera) -> Generator[None, None, ComposedScene]:
+        """Open a loaded scene as this camera sees it, after some steps; that may be the background alone. Returns what
+        its objects are."""
         seen = next((each for each in (self._loaded, self._scene) if each.id == request.scene), _LoadedScene())
-        if seen.scene is None:
+        if seen.composer is None:
             raise InsituError("no scene is open")
         scene, caster = seen.in_poses(request.poses, request.opacities, request.composition)
         n_edge_rays = planned_edge_rays(scene.description) if request.n_edge_rays is None else request.n_edge_rays
@@ -156,6 +177,8 @@ class WorkerContext:
         self.geometry_key = _geometry_key(placement.scene, n_edge_rays)
         self.view_key = _view_key(placement, self.geometry_key)
         self._sent_sky = None
+        assert seen.composed is not None
+        return seen.composed
 
     def new_warnings(self) -> Iterator[WorkerWarnings]:
         """Warnings about the cache and about images that are shown smaller, as soon as there are new ones."""
@@ -191,23 +214,26 @@ class WorkerContext:
 
 @dataclass
 class _LoadedScene:
-    """A scene as its file has it, the number of its request, the scene with its present objects, that with its present
-    opacities, and that in its present pose with its ray caster."""
+    """The number of a scene's request, what composes it, the scene with its present objects and the composition that
+    was asked for, that with its present opacities, and that in its present pose with its ray caster."""
 
     id: int = -1
-    scene: Scene | None = None
+    composer: SceneComposer | None = None
     composed: ComposedScene | None = None
+    asked: Composition = ()
     resting: tuple[OpacityByObject, Scene] | None = None
     pose: tuple[Poses, Scene, RayCaster] | None = None
 
     def in_poses(
         self, poses: Poses, opacities: OpacityByObject, composition: Composition = ()
     ) -> tuple[Scene, RayCaster]:
-        """The scene of these objects in these poses, and its ray caster: the same ones as long as all of these are."""
-        assert self.scene is not None
-        if self.composed is None or self.composed.composition != composition:
-            scene = compose_scene(self.scene, composition, self.composed) if composition else self.scene
-            self.composed, self.resting = ComposedScene(scene, composition), None
+        """The scene of these objects in these poses, and its ray caster: the same ones as long as all of these are.
+        Objects that cannot be read are left out (`composed` says which)."""
+        assert self.composer is not None
+        if self.composed is None or self.asked != composition or self.composed.missing:
+            own = ComposedScene(self.composer.own, ())
+            self.composed, self.asked = self.composer.compose(composition) if composition else own, composition
+            self.resting = None
         if self.resting is None or self.resting[0] != opacities:
             scene = self.composed.scene
             self.resting = opacities, scene.with_opacities(dict(opacities)) if opacities else scene
@@ -258,7 +284,7 @@ class RequestDispatcher:
             ReadChannels: self._read_channels,
             FetchTable: lambda request: fetch_table(request, self.context.store),
             WriteFiles: self._write,
-            SaveScene: lambda request: save_scene(request, self.context.open_placement.scene),
+            SaveScene: lambda request: save_scene(request, self.context.scene_of(request.document)),
         }
         for work in self._workers:
             self._handlers |= work.handlers
@@ -277,10 +303,10 @@ class RequestDispatcher:
         names = described_paths(unread_files(layers_with_variants(document)), scene.folder, path)
         names |= {file: Path(file) for file in request.measured}
         measurements = yield from read_files(names, self.context.store)
-        added, problems = read_again(request.added, scene)
+        added, problems, parts = read_again(request.added, scene)
         read = (*scene.files, *files_of_scene(request.source), *names.values(), *added_files(added))
         files = {str(path): file_stamp(path) for path in read}
-        self.context.load(scene, request.id)
+        self.context.load(scene, request.id, parts)
         description = scene.description.model_dump_json(by_alias=True)
         wanted = dict.fromkeys(each.image for layer in request.layers for each in layer.parameter_maps)
         channels, _ = read_channels(scene, (*channel_images(document), *wanted))
@@ -307,16 +333,19 @@ class RequestDispatcher:
 
     def _set_camera(self, request: SetCamera) -> Steps:
         yield Progress("scene", 0.5, text="tracing what the camera sees")
-        yield from self.context.set_camera(request)
+        composed = yield from self.context.set_camera(request)
         for work in self._workers:
             work.view_traced()
         placement = self.context.open_placement
         flaws = tuple(" ".join(str(error).split()) for error in placement.scene.surface_flaws.values())
-        yield ViewTraced(picture_frame(placement.hits, placement.scene.camera_position), flaws)
+        frame = picture_frame(placement.hits, placement.scene.camera_position)
+        yield ViewTraced(frame, flaws, composed.missing, composed.problems)
 
     def _read_objects(self, request: ReadObjects) -> Steps:
         yield Progress("scene", 0.0, text=f"reading {Path(request.what).name}")
-        yield ObjectsRead(*read_added(request.what, self.context.open_placement.scene, request.at, request.size))
+        read = read_added(request.what, self.context.open_placement.scene, request.at, request.size)
+        self.context.note_added(read.parts)
+        yield ObjectsRead(read.objects, read.notes)
 
     def _read_channels(self, request: ReadChannels) -> Steps:
         scene = self.context.open_placement.scene
@@ -332,5 +361,5 @@ class RequestDispatcher:
         if request.document is None:
             yield from write_file(request, self.context.store)
         else:
-            scene = self.context.open_placement.scene
+            scene = self.context.scene_of(request.document)
             yield from write_scene(request, request.document, scene, self.context.store)

@@ -151,7 +151,10 @@ Maps = Annotated[LayerMaps, PlainValidator(_maps), PlainSerializer(map_values, r
 EmissionTexture = Annotated[LayerMaps, PlainValidator(_texture), PlainSerializer(map_values, return_type=dict)]
 BumpMap = Annotated[Bumps, PlainValidator(_bumps), PlainSerializer(bump_values, return_type=dict)]
 OpacityTable = Annotated[Opacity, PlainValidator(_opacity), PlainSerializer(opacity_values, return_type=dict)]
-Primitive = Literal["quad", "cube", "sphere", "disc", "cylinder", "cone", "torus"]  # engine.scene.primitives
+Primitive = Literal[  # engine.scene.primitives
+    "quad", "cube", "sphere", "disc", "cylinder", "cone", "torus", "backdrop", "pedestal", "shader_ball",
+    "shader_ball_base",
+]  # fmt: skip
 Parameter = Annotated[Any, PlainValidator(_parameter)]  # a ParameterValue; "Any" serializes unchanged
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from engine.scene.mesh import Mesh, join_meshes, place_copies
+from engine.scene.props import backdrop, pedestal, shader_ball, shader_ball_base
 from engine.scene.surfaces_of_revolution import revolved, truncated_cone
 
 _SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]], np.float32)  # (u, v) of a side's four corners
@@ -114,5 +115,6 @@ def _upright(outlines: list[tuple[np.ndarray, np.ndarray]]) -> Mesh:
 
 
 PRIMITIVES = {
-    "quad": quad, "cube": cube, "sphere": sphere, "disc": disc, "cylinder": cylinder, "cone": cone, "torus": torus
+    "quad": quad, "cube": cube, "sphere": sphere, "disc": disc, "cylinder": cylinder, "cone": cone, "torus": torus,
+    "backdrop": backdrop, "pedestal": pedestal, "shader_ball": shader_ball, "shader_ball_base": shader_ball_base,
 }  # fmt: skip

@@ -265,31 +265,47 @@ def build_scene(description: SceneDescription, path: Path, resolution: tuple[int
     return _assemble(description, items, notes, path, resolution, environment_path)
 
 
-def read_objects(objects: Sequence[ObjectDescription], base: Scene) -> Scene:
-    """Objects that a scene's file does not have, as a scene of their own in the frame of the arrays of `base`. The user
-    chose their files, by full paths; one without layers becomes as many objects as its file has materials, and a shape
-    is grey. Raises LoadError."""
+@dataclass(frozen=True)
+class ObjectsRead:
+    """Objects that were read and are not placed yet, notes on them, and their files."""
+
+    items: Sequence[ObjectMesh]
+    notes: Sequence[str]
+    files: frozenset[Path]
+
+
+def read_meshes(objects: Sequence[ObjectDescription], base: Scene) -> ObjectsRead:
+    """Read objects that a scene's file does not have. The user chose their files, by full paths; one without layers
+    becomes as many objects as its file has materials, and a shape is grey. Raises LoadError."""
     described = tuple(
         each if each.mesh or each.layers or each.emits else each.model_copy(update={"layers": GREY}) for each in objects
     )
     description = base.description.model_copy(update={"environment": None, "objects": described})
     with record_files() as files:
         items, notes = object_meshes(description, base.folder, base.file, is_chosen=True)
-        added = _assemble(description, items, notes, base.file, base.resolution, None, base.origin)
-    return replace(added, files=frozenset(files))
+    return ObjectsRead(items, notes, frozenset(files))
+
+
+def place_objects(read: ObjectsRead, base: Scene) -> Scene:
+    """These objects as a scene of their own in the frame of the arrays of `base`, with its images. Raises LoadError."""
+    description = base.description.model_copy(update={"environment": None})
+    with record_files() as files:
+        added = _assemble(description, read.items, read.notes, base.file, base.resolution, None, base)
+    return replace(added, files=read.files | files)
 
 
 def _assemble(
     description: SceneDescription, items: Sequence[ObjectMesh], notes: Sequence[str], path: Path,
-    resolution: tuple[int, int] | None, environment_path: Path | None, origin: npt.NDArray[np.float64] | None = None,
+    resolution: tuple[int, int] | None, environment_path: Path | None, base: Scene | None = None,
 ) -> Scene:  # fmt: skip
-    """Build the arrays of objects that were read; the description takes over their final form. origin: what the arrays
-    are relative to where these objects are added to a scene, None for their own scene."""
+    """Build the arrays of objects that were read; the description takes over their final form. base: the scene that
+    they are added to, None for a scene of their own."""
     placed, place_notes = _place_all(items, path)
     description, sun_notes = _with_suns(description, [sun for item in items for sun in item.suns])
     description = description.model_copy(update={"objects": tuple(item.description for item in items)})
-    is_added = origin is not None
-    if origin is None:
+    if base is not None:
+        origin = base.origin
+    else:
         lit = [mesh for mesh, item in zip(placed, items, strict=True) if not item.description.is_lamp]
         origin = _find_origin(lit or placed, path)
     vertices, placed, lost_notes = _round_all(placed, origin, items, path)
@@ -321,7 +337,7 @@ def _assemble(
         colours=joined.colours,
         boxes=np.array(boxes).reshape(-1, 3, 4),
         has_uvs=np.array([mesh.uvs is not None for mesh in placed], bool),
-        textures=TextureStore(path),
+        textures=TextureStore(path) if base is None else base.textures,
         vertex_ranges=ranges_of([len(mesh.vertices) for mesh in placed]),
         rigs=tuple(_rig_in_scene(item, origin) for item in items),
         environment_path=environment_path,
@@ -331,7 +347,7 @@ def _assemble(
         unshown=tuple(each for model in models for each in model.unshown),
         variant_sets=tuple(each for model in models for each in model.variant_sets),
     )
-    if not is_added:
+    if base is None:
         check_image_places(scene)
     scene = load_images(scene, [item.is_imported for item in items])
     shrunk = scene.textures.take_notes()

@@ -38,7 +38,8 @@ from engine.measured.measurement import Measurement
 from engine.planner import band_counts
 from engine.render.picture_error import ErrorEstimate
 from engine.scene.added_objects import AddedObject
-from engine.scene.description import parse_description
+from engine.scene.composition import ObjectSource
+from engine.scene.description import ObjectDescription, parse_description
 from engine.scene.loaders.model import ImportedCamera
 from engine.scene.picture_frame import PictureFrame
 from engine.scene.rig import Animations
@@ -131,9 +132,10 @@ class FakeClient:
         self.answer(self.sent(OpenScene)[-1], opened)
         self.see_scene()
 
-    def see_scene(self) -> None:
-        """Answer the newest SetCamera."""
-        self.answer(self.sent(SetCamera)[-1], ViewTraced(FRAME))
+    def see_scene(self, *missing: ObjectSource) -> None:
+        """Answer the newest SetCamera; missing: what cannot be read."""
+        problems = tuple(f"{each.mesh}: no such file" for each in missing if isinstance(each, ObjectDescription))
+        self.answer(self.sent(SetCamera)[-1], ViewTraced(FRAME, (), missing, problems))
 
     def finish_stage(self, stage: str, exact: bool) -> None:
         """Answer the newest ComputeTransport with one stage: all layers' pictures, then the selected's transport."""

@@ -86,11 +86,13 @@ def test_an_early_a_becomes_exact_beside_an_edited_b(window: HeadlessWindow) -> 
 def test_a_hidden_layer_is_seen_on_side_a(window: HeadlessWindow) -> None:
     editor = window.shell.editor
     window.key(imgui.Key.c)
-    editor.do(SetVisible("ball", False))
+    for key in ("ball.0", "ball.1"):
+        editor.do(SetVisible(key, False))
     wait_until_exact(window)
     assert window.run_until(lambda: editor.status.compared_exact, 60.0)
     side_a = shown(window, 1.0)
-    editor.do(SetVisible("ball", True))
+    for key in ("ball.0", "ball.1"):
+        editor.do(SetVisible(key, True))
     wait_until_exact(window)
     assert_alike(shown(window, 0.0), side_a)
 

@@ -55,7 +55,14 @@ from app.document.commands.maps import (
     SetSurface,
 )
 from app.document.commands.mix import SetMix
-from app.document.commands.objects import AddObject, DeleteObject, DuplicateObject, DuplicateObjects, RenameObject
+from app.document.commands.objects import (
+    AddObject,
+    DeleteObject,
+    DuplicateObject,
+    DuplicateObjects,
+    RenameObject,
+    ShowObjects,
+)
 from app.document.commands.plan import OverrideLine, SetFirstBands
 from app.document.commands.poses import (
     AddDeformer,
@@ -78,7 +85,7 @@ EditCommand = (
     | SetVariant | AddLayers | RemoveLayer | SetRotation | SetIntensity | SetEnvironment | SetMapping | SetEmission
     | SetFirstBands | SetPose | AddDeformer | SetDeformer | MoveDeformer | RemoveDeformer | SetTime | SetSurface
     | OverrideLine | SetSun | SetMix | SetTransform | MoveObject | DuplicateObject | DeleteObject
-    | RenameObject | SetBackground | SetBackgroundColour | AddObject | Several | PlaceObjects
+    | RenameObject | SetBackground | SetBackgroundColour | AddObject | ShowObjects | Several | PlaceObjects
     | LinkCurves | UnlinkCurve | AddLook | SetLook | RenameLook | DeleteLook | MoveLook
     | DuplicateObjects | SetGroup | RenameGroup | AddSun | DuplicateSun | DeleteSun | RenameSun
     | SetShadowCatcher

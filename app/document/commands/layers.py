@@ -84,7 +84,7 @@ class SetModel:
 
 @dataclass(frozen=True)
 class SetVisible:
-    """Show or hide an object (``"teapot"``) or a layer (``"teapot.1"``) in the picture; its shadow stays."""
+    """Show or hide an object (``"teapot"``), which then shades and lights nothing, or a layer (``"teapot.1"``)."""
 
     path: str
     visible: bool

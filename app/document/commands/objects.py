@@ -1,4 +1,4 @@
-"""The edits of which objects there are: added, duplicated, deleted and renamed ones."""
+"""The edits of which objects there are: added, duplicated, deleted, renamed and shown ones."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from app.document.scene_objects import checked_new_name, numbered_name, taken_na
 from app.system.paths import full_path
 from engine.core.errors import InsituError, LoadError
 from engine.scene.composition import ADDABLE, SUN
-from engine.scene.description import MAX_OBJECTS
+from engine.scene.description import LONGEST_NAME, MAX_OBJECTS
 
 
 @dataclass(frozen=True)
@@ -54,11 +54,17 @@ class AddObject:
         taken = taken_names(document)
         found = list[ObjectState]()
         for state in self.objects:
-            name = self.name or state.name
+            name = self._name_of(state)
             name = numbered_name(name, taken) if name in taken else name
             found.append(replace(state, name=name))
             taken.add(name)
         return replace(document, objects=(*document.objects, *found))
+
+    def _name_of(self, state: ObjectState) -> str:
+        """What an object is to be called: the given name, with what its own has behind that of the first."""
+        first = self.objects[0].name
+        more = state.name.removeprefix(first) if state.name.startswith(f"{first} ") else ""
+        return f"{self.name}{more}" if self.name and len(self.name + more) <= LONGEST_NAME else self.name or state.name
 
 
 @dataclass(frozen=True)
@@ -152,6 +158,17 @@ class RenameObject:
             document, objects=objects, deleted=deleted, light=document.light.with_renamed_rows(names),
             overrides=tuple(sorted((_line_of(line, names), value) for line, value in document.overrides)),
         ))  # fmt: skip
+
+
+@dataclass(frozen=True)
+class ShowObjects:
+    """Show all objects that are hidden."""
+
+    label = "show all objects"
+
+    def apply(self, document: Document) -> Document:
+        objects = tuple(each if each.visible else replace(each, visible=True) for each in document.objects)
+        return replace(document, objects=objects)
 
 
 def addition(path: str, name: str, value: Any) -> AddObject | AddSun:

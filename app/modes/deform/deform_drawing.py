@@ -87,11 +87,11 @@ class DeformDrawing(OrbitDrawing):
         return *super().desired_inputs(document, view), view.playing is None
 
     def desired_state(self, document: Document, view: ViewState) -> DesiredOrbit:
-        self._deform_only = tuple(state.name for state in document.objects if state.surface.kind)
+        self._deform_only = tuple(state.name for state in document.shown if state.surface.kind)
         desired, plays = DesiredOrbit.of(document, view), view.playing is not None
         moved, lamps = moved_objects(document)
         posed = tuple(
-            state.name for state in document.objects
+            state.name for state in document.shown
             if state.deformations or state.moment is not None or plays and state.animations
             or state.name in moved
         )  # fmt: skip

@@ -182,7 +182,7 @@ class OrbitController(ModeController):
         shown = self._pictures.shown
         if self._handover.is_shown or shown is None:
             return self._handover.is_shown
-        content = self._drawing.content(self._services.history.document, self._services.view)
+        content = self._drawing.content(self._services.pictured, self._services.view)
         return (shown.viewpoint, shown.poses) == (content.viewpoint, content.poses)
 
     @property
@@ -271,7 +271,7 @@ class OrbitController(ModeController):
             return False
         is_of_view = (shown.viewpoint, shown.poses) == (state.content.viewpoint, state.content.poses)
         is_ready = preparation.is_ready and preparation.requested == state.desired
-        document = self._services.with_nodes(self._services.history.document)
+        document = self._services.pictured
         has_followed = state.has_followed(document, effective_view(self._services.view, document))
         return is_of_view and is_ready and shown.made_of == preparation.ready and has_followed
 

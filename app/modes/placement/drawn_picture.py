@@ -31,7 +31,7 @@ class DrawnPicture:
 
     @property
     def _present(self) -> Document:
-        return self._services.with_nodes(self._services.history.document)
+        return self._services.pictured
 
     @property
     def document(self) -> Document:
@@ -55,13 +55,13 @@ class DrawnPicture:
     @property
     def factor(self) -> str | None:
         """The curve that is selected."""
-        selected = self._services.view.selected
+        selected = self._services.pictured_view.selected
         return None if selected is None else selected.factor
 
     @property
     def edited_layers(self) -> tuple[str, ...]:
         """Keys of the layers that follow the selected curve, the selected one first; none of a fixed object."""
-        return edited_layers(self._present, self._services.view.selected)
+        return edited_layers(self._present, self._services.pictured_view.selected)
 
     def wanted_coefficients(self, key: str) -> dict[str, Float64Array]:
         """Band values (J,3) of each transport factor of a layer, as the present document has them."""

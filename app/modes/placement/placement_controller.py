@@ -192,12 +192,12 @@ class PlacementController(ModeController):
 
     @property
     def _document(self) -> Document:
-        return self._services.with_nodes(self._services.history.document)
+        return self._services.pictured
 
     @property
     def _view(self) -> ViewState:
         """The view with the document's overrides in place of its own settings."""
-        return effective_view(self._services.view, self._document)
+        return effective_view(self._services.pictured_view, self._document)
 
     # ------------------------------------------------------------------------------------------------------- requesting
 
@@ -444,7 +444,7 @@ class PlacementController(ModeController):
             case LayerPicture():
                 self._changeover.receive_radiance(self._take_radiance(response))
             case LayerTransport() if self._transport.contractions.receive_transport(
-                response, self._document, self._services.view.selected
+                response, self._document, self._services.pictured_view.selected
             ):
                 self._report.picture_changed()
                 footprint = self._footprints.get(response.stage)

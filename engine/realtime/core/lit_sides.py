@@ -80,6 +80,8 @@ def _from_emitters(scene: Scene, caster: RayCaster, chance: np.random.Generator)
     mine = np.flatnonzero(scene.emitters[scene.object_of_triangle])
     corners = scene.vertices[scene.triangles[mine]].astype(np.float64)
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    if not area.sum() > 0.0:  # all of them are hidden
+        return np.zeros((0, 3)), np.zeros((0, 3))
     which = chance.choice(len(mine), _PATHS, p=area / area.sum())
     place = np.einsum("nk,nki->ni", chance.dirichlet((1.0, 1.0, 1.0), _PATHS), corners[which])
     normals = scene.geometric_normals[mine[which]].astype(np.float64)

@@ -386,8 +386,12 @@ def _samples(scene: Scene) -> Float64Array:
     random = np.random.default_rng(1)
     corners = scene.vertices[scene.triangles].astype(np.float64)
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    by_area = random.choice(len(area), _SAMPLES, p=area / area.sum())
-    by_object = random.integers(*scene.triangle_ranges[random.integers(len(scene.smooth), size=_SAMPLES)].T)
+    ranges = scene.triangle_ranges[
+        scene.triangle_ranges[:, 1] > scene.triangle_ranges[:, 0]
+    ]  # hidden objects have none
+    total = area.sum()
+    by_area = random.choice(len(area), _SAMPLES, p=area / total if total > 0.0 else None)
+    by_object = random.integers(*ranges[random.integers(len(ranges), size=_SAMPLES)].T)
     weights = random.dirichlet((1.0, 1.0, 1.0), 2 * _SAMPLES)
     return np.einsum("nk,nki->ni", weights, corners[np.concatenate([by_area, by_object])])
 

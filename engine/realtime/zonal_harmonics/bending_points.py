@@ -117,7 +117,7 @@ class BendingPoints:
         own = np.flatnonzero(self.surface.i_object == i_object)
         u, v = self.within[own].mean(axis=1).T
         uvs = self.corner_uvs(self._scene, own)
-        edges = (uvs[:, 1:] - uvs[:, :1]).reshape(len(own), 2, -1, 2).swapaxes(1, 2)
+        edges = (uvs[:, 1:] - uvs[:, :1]).reshape(len(own), 2, uvs.shape[2] // 2, 2).swapaxes(1, 2)
         sides = np.sqrt(0.5 * np.abs(np.linalg.det(edges)))
         return Intersections(self.source[own], u, v, np.zeros(len(own), np.float32)), uvs.mean(axis=1), sides
 
@@ -294,6 +294,8 @@ class PosedPoints:
         """Compute the pose of everything that is drawn of an object."""
         carried = resting = self._points.rest_geometry(i)
         self._shifts[i] = np.zeros(3)
+        if not len(resting.positions):  # it is hidden
+            return resting
         if moment_of(self._scene, i, row) is not None:
             rest, moment = animate_vertices(self._scene, i, row)
             carried, self._shifts[i] = (

@@ -134,7 +134,8 @@ class Deform:
     def set_layers(self, layers_of: LayersOf) -> None:
         """Set the layers of each object, by its index."""
         layers = {i: tuple(each for each in own if each.visible) for i, own in layers_of.items()}
-        layers = {i: own for i, own in layers.items() if self.scene.reflecting[i]}
+        has_surface = np.ptp(self.scene.triangle_ranges, axis=1) > 0  # hidden objects have none
+        layers = {i: own for i, own in layers.items() if self.scene.reflecting[i] and has_surface[i]}
         if layers != self._layers_of:
             before, self._layers_of = self._layers_of, layers
             self._albedos = {i: each for i, each in self._albedos.items() if before.get(i) == layers.get(i)}

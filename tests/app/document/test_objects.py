@@ -21,7 +21,7 @@ from app.document.commands.layers import SetParameter
 from app.document.commands.plan import OverrideLine
 from app.document.document import Document, ObjectState, added_state
 from app.document.scene_change import SceneChange
-from app.document.scene_objects import with_objects_of
+from app.document.scene_objects import with_objects_of, without_sources
 from app.document.view_state import ViewState
 from app.files.session import fit_session, load_session, save_session, session_notes
 from app.interface.nodes import value_at
@@ -61,6 +61,10 @@ def test_what_was_deleted_is_gone_with_its_row_in_the_mix(document: Document) ->
     assert found.composition == (SceneObject("pot", "pot"), SceneObject("floor", "floor"))
 
 
+def names_absent(document: Document) -> list[str]:
+    return [state.name for state in document.absent]
+
+
 def ball(name: str = "ball", **more: object) -> ObjectState:
     """An object that was added."""
     source = ObjectDescription(name=name, primitive="sphere", **more)
@@ -75,8 +79,13 @@ def test_what_is_added_stands_behind_all_others_under_free_names(document: Docum
     renamed = edited(found, RenameObject("pot 2", "mug"), DuplicateObject("mug"))
     assert renamed.object("mug 2").source == ball("pot").added and renamed.deleted == ()
     assert renamed.added_sources == (ball("pot").added, ball().added)
-    gone = renamed.without_added({ball("pot").added})
+    gone = without_sources(renamed, {ball("pot").added}, document)
     assert names(gone) == ["pot", "floor", "lamp", "ball 2"]
+    assert names_absent(gone) == ["mug", "mug 2", "pot 3"]
+    # Where none are left it has those of the file.
+    alone = edited(found, *(DeleteObject(name) for name in ("floor", "lamp", "pot", "ball 2", "pot 3")))
+    left = without_sources(alone, {ball("pot").added}, document)
+    assert names(left) == names(document) and left.composition == () and names_absent(left) == ["pot 2"]
     with pytest.raises(InsituError, match="size = -1.0, expected metres"):
         edited(document, AddObject("box", size=-1.0, objects=(ball(),)))
     with pytest.raises(InsituError, match="name = 'pot', expected one that no other object has"):
@@ -108,14 +117,30 @@ def test_added_objects_survive_sessions_beside_their_file(document: Document, tm
 
 
 def test_files_saved_again_leave_added_objects_and_take_other_names(document: Document) -> None:
-    mine = edited(document, AddObject("box", objects=(ball("box"), ball())), DeleteObject("floor"))
+    box, own = ball("box"), ball()
+    mine = edited(document, AddObject("box", objects=(box, own)), DeleteObject("floor"))
     more = replace(document, objects=(*document.objects, replace(document.objects[0], name="box")))
-    found = SceneChange(document, more, added={ball("box").added})(mine)
+    states = {box.added: box, own.added: own}
+    found = SceneChange(document, more, None, states, {box.added: box})(mine)
     # The file has a box of its own now, which is called "box 2" here; the ball's file has gone.
     assert names(found) == ["pot", "lamp", "box 2", "box"] and found.object("box 2").original == "box"
-    assert [each.name for each in found.absent] == ["ball"] and set(found.deleted) == {"floor", "box"}
-    again = SceneChange(more, more, added={ball("box").added, ball().added})(found)
+    assert names_absent(found) == ["ball"] and set(found.deleted) == {"floor", "box"}
+    again = SceneChange(more, more, None, states, states)(found)
     assert names(again) == ["pot", "lamp", "box 2", "ball", "box"]
+
+
+def test_materials_of_added_objects_follow_their_file_where_they_are_not_edited(document: Document) -> None:
+    toy = ball("toy")
+    mine = edited(
+        document, AddObject("toy.glb", objects=(toy,)), RenameObject("toy", "cup"), DuplicateObject("cup"),
+        SetParameter("cup 2.0", "albedo", (0.9, 0.1, 0.1)), SetTransform("cup 2", (0.5, 0.0, 0.0)),
+    )  # fmt: skip
+    now = replace(toy, layers=(toy.layers[0].with_parameter("albedo", (0.0, 0.0, 1.0)),))
+    found = SceneChange(document, document, None, {toy.added: toy}, {toy.added: now})(mine)
+    assert names(found) == names(mine)
+    assert dict(found.layer("cup.0").parameters)["albedo"] == (0.0, 0.0, 1.0)
+    assert dict(found.layer("cup 2.0").parameters)["albedo"] == (0.9, 0.1, 0.1)
+    assert found.object("cup 2").transform.translation == (0.5, 0.0, 0.0)
 
 
 def test_a_light_that_excludes_an_object_excludes_its_duplicate(document: Document) -> None:

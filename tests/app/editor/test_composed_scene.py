@@ -6,7 +6,7 @@ import random
 
 import pytest
 
-from app.document.commands import DeleteObject, DuplicateObject, SetTransform
+from app.document.commands import DeleteObject, DuplicateObject, RenameObject, SetTransform
 from app.document.document import Document
 from app.document.view_state import SetView
 from app.editor.editor import Editor
@@ -123,6 +123,44 @@ def test_another_object_is_selected_where_it_was_deleted(settled: Editor) -> Non
     assert settled.view.selected is not None and settled.view.selected.object == "pot 2"
     assert run_operator(settled, "delete_object") is None
     assert settled.view.selected is not None and settled.view.selected.object == "pot"
+
+
+def test_selection_and_solo_follow_another_name(settled: Editor, client: FakeClient) -> None:
+    settled.select("pot.1.theta_h")
+    settled.do(SetView.of(solo="pot.1"))
+    settled.do(RenameObject("pot", "mug"))
+    assert settled.view.selected == ("mug", 1, "theta_h") and settled.view.solo == "mug.1"
+    settled.undo()
+    assert settled.view.selected == ("pot", 1, "theta_h") and settled.view.solo == "pot.1"
+    settled.redo()
+    settled.do(RenameObject("floor", "table"))  # another one
+    assert settled.view.selected == ("mug", 1, "theta_h") and settled.view.solo == "mug.1"
+    settled.do(DeleteObject("mug"))
+    assert settled.view.selected is not None and settled.view.selected.object == "table"
+
+
+def test_a_hidden_object_is_traced_without_its_surface_and_shown_again_as_before(
+    settled: Editor, client: FakeClient
+) -> None:
+    settled.select("pot")
+    assert run_operator(settled, "hide") is None and not settled.document.object("pot").visible
+    settled.do(SetTransform("pot", (0.1, 0.0, 0.0)))  # no concern of the picture
+    settled.tick(2.0)
+    assert views(client)[-1].composition[0] == SceneObject("pot", "pot", is_hidden=True) and not views(client)[-1].poses
+    # Shown again before the answer: the picture goes on.
+    assert run_operator(settled, "hide") is None
+    settled.undo()
+    client.see_scene()
+    for now in (3.0, 4.0):
+        settled.tick(now)
+    assert computed(client) == {"pot.0", "pot.1", "floor.0"} and not settled.status.is_error
+    assert not any(layer.visible for layer in client.sent(ComputeTransport)[-1].scene.layers if layer.object == "pot")
+    assert run_operator(settled, "show_all") is None and settled.undo_label == "show all objects"
+    settled.tick(5.0)
+    assert views(client)[-1].composition == () and views(client)[-1].poses
+    client.see_scene()
+    settled.tick(6.0)
+    assert run_operator(settled, "show_all") == "hide an object first"
 
 
 def test_a_comparison_with_other_objects_ends(settled: Editor) -> None:

@@ -10,11 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine.core.errors import LoadError
-from engine.scene.composed_scene import ComposedScene, compose_scene
+from engine.core.errors import InsituError, LoadError
+from engine.scene.added_objects import read_added
+from engine.scene.composed_scene import SceneComposer, compose_scene
 from engine.scene.composition import Composition, SceneObject
 from engine.scene.description import ObjectDescription
-from engine.scene.scene_loader import Scene, load_scene, read_objects
+from engine.scene.raycaster import RayCaster
+from engine.scene.scene_loader import Scene, load_scene
 from tests.engine.scene.conftest import TOY, TRIANGLE_PLY
 from tests.scene_text import placed, scaled
 
@@ -67,7 +69,8 @@ def test_any_selection_in_any_order_equals_a_file_of_it(scene: Scene, scene_file
 
 
 def test_a_duplicate_has_the_arrays_of_its_original(scene: Scene) -> None:
-    copy = scene.description.objects[3].model_copy(update={"mesh": str(scene.folder / "model.glb")})
+    file, transform = str(scene.folder / "model.glb"), scene.description.objects[3].transform
+    copy = ObjectDescription(name="toy", mesh=file, part=0, transform=transform)
     found = compose_scene(scene, (*named(*OBJECTS), SceneObject("toy 2", copy)))
     assert found.object_names == (*OBJECTS, "toy 2")
     own, there = (slice(*found.vertex_ranges[i]) for i in (3, 4))
@@ -97,26 +100,56 @@ def test_a_file_with_several_materials_becomes_its_parts(
     tree["materials"] = [{"name": "red"}, {"name": "blue"}]
     tree["meshes"][0]["primitives"] = [primitive | {"material": k} for k in range(2)]
     file = glb_file(tree, binary)
-    parts = read_objects([ObjectDescription(name="toy", mesh=str(file))], scene).description.objects
-    assert [part.part for part in parts] == [0, 1]
-    composition = (*named("card"), *(SceneObject(part.name, part) for part in parts))
+    parts = read_added(str(file), scene).objects
+    assert [part.source.part for part in parts] == [0, 1]
+    composition = (*named("card"), *(SceneObject(part.description.name, part.source) for part in parts))
     found = compose_scene(scene, composition)
-    assert found.object_names == ("card", *(part.name for part in parts))
+    assert found.object_names == ("card", *(part.description.name for part in parts))
     assert file in found.files
 
 
 def test_objects_that_are_there_are_not_read_again(scene: Scene, tmp_path: Path) -> None:
     file = tmp_path / "added.ply"
     file.write_text(TRIANGLE_PLY)
-    (added,) = read_objects([ObjectDescription(name="added", mesh=str(file))], scene).description.objects
-    composition = (*named("card"), SceneObject("added", added))
-    before = ComposedScene(compose_scene(scene, composition), composition)
+    composer, read = SceneComposer(scene), read_added(str(file), scene)
+    (added,) = read.objects
+    composer.note(read.parts)
     file.unlink()
-    renamed = (SceneObject("other", added), *named("ball"))
-    found = compose_scene(scene, renamed, before)
-    assert found.object_names == ("other", "ball")
-    with pytest.raises(LoadError, match=r"added\.ply"):
-        compose_scene(scene, renamed)
+    assert composer.compose(named("ball")).missing == ()
+    for composition in (
+        (*named("card"), SceneObject("added", added.source)),
+        (SceneObject("other", added.source), *named("ball")),
+        (SceneObject("other", added.source, is_hidden=True), *named("ball")),
+    ):
+        found = composer.compose(composition)
+        assert found.scene.object_names == tuple(each.name for each in composition) and not found.problems
+    # It is forgotten once no picture has it: then it is to be read again, and its file has gone.
+    composer.compose(named("ball"))
+    found = composer.compose((SceneObject("other", added.source), *named("ball")))
+    assert found.missing == (added.source,) and found.composition == named("ball")
+    assert len(found.problems) == 1 and "added.ply" in found.problems[0]
+    with pytest.raises(InsituError, match=r"added\.ply"):
+        composer.compose_all(composition)
+
+
+def test_a_hidden_object_keeps_its_place_and_has_no_surface(scene: Scene) -> None:
+    names = list(OBJECTS)
+    for hidden in (names[:1], names[1:3], names):
+        found = compose_scene(scene, tuple(SceneObject(name, name, name in hidden) for name in names))
+        shown = [name for name in names if name not in hidden]
+        assert found.object_names == scene.object_names
+        if not shown:  # a point is left, which no ray meets
+            assert found.triangles.tolist() == [[0, 0, 0]] and np.ptp(found.bounds[0], axis=0).max() == 0.0
+            up = np.float32([[0.0, 1.0, 0.0]])
+            seen = RayCaster(found.vertices, found.triangles).intersect(found.vertices - up, up)
+            assert (seen.triangle == -1).all() and np.isnan(found.bounds[1:]).all()
+        else:
+            expected = compose_scene(scene, named(*shown))
+            assert np.array_equal(found.vertices, expected.vertices)
+            assert np.array_equal(found.triangles, expected.triangles)
+            assert np.isnan(found.bounds[[name in hidden for name in names]]).all()
+    # Shown again it is as before.
+    assert_same_arrays(compose_scene(scene, tuple(SceneObject(name, name, False) for name in names)), scene)
 
 
 def test_a_scene_file_may_still_name_only_files_in_its_folder(scene: Scene, scene_file: Callable[..., Path]) -> None:

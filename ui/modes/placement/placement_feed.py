@@ -245,7 +245,7 @@ class PlacementFeed(PictureSource):
         self._end_plain(editor, document)
         shades_plainly = self._shade_headlight(editor, document)
         self._is_shaded = self._is_shaded or not shades_plainly
-        if document is editor.with_nodes(editor.document) or document is not self._followed:
+        if document is editor.pictured or document is not self._followed:
             self._follow_environment(document)
             self._follow_emitters(document)
             self._follow_layers(editor, document)

@@ -94,7 +94,8 @@ def test_layers_edited_meanwhile_are_asked_for(early: Editor, client: FakeClient
     before = early.document
     early.do(LIFT)
     early.do(SetParameter("floor.0", "albedo", 0.9))
-    early.do(SetVisible("pot", False))
+    early.do(SetVisible("pot.0", False))
+    early.do(SetVisible("pot.1", False))
     edited = early.document
     assert finish_edited(early, client) == []
     (request,) = asked_for_a(client)
