@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from app.document.document import Document
+from app.document.document import Document, ObjectState
 from app.document.history import History
 from app.document.view_state import SetViewpoint, Viewpoint, ViewState
 from app.editor.view_controller import ViewController
@@ -152,7 +152,11 @@ class CameraHistory:
         if name is not None and not found:
             names = ", ".join(state.name for state in there)
             raise InsituError(f"there is no object {name!r} to be framed; available: {names}")
-        found = found or [state for state in there if state.visible and not state.is_lamp] or there
+        found = (
+            found
+            or [state for state in there if state.visible and not state.is_lamp and not _is_backdrop(state)]
+            or there
+        )
         boxes = np.array([state.transform.moved_box(self._boxes[state.source]) for state in found])
         if not len(boxes):
             raise InsituError("there is nothing to be framed")
@@ -178,3 +182,8 @@ class CameraHistory:
             self._controller.hand_released()
             self._host.notify(f"{what}: {label}")
         return label
+
+
+def _is_backdrop(state: ObjectState) -> bool:
+    """Whether an object was added as a backdrop: it stands behind what is framed."""
+    return state.added is not None and state.added.primitive == "backdrop"

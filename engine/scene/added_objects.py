@@ -214,7 +214,8 @@ def _has_floor(scene: Scene, height: float, distance: float) -> bool:
 
 def _standing_boxes(scene: Scene) -> Matrix:
     """The boxes (N, 2, 3) of what stands on the ground: without lamps, grounds and backdrops."""
-    boxes = scene.bounds[[not each.is_lamp for each in scene.description.objects]]
+    stands = [not each.is_lamp and each.primitive != "backdrop" for each in scene.description.objects]
+    boxes = scene.bounds[stands]
     boxes = boxes[np.isfinite(boxes).all(axis=(1, 2))]
     return boxes[~find_ground_boxes(boxes)] if len(boxes) else boxes
 

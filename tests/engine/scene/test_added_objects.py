@@ -119,6 +119,9 @@ def test_a_backdrop_stands_behind_all_that_stands_on_it(scene: Scene) -> None:
     for x, z in ((-0.8, -0.8), (-0.8, 0.8), (0.8, -0.8), (0.8, 0.8)):
         hit = caster.intersect(np.float32([[x, 1e-2, z]]), np.float32([[0.0, -1.0, 0.0]]))
         assert found.object_of_triangle[hit.triangle[0]] == 2 and hit.distance[0] == pytest.approx(8e-3, abs=1e-5)
+    # What is added then is as large as it was without it, and stands where it did.
+    with_it, without = (read_added("box", each).objects[0].box for each in (found, scene))
+    assert np.allclose(with_it, without, atol=1e-6)
     # What is seen past the ball is the backdrop.
     beside = np.float32([np.array([1.2, 0.8, 0.0]) - camera.position])
     seen = caster.intersect(np.float32([camera.position]), beside)
