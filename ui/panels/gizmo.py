@@ -51,10 +51,11 @@ _NEAR, _FAR = 0.6, 2.0
 
 
 def handles(context: PanelContext, placed: PictureRect) -> list[PictureHandle]:
-    """The handles of the chosen tool, and the outlines of what they move; none where the selected objects are not in
-    front of the camera."""
+    """The handles of the chosen tool, and the outlines of what they move; none where the selected objects are hidden or
+    not in front of the camera."""
     found = arranged(context, placed) if context.state.gizmo else None
-    if found is None or found.arm_at(found.middle) == 0.0:
+    is_hidden = found is not None and not any(context.document.object(each.name).visible for each in found.objects)
+    if found is None or is_hidden or found.arm_at(found.middle) == 0.0:
         return []
     draw_outlines(found)
     tools = {"move": _moving, "rotate": _rotating, "scale": _scaling, "aim": _aiming}

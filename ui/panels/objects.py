@@ -142,7 +142,7 @@ def _together(context: PanelContext, name: str) -> tuple[str, ...]:
 def _object_buttons(context: PanelContext, state: ObjectState, quiet: look.Colour) -> list[Action]:
     actions: list[Action] = []
     if rows.toggle(context, f"visible.{state.name}", Icon.VISIBLE, Icon.HIDDEN, state.visible, quiet,
-               f"Show or hide this object. Hidden, it shades and lights nothing. ({context.keys_of('hide')})"):  # fmt: skip
+               f"Show or hide it. Hidden, it shades and lights nothing. ({context.keys_of('hide')})"):  # fmt: skip
         actions.append(switching(_together(context, state.name), "visible", not state.visible))
     if rows.toggle(context, f"frozen.{state.name}", Icon.FROZEN, Icon.FROZEN, not state.frozen, quiet,
                "Freeze: protects this object's material from edits. "

@@ -75,6 +75,14 @@ class Table:
 
     def notify_once(self, note: str) -> None: ...
 
+    @property
+    def pictured(self) -> Document:
+        return self.history.document
+
+    @property
+    def pictured_view(self) -> ViewState:
+        return self.view
+
     def with_nodes(self, document: Document) -> Document:
         return document
 
