@@ -31,12 +31,13 @@ from app.files.records import (
     LookRecord,
     MixRecord,
     ObjectRecord,
+    PaintedRecord,
     SessionRecord,
     SunRecord,
     TransformRecord,
     ViewRecord,
 )
-from app.operators.arrange import Addition, Move, PlacedByHand
+from app.operators.arrange import Addition, Move, PaintedAddition, PlacedByHand
 from app.operators.camera import MoveCamera
 from app.operators.curve_drawing import CurvePoints, CurveStroke
 from app.operators.edits import CurveLink, Deform, Drag, PaintStroke
@@ -75,6 +76,7 @@ SCENE: Tables = [
 ]  # fmt: skip
 SESSION: Tables = [
     ("Top of the file", SessionRecord), ("[light]", LightRecord), ("light.suns", SunRecord),
+    ("light.painted", PaintedRecord),
     ("light.mix", MixRecord), ("[background]", BackgroundRecord), ("[view]", ViewRecord),
     ("[[object]]", ObjectRecord),
     ("[[object.layer]]", LayerRecord), ("[[object.layer.curve]]", CurveRecord), ("its operator", OperatorRecord),
@@ -85,7 +87,7 @@ SESSION: Tables = [
 SCRIPT: Tables = [
     ("Top of the file", ScriptRecord), ("[[step]]", StepRecord), ("drag", Drag), ("deform", Deform), ("add", Addition),
     ("move", Move),
-    ("place_light", PlacedByHand),
+    ("place_light", PlacedByHand), ("paint_light", PaintedAddition),
     ("link", CurveLink),
     ("paint", PaintStroke), ("measured", MeasuredFile), ("material_file", MaterialFile), ("table", CurveTable),
     ("variant_set", VariantChoice), ("draw_curve", CurveStroke), ("set_points", CurvePoints), ("camera", MoveCamera),

@@ -82,6 +82,7 @@ from ui.panels.actions import (
     ResetLayout,
     RunOperator,
     SaveContactSheet,
+    SaveEnvironment,
     SaveMaterial,
     SavePicture,
     SaveScene,
@@ -123,6 +124,7 @@ KIND_OF = {
     "open_environment": "environment", "open_measured": "measured",
     "open_material": "material",
     "save_measured": "measured", "save_picture": "picture", "save_sheet": "picture", "save_scene": "export",
+    "save_environment": "environment", "paint_image": "image",
     "save_package": "package",
     "open_table": "table",
     "open_config": "config",
@@ -286,6 +288,9 @@ class ActionHandler:
             case SaveScene():
                 self._folders["package"] = action.path.absolute().parent
                 editor.exchange.save_scene(action.path)
+            case SaveEnvironment():
+                self._folders["environment"] = action.path.absolute().parent
+                editor.exchange.save_environment(action.path)
             case ExportScene():
                 self._folders["export"] = action.folder.absolute().parent
                 editor.exchange.export_scene(action.folder)

@@ -11,9 +11,11 @@ from typing import Any
 
 from app.document.arranging import placed_objects, standing
 from app.document.commands.maps import Paint
+from app.document.commands.painted import place_of
 from app.document.commands.poses import PlaceObjects
 from app.document.document import layer_key, split_key
 from app.document.light_state import sun_key
+from app.document.targets import PAINTED
 from app.editor.editor import Editor
 from app.messages.worker_messages import WorkerClient
 from app.modes.placement.placement_status import PlacementStatus
@@ -34,7 +36,7 @@ from ui.gl.view_transform import is_view_ready
 from ui.headless import DEFAULT_SIZE, HeadlessWindow
 from ui.layout import PANELS
 from ui.panels.actions import SavePicture, SetPanel, ShowPanel
-from ui.panels.light_by_hand import placement, sun_placement
+from ui.panels.light_by_hand import painted_placement, placement, sun_placement
 from ui.picture_feed import PictureFeed
 from ui.scene_view import SurfaceSpot, sample_path, spots_at, stroke_at
 
@@ -252,9 +254,19 @@ def _place_light(window: HeadlessWindow, editor: Editor, step: PlacedByHand) -> 
     assert end is not None
     x, y, z = (0.0, 0.0, 0.0) if start is None else spot_at(start).place.tolist()
     caster = None if start is None else (x, y, z)
+    if step.light.startswith(f"{PAINTED}."):
+        name = step.light.removeprefix(f"{PAINTED}.")
+        place_of(editor.document, name)  # says which there are
+        command = painted_placement(editor.document.light, name, spot_at(end), history.camera, caster)
+        if command is None:
+            raise ScriptError(f"place_light: no light can be mirrored at pixel {end[0]}, {end[1]}")
+        refusal = editor.do(command)
+        if refusal is not None:
+            raise ScriptError(refusal)
+        return
     sun = _sun_of(editor, step.light)
     if sun is not None:
-        aimed = sun_placement(sun, editor.document.light.rotation, spot_at(end), history.camera, caster)
+        aimed = sun_placement(sun, editor.document.light, spot_at(end), history.camera, caster)
         refusal = None if aimed is None else editor.do(aimed)
         if refusal is not None:
             raise ScriptError(refusal)

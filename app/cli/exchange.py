@@ -102,6 +102,22 @@ def save_scene(
     return 0
 
 
+def save_environment(
+    scene: Annotated[str, typer.Argument(help=SCENE_HELP)],
+    output: Annotated[Path, typer.Option("-o", "--output", help="OUT.exr, a lat-long map.")],
+    set_: Values = None,
+    up: Up = Axis.Y,
+) -> int:
+    """Write the environment with what is painted on it, its suns and their mix as an OpenEXR map."""
+    from app.export.environment import require_environment_file, write_environment
+
+    require_environment_file(output)
+    project = open_project(oriented(scene, up), (1, 1), assignments(set_))
+    height, width = write_environment(output, project.sky)
+    print_line(f"{output}: {width} x {height} texels")
+    return 0
+
+
 def export(
     scene: Annotated[str, typer.Argument(help=SCENE_HELP)],
     output: Annotated[Path, typer.Option("-o", "--output", help="The folder to write.")],

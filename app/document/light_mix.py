@@ -15,6 +15,7 @@ from app.document.light_state import (
     LightState,
     MixRow,
     group_key,
+    painted_key,
     scaled,
     sun_key,
 )
@@ -54,16 +55,28 @@ def emission_of(document: Document) -> tuple[tuple[str, RGB], ...]:
 
 
 def mixed_light(document: Document) -> LightState:
-    """The distant light of the mix: suns have their irradiance in it, and the mix is no more than the environment's
-    gain, as a colour, and what each light excludes, emitters too. Equal ones light equally."""
+    """The distant light of the mix: suns have their irradiance in it, painted lights their gain, and the mix is no more
+    than the environment's gain, as a colour, and what each light excludes, emitters too. Equal ones light equally. A
+    painted light that is switched off covers nothing; one that is not solo does."""
     light = document.light
     if not light.mix:
         return light
     gains = gains_of(document)
     suns = tuple(sun._replace(irradiance=scaled(sun.irradiance, gains[sun_key(sun.name)])) for sun in light.suns)
-    mixed = replace(light, new_suns=None if suns == light.own_suns else suns, mix=())
-    rows = {key: MixRow(excludes=names) for key, names in exclusions_of(document).items()}
+    painted = tuple(
+        each if (gain := gains[painted_key(each.name)]) == each.gain else replace(each, gain=gain)
+        for each in light.painted if not (each.covers and _is_off(light, painted_key(each.name)))
+    )  # fmt: skip
+    mixed = replace(light, new_suns=None if suns == light.own_suns else suns, mix=(), painted=painted)
+    there = (*mixed.keys, *_emitters(document))
+    rows = {key: MixRow(excludes=names) for key, names in exclusions_of(document).items() if key in there}
     return mixed.with_rows(rows | {ENVIRONMENT_KEY: replace(rows[ENVIRONMENT_KEY], colour=gains[ENVIRONMENT_KEY])})
+
+
+def _is_off(light: LightState, key: str) -> bool:
+    """Whether a light or its group is switched off."""
+    row = light.row(key)
+    return not (row.on and (not row.group or light.row(group_key(row.group)).on))
 
 
 def _emitters(document: Document) -> tuple[str, ...]:

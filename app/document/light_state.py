@@ -7,7 +7,8 @@ gains of their rows, sum to the picture. As in Blender a light's exposure and te
 strength and colour as an emitter's radiance itself, which has no zero of its stops, and is lost where a light is black.
 
 A row's *key* begins the paths of its values: ``"lamp"``, ``"light.Noon"`` (a sun), ``"light.environment"``, and
-``"light.groups.Key"`` for all lights whose group is "Key": ``"lamp.strength"``, ``"light.groups.Key.solo"``.
+``"light.painted.Fill"`` (a painted light), and ``"light.groups.Key"`` for all lights whose group is "Key":
+``"lamp.strength"``, ``"light.groups.Key.solo"``.
 """
 
 from __future__ import annotations
@@ -19,6 +20,8 @@ from functools import cached_property
 
 from app.system.paths import is_file_name
 from engine.core.blackbody import blackbody_colour
+from engine.light.map_changes import MapChange
+from engine.light.painted_lights import PaintedLight
 from engine.light.probe_mappings import Mapping
 from engine.light.suns import Sun
 
@@ -28,7 +31,7 @@ SCENE_ENVIRONMENT = "scene"
 CONSTANT_ENVIRONMENT = "constant"
 ENVIRONMENT_KEY = "light.environment"
 # What no sun is called: their keys begin as those of suns do.
-NO_SUNS = ("environment", "groups")
+NO_SUNS = ("environment", "groups", "painted")
 MIX_FIELDS = ("on", "solo", "strength", "colour", "kelvin", "group", "excludes")
 
 
@@ -71,6 +74,11 @@ def sun_key(name: str) -> str:
     return f"light.{name}"
 
 
+def painted_key(name: str) -> str:
+    """The key of a painted light's row."""
+    return f"light.painted.{name}"
+
+
 def group_key(name: str) -> str:
     """The key of a group's row."""
     return f"light.groups.{name}"
@@ -96,6 +104,10 @@ class LightState:
     to the finished picture, so it costs nothing and transport does not depend on it. ``new_suns`` replace the
     ``own_suns`` of the scene's file; they turn with the environment. One that has the name of none of the file's was
     added, one of the file's whose name none has was deleted; one that was renamed is both.
+
+    ``painted`` are lights that are painted onto the environment, the first one at the bottom. ``tilt`` in degrees
+    raises what is in its middle, painted lights and suns with it, before it is rotated. ``hue`` (degrees),
+    ``contrast`` and ``clamp`` (0: none) change the map alone (`engine.light.map_changes`).
     """
 
     environment: str = SCENE_ENVIRONMENT
@@ -106,6 +118,20 @@ class LightState:
     own_suns: tuple[Sun, ...] = ()
     new_suns: tuple[Sun, ...] | None = None
     mix: Mix = ()
+    painted: tuple[PaintedLight, ...] = ()
+    tilt: float = 0.0
+    hue: float = 0.0
+    contrast: float = 1.0
+    clamp: float = 0.0
+
+    def has_sky(self, of_scene: bool) -> bool:
+        """Whether an environment lights the scene. of_scene: whether its file has one."""
+        return of_scene or self.environment != SCENE_ENVIRONMENT or bool(self.painted)
+
+    @property
+    def map_change(self) -> MapChange:
+        """The changes of the map as a whole."""
+        return MapChange(self.hue, self.contrast, self.clamp)
 
     @property
     def suns(self) -> tuple[Sun, ...]:
@@ -151,8 +177,9 @@ class LightState:
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """The keys of the rows of the environment and the suns."""
-        return ENVIRONMENT_KEY, *(sun_key(each.name) for each in self.suns)
+        """The keys of the rows of the environment, the suns and the painted lights."""
+        suns, painted = (sun_key(each.name) for each in self.suns), (painted_key(each.name) for each in self.painted)
+        return ENVIRONMENT_KEY, *suns, *painted
 
     @property
     def groups(self) -> tuple[str, ...]:

@@ -191,6 +191,9 @@ def files_of_document(document: Document, known: Document | None = None) -> set[
     for light in (each for each in lights_of_looks(document) if each.environment not in shown):
         builtin = builtin_environments().get(light.environment)
         found.update([builtin] if builtin else [Path(light.environment)] if light.is_file else [])
+    pictures = set() if before is None else {each for light in lights_of_looks(before) for each in light.painted}
+    painted = (each for light in lights_of_looks(document) for each in light.painted if each not in pictures)
+    found.update(Path(each.file) for each in painted if each.file)
     unchanged = set() if before is None else set(map(id, objects_of_looks(before)))
     changed = [state for state in objects_of_looks(document) if id(state) not in unchanged]
     names = {name for state in changed for name in names_of_object(state)}

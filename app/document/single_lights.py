@@ -6,15 +6,23 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
-from app.document.light_state import CONSTANT_ENVIRONMENT, ENVIRONMENT_KEY, RGB, LightState, MixRow, sun_key
+from app.document.light_state import (
+    CONSTANT_ENVIRONMENT,
+    ENVIRONMENT_KEY,
+    RGB,
+    LightState,
+    MixRow,
+    painted_key,
+    sun_key,
+)
 
 BLACK, WHITE = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
 _DARK = LightState(CONSTANT_ENVIRONMENT, radiance=BLACK)
 
 
 class SingleLight(NamedTuple):
-    """A light alone: an environment of gain 1, a sun of irradiance 1, or, by name, an emitter of radiance 1. Its row in
-    `light` has no more than what it excludes."""
+    """A light alone: an environment of gain 1, a sun of irradiance 1, a painted light of radiance 1, or, by name, an
+    emitter of radiance 1. Its row in `light` has no more than what it excludes; lights painted over it cover it."""
 
     light: LightState
     emitter: str = ""
@@ -31,15 +39,23 @@ Weights = Mapping[SingleLight, RGB]
 
 def light_weights(light: LightState, emission: Emission) -> dict[SingleLight, RGB]:
     """The weights of a scene's lights, mixed: the gain of its environment, the irradiance of its suns, the radiance of
-    its emitters by name; 0 for lights that are off."""
+    painted lights and of its emitters by name; 0 for lights that are off."""
 
     def alone(key: str, own: LightState) -> LightState:
         return replace(own, mix=()).with_row(key, MixRow(excludes=light.row(key).excludes))
 
-    environment = SingleLight(alone(ENVIRONMENT_KEY, replace(light, own_suns=(), new_suns=None)))
+    covers = tuple(each.alone()[0].dark() if each.covers else None for each in light.painted)
+    painted = {}
+    for place, each in enumerate(light.painted):
+        white, weight = each.alone()
+        over = tuple(cover for cover in covers[place + 1 :] if cover is not None)
+        only = replace(_DARK, rotation=light.rotation, tilt=light.tilt, painted=(white, *over))
+        painted[SingleLight(alone(painted_key(each.name), only))] = weight
+    over = tuple(cover for cover in covers if cover is not None)
+    environment = SingleLight(alone(ENVIRONMENT_KEY, replace(light, own_suns=(), new_suns=None, painted=over)))
     suns = {}
-    for each in light.suns:
-        sun = replace(_DARK, rotation=light.rotation, new_suns=(each._replace(irradiance=WHITE),))
-        suns[SingleLight(alone(sun_key(each.name), sun))] = each.irradiance
+    for own in light.suns:
+        sun = replace(_DARK, rotation=light.rotation, tilt=light.tilt, new_suns=(own._replace(irradiance=WHITE),))
+        suns[SingleLight(alone(sun_key(own.name), sun))] = own.irradiance
     emitters = {SingleLight(alone(name, _DARK), name): radiance for name, radiance in emission}
-    return {environment: light.row(ENVIRONMENT_KEY).gain, **suns, **emitters}
+    return {environment: light.row(ENVIRONMENT_KEY).gain, **suns, **painted, **emitters}

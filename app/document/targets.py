@@ -7,6 +7,7 @@ from typing import Literal
 
 from app.document.document import Document, ObjectState, all_factors, layer_key, split_layer, split_object, unknown
 from app.document.light_state import MIX_FIELDS, group_key
+from app.document.painted_parameters import FILE, parameters_of
 from engine.material.bumps import bump_fields
 from engine.material.map_tables import map_fields
 from engine.material.opacity import opacity_fields
@@ -16,14 +17,14 @@ from engine.scene.surface_kinds import SURFACES
 
 Kind = Literal[
     "object", "layer", "factor", "parameter", "map", "parameter_map", "switch", "presence", "deformer", "transform",
-    "group", "time", "bumps", "opacity", "surface", "light", "sun", "mix",
+    "group", "time", "bumps", "opacity", "surface", "light", "sun", "painted", "mix",
 ]  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Target:
     """The target of a path. ``key`` is None for an object or the light, ``name`` None for an object or a layer;
-    ``object`` is the name of a sun or a group where that is the target."""
+    ``object`` is the name of a sun, a painted light or a group where that is the target."""
 
     kind: Kind
     object: str = ""
@@ -55,7 +56,10 @@ VARIANT = "variant"
 LOOK = "look"
 MAP_SUFFIX = "_map"  # of the path to the map of a parameter: "teapot.1.alpha_map"
 BACKGROUND, BACKGROUND_COLOUR = "background", "background_colour"
-LIGHT_FIELDS = ("rotation", "intensity", "environment", "mapping", BACKGROUND, BACKGROUND_COLOUR)
+MAP_FIELDS = ("tilt", "hue", "contrast", "clamp")
+LIGHT_FIELDS = ("rotation", "intensity", "environment", "mapping", *MAP_FIELDS, BACKGROUND, BACKGROUND_COLOUR)
+# Of painted lights beside their parameters: place in the list, and what makes another one or deletes it.
+PAINTED, PLACE = "painted", "position"
 SUN_FIELDS = ("direction", "azimuth", "elevation", "irradiance", "diameter")
 
 
@@ -73,6 +77,10 @@ def resolve(document: Document, path: str) -> Target:
         return Target("sun", sun, name=last)
     if head == "light" and rest in suns:
         return Target("sun", rest)
+    painted = sun.removeprefix(f"{PAINTED}.") if head == "light" and rest.startswith(f"{PAINTED}.") else ""
+    fields = painted_fields(document, painted) if painted else ()
+    if last in fields:
+        return Target("painted", painted, name=last)
     key, _, _ = path.rpartition(".")
     keys = (*document.light.keys, *map(group_key, document.light.groups))
     if last in MIX_FIELDS and key in keys:
@@ -80,6 +88,7 @@ def resolve(document: Document, path: str) -> Target:
     if head == "light" and all(state.name != "light" for state in document.objects):
         values = [f"{name}.{field}" for name in suns for field in (*SUN_FIELDS, *PRESENCE_FIELDS)]
         rows = [f"{key.removeprefix('light.')}.{name}" for key in keys for name in MIX_FIELDS]
+        rows += [f"{sun}.{name}" for name in fields]
         raise unknown("property of the light", rest, (*LIGHT_FIELDS, *values, *rows))
     if head == GROUPS and all(state.name != GROUPS for state in document.objects):
         return _resolve_group(document, rest)
@@ -106,6 +115,15 @@ def _resolve_group(document: Document, path: str) -> Target:
     if dot and field not in GROUP_FIELDS:
         raise unknown(f"property of the group {name}", field, GROUP_FIELDS)
     return Target("group", name, name=field or None)
+
+
+def painted_fields(document: Document, name: str) -> tuple[str, ...]:
+    """What can be set of a painted light, besides its row in the mix; nothing where there is none of this name."""
+    light = next((each for each in document.light.painted if each.name == name), None)
+    if light is None:
+        return ()
+    file = (FILE,) if light.kind == "image" else ()
+    return ("name", PLACE, "deleted", *file, *parameters_of(light.kind, light.placement))
 
 
 def _kind_of(name: str) -> Kind | None:

@@ -14,6 +14,7 @@ from app.document.document import Document, ObjectState, Selection
 from app.document.selection import layer_shown
 from app.document.view_state import ViewState
 from app.export import require_package_place, written_names
+from app.export.environment import require_environment_file
 from app.files.material_files import import_material
 from app.files.materials import PendingMeasurement, describe_reading, import_measured
 from app.messages.worker_messages import (
@@ -25,6 +26,7 @@ from app.messages.worker_messages import (
     ReadCurveTable,
     ReadObjects,
     Request,
+    SaveEnvironment,
     SaveScene,
     WriteFiles,
 )
@@ -224,6 +226,19 @@ class FileExchange:
         self._write(WriteFiles(str(resolved(folder)), (), host.document, max(host.view.settings.n_bounces, 1)))
         return None
 
+    def save_environment(self, path: Path) -> str | None:
+        """Write the environment with what is painted on it to an OpenEXR file; returns None, or one line that says why
+        not."""
+        host = self._host
+        if not host.scene_is_open:
+            return self._refuse(f"{path.name}: no scene is open whose environment could be saved")
+        try:
+            require_environment_file(path)
+        except InsituError as error:
+            return self._refuse(str(error))
+        self._write(SaveEnvironment(str(resolved(path)), host.document))
+        return None
+
     def save_scene(self, path: Path, replaces: bool = True) -> str | None:
         """Save the scene as it is now with everything it needs, in a new folder or in an archive, which `replaces`
         one of that name; returns None, or one line that says why not."""
@@ -238,7 +253,7 @@ class FileExchange:
         self._write(SaveScene(str(resolved(path)), host.document, view))
         return None
 
-    def _write(self, request: WriteFiles | SaveScene) -> None:
+    def _write(self, request: WriteFiles | SaveScene | SaveEnvironment) -> None:
         self._writing.add(self._send(request))
 
     def take_written(self, response: FilesWritten) -> None:

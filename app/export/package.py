@@ -86,6 +86,7 @@ def packed(document: Document, scene_files: Iterable[Path], target: Path) -> Pac
     states = (*objects_of_looks(document), *absent_of_looks(document))
     named_files = {name for state in states for name in names_of_object(state)}
     named_files |= {light.environment for light in lights_of_looks(document)}
+    named_files |= {each.file for light in lights_of_looks(document) for each in light.painted if each.file}
     named = {resolved(own / name) for name in named_files}
     own_names = {*inside, *(file.relative_to(own).as_posix() for file in named if file.is_relative_to(own))}
     elsewhere = _free(FILES_FOLDER, own_names, is_folder=True)
@@ -117,6 +118,8 @@ def packed(document: Document, scene_files: Iterable[Path], target: Path) -> Pac
         light = look.light
         if light.is_file:
             light = replace(light, environment=str(folder / placed(light.environment)))
+        files = (replace(each, file=str(folder / placed(each.file))) if each.file else each for each in light.painted)
+        light = replace(light, painted=tuple(files))
         return replace(look, objects=objects(look.objects), absent=objects(look.absent), light=light)
 
     document = replace(

@@ -24,15 +24,18 @@ from app.document.background import Background, BackgroundKind
 from app.document.commands.light import INTENSITY
 from app.document.commands.looks import MAX_LOOKS
 from app.document.commands.mix import changed_row
+from app.document.commands.painted import MAX_PAINTED
 from app.document.commands.plan import FirstBands
 from app.document.commands.poses import MAX_DEFORMERS
 from app.document.light_state import MIX_FIELDS, NO_SUNS, PLAIN_ROW, MixRow
+from app.document.painted_parameters import restored_painted
 from app.document.view_state import Bookmark, LooksShown, Viewpoint
 from app.files.bookmarks import MAX_BOOKMARKS, MAX_NAME, MAX_THUMBNAIL_BYTES, check_thumbnail, is_name
 from app.files.layer_records import MAX_LAYERS, Flag, LayerRecord, StrictModel, Triple
 from app.system.paths import full_path
 from engine.core.colour import ToneMapping
 from engine.core.errors import InsituError
+from engine.light.painted_lights import PaintedLight
 from engine.light.probe_mappings import Mapping
 from engine.light.suns import Sun
 from engine.material.bumps import Bumps, bumps_of_parts
@@ -205,6 +208,43 @@ class MixRecord(StrictModel):
         return row
 
 
+class PaintedRecord(StrictModel):
+    """A painted light; values that are left out are those of its kind."""
+
+    name: Name
+    kind: Literal["box", "disc", "gradient", "sky", "image"]
+    file: PathText | None = None
+    placement: Literal["card", "panorama"] | None = None
+    blend: Literal["add", "cover"] | None = None
+    azimuth: Number | None = None
+    elevation: Number | None = None
+    width: Number | None = None
+    height: Number | None = None
+    rotation: Number | None = None
+    softness: Number | None = None
+    radiance: Radiance | None = None
+    far: Radiance | None = None
+    opacity: Number | None = None
+    turbidity: Number | None = None
+    ground: Radiance | None = None
+    sun: Number | None = None
+    diameter: Number | None = None
+
+    @model_validator(mode="after")
+    def _is_one(self) -> PaintedRecord:
+        try:
+            assert self.painted
+        except InsituError as error:
+            raise ValueError(str(error)) from None
+        return self
+
+    @property
+    def painted(self) -> PaintedLight:
+        """The light; an image's file is named as in the session."""
+        given = {name: value for name, value in self if value is not None and name not in ("name", "kind")}
+        return restored_painted(self.kind, self.name, given)
+
+
 class LightRecord(StrictModel):
     environment: PathText
     mapping: Mapping = "latlong"
@@ -214,6 +254,19 @@ class LightRecord(StrictModel):
     suns: Annotated[tuple[SunRecord, ...], Field(max_length=MAX_SUNS)] | None = None
     deleted_suns: Annotated[tuple[Name, ...], Field(max_length=MAX_SUNS)] = ()
     mix: Annotated[tuple[MixRecord, ...], Field(max_length=MAX_MIX_ROWS)] = ()
+    tilt: Number = 0.0
+    hue: Number = 0.0
+    contrast: Number = 1.0
+    clamp: Number = 0.0
+    painted: Annotated[tuple[PaintedRecord, ...], Field(max_length=MAX_PAINTED)] = ()
+
+    @field_validator("painted")
+    @classmethod
+    def _have_own_names(cls, painted: tuple[PaintedRecord, ...]) -> tuple[PaintedRecord, ...]:
+        names = [each.name for each in painted]
+        if len(set(names)) < len(names):
+            raise ValueError("painted lights with names that differ")
+        return painted
 
     @model_validator(mode="after")
     def _has_suns_of_one_name_each(self) -> LightRecord:

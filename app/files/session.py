@@ -18,11 +18,12 @@ from pydantic import (
 )
 
 from app.document.background import Background
-from app.document.commands.light import check_light
+from app.document.commands.light import MAP_PARAMETERS, check_light
 from app.document.document import Document, ObjectState, Selection, all_factors
 from app.document.light_state import MIX_FIELDS, PLAIN_ROW, LightState, MixRow, sun_key
 from app.document.looks import Look, LookState, in_all_looks, objects_of_looks
 from app.document.named_files import with_full_paths
+from app.document.painted_parameters import painted_values
 from app.document.scene_files import renamed, session_of_archive, split_axis
 from app.document.scene_objects import NONE_ADDED, AddedStates, by_source, in_scene_order, with_free_names
 from app.document.selection import sun_of_path
@@ -48,6 +49,7 @@ from engine.core.colour import ConfigView
 from engine.core.colour_config import BUILT_IN
 from engine.core.errors import InsituError, LoadError, describe_value, list_names
 from engine.core.safe_files import read_regular_file, resolved
+from engine.light.painted_lights import PaintedLight
 from engine.light.suns import Sun
 from engine.material.bumps import bump_parts
 from engine.material.layer import object_of, place_of
@@ -170,6 +172,17 @@ def parse_session(data: bytes, path: Path, folder: Path | None) -> Session:
     document = replace(document, looks=tuple(looks))
     view = replace(_view(record.view, document, folder), bookmarks=tuple(each.bookmark for each in record.bookmarks))
     return Session(document, view, record.journal)
+
+
+def _with_full_file(light: PaintedLight, folder: Path | None) -> PaintedLight:
+    """A painted light with the absolute path of its image."""
+    return replace(light, file=full_path(light.file, folder)) if light.file else light
+
+
+def _painted_values(light: PaintedLight, folder: Path | None) -> dict[str, Any]:
+    """A painted light as it is written."""
+    values = painted_values(light)
+    return {**values, "file": written_path(light.file, folder)} if light.file else values
 
 
 def fit_session(session: Session, scene: Document, file: str, added: AddedStates = NONE_ADDED) -> Document:
@@ -297,6 +310,8 @@ def _light_values(light: LightState, folder: Path | None) -> dict[str, Any]:
     marks: dict[str, dict[str, bool]] = {name: {"added": True} for name in light.added_suns}
     values["suns"] = None if new_suns is None else [each._asdict() | marks.get(each.name, {}) for each in new_suns]
     values["deleted_suns"] = light.deleted_suns or None
+    values["painted"] = [_painted_values(each, folder) for each in light.painted] or None
+    values |= {name: None for name, each in MAP_PARAMETERS.items() if values[name] == each.default}
     values["mix"] = [{"light": key, **_changed(row)} for key, row in light.mix] or None
     return values
 
@@ -388,6 +403,8 @@ def _light(file: str, folder: Path | None, saved: LightRecord) -> LightState:
             *(Sun((0.0, 1.0, 0.0), (0.0, 0.0, 0.0), name=name) for name in saved.deleted_suns),
         ),
         new_suns=None if saved.suns is None else tuple(each.sun for each in saved.suns),
+        tilt=saved.tilt, hue=saved.hue, contrast=saved.contrast, clamp=saved.clamp,
+        painted=tuple(_with_full_file(each.painted, folder) for each in saved.painted),
     )  # fmt: skip
     return check_light(light.with_rows({each.light: each.row for each in saved.mix}), file)
 

@@ -21,11 +21,13 @@ from app.document.commands import EditCommand
 from app.document.commands.curves import AddOperator, ResetCurve, SetOperators
 from app.document.commands.groups import members_of
 from app.document.commands.links import LinkCurves, UnlinkCurve
+from app.document.commands.painted import AddPainted, place_of
 from app.document.commands.suns import angles_of, sun_named
 from app.document.document import Document, all_factors
 from app.document.history import History
 from app.document.light_state import MIX_FIELDS, group_key, group_of, sun_key
 from app.document.linked_curves import linked_keys
+from app.document.painted_parameters import FILE
 from app.document.targets import (
     BACKGROUND,
     BACKGROUND_COLOUR,
@@ -37,19 +39,24 @@ from app.document.targets import (
     LIGHT_FIELDS,
     MAP_SUFFIX,
     MATERIAL,
+    PAINTED,
+    PLACE,
     PRESENCE_FIELDS,
     SUN_FIELDS,
     SWITCHES,
     TIME,
     TRANSFORM_FIELDS,
     UNDER,
+    painted_fields,
     resolve,
 )
 from app.document.view_state import Viewpoint
 from app.project.project import set_path
 from app.project.reading import read_measurements
+from app.system.paths import full_path
 from engine.core.errors import InsituError
 from engine.curve.operators import ALL_CHANNELS, HALF_PI, Channels, Edit, Operator, OperatorError
+from engine.light.painted_lights import PaintedKind
 from engine.light.suns import Sun
 from engine.material.bumps import bump_fields
 from engine.material.layer import Layer
@@ -169,14 +176,17 @@ class Node:
 
 class LightNode(Node):
     """The distant light: `environment` (a built-in name or a file), `mapping`, `rotation` in degrees counter-clockwise
-    about +Y, and `intensity`, which multiplies all light. `background` is what is seen behind all, "environment",
+    about +Y, `tilt`, and `intensity`, which multiplies all light. `hue` (degrees), `contrast` and `clamp` (0: none)
+    change the map. `background` is what is seen behind all, "environment",
     "colour" (`background_colour`, linear) or "transparent": then pictures have alpha. Suns are found by their names,
     and have `direction`, `irradiance` (W/m²) and `diameter` (degrees); `scene.add("sun")` adds one. Emitters in the
     scene are set by the `emission` of their object.
 
-    Each light has a row in the mix: `light["environment"]`, suns, `light["groups.Key"]` for all lights whose group is
-    "Key", and emitters, by their object: `on`, `solo`, `strength` in stops, `colour` or `kelvin`, `group`,
-    and `excludes`, the names of objects that it does not light.
+    Painted lights are added by `paint` and found as `light["painted.Fill"]`.
+
+    Each light has a row in the mix: `light["environment"]`, suns, painted lights, `light["groups.Key"]` for all lights
+    whose group is "Key", and emitters, by their object: `on`, `solo`, `strength` in stops, `colour` or `kelvin`,
+    `group`, and `excludes`, the names of objects that it does not light.
 
     >>> import insitu
     >>> light = insitu.open("shapes").light
@@ -192,6 +202,23 @@ class LightNode(Node):
             raise InsituError(f"there is no light {light!r}; available: {', '.join(names)}")
         return RowNode(self._editing, f"{self._path}.{light}")
 
+    def paint(self, kind: PaintedKind, name: str = "", **values: Any) -> RowNode:
+        """Paint a light onto the environment: a "box", "disc", "gradient", "sky" or "image" (`file`), with values of
+        its parameters; returns it.
+
+        >>> import insitu
+        >>> light = insitu.open("shapes").light
+        >>> fill = light.paint("box", "Fill", azimuth=-60, width=50)
+        >>> fill.height, fill.strength
+        (40.0, 0.0)
+        """
+        given = tuple(
+            (key, full_path(str(plain_value(value))) if key == FILE else plain_value(value))
+            for key, value in values.items()
+        )
+        self._editing.do(AddPainted(kind, name, given))
+        return RowNode(self._editing, f"{self._path}.{PAINTED}.{self._editing.document.light.painted[-1].name}")
+
     def __iter__(self) -> Iterator[str]:
         light = self._editing.document.light
         return iter([key.removeprefix("light.") for key in (*light.keys, *map(group_key, light.groups))])
@@ -204,11 +231,12 @@ class RowNode(Node):
     """A light's row in the mix: `on`, `solo`, `strength`, `colour`, `kelvin`, `group` and `excludes`. A sun has also
     `direction` towards it at rotation 0, or its `azimuth` and `elevation` in degrees, `irradiance` of a surface that
     faces it (W/m², three numbers), and `diameter` in degrees; `name`, `duplicate` (set to the name of a new one) and
-    `deleted` (set to True)."""
+    `deleted` (set to True). A painted light has the parameters of its kind (docs/guides/lights.md)."""
 
     def _names(self) -> Sequence[str]:
         is_sun = self._path in map(sun_key, [each.name for each in self._editing.document.light.suns])
-        return (*SUN_FIELDS, *PRESENCE_FIELDS, *MIX_FIELDS) if is_sun else MIX_FIELDS
+        painted = painted_fields(self._editing.document, self._path.removeprefix(f"light.{PAINTED}."))
+        return (*SUN_FIELDS, *PRESENCE_FIELDS, *MIX_FIELDS) if is_sun else (*painted, *MIX_FIELDS)
 
 
 class GroupsNode(Node):
@@ -481,6 +509,9 @@ def value_at(document: Document, path: str) -> Any:
     if target.kind == "group" and name:
         members = map(document.object, document.groups[target.object])
         return target.object if name == "name" else all(getattr(state, name) for state in members)
+    if target.kind == "painted":
+        place = place_of(document, target.object)
+        return {PLACE: place, "deleted": False}.get(name, getattr(document.light.painted[place], name, None))
     if target.kind == "mix":
         row = document.light.row(target.object)
         return group_of(target.object) or row.group if name == "group" else getattr(row, name)

@@ -242,6 +242,15 @@ class Scene:
         run_to_end(package_steps(self.document, view, self._seen_in(None).scene.files, path))
         return path
 
+    def save_environment(self, path: str | os.PathLike[str]) -> Path:
+        """Save the environment, with what is painted on it, its suns and their mix, as an OpenEXR map of latitude and
+        longitude, before it is rotated. Returns the path. Raises insitu.Error."""
+        from app.export.environment import write_environment
+
+        path = Path(path)
+        write_environment(path, self._seen_in(None).sky)
+        return path
+
     # ------------------------------------------------------------------------------------------------------------ edits
 
     def add(

@@ -230,6 +230,19 @@ class WriteFiles(Request):
 
 
 @dataclass(frozen=True)
+class SaveEnvironment(Request):
+    """Write the environment of the open scene as a document lights it to an OpenEXR file (`app.export.environment`).
+    Answered by `FilesWritten`."""
+
+    built_on = (OpenScene,)
+    priority = 7
+    answered_once = True
+
+    path: str
+    document: Document
+
+
+@dataclass(frozen=True)
 class SaveScene(Request):
     """Save the document and the view with all files of the open scene: in a folder, or in an archive
     (`app.export.package`). Answered by `FilesWritten`."""

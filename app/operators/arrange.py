@@ -5,21 +5,24 @@ from __future__ import annotations
 from functools import partial
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import ConfigDict, Field, model_validator
 
 from app.document.arranging import RestingBox, dropping, move_together, placed_objects
 from app.document.commands.groups import RenameGroup, SetGroup, free_group_name, members_of, switching, ungrouping
 from app.document.commands.objects import AddObject, DeleteObject, DuplicateObjects, ShowObjects, duplicates_of
+from app.document.commands.painted import AddPainted
 from app.document.commands.poses import MoveObject, PlaceObjects
 from app.document.commands.several import Several, named_together
 from app.document.commands.suns import AddSun, DeleteSun, DuplicateSun, sun_addition
 from app.document.document import Document
 from app.document.light_state import sun_key
+from app.document.painted_parameters import FILE, TITLES
 from app.document.scene_objects import numbered_name, taken_names
 from app.editor.editor import Editor
 from app.operators.edits import PictureIndex
 from app.operators.operator import OBJECT, SCENE, Gesture, Need, Operator, OperatorContext, ScriptKey, ValueRecord
 from app.system.paths import full_path
+from engine.light.painted_lights import PAINTED_KINDS, PaintedKind
 from engine.scene.arrangement import PlacedObject
 from engine.scene.composition import ADDABLE, LIGHTS, SUN
 from engine.scene.description import Name, Number, Text, Vector
@@ -84,6 +87,9 @@ class Move(ValueRecord):
         return placed_objects(document, dict.fromkeys(names), resting_box)
 
 
+PaintedValue = Number | tuple[Number, Number, Number] | Text
+
+
 class Aim(ValueRecord):
     """A light, and what it is turned to shine at."""
 
@@ -101,7 +107,7 @@ class Aim(ValueRecord):
 class PlacedByHand(ValueRecord):
     """A light, and where in the picture its highlight is seen or a shadow falls; pixels are column and row."""
 
-    light: Annotated[Text, Field(description="Which one is placed; it stays as far away as it was.")]
+    light: Annotated[Text, Field(description="Which one is placed; it stays as far away as it was. Or `painted.Key`.")]
     highlight: Annotated[PicturePixel | None, Field(
         description="The pixel of a surface at which the camera sees the light mirrored."
     )] = None  # fmt: skip
@@ -114,6 +120,23 @@ class PlacedByHand(ValueRecord):
         if (self.highlight is None) == (self.shadow is None):
             raise ValueError("highlight: exactly one of highlight and shadow")
         return self
+
+
+class PaintedAddition(ValueRecord):
+    """A light that is painted onto the environment, and values of its parameters."""
+
+    model_config = ConfigDict(frozen=True, extra="allow")
+
+    __pydantic_extra__: dict[str, PaintedValue]
+    kind: Annotated[Literal["box", "disc", "gradient", "sky", "image"], Field(description="What is painted.")]
+    name: Annotated[Name | None, Field(description="Its own where it is left out.")] = None
+    file: Annotated[Text | None, Field(description="Of an image.")] = None
+
+    @property
+    def command(self) -> AddPainted:
+        """The edit."""
+        file = {} if self.file is None else {FILE: full_path(self.file)}
+        return AddPainted(self.kind, self.name or "", tuple({**file, **self.__pydantic_extra__}.items()))
 
 
 class Addition(ValueRecord):
@@ -173,6 +196,10 @@ def _drop(editor: Editor, names: str | tuple[str, ...] | None) -> str | None:
     """Let objects stand on what is below them; without names those that are selected."""
     chosen = editor.view.selected_objects if names is None else (names,) if isinstance(names, str) else names
     return editor.do(dropping(editor.document, chosen, editor.camera_history.resting_box))
+
+
+def _paint(kind: PaintedKind, editor: Editor, value: None) -> str | None:
+    return editor.do(AddPainted(kind))
 
 
 def _put_back(editor: Editor, value: None) -> str | None:
@@ -251,6 +278,11 @@ def adding(name: str) -> str:
     return f"add_{name.replace(' ', '_')}"
 
 
+def painting(kind: str) -> str:
+    """The operator that paints a light of this kind."""
+    return f"paint_{kind}"
+
+
 _ADDED_HELP = {
     "backdrop": "A seamless sweep behind all that stands there, which stands on it; it faces the camera.",
     "shader ball": "A ball on a base, two objects, to see a material on.",
@@ -276,6 +308,20 @@ ARRANGE: tuple[Operator | Gesture, ...] = (
     Operator(
         "add_file", entry="Objects of a file…", needs=SCENE,
         help="Adds all objects of a mesh file, in their own size; as a drop on the window does with Shift held.",
+    ),
+    *(
+        Operator(
+            painting(kind), partial(_paint, kind), entry=f"Painted {TITLES[kind].lower()}", needs=SCENE, waits=True,
+            help="Painted onto the environment; the Light panel has its values.",
+        )
+        for kind in PAINTED_KINDS if kind != "image"
+    ),
+    Operator(
+        "paint_image", entry="Painted image…", needs=SCENE, help="An image over the environment, or instead of it."
+    ),
+    Operator(
+        "paint_light", lambda editor, value: editor.do(value.command),
+        script=ScriptKey(PaintedAddition, "Paints a light onto the environment: see below."),
     ),
     Operator(
         "move", _move, script=ScriptKey(Move, "Moves, rotates and scales objects from where they are: see below."),
@@ -360,6 +406,6 @@ ARRANGE: tuple[Operator | Gesture, ...] = (
         "show_all", _show_all, ("Ctrl Shift H",), "Show all hidden objects", entry="Show all", needs=HIDDEN, waits=True
     ),
     Gesture("Ctrl drag", "Snap: 0.1 m, 15°, tenths"),
-    Gesture("H click", "Place the light by its highlight"),
+    Gesture("H click", "Place the light, or the painted light, by its highlight"),
     Gesture("J drag", "Place it by a shadow: from, to"),
 )  # fmt: skip

@@ -84,6 +84,10 @@ FILES = (
         help="Save the scene as it is now with everything it needs, in a folder or in one file.",
         script=ScriptKey(Text, "Saves the scene with everything it needs: a folder, or a file (.insitu.zip)."),
     ),
+    Operator(
+        "save_environment", entry="Save the environment…", needs=SCENE,
+        help="Write the environment with what is painted on it, its suns and their mix as an OpenEXR map.",
+    ),
     Operator("recover", entry="Recover edits…"),
     Operator(
         "measured", _import_measured, entry="Import measured BRDF…", needs=LAYER,

@@ -9,7 +9,7 @@ from typing import Any
 from app.document.view_state import PICTURE_CHANNELS
 from app.editor.editor import Editor
 from app.files.preferences import Keys, Preferences
-from app.operators.arrange import ARRANGE, adding
+from app.operators.arrange import ARRANGE, adding, painting
 from app.operators.camera import CAMERA, CONVENTIONS
 from app.operators.curve_drawing import DRAWING
 from app.operators.edits import CURVES, EDITS, MATERIAL
@@ -21,6 +21,7 @@ from app.operators.operator import Gesture, Operator
 from app.operators.selecting import SELECTING
 from app.operators.view import HELP, PICTURE
 from engine.core.errors import InsituError
+from engine.light.painted_lights import PAINTED_KINDS
 from engine.scene.composition import LIGHTS, PROPS, SHAPES, SUN
 
 GROUPS: dict[str, tuple[Operator | Gesture, ...]] = {
@@ -52,6 +53,7 @@ MENUS = (
     Menu("File", (
         "new", "open", "open_recent", "open_builtin", "open_environment", "reload", "z_up", "report", None,
         "material_file", "measured", "export_measured", "export_scene", None, "save", "save_as", "save_scene",
+        "save_environment",
         "recover", None,
         "picture", "contact_sheet", None, "quit",
     )),
@@ -67,7 +69,8 @@ MENUS = (
         "table", "mute", "delete", "reset_curve", "unlink",
     )),
     Menu("Add", (
-        *map(adding, SHAPES), None, *map(adding, PROPS), None, *map(adding, LIGHTS), adding(SUN), None, "add_file",
+        *map(adding, SHAPES), None, *map(adding, PROPS), None, *map(adding, LIGHTS), adding(SUN), None,
+        *map(painting, PAINTED_KINDS), None, "add_file",
     )),
     # The picture's entries come first: in a small window the rest of the menu scrolls.
     Menu("View", (

@@ -7,7 +7,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from app.document.light_state import CONSTANT_ENVIRONMENT, ENVIRONMENT_KEY, SCENE_ENVIRONMENT, LightState, sun_key
+from app.document.light_state import (
+    CONSTANT_ENVIRONMENT,
+    ENVIRONMENT_KEY,
+    SCENE_ENVIRONMENT,
+    LightState,
+    painted_key,
+    sun_key,
+)
 from engine.scene.builtin import builtin_environments
 
 if TYPE_CHECKING:
@@ -37,16 +44,21 @@ def sky_of(scene: Scene, light: LightState, load: Callable[[Path, str], Environm
 
 
 def _without(light: LightState, keys: tuple[str, ...]) -> LightState:
-    """A mixed light without the environment or the suns of these keys."""
+    """A mixed light without the environment, the suns or the painted lights of these keys; what these cover stays
+    dark."""
     suns = tuple(sun for sun in light.suns if sun_key(sun.name) not in keys)
     row = light.row(ENVIRONMENT_KEY)
-    without = replace(light, new_suns=suns)
+    painted = tuple(each.dark() if painted_key(each.name) in keys else each for each in light.painted)
+    without = replace(light, new_suns=suns, painted=painted)
     return without.with_row(ENVIRONMENT_KEY, replace(row, on=False)) if ENVIRONMENT_KEY in keys else without
 
 
 def _distant_light(scene: Scene, light: LightState, load: Callable[[Path, str], Environment] | None) -> SkyState:
     """The distant light without links, as `sky_of` has it."""
     from engine.light.environment import constant_environment, load_environment, tinted
+    from engine.light.map_changes import changed_map
+    from engine.light.painted_lights import tilt_matrix
+    from engine.light.painting import painted_environment
     from engine.light.suns import with_suns
     from engine.precompute.direct.pipeline import SkyState
 
@@ -58,7 +70,7 @@ def _distant_light(scene: Scene, light: LightState, load: Callable[[Path, str], 
     elif light.environment != SCENE_ENVIRONMENT:
         environment = load(builtin_environments().get(light.environment) or Path(light.environment), light.mapping)
     elif described is None:
-        if not light.suns:
+        if not (light.suns or light.painted):
             return SkyState(None)
         environment = constant_environment(0.0)
     else:
@@ -72,9 +84,17 @@ def _distant_light(scene: Scene, light: LightState, load: Callable[[Path, str], 
     gain = light.row(ENVIRONMENT_KEY).gain
     brightest = max(gain)
     suns = tuple(each for each in light.suns if any(each.irradiance))
-    if brightest == 0.0 or suns and scale == 0.0:
+    if brightest == 0.0 or (suns or light.painted) and scale == 0.0:
         environment, scale = constant_environment(0.0), 1.0
     else:
         red, green, blue = (each / brightest for each in gain)
-        environment, scale = tinted(environment, (red, green, blue)), scale * brightest
-    return SkyState(with_suns(environment, tuple(each.scaled(1.0 / scale) for each in suns)), light.rotation, scale)
+        environment = tinted(changed_map(environment, light.map_change), (red, green, blue))
+        scale *= brightest
+    # The sky's scale multiplies what is added to the map as well.
+    factor = 1.0 / scale if scale else 1.0
+    environment = painted_environment(environment, tuple(each.scaled(factor) for each in light.painted), light.tilt)
+    tilt = tilt_matrix(light.tilt)
+    suns = tuple(each.scaled(factor) for each in suns)
+    if light.tilt:
+        suns = tuple(each._replace(direction=tuple((tilt @ each.direction).tolist())) for each in suns)
+    return SkyState(with_suns(environment, suns), light.rotation, scale)

@@ -29,6 +29,7 @@ from app.document.commands.light import (
     SetEmission,
     SetEnvironment,
     SetIntensity,
+    SetMapChange,
     SetMapping,
     SetRotation,
     set_environment_file,
@@ -38,6 +39,7 @@ from app.document.commands.looks import SetLook
 from app.document.commands.maps import SetBumps, SetMap, SetOpacity, SetParameterMap, surface_named
 from app.document.commands.mix import SetMix
 from app.document.commands.objects import addition, with_presence
+from app.document.commands.painted import painted_addition, with_painted
 from app.document.commands.plan import FIRST_BANDS, active_overrides, override_from_value, set_first_bands
 from app.document.commands.poses import with_amounts, with_placement, with_time
 from app.document.commands.suns import SetSun, sun_presence
@@ -64,7 +66,9 @@ from app.document.targets import (
     FRESNEL_TERM,
     IN_GROUP,
     LOOK,
+    MAP_FIELDS,
     MATERIAL,
+    PAINTED,
     PRESENCE_FIELDS,
     SHADOW_CATCHER,
     TIME,
@@ -87,6 +91,7 @@ from app.system.memory import require_memory_for
 from app.system.paths import full_path, is_file_name
 from engine.core.colour import AnyView
 from engine.core.errors import InsituError, LoadError
+from engine.light.painted_lights import PAINTED_KINDS
 from engine.material.layer import FRAMES, object_of
 from engine.material.parameters import INDICES, reflectance_of_index
 from engine.measured.measurement import ENDINGS as MEASURED_ENDINGS
@@ -343,6 +348,8 @@ def set_path(document: Document, path: str, value: Any) -> EditCommand:
             raise LoadError(path, "value", value, "the name of a look of the session")
         return SetLook(value)
     head, _, last = path.rpartition(".")
+    if last == ADD and head.startswith(f"light.{PAINTED}."):
+        return painted_addition(path, head.removeprefix(f"light.{PAINTED}."), value)
     if last == ADD and all(state.name != head for state in document.objects):
         return addition(path, head, value)
     by_index = _set_by_index(document, path, value)
@@ -385,6 +392,8 @@ def set_path(document: Document, path: str, value: Any) -> EditCommand:
         if target.name in PRESENCE_FIELDS:
             return sun_presence(path, target.object, target.name, value)
         return SetSun(target.object, target.name, value)
+    if target.kind == "painted" and target.name is not None:
+        return with_painted(path, target.object, target.name, value)
     if target.kind == "mix" and target.name is not None:
         return SetMix(target.object, target.name, value)
     if target.kind == "switch":
@@ -395,7 +404,9 @@ def set_path(document: Document, path: str, value: Any) -> EditCommand:
 def _with_full_path(path: str, value: Any) -> Any:
     """A value that `path` is set to, with the absolute path of the file that it names, if it names one. Raises
     InsituError."""
-    if isinstance(value, str) and (path == ENVIRONMENT_KEY or (path.endswith(f".{ADD}") and value not in ADDABLE)):
+    if isinstance(value, str) and (
+        path == ENVIRONMENT_KEY or (path.endswith(f".{ADD}") and value not in (*ADDABLE, *PAINTED_KINDS))
+    ):
         return full_path(value)
     is_material = isinstance(value, str) and path.rpartition(".")[2] == MATERIAL
     return full_material_name(value) if is_material else value
@@ -421,6 +432,8 @@ def _set_light(path: str, target: Target, value: Any) -> EditCommand:
         return SetEnvironment(value, likely_mapping(Path(value)))
     if target.name == "mapping":
         return SetMapping(value)
+    if target.name in MAP_FIELDS:
+        return SetMapChange(target.name, value)
     if target.name == BACKGROUND:
         return SetBackground(value)
     if target.name == BACKGROUND_COLOUR:

@@ -11,6 +11,7 @@ import numpy as np
 
 from app.document.document import Document
 from app.document.named_files import files_of_document, layers_of_document, measured_files, with_measurements
+from app.export.environment import write_environment
 from app.files.brdf_files import export_steps
 from app.files.material_files import read_file_materials
 from app.messages.worker_messages import (
@@ -26,6 +27,7 @@ from app.messages.worker_messages import (
     ReadMaterials,
     ReadMeasured,
     Response,
+    SaveEnvironment,
     SaveScene,
     TableFetched,
     WriteFiles,
@@ -43,6 +45,7 @@ from engine.material.parameter_maps import ChannelStatistics
 from engine.measured.measurement import Measurement
 from engine.measured.tables import ArrayStore, is_table_loaded, read_measurement, table_of
 from engine.planner import band_counts
+from engine.precompute.direct.pipeline import SkyState
 from engine.render.tabulate import untabulated_features
 from engine.scene.scene_loader import Scene
 
@@ -147,6 +150,14 @@ def write_file(request: WriteFiles, store: ArrayStore | None) -> Generator[Respo
     for fraction in export_steps(request.layers, Path(request.path)):
         yield Progress(STAGE, fraction, text=f"writing {Path(request.path).name}")
     yield FilesWritten(request.path, untabulated_features(request.layers))
+
+
+def save_environment(request: SaveEnvironment, scene: Scene, sky: SkyState) -> Generator[Response | None, None, None]:
+    """Write an environment. Raises InsituError."""
+    set_inputs((*scene.files, *files_of_document(request.document)))
+    yield Progress("export", 0.5, text=f"writing {Path(request.path).name}")
+    write_environment(Path(request.path), sky)
+    yield FilesWritten(request.path)
 
 
 def save_scene(request: SaveScene, scene: Scene) -> Generator[Response | None, None, None]:

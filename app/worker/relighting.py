@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from app.document.light_state import LightState
 from app.document.scene_state import LayerState, SceneState
 from app.messages.worker_messages import Response
+from app.modes.placement.accepted_light import source
 from app.modes.placement.desired_state import brightening_factors
 from app.system.memory import available_memory
 from app.worker.layer_data import LayerData, LightingState, reflects_alike
@@ -183,15 +183,11 @@ class Relighting:
         light = lights[ready.i_object]
         radiance = ready.lit(light)
         assert ready.rest is not None and ready.lit_by is not None
-        if lit_by.emission or _source(lit_by.light) == _source(ready.lit_by.light):
+        if lit_by.emission or source(lit_by.light) == source(ready.lit_by.light):
             factors = _emitter_factors(lit_by, ready.lit_by) if lit_by.emission else light.likeness
             assert factors is not None
             radiance += ready.rest * factors.astype(np.float32)
         return np.maximum(radiance, 0.0)
-
-
-def _source(light: LightState) -> LightState:
-    return replace(light, rotation=0.0)
 
 
 def _emitter_factors(now: LightingState, then: LightingState) -> NDArray[np.float64] | None:

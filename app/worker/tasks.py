@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from app.document.document import Document, document_from_description
+from app.document.light_mix import mixed_light
 from app.document.light_state import LightState
 from app.document.named_files import (
     document_with_measurements,
@@ -43,6 +44,7 @@ from app.messages.worker_messages import (
     ReadMeasured,
     ReadObjects,
     Request,
+    SaveEnvironment,
     SaveScene,
     SceneOpened,
     SetCamera,
@@ -68,6 +70,7 @@ from app.worker.file_tasks import (
     read_files,
     read_for,
     read_materials,
+    save_environment,
     save_scene,
     write_file,
     write_scene,
@@ -284,6 +287,7 @@ class RequestDispatcher:
             ReadChannels: self._read_channels,
             FetchTable: lambda request: fetch_table(request, self.context.store),
             WriteFiles: self._write,
+            SaveEnvironment: self._save_environment,
             SaveScene: lambda request: save_scene(request, self.context.scene_of(request.document)),
         }
         for work in self._workers:
@@ -356,6 +360,10 @@ class RequestDispatcher:
             yield None
             with_node_layers(document, found, n_nodes_of(document))
         yield ChannelsRead(found, refused, known_nodes(found))
+
+    def _save_environment(self, request: SaveEnvironment) -> Steps:
+        sky = self.context.sky(mixed_light(request.document))
+        yield from save_environment(request, self.context.open_placement.scene, sky)
 
     def _write(self, request: WriteFiles) -> Steps:
         if request.document is None:

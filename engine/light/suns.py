@@ -42,7 +42,7 @@ def with_suns(environment: Environment, suns: tuple[Sun, ...]) -> Environment:
         return environment
     image = _refined(environment)
     for sun in suns:
-        _add_disc(image, sun)
+        add_sun_disc(image, sun)
     image.flags.writeable = False
     return Environment(image, environment.source, environment.notes)
 
@@ -53,7 +53,7 @@ def _refined(environment: Environment) -> NDArray[np.float32]:
     return upsample_interpolated(environment).radiance.copy()
 
 
-def _add_disc(image: NDArray[np.float32], sun: Sun) -> None:
+def add_sun_disc(image: NDArray[np.float32], sun: Sun) -> None:
     """Adds a sun to an image (H, W, 3), in place."""
     height, width, _ = image.shape
     x, y, z = np.divide(sun.direction, math.hypot(*sun.direction))

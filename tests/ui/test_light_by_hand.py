@@ -7,7 +7,8 @@ import pytest
 from imgui_bundle import imgui
 
 from app.document.commands.light import SetRotation
-from app.document.commands.suns import AddSun, turned
+from app.document.commands.suns import AddSun, in_world
+from app.document.light_state import LightState
 from app.editor.editor import Editor
 from engine.scene.light_placement import PlacedLight, mirror_direction
 from engine.scene.transform import Transform
@@ -112,7 +113,7 @@ def test_a_sun_is_placed_by_its_highlight_and_by_a_shadow(window: HeadlessWindow
     window.frames(2)
 
     def towards() -> np.ndarray:
-        return np.array(turned(editor.document.light.suns[-1].direction, -35.0))
+        return np.array(in_world(editor.document.light.suns[-1].direction, LightState(rotation=-35.0)))
 
     at = place(window, 0.22, 0.53)
     window.hold(H, True)

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from app.document.commands.light import SetRotation
-from app.document.commands.suns import RenameSun, SetSun, angles_of, direction_of, turned
+from app.document.commands.suns import RenameSun, SetSun, angles_of, direction_of, in_environment, in_world
+from app.document.light_state import LightState
 from app.document.view_state import OpenPanel
 from app.operators.registry import run_operator
 from engine.light.suns import Sun
@@ -124,13 +125,13 @@ def test_handles_aim_the_selected_sun_in_one_step_each(sunny: HeadlessWindow) ->
     """The light is rotated: angles are those of the world, and the sun is placed in the environment's frame."""
     editor = sunny.shell.editor
     editor.do(SetRotation(50.0))
-    editor.do(SetSun("Noon", "direction", turned(direction_of(30.0, 25.0), -50.0)))
+    editor.do(SetSun("Noon", "direction", in_environment(direction_of(30.0, 25.0), LightState(rotation=50.0))))
     editor.select("light.Noon")
     sunny.shell.do(SetPanel({"gizmo": "rotate"}))
     sunny.frames(3)
 
     def angles() -> tuple[float, float]:
-        return angles_of(turned(the_sun(sunny).direction, 50.0))
+        return angles_of(in_world(the_sun(sunny).direction, LightState(rotation=50.0)))
 
     for handle, by in (("azimuth", (20.0, 4.0)), ("elevation", (0.0, -20.0)), ("aim", (-18.0, 10.0))):
         (azimuth, elevation), n_steps = angles(), len(editor.history.undo_steps)

@@ -186,6 +186,13 @@ class SaveScene:
 
 
 @dataclass(frozen=True)
+class SaveEnvironment:
+    """Write the environment, with what is painted on it, to an OpenEXR file."""
+
+    path: Path
+
+
+@dataclass(frozen=True)
 class SaveSession:
     """Save the session to `path`, or where it was saved last; opens the file dialog the first time."""
 
@@ -306,7 +313,7 @@ WindowAction = (
     BeginDrag | EndDrag | CancelDrag | MergedEdit | BeginCameraDrag | DragCamera | EndCameraDrag | MoveCameraTo
     | RunOperator | SetPreference | HoldGrip | SetPanel | OpenFile | OpenImage | AskFile | ReloadImages | SaveSession
     | SavePicture | ImportMaterial | ImportMeasured | ExportMeasured | ExportScene | SaveScene | Screenshot
-    | SaveMaterial | DeleteMaterial | Copy | CopyText | Paste | Recover | AnswerUnsaved | ShowPanel | ResetLayout | Quit
-    | AnswerQuestion | StopLayers | DrawLooks | SaveContactSheet | OpenConfig
+    | SaveEnvironment | SaveMaterial | DeleteMaterial | Copy | CopyText | Paste | Recover | AnswerUnsaved | ShowPanel
+    | ResetLayout | Quit | AnswerQuestion | StopLayers | DrawLooks | SaveContactSheet | OpenConfig
 )  # fmt: skip
 Action = EditCommand | SetView | OpenPanel | WindowAction

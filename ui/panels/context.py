@@ -24,6 +24,7 @@ from app.messages.editor_status import Status
 from app.modes.mode import Mode
 from app.operators.registry import keys_of
 from engine.core.colour_config import ConfigCatalogue
+from engine.light.painted_lights import PaintedLight
 from engine.scene.description import Camera
 from engine.scene.import_report import ImportReport
 from ui.frame_times import PerformanceRecord
@@ -210,6 +211,14 @@ class PanelContext:
     def selected_layer(self) -> Selection | None:
         """The selection, where it has a material to show: None for an emitter."""
         return layer_shown(self.document, self.view.selected)
+
+    @property
+    def painted(self) -> PaintedLight | None:
+        """The painted light that is selected."""
+        chosen = self.state.painted
+        if chosen is None or chosen.beside != (self.view.selected, self.view.sun):
+            return None
+        return next((each for each in self.document.light.painted if each.name == chosen.light), None)
 
     @property
     def resolution(self) -> tuple[int, int]:

@@ -13,6 +13,8 @@ from pathlib import Path
 from imgui_bundle import ImVec2, imgui
 
 from app.document.commands.objects import AddObject
+from app.document.commands.painted import SetPainted, add_image
+from app.document.painted_parameters import PAINTED_IMAGE_ENDINGS
 from app.document.sources import IMAGE_SUFFIXES, LIGHT_ENDINGS, SCENE_ENDINGS, SESSION_ENDING
 from app.export import PACKAGE_ENDING
 from engine.core.colour_config import ENDINGS as CONFIG_ENDINGS
@@ -33,6 +35,7 @@ from ui.panels.actions import (
     OpenFile,
     OpenImage,
     SaveContactSheet,
+    SaveEnvironment,
     SavePicture,
     SaveScene,
     SaveSession,
@@ -44,6 +47,8 @@ from ui.panels.window_state import FileQuestion
 TITLES = {
     "open_scene": "Open a scene, a session or a mesh",
     "open_environment": "Open an environment",
+    "paint_image": "Paint an image onto the environment",
+    "save_environment": "Save the environment with what is painted on it",
     "add_file": "Add the objects of a mesh file to the scene",
     "open_material": "Import a material of MaterialX onto the selected object",
     "open_measured": "Import a measured BRDF onto the selected object",
@@ -70,6 +75,8 @@ TITLES = {
 ENDINGS = {
     "open_scene": (*SCENE_ENDINGS, SESSION_ENDING),
     "open_environment": LIGHT_ENDINGS,
+    "paint_image": PAINTED_IMAGE_ENDINGS,
+    "save_environment": (".exr",),
     "add_file": MESH_ENDINGS,
     "open_material": (MATERIAL_ENDING,),
     "open_measured": MEASURED_ENDINGS,
@@ -316,6 +323,9 @@ def _named(question: FileQuestion, name: str) -> str:
 def answer(question: FileQuestion, path: Path) -> AnswerQuestion:
     """The user's choice. The name of a saved file gets its suffix."""
     purpose = question.purpose
+    if purpose == "paint_image":
+        image = SetPainted.of(question.key, "file", str(resolved(path))) if question.key else add_image(path)
+        return AnswerQuestion(path, image)
     if question.key:
         return AnswerQuestion(path, OpenImage(path, question.key, purpose.removeprefix("open_")))
     if purpose.startswith("save"):
@@ -327,6 +337,7 @@ def answer(question: FileQuestion, path: Path) -> AnswerQuestion:
         "save_session": SaveSession(path), "save_picture": _saved_picture(question, path),
         "save_sheet": SaveContactSheet(path),
         "save_scene": ExportScene(path), "save_package": SaveScene(path),
+        "save_environment": SaveEnvironment(path),
     }  # fmt: skip
     return AnswerQuestion(path, actions.get(purpose, OpenFile(str(path))))
 

@@ -1,5 +1,5 @@
-"""The Light panel: the environment's picture with its rotation, a dial that rotates it, its strength, the mix, and
-what is seen behind all.
+"""The Light panel: the environment's picture with its rotation, a dial that rotates it, its strength, what is painted
+on it, the mix, and what is seen behind all.
 
 An environment from a file can be read as a lat-long or as an angular map; the default is guessed from its shape.
 
@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from imgui_bundle import ImVec2, imgui
@@ -19,13 +20,18 @@ from app.document.background import BACKGROUND_KINDS
 from app.document.commands.light import (
     BACKGROUND,
     BACKGROUND_COLOUR,
+    CLAMP,
+    CONTRAST,
+    HUE,
     INTENSITY,
     MAPPING,
     ROTATION,
+    TILT,
     SetBackground,
     SetBackgroundColour,
     SetEnvironment,
     SetIntensity,
+    SetMapChange,
     SetMapping,
     SetRotation,
 )
@@ -33,10 +39,9 @@ from app.document.light_mix import gains_of
 from app.document.light_state import CONSTANT_ENVIRONMENT, ENVIRONMENT_KEY, SCENE_ENVIRONMENT
 from engine.light.probe_mappings import MAPPINGS
 from ui import theme as look
-from ui.panels import light_mixer, rows, widgets
+from ui.panels import light_mixer, painted_canvas, painted_lights, rows, widgets
 from ui.panels.actions import Action, AskFile, BeginDrag, EndDrag, HoldGrip, MergedEdit, SetPanel
 from ui.panels.context import PanelContext
-from ui.panels.pictures import Picture
 from ui.panels.window_state import Travel, TurnGrip, WheelTurn
 
 DIAL = 76.0
@@ -72,9 +77,11 @@ def draw(context: PanelContext) -> list[Action]:
     light, own = context.document.light, context.scene_document.light
     for row in (
         rows.Row(ROTATION, light.rotation, SetRotation, "light.rotation", own.rotation),
+        rows.Row(TILT, light.tilt, partial(SetMapChange, "tilt"), "light.tilt", own.tilt, origin=0.0),
         rows.Row(INTENSITY, light.intensity, SetIntensity, "light.intensity", own.intensity, origin=1.0),
     ):
         actions += rows.draw(context, row)
+    actions += _map_changes(context) + painted_lights.draw(context)
     note = context.status.light_note or "lights"  # what is said during a drag takes the heading's place
     widgets.caption(note[:1].upper() + note[1:])
     actions += light_mixer.draw(context)
@@ -109,6 +116,23 @@ def _environment(context: PanelContext) -> list[Action]:
         return [AskFile("open_environment")]
     radiance = (1.0, 1.0, 1.0) if names[picked] == CONSTANT_ENVIRONMENT else None
     return [SetEnvironment(names[picked], radiance=radiance)]
+
+
+def _map_changes(context: PanelContext) -> list[Action]:
+    """What changes the map as a whole, folded away at first."""
+    is_open = imgui.tree_node_ex("Map###light.map", imgui.TreeNodeFlags_.frame_padding)
+    context.handles.note_item("light.map")
+    widgets.tooltip("Colours, contrast and brightest places of the environment's map.")
+    if not is_open:
+        return []
+    actions: list[Action] = []
+    for parameter, origin in ((HUE, 0.0), (CONTRAST, 1.0), (CLAMP, None)):
+        value, own = (getattr(each.light, parameter.name) for each in (context.document, context.scene_document))
+        shown = "none" if parameter is CLAMP and not value else ""
+        make, handle = partial(SetMapChange, parameter.name), f"light.{parameter.name}"
+        actions += rows.draw(context, rows.Row(parameter, value, make, handle, own, origin=origin, shown=shown))
+    imgui.tree_pop()
+    return actions
 
 
 def _background(context: PanelContext) -> list[Action]:
@@ -147,7 +171,9 @@ def _thumbnail(context: PanelContext, width: float, height: float) -> list[Actio
     end = ImVec2(corner.x + width, corner.y + height)
     draw_list.add_rect_filled(corner, end, look.pack(look.WELL), context.px(3))
     if context.environment is not None:
-        _scrolled(draw_list, context.environment, corner, end, context.document.light.rotation / FULL_TURN)
+        painted_canvas.scrolled(
+            draw_list, context.environment, corner, end, context.document.light.rotation / FULL_TURN
+        )
         _marker(context, draw_list, corner, width, height)
     else:
         _even(context, draw_list, corner, end)
@@ -172,24 +198,12 @@ def _turned(context: PanelContext, handle: str, place: float, rate: float) -> li
     return [HoldGrip(replace(grip, offset=(place, rotation), travel=travel)), SetRotation(rotation + rate * gone)]
 
 
-def _scrolled(draw_list: imgui.ImDrawList, picture: Picture, corner: ImVec2, end: ImVec2, shift: float) -> None:
-    """The environment with column `shift` of its width at the left edge, in the two parts at the seam."""
-    upper, lower = picture.corners()
-    shift = shift % 1.0
-    seam = corner.x + (1.0 - shift) * (end.x - corner.x)
-    draw_list.add_image(picture.reference, corner, ImVec2(seam, end.y), ImVec2(shift, upper.y), ImVec2(1.0, lower.y))
-    if shift > 0.0:
-        draw_list.add_image(
-            picture.reference, ImVec2(seam, corner.y), end, ImVec2(0.0, upper.y), ImVec2(shift, lower.y)
-        )
-
-
 def _even(context: PanelContext, draw_list: imgui.ImDrawList, corner: ImVec2, end: ImVec2) -> None:
     if not context.document.is_open:  # a scene that is being opened has no light yet
         return
     light = context.document.light
     text = "even light" if light.environment == CONSTANT_ENVIRONMENT else "no environment"
-    has_any = context.has_environment or light.environment != SCENE_ENVIRONMENT
+    has_any = light.has_sky(context.has_environment)
     if has_any and not any(gains_of(context.document)[ENVIRONMENT_KEY]):
         text = "off in the mix"
     extent = imgui.calc_text_size(text)

@@ -12,10 +12,10 @@ from ui.panels.rows import RGB
 SWATCH_HINT = "The colour at full brightness. Click for a colour wheel; the strength stays."
 
 
-def draw(context: PanelContext, row: rows.Row) -> list[Action]:
+def draw(context: PanelContext, row: rows.Row, label: str = "Colour") -> list[Action]:
     """Label, three numbers and swatch of a parameter of a light."""
     actions: list[Action] = []
-    widgets.label(context, "Colour")
+    widgets.label(context, label)
     imgui.push_id(row.handle)
     for touch, moved in rows.triple(context, row, has_swatch=True):
         actions += rows.one_step(touch, [row.make(moved)])

@@ -1,4 +1,5 @@
-"""The mix of lights in the Light panel: a line for the environment, each sun, each emitter and each group.
+"""The mix of lights in the Light panel: a line for the environment, each painted light, each sun, each emitter and each
+group.
 
 A line has the light's name, its strength in stops, and whether it is on and solo. Opened, it has its temperature or
 colour, its group and the objects that it lights, and of a sun where it is seen.
@@ -11,9 +12,9 @@ from functools import partial
 from imgui_bundle import imgui
 
 from app.document.commands.mix import COLOUR, KELVIN, STRENGTH, SetMix
-from app.document.light_state import ENVIRONMENT_KEY, PLAIN_ROW, SCENE_ENVIRONMENT, group_key, group_of, sun_key
+from app.document.light_state import ENVIRONMENT_KEY, PLAIN_ROW, group_key, group_of, painted_key, sun_key
 from engine.light.suns import Sun
-from ui.panels import light_colour, rows, suns, widgets
+from ui.panels import light_colour, painted_lights, rows, suns, widgets
 from ui.panels.actions import Action
 from ui.panels.context import PanelContext
 from ui.theme import Icon
@@ -24,6 +25,10 @@ SUN_HINT = (
     "A directional light: a distant disc that lights all objects alike. A click selects it and opens where it is seen; "
     "a right click has its name, duplicates and deletes it."
 )
+PAINTED_HINT = (
+    "Painted onto the environment; a click selects it, then H and J place it in the picture. Opened: where it is, its "
+    "size and colour."
+)
 EMITTER_HINT = "An object that emits light. Opened: its colour and its group; its radiance is in the Material panel."
 GROUP_HINT = "All lights of this group: what is set here multiplies each of them."
 GROUP_OF_HINT = "Lights of a group have a line together, which multiplies all of them."
@@ -33,8 +38,15 @@ LIT_HINT = "The objects that it lights. Those without a tick still throw its sha
 def draw(context: PanelContext) -> list[Action]:
     """All lines; of a single sun the rows are open at first."""
     document, light, actions = context.document, context.document.light, list[Action]()
-    if context.has_environment or light.environment != SCENE_ENVIRONMENT or light.suns:
+    if light.has_sky(context.has_environment) or light.suns:
         actions += _light(context, ENVIRONMENT_KEY, "Environment", ENVIRONMENT_HINT)
+    for painted in reversed(light.painted):  # what is painted last is on top
+        key = painted_key(painted.name)
+        is_open, changed = _line(context, key, painted.name, PAINTED_HINT, chosen=painted == context.painted)
+        actions += changed
+        if is_open:
+            actions += painted_lights.draw_rows(context, painted) + _details(context, key)
+            imgui.tree_pop()
     for sun in light.suns:
         chosen = sun.name == context.view.sun
         is_open, changed = _line(context, sun_key(sun.name), sun.name, SUN_HINT, len(light.suns) == 1, chosen, sun)
@@ -64,7 +76,7 @@ def _line(
     context: PanelContext, key: str, name: str, hint: str, opened: bool = False, chosen: bool = False,
     sun: Sun | None = None,
 ) -> tuple[bool, list[Action]]:  # fmt: skip
-    """A light's line; whether it is open, and what the user did. That of a sun selects it."""
+    """A light's line; whether it is open, and what the user did. That of a sun or a painted light selects it."""
     row, at = context.document.light.row(key), f"mix.{key}"
     start, width, side = imgui.get_cursor_pos_x(), context.px(NAME_WIDTH), imgui.get_frame_height()
     imgui.set_next_item_open(opened, imgui.Cond_.once)
@@ -72,6 +84,10 @@ def _line(
     flags = imgui.TreeNodeFlags_.frame_padding | (imgui.TreeNodeFlags_.selected if chosen else 0)
     is_open = imgui.tree_node_ex(f"{shown}###{at}", flags)
     context.handles.note_item(at)
+    painted = next((each for each in context.document.light.painted if painted_key(each.name) == key), None)
+    actions: list[Action] = []
+    if painted is not None and imgui.is_item_clicked():
+        actions.append(painted_lights.selection(context, painted))
     widgets.tooltip(f"{name}. {hint}")
     of_sun = [] if sun is None else suns.selection(sun) + suns.menu(context, sun)
     imgui.same_line(start + width)
@@ -79,7 +95,7 @@ def _line(
     strength = rows.Row(
         STRENGTH, row.strength, partial(SetMix, key, "strength"), f"{at}.strength", PLAIN_ROW.strength, origin=0.0
     )
-    actions = of_sun + rows.control(context, strength)
+    actions += of_sun + rows.control(context, strength)
     imgui.same_line(0.0, 0.0)
     if widgets.icon_button(context, f"{at}.on", Icon.EMITTER, "Switch it off or on; its values stay.", lit=row.on):
         actions.append(SetMix(key, "on", not row.on))

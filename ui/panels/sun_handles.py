@@ -15,7 +15,7 @@ import numpy as np
 from imgui_bundle import ImVec2, imgui
 from numpy.typing import NDArray
 
-from app.document.commands.suns import SetSun, angles_of, direction_of, turned
+from app.document.commands.suns import SetSun, angles_of, direction_of, in_environment, in_world
 from app.document.light_state import sun_key
 from app.document.selection import selected_sun
 from engine.core.camera import camera_frame, pixel_directions
@@ -53,7 +53,7 @@ def handles(context: PanelContext, placed: PictureRect) -> list[PictureHandle]:
 
 def _mark(context: PanelContext, placed: PictureRect, sun: Sun, is_chosen: bool) -> PictureHandle | None:
     """A sun's mark; None where it is not in the picture, or, of one that is not selected, an object hides it."""
-    towards = np.array(turned(sun.direction, context.document.light.rotation))
+    towards = np.array(in_world(sun.direction, context.document.light))
     seen = on_screen(context, placed, (context.camera.position + _FAR * distance(context.camera) * towards)[None])
     if seen is None:
         return None
@@ -83,7 +83,7 @@ def _place(context: PanelContext, placed: PictureRect, sun: Sun, to: Place) -> l
 def _aimed(context: PanelContext, sun: Sun, towards: Float64Array) -> list[Action]:
     """Aim a sun at a direction (3,) of the world."""
     x, y, z = (towards / np.linalg.norm(towards)).tolist()
-    direction = turned((x, y, z), -context.document.light.rotation)
+    direction = in_environment((x, y, z), context.document.light)
     return [] if direction == sun.direction else [SetSun(sun.name, "direction", direction)]
 
 
@@ -101,7 +101,7 @@ class _Aim:
     @property
     def towards(self) -> Float64Array:
         """The direction (3,) to it in the world."""
-        return np.array(turned(self.sun.direction, self.context.document.light.rotation))
+        return np.array(in_world(self.sun.direction, self.context.document.light))
 
     @property
     def angles(self) -> tuple[float, float]:

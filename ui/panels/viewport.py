@@ -33,7 +33,7 @@ from ui.panels.library import apply, dropped_material
 from ui.panels.picture_handles import PictureHandle
 from ui.panels.pictures import Picture
 from ui.panels.viewport_layout import PAN, PictureRect, ViewportRect, gestures, viewport_rect
-from ui.panels.window_state import Grip, LightGrip, PaintGrip
+from ui.panels.window_state import Grip, LightGrip, PaintedGrip, PaintGrip
 from ui.theme import Icon
 
 DEGREES_PER_PIXEL = 0.5
@@ -263,7 +263,7 @@ def _drag(context: PanelContext, picture: Picture, placed: PictureRect, grip: Gr
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_all)
         paint.draw_circle(context, placed.scale)
         return paint.go_on(context, grip, placed.point(mouse.x, mouse.y))
-    if isinstance(grip, LightGrip):
+    if isinstance(grip, LightGrip | PaintedGrip):
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_all)
         return light_by_hand.go_on(context, grip, placed.pixel(mouse.x, mouse.y, picture))
     if grip.handle == "divider":

@@ -202,6 +202,8 @@ WINDOW_OPERATORS: dict[str, Callable[[PanelContext], list[Action]]] = {
     "export_measured": _always(AskFile("save_measured")),
     "export_scene": _always(AskFile("save_scene")),
     "save_scene": _always(AskFile("save_package")),
+    "save_environment": _always(AskFile("save_environment")),
+    "paint_image": _always(AskFile("paint_image")),
     "save": _always(SaveSession()),
     "save_as": _always(AskFile("save_session")),
     "recover": _always(SetPanel({"shows_recoveries": True})),

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from app.document.document import Selection
 from engine.curve.operators import Operator
 from engine.curve.tables import TabulatedCurve
 from engine.material.parameters import Parameter
@@ -92,6 +93,24 @@ class PaintGrip(Grip):
     begun: bool
     value: float
     metres: float = 0.0
+
+
+@dataclass(frozen=True)
+class PaintedGrip(Grip):
+    """A painted light that is being moved or sized on the environment's picture, or, by its highlight or the shadow of
+    `caster`, in the scene's. handle: "move", "size" or "light"; `offset`: its middle at the start, pixels."""
+
+    light: str
+    travel: Travel = Travel((0.0, 0.0))
+    caster: tuple[float, float, float] | None = None
+
+
+@dataclass(frozen=True)
+class PaintedSelection:
+    """The painted light that is selected, as long as the selection in the scene stays the same."""
+
+    light: str
+    beside: tuple[Selection | None, str | None]
 
 
 @dataclass(frozen=True)
@@ -268,8 +287,8 @@ class PanelState:
     pixels; `copies_values`: they are about to be copied; `zoom_steps`: by which the picture is about to be magnified.
     `gizmo`: which of its tools is over the picture, "" for none. `own_pivots`: several objects are rotated and scaled
     each about its own centre; `snaps`: what follows the mouse stands on what is under it, and with `aligns` upright on
-    that. `shows_report`: the sheet on what the file contains is open; `report_by_count`: it lists first what is missing
-    most often. `single_panel`: the picture has the place of all panels. `opens_menu`: the menu that a key opens in the
+    that. `painted` is the painted light that keys and the environment's picture move. `shows_report`: the sheet on what
+    the file contains is open; `report_by_count`: it lists first what is missing most often. `single_panel`: the picture has the place of all panels. `opens_menu`: the menu that a key opens in the
     coming frame. `front` are panels that come in front of the others in their dock, in the coming frame.
     """
 
@@ -291,6 +310,7 @@ class PanelState:
     own_pivots: bool = False
     snaps: bool = False
     aligns: bool = False
+    painted: PaintedSelection | None = None
     shows_report: bool = False
     report_by_count: bool = False
     message: StatusMessage | None = None

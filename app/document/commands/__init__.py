@@ -39,6 +39,7 @@ from app.document.commands.light import (
     SetEmission,
     SetEnvironment,
     SetIntensity,
+    SetMapChange,
     SetMapping,
     SetRotation,
 )
@@ -63,6 +64,7 @@ from app.document.commands.objects import (
     RenameObject,
     ShowObjects,
 )
+from app.document.commands.painted import AddPainted, RemovePainted, SetPainted
 from app.document.commands.plan import OverrideLine, SetFirstBands
 from app.document.commands.poses import (
     AddDeformer,
@@ -88,5 +90,5 @@ EditCommand = (
     | RenameObject | SetBackground | SetBackgroundColour | AddObject | ShowObjects | Several | PlaceObjects
     | LinkCurves | UnlinkCurve | AddLook | SetLook | RenameLook | DeleteLook | MoveLook
     | DuplicateObjects | SetGroup | RenameGroup | AddSun | DuplicateSun | DeleteSun | RenameSun
-    | SetShadowCatcher
+    | SetShadowCatcher | SetMapChange | AddPainted | SetPainted | RemovePainted
 )  # fmt: skip

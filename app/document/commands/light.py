@@ -52,6 +52,49 @@ _AS: dict[Mapping, str] = {
     "ball": "a mirroring ball",
     "cube": "a cube map",
 }
+TILT = Parameter(
+    "tilt",
+    "scalar",
+    0.0,
+    "Tilt",
+    "Raises what is in the middle of the environment, before it is turned; suns and painted lights tilt with it.",
+    minimum=-180.0,
+    maximum=180.0,
+    soft=(-90.0, 90.0),
+    form="%.1f°",
+)
+HUE = Parameter(
+    "hue",
+    "scalar",
+    0.0,
+    "Hue",
+    "Turns the colours of the map about grey; their luminance stays. Painted lights keep theirs.",
+    minimum=-180.0,
+    maximum=180.0,
+    form="%.1f°",
+)
+CONTRAST = Parameter(
+    "contrast",
+    "scalar",
+    1.0,
+    "Contrast",
+    "Exponent of the map's luminance about its mean: above 1 what is bright becomes brighter, below 1 it evens out.",
+    maximum=3.0,
+    soft=(0.0, 2.0),
+    form="%.2f",
+)
+CLAMP = Parameter(
+    "clamp",
+    "scalar",
+    0.0,
+    "Clamp",
+    "The largest radiance of the map; what is brighter keeps its colour. 0 is no limit.",
+    maximum=1e9,
+    soft=(0.0, 100.0),
+    form="%.3g",
+)
+# What changes the map as a whole, by the names of its paths.
+MAP_PARAMETERS = {each.name: each for each in (TILT, HUE, CONTRAST, CLAMP)}
 BACKGROUND = Parameter(
     "background",
     "choice",
@@ -107,6 +150,23 @@ class SetRotation:
     def apply(self, document: Document) -> Document:
         degrees = _number("light.rotation", ROTATION, self.degrees) % 360.0
         return replace(document, light=replace(document.light, rotation=0.0 if degrees == 360.0 else degrees))
+
+
+@dataclass(frozen=True)
+class SetMapChange:
+    """Set the environment's `tilt`, or its map's `hue`, `contrast` or `clamp`."""
+
+    name: str
+    value: Any
+
+    @property
+    def label(self) -> str:
+        return f"environment {self.name}"
+
+    def apply(self, document: Document) -> Document:
+        value = _number(f"light.{self.name}", MAP_PARAMETERS[self.name], self.value)
+        changed: dict[str, Any] = {self.name: value}
+        return replace(document, light=replace(document.light, **changed))
 
 
 @dataclass(frozen=True)
@@ -241,6 +301,8 @@ def check_light(light: LightState, where: str) -> LightState:
         _number(f"{where}.radiance", RADIANCE, value)
     _number(f"{where}.rotation", ROTATION, light.rotation)
     _number(f"{where}.intensity", INTENSITY, light.intensity)
+    for name, parameter in MAP_PARAMETERS.items():
+        _number(f"{where}.{name}", parameter, getattr(light, name))
     return light
 
 

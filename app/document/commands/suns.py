@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any, cast
 
 from app.document.document import Document
-from app.document.light_state import NO_SUNS, RGB, sun_key
+from app.document.light_state import NO_SUNS, RGB, LightState, sun_key
 from app.document.scene_objects import checked_new_name, numbered_name, taken_names
 from app.document.targets import SUN_FIELDS
 from engine.core.errors import InsituError, LoadError, list_names
@@ -112,7 +112,7 @@ class AddSun:
         x, y, z = cast(RGB, DIRECTION.accept(self.direction or _from_upper_left(0.0)))
         direction = _unit((x, y, z), self.direction)
         diameter = cast(float, DIAMETER.accept(self.diameter))
-        sun = Sun(turned(direction, -document.light.rotation), (_ADDED_IRRADIANCE,) * 3, diameter, name)
+        sun = Sun(in_environment(direction, document.light), (_ADDED_IRRADIANCE,) * 3, diameter, name)
         return replace(document, light=document.light.with_suns((*document.light.suns, sun)))
 
 
@@ -242,12 +242,26 @@ def sun_presence(path: str, sun: str, field: str, value: Any) -> DuplicateSun | 
     return RenameSun(sun, value) if field == "name" else DuplicateSun(sun, value)
 
 
-def turned(direction: RGB, degrees: float) -> RGB:
-    """A direction of the environment's frame in the world, to which the light is rotated by so many degrees,
-    counter-clockwise about +Y; the other way round by as many less than none."""
+def in_world(direction: RGB, light: LightState) -> RGB:
+    """A direction of the environment's frame in the world: tilted about +X, then rotated counter-clockwise about +Y."""
+    return _turned(_tilted(direction, light.tilt), light.rotation)
+
+
+def in_environment(direction: RGB, light: LightState) -> RGB:
+    """A direction of the world in the environment's frame."""
+    return _tilted(_turned(direction, -light.rotation), -light.tilt)
+
+
+def _turned(direction: RGB, degrees: float) -> RGB:
     x, y, z = direction
     cosine, sine = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
     return cosine * x + sine * z, y, cosine * z - sine * x
+
+
+def _tilted(direction: RGB, degrees: float) -> RGB:
+    x, y, z = direction
+    cosine, sine = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    return x, cosine * y - sine * z, sine * y + cosine * z
 
 
 def _from_upper_left(heading: float) -> RGB:

@@ -17,6 +17,8 @@ from app.modes.placement.curves import Coefficients, Curves, Float64Array
 from engine.realtime.zonal_harmonics.pose import Poses
 from engine.settings import Precision, RenderSettings
 
+# What of the light follows a drag at once.
+MOVED = ("rotation", "new_suns", "mix", "painted", "tilt", "hue", "contrast", "clamp")
 Emission = tuple[tuple[str, RGB], ...]
 
 
@@ -78,9 +80,9 @@ class DesiredTransport:
     lamps: Poses = ()
 
     def moved_from(self, other: DesiredTransport) -> bool:
-        """Whether only the environment's rotation and gain and its suns differ, what emitters emit or where they are,
-        and they light the same objects."""
-        moved = {name: getattr(other.light, name) for name in ("rotation", "new_suns", "mix")}
+        """Whether only the environment's place and gain, changes of its map, suns and painted lights differ, what
+        emitters emit or where they are, and they light the same objects."""
+        moved = {name: getattr(other.light, name) for name in MOVED}
         light = replace(self.light, **moved)
         stayed = replace(
             self, light=light, emission=other.emission, lamps=other.lamps, layers=other.layers, is_drag=other.is_drag

@@ -27,7 +27,6 @@ import numpy as np
 
 from app.document.document import Document, layer_key
 from app.document.light_mix import emission_of, mixed_light
-from app.document.light_state import SCENE_ENVIRONMENT
 from app.messages.picture_events import PictureEvent, SkyChanged
 from app.modes.placement.curves import Coefficients, Curves, Float64Array, picture_identity
 from app.modes.placement.desired_state import DesiredTransport, brightening_factors, same_coefficients
@@ -260,7 +259,7 @@ class PictureTransition:
         emission = emission_of(document)
         if emission == desired.emission:
             return True
-        emitters_are_all = not self._has_sky and desired.light.environment == SCENE_ENVIRONMENT
+        emitters_are_all = not desired.light.has_sky(self._has_sky)
         return emitters_are_all and brightening_factors(emission, desired.emission) is not None
 
     def _can_draw(

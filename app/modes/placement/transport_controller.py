@@ -19,7 +19,7 @@ import numpy as np
 
 from app.document.document import Document, Selection
 from app.document.light_mix import emission_of
-from app.document.light_state import SCENE_ENVIRONMENT, LightState
+from app.document.light_state import LightState
 from app.messages.worker_messages import Request, RequestFailed
 from app.modes.placement.contraction_controller import ContractionController
 from app.modes.placement.curves import Curves, Float64Array, picture_identity
@@ -192,7 +192,7 @@ class TransportController:
     @property
     def requested_rotation(self) -> float | None:
         """The rotation (degrees) in the transport requested last; None where no environment lights the scene."""
-        if self._requested is None or self._requested.light.environment == SCENE_ENVIRONMENT and not self._has_sky:
+        if self._requested is None or not self._requested.light.has_sky(self._has_sky):
             return None
         return self._requested.light.rotation
 
@@ -339,7 +339,7 @@ class TransportController:
 
     def _with_requested_emission(self, desired: DesiredTransport) -> DesiredTransport:
         """The same with the requested emission, where all the light has only become brighter."""
-        self.emitters_are_all = not self._has_sky and desired.light.environment == SCENE_ENVIRONMENT
+        self.emitters_are_all = not desired.light.has_sky(self._has_sky)
         known = self._requested.emission if self.emitters_are_all and self._requested is not None else ()
         factors = brightening_factors(desired.emission, known)
         self._light_gain = np.ones(3) if factors is None else factors

@@ -22,10 +22,11 @@ from app.document.commands.suns import (
     SetSun,
     angles_of,
     direction_of,
-    turned,
+    in_world,
 )
 from app.document.document import Document, document_from_description
 from app.document.history import History
+from app.document.light_state import LightState
 from app.document.scene_change import SceneChange
 from app.document.view_state import ViewState
 from app.files.session import dump_session, fit_session, load_session, parse_session, save_session
@@ -135,7 +136,7 @@ def test_one_that_is_added_shines_from_the_upper_left_of_the_camera(lit: Documen
         camera = Camera(position=tuple(position.tolist()), target=(0.2, 0.1, 0.3))
         turned_light = SetRotation(70.0).apply(lit)
         sun = AddSun("key").seen_from(camera).apply(turned_light).light.suns[-1]
-        towards = np.array(turned(sun.direction, 70.0))
+        towards = np.array(in_world(sun.direction, LightState(rotation=70.0)))
         forward = np.subtract(camera.target, camera.position) * (1.0, 0.0, 1.0)
         left = np.cross((0.0, 1.0, 0.0), forward)
         assert towards[1] == pytest.approx(math.sqrt(0.5))

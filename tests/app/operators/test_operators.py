@@ -16,7 +16,7 @@ from app.document.commands.light import SetRotation
 from app.document.view_state import SetView, Viewpoint
 from app.editor.editor import Editor
 from app.messages.worker_messages import OpenScene
-from app.operators.arrange import Addition, Grouping, Move
+from app.operators.arrange import Addition, Grouping, Move, PaintedAddition
 from app.operators.camera import MoveCamera
 from app.operators.curve_drawing import CurvePoints, CurveStroke
 from app.operators.edits import CurveLink, Deform
@@ -38,6 +38,7 @@ VALUES: dict[str, Any] = {
     "set": {"pot.1.alpha": 0.37, "light.intensity": 2.0}, "select": "floor", "deform": Deform(object="pot", bend=20.0),
     "move": Move(object="pot", by=(0.1, 0.0, 0.0)), "add": Addition(shape="box"),
     "group": Grouping(name="Set", objects=("floor", "pot")), "ungroup": "Tea", "drop": "pot",
+    "paint_light": PaintedAddition(kind="box", azimuth=30.0),
     "rotate": 75.0, "accuracy": 0.0, "override": {"lights": 600}, "view": "AgX", "rename_view": ("View 1", "Spout"),
     "mode": "orbit", "lobe": (2, 3), "resolution": (24, 16), "camera": MoveCamera(orbit=(30.0, 10.0), dolly=0.5),
     "measured": MeasuredFile(file="velvet.binary"), "material_file": MaterialFile(file="wood.mtlx", material="oak"),
