@@ -8,13 +8,15 @@ light linking are the scene's own.
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from app.system.atomic import require_place, save_file
 from engine.core.errors import InsituError, LoadError
-from engine.precompute.direct.pipeline import SkyState
-from engine.render.display import exr_bytes
+
+if TYPE_CHECKING:
+    from engine.precompute.direct.pipeline import SkyState
 
 ENDING = ".exr"
 # A map has a width of two heights; an even environment has a single texel.
@@ -31,6 +33,8 @@ def require_environment_file(path: Path) -> None:
 def write_environment(path: Path, sky: SkyState) -> tuple[int, int]:
     """Write an environment, whole or not at all; returns its height and width in texels. Raises InsituError, also where
     there is none."""
+    from engine.render.display import exr_bytes  # late: the window's process checks names alone
+
     require_environment_file(path)
     if sky.environment is None:
         raise InsituError(f"{path}: not written, the scene has no environment")

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 from PIL import Image
 
 from app.document.document import Document, document_from_description
@@ -31,6 +32,9 @@ from app.worker.kernels import DEFORM, ESTIMATE, INDIRECT, ORBIT, PAINTING, RELI
 from app.worker.schedule import InProcessClient
 from app.worker.tasks import RequestDispatcher
 from engine.core.generators import run_to_end
+from engine.light.environment import Environment
+from engine.light.painted_lights import PaintedLight
+from engine.light.painting import painted_environment
 from engine.material.layer_maps import Images
 from engine.material.strokes import Stroke, Strokes, pack_dabs
 from engine.planner import band_counts
@@ -136,6 +140,8 @@ def warm_up_later(first: str = "", is_done: Callable[[str], bool] = lambda what:
         _ask(client, SetCamera(1))
         stroke = Stroke(0.5, dabs=pack_dabs([[0.0, 0.0, 0.5]], [[0.0, 0.0, 1.0]]))
         _ask(client, SampleMaps((("ball.0", Images(strokes=Strokes((stroke,)))),)))
+        sky = Environment(np.ones((4, 8, 3), np.float32), "warm-up")
+        painted_environment(sky, (PaintedLight("box"), PaintedLight("disc", "disc", "cover")), 10.0)
         yield PAINTING
         description = parse_description(parse_toml(_SCENE, scene.name), scene.name)
         state = scene_state(document_from_description(str(scene), description), _with_bands)
