@@ -1,5 +1,5 @@
-"""A painted box in the real window by mouse and keys: it is added, moved and sized on the environment's picture, placed by
-its highlight; the scene's picture follows, and undo takes it back."""
+"""A painted box in the real window by mouse and keys: it is added, moved and sized on the environment's picture, and
+placed by its highlight; the scene's picture follows, and undo takes it back."""
 
 from __future__ import annotations
 
