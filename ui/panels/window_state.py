@@ -288,8 +288,9 @@ class PanelState:
     `gizmo`: which of its tools is over the picture, "" for none. `own_pivots`: several objects are rotated and scaled
     each about its own centre; `snaps`: what follows the mouse stands on what is under it, and with `aligns` upright on
     that. `painted` is the painted light that keys and the environment's picture move. `shows_report`: the sheet on what
-    the file contains is open; `report_by_count`: it lists first what is missing most often. `single_panel`: the picture has the place of all panels. `opens_menu`: the menu that a key opens in the
-    coming frame. `front` are panels that come in front of the others in their dock, in the coming frame.
+    the file contains is open; `report_by_count`: it lists first what is missing most often. `single_panel`: the picture
+    has the place of all panels. `opens_menu`: the menu that a key opens in the coming frame. `front` are panels that
+    come in front of the others in their dock, in the coming frame.
     """
 
     grip: Grip | None = None
