@@ -5,12 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from app.document.commands.curves import SetOperators
 from app.document.commands.layers import SetMaterial, SetVisible, new_layer
 from app.document.commands.light import SetEnvironment, SetIntensity, SetRotation
+from app.document.commands.links import LinkCurves
 from app.document.view_state import SetView
 from app.messages.worker_messages import SkyImage
 from app.modes.placement.placement_events import LayerMapsChanged
 from app.modes.placement.placement_messages import ComputeTransport
+from engine.curve.operators import Operator
 from tests.ui.stand_in import HEIGHT, WIDTH, StandInClient, scene_frame, transport_of
 from ui import picture_feed
 from ui.headless import HeadlessWindow
@@ -88,6 +91,29 @@ def test_the_picture_follows_a_dragged_curve(window: HeadlessWindow) -> None:
     client = window.shell.editor._client
     assert isinstance(client, StandInClient)
     assert sum(isinstance(request, ComputeTransport) for request in client.requests) == 1
+
+
+def test_curves_that_objects_share_follow_the_hand_together(window: HeadlessWindow) -> None:
+    """While one is dragged, the picture is that of all of them edited: each has transport of its own."""
+    editor = window.shell.editor
+    assert editor.do(LinkCurves("teapot.1.theta_h", ("tray.0.theta_h",))) is None
+    before = exact_picture(window)
+    client = editor._client
+    assert isinstance(client, StandInClient)
+    n_requests = len(client.requests)
+    editor.begin_drag()
+    for magnitude in (0.3, 0.6, 0.9):
+        lift = Operator("translate", "y", 0.1, 0.2, 0.5, 0.7, magnitude=magnitude)
+        editor.do(SetOperators("tray.0", "theta_h", (lift,)))
+        window.frames(4)
+        shown = feed(window).source.renderer.linear_image()
+        np.testing.assert_allclose(shown, expected_picture(window), rtol=HALF_FLOAT, atol=1e-5)
+    column = WIDTH // 8, 3 * WIDTH // 8  # of the teapot, of the tray
+    assert all(np.abs(shown[:, each] - before[:, each]).max() > 1e-3 for each in column)
+    assert len(client.requests) == n_requests
+    editor.end_drag()
+    assert editor.undo() is not None
+    np.testing.assert_allclose(exact_picture(window), before, rtol=HALF_FLOAT, atol=1e-5)
 
 
 def test_a_new_material_is_first_seen_in_a_picture_of_its_own(window: HeadlessWindow) -> None:
