@@ -414,10 +414,11 @@ class Curve:
 
         >>> import insitu
         >>> scene = insitu.open("shapes", resolution=(48, 32))
-        >>> first, second = (scene[name]["gloss"]["theta_r"] for name in ("torus", "cone"))
+        >>> first, second = (scene[name]["gloss"]["theta_h"] for name in ("cone", "cylinder"))
         >>> first.link(second)
-        >>> first.linked, second(0.0) == first(0.0)
-        (('cone.1.theta_r',), array([[ True,  True,  True]]))
+        >>> first.amplify(y=2)
+        >>> first.linked, second
+        (('cylinder.1.theta_h',), <curve cylinder.1.theta_h: 1 operators>)
         """
         keys = linked_keys(self._editing.document, self._key, self._factor)
         return tuple(f"{key}.{self._factor}" for key in keys)
