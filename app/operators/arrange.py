@@ -334,9 +334,9 @@ ARRANGE: tuple[Operator | Gesture, ...] = (
     )),
     Operator(
         "grab", keys=("G",), help="Move, rotate, scale: follows the mouse", listed_keys="G   R   S", entry="Move",
-        needs=OBJECT, waits=True,
+        needs=OBJECT_OR_SUN, waits=True,
     ),
-    Operator("turn", keys=("R",), entry="Rotate", needs=OBJECT, waits=True),
+    Operator("turn", keys=("R",), entry="Rotate", needs=OBJECT_OR_SUN, waits=True),
     Operator("resize", keys=("S",), entry="Scale", needs=OBJECT, waits=True),
     Gesture("then X Y Z", "Along an axis; again: the object's; Shift: across"),
     Gesture("a number", "By so much; Enter or a click ends it, Esc not"),

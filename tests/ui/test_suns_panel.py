@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import moderngl
 import numpy as np
 import pytest
+from imgui_bundle import imgui
 
 from app.document.commands.light import SetRotation
 from app.document.commands.suns import RenameSun, SetSun, angles_of, direction_of, in_environment, in_world
@@ -17,7 +18,6 @@ from engine.light.suns import Sun
 from tests.ui.conftest import opened
 from tests.ui.stand_in import SCENE, scene_opened
 from ui.headless import HeadlessWindow
-from ui.panels.actions import SetPanel
 from ui.picture_feed import PictureFeed
 
 pytestmark = pytest.mark.gl
@@ -127,7 +127,7 @@ def test_handles_aim_the_selected_sun_in_one_step_each(sunny: HeadlessWindow) ->
     editor.do(SetRotation(50.0))
     editor.do(SetSun("Noon", "direction", in_environment(direction_of(30.0, 25.0), LightState(rotation=50.0))))
     editor.select("light.Noon")
-    sunny.shell.do(SetPanel({"gizmo": "rotate"}))
+    sunny.key(imgui.Key.r)
     sunny.frames(3)
 
     def angles() -> tuple[float, float]:

@@ -124,6 +124,11 @@ def _choose_average(context: PanelContext) -> list[Action]:
     return [SetPanel({"values_side": side, "shows_values": True})]
 
 
+def _grab_or_aim(kind: str, context: PanelContext) -> list[Action]:
+    """Let the selected objects follow the mouse; a sun, which is nowhere, gets the handles that aim it."""
+    return grab.begin(kind, context) if context.view.sun is None else _choose_gizmo(kind, context)
+
+
 def _choose_gizmo(tool: str, context: PanelContext) -> list[Action]:
     """Show the handles of a tool of the gizmo, or none where they are there already."""
     return [SetPanel({"gizmo": "" if context.state.gizmo == tool else tool})]
@@ -218,8 +223,8 @@ WINDOW_OPERATORS: dict[str, Callable[[PanelContext], list[Action]]] = {
     "paste": _always(Paste()),
     "paste_layers": _always(Paste(as_layers=True)),
     **{f"gizmo_{tool}": partial(_choose_gizmo, tool) for tool in gizmo.TOOLS},
-    "grab": partial(grab.begin, "move"),
-    "turn": partial(grab.begin, "rotate"),
+    "grab": partial(_grab_or_aim, "move"),
+    "turn": partial(_grab_or_aim, "rotate"),
     "resize": partial(grab.begin, "scale"),
     "aim": partial(grab.begin, "aim"),
     **{name: partial(_toggle, name) for name in SWITCHES},
