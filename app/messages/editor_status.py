@@ -31,7 +31,8 @@ class Status:
     ``stage``, ``fraction`` (0 to 1), ``seconds_left`` and ``text`` are the worker's progress; ``stage`` is empty when
     it is idle. ``image_error`` is the difference to the exact picture, relative RMS, None while unknown.
     ``light_note``, ``material_note`` and ``emitter_note`` tell which light, roughness and emission are shown, empty
-    when they are the present ones; ``missing_note`` what a picture that is being refined lacks, ``error_note`` the
+    when they are the present ones; ``missing_note`` what a picture that is being refined lacks, or in few words what a
+    preview does, with ``missing_hint`` in whole sentences; ``error_note`` the
     known parts of its error; ``no_estimate_reason`` why its error will not be estimated. ``precomputed_mb`` is the
     worker's memory for the picture, ``gpu_mb`` that of the picture on the GPU. ``shown_by``: which mode's picture is
     shown, where a mode shows those of two; else empty. ``is_away``: whether the view has moved on from the one that was
@@ -60,6 +61,7 @@ class Status:
     material_note: str = ""
     emitter_note: str = ""
     missing_note: str = ""
+    missing_hint: str = ""
     error_note: str = ""
     shown_by: str = ""
     compared_exact: bool = True

@@ -202,6 +202,8 @@ def _warm_up_orbit(client: InProcessClient, folder: Path) -> None:
     _ask(client, PrepareOrbit(state, 3, n_points=_N_POINTS))
     for quality in ("moving", "rest"):
         _ask(client, DrawOrbit(description.camera, (24, 24), quality))  # type: ignore[arg-type]
+    moved = tuple((name, (Transform((0.1, 0.0, 0.0)),)) for name in ("ball", "lamp"))
+    _ask(client, PrepareOrbit(state, 3, n_points=_N_POINTS, poses=moved))
 
 
 def warm_up_deform() -> None:

@@ -7,7 +7,7 @@ another material, the user. A picture is a quick one; it never waits for more th
 from __future__ import annotations
 
 import time
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -39,7 +39,7 @@ from engine.material.bumps import Bumps
 from engine.material.layer import Layer
 from engine.precompute.direct.pipeline import SkyState
 from engine.realtime.zonal_harmonics.pose import Poses
-from engine.realtime.zonal_harmonics.posed_scene import pose_scene
+from engine.realtime.zonal_harmonics.posed_scene import movements_between, pose_scene
 from engine.scene.cutouts import scene_caster
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene
@@ -47,9 +47,11 @@ from engine.scene.scene_loader import Scene
 if TYPE_CHECKING:
     from engine.core.generators import StillProgress
     from engine.realtime.triple_product.gpu_export import PointExporter
+    from engine.realtime.triple_product.kept_points import FormerPoints
     from engine.realtime.triple_product.orbit_engine import Orbit
 
 STAGE = "orbit"
+MOVE_SECONDS = 0.06  # from a movement to the first picture of it, and between pictures while it is seen and lit
 
 
 class OrbitWorker(ModeWorker):
@@ -60,8 +62,12 @@ class OrbitWorker(ModeWorker):
     def __init__(self, context: WorkerContext) -> None:
         self._context = context
         self._orbit: Orbit | None = None
+        self._moved: Follower | None = None
         self._caster: RayCaster | None = None
+        self._rest: Scene | None = None
+        self._poses: Poses = ()
         self._prepared = 0
+        self._prepared_poses: Poses = ()
         self._exporter: tuple[int, PointExporter] | None = None
         self._posed: tuple[tuple[Scene, Poses], Scene, RayCaster] | None = None
         self._emission: tuple[tuple[str, RGB], ...] = ()
@@ -79,9 +85,18 @@ class OrbitWorker(ModeWorker):
         }
 
     def view_traced(self) -> None:
-        caster = self._context.open_placement.caster
-        if caster is not self._caster:  # another scene, not the same from another camera
-            self._orbit, self._caster, self._emission, self._posed = None, caster, (), None
+        caster, rest, poses = self._context.open_placement.caster, self._context.rest_scene, self._context.poses
+        if caster is self._caster:  # the same scene from another camera
+            return
+        # Until what is drawn of the objects in their new places is there, those of before are shown in these.
+        if rest is not self._rest:
+            self._moved = None
+        elif self._moved is None and self._orbit is not None and self._orbit.is_ready:
+            self._moved = Follower(self._orbit, self._poses)
+        if self._moved is not None and not self._moved.can_follow(rest, poses):
+            self._moved = None
+        self._orbit, self._caster, self._emission, self._posed = None, caster, (), None
+        self._rest, self._poses = rest, poses
 
     def _prepare(self, request: PrepareOrbit) -> Steps:
         scene = request.scene
@@ -92,6 +107,10 @@ class OrbitWorker(ModeWorker):
         yield from until_compiled(self._context, ORBIT)
         first_time, reported_version = not are_compiled(ORBIT), None  # still, where no other process compiles
         yield from _prepared_sky(sky, FIRST_TIME if first_time else "light")
+        if (moved := self._follower(request.poses)) is not None:
+            yield from self._follow(moved, request, sky)
+            if request.poses != self._poses:
+                return
         orbit = self._open_orbit(self.n_points or request.n_points, request.n_coefficients)
         orbit.set_bumps(_bumps(self._context.open_placement.scene))
         if not orbit.n_bytes:  # there are no points yet
@@ -102,15 +121,18 @@ class OrbitWorker(ModeWorker):
         orbit.set_light(sky)
         orbit.set_layers(layers_by_object(orbit.scene, scene.layers))
         orbit.set_bounces(request.n_bounces)
-        self._prepared = request.id
+        self._prepared, self._prepared_poses = request.id, request.poses
         for step in orbit.work():
-            if orbit.is_ready and orbit.version != reported_version:
+            if self._moved is not None and orbit.is_shadowed:
+                orbit.version, self._moved = max(orbit.version, self._moved.orbit.version) + 1, None
+            if self._moved is None and orbit.is_ready and orbit.version != reported_version:
                 if reported_version is None and first_time:
                     yield from _warm_up(orbit)
                 reported_version = orbit.version
                 yield from self._export_parts(orbit, request)
-                yield OrbitProgress(orbit.version, orbit.is_done, orbit.n_bytes)
+                yield OrbitProgress(orbit.version, self._is_done(orbit), orbit.n_bytes)
             yield Progress(STAGE, step.fraction, text=FIRST_TIME if first_time else step.text)
+        self._moved = None
         if first_time:
             note_compiled(ORBIT)
         if orbit.notes != self._noted:
@@ -118,9 +140,57 @@ class OrbitWorker(ModeWorker):
             if orbit.notes:
                 yield WorkerWarnings(orbit.notes)
         yield from self._export_parts(orbit, request)
-        yield OrbitProgress(orbit.version, orbit.is_done, orbit.n_bytes)
+        yield OrbitProgress(orbit.version, self._is_done(orbit), orbit.n_bytes)
         if orbit.has_traced:
             self._context.store.put(_key(orbit), orbit.stored_visibility())
+
+    def _follower(self, poses: Poses) -> Follower | None:
+        """What follows objects to these poses, which are not those it was prepared for; None where nothing can, or need
+        not."""
+        moved, rest = self._moved, self._context.rest_scene
+        if poses == self._poses:
+            return moved if moved is not None and moved.can_follow(rest, poses) else None
+        if moved is None:
+            if self._orbit is None or not self._orbit.is_ready:
+                return None
+            moved = Follower(self._orbit, self._poses)
+        if not moved.can_follow(rest, poses):
+            return None
+        self._moved, self._orbit = moved, None
+        return moved
+
+    def _follow(self, moved: Follower, request: PrepareOrbit, sky: SkyState) -> Steps:
+        """Let what was prepared before follow objects to the poses of a request, coarse first. Where all is to be
+        prepared for these anyway, only what is in sight."""
+        scene, orbit = request.scene, moved.orbit
+        orbit.set_emission(dict(scene.emission))
+        orbit.set_light(sky)
+        orbit.set_layers(layers_by_object(orbit.scene, scene.layers))
+        posed = pose_scene(self._context.rest_scene, request.poses)
+        posed = posed.with_bumps(_bumps(self._context.open_placement.scene)).with_emission(dict(scene.emission))
+        moved.move(posed)
+        self._prepared, self._prepared_poses = request.id, request.poses
+        version, is_last = -1, request.poses == self._poses
+        reported_at = time.monotonic()
+        for step in moved.work(only_in_sight=is_last):
+            if time.monotonic() - reported_at > MOVE_SECONDS:
+                reported_at, version = time.monotonic(), orbit.version
+                yield OrbitProgress(version, False, orbit.n_bytes, follows_move=True)
+            yield Progress(STAGE, step.fraction, text=step.text)
+        if orbit.version != version:
+            yield OrbitProgress(orbit.version, False, orbit.n_bytes, follows_move=True)
+        # Two of them take twice the memory.
+        if is_last and 2 * orbit.n_bytes > orbit_bytes():
+            self._moved = None
+
+    def _is_done(self, orbit: Orbit) -> bool:
+        """Whether nothing is left to be done for the poses that were requested: the view is traced in these."""
+        return orbit.is_done and self._moved is None and self._prepared_poses == self._poses
+
+    @property
+    def _drawn(self) -> Orbit | None:
+        """What pictures are drawn of."""
+        return self._orbit if self._moved is None else self._moved.orbit
 
     def _export_parts(self, orbit: Orbit, request: PrepareOrbit) -> Steps:
         """Export the parts that the listener does not have yet."""
@@ -139,18 +209,23 @@ class OrbitWorker(ModeWorker):
         if orbit is not None:
             was_done = orbit.is_done
             orbit.prioritize_view(orbit.scene.from_camera(request.camera).description.camera)
-            if was_done and not orbit.is_done:
+            if was_done and not orbit.is_done and self._moved is None:
                 yield OrbitProgress(orbit.version, False, orbit.n_bytes, id=self._prepared)
 
     def _draw(self, request: DrawOrbit) -> Steps:
-        orbit = self._orbit
+        orbit, moved, later = self._drawn, self._moved, self._orbit
         if orbit is None or not orbit.is_ready:
             yield OrbitNotReady()
             return
-        started, prepared, version, was_done = time.monotonic(), self._prepared, orbit.version, orbit.is_done
+        started, prepared, version, was_done = time.monotonic(), self._prepared, orbit.version, self._is_done(orbit)
         picture = yield from map_steps(_draw_steps(orbit, request), lambda step: None)
-        is_done = was_done and orbit.is_done  # it may have seen parts that are not ready, such as back faces
-        yield OrbitPictureDrawn(picture, prepared, version, is_done, time.monotonic() - started)
+        # It may have seen parts that are not ready, such as back faces.
+        is_done = was_done and self._is_done(orbit)
+        if moved is not None and later is not None:  # which is to have the same in sight
+            later.prioritize_view(later.scene.from_camera(request.camera).description.camera)
+        yield OrbitPictureDrawn(
+            picture, prepared, version, is_done, time.monotonic() - started, follows_move=moved is not None
+        )
 
     def _draw_headlight(self, request: DrawHeadlight) -> Steps:
         from engine.render.headlight import headlight_picture
@@ -197,13 +272,48 @@ class OrbitWorker(ModeWorker):
             from engine.realtime.triple_product.orbit_engine import Orbit
 
             scene = self._context.open_placement.scene
+            former = None if self._moved is None else self._moved.former_points
             self._orbit = Orbit(
                 scene, self._caster, n_points, n_coefficients, most_bytes=orbit_bytes(),
-                most_slice_bytes=orbit_slice_bytes(),
+                most_slice_bytes=orbit_slice_bytes(), former=former,
             )  # fmt: skip
             self._exporter, self._noted = None, ()
             self._effort, self._emission = effort, ()
         return self._orbit
+
+
+class Follower:
+    """What was prepared of objects in some poses, and follows them to others that differ by transforms alone."""
+
+    def __init__(self, orbit: Orbit, poses: Poses) -> None:
+        """orbit: which is ready for these poses; it is changed from now on."""
+        from engine.realtime.triple_product.moved_orbit import MovedOrbit
+
+        self.orbit, self._poses = orbit, poses
+        self._moved = MovedOrbit(orbit)
+        self._movements: dict[int, NDArray[np.float64]] = {}
+
+    def can_follow(self, rest: Scene, poses: Poses) -> bool:
+        """Whether it can follow the objects of a scene, as its file has it, to these poses."""
+        movements = movements_between(rest, self._poses, poses)
+        self._movements = movements or {}
+        return movements is not None
+
+    def move(self, scene: Scene) -> None:
+        """Follow them to the poses that were asked for last, which the scene is in."""
+        self._moved.move(scene, self._movements)
+
+    def work(self, only_in_sight: bool) -> Iterator[StillProgress]:
+        """See and light what the movement concerns, the most of it first."""
+        for step in self._moved.work():
+            if only_in_sight and not self._moved.waits_in_sight:
+                return
+            yield step
+
+    @property
+    def former_points(self) -> FormerPoints:
+        """What an Orbit for the new poses can take over."""
+        return self._moved.former_points
 
 
 def until_compiled(context: WorkerContext, what: str) -> Steps:

@@ -142,6 +142,11 @@ class WorkerContext:
             raise InsituError("no scene is open")
         return self._scene.resting[1]
 
+    @property
+    def poses(self) -> Poses:
+        """The poses that the open scene was traced in."""
+        return () if self._scene.pose is None else self._scene.pose[0]
+
     def load(self, scene: Scene, id: int, added: Mapping[ObjectDescription, Part] = MappingProxyType({})) -> None:
         """Note that a scene is loaded and can be traced, by the request of that number, and which objects were read
         besides."""

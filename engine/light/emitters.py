@@ -72,6 +72,19 @@ class EmitterPatches:
         """A position (M, 3) on each patch, see `spread_places`."""
         return spread_places(self.corners)
 
+    def with_corners(
+        self, corners: NDArray[np.float32], moved: NDArray[np.bool_], cones: NDArray[np.float32]
+    ) -> EmitterPatches:
+        """The same patches, of which some (M,) were moved to these corners (M, 3, 3) and now have these cones
+        (M, 4)."""
+        there = _patches(corners.astype(np.float64), self.radiance.astype(np.float64), cones, self.owner)
+        return EmitterPatches(*(
+            np.where(moved.reshape(-1, *[1] * (new.ndim - 1)), new, old).astype(old.dtype)
+            for new, old in ((getattr(there, name), getattr(self, name)) for name in (
+                "corners", "centre", "normal", "radiance", "area", "cones", "owner"
+            ))
+        ))  # fmt: skip
+
 
 @dataclass(frozen=True, eq=False)
 class EmitterTree:

@@ -113,6 +113,11 @@ class RayCaster:
         self._holed = _Bvh(local, faces[self._passable]) if len(self._passable) else None
 
     @property
+    def cutouts(self) -> Cutouts | None:
+        """Where rays pass through the triangles; None for nowhere."""
+        return self._cutouts
+
+    @property
     def blends(self) -> bool:
         """Whether some rays pass a surface at random, so that those around a ray say nothing of it."""
         return self._cutouts is not None and self._cutouts.blends

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 from app.document.commands.plan import override_from_value
+from app.document.commands.poses import SetTransform
 from app.document.document import Document
 from app.document.effective_settings import effective_view
 from app.document.view_state import SetView, ViewState
@@ -24,13 +25,16 @@ from app.modes.orbit.desired_state import DesiredOrbit
 from app.modes.orbit.orbit_controller import OrbitController
 from app.modes.orbit.orbit_events import OrbitPicture
 from app.modes.registry import MODES
+from app.project.distant_light import sky_of
 from app.worker.cache import ArrayCache
 from engine.core.generators import StillProgress
 from engine.material.layer import Layer
 from engine.precompute.direct.pipeline import SkyState
+from engine.realtime.triple_product.moved_orbit import MovedOrbit
 from engine.realtime.triple_product.orbit_engine import Orbit
+from engine.realtime.zonal_harmonics.posed_scene import pose_scene
 from engine.scene.description import Camera, CameraDescription
-from engine.scene.scene_loader import Scene
+from engine.scene.scene_loader import Scene, load_scene
 from tests.ui.small_scene import write_small_scene
 from tests.ui.test_any_sequence import COMMANDS as OTHERS
 from tests.ui.test_any_sequence import FRAME_SECONDS, MAY_BE_TOLD, MOST_FRAMES, RESOLUTION, LateClient, relative_error
@@ -59,7 +63,7 @@ class NamedOrbit:
 
     def __init__(
         self, scene: Scene, caster: object = None, n_points: int = 1, n_coefficients: int = 1, n_patches: int = 1,
-        most_bytes: int = 1, most_slice_bytes: int = 1,
+        most_bytes: int = 1, most_slice_bytes: int = 1, former: object = None,
     ) -> None:  # fmt: skip
         self.scene, self.version, self.is_ready, self.fraction = scene, 0, False, 0.0
         self._wanted: tuple[object, ...] = ()
@@ -96,8 +100,15 @@ class NamedOrbit:
             self._begin()
 
     @property
+    def is_shadowed(self) -> bool:
+        return self.is_ready and self._left < N_STEPS // 2
+
+    @property
     def is_done(self) -> bool:
         return self.is_ready and self._left == 0
+
+    def prioritize_view(self, camera: CameraDescription) -> None:
+        """Nothing of it comes first."""
 
     def work(self) -> Iterator[StillProgress]:
         yield StillProgress(0.0, "points")
@@ -117,12 +128,48 @@ class NamedOrbit:
     ) -> Iterator[StillProgress]:
         assert self.is_ready and self._light is not None
         seen = Camera(**{name: getattr(camera, name) for name in Camera.model_fields})
-        wanted = self._light.rotation, self._light.scale, self._layers, self._effort, self._bounces
+        wanted = (
+            self._light.rotation,
+            self._light.scale,
+            self._layers,
+            self._effort,
+            self._bounces,
+            places_of(self.scene),
+        )
         colour = colour_of(seen, *wanted) * self.is_done
         for _ in range(3 if quality == "rest" else 1):
             yield StillProgress(0.5, "drawing")
         colour = np.append(colour, 1.0) if transparent else colour
         return np.broadcast_to(colour, (*resolution[::-1], len(colour))).astype(np.float32)
+
+
+class NamedMovedOrbit:
+    """As `engine.realtime.triple_product.moved_orbit.MovedOrbit`: of what follows objects no picture is whole."""
+
+    waits_in_sight = True
+
+    def __init__(self, orbit: NamedOrbit) -> None:
+        assert orbit.is_ready
+        self.orbit, self._left = orbit, 0
+
+    def move(self, scene: Scene, matrices: Mapping[int, np.ndarray]) -> None:
+        assert all(np.linalg.det(matrix) > 0.0 for matrix in matrices.values())
+        self.orbit.scene, self._left = scene, 3
+
+    def work(self) -> Iterator[StillProgress]:
+        while self._left:
+            self._left, self.orbit.version = self._left - 1, self.orbit.version + 1
+            yield StillProgress(0.5, "moved objects")
+        self.orbit._left = N_STEPS
+
+    @property
+    def former_points(self) -> None:
+        return None
+
+
+def places_of(scene: Scene) -> str:
+    """Where the objects are."""
+    return hashlib.blake2b(scene.vertices.tobytes()).hexdigest()
 
 
 def assert_called_alike(stand_in: type, engine: type) -> None:
@@ -131,15 +178,21 @@ def assert_called_alike(stand_in: type, engine: type) -> None:
     shared = [name for name in shared if inspect.isfunction(getattr(engine, name, None))]
     assert {"__init__", "set_light", "set_layers", "work"} <= set(shared)
     for name in shared:
-        taken, expected = (list(inspect.signature(getattr(each, name)).parameters) for each in (stand_in, engine))
-        assert taken == expected, name
+        assert_called_alike_by(stand_in, engine, name)
+
+
+def assert_called_alike_by(stand_in: type, engine: type, name: str) -> None:
+    taken, expected = (list(inspect.signature(getattr(each, name)).parameters) for each in (stand_in, engine))
+    assert taken == expected, name
 
 
 def test_the_stand_in_is_called_as_the_engine_is() -> None:
     assert_called_alike(NamedOrbit, Orbit)
+    for name in ("__init__", "move", "work"):
+        assert_called_alike_by(NamedMovedOrbit, MovedOrbit, name)
 
 
-def expected_colour(editor: Editor) -> np.ndarray:
+def expected_colour(editor: Editor, source: str) -> np.ndarray:
     """That of the picture that the document and the view come to."""
     document: Document = editor.document
     view: ViewState = effective_view(editor.view, editor.document)
@@ -147,7 +200,9 @@ def expected_colour(editor: Editor) -> np.ndarray:
     layers, effort = wish.scene.layers, (wish.n_points, wish.n_coefficients)
     names = [state.name for state in document.objects]
     own = [said_of_layers([each.layer for each in layers if each.object == name]) for name in names]
-    return colour_of(editor.camera_history.camera, document.light.rotation, 1.0, own, effort, wish.n_bounces)
+    scene = load_scene(source)
+    seen = editor.camera_history.camera, document.light.rotation, sky_of(scene, wish.scene.light).scale
+    return colour_of(*seen, own, effort, wish.n_bounces, places_of(pose_scene(scene, document.poses)))
 
 
 CAMERAS = tuple(Camera(position=(0.3 * i, 1.0, 2.6), target=(0.0, 0.45, 0.0), fov_y=42.0) for i in range(1, 4))
@@ -231,6 +286,9 @@ COMMANDS: dict[str, Callable[[OrbitWalk], object]] = {
     "stop": lambda w: w.editor.cancel_work(),
     "bounces as planned": lambda w: w.editor.do(SetView.of(n_bounces=0)),
     "light once": lambda w: w.editor.do(SetView.of(n_bounces=1)),
+    **{f"move {i}": lambda w, x=x: w.editor.do(SetTransform("ball", (x, 0.1, 0.0))) for i, x in enumerate((-0.1, 0.2))},
+    "scale": lambda w: w.editor.do(SetTransform("ball", scale=(1.2, 0.9, 1.0))),
+    "put back": lambda w: w.editor.do(SetTransform("ball")),
     **plan_lines(points=(1000, 5000), coefficients=(80, 640)),
 }
 
@@ -245,6 +303,7 @@ def replace_camera(walk: OrbitWalk):  # type: ignore[no-untyped-def]
 @pytest.fixture
 def source(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     monkeypatch.setattr("engine.realtime.triple_product.orbit_engine.Orbit", NamedOrbit)
+    monkeypatch.setattr("engine.realtime.triple_product.moved_orbit.MovedOrbit", NamedMovedOrbit)
     return str(write_small_scene(tmp_path))
 
 
@@ -273,8 +332,9 @@ def test_the_last_picture_is_of_the_last_document_and_camera(source: str, tmp_pa
         walk.open()
         done = stroll(walk, random, 25)
         walk.until(lambda: is_whole(walk.editor))
-        assert walk.picture.shape == (*RESOLUTION[::-1], 3)
-        np.testing.assert_array_equal(walk.picture[0, 0], expected_colour(walk.editor), err_msg=str(done))
+        n_channels = 4 if walk.editor.document.background.hides_environment else 3
+        assert walk.picture.shape == (*RESOLUTION[::-1], n_channels)
+        np.testing.assert_array_equal(walk.picture[0, 0, :3], expected_colour(walk.editor, source), err_msg=str(done))
         assert [mode.name for mode in MODES] == ["placement", "orbit", "deform"]
     finally:
         walk.close()

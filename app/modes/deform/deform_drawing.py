@@ -84,7 +84,7 @@ class DeformDrawing(OrbitDrawing):
     # -------------------------------------------------------------------------------------------------- what is desired
 
     def desired_inputs(self, document: Document, view: ViewState) -> tuple[object, ...]:
-        return *super().desired_inputs(document, view), view.playing is None
+        return document, view.solo, view.settings, view.playing is None
 
     def desired_state(self, document: Document, view: ViewState) -> DesiredOrbit:
         self._deform_only = tuple(state.name for state in document.shown if state.surface.kind)

@@ -33,12 +33,13 @@ _MOST_PATIENCE = 64
 @dataclass(frozen=True)
 class DesiredOrbit:
     """All that pictures are drawn of, except the camera: equal values have equal pictures. The scene has only visible
-    layers."""
+    layers. poses: of its objects, where what is prepared depends on them."""
 
     scene: SceneState
     n_bounces: int
     n_points: int = 40_000
     n_coefficients: int = 320
+    poses: Poses = ()
 
     @classmethod
     def of(cls, document: Document, view: ViewState) -> DesiredOrbit:
@@ -72,11 +73,12 @@ class ShownPicture(NamedTuple):
 
 @dataclass(frozen=True)
 class ReadyState:
-    """How much the worker has ready of the request `prepared`: see `OrbitProgress`."""
+    """How much the worker has ready of the request `prepared`: see `OrbitProgress` and `OrbitPictureDrawn`."""
 
     prepared: int = 0
     version: int = 0
     is_done: bool = False
+    follows_move: bool = False
 
 
 @dataclass(frozen=True)

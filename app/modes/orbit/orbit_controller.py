@@ -47,6 +47,9 @@ from engine.render.picture_error import ErrorEstimate
 
 # How long a picture is to be on screen, whole, before its error is estimated.
 ERROR_IDLE_SECONDS = 0.3
+# While objects are moved.
+MOVE_NOTE = "indirect light as before the move"
+MOVE_HINT = "Direct light and shadows follow the objects, coarsely; all else when they rest."
 PLACEMENT_FOLLOWS = "Placement computes this view and fades in when it is ready."
 
 
@@ -210,9 +213,12 @@ class OrbitController(ModeController):
         drawing, shown, picture, estimate = self._drawing, self._pictures.shown, self._picture, self._estimate
         lacks = drawing.limitations if estimate is not None and estimate.is_large else ""
         note = "\n".join(filter(None, (lacks, PLACEMENT_FOLLOWS))) if picture == "refining" else ""
+        shown_move = shown is not None and shown.made_of.follows_move
+        follows_move = picture == "preview" and shown_move
         said = {
             "picture": picture,
-            "missing_note": note,
+            "missing_note": MOVE_NOTE if follows_move else note,
+            "missing_hint": MOVE_HINT if follows_move else "",
             "shown_by": drawing.title,
             "precomputed_mb": self._preparation.n_bytes / 1e6,
             "estimate": estimate,
@@ -358,7 +364,7 @@ class OrbitController(ModeController):
         drawn = self._pictures.receive(response)
         if drawn is None:
             return []
-        ready = ReadyState(response.prepared, response.version, response.is_done)
+        ready = ReadyState(response.prepared, response.version, response.is_done, response.follows_move)
         if (
             ready.version
             and ready.prepared == self._preparation.id

@@ -6,11 +6,13 @@ requests. Deform has another one (`app.modes.deform.deform_drawing`).
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import count
 
 from app.document.document import Document
 from app.document.history import History
 from app.document.light_state import LightState
+from app.document.timeline import visible_poses
 from app.document.view_state import ViewState
 from app.messages.picture_events import PictureEvent
 from app.messages.worker_messages import Request, Response
@@ -66,11 +68,11 @@ class OrbitDrawing:
 
     def desired_inputs(self, document: Document, view: ViewState) -> tuple[object, ...]:
         """All that the desired state is made of."""
-        return document, view.solo, view.settings
+        return document, view.solo, view.settings, view.playing
 
     def desired_state(self, document: Document, view: ViewState) -> DesiredOrbit:
         """The desired state: what pictures are to be drawn of."""
-        return DesiredOrbit.of(document, view)
+        return replace(DesiredOrbit.of(document, view), poses=visible_poses(document, view))
 
     def idle_state(
         self, desired: DesiredOrbit, content: PictureContent, camera: Camera, resolution: tuple[int, int], rests: bool
@@ -102,8 +104,9 @@ class OrbitDrawing:
     def preparation(self, desired: DesiredOrbit) -> Request:
         """The request to make ready what pictures are drawn of."""
         return PrepareOrbit(
-            desired.scene, desired.n_bounces, self._listener, self._most_bytes, desired.n_points, desired.n_coefficients
-        )
+            desired.scene, desired.n_bounces, self._listener, self._most_bytes, desired.n_points,
+            desired.n_coefficients, desired.poses,
+        )  # fmt: skip
 
     def headlight_request(self, camera: Camera, wanted: PictureRequest, desired: DesiredOrbit) -> Request:
         """The request for a picture of nothing that is prepared."""

@@ -27,7 +27,8 @@ class PrepareOrbit(Request):
     Answered by `OrbitProgress` whenever it changes pictures. n_bounces: reflections between light and camera; 0: as
     many as the engine takes. listener: the number of a window that draws moving pictures itself, to which all parts are
     exported before that by `OrbitPartExported`; a new number has received nothing; 0: nobody. most_bytes: of any one
-    array. n_points: beside the meshes' own; n_coefficients: of light stored at each.
+    array. n_points: beside the meshes' own; n_coefficients: of light stored at each. poses: of objects; where these are
+    not those of the traced view, but differ by transforms alone, what is ready follows them coarsely.
 
     Another camera cancels it, because tracing a camera goes before anything slow; what is ready stays.
     """
@@ -40,6 +41,7 @@ class PrepareOrbit(Request):
     most_bytes: int = 0
     n_points: int = 40_000
     n_coefficients: int = 320
+    poses: Poses = ()
 
 
 @dataclass(frozen=True)
@@ -130,11 +132,12 @@ class DrawnErrorEstimated(Response):
 @dataclass(frozen=True)
 class OrbitProgress(Response):
     """Pictures drawn now differ from those of a lower `version`; is_done: no further version follows; n_bytes: memory
-    held for them."""
+    held for them; follows_move: see `OrbitPictureDrawn`."""
 
     version: int
     is_done: bool
     n_bytes: int = 0
+    follows_move: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +156,8 @@ class OrbitNotReady(Response):
 class OrbitPictureDrawn(Response):
     """Linear radiance (H, W, 3), or with alpha (H, W, 4), without the light's intensity, and the seconds that drawing
     took; `prepared` is the number of the last `PrepareOrbit`, version and is_done are as in `OrbitProgress`;
-    animation_offsets: how far animations have moved whole objects in it, by name: x, y, z."""
+    animation_offsets: how far animations have moved whole objects in it, by name: x, y, z; follows_move: whether
+    objects were moved since it was prepared what pictures are drawn of, which follows coarsely and is not exported."""
 
     radiance: NDArray[np.float32]
     prepared: int
@@ -161,3 +165,4 @@ class OrbitPictureDrawn(Response):
     is_done: bool
     seconds: float
     animation_offsets: AnimationOffsets = ()
+    follows_move: bool = False

@@ -89,10 +89,16 @@ class PictureController:
     def drawn_in_window(self) -> WindowPicture | None:
         """What the window is to draw of what was exported; None where it is to show a picture of the worker's."""
         shown = self.shown
-        if not self._drawing.needs_no_request or shown is None or shown.quality != "moving" or shown.is_headlight:
+        if shown is None or not self._can_window_draw(shown):
             return None
         camera, n_coefficients = self._state.camera(shown.viewpoint), self._pace.n_coefficients
         return WindowPicture(camera, shown.resolution, n_coefficients, shown.transparent)
+
+    def _can_window_draw(self, picture: PictureRequest) -> bool:
+        """Whether the window draws a picture of what was exported. Objects that have moved since are not: their points
+        and the triangles between are most of what there is, and would be sent anew for each step of the movement."""
+        is_exported = not (picture.is_headlight or picture.made_of.follows_move)
+        return self._drawing.needs_no_request and picture.quality == "moving" and is_exported
 
     # ----------------------------------------------------------------------------------------------------------- events
 
@@ -135,7 +141,7 @@ class PictureController:
         reconciler.desire(now, wanted)
         if reconciler.is_met or reconciler.is_refused:
             return False
-        if self._drawing.needs_no_request and wanted.quality == "moving" and not wanted.is_headlight:
+        if self._can_window_draw(wanted):
             self._show_in_window(now, wanted)
             return True
         requested = reconciler.requested
@@ -218,7 +224,8 @@ class PictureController:
         if requested is None or response.id != requested.id or not self._reconciler.is_under_way:
             return None
         drawing = requested.desired
-        picture = replace(drawing, made_of=ReadyState(response.prepared, response.version, response.is_done))
+        made_of = ReadyState(response.prepared, response.version, response.is_done, response.follows_move)
+        picture = replace(drawing, made_of=made_of)
         self._reconciler.receive(response.id, picture)
         self._show(picture)
         self.seconds = response.seconds

@@ -71,7 +71,7 @@ class Preparation:
         """Note how much is ready; returns whether it is of the newest request."""
         if response.id != self.id:
             return False
-        self.note_ready(ReadyState(response.id, response.version, response.is_done))
+        self.note_ready(ReadyState(response.id, response.version, response.is_done, response.follows_move))
         self.n_bytes = response.n_bytes
         return True
 

@@ -5,7 +5,7 @@ edges; and the factors of maps there, filtered over each pixel as in Placement.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -57,10 +57,21 @@ class PointMesh:
             scene.object_of_triangle[points.source], scene.emission, scene.cones,
         )  # fmt: skip
 
+    @property
+    def caster(self) -> RayCaster:
+        """Intersects the triangles between the points."""
+        return self._caster
+
     def of(self, points: ShadingPoints) -> PointMesh:
         """The same surface with other points on its sides."""
         other = PointMesh(self._scene, points, self._caster)
         other._charts, other._raster = self._charts, self._raster
+        return other
+
+    def moved(self, scene: Scene, points: ShadingPoints, caster: RayCaster, objects: Collection[int]) -> PointMesh:
+        """The same surface with some objects, by index, elsewhere; caster: intersects its triangles there."""
+        other = PointMesh(scene, points, caster)
+        other._charts = {i: charts for i, charts in self._charts.items() if i not in objects}
         return other
 
     def sample_view(

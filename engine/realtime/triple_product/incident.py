@@ -20,7 +20,7 @@ brightest directions, the peaks, are split from the map as directional lights.
 from __future__ import annotations
 
 import math
-from collections.abc import Generator
+from collections.abc import Generator, Iterable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -124,6 +124,19 @@ def with_glossy_points(incident: Incident, new: NDArray[np.bool_], n_more: int =
         grown(stored.value, n_new), grown(stored.peak_place, n_new, -1), grown(stored.peak_power, n_new),
         grown(stored.irradiance_gradient, n_new),
     ))  # fmt: skip
+
+
+def copy_light(incident: Incident, which: NDArray[np.integer], other: Incident, theirs: NDArray[np.integer]) -> None:
+    """Write to points (N,) the light that others (N,) store; glossy points are so in both, with as many
+    coefficients."""
+    is_glossy = incident.slot[which] >= 0
+    slots, their_slots = incident.slot[which[is_glossy]], other.slot[theirs[is_glossy]]
+    arrays: Iterable[tuple[NDArray, NDArray]] = zip(incident.stored, other.stored, strict=True)  # type: ignore[arg-type]
+    for name, (mine, its) in zip(kernels.StoredLight._fields, arrays, strict=True):
+        if name in ("irradiance", "peak_bits"):
+            mine[which] = its[theirs]
+        else:
+            mine[slots] = its[their_slots]
 
 
 def light_points(

@@ -18,6 +18,7 @@ from engine.realtime.triple_product.incident import (
     Incident,
     SceneEmitters,
     SkyMap,
+    copy_light,
     empty_incident,
     evenly_lit,
     light_points,
@@ -104,10 +105,15 @@ class LitPoints:
         found = np.flatnonzero(wanted & self.seen)[:n]
         return found if len(found) else np.flatnonzero(wanted)[:n]
 
-    def light(self, which: NDArray[np.int64], sky: SkyMap, emitters: SceneEmitters | None, is_coarse: bool) -> None:
+    def light(
+        self, which: NDArray[np.int64], sky: SkyMap, emitters: SceneEmitters | None, is_coarse: bool,
+        asks_peaks: bool = False,
+    ) -> None:  # fmt: skip
+        """Light points by what reaches their object; asks_peaks: by rays of their own in coarse light as well."""
         self._forget_gloss()
         traced = which[self.traced[which]]
-        peaks = None if is_coarse else visible_peaks(self.points, self.caster, sky, traced)
+        asks_peaks |= not is_coarse
+        peaks = visible_peaks(self.points, self.caster, sky, traced) if asks_peaks else None
         first = traced[~self.shadowed[traced] & (self.state[traced] != UNLIT)]
         unshaded, i_object = self.incident.irradiance[first], self.points.i_object[first]
         light_points(self.points, self.bits, sky, self.incident, emitters, which, is_coarse, peaks)
@@ -119,12 +125,27 @@ class LitPoints:
         self.known[which] = self.not_exported[which] = True
         self.shadowed[which] = self.traced[which]
 
+    def keep_light(self, which: NDArray[np.int64], other: LitPoints, theirs: NDArray[np.int64]) -> None:
+        """Take over the exact light of other points: that of theirs (N,) at which (N,)."""
+        same = (self.incident.slot[which] >= 0) == (other.incident.slot[theirs] >= 0)
+        if self.incident.stored.number.shape[1] != other.incident.stored.number.shape[1]:
+            same &= self.incident.slot[which] < 0
+        which, theirs = which[same], theirs[same]
+        copy_light(self.incident, which, other.incident, theirs)
+        self.state[which] = EXACTLY
+        self.known[which] = self.not_exported[which] = self.shadowed[which] = True
+
     def trace(self, which: NDArray[np.int64], patches: tuple[EmitterPatches, NDArray[np.intp]] | None) -> None:
         trace_hemispheres(self.points, self.caster, which, self.bits)
         if patches is not None:
             trace_patches(self.points, self.caster, patches[0], which, self.patch_bits)
         self.traced[which], self.state[which] = True, np.minimum(self.state[which], COARSELY)
         self.n_traced += len(which)
+
+    def move(self, scene: Scene, caster: RayCaster, points: ShadingPoints, mesh: PointMesh) -> None:
+        """Take over a scene in which some objects stand elsewhere, and their points with them. What points see, and
+        their light, stays as it is."""
+        self._scene, self.caster, self.points, self.mesh = scene, caster, points, mesh
 
     def restore(self, bits: Bits, patch_bits: Bits, backs: list[int], is_glossy: NDArray[np.bool_]) -> None:
         """Restore stored visibility; has no effect if it belongs to other points."""

@@ -26,7 +26,7 @@ from engine.core.errors import InsituError
 from engine.core.generators import StepRunner, run_to_end
 from engine.core.stored_arrays import ArrayReader, Arrays
 from engine.core.threads import n_threads
-from engine.light.emitters import EmitterPatches, emitter_patches, merged_by_object
+from engine.light.emitters import EmitterPatches
 from engine.material.bumps import Bumps
 from engine.material.layer import FRAMES
 from engine.precompute.direct.linking import object_groups, sky_numbers
@@ -35,14 +35,15 @@ from engine.realtime.core.shading_points import ShadingPoints, place_points, wit
 from engine.realtime.core.terms import LayersOf
 from engine.realtime.core.view_samples import ViewSamples, assemble_picture
 from engine.realtime.triple_product.incident import ReachingLight, SceneEmitters, SkyMap, make_sky
+from engine.realtime.triple_product.kept_points import FormerPoints, keep_points
 from engine.realtime.triple_product.lit_points import EXACTLY, GLOSSILY, UNLIT, LitPoints
 from engine.realtime.triple_product.reflections import Reflections
+from engine.realtime.triple_product.scene_patches import ScenePatches, scene_patches
 from engine.realtime.triple_product.view_radiance import N_MOVING, Quality, view_radiance
 from engine.realtime.triple_product.visibility import N_UPPER, Bits, deflate_bits, find_enclosed, inflate_bits
 from engine.render.still import StillProgress
 from engine.scene.cutouts import scene_caster
 from engine.scene.description import CameraDescription
-from engine.scene.emission_textures import emitting_triangles_of
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene
 
@@ -73,21 +74,23 @@ class Orbit:
     def __init__(
         self, scene: Scene, caster: RayCaster | None = None, n_points: int = N_POINTS,
         n_coefficients: int = N_COEFFICIENTS, n_patches: int = N_PATCHES, most_bytes: int = MOST_BYTES,
-        most_slice_bytes: int = MOST_SLICE_BYTES,
+        most_slice_bytes: int = MOST_SLICE_BYTES, former: FormerPoints | None = None,
     ) -> None:  # fmt: skip
         """caster: intersects the scene's triangles, made here if None; n_points: in addition to the meshes' vertices;
         n_coefficients: of light at each point, 20 to 5,120; n_patches: of all emitters together; most_bytes: limit for
-        the points' data, most_slice_bytes: limit for the layers' slices, see `notes`."""
+        the points' data, most_slice_bytes: limit for the layers' slices, see `notes`; former: points of the same scene
+        with objects at other places, of which those are taken over that this does not concern."""
         self.scene = scene
         self.version = 0
         self._notes: tuple[str, ...] = ()
         self._caster = caster or scene_caster(scene)
         self._n_points, self._n_coefficients, self._n_patches = n_points, n_coefficients, n_patches
         self._most_bytes = most_bytes
-        self._placing: StepRunner[ShadingPoints] | None = None
+        self._placing: StepRunner[LitPoints] | None = None
+        self._former = former
         self._lit: LitPoints | None = None
         self._restored: tuple[Bits, Bits, list[int]] | None = None
-        self._patches = _emitters(scene, n_patches)
+        self._patches = scene_patches(scene, n_patches)
         self._n_bounces = scene.description.bounces or N_BOUNCES
         self._light, self._sky = SkyState(None), make_sky(None, 0.0)
         self._linked: list[SkyMap] = []
@@ -180,7 +183,22 @@ class Orbit:
                 self._lit.add_gloss(self._are_glossy)
             self._reset_bounces()
 
+    def move(self, scene: Scene, caster: RayCaster, patches: ScenePatches | None) -> None:
+        """Take over the scene with some objects elsewhere, whose points were moved (`moved_orbit`)."""
+        self.scene, self._caster, self._patches = scene, caster, patches
+        self.version += 1
+
     # ----------------------------------------------------------------------------------------- inputs of a picture
+
+    @property
+    def caster(self) -> RayCaster:
+        """Intersects the scene's triangles."""
+        return self._caster
+
+    @property
+    def patches(self) -> ScenePatches | None:
+        """The patches of all that may emit, with the radiance of emission 1, and the object of each."""
+        return self._patches
 
     @property
     def lit(self) -> LitPoints | None:
@@ -227,6 +245,14 @@ class Orbit:
         return self._lit is not None and bool(self._lit.known[self._lit.seen].all())
 
     @property
+    def is_shadowed(self) -> bool:
+        """Whether all visible points have been lit with their shadows, and indirectly."""
+        lit = self._lit
+        if lit is None or not lit.behind.issubset(lit.with_backs) or not (lit.traced & lit.shadowed)[lit.seen].all():
+            return False
+        return self._n_bounces == 1 or lit.is_bounced > UNLIT
+
+    @property
     def is_done(self) -> bool:
         """Whether no work is left."""
         lit = self._lit
@@ -266,7 +292,7 @@ class Orbit:
             self._reset_bounces()
             return "reflection"
         if len(which := lit.next_points(lit.state == UNLIT, _COARSE * n_threads())):
-            self._light_points(lit, which, is_coarse=True)
+            self.light_points(lit, which, is_coarse=True)
             lit.is_bounced = UNLIT
             return "light"
         if not self._reflections.is_done:
@@ -281,7 +307,7 @@ class Orbit:
         ripe = lit.traced & (lit.state != EXACTLY)
         if len(which := lit.next_points(ripe & lit.shadowed if waits else ripe, _FINE * n_threads())):
             was_outdated = lit.is_outdated
-            self._light_points(lit, which, is_coarse=False)
+            self.light_points(lit, which, is_coarse=False)
             if was_outdated and not lit.is_outdated:
                 self._bounce(lit)
             return "light"
@@ -344,7 +370,7 @@ class Orbit:
         # Points without any light, because the camera jumped or back faces came into view, would be black: light them
         # now.
         while len(which := np.flatnonzero(lit.seen & ~lit.known)[: _COARSE * n_threads()]):
-            self._light_points(lit, which, is_coarse=True)
+            self.light_points(lit, which, is_coarse=True)
             yield StillProgress(0.0, "light")
         what = lit, self._reflections, self.scene, self._reaching(lit)
         radiance = yield from view_radiance(seen, *what, self._n_bounces, quality, n_moving)
@@ -374,10 +400,16 @@ class Orbit:
         """Do one piece of placing points."""
         if self._placing is None:
             self._check_memory(self._n_least())  # do not search for minutes only to find more of them
-            self._placing = StepRunner(self._points(self._n_points))
+            self._placing = StepRunner(self._placed())
         if not self._placing.advance():
             return
-        points, self._placing = self._placing.result, None
+        self._lit, self._placing, self._former = self._placing.result, None, None
+        self.prioritize_view(self.scene.description.camera)
+        self.version += 1
+
+    def _placed(self) -> Generator[None, None, LitPoints]:
+        """The points, with what is known of them from before."""
+        points = yield from self._points(self._n_points)
         n = self._within_memory(len(points))
         if n < self._n_coefficients and self._n_points:
             points = run_to_end(self._points(0))
@@ -386,12 +418,13 @@ class Orbit:
         if n < self._n_coefficients:
             self._notes = (f"{n} coefficients of light a point instead of {self._n_coefficients}, for want of memory",)
         n_patches = 0 if self._patches is None else len(self._patches[0])
-        self._lit = LitPoints(self.scene, self._caster, points, n, n_patches, self._are_glossy)
+        lit = LitPoints(self.scene, self._caster, points, n, n_patches, self._are_glossy)
         if self._restored is not None:
-            self._lit.restore(*self._restored, self._are_glossy)
+            lit.restore(*self._restored, self._are_glossy)
             self._restored = None
-        self.prioritize_view(self.scene.description.camera)
-        self.version += 1
+        elif self._former is not None:
+            yield from keep_points(lit, self.scene, self._former, self._light, self._shining_patches)
+        return lit
 
     def _points(self, n_points: int) -> Generator[None, None, ShadingPoints]:
         points = yield from place_points(self.scene, self._caster, n_points)
@@ -443,11 +476,11 @@ class Orbit:
                 f"{self._most_bytes / 2**20:.0f} MiB; expected fewer, or a simpler mesh"
             )
 
-    def _light_points(self, lit: LitPoints, which: NDArray[np.int64], is_coarse: bool) -> None:
-        """Light some points, each by what reaches its object."""
+    def light_points(self, lit: LitPoints, which: NDArray[np.int64], is_coarse: bool, asks_peaks: bool = False) -> None:
+        """Light some points, each by what reaches its object; asks_peaks: see `LitPoints.light`."""
         for each in self._reaching(lit):
             if len(mine := which[each.objects[lit.points.i_object[which]]]):
-                lit.light(mine, each.sky, each.emitters, is_coarse)
+                lit.light(mine, each.sky, each.emitters, is_coarse, asks_peaks)
 
     def _reaching(self, lit: LitPoints) -> list[ReachingLight]:
         """What reaches each group of objects."""
@@ -456,6 +489,23 @@ class Orbit:
             ReachingLight(objects, skies.get(id(sky), self._sky), self._scene_emitters(lit, emitters))
             for objects, sky, emitters in object_groups(self._light, len(self.scene.emission))
         ]
+
+    def former_points(
+        self, scene: Scene, caster: RayCaster, is_sound: NDArray[np.bool_], is_lit: NDArray[np.bool_]
+    ) -> FormerPoints:
+        """What another Orbit, for other places of objects, can take over of this one; scene, caster: that its points
+        were made for; is_sound, is_lit (S,): see `FormerPoints`. Raises ValueError before there are points."""
+        if self._lit is None:
+            raise ValueError("no points are known yet: expected some steps of work before")
+        return FormerPoints(scene, caster, self._lit, is_sound, is_lit, self._light, self._shining_patches)
+
+    @property
+    def _shining_patches(self) -> EmitterPatches | None:
+        """The emitters' patches with their radiance; None where nothing emits."""
+        if self._patches is None:
+            return None
+        patches, owner = self._patches
+        return replace(patches, radiance=self.scene.emission[owner] * patches.radiance)
 
     def _scene_emitters(self, lit: LitPoints, reaching: NDArray[np.bool_]) -> SceneEmitters | None:
         if self._patches is None:
@@ -467,20 +517,3 @@ class Orbit:
 
 def _sky_map(sky: SkyState) -> SkyMap:
     return make_sky(sky.environment, sky.rotation, sky.scale)
-
-
-def _emitters(scene: Scene, n_patches: int) -> tuple[EmitterPatches, NDArray[np.intp]] | None:
-    """Split everything that may ever emit into about n_patches patches, whose radiance is that of emission 1; also
-    return each patch's object. None if nothing may emit."""
-    if not scene.emitters.any():
-        return None
-    white = replace(scene, emission=np.ones_like(scene.emission))
-    emitting = emitting_triangles_of(white)
-    objects = scene.object_of_triangle[emitting.triangle]
-    merged, owners = merged_by_object(emitting.corners, emitting.radiance, objects, n_patches)
-    number = np.repeat(np.arange(1.0, len(owners) + 1.0)[:, None], 3, axis=1)  # carry the triangle's in the radiance
-    patches = emitter_patches(merged.corners, number, n_patches, scene.cones[owners])
-    root = np.rint(patches.radiance[:, 0]).astype(np.intp) - 1
-    varying = emitting.radiance_of_parts(merged)
-    radiance = merged.radiance[root] if varying is None else varying(patches.corners.astype(np.float64), root)
-    return replace(patches, radiance=radiance.astype(np.float32)), owners[root].astype(np.intp)

@@ -53,6 +53,16 @@ def upper_triangles() -> NDArray[np.int32]:
     return above
 
 
+def upper_directions() -> NDArray[np.float32]:
+    """Unit directions (2560, 3) to the middles of the upper triangles."""
+    return _tables()[0]
+
+
+def finest_directions() -> NDArray[np.float32]:
+    """Unit directions (10240, 3) to the middles of their children, four consecutive ones for each."""
+    return _tables()[1]
+
+
 def trace_hemispheres(points: ShadingPoints, caster: RayCaster, which: NDArray[np.integer], bits: Bits) -> None:
     """Fill the bits (S, 1280) of points (N,); caster: intersects the scene's triangles.
 
@@ -63,6 +73,21 @@ def trace_hemispheres(points: ShadingPoints, caster: RayCaster, which: NDArray[n
 
     def part(start: int) -> None:
         _trace_batch(points, caster, requested[start : start + _CHUNK], bits)
+
+    on_threads(part, range(0, len(requested), _CHUNK))
+
+
+def trace_coarsely(points: ShadingPoints, caster: RayCaster, which: NDArray[np.integer], bits: Bits) -> None:
+    """As `trace_hemispheres`, by the first 640 rays alone: each stands for its triangle of level 3."""
+    requested, way4 = np.asarray(which, np.int64), _tables()[0]
+
+    def part(start: int) -> None:
+        some = requested[start : start + _CHUNK]
+        origins, directions = np.empty((2, len(some) * N_UPPER // 4, 3), np.float32)
+        kernels.first_rays(some, points.lifted, points.frames, way4, origins, directions)
+        middle, none = ~caster.occluded(origins, directions).reshape(len(some), -1), np.zeros(0, bool)
+        free = np.repeat(middle, 4, axis=1)
+        kernels.pack(free, np.zeros_like(free), none, some, bits)
 
     on_threads(part, range(0, len(requested), _CHUNK))
 

@@ -118,6 +118,24 @@ def transform_of(row: Motion) -> Transform | None:
     return next((each for each in row if isinstance(each, Transform)), None)
 
 
+def movements_between(scene: Scene, before: Poses, after: Poses) -> dict[int, Float64Array] | None:
+    """The affine movements (4, 4) of objects, by index, from some poses to others, which differ by transforms alone;
+    None where they differ in more. scene: as in its file."""
+    names = scene.object_names
+    was, now = ({scene.object_index(name): row for name, row in poses if name in names} for poses in (before, after))
+    found = dict[int, Float64Array]()
+    for i in was.keys() | now.keys():
+        rows = was.get(i, ()), now.get(i, ())
+        shapes = [tuple(each for each in row if not isinstance(each, Transform)) for row in rows]
+        if shapes[0] != shapes[1]:
+            return None
+        if rows[0] != rows[1] and np.ptp(scene.triangle_ranges[i]):
+            pivot, steps = resting_box(scene, i).mean(axis=0), [transform_of(row) for row in rows]
+            first, last = (np.eye(4) if step is None else step.matrix(pivot) for step in steps)
+            found[i] = last @ np.linalg.inv(first)
+    return found
+
+
 def deformers(row: Motion) -> list[Deformation]:
     """The deformers of a motion alone."""
     return [each for each in row if isinstance(each, Deformation)]
