@@ -100,7 +100,7 @@ class CompositionController:
         if self.is_waiting and not was_waiting:
             self._close()
         number = tracing.requested_id
-        has_moved = tracing.update(now, view)
+        has_moved = tracing.update(now, view, host.history.dragging and host.controller.follows_objects)
         if tracing.requested_id != number:
             host.controller.view_requested()
         if composition == tracing.requested_composition:

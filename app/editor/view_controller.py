@@ -17,6 +17,7 @@ from engine.material.opacity import OpacityByObject
 from engine.realtime.zonal_harmonics.pose import Poses
 from engine.scene.composition import Composition
 from engine.scene.picture_frame import PictureFrame
+from engine.scene.transform import Transform
 
 REST_SECONDS = 0.25
 
@@ -94,12 +95,14 @@ class ViewController:
         request = SetCamera(scene, *look, poses, bumps, n_edge_rays, opacities, composition)
         self._reconciler.sent(now, self._send(request), view)
 
-    def update(self, now: float, view: TracedView) -> bool:
+    def update(self, now: float, view: TracedView, follows_drag: bool = False) -> bool:
         """Request another view of the open scene once it is idle; once a frame. Returns whether `is_away` changed. now:
-        seconds of a steady clock."""
+        seconds of a steady clock; follows_drag: whether objects are being dragged, and the picture follows them."""
         reconciler, view = self._reconciler, view._replace(scene=self.scene)
         reconciler.desire(now, view)
-        if reconciler.action(now) == "request":
+        # To trace it at each pause of the hand would keep the worker from following.
+        waits = follows_drag and _without_transforms(view) == _without_transforms(self._traced)
+        if reconciler.action(now, not waits) == "request":
             self.request_view(view, now)
         was_away, self.is_away = self.is_away, view != self._traced or reconciler.is_under_way
         return was_away != self.is_away
@@ -143,6 +146,12 @@ class ViewController:
         if requested is None or not self._reconciler.fail(requested.id):
             return None
         return requested.desired.viewpoint
+
+
+def _without_transforms(view: TracedView) -> TracedView:
+    """The view with objects where their deformers and animations have them."""
+    rows = ((name, tuple(each for each in row if not isinstance(each, Transform))) for name, row in view.poses)
+    return view._replace(poses=tuple((name, row) for name, row in rows if row))
 
 
 def describe_empty_frame(frame: PictureFrame) -> str:

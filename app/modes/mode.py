@@ -157,6 +157,11 @@ class ModeController(Protocol):
         """Whether the worker is computing the picture."""
         return False
 
+    @property
+    def follows_objects(self) -> bool:
+        """Whether pictures show objects where they are dragged to, before the view is traced."""
+        return False
+
     def cancelled(self) -> None:
         """The user stopped the work; what has come stays."""
 

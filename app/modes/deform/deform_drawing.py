@@ -55,6 +55,7 @@ class DeformDrawing(OrbitDrawing):
     """What Deform draws. Where the window draws moving pictures itself, each is still requested: it is drawn of the
     lobes and the pose that are exported for it."""
 
+    follows_objects = False  # it poses them itself
     title, limitations = "Deform", "Sharp highlights are softer here; the Accuracy panel shows by how much."
     prepares, draws, estimates = PrepareDeform, DrawDeform, EstimateDeform
 

@@ -207,6 +207,10 @@ class OrbitController(ModeController):
         is_preparing = self._preparation.is_running or self._awaits_more and not self._is_stopped
         return is_preparing or self._handover.is_active and self.placement.is_running
 
+    @property
+    def follows_objects(self) -> bool:
+        return self._drawing.follows_objects and self._preparation.ready.version > 0
+
     def status(self, status: Status) -> Status:
         if self._handover.is_shown:
             return replace(self.placement.status(status), shown_by="Placement")

@@ -38,10 +38,11 @@ _listeners = count(1)
 
 
 class OrbitDrawing:
-    """What Orbit draws. title: of the mode; limitations: what its pictures lack; prepares, draws, estimates: the kinds
+    """What Orbit draws. title: of the mode; limitations: what its pictures lack; follows_objects: whether
+    what is prepared follows objects that are dragged; prepares, draws, estimates: the kinds
     of its requests."""
 
-    title, limitations = "Orbit", LACKS
+    title, limitations, follows_objects = "Orbit", LACKS, True
     prepares: type[Request] = PrepareOrbit
     draws: type[Request] = DrawOrbit
     estimates: type[EstimateDrawn] = EstimateOrbit
