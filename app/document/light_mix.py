@@ -3,18 +3,16 @@ objects that it does not light: those that its row or its group excludes."""
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache
 
 from app.document.document import Document
 from app.document.light_state import (
-    ENVIRONMENT_KEY,
-    PLAIN_ROW,
     RGB,
     LightState,
     MixRow,
-    group_key,
     painted_key,
     scaled,
     sun_key,
@@ -36,12 +34,10 @@ def gains_of(document: Document) -> Mapping[str, RGB]:
 def exclusions_of(document: Document) -> dict[str, tuple[str, ...]]:
     """The names of the objects that each light does not light, by its key; sorted."""
     light, names = document.light, {state.name for state in document.objects}
-    edited = dict(light.mix)
     found = {}
     for key in lights_of(document):
-        row = edited.get(key, PLAIN_ROW)
-        of_group = edited.get(group_key(row.group), PLAIN_ROW).excludes if row.group else ()
-        found[key] = tuple(sorted(names & {*row.excludes, *of_group}))
+        rows = (light.row(key), *light.rows_over(key))
+        found[key] = tuple(sorted(names & {name for row in rows for name in row.excludes}))
     return found
 
 
@@ -56,8 +52,8 @@ def emission_of(document: Document) -> tuple[tuple[str, RGB], ...]:
 
 def mixed_light(document: Document) -> LightState:
     """The distant light of the mix: suns have their irradiance in it, painted lights their gain, and the mix is no more
-    than the environment's gain, as a colour, and what each light excludes, emitters too. Equal ones light equally. A
-    painted light that is switched off covers nothing; one that is not solo does."""
+    than the gain of the environment or of each of its sides, as a colour, and what each light excludes, emitters too.
+    Equal ones light equally. A painted light that is switched off covers nothing; one that is not solo does."""
     light = document.light
     if not light.mix:
         return light
@@ -70,13 +66,12 @@ def mixed_light(document: Document) -> LightState:
     mixed = replace(light, new_suns=None if suns == light.own_suns else suns, mix=(), painted=painted)
     there = (*mixed.keys, *_emitters(document))
     rows = {key: MixRow(excludes=names) for key, names in exclusions_of(document).items() if key in there}
-    return mixed.with_rows(rows | {ENVIRONMENT_KEY: replace(rows[ENVIRONMENT_KEY], colour=gains[ENVIRONMENT_KEY])})
+    return mixed.with_rows(rows | {key: replace(rows[key], colour=gains[key]) for key in light.environment_keys})
 
 
 def _is_off(light: LightState, key: str) -> bool:
     """Whether a light or its group is switched off."""
-    row = light.row(key)
-    return not (row.on and (not row.group or light.row(group_key(row.group)).on))
+    return not all(row.on for row in (light.row(key), *light.rows_over(key)))
 
 
 def _emitters(document: Document) -> tuple[str, ...]:
@@ -85,8 +80,12 @@ def _emitters(document: Document) -> tuple[str, ...]:
 
 @lru_cache(maxsize=16)  # asked several times a frame
 def _gains(light: LightState, emitters: tuple[str, ...]) -> Mapping[str, RGB]:
-    edited = dict(light.mix)
-    rows = {key: edited.get(key, PLAIN_ROW) for key in (*light.keys, *emitters)}
-    groups = {key: edited.get(group_key(row.group), PLAIN_ROW) if row.group else PLAIN_ROW for key, row in rows.items()}
-    solo = {key for key, row in rows.items() if row.solo or groups[key].solo}
-    return {key: scaled(row.gain, groups[key].gain) if key in solo or not solo else BLACK for key, row in rows.items()}
+    rows = {key: (light.row(key), *light.rows_over(key)) for key in (*light.keys, *emitters)}
+    solo = {key for key, of_key in rows.items() if any(row.solo for row in of_key)}
+    # Of sides that are solo, the environment's own row does not bring in the others.
+    sides = {key for key in light.environment_keys if light.row(key).solo}
+    solo -= set(light.environment_keys) - sides if sides else set()
+    return {
+        key: functools.reduce(scaled, (row.gain for row in of_key)) if key in solo or not solo else BLACK
+        for key, of_key in rows.items()
+    }

@@ -23,6 +23,7 @@ from engine.core.blackbody import blackbody_colour
 from engine.light.map_changes import MapChange
 from engine.light.painted_lights import PaintedLight
 from engine.light.probe_mappings import Mapping
+from engine.light.sides import SIDES
 from engine.light.suns import Sun
 
 RGB = tuple[float, float, float]
@@ -31,7 +32,7 @@ SCENE_ENVIRONMENT = "scene"
 CONSTANT_ENVIRONMENT = "constant"
 ENVIRONMENT_KEY = "light.environment"
 # What no sun is called: their keys begin as those of suns do.
-NO_SUNS = ("environment", "groups", "painted")
+NO_SUNS = ("environment", "groups", "painted", "sides")
 MIX_FIELDS = ("on", "solo", "strength", "colour", "kelvin", "group", "excludes")
 
 
@@ -74,6 +75,11 @@ def sun_key(name: str) -> str:
     return f"light.{name}"
 
 
+def side_key(name: str) -> str:
+    """The key of the row of one of the environment's sides (`engine.light.sides`)."""
+    return f"light.sides.{name}"
+
+
 def painted_key(name: str) -> str:
     """The key of a painted light's row."""
     return f"light.painted.{name}"
@@ -107,7 +113,8 @@ class LightState:
 
     ``painted`` are lights that are painted onto the environment, the first one at the bottom. ``tilt`` in degrees
     raises what is in its middle, painted lights and suns with it, before it is rotated. ``hue`` (degrees),
-    ``contrast`` and ``clamp`` (0: none) change the map alone (`engine.light.map_changes`).
+    ``contrast`` and ``clamp`` (0: none) change the map alone (`engine.light.map_changes`). ``sides``: whether the map
+    is split into six lights, which the environment's row multiplies like that of a group.
     """
 
     environment: str = SCENE_ENVIRONMENT
@@ -123,6 +130,7 @@ class LightState:
     hue: float = 0.0
     contrast: float = 1.0
     clamp: float = 0.0
+    sides: bool = False
 
     def has_sky(self, of_scene: bool) -> bool:
         """Whether an environment lights the scene. of_scene: whether its file has one."""
@@ -177,9 +185,21 @@ class LightState:
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """The keys of the rows of the environment, the suns and the painted lights."""
+        """The keys of the rows of all lights: the environment or its sides, the suns and the painted lights."""
         suns, painted = (sun_key(each.name) for each in self.suns), (painted_key(each.name) for each in self.painted)
-        return ENVIRONMENT_KEY, *suns, *painted
+        return *self.environment_keys, *suns, *painted
+
+    @property
+    def environment_keys(self) -> tuple[str, ...]:
+        """The keys of the environment's rows that are lights: its own, or those of its sides."""
+        return tuple(map(side_key, SIDES)) if self.sides else (ENVIRONMENT_KEY,)
+
+    def rows_over(self, key: str) -> tuple[MixRow, ...]:
+        """The rows that multiply a light's: its group's, and of a side those of the environment and its group."""
+        group = self.row(key).group
+        found = (self.row(group_key(group)),) if group else ()
+        is_side = self.sides and key in self.environment_keys
+        return (*found, self.row(ENVIRONMENT_KEY), *self.rows_over(ENVIRONMENT_KEY)) if is_side else found
 
     @property
     def groups(self) -> tuple[str, ...]:

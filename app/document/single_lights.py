@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 from app.document.light_state import (
     CONSTANT_ENVIRONMENT,
-    ENVIRONMENT_KEY,
     RGB,
     LightState,
     MixRow,
@@ -52,10 +51,16 @@ def light_weights(light: LightState, emission: Emission) -> dict[SingleLight, RG
         only = replace(_DARK, rotation=light.rotation, tilt=light.tilt, painted=(white, *over))
         painted[SingleLight(alone(painted_key(each.name), only))] = weight
     over = tuple(cover for cover in covers if cover is not None)
-    environment = SingleLight(alone(ENVIRONMENT_KEY, replace(light, own_suns=(), new_suns=None, painted=over)))
+    whole = replace(light, own_suns=(), new_suns=None, painted=over)
+    environment = {}
+    for key in light.environment_keys:
+        only = alone(key, whole)
+        others = (each for each in light.environment_keys if each != key)
+        only = only.with_rows({**dict(only.mix), **{each: MixRow(on=False) for each in others}})
+        environment[SingleLight(only)] = light.row(key).gain
     suns = {}
     for own in light.suns:
         sun = replace(_DARK, rotation=light.rotation, tilt=light.tilt, new_suns=(own._replace(irradiance=WHITE),))
         suns[SingleLight(alone(sun_key(own.name), sun))] = own.irradiance
     emitters = {SingleLight(alone(name, _DARK), name): radiance for name, radiance in emission}
-    return {environment: light.row(ENVIRONMENT_KEY).gain, **suns, **painted, **emitters}
+    return {**environment, **suns, **painted, **emitters}

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from app.document.document import Document, ObjectState, all_factors, layer_key, split_layer, split_object, unknown
-from app.document.light_state import MIX_FIELDS, group_key
+from app.document.light_state import ENVIRONMENT_KEY, MIX_FIELDS, group_key
 from app.document.painted_parameters import FILE, parameters_of
 from engine.material.bumps import bump_fields
 from engine.material.map_tables import map_fields
@@ -57,7 +57,8 @@ LOOK = "look"
 MAP_SUFFIX = "_map"  # of the path to the map of a parameter: "teapot.1.alpha_map"
 BACKGROUND, BACKGROUND_COLOUR = "background", "background_colour"
 MAP_FIELDS = ("tilt", "hue", "contrast", "clamp")
-LIGHT_FIELDS = ("rotation", "intensity", "environment", "mapping", *MAP_FIELDS, BACKGROUND, BACKGROUND_COLOUR)
+SIDES = "sides"
+LIGHT_FIELDS = ("rotation", "intensity", "environment", "mapping", SIDES, *MAP_FIELDS, BACKGROUND, BACKGROUND_COLOUR)
 # Of painted lights beside their parameters: place in the list, and what makes another one or deletes it.
 PAINTED, PLACE = "painted", "position"
 SUN_FIELDS = ("direction", "azimuth", "elevation", "irradiance", "diameter")
@@ -82,7 +83,8 @@ def resolve(document: Document, path: str) -> Target:
     if last in fields:
         return Target("painted", painted, name=last)
     key, _, _ = path.rpartition(".")
-    keys = (*document.light.keys, *map(group_key, document.light.groups))
+    light = document.light
+    keys = tuple(dict.fromkeys((ENVIRONMENT_KEY, *light.keys, *map(group_key, light.groups))))
     if last in MIX_FIELDS and key in keys:
         return Target("mix", key, name=last)
     if head == "light" and all(state.name != "light" for state in document.objects):

@@ -258,6 +258,7 @@ class LightRecord(StrictModel):
     hue: Number = 0.0
     contrast: Number = 1.0
     clamp: Number = 0.0
+    sides: Flag = False
     painted: Annotated[tuple[PaintedRecord, ...], Field(max_length=MAX_PAINTED)] = ()
 
     @field_validator("painted")

@@ -312,6 +312,7 @@ def _light_values(light: LightState, folder: Path | None) -> dict[str, Any]:
     values["deleted_suns"] = light.deleted_suns or None
     values["painted"] = [_painted_values(each, folder) for each in light.painted] or None
     values |= {name: None for name, each in MAP_PARAMETERS.items() if values[name] == each.default}
+    values["sides"] = light.sides or None
     values["mix"] = [{"light": key, **_changed(row)} for key, row in light.mix] or None
     return values
 
@@ -403,7 +404,7 @@ def _light(file: str, folder: Path | None, saved: LightRecord) -> LightState:
             *(Sun((0.0, 1.0, 0.0), (0.0, 0.0, 0.0), name=name) for name in saved.deleted_suns),
         ),
         new_suns=None if saved.suns is None else tuple(each.sun for each in saved.suns),
-        tilt=saved.tilt, hue=saved.hue, contrast=saved.contrast, clamp=saved.clamp,
+        tilt=saved.tilt, hue=saved.hue, contrast=saved.contrast, clamp=saved.clamp, sides=saved.sides,
         painted=tuple(_with_full_file(each.painted, folder) for each in saved.painted),
     )  # fmt: skip
     return check_light(light.with_rows({each.light: each.row for each in saved.mix}), file)

@@ -25,7 +25,7 @@ from app.document.commands.painted import AddPainted, place_of
 from app.document.commands.suns import angles_of, sun_named
 from app.document.document import Document, all_factors
 from app.document.history import History
-from app.document.light_state import MIX_FIELDS, group_key, group_of, sun_key
+from app.document.light_state import ENVIRONMENT_KEY, MIX_FIELDS, group_key, group_of, sun_key
 from app.document.linked_curves import linked_keys
 from app.document.painted_parameters import FILE
 from app.document.targets import (
@@ -221,7 +221,8 @@ class LightNode(Node):
 
     def __iter__(self) -> Iterator[str]:
         light = self._editing.document.light
-        return iter([key.removeprefix("light.") for key in (*light.keys, *map(group_key, light.groups))])
+        keys = dict.fromkeys((ENVIRONMENT_KEY, *light.keys, *map(group_key, light.groups)))
+        return iter([key.removeprefix("light.") for key in keys])
 
     def _names(self) -> Sequence[str]:
         return LIGHT_FIELDS

@@ -13,6 +13,7 @@ from app.document.light_state import (
     SCENE_ENVIRONMENT,
     LightState,
     painted_key,
+    side_key,
     sun_key,
 )
 from engine.scene.builtin import builtin_environments
@@ -47,10 +48,10 @@ def _without(light: LightState, keys: tuple[str, ...]) -> LightState:
     """A mixed light without the environment, the suns or the painted lights of these keys; what these cover stays
     dark."""
     suns = tuple(sun for sun in light.suns if sun_key(sun.name) not in keys)
-    row = light.row(ENVIRONMENT_KEY)
     painted = tuple(each.dark() if painted_key(each.name) in keys else each for each in light.painted)
     without = replace(light, new_suns=suns, painted=painted)
-    return without.with_row(ENVIRONMENT_KEY, replace(row, on=False)) if ENVIRONMENT_KEY in keys else without
+    dark = {key: replace(light.row(key), on=False) for key in light.environment_keys if key in keys}
+    return without.with_rows({**dict(light.mix), **dark})
 
 
 def _distant_light(scene: Scene, light: LightState, load: Callable[[Path, str], Environment] | None) -> SkyState:
@@ -59,6 +60,7 @@ def _distant_light(scene: Scene, light: LightState, load: Callable[[Path, str], 
     from engine.light.map_changes import changed_map
     from engine.light.painted_lights import tilt_matrix
     from engine.light.painting import painted_environment
+    from engine.light.sides import SIDES, with_side_gains
     from engine.light.suns import with_suns
     from engine.precompute.direct.pipeline import SkyState
 
@@ -89,6 +91,8 @@ def _distant_light(scene: Scene, light: LightState, load: Callable[[Path, str], 
     else:
         red, green, blue = (each / brightest for each in gain)
         environment = tinted(changed_map(environment, light.map_change), (red, green, blue))
+        if light.sides:
+            environment = with_side_gains(environment, tuple(light.row(side_key(name)).gain for name in SIDES))
         scale *= brightest
     # The sky's scale multiplies what is added to the map as well.
     factor = 1.0 / scale if scale else 1.0

@@ -32,6 +32,7 @@ from app.document.commands.light import (
     SetMapChange,
     SetMapping,
     SetRotation,
+    SplitEnvironment,
     set_environment_file,
 )
 from app.document.commands.links import LinkCurves, UnlinkCurve
@@ -71,6 +72,7 @@ from app.document.targets import (
     PAINTED,
     PRESENCE_FIELDS,
     SHADOW_CATCHER,
+    SIDES,
     TIME,
     UNDER,
     VARIANT,
@@ -434,6 +436,8 @@ def _set_light(path: str, target: Target, value: Any) -> EditCommand:
         return SetMapping(value)
     if target.name in MAP_FIELDS:
         return SetMapChange(target.name, value)
+    if target.name == SIDES:
+        return SplitEnvironment(value)
     if target.name == BACKGROUND:
         return SetBackground(value)
     if target.name == BACKGROUND_COLOUR:

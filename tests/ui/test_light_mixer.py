@@ -51,6 +51,20 @@ def test_buttons_switch_a_light_off_and_make_it_solo(mixer: HeadlessWindow, ligh
     assert editor.document.light.mix == ()
 
 
+def test_the_environment_is_split_into_sides_and_joined(mixer: HeadlessWindow) -> None:
+    editor, before = mixer.shell.editor, mixer.shell.editor.document
+    click(mixer, "mix.light.environment")
+    click(mixer, "mix.light.environment.sides")
+    assert editor.document.light.sides
+    mixer.drag_handle("mix.light.sides.up.strength", (25, 0))
+    assert editor.document.light.row("light.sides.up").strength > 0.0
+    click(mixer, "mix.light.environment.sides")
+    assert editor.document == before
+    for _ in range(3):
+        editor.undo()
+    assert editor.document == before and not editor.history.undo_steps
+
+
 def test_an_opened_line_has_temperature_colour_and_group(mixer: HeadlessWindow) -> None:
     editor = mixer.shell.editor
     click(mixer, "mix.lamp")

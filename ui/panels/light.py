@@ -36,7 +36,7 @@ from app.document.commands.light import (
     SetRotation,
 )
 from app.document.light_mix import gains_of
-from app.document.light_state import CONSTANT_ENVIRONMENT, ENVIRONMENT_KEY, SCENE_ENVIRONMENT
+from app.document.light_state import CONSTANT_ENVIRONMENT, SCENE_ENVIRONMENT
 from engine.light.probe_mappings import MAPPINGS
 from ui import theme as look
 from ui.panels import light_mixer, painted_canvas, painted_lights, rows, widgets
@@ -204,7 +204,8 @@ def _even(context: PanelContext, draw_list: imgui.ImDrawList, corner: ImVec2, en
     light = context.document.light
     text = "even light" if light.environment == CONSTANT_ENVIRONMENT else "no environment"
     has_any = light.has_sky(context.has_environment)
-    if has_any and not any(gains_of(context.document)[ENVIRONMENT_KEY]):
+    gains = gains_of(context.document)
+    if has_any and not any(any(gains[key]) for key in light.environment_keys):
         text = "off in the mix"
     extent = imgui.calc_text_size(text)
     place = ImVec2(0.5 * (corner.x + end.x - extent.x), 0.5 * (corner.y + end.y - extent.y))

@@ -11,8 +11,18 @@ from functools import partial
 
 from imgui_bundle import imgui
 
+from app.document.commands.light import SplitEnvironment
 from app.document.commands.mix import COLOUR, KELVIN, STRENGTH, SetMix
-from app.document.light_state import ENVIRONMENT_KEY, PLAIN_ROW, group_key, group_of, painted_key, sun_key
+from app.document.light_state import (
+    ENVIRONMENT_KEY,
+    PLAIN_ROW,
+    group_key,
+    group_of,
+    painted_key,
+    side_key,
+    sun_key,
+)
+from engine.light.sides import SIDES
 from engine.light.suns import Sun
 from ui.panels import light_colour, painted_lights, rows, suns, widgets
 from ui.panels.actions import Action
@@ -21,6 +31,11 @@ from ui.theme import Icon
 
 GAP, NAME_WIDTH = 4.0, 108.0
 ENVIRONMENT_HINT = "The environment, without suns. Opened: its colour and its group."
+SIDES_HINT = (
+    "Split the map into six lights, as by the faces of a cube: front is the middle of its image. They fade into each "
+    "other, turn with it, and this line multiplies all of them."
+)
+SIDE_HINT = "A side of the environment. Opened: its colour and its group."
 SUN_HINT = (
     "A directional light: a distant disc that lights all objects alike. A click selects it and opens where it is seen; "
     "a right click has its name, duplicates and deletes it."
@@ -39,7 +54,7 @@ def draw(context: PanelContext) -> list[Action]:
     """All lines; of a single sun the rows are open at first."""
     document, light, actions = context.document, context.document.light, list[Action]()
     if light.has_sky(context.has_environment) or light.suns:
-        actions += _light(context, ENVIRONMENT_KEY, "Environment", ENVIRONMENT_HINT)
+        actions += _environment(context)
     for painted in reversed(light.painted):  # what is painted last is on top
         key = painted_key(painted.name)
         is_open, changed = _line(context, key, painted.name, PAINTED_HINT, chosen=painted == context.painted)
@@ -61,6 +76,22 @@ def draw(context: PanelContext) -> list[Action]:
         widgets.caption("Groups")
     for name in light.groups:
         actions += _light(context, group_key(name), name, GROUP_HINT)
+    return actions
+
+
+def _environment(context: PanelContext) -> list[Action]:
+    """Its line, and those of its sides where it is split."""
+    light = context.document.light
+    is_open, actions = _line(context, ENVIRONMENT_KEY, "Environment", ENVIRONMENT_HINT)
+    if is_open:
+        is_pressed, _ = imgui.checkbox("Six sides, each with a line", light.sides)
+        context.handles.note_item("mix.light.environment.sides")
+        widgets.tooltip(SIDES_HINT)
+        actions += [SplitEnvironment(not light.sides)] if is_pressed else []
+        actions += _details(context, ENVIRONMENT_KEY)
+        imgui.tree_pop()
+    for name in SIDES if light.sides else ():
+        actions += _light(context, side_key(name), name.capitalize(), SIDE_HINT)
     return actions
 
 

@@ -42,6 +42,7 @@ from app.document.commands.light import (
     SetMapChange,
     SetMapping,
     SetRotation,
+    SplitEnvironment,
 )
 from app.document.commands.links import LinkCurves, UnlinkCurve
 from app.document.commands.looks import AddLook, DeleteLook, MoveLook, RenameLook, SetLook
@@ -90,5 +91,5 @@ EditCommand = (
     | RenameObject | SetBackground | SetBackgroundColour | AddObject | ShowObjects | Several | PlaceObjects
     | LinkCurves | UnlinkCurve | AddLook | SetLook | RenameLook | DeleteLook | MoveLook
     | DuplicateObjects | SetGroup | RenameGroup | AddSun | DuplicateSun | DeleteSun | RenameSun
-    | SetShadowCatcher | SetMapChange | AddPainted | SetPainted | RemovePainted
+    | SetShadowCatcher | SetMapChange | SplitEnvironment | AddPainted | SetPainted | RemovePainted
 )  # fmt: skip

@@ -8,11 +8,12 @@ from typing import Any, cast
 
 from app.document.background import BACKGROUND_KINDS, Background, BackgroundKind
 from app.document.document import Document
-from app.document.light_state import RGB, LightState
+from app.document.light_state import RGB, LightState, side_key
 from app.document.sources import likely_mapping, probe_size
 from engine.core.errors import InsituError, LoadError
 from engine.core.safe_files import resolved
 from engine.light.probe_mappings import MAPPINGS, Mapping, mapping_problem
+from engine.light.sides import SIDES
 from engine.material.parameters import Parameter, ParameterError
 
 ROTATION = Parameter(
@@ -167,6 +168,24 @@ class SetMapChange:
         value = _number(f"light.{self.name}", MAP_PARAMETERS[self.name], self.value)
         changed: dict[str, Any] = {self.name: value}
         return replace(document, light=replace(document.light, **changed))
+
+
+@dataclass(frozen=True)
+class SplitEnvironment:
+    """Split the environment's map into six sides, lights of their own, or make it one light again, whose row stays."""
+
+    is_split: bool
+
+    @property
+    def label(self) -> str:
+        return "split the environment" if self.is_split else "join the environment's sides"
+
+    def apply(self, document: Document) -> Document:
+        if not isinstance(self.is_split, bool):
+            raise LoadError("light.sides", "value", self.is_split, "true or false")
+        light = document.light
+        rows = {key: row for key, row in light.mix if key not in map(side_key, SIDES)}
+        return replace(document, light=replace(light, sides=self.is_split).with_rows(rows))
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from typing import Any, cast
 
 from app.document.document import Document
 from app.document.light_mix import lights_of
-from app.document.light_state import MIX_FIELDS, PLAIN_ROW, RGB, MixRow, group_key, group_of
+from app.document.light_state import ENVIRONMENT_KEY, MIX_FIELDS, PLAIN_ROW, RGB, MixRow, group_key, group_of
 from engine.core.blackbody import LEAST_KELVIN, MOST_KELVIN
 from engine.core.errors import InsituError, list_names
 from engine.material.parameters import Parameter, ParameterError
@@ -67,7 +67,7 @@ class SetMix:
 
     def apply(self, document: Document) -> Document:
         light = document.light
-        there = (*lights_of(document), *map(group_key, light.groups))
+        there = dict.fromkeys((*lights_of(document), ENVIRONMENT_KEY, *map(group_key, light.groups)))
         if self.light not in there:
             raise InsituError(f"there is no light {self.light!r}; available: {list_names(there)}")
         row = changed_row(light.row(self.light), self.name, self.value)
@@ -75,7 +75,7 @@ class SetMix:
         before = light.row(self.light).excludes  # may have some that the scene no longer has
         if self.name == "excludes" and (unknown := set(row.excludes).difference(names, before)):
             raise InsituError(f"there is no object {min(unknown)!r}; available: {list_names(names)}")
-        if self.name == "group" and self.light not in lights_of(document):
+        if self.name == "group" and group_of(self.light):
             return replace(document, light=light.with_renamed_group(group_of(self.light), row.group))
         return replace(document, light=light.with_row(self.light, row))
 

@@ -14,7 +14,7 @@ from app.document.commands.light import SetEmission, SetRotation
 from app.document.commands.mix import SetMix
 from app.document.document import Document, document_from_description
 from app.document.history import History
-from app.document.light_mix import emission_of, exclusions_of, gains_of, mixed_light
+from app.document.light_mix import emission_of, exclusions_of, gains_of, lights_of, mixed_light
 from app.document.light_state import ENVIRONMENT_KEY, MIX_FIELDS, LightState
 from app.document.scene_change import SceneChange
 from app.document.scene_state import scene_state
@@ -99,9 +99,50 @@ def test_a_group_multiplies_its_lights(lit: Document) -> None:
     assert gains(left) == [(1, 1, 1), (1, 1, 1), (2, 2, 2)] and left.light.groups == ()
 
 
+def test_the_environments_sides_are_lights_that_its_row_multiplies(lit: Document) -> None:
+    split = edited(lit, light__sides=True)
+    sides = [key for key in lights_of(split) if key.startswith("light.sides.")]
+    assert sides == [f"light.sides.{name}" for name in ("front", "right", "back", "left", "up", "down")]
+    assert ENVIRONMENT_KEY not in lights_of(split)
+    document = edited(split, light__environment__strength=1, light__sides__up__colour=[1, 0.5, 0])
+    assert gains_of(document)["light.sides.up"] == (2, 1, 0) and gains_of(document)["light.sides.left"] == (2, 2, 2)
+    grouped = edited(document, light__sides__up__group="Top", light__groups__Top__strength=-1)
+    assert gains_of(grouped)["light.sides.up"] == (1, 0.5, 0)
+    # A side that is solo shines alone; the environment that is solo, with all its sides.
+    alone = edited(document, light__sides__up__solo=True, light__environment__solo=True)
+    assert {key for key, gain in gains_of(alone).items() if any(gain)} == {"light.sides.up"}
+    together = edited(document, light__environment__solo=True)
+    assert {key for key, gain in gains_of(together).items() if any(gain)} == set(sides)
+    linked = edited(split, light__environment__excludes=["pot"], light__sides__up__excludes=["floor"])
+    assert exclusions_of(linked)["light.sides.up"] == ("floor", "pot")
+    assert exclusions_of(linked)["light.sides.down"] == ("pot",)
+    # Joined again it has its own row, and those of sides are gone.
+    assert edited(document, light__sides=False) == edited(lit, light__environment__strength=1)
+
+
+def test_pictures_of_sides_sum_to_the_environments(tmp_path: Path) -> None:
+    text = camera((0.4, 1.6, 2.6), 45, (16, 12)) + "[environment]\nradiance = [0.3, 0.4, 0.6]\n"
+    (tmp_path / "s.toml").write_text(text + placed("floor", "quad", facing_up(4), LAMBERT))
+    scene = insitu.open(tmp_path / "s.toml")
+    whole = scene.image(bounces=1)
+    scene.light.sides = True
+    np.testing.assert_allclose(scene.image(bounces=1), whole, rtol=2e-3)
+    scene.light["sides.up"].strength = 1.0
+    louder = scene.image(bounces=1)
+    scene.light["sides.up"].strength = 0.0
+    scene.light["sides.up"].solo = True
+    np.testing.assert_allclose(louder, whole + scene.image(bounces=1), rtol=5e-3)
+    # A floor under an even sky: what comes from above is π (1 − what the sides send), more than half of it.
+    share = (louder - whole)[6:, :, 0] / whole[6:, :, 0]
+    assert 0.5 < share.min() and share.max() < 0.8
+    scene.save(tmp_path / "split.insitu")
+    np.testing.assert_array_equal(insitu.open(tmp_path / "split.insitu").document.light, scene.document.light)
+
+
 @pytest.mark.parametrize(
     ("path", "value", "says"),
     [
+        ("light.sides", 1, "light.sides: value = 1, expected true or false"),
         ("lamp.strength", 21, "strength = 21, expected a number from -20 to 20"),
         ("lamp.strength", "bright", "strength = 'bright', expected a number"),
         ("lamp.kelvin", 900, "kelvin = 900, expected a number from 1667 to 25000"),

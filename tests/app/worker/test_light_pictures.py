@@ -28,6 +28,7 @@ from app.modes.placement.placement_messages import (
 from app.worker import light_pictures
 from app.worker.cache import ArrayCache
 from app.worker.tasks import RequestDispatcher
+from engine.light.sides import SIDES
 from engine.light.suns import Sun
 from tests.app.worker.ball_and_lamp import GLOSS, SCENE, Recorder, compute, opened, tiles_of, twice
 from tests.opened import run_in_process
@@ -99,6 +100,25 @@ def test_the_weights_are_what_each_light_sends() -> None:
     assert weights.keys() == light_weights(plain.light, plain.emission).keys()
     turned = light_weights(replace(plain.light, rotation=40.0), plain.emission)
     assert [light.emitter for light in turned.keys() & weights.keys()] in (["lamp", "side"], ["side", "lamp"])
+
+
+def test_the_sides_of_a_sky_are_mixed_as_their_own_transport_makes_it(tasks: RequestDispatcher) -> None:
+    def of_sides(up: float, others: float = 1.0, is_drag: bool = False) -> ComputeTransport:
+        rows = {f"light.sides.{name}": others for name in SIDES} | {"light.sides.up": up}
+        light = replace(mixed().scene.light, sides=True)
+        light = light.with_rows({key: MixRow(colour=(gain, gain, gain)) for key, gain in rows.items()})
+        request = mixed(is_drag=is_drag)
+        return replace(request, scene=replace(request.scene, light=light))
+
+    run_in_process(tasks, of_sides(1.0))
+    assert prepare(tasks, of_sides(1.0)).n_lights == 9
+    for up, others in ((3.0, 1.0), (1.0, 0.0)):
+        found = pictures(run_in_process(tasks, of_sides(up, others, is_drag=True)), "relit")
+        truth = pictures(run_in_process(tasks, of_sides(up, others)), "final")
+        for key, picture in truth.items():
+            assert errors(found[key], picture).rmse < 0.01
+        run_in_process(tasks, of_sides(1.0))
+        prepare(tasks, of_sides(1.0))
 
 
 def test_a_mix_is_as_its_own_transport_makes_it(tasks: RequestDispatcher) -> None:
