@@ -19,12 +19,12 @@ from app.messages.picture_events import SceneFrame
 from engine.light.environment import Environment, tone_mapped_thumbnail
 from engine.material.strokes import Stroke, pack_dabs
 from engine.scene.description import Camera, SceneDescription
+from engine.scene.light_placement import facing_of
 from engine.scene.picture_frame import PictureFrame
 from ui.gl.gpu_memory import small_texture
 from ui.surface_lobe import SurfacePoint
 
 THUMBNAIL_WIDTH = 512
-_FLAT = ("quad", "disc")  # shapes whose front is their +Z
 
 
 class SceneView:
@@ -103,15 +103,10 @@ class SceneView:
         return self._names[index] if 0 <= index < len(self._names) else None
 
     def facing_of(self, name: str) -> NDArray[np.float64] | None:
-        """The direction (3,) that a lamp shines to where its file has it: that of a flat one, or the axis of its cone;
-        None for one that shines to all sides."""
+        """The direction (3,) that a lamp shines to where its file has it, see `engine.scene.light_placement`."""
         objects = () if self._description is None else self._description.objects
         described = next((each for each in objects if each.name == name), None)
-        if described is None or not (described.primitive in _FLAT or described.cone is not None):
-            return None
-        axis = np.reshape(described.transform, (4, 4))[:3, 2].astype(np.float64)
-        length = float(np.linalg.norm(axis))
-        return axis / length if length > 0.0 else None
+        return None if described is None else facing_of(described)
 
     def surface_at(self, column: int, row: int) -> SurfacePoint | None:
         """The surface that a pixel of the picture sees; None for emitters and the background."""

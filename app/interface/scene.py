@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
+from app.document.arranging import dropping, move_together, placed_objects
 from app.document.commands.looks import AddLook, DeleteLook, MoveLook, RenameLook, SetLook
 from app.document.commands.objects import AddObject
+from app.document.commands.poses import PlaceObjects
 from app.document.commands.suns import sun_addition
 from app.document.document import Document
 from app.document.looks import look_names
@@ -32,9 +37,12 @@ from engine.core.generators import run_to_end
 from engine.reference.path_tracer import N_SAMPLES
 from engine.render.display import png_bytes
 from engine.render.picture_error import ErrorEstimate
+from engine.scene.arrangement import PlacedObject
 from engine.scene.builtin import DEFAULT_SCENE
 from engine.scene.composition import ADDABLE, SUN
 from engine.scene.import_report import ImportReport, report_scene
+from engine.scene.light_placement import PlacedLight, facing_of
+from engine.scene.transform import Triple
 
 MAX_SIDE = 16384
 
@@ -295,6 +303,47 @@ class Scene:
         """Delete a look; of the current one the next becomes current. Raises insitu.Error."""
         self._editing.do(DeleteLook(look))
 
+    def move(
+        self, objects: str | Sequence[str], by: Triple = (0.0, 0.0, 0.0), *, rotate: Triple = (0.0, 0.0, 0.0),
+        scale: float | Triple = 1.0, about_own: bool = False,
+    ) -> None:  # fmt: skip
+        """Move objects by metres, rotate them by degrees about the world's X, Y and Z, and scale them along its axes,
+        as one edit: about their common middle, or with `about_own` each about its own centre and along its own axes.
+        Raises insitu.Error.
+
+        >>> import insitu
+        >>> scene = insitu.open("teatray", resolution=(48, 32))
+        >>> scene.move(["teapot", "tray"], rotate=(0, 90, 0))
+        >>> scene.undo()
+        'move 2 objects'
+        """
+        factors = scale if isinstance(scale, tuple) else (scale, scale, scale)
+        self._editing.do(move_together(self._placed(objects), by, rotate, factors, about_own))
+
+    def drop(self, objects: str | Sequence[str]) -> None:
+        """Let objects stand on what is below them, judged by boxes; those of a group stay together. Raises
+        insitu.Error."""
+        self._editing.do(dropping(self.document, _names(objects), self._resting_box))
+
+    def aim(self, light: str, at: Triple) -> None:
+        """Turn a flat light or a spot to shine at a point, metres. Raises insitu.Error."""
+        resting, (placed,) = self._seen_in(None).resting, self._placed(light)
+        facing = facing_of(resting.description.objects[resting.object_names.index(light)])
+        if facing is None:
+            raise InsituError(f"aim: {light} shines to all sides or not at all, expected a flat light or a spot")
+        aimed = PlacedLight(placed.pivot, facing, placed.transform).aimed_at(at)
+        self._editing.do(PlaceObjects(((light, aimed),), f"aim {light}"))
+
+    def _placed(self, objects: str | Sequence[str]) -> list[PlacedObject]:
+        """Objects as they stand."""
+        return placed_objects(self.document, _names(objects), self._resting_box)
+
+    def _resting_box(self, name: str) -> NDArray[np.float64] | None:
+        """The box (2, 3) of an object where its file has it, None where it has no surface."""
+        resting = self._seen_in(None).resting
+        box = np.asarray(resting.bounds[resting.object_names.index(name)], np.float64)
+        return box if np.isfinite(box).all() else None
+
     def undo(self) -> str | None:
         """Undo the last edit; returns its label, None where there is none."""
         return self._editing.undo()
@@ -308,6 +357,10 @@ class Scene:
         look = self.viewpoint._replace(resolution=_checked(resolution) or self._editing.resolution)
         self._project = self._project.edited(self.document, look)
         return self._project
+
+
+def _names(objects: str | Sequence[str]) -> tuple[str, ...]:
+    return (objects,) if isinstance(objects, str) else tuple(dict.fromkeys(objects))
 
 
 def _checked(resolution: tuple[int, int] | None) -> tuple[int, int] | None:

@@ -392,8 +392,8 @@ ARRANGE: tuple[Operator | Gesture, ...] = (
         script=ScriptKey(Text, "Dissolves the group of this name."),
     ),
     Operator(
-        "group_selected", _group_selected, ("Ctrl G",), "Group the selected objects, ungroup them",
-        "Ctrl G   Ctrl Alt G", entry="Group", needs=OBJECT, waits=True,
+        "group_selected", _group_selected, ("Ctrl G",), "Group the selected objects; with Alt ungroup",
+        entry="Group", needs=OBJECT, waits=True,
     ),
     Operator(
         "ungroup_selected", _ungroup_selected, ("Ctrl Alt G",), entry="Ungroup", needs=GROUPED, waits=True,

@@ -26,7 +26,7 @@ def _invert(editor: Editor, value: None) -> str | None:
 SELECTING = (
     Gesture("Shift click", "Select another one as well, or no longer"),
     Gesture("Double click", "Select one object of a group alone"),
-    Operator("select_all", _select_all, ("Ctrl A",), "Select all objects, none", "Ctrl A   Ctrl Shift A",
+    Operator("select_all", _select_all, ("Ctrl A",), "Select all objects; with Shift none",
              entry="All", needs=SCENE),
     Operator("select_none", _select_none, ("Ctrl Shift A",), entry="None", needs=SCENE),
     Operator("select_others", _invert, ("Ctrl I",), "Select the others instead", entry="The others instead",

@@ -16,11 +16,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from engine.scene.description import ObjectDescription
 from engine.scene.transform import Transform, rotation_degrees, rotation_matrix
 
 Float64Array = NDArray[np.float64]
 
 _NEAREST = 1e-6  # metres
+_FLAT = ("quad", "disc")  # shapes whose front is their +Z
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +83,14 @@ def mirror_direction(point: ArrayLike, normal: ArrayLike, eye: ArrayLike) -> Flo
 def shadow_direction(caster: ArrayLike, receiver: ArrayLike) -> Float64Array | None:
     """The unit direction (3,) from which light throws the shadow of one point on another; None where they are one."""
     return _unit(np.asarray(caster, np.float64) - np.asarray(receiver, np.float64))
+
+
+def facing_of(described: ObjectDescription) -> Float64Array | None:
+    """The direction (3,) that a lamp shines to where its file has it: that of a flat one, or the axis of its cone; None
+    for one that shines to all sides, and for what does not shine."""
+    if not described.emits or not (described.primitive in _FLAT or described.cone is not None):
+        return None
+    return _unit(np.reshape(described.transform, (4, 4))[:3, 2].astype(np.float64))
 
 
 def rotation_between(start: Float64Array, end: Float64Array) -> Float64Array:

@@ -84,13 +84,30 @@ def test_after_a_key_the_ball_follows_the_mouse_until_a_click(moving: RealWindow
 
 
 def test_two_objects_are_selected_grouped_and_turned_in_one_step(moving: RealWindow) -> None:
-    moving.click("objects.floor", held="ctrl")
-    assert moving.ask("editor.view.selected_objects") == ("ball", "floor")
+    moving.click("objects.ground", held="ctrl")
+    assert moving.ask("editor.view.selected_objects") == ("ball", "ground")
     moving.key("ctrl+g", "shift+r")
-    assert moving.ask("editor.document.groups") == {"Group": ("ball", "floor")}
+    assert moving.ask("editor.document.groups") == {"Group": ("ground", "ball")}
     moving.drag("gizmo.y", by=(40.0, 10.0))
-    names = ("ball", "floor")
+    names = ("ball", "ground")
     assert all(moving.ask(f"editor.document.object('{name}').transform.rotation[1]") != 0.0 for name in names)
     assert moving.n_steps() == 2
     moving.quick("ctrl+z", 2)
     assert moving.ask(f"{BALL}.is_identity and editor.document.groups == {{}}")
+
+
+def test_a_lamp_is_aimed_and_the_ball_stands_on_what_is_under_the_mouse(moving: RealWindow) -> None:
+    lamp = "editor.document.object('lamp').transform"
+    moving.click("objects.lamp")
+    x, y = moving.at("viewport.centre")
+    moving.move((x, y))
+    moving.key("shift+t")
+    moving.events(*[("move", x - 10.0 * i, y + 8.0 * i) for i in range(1, 7)])
+    moving.key("enter")
+    assert moving.ask(f"{lamp}.rotation") != (0.0, 0.0, 0.0) and moving.n_steps() == 1
+    moving.click("objects.ball")
+    moving.key("g", "1")
+    moving.key("enter", "end")
+    # Its radius is 0.45 m, and its centre was half a metre above the ground.
+    assert moving.ask(f"{BALL}.translation") == pytest.approx((1.0, -0.05, 0.0), abs=1e-4)
+    assert moving.n_steps() == 3

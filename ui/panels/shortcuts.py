@@ -83,12 +83,12 @@ def draw(context: PanelContext) -> list[Action]:
 
 def _columns(context: PanelContext) -> None:
     imgui.begin_group()
-    for group in ("File", "Edit", "Inspect", "Help"):
+    for group in ("File", "Edit", "Select", "Inspect", "Help"):
         _group(context, group)
     imgui.end_group()
     for least, groups in (
         (TWO_COLUMNS, ("Picture", "Curve", "Material")),
-        (THREE_COLUMNS, (*CHOICES, "Camera", "Select", "Arrange")),
+        (THREE_COLUMNS, (*CHOICES, "Camera", "Arrange")),
     ):
         if imgui.get_main_viewport().work_size.x >= context.px(least):
             imgui.same_line(0.0, context.px(22))

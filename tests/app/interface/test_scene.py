@@ -301,3 +301,25 @@ def test_a_picture_without_its_environment_is_the_rest_of_it(cube_file: Path, mo
     assert scene.light.background == "colour"
     expected = 3.0 * light + (1.0 - alpha) * (0.1, 0.0, 2.0)
     np.testing.assert_allclose(scene.image(mode, samples=2), expected, rtol=1e-5, atol=1e-5)
+
+
+def test_objects_are_moved_together_dropped_and_lights_aimed() -> None:
+    scene = insitu.open("shapes", resolution=(48, 32))
+    scene.add("box", "plinth", at=(0.0, 0.0, 5.0), size=0.2)
+    scene.add("box", "lid", at=(0.0, 0.0, 6.0), size=0.2)
+    scene.move(["plinth", "lid"], rotate=(0.0, 180.0, 0.0))  # they change places
+    assert scene["plinth"].position == pytest.approx((0.0, 0.0, 1.0))
+    assert scene["lid"].position == pytest.approx((0.0, 0.0, -1.0))
+    scene.move("lid", by=(0.0, 0.5, 1.0))
+    scene.drop("lid")  # onto the plinth, which is 0.2 m high
+    assert scene["lid"].position == pytest.approx((0.0, 0.2, 0.0), abs=1e-6)
+    scene.move("lid", by=(0.5, 0.0, 0.0))
+    scene.drop("lid")  # beside it and the ground, whose lower side is the lowest of all
+    assert scene["lid"].position == pytest.approx((0.5, -0.02, 0.0), abs=1e-6)
+    scene.add("spot light", "key", at=(0.0, 1.0, 5.0))
+    scene.aim("key", (1.0, 1.0, 5.0))
+    assert scene["key"].rotation == pytest.approx((0.0, 0.0, 90.0), abs=1e-6)
+    with pytest.raises(insitu.Error, match="shines to all sides"):
+        scene.aim("lid", (0.0, 0.0, 0.0))
+    with pytest.raises(insitu.Error, match="no object 'cup'"):
+        scene.move(["lid", "cup"], by=(1.0, 0.0, 0.0))
