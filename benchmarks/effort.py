@@ -18,6 +18,7 @@ from benchmarks.indirect import IndirectEffort
 from benchmarks.light_mix import MixEffort
 from benchmarks.moves import MoveEffort
 from benchmarks.orbit import OrbitEffort
+from benchmarks.orbit_moves import OrbitMoveEffort
 from benchmarks.plan_costs import PlanEffort
 from benchmarks.relighting import RelightEffort
 from benchmarks.rooms import RoomEffort
@@ -59,6 +60,7 @@ class Effort:
     drags: DragEffort | None = field(default_factory=DragEffort)
     mixes: MixEffort | None = field(default_factory=MixEffort)
     moves: MoveEffort | None = field(default_factory=MoveEffort)
+    orbit_moves: OrbitMoveEffort | None = field(default_factory=OrbitMoveEffort)
     turning: TurningEffort | None = field(default_factory=TurningEffort)
     api_edits: ApiEditEffort | None = field(default_factory=ApiEditEffort)
     planning: PlanEffort | None = field(default_factory=PlanEffort)
@@ -71,7 +73,8 @@ class Effort:
 FULL = Effort("full")
 QUICK = Effort(
     "quick", 1, 1, 0, 10, 64, 200_000, 300, False, 300.0, QUICK_GRID, QUICK_INDIRECT, edges=None, rooms=None,
-    gloss=None, orbit=None, deform=None, relight=None, drags=None, mixes=None, moves=None, turning=None, api_edits=None,
+    gloss=None, orbit=None, deform=None, relight=None, drags=None, mixes=None, moves=None, orbit_moves=None,
+    turning=None, api_edits=None,
     visibility=QUICK_VISIBILITY, textures=None,
     settings=QUICK_STUDY, variants=QUICK_VARIANTS, planning=None,
 )  # fmt: skip

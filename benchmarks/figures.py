@@ -106,6 +106,10 @@ SPECS |= {
     "light_drag_first_ms": Spec("ms", 200.0),
     "light_drag_exact_s": Spec("s", 2.0),
     "move_first_s": Spec("s", 1.0),
+    # Of objects that are dragged in Orbit:
+    "orbit_move_ms": Spec("ms"),
+    "orbit_move_ratio": Spec("of preparing all"),
+    "orbit_move_share": Spec("of all points"),
     "zh_error_random_6": Spec("RMS", 0.00908),
     "zh_error_mesh_3": Spec("RMS", 0.045),
     "zh_fit_s": Spec("s", 60.0),
