@@ -26,6 +26,7 @@ from app.editor.editor import Editor
 from app.files.bookmarks import THUMBNAIL_SIZE, with_thumbnail
 from app.files.materials import LibraryEntry
 from engine.core.errors import InsituError
+from engine.render.scopes import Scopes, waveform_picture
 from ui.brdf_feed import TableFeed
 from ui.gl.display import ErrorOverlay
 from ui.gl.gpu_memory import TextureMemory
@@ -34,6 +35,7 @@ from ui.gl.thumbnails import Thumbnails
 from ui.panels.context import PanelContext
 from ui.panels.pictures import Picture
 from ui.picture_feed import PictureFeed, ViewportStill
+from ui.scopes import ScopeTexture, scopes_of
 
 QUALITY = 85
 # Beyond this zoom the user inspects pixels, which are then drawn as squares.
@@ -104,6 +106,7 @@ class PanelPictures:
         self._error_overlay = ErrorOverlay(context)
         self.materials = Thumbnails(context, tables.tables, partial(tables.complete, editor))
         self._views = ViewThumbnails(context)
+        self._waveform = ScopeTexture(context)
 
     def picture(self, texture: moderngl.Texture | None, sharp: bool = False) -> Picture | None:
         """A texture for panels to draw; `sharp` shows its pixels as squares where they are enlarged."""
@@ -124,6 +127,10 @@ class PanelPictures:
         """The map of the picture's error, of colours (H, W, 4); None while it is unknown."""
         return self.picture(self._error_overlay.texture(colours))
 
+    def waveform(self, scopes: Scopes, parade: bool) -> Picture | None:
+        """A waveform, of luma or of the channels side by side."""
+        return self.picture(self._waveform.show(waveform_picture(scopes.waveforms, parade)))
+
     def maps(self, source: PictureFeed, key: str) -> dict[str, Picture]:
         """The images of a layer, by "texture" and "weight"."""
         found = {name: self.picture(texture) for name, texture in source.map_thumbnails(key).items()}
@@ -139,6 +146,7 @@ class PanelPictures:
         """Free all textures."""
         self.materials.release()
         self._views.release()
+        self._waveform.release()
         self._error_overlay.release()
 
 
@@ -196,7 +204,14 @@ def panel_context(editor: Editor, source: PictureFeed | None, pictures: PanelPic
         spot_at=source.spot_at,
         facing_of=source.facing_of,
         values_at=partial(source.values_at, editor),
+        scopes=partial(_scopes, editor, source),
+        waveform=pictures.waveform,
     )
+
+
+def _scopes(editor: Editor, source: PictureFeed) -> Scopes | None:
+    picture = source.shown(editor)
+    return None if picture is None else scopes_of(picture)
 
 
 def _box_of(editor: Editor, name: str | None) -> NDArray[np.float64] | None:

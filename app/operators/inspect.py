@@ -98,6 +98,7 @@ INSPECT = (
         "reset_exposure", _reset_exposure, ("\\",), "Exposure and gamma as at first",
         entry="Reset exposure, gamma",
     ),
+    Operator("scopes", keys=("Ctrl 0",), help="Histogram and waveforms", entry="Histogram and waveforms"),
     Operator("zoom_in", keys=("Ctrl =",), help="Magnify the picture, and back", listed_keys="Ctrl = -", repeats=True,
              entry="Magnify"),
     Operator("zoom_out", keys=("Ctrl -",), repeats=True, entry="Less"),

@@ -82,7 +82,7 @@ MENUS = (
         Menu("Colours", ("view", None, "open_config", "reset_exposure")),
         Menu("Inspect", (
             "values", "average", "copy_values", None, *map(channel_operator, PICTURE_CHANNELS), None, "zebra", "stops",
-            "error", None, "zoom_in", "zoom_out",
+            "scopes", "error", None, "zoom_in", "zoom_out",
         )),
         "resolution", "compare", Menu("Side by side", ("looks_1", "looks_2", "looks_4", "looks_6")), "lighting", "log",
         None, "show", "reset_layout", None, "screenshot",

@@ -25,6 +25,7 @@ from app.modes.mode import Mode
 from app.operators.registry import keys_of
 from engine.core.colour_config import ConfigCatalogue
 from engine.light.painted_lights import PaintedLight
+from engine.render.scopes import Scopes
 from engine.scene.description import Camera
 from engine.scene.import_report import ImportReport
 from ui.frame_times import PerformanceRecord
@@ -119,6 +120,16 @@ def no_values(column: int, row: int, side: int = 1) -> PixelValues | None:
     return None
 
 
+def no_scopes() -> Scopes | None:
+    """The scopes before there is a picture: none."""
+    return None
+
+
+def no_waveform(scopes: Scopes, parade: bool) -> Picture | None:
+    """A substitute before there is anything that draws waveforms."""
+    return None
+
+
 def no_facing(name: str) -> NDArray[np.float64] | None:
     """The direction that a lamp shines to before there is a picture: none."""
     return None
@@ -150,7 +161,8 @@ class PanelContext:
     scene's own file has it. `name` is the name of what is open, `unsaved` whether there are edits that no session has.
     `recent` are the files opened last, `recoveries` edits that the program left behind when it ended. `keys_taken`:
     keys go to a text field, a list or a menu; `alt_tapped`: Alt was pressed and released by itself; `catalogues` are
-    those of the OpenColorIO configurations that are known; `saving`: the picture with layers that is being saved, and
+    those of the OpenColorIO configurations that are known; `scopes` measures what is shown, `waveform` draws
+    one, of luma or the channels; `saving`: the picture with layers that is being saved, and
     its progress, "" for none; `repeated`: the key that the system repeats in this pass, while it is held.
     """
 
@@ -200,6 +212,8 @@ class PanelContext:
     report: ImportReport = ImportReport()
     recent: Callable[[], tuple[Recent, ...]] = tuple
     saving: str = ""
+    scopes: Callable[[], Scopes | None] = no_scopes
+    waveform: Callable[[Scopes, bool], Picture | None] = no_waveform
     catalogues: tuple[ConfigCatalogue, ...] = ()
     recoveries: tuple[Recovery, ...] = ()
     now: float = 0.0

@@ -29,6 +29,7 @@ from ui.panels import (
     menus,
     objects,
     paint,
+    scopes,
     status_bar,
     viewport,
     widgets,
@@ -106,7 +107,12 @@ def is_shown(context: PanelContext, panel: layout.Panel) -> bool:
 
 def _picture_and_brush(context: PanelContext) -> list[Action]:
     corner, room = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
-    return viewport.draw(context) + paint.draw_strip(context, corner, room) + camera.draw(context, corner, room)
+    return (
+        viewport.draw(context)
+        + paint.draw_strip(context, corner, room)
+        + camera.draw(context, corner, room)
+        + scopes.draw(context, corner, room)
+    )
 
 
 # --------------------------------------------------------------------------------------------------- a panel that fails

@@ -36,7 +36,7 @@ from ui.panels.actions import (
 )
 from ui.panels.context import PanelContext
 from ui.panels.curve_gestures import operators_in_use, tool_of
-from ui.panels.window_state import VALUE_SIDES, StatusMessage
+from ui.panels.window_state import SCOPES, VALUE_SIDES, StatusMessage
 
 Key = imgui.Key
 CTRL, SHIFT, ALT = (int(key) for key in (Key.mod_ctrl, Key.mod_shift, Key.mod_alt))
@@ -88,6 +88,8 @@ def is_on(context: PanelContext, name: str) -> bool:
         return bool(getattr(context.state, name))
     if name == "values":
         return context.state.shows_values
+    if name == "scopes":
+        return bool(context.state.scope)
     if name == "average":
         return context.state.values_side > 1
     if name == "report":
@@ -115,6 +117,10 @@ def _toggle_values(context: PanelContext) -> list[Action]:
 
 def _zoom(context: PanelContext, step: int) -> list[Action]:
     return [SetPanel({"zoom_steps": context.state.zoom_steps + step})]
+
+
+def _toggle_scopes(context: PanelContext) -> list[Action]:
+    return [SetPanel({"scope": "" if context.state.scope else SCOPES[0]})]
 
 
 def _choose_average(context: PanelContext) -> list[Action]:
@@ -237,6 +243,7 @@ WINDOW_OPERATORS: dict[str, Callable[[PanelContext], list[Action]]] = {
     "report": _toggle_report,
     "open_config": _always(AskFile("open_config")),
     "values": _toggle_values,
+    "scopes": _toggle_scopes,
     "average": _choose_average,
     "copy_values": _always(SetPanel({"copies_values": True})),
     "zoom_in": partial(_zoom, step=1),

@@ -259,6 +259,7 @@ class FileQuestion:
 
 # The sides of squares whose mean can be shown, in pixels.
 VALUE_SIDES = (1, 3, 5)
+SCOPES = ("histogram", "luma", "parade")
 
 
 @dataclass(frozen=True)
@@ -284,7 +285,8 @@ class PanelState:
     over the picture, where the bookmarked view `renames` is being renamed. `picks_lobe`: the next click on the picture
     chooses where it shows the lobe. `paints`: dragging over the selected object paints its layer's weight map, with
     `brush`. `shows_values`: the values of the pixel under the mouse are shown, the mean of a square of `values_side`
-    pixels; `copies_values`: they are about to be copied; `zoom_steps`: by which the picture is about to be magnified.
+    pixels; `copies_values`: they are about to be copied; `scope`: which of `SCOPES` is over the picture, "" for none,
+    its counts logarithmic where `scope_is_log`; `zoom_steps`: by which the picture is about to be magnified.
     `gizmo`: which of its tools is over the picture, "" for none. `own_pivots`: several objects are rotated and scaled
     each about its own centre; `snaps`: what follows the mouse stands on what is under it, and with `aligns` upright on
     that. `painted` is the painted light that keys and the environment's picture move. `shows_report`: the sheet on what
@@ -304,6 +306,8 @@ class PanelState:
     opens_menu: str = ""
     picks_lobe: bool = False
     shows_values: bool = False
+    scope: str = ""
+    scope_is_log: bool = False
     values_side: int = 1
     copies_values: bool = False
     zoom_steps: int = 0
