@@ -9,6 +9,7 @@ from typing import Any
 from app.cli import program
 from app.cli.console import run_guarded
 from app.operators.script import Step
+from engine.core.colour import ConfigView
 from engine.core.errors import InsituError
 from tests.scene_text import camera, environment, material, placed
 
@@ -27,7 +28,7 @@ class Recorder:
         self.opened: list[str] = []
         self.shots: list[tuple[Any, ...]] = []
 
-    def open_window(self, source: str) -> int:
+    def open_window(self, source: str, view: ConfigView | None = None) -> int:
         self.opened.append(source)
         return 0
 
