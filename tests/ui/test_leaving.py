@@ -108,7 +108,7 @@ def test_a_new_scene_asks_what_becomes_of_the_edits(kept: RealWindow) -> None:
     kept.click("button.leave.discard")
     kept.wait_until(f"sum(type(r).__name__ == 'OpenScene' for r in client.requests) > {before}")
     kept.wait_until("not editor.unsaved and editor.status.picture == 'exact'")
-    assert kept.ask("editor.document.source") == "teatray"
+    assert kept.ask("editor.document.source") == "empty"
 
 
 @pytest.mark.window

@@ -169,7 +169,7 @@ def picture_state(status: Status, meanwhile: str = "", camera_moved: bool = True
     if status.picture == "refining":
         return look.ACCENT, f"refining{error}", status.missing_note
     if status.picture == "preview":
-        if status.missing_note:
+        if status.missing_hint:
             return look.ACCENT, f"preview, {status.missing_note}", status.missing_hint
         coarse = "Coarse, with fewer lights, or not yet with the current light or roughness."
         return look.ACCENT, f"preview{error}", f"{coarse}\n{ESTIMATED_DRAWN_HINT}" if error else coarse
