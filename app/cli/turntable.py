@@ -34,6 +34,7 @@ from engine.core.colour import AnyView
 from engine.core.errors import InsituError
 from engine.light.radiance_files import read_radiance_image
 from engine.material.model import Model
+from engine.scene.composed_scene import SceneComposer
 from engine.texture.texture_files import read_texture
 from engine.texture.texture_store import TextureStore
 
@@ -57,7 +58,7 @@ def parts_of(value: object) -> KeyPart:
             return type(value).__name__, value.name
         case Model():
             return value.name  # there is one instance of each
-        case TextureStore():
+        case TextureStore() | SceneComposer():
             return None  # what was read already; its files count by their contents
         case BaseModel():
             return _named(value, type(value).model_fields)
