@@ -128,11 +128,11 @@ def test_a_process_that_dies_or_cannot_start_is_told(
     saver.save(document, LARGE, tmp_path / "a.exr")
     started(saver).kill()
     ((line, failed),) = messages(saver)
-    assert failed and line.startswith("a.exr: the layers were not drawn") and not saver.is_busy
+    assert failed and line.startswith("a.exr: it was not drawn") and not saver.is_busy
     monkeypatch.setattr(sys, "executable", str(tmp_path / "no python"))
     saver.save(document, VIEW, tmp_path / "a.exr")
     ((line, failed),) = messages(saver)
-    assert failed and line.startswith("a.exr: the layers could not be drawn") and "no python" in line
+    assert failed and line.startswith("a.exr: it could not be drawn") and "no python" in line
     assert not saver.is_busy and not (tmp_path / "a.exr").exists()
 
 

@@ -7,11 +7,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from engine.core.colour import ToneMapping
 from engine.scene.picture_frame import Lamps, PictureFrame
 from tests.naive import pictures as naive
 from tests.ui.gl.pictures import frame_of, full_frame, norms_of
 from ui.gl.context import GraphicsError
-from ui.gl.display import DisplayView, ToneMapping
+from ui.gl.display import DisplayView
 from ui.modes.placement.gl.renderer import PlacementRenderer
 
 pytestmark = pytest.mark.gl
