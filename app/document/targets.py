@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 from app.document.document import Document, ObjectState, all_factors, layer_key, split_layer, split_object, unknown
 from app.document.light_state import ENVIRONMENT_KEY, MIX_FIELDS, group_key
 from app.document.painted_parameters import FILE, parameters_of
+from engine.core.errors import LoadError
 from engine.material.bumps import bump_fields
 from engine.material.map_tables import map_fields
 from engine.material.opacity import opacity_fields
@@ -117,6 +118,14 @@ def _resolve_group(document: Document, path: str) -> Target:
     if dot and field not in GROUP_FIELDS:
         raise unknown(f"property of the group {name}", field, GROUP_FIELDS)
     return Target("group", name, name=field or None)
+
+
+def check_presence(path: str, field: str, value: Any) -> None:
+    """Raise LoadError unless `deleted` is true, and `name` and `duplicate` are names."""
+    if field == "deleted" and value is not True:
+        raise LoadError(path, "value", value, "true; undo brings back what was deleted")
+    if field != "deleted" and not isinstance(value, str):
+        raise LoadError(path, "value", value, "a name")
 
 
 def painted_fields(document: Document, name: str) -> tuple[str, ...]:

@@ -19,13 +19,14 @@ _ROOM = 1e-3  # share of its radius by which a sphere is larger, for rounding
 def moved_objects(before: Scene, after: Scene) -> NDArray[np.bool_]:
     """Which objects (M,) have other vertices or normals in another pose of the same scene; all where it is another."""
     every = np.ones(len(after.smooth), bool)
-    if not _have_same_triangles(before, after):
+    if not have_same_triangles(before, after):
         return every
     differs = (before.vertices != after.vertices).any(axis=1) | (before.normals != after.normals).any(axis=1)
     return np.array([differs[slice(*own)].any() for own in after.vertex_ranges], bool)
 
 
-def _have_same_triangles(before: Scene, after: Scene) -> bool:
+def have_same_triangles(before: Scene, after: Scene) -> bool:
+    """Whether two scenes are poses of one: the same triangles of the same objects, in the same frame."""
     if before.triangles is after.triangles and before.object_of_triangle is after.object_of_triangle:
         return True
     same = ("triangles", "object_of_triangle", "smooth", "vertex_ranges", "origin")

@@ -14,6 +14,7 @@ from app.document.document import Document, ObjectState
 from app.document.light_state import sun_key
 from app.document.looks import carried_out_in_all_looks
 from app.document.scene_objects import checked_new_name, numbered_name, taken_names, with_group
+from app.document.targets import check_presence
 from app.system.paths import full_path
 from engine.core.errors import InsituError, LoadError
 from engine.scene.composition import ADDABLE, SUN
@@ -184,12 +185,9 @@ def addition(path: str, name: str, value: Any) -> AddObject | AddSun:
 def with_presence(path: str, name: str, field: str, value: Any) -> DuplicateObject | DeleteObject | RenameObject:
     """The command that an object's `name`, `duplicate` (the name of a new one) or `deleted` (true) stands for, by a
     value from a file or a command line. Raises LoadError."""
+    check_presence(path, field, value)
     if field == "deleted":
-        if value is not True:
-            raise LoadError(path, "value", value, "true; undo brings an object back")
         return DeleteObject(name)
-    if not isinstance(value, str):
-        raise LoadError(path, "value", value, "a name")
     return RenameObject(name, value) if field == "name" else DuplicateObject(name, value)
 
 

@@ -13,7 +13,7 @@ from app.document.document import Document
 from app.document.light_state import LightState, painted_key
 from app.document.painted_parameters import FILE, TITLES, changed_painted, new_painted
 from app.document.scene_objects import numbered_name
-from app.document.targets import PLACE
+from app.document.targets import PLACE, check_presence
 from app.system.paths import full_path
 from engine.core.errors import InsituError, LoadError, list_names
 from engine.core.safe_files import resolved
@@ -116,8 +116,7 @@ def painted_addition(path: str, name: str, value: Any) -> AddPainted:
 def with_painted(path: str, light: str, name: str, value: Any) -> SetPainted | RemovePainted:
     """The command that sets what a path names of a painted light. Raises LoadError."""
     if name == "deleted":
-        if value is not True:
-            raise LoadError(path, "value", value, "true")
+        check_presence(path, name, value)
         return RemovePainted(light)
     return SetPainted.of(light, name, full_path(value) if name == FILE and isinstance(value, str) else value)
 

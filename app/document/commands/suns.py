@@ -9,8 +9,8 @@ from typing import Any, cast
 from app.document.document import Document
 from app.document.light_state import NO_SUNS, RGB, LightState, sun_key
 from app.document.scene_objects import checked_new_name, numbered_name, taken_names
-from app.document.targets import SUN_FIELDS
-from engine.core.errors import InsituError, LoadError, list_names
+from app.document.targets import SUN_FIELDS, check_presence
+from engine.core.errors import InsituError, list_names
 from engine.light.suns import SUN_DIAMETER, Sun
 from engine.material.parameters import Parameter, ParameterError
 from engine.scene.composition import SUN
@@ -233,12 +233,9 @@ def sun_addition(name: str, at: object = None, size: float | None = None) -> Add
 def sun_presence(path: str, sun: str, field: str, value: Any) -> DuplicateSun | DeleteSun | RenameSun:
     """The command that a sun's `name`, `duplicate` (the name of a new one) or `deleted` (true) stands for, by a value
     from a file or a command line. Raises LoadError."""
+    check_presence(path, field, value)
     if field == "deleted":
-        if value is not True:
-            raise LoadError(path, "value", value, "true; undo brings a sun back")
         return DeleteSun(sun)
-    if not isinstance(value, str):
-        raise LoadError(path, "value", value, "a name")
     return RenameSun(sun, value) if field == "name" else DuplicateSun(sun, value)
 
 

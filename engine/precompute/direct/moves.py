@@ -31,6 +31,7 @@ from engine.scene.primary_hits import PrimaryHits
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene
 from engine.visibility import _kernels as bit_kernels
+from engine.visibility.moved_objects import have_same_triangles, moved_objects
 from engine.visibility.point_visibility import (
     BLOCK,
     Targets,
@@ -64,20 +65,17 @@ class SceneMove:
 
 
 def scene_move(before: Scene, after: Scene) -> SceneMove | None:
-    """What was moved between two scenes; None where they differ in more: other
-    objects, cutouts or textures of emitters. Bumps show in the normals of `same_points`."""
+    """What was moved between two scenes; None where they differ in more: objects, cutouts, textures of emitters. Bumps
+    show in the normals of `same_points`."""
     same = (
         before.object_names == after.object_names
-        and np.array_equal(before.origin, after.origin)
-        and np.array_equal(before.triangles, after.triangles)
-        and np.array_equal(before.smooth, after.smooth)
+        and have_same_triangles(before, after)
         and before.cutouts.digest == after.cutouts.digest
         and before.emission_textures.digest == after.emission_textures.digest
     )
     if not same:
         return None
-    differs = (before.vertices != after.vertices).any(axis=1) | (before.normals != after.normals).any(axis=1)
-    moved = np.array([bool(differs[slice(*each)].any()) for each in after.vertex_ranges])
+    moved = moved_objects(before, after)
     found = np.concatenate([(scene.bounds - scene.origin)[moved] for scene in (before, after)])
     room = MARGIN * np.linalg.norm(found[:, 1] - found[:, 0], axis=1)[:, None]
     found[:, 0], found[:, 1] = found[:, 0] - room, found[:, 1] + room
