@@ -2,35 +2,28 @@
 
 A node holds only a path into the document: reading one of its attributes reads the document, setting one carries out
 the command that the same path has in scripts and on the command line (`app.project.project`). Commands and moves of the
-camera are steps of one history (`Editing`).
+camera are steps of one history (`app.interface.editing`).
 """
 
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import ValidationError
 
-from app.document.commands import EditCommand
 from app.document.commands.curves import AddOperator, ResetCurve, SetOperators
 from app.document.commands.groups import members_of
 from app.document.commands.links import LinkCurves, UnlinkCurve
-from app.document.commands.painted import AddPainted, place_of
-from app.document.commands.suns import angles_of, sun_named
-from app.document.document import Document, all_factors
-from app.document.history import History
-from app.document.light_state import ENVIRONMENT_KEY, MIX_FIELDS, group_key, group_of, sun_key
+from app.document.commands.painted import AddPainted
+from app.document.document import all_factors
+from app.document.light_state import ENVIRONMENT_KEY, MIX_FIELDS, group_key, sun_key
 from app.document.linked_curves import linked_keys
 from app.document.painted_parameters import FILE
 from app.document.targets import (
-    BACKGROUND,
-    BACKGROUND_COLOUR,
     EMISSION,
     FRAME,
     GROUP_FIELDS,
@@ -38,112 +31,31 @@ from app.document.targets import (
     IN_GROUP,
     LIGHT_FIELDS,
     MAP_SUFFIX,
-    MATERIAL,
     PAINTED,
-    PLACE,
     PRESENCE_FIELDS,
     SUN_FIELDS,
     SWITCHES,
     TIME,
-    TRANSFORM_FIELDS,
     UNDER,
     painted_fields,
     resolve,
 )
-from app.document.view_state import Viewpoint
+from app.interface.editing import Editing
+from app.interface.values import plain_value, value_at
 from app.project.project import set_path
-from app.project.reading import read_measurements
 from app.system.paths import full_path
 from engine.core.errors import InsituError
 from engine.curve.operators import ALL_CHANNELS, HALF_PI, Channels, Edit, Operator, OperatorError
 from engine.light.painted_lights import PaintedKind
-from engine.light.suns import Sun
 from engine.material.bumps import bump_fields
 from engine.material.layer import Layer
 from engine.material.map_tables import map_fields
 from engine.material.opacity import opacity_fields
-from engine.material.parameter_maps import MAPPED_KINDS, parameter_map_table
+from engine.material.parameter_maps import MAPPED_KINDS
 from engine.realtime.deformers import KINDS
 from engine.scene.camera_moves import orbit_camera
 from engine.scene.description import Camera
-from engine.scene.surface_kinds import SURFACES
 from engine.scene.toml_text import first_validation_error
-
-
-@dataclass(frozen=True)
-class EditedScene:
-    """A state of the history: the document and the viewpoint."""
-
-    document: Document
-    viewpoint: Viewpoint
-
-
-@dataclass(frozen=True)
-class _Edit:
-    """One of the document's commands; measured BRDFs that it names are read at once."""
-
-    command: EditCommand
-
-    @property
-    def label(self) -> str:
-        return self.command.label
-
-    def apply(self, state: EditedScene) -> EditedScene:
-        return replace(state, document=read_measurements(self.command.apply(state.document)))
-
-
-@dataclass(frozen=True)
-class _MoveCamera:
-    """Moves the camera."""
-
-    camera: Camera
-    label: str = "camera"
-
-    def apply(self, state: EditedScene) -> EditedScene:
-        return replace(state, viewpoint=state.viewpoint._replace(camera=self.camera))
-
-
-class Editing:
-    """The present state of a scene and the steps around it."""
-
-    def __init__(self, document: Document, camera: Camera, resolution: tuple[int, int]) -> None:
-        self._camera, self._resolution = camera, resolution
-        self._history = History(EditedScene(document, Viewpoint(camera, resolution)))
-
-    @property
-    def document(self) -> Document:
-        return self._history.document.document
-
-    @property
-    def viewpoint(self) -> Viewpoint:
-        return self._history.document.viewpoint
-
-    @property
-    def camera(self) -> Camera:
-        """The camera that pictures are seen from."""
-        return self.viewpoint.camera or self._camera
-
-    @property
-    def resolution(self) -> tuple[int, int]:
-        """Width and height of pictures."""
-        return self.viewpoint.resolution or self._resolution
-
-    def do(self, command: EditCommand) -> None:
-        """Carry out one of the editor's commands. Raises InsituError, and nothing changes then."""
-        self._history.do(_Edit(command))
-
-    def look_from(self, camera: Camera) -> None:
-        """Move the camera."""
-        self._history.do(_MoveCamera(camera))
-
-    def undo(self) -> str | None:
-        """Undo one step; returns its label, None where there is none."""
-        return self._history.undo()
-
-    def redo(self) -> str | None:
-        """Redo one step; returns its label, None where there is none."""
-        return self._history.redo()
-
 
 Region = tuple[float, float] | tuple[float, float, float, float]
 EVERYWHERE: Region = (0.0, 0.0, HALF_PI, HALF_PI)
@@ -496,76 +408,3 @@ class CameraNode:
     @property
     def _values(self) -> dict[str, Any]:
         return dict(self._editing.camera)
-
-
-def value_at(document: Document, path: str) -> Any:
-    """The value that a path names. Raises InsituError for a path that names none."""
-    target = resolve(document, path)
-    name = target.name or ""
-    if target.kind == "light":
-        if name in (BACKGROUND, BACKGROUND_COLOUR):
-            return document.background.kind if name == BACKGROUND else document.background.colour
-        return getattr(document.light, name)
-    if target.kind == "sun" and name:
-        return _value_of_sun(sun_named(document, target.object), name)
-    if target.kind == "group" and name:
-        members = map(document.object, document.groups[target.object])
-        return target.object if name == "name" else all(getattr(state, name) for state in members)
-    if target.kind == "painted":
-        place = place_of(document, target.object)
-        return {PLACE: place, "deleted": False}.get(name, getattr(document.light.painted[place], name, None))
-    if target.kind == "mix":
-        row = document.light.row(target.object)
-        return group_of(target.object) or row.group if name == "group" else getattr(row, name)
-    if target.key is not None and target.layer is not None:
-        layer = document.layer(target.key)
-        match target.kind:
-            case "parameter":
-                return layer.values[name]
-            case "map":
-                return getattr(layer.maps, name)
-            case "parameter_map":
-                own = layer.parameter_map(name)
-                return None if own is None else parameter_map_table(own)
-            case "switch" if name in ("visible", "frozen", UNDER, FRAME):
-                return getattr(layer, name)
-            case "switch":
-                return layer.fresnel is not None
-    state = document.object(target.object)
-    match target.kind:
-        case "switch" if name == MATERIAL:
-            raise InsituError(f"{path} can be set alone; what the object has stands in its layers")
-        case "switch":
-            return getattr(state, name)
-        case "deformer":
-            return next((each.amount for each in state.deformations if each.kind == name), 0.0)
-        case "presence" if name == IN_GROUP:
-            return state.in_group
-        case "presence":
-            return state.name if name == "name" else "" if name == "duplicate" else False
-        case "transform":
-            return getattr(state.transform, TRANSFORM_FIELDS[name])
-        case "time":
-            return None if state.moment is None else state.moment.time
-        case "bumps":
-            return getattr(state.bumps, name)
-        case "opacity":
-            return getattr(state.opacity, name)
-        case "surface" if name not in SURFACES and "." not in name:
-            return state.surface.kind or "none"
-    raise InsituError(f"{path!r} is a {target.kind} and has no value")
-
-
-def _value_of_sun(sun: Sun, name: str) -> Any:
-    if name in ("azimuth", "elevation"):
-        return angles_of(sun.direction)[("azimuth", "elevation").index(name)]
-    if name in PRESENCE_FIELDS:
-        return sun.name if name == "name" else "" if name == "duplicate" else False
-    return getattr(sun, name)
-
-
-def plain_value(value: object) -> object:
-    """The value as files store it: numbers and tuples of them for NumPy's, a string for a path."""
-    if isinstance(value, (np.ndarray, np.generic)):
-        value = value.tolist()
-    return tuple(value) if isinstance(value, list) else os.fspath(value) if isinstance(value, os.PathLike) else value

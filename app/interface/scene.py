@@ -22,7 +22,8 @@ from app.document.sources import SESSION_ENDING, find_source, source_of
 from app.document.view_state import Viewpoint, ViewState
 from app.export import require_package_place
 from app.files.session import save_session
-from app.interface.nodes import CameraNode, Editing, GroupsNode, LightNode, ObjectNode, RowNode
+from app.interface.editing import Editing
+from app.interface.nodes import CameraNode, GroupsNode, LightNode, ObjectNode, RowNode
 from app.interface.pictures import Mode, Picture, Pictures
 from app.project.project import Project, open_project, session_of
 from app.project.reading import complete

@@ -27,7 +27,7 @@ from app.document.node_layers import (
 from app.document.selection import is_layer_visible
 from app.document.view_state import ViewState
 from app.files.session import dump_session, fit_session, parse_session
-from app.interface.nodes import value_at
+from app.interface.values import value_at
 from app.project.project import set_path
 from engine.core.errors import InsituError
 from engine.curve.operators import Operator

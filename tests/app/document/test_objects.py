@@ -24,7 +24,7 @@ from app.document.scene_change import SceneChange
 from app.document.scene_objects import with_objects_of, without_sources
 from app.document.view_state import ViewState
 from app.files.session import fit_session, load_session, save_session, session_notes
-from app.interface.nodes import value_at
+from app.interface.values import value_at
 from app.project.project import set_path
 from engine.core.errors import InsituError, LoadError
 from engine.scene.composition import SceneObject
