@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import itertools
 from collections.abc import Callable
 from pathlib import Path
 
@@ -135,7 +136,8 @@ def read_preferences(path: Path) -> None:
     """What is damaged is as if it were not there: nothing is raised."""
     from app.files.preferences import PreferenceFile, Preferences
 
-    assert PreferenceFile(path).current in [Preferences(m, s) for m in ("blender", "maya") for s in ("dolly", "orbit")]
+    choices = itertools.product(("blender", "maya"), ("dolly", "orbit"), ("blender", "maya", "insitu"))
+    assert PreferenceFile(path).current in itertools.starmap(Preferences, choices)
 
 
 def read_recent(path: Path) -> None:

@@ -23,7 +23,7 @@ from app.modes.placement.placement_messages import (
 )
 from app.worker import placement_worker as placement_module
 from app.worker.cache import ArrayCache
-from app.worker.kernels import Kernels
+from app.worker.kernels import INDIRECT, Kernels
 from app.worker.schedule import InProcessClient
 from app.worker.tasks import RequestDispatcher
 from app.worker.transport_stages import stages_of
@@ -103,7 +103,7 @@ class StillCompiling:
         return True
 
     def is_ready(self, what: str) -> bool:
-        self.n_asked += 1
+        self.n_asked += what == INDIRECT
         return self.n_asked > 1
 
     def until_ready(self, what: str) -> Iterator[None]:

@@ -8,8 +8,9 @@ import OpenEXR
 import pytest
 from PIL import Image
 
+from engine.core.colour import ToneMapping
 from engine.light.radiance_files import read_radiance_image
-from engine.render.display import ToneMapping, display_picture, exr_bytes, png_bytes
+from engine.render.display import display_picture, exr_bytes, png_bytes
 from tests.naive import pictures as naive
 
 VALUES = np.concatenate([[0.0, 0.0031307, 0.0031309], np.geomspace(1e-5, 1e5, 80)])
