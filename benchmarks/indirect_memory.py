@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from app.document.document import document_from_description
+from app.document.described import document_from_description
 from app.measure.subject import at_most, open_subject
 from app.modes.placement.curves import Curves
 from app.modes.placement.placement_messages import FreezeIndirect, IndirectFrozen

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from app.document.document import document_from_description
+from app.document.described import document_from_description
 from app.measure.settings import Outcome, Setting
 from app.measure.subject import at_most, open_subject
 from app.project.distant_light import sky_of

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from app.document.document import document_from_description
+from app.document.described import document_from_description
 from app.document.scene_state import SceneState, layer_state, scene_state
 from app.measure.subject import errors
 from app.messages.worker_messages import OpenScene, Request, RequestFailed, Response, SetCamera

@@ -12,7 +12,8 @@ import typer
 
 from app.cli.console import print_line
 from app.document.scene_files import has_variants, with_axis, with_variants
-from app.project.project import Project, parse_assignment
+from app.project.assignments import parse_assignment
+from app.project.project import Project
 from engine.core.colour import AnyView, ConfigView, find_view
 from engine.core.errors import plain_line, plain_notes
 from engine.precompute.indirect.sampling_settings import MOST_BOUNCES

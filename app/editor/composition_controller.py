@@ -11,7 +11,8 @@ from collections.abc import Collection, Iterable
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
-from app.document.document import Document, ObjectState, added_state
+from app.document.described import added_state
+from app.document.document import Document, ObjectState
 from app.document.history import History
 from app.document.scene_objects import AddedStates, with_objects_of, without_sources
 from app.document.selection import selection_after_edit

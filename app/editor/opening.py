@@ -6,7 +6,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from app.document.document import Document, document_from_description
+from app.document.described import document_from_description
+from app.document.document import Document
 from app.document.effective_settings import effective_view
 from app.document.named_files import document_with_measurements, layers_of_document, unread_files
 from app.document.scene_change import SceneChange

@@ -42,7 +42,7 @@ from app.document.targets import (
 )
 from app.interface.editing import Editing
 from app.interface.values import plain_value, value_at
-from app.project.project import set_path
+from app.project.assignments import set_path
 from app.system.paths import full_path
 from engine.core.errors import InsituError
 from engine.curve.operators import ALL_CHANNELS, HALF_PI, Channels, Edit, Operator, OperatorError

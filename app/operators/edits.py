@@ -19,7 +19,7 @@ from app.document.selection import layer_shown
 from app.document.view_state import SetView
 from app.editor.editor import Editor
 from app.operators.operator import CURVE, LAYER, SCENE, Gesture, Need, Operator, OperatorContext, ScriptKey, ValueRecord
-from app.project.project import set_path
+from app.project.assignments import set_path
 from engine.realtime.deformers import KINDS
 from engine.scene.description import Number, Parameter, Text
 from engine.settings import LineValue

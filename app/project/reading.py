@@ -12,7 +12,8 @@ from app.document.commands import EditCommand
 from app.document.commands.layers import SetMaterial
 from app.document.commands.objects import AddObject
 from app.document.commands.suns import AddSun
-from app.document.document import Document, added_state
+from app.document.described import added_state
+from app.document.document import Document
 from app.document.named_files import document_with_measurements, layers_with_variants, unread_files
 from app.document.scene_objects import AddedStates
 from app.files.material_files import complete_material, read_file_materials

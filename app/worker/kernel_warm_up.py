@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from app.document.document import Document, document_from_description
+from app.document.described import document_from_description
+from app.document.document import Document
 from app.document.scene_state import LayerState, SceneState, layer_state, scene_state
 from app.messages.worker_messages import OpenScene, Request, RequestFailed, SetCamera
 from app.modes.deform.deform_messages import DrawDeform, PathPreview, PrepareDeform

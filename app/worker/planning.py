@@ -16,7 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from app.document.document import document_from_description
+from app.document.described import document_from_description
 from app.document.scene_state import LayerState
 from app.messages.worker_messages import Response
 from app.modes.placement.placement_messages import BandsPlanned, ComputeTransport, PlanBands

@@ -18,7 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from app.document.document import Document, document_from_description
+from app.document.described import document_from_description
+from app.document.document import Document
 from app.document.light_mix import mixed_light
 from app.document.light_state import LightState
 from app.document.named_files import (

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 import psutil
 
-from app.project.project import set_path
+from app.project.assignments import set_path
 from benchmarks.programs.command_line import exit_status
 from benchmarks.programs.renderer import EditorRig
 from engine.core.errors import InsituError

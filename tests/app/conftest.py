@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from app.document.document import Document, document_from_description
+from app.document.described import document_from_description
+from app.document.document import Document
 from app.editor.editor import Editor
 from engine.scene.description import SceneDescription, parse_description
 from tests.app.fake_worker import SCENE, FakeClient

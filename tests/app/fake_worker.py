@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from app.document.document import document_from_description
+from app.document.described import document_from_description
 from app.document.named_files import document_with_measurements, unread_files
 from app.messages.worker_messages import (
     CancelRequests,

@@ -8,7 +8,7 @@ from app.files.journal import Recovery
 from app.files.materials import load_material, parse_material
 from app.files.session import load_session
 from app.operators.script import load_script
-from app.project.project import parse_assignment
+from app.project.assignments import parse_assignment
 from engine.core.errors import LoadError
 from engine.scene.description import load_description
 from engine.scene.toml_text import MAX_LEVELS, MAX_PARTS

@@ -9,12 +9,13 @@ import pytest
 
 from app.document.commands.curves import SetOperators
 from app.document.commands.layers import SetFresnelTerm, SetModel, SetParameter
-from app.document.document import Document, document_from_description
+from app.document.described import document_from_description
+from app.document.document import Document
 from app.document.view_state import ViewState
 from app.editor.editor import Editor
 from app.files.session import fit_session, load_session, save_session
 from app.modes.placement.placement_messages import ComputeTransport
-from app.project.project import set_path
+from app.project.assignments import set_path
 from engine.core.errors import InsituError, LoadError
 from engine.curve.operators import Operator
 from engine.material import MODELS

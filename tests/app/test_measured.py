@@ -9,7 +9,8 @@ import pytest
 
 from app.document.commands.curves import AddOperator
 from app.document.commands.layers import SetFrozen, SetModel, SetParameter
-from app.document.document import Document, document_from_description
+from app.document.described import document_from_description
+from app.document.document import Document
 from app.document.named_files import (
     layers_of_document,
     measured_files,
@@ -34,7 +35,8 @@ from app.messages.worker_messages import (
 )
 from app.modes.placement.curves import Curves
 from app.modes.placement.placement_messages import ComputeTransport, LayerPicture, PlanBands
-from app.project.project import open_project, set_path
+from app.project.assignments import set_path
+from app.project.project import open_project
 from app.worker.cache import ArrayCache
 from app.worker.schedule import InProcessClient
 from app.worker.tasks import RequestDispatcher

@@ -16,8 +16,9 @@ from app.document.light_state import LightState
 from app.document.sources import find_source
 from app.document.view_state import Viewpoint, ViewState
 from app.files.session import save_session
+from app.project.assignments import parse_assignment
 from app.project.distant_light import sky_of
-from app.project.project import open_project, parse_assignment
+from app.project.project import open_project
 from engine.core.errors import InsituError, LoadError
 from engine.scene.builtin import builtin_environments
 from tests.app.cli.command_line import SCENE

@@ -12,7 +12,8 @@ from PIL import Image
 
 import insitu
 from app.document.commands import DuplicateObject, SetShadowCatcher
-from app.project.project import open_project, set_path
+from app.project.assignments import set_path
+from app.project.project import open_project
 from app.stills.picture_layers import render_layers
 from app.stills.shadow_catcher import CatcherView, caught_shadows
 from app.stills.stills import picture_bytes, render_project

@@ -17,7 +17,7 @@ def texts(pattern: str) -> Callable[[Path], list[bytes]]:
 
 
 def read_scene(path: Path) -> None:
-    from app.document.document import document_from_description
+    from app.document.described import document_from_description
     from engine.scene.description import load_description
 
     document_from_description(str(path), load_description(path))
@@ -38,7 +38,7 @@ def sessions(folder: Path) -> list[bytes]:
     from app.document.commands.light import SetEnvironment
     from app.document.commands.maps import Paint, SetMap, SetOpacity
     from app.document.commands.poses import AddDeformer
-    from app.document.document import document_from_description
+    from app.document.described import document_from_description
     from app.document.view_state import Bookmark, Viewpoint, ViewState
     from app.files.session import save_session
     from engine.curve.drawing import through_points
@@ -95,7 +95,7 @@ def read_material(path: Path) -> None:
 
 def materials(folder: Path) -> list[bytes]:
     from app.document.commands.curves import AddOperator
-    from app.document.document import document_from_description
+    from app.document.described import document_from_description
     from app.files.materials import Material, dump_material
     from engine.curve.operators import Operator
     from engine.scene.description import parse_description

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from app.document.document import document_from_description
+from app.document.described import document_from_description
 from app.messages.worker_messages import (
     MeasurementsRead,
     OpenScene,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from app.project.project import set_path
+from app.project.assignments import set_path
 from engine.core.errors import InsituError
 from tests.ui.stand_in import StandInClient
 from ui.headless import HeadlessWindow

@@ -18,8 +18,9 @@ from app.document.commands.layers import (
     new_layer,
 )
 from app.document.commands.light import SetEmission
+from app.document.described import document_from_description
 from app.document.display_names import with_display_names
-from app.document.document import Document, all_factors, document_from_description
+from app.document.document import Document, all_factors
 from engine.curve.operators import Operator
 from engine.material import MODELS
 from engine.scene.description import SceneDescription

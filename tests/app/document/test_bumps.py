@@ -15,7 +15,8 @@ from app.editor.editor import Editor
 from app.editor.view_controller import REST_SECONDS
 from app.files.session import load_session, save_session
 from app.messages.worker_messages import OpenScene, SetCamera, ViewTraced
-from app.project.project import open_project, set_path
+from app.project.assignments import set_path
+from app.project.project import open_project
 from app.worker.schedule import InProcessClient
 from app.worker.tasks import RequestDispatcher, WorkerContext
 from engine.core.errors import InsituError

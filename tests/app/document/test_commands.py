@@ -30,7 +30,7 @@ from app.document.commands.light import (
 )
 from app.document.commands.plan import SetFirstBands
 from app.document.document import Document
-from app.project.project import set_path
+from app.project.assignments import set_path
 from engine.core.errors import InsituError, LoadError
 from engine.curve.operators import Operator, TabulatedCurve, diagonal
 

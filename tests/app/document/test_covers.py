@@ -20,7 +20,7 @@ from app.document.document import Document
 from app.document.view_state import ViewState
 from app.files.materials import copy_layer, copy_material, load_material, save_material
 from app.files.session import load_session, save_session
-from app.project.project import set_path
+from app.project.assignments import set_path
 from engine.core.errors import InsituError, LoadError
 from tests.app.document.test_linked_layers import opened
 

@@ -6,7 +6,8 @@ from typing import Any
 
 import pytest
 
-from app.document.document import Document, Selection, document_from_description
+from app.document.described import document_from_description
+from app.document.document import Document, Selection
 from app.document.targets import resolve
 from engine.core.errors import InsituError, LoadError
 from engine.scene.description import SceneDescription, load_description, parse_description

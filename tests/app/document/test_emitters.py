@@ -17,7 +17,8 @@ from app.editor.editor import Editor
 from app.files.session import fit_session, load_session, save_session
 from app.modes.placement.desired_state import brightening_factors
 from app.modes.placement.placement_messages import ComputeTransport
-from app.project.project import open_project, set_path
+from app.project.assignments import set_path
+from app.project.project import open_project
 from engine.core.errors import InsituError
 from tests.app.fake_worker import SCENE, FakeClient
 from tests.scene_text import camera, facing_up, material, placed

@@ -27,7 +27,7 @@ from app.document.selection import clicked, group_around, select_in_view, toggle
 from app.document.view_state import ViewState
 from app.files.session import fit_session, load_session, save_session
 from app.interface.values import value_at
-from app.project.project import set_path
+from app.project.assignments import set_path
 from engine.core.errors import InsituError
 
 

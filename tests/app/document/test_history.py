@@ -9,7 +9,8 @@ from app.document.background import BACKGROUND_KINDS
 from app.document.commands import EditCommand
 from app.document.commands.layers import SetParameter
 from app.document.commands.light import SetBackground, SetBackgroundColour, SetIntensity, SetRotation
-from app.document.document import Document, document_from_description
+from app.document.described import document_from_description
+from app.document.document import Document
 from app.document.history import History
 from engine.core.errors import InsituError
 from engine.scene.description import parse_description

@@ -12,7 +12,8 @@ import pytest
 import insitu
 from app.document.commands.light import SetEmission, SetRotation
 from app.document.commands.mix import SetMix
-from app.document.document import Document, document_from_description
+from app.document.described import document_from_description
+from app.document.document import Document
 from app.document.history import History
 from app.document.light_mix import emission_of, exclusions_of, gains_of, lights_of, mixed_light
 from app.document.light_state import ENVIRONMENT_KEY, MIX_FIELDS, LightState
@@ -20,7 +21,8 @@ from app.document.scene_change import SceneChange
 from app.document.scene_state import scene_state
 from app.document.view_state import ViewState
 from app.files.session import fit_session, load_session, save_session
-from app.project.project import open_project, set_path
+from app.project.assignments import set_path
+from app.project.project import open_project
 from engine.core.blackbody import blackbody_colour
 from engine.core.errors import InsituError
 from engine.scene.description import parse_description

@@ -29,13 +29,14 @@ from app.document.commands import (
     SetVisible,
     UnlinkCurve,
 )
-from app.document.document import Document, Selection, document_from_description
+from app.document.described import document_from_description
+from app.document.document import Document, Selection
 from app.document.linked_curves import linked_keys
 from app.document.view_state import ViewState
 from app.files.materials import copy_material, dump_material
 from app.files.session import fit_session, load_session, save_session
 from app.modes.placement.edited_curves import edited_layers
-from app.project.project import set_path
+from app.project.assignments import set_path
 from engine.core.errors import InsituError, LoadError
 from engine.curve.operators import Operator
 from engine.scene.description import parse_description

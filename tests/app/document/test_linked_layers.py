@@ -9,7 +9,8 @@ import pytest
 
 from app.document.commands.curves import SetOperators
 from app.document.commands.layers import SetFrozen, SetModel, SetParameter, SetVisible
-from app.document.document import Document, document_from_description
+from app.document.described import document_from_description
+from app.document.document import Document
 from app.document.view_state import ViewState
 from app.files.session import load_session, save_session
 from engine.core.errors import InsituError, LoadError

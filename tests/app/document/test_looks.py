@@ -32,14 +32,15 @@ from app.document.commands import (
     SetTransform,
     SetVisible,
 )
-from app.document.document import Document, added_state
+from app.document.described import added_state
+from app.document.document import Document
 from app.document.history import History
 from app.document.looks import Look, in_look, look_names, state_of
 from app.document.named_files import files_of_document
 from app.document.scene_change import SceneChange
 from app.document.view_state import ViewState
 from app.files.session import dump_session, fit_session, load_session, save_session
-from app.project.project import set_path
+from app.project.assignments import set_path
 from engine.core.errors import InsituError, LoadError
 from engine.curve.operators import Operator
 from engine.scene.description import ObjectDescription

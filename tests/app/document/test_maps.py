@@ -11,11 +11,12 @@ import pytest
 from app.document.commands import SetSurface
 from app.document.commands.layers import AddLayers, SetFresnelTerm, SetMaterial
 from app.document.commands.maps import SetMap
-from app.document.document import Document, document_from_description
+from app.document.described import document_from_description
+from app.document.document import Document
 from app.document.named_files import image_name, scene_folder, with_full_names
 from app.document.view_state import ViewState
 from app.files.session import fit_session, load_session, save_session
-from app.project.project import set_path
+from app.project.assignments import set_path
 from engine.core.errors import InsituError
 from engine.material.layer_maps import LayerMaps
 from engine.scene.description import SceneDescription

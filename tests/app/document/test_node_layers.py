@@ -12,7 +12,8 @@ from app.document.commands.curves import SetOperators
 from app.document.commands.layers import SetFresnelTerm, SetModel, SetParameter, SetVisible
 from app.document.commands.maps import SetParameterMap
 from app.document.commands.plan import OverrideLine
-from app.document.document import Document, document_from_description
+from app.document.described import document_from_description
+from app.document.document import Document
 from app.document.history import History
 from app.document.linked_layers import linked_indices
 from app.document.named_files import files_of_document, with_full_names
@@ -28,7 +29,7 @@ from app.document.selection import is_layer_visible
 from app.document.view_state import ViewState
 from app.files.session import dump_session, fit_session, parse_session
 from app.interface.values import value_at
-from app.project.project import set_path
+from app.project.assignments import set_path
 from engine.core.errors import InsituError
 from engine.curve.operators import Operator
 from engine.material.parameter_maps import channel_statistics

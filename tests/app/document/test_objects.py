@@ -19,13 +19,14 @@ from app.document.commands import (
 )
 from app.document.commands.layers import SetParameter
 from app.document.commands.plan import OverrideLine
-from app.document.document import Document, ObjectState, added_state
+from app.document.described import added_state
+from app.document.document import Document, ObjectState
 from app.document.scene_change import SceneChange
 from app.document.scene_objects import with_objects_of, without_sources
 from app.document.view_state import ViewState
 from app.files.session import fit_session, load_session, save_session, session_notes
 from app.interface.values import value_at
-from app.project.project import set_path
+from app.project.assignments import set_path
 from engine.core.errors import InsituError, LoadError
 from engine.scene.composition import SceneObject
 from engine.scene.description import ObjectDescription

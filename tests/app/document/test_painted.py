@@ -15,7 +15,8 @@ import insitu
 from app.document.commands.light import SetMapChange
 from app.document.commands.mix import SetMix
 from app.document.commands.painted import AddPainted, RemovePainted, SetPainted
-from app.document.document import Document, document_from_description
+from app.document.described import document_from_description
+from app.document.document import Document
 from app.document.history import History
 from app.document.light_mix import gains_of, mixed_light
 from app.document.light_state import ENVIRONMENT_KEY
@@ -25,8 +26,9 @@ from app.document.scene_change import SceneChange
 from app.document.single_lights import light_weights
 from app.document.view_state import ViewState
 from app.files.session import dump_session, load_session, parse_session, save_session
+from app.project.assignments import parse_assignment, set_path
 from app.project.distant_light import sky_of
-from app.project.project import open_project, parse_assignment, set_path
+from app.project.project import open_project
 from engine.core.errors import InsituError
 from engine.light.painted_lights import PAINTED_KINDS
 from engine.scene.description import parse_description

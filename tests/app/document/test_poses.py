@@ -18,7 +18,7 @@ from app.files.session import dump_session, fit_session, load_session, save_sess
 from app.messages.worker_messages import RequestFailed, SetCamera
 from app.operators.edits import Deform
 from app.operators.script import Step, load_script
-from app.project.project import set_path
+from app.project.assignments import set_path
 from engine.core.errors import InsituError, LoadError
 from engine.realtime.zonal_harmonics.pose import Deformation, Moment
 from engine.scene.rig import Animation

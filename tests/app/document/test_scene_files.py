@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.document.document import document_from_description
+from app.document.described import document_from_description
 from app.document.named_files import files_of_document
 from app.document.scene_files import (
     can_turn,

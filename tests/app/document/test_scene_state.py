@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from app.document.commands.light import SetIntensity
-from app.document.document import Document, document_from_description
+from app.document.described import document_from_description
+from app.document.document import Document
 from app.document.scene_state import layer_state, scene_state
 from app.modes.placement.curves import Curves
 from engine.material.layer_maps import MapMeans

@@ -24,13 +24,15 @@ from app.document.commands.suns import (
     direction_of,
     in_world,
 )
-from app.document.document import Document, document_from_description
+from app.document.described import document_from_description
+from app.document.document import Document
 from app.document.history import History
 from app.document.light_state import LightState
 from app.document.scene_change import SceneChange
 from app.document.view_state import ViewState
 from app.files.session import dump_session, fit_session, load_session, parse_session, save_session
-from app.project.project import open_project, set_path
+from app.project.assignments import set_path
+from app.project.project import open_project
 from engine.core.errors import InsituError
 from engine.light.suns import SUN_DIAMETER
 from engine.scene.description import MAX_SUNS, Camera, parse_description

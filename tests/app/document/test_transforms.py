@@ -23,7 +23,7 @@ from app.messages.worker_messages import SetCamera
 from app.operators.arrange import Move
 from app.operators.registry import run_operator
 from app.operators.script import Step, load_script
-from app.project.project import set_path
+from app.project.assignments import set_path
 from engine.core.errors import InsituError, LoadError
 from engine.realtime.zonal_harmonics.pose import Deformation
 from engine.scene.transform import Transform, rotation_matrix

@@ -6,11 +6,13 @@ import pytest
 
 from app.cli.options import assignments
 from app.document.commands.layers import SetFrozen, SetParameter, SetVariant
-from app.document.document import AS_IN_THE_FILE, Document, document_from_description
+from app.document.described import AS_IN_THE_FILE, document_from_description
+from app.document.document import Document
 from app.document.view_state import ViewState
 from app.editor.editor import Editor
 from app.files.session import fit_session, load_session, save_session
-from app.project.project import open_project, set_path
+from app.project.assignments import set_path
+from app.project.project import open_project
 from app.worker.cache import ArrayCache
 from app.worker.schedule import InProcessClient
 from app.worker.tasks import RequestDispatcher

@@ -28,7 +28,7 @@ from app.files.materials import (
     parse_material,
     save_material,
 )
-from app.project.project import set_path
+from app.project.assignments import set_path
 from engine.core.errors import InsituError, LoadError
 from engine.curve.operators import Operator, TabulatedCurve
 from engine.material import MODELS, make_layer

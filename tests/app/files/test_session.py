@@ -18,7 +18,8 @@ from app.document.commands.curves import AddOperator, CollapseOperators, SetOper
 from app.document.commands.layers import SetFrozen, SetParameter, SetVisible
 from app.document.commands.light import SetBackground, SetBackgroundColour, SetEnvironment
 from app.document.commands.plan import SetFirstBands
-from app.document.document import Document, Selection, document_from_description
+from app.document.described import document_from_description
+from app.document.document import Document, Selection
 from app.document.view_state import Bookmark, SetView, Viewpoint, ViewState
 from app.files.session import Session, fit_session, load_session, save_session, session_notes
 from engine.core.errors import InsituError, LoadError

@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from app.document.document import document_from_description
+from app.document.described import document_from_description
 from app.document.scene_state import scene_state
 from app.messages.worker_messages import Request, Response
 from app.modes.deform.deform_messages import DrawDeform, PrepareDeform

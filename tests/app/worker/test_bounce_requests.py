@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from app.document.document import document_from_description
+from app.document.described import document_from_description
 from app.document.scene_state import scene_state
 from app.modes.deform.deform_messages import PrepareDeform
 from app.modes.orbit.orbit_messages import PrepareOrbit

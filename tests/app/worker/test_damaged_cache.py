@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.document.document import document_from_description
+from app.document.described import document_from_description
 from app.messages.worker_messages import RequestFailed, Response
 from app.modes.placement.curves import Curves
 from app.modes.placement.placement_messages import (

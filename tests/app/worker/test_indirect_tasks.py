@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.document.document import document_from_description
+from app.document.described import document_from_description
 from app.messages.worker_messages import Response
 from app.modes.placement.curves import Curves
 from app.modes.placement.placement_messages import FreezeIndirect, FreezingProgress, IndirectFound, IndirectFrozen

@@ -31,7 +31,8 @@ def picture(scene: Scene, n_edge_rays: int = 0, n_bounces: int = 1) -> np.ndarra
 
 
 def layers_of(scene: Scene):
-    from app.document.document import document_from_description, reflecting_layers
+    from app.document.described import document_from_description
+    from app.document.document import reflecting_layers
 
     layers = dict(reflecting_layers(document_from_description("table", scene.description)))
     plan = plan_scene(scene, layers, has_sky=True)

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from app.document.document import Document, document_from_description
+from app.document.described import document_from_description
+from app.document.document import Document
 from app.document.node_layers import channel_images, with_node_layers
 from engine.core.errors import LoadError
 from engine.core.generators import run_to_end

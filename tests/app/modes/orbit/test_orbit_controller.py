@@ -10,7 +10,8 @@ import pytest
 
 from app.document.commands.layers import SetParameter
 from app.document.commands.light import SetRotation
-from app.document.document import Document, document_from_description
+from app.document.described import document_from_description
+from app.document.document import Document
 from app.document.history import History
 from app.document.view_state import ViewState
 from app.messages.editor_status import Status, StatusMetrics

@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from app.document.document import Selection, document_from_description
+from app.document.described import document_from_description
+from app.document.document import Selection
 from app.modes.placement.curves import Curves
 from app.modes.placement.indirect_controller import IndirectController
 from app.modes.placement.placement_messages import (

@@ -6,7 +6,7 @@ import pytest
 
 from app.document.commands.layers import SetParameter
 from app.document.commands.mix import SetMix
-from app.document.document import document_from_description
+from app.document.described import document_from_description
 from app.messages.worker_messages import CancelRequests, Request
 from app.modes.placement.curves import Curves
 from app.modes.placement.placement_messages import LightsReady, PrepareRelighting, RelightingPrepared

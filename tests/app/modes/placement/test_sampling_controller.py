@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from app.document.document import Document, document_from_description
+from app.document.described import document_from_description
+from app.document.document import Document
 from app.messages.editor_status import Status
 from app.messages.worker_messages import CancelRequests, Request, with_numbers
 from app.modes.placement.curves import Curves
