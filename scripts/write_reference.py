@@ -22,18 +22,15 @@ from pydantic.fields import FieldInfo
 
 from app.cli.program import cli
 from app.files.layer_records import CurveRecord, LayerRecord, OperatorRecord
+from app.files.light_records import LightRecord, MixRecord, PaintedRecord, SunRecord
 from app.files.records import (
     AddedRecord,
     BackgroundRecord,
     BookmarkRecord,
     DeformerRecord,
-    LightRecord,
     LookRecord,
-    MixRecord,
     ObjectRecord,
-    PaintedRecord,
     SessionRecord,
-    SunRecord,
     TransformRecord,
     ViewRecord,
 )

@@ -13,7 +13,8 @@ from dataclasses import replace
 from typing import Protocol
 
 from app.document.view_state import SetView, ViewCommand, ViewState
-from app.messages.worker_messages import ColourViewRead, ReadColourView, Request, RequestFailed
+from app.messages.file_messages import ColourViewRead, ReadColourView
+from app.messages.worker_messages import Request, RequestFailed
 from engine.core.colour import AnyView, ConfigView
 from engine.core.colour_config import ConfigCatalogue, ViewShader, config_name
 

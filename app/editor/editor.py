@@ -37,9 +37,7 @@ from app.editor.scene_controller import SceneController
 from app.editor.table_controller import TableController
 from app.files.journal import Journal, Recovery, SessionStore
 from app.messages.editor_status import Status, StatusMetrics
-from app.messages.picture_events import PictureEvent
-from app.messages.worker_messages import (
-    CancelRequests,
+from app.messages.file_messages import (
     ChannelsRead,
     ColourViewRead,
     CurveTableRead,
@@ -47,6 +45,10 @@ from app.messages.worker_messages import (
     MaterialsRead,
     MeasurementsRead,
     ObjectsRead,
+)
+from app.messages.picture_events import PictureEvent
+from app.messages.worker_messages import (
+    CancelRequests,
     Progress,
     Request,
     RequestFailed,

@@ -17,7 +17,7 @@ from app.export import require_package_place, written_names
 from app.export.environment import require_environment_file
 from app.files.material_files import import_material
 from app.files.materials import PendingMeasurement, describe_reading, import_measured
-from app.messages.worker_messages import (
+from app.messages.file_messages import (
     CurveTableRead,
     FilesWritten,
     MaterialsRead,
@@ -25,11 +25,11 @@ from app.messages.worker_messages import (
     ObjectsRead,
     ReadCurveTable,
     ReadObjects,
-    Request,
     SaveEnvironment,
     SaveScene,
     WriteFiles,
 )
+from app.messages.worker_messages import Request
 from app.modes.mode import ModeController
 from app.system.atomic import require_folder, require_place
 from engine.core.errors import InsituError

@@ -17,7 +17,8 @@ from app.document.document import Document
 from app.document.history import History
 from app.document.linked_layers import with_covers
 from app.document.node_layers import NodeCount, channel_images, n_nodes_of, node_counts, with_node_layers
-from app.messages.worker_messages import ChannelsRead, ReadChannels, Request
+from app.messages.file_messages import ChannelsRead, ReadChannels
+from app.messages.worker_messages import Request
 from engine.material.layer import Layer
 from engine.material.layer_maps import ChannelImage
 from engine.material.model import Model

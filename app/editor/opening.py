@@ -18,7 +18,8 @@ from app.document.view_state import Viewpoint, ViewState
 from app.editor.composition_controller import FittedScene
 from app.editor.view_controller import TracedView
 from app.files.journal import Recovery
-from app.files.session import Session, archived_session, fit_session, load_session
+from app.files.session import Session, archived_session, load_session
+from app.files.session_fitting import fit_session
 from app.messages.worker_messages import OpenScene, SceneOpened
 from engine.scene.description import ObjectDescription, SceneDescription
 

@@ -31,7 +31,8 @@ from app.editor.opening import Opening
 from app.editor.view_controller import TracedView, ViewController, describe_empty_frame
 from app.files.bookmarks import MAX_BOOKMARKS, camera_bookmarks
 from app.files.journal import SessionStore
-from app.files.session import Session, session_notes
+from app.files.session import Session
+from app.files.session_fitting import session_notes
 from app.messages.editor_status import StatusMetrics
 from app.messages.picture_events import PictureEvent, SceneFrame, SkyChanged
 from app.messages.worker_messages import Request, RequestFailed, SceneOpened, SkyImage, ViewTraced

@@ -39,7 +39,8 @@ from app.document.linked_layers import Layers, layers_from_descriptions, linked_
 from app.document.named_files import FILE, measurement_in, unread_files, with_full_paths, with_measurements
 from app.files.layer_records import MAX_LAYERS, CurveRecord, StrictModel, description_of, operator_lines, with_curves
 from app.files.material_files import MARK, complete_material, is_material_file, split_material
-from app.messages.worker_messages import MaterialsRead, MeasurementsRead, ReadMaterials, ReadMeasured, Request
+from app.messages.file_messages import MaterialsRead, MeasurementsRead, ReadMaterials, ReadMeasured
+from app.messages.worker_messages import Request
 from app.system.atomic import save_file
 from app.system.paths import full_path, is_file_name, material_directory
 from engine.core.errors import InsituError, LoadError

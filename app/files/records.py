@@ -21,30 +21,21 @@ from pydantic import (
 )
 
 from app.document.background import Background, BackgroundKind
-from app.document.commands.light import INTENSITY
 from app.document.commands.looks import MAX_LOOKS
-from app.document.commands.mix import changed_row
-from app.document.commands.painted import MAX_PAINTED
 from app.document.commands.plan import FirstBands
 from app.document.commands.poses import MAX_DEFORMERS
-from app.document.light_state import MIX_FIELDS, NO_SUNS, PLAIN_ROW, MixRow
-from app.document.painted_parameters import restored_painted
 from app.document.view_state import Bookmark, LooksShown, Viewpoint
 from app.files.bookmarks import MAX_BOOKMARKS, MAX_NAME, MAX_THUMBNAIL_BYTES, check_thumbnail, is_name
-from app.files.layer_records import MAX_LAYERS, Flag, LayerRecord, StrictModel, Triple
+from app.files.layer_records import MAX_LAYERS, Flag, LayerRecord, StrictModel
+from app.files.light_records import LightRecord, PathText
 from app.system.paths import full_path
 from engine.core.colour import ToneMapping
 from engine.core.errors import InsituError
-from engine.light.painted_lights import PaintedLight
-from engine.light.probe_mappings import Mapping
-from engine.light.suns import Sun
 from engine.material.bumps import Bumps, bumps_of_parts
 from engine.material.opacity import Opacity, opacity_of_parts
-from engine.material.parameters import ParameterError
 from engine.realtime.zonal_harmonics.pose import MAX_GROWTH, Deformation, largest_growth
 from engine.scene.description import (
     MAX_OBJECTS,
-    MAX_SUNS,
     Camera,
     ConeDescription,
     Name,
@@ -53,7 +44,6 @@ from engine.scene.description import (
     Pixels,
     Primitive,
     Radiance,
-    SunDescription,
     Text,
     table_validator,
 )
@@ -70,9 +60,6 @@ from engine.settings import (
 )
 
 MAX_OVERRIDES = 4096
-MAX_MIX_ROWS = 2 * MAX_OBJECTS  # each light in a group of its own
-# A path of any length that systems take, each byte of it as "%E9".
-PathText = Annotated[str, Field(min_length=1, max_length=3 * 4096 + 5, strict=True)]
 
 
 class DeformerRecord(StrictModel):
@@ -165,116 +152,6 @@ class ObjectRecord(StrictModel):
             raise ValueError("added: at most one of original and added")
         if (times := largest_growth([each.deformation for each in self.deformers])) > MAX_GROWTH:
             raise ValueError(f"deformers make it {times:.3g} times as large: at most {MAX_GROWTH:g} times")
-        return self
-
-
-class SunRecord(SunDescription):
-    """An edited sun, named as in the scene, or an added one."""
-
-    name: Name
-    added: Flag = False
-
-    @property
-    def sun(self) -> Sun:
-        return Sun(self.direction, self.irradiance, self.diameter, self.name)
-
-
-class MixRecord(StrictModel):
-    """A light's row in the mix, by its key."""
-
-    light: Annotated[Text, Field(min_length=1)]
-    on: Flag = True
-    solo: Flag = False
-    strength: Number = 0.0
-    colour: Triple = (1.0, 1.0, 1.0)
-    kelvin: Number = 0.0
-    group: Text = ""
-    excludes: Annotated[tuple[Text, ...], Field(max_length=MAX_OBJECTS)] = ()
-
-    @model_validator(mode="after")
-    def _is_a_row(self) -> MixRecord:
-        try:
-            assert self.row
-        except ParameterError as error:
-            raise ValueError(f"{error.what}: {error.expected}") from None
-        return self
-
-    @property
-    def row(self) -> MixRow:
-        row = PLAIN_ROW
-        for name in MIX_FIELDS:
-            if name in self.model_fields_set:
-                row = changed_row(row, name, getattr(self, name))
-        return row
-
-
-class PaintedRecord(StrictModel):
-    """A painted light; values that are left out are those of its kind."""
-
-    name: Name
-    kind: Literal["box", "disc", "gradient", "sky", "image"]
-    file: PathText | None = None
-    placement: Literal["card", "panorama"] | None = None
-    blend: Literal["add", "cover"] | None = None
-    azimuth: Number | None = None
-    elevation: Number | None = None
-    width: Number | None = None
-    height: Number | None = None
-    rotation: Number | None = None
-    softness: Number | None = None
-    radiance: Radiance | None = None
-    far: Radiance | None = None
-    opacity: Number | None = None
-    turbidity: Number | None = None
-    ground: Radiance | None = None
-    sun: Number | None = None
-    diameter: Number | None = None
-
-    @model_validator(mode="after")
-    def _is_one(self) -> PaintedRecord:
-        try:
-            assert self.painted
-        except InsituError as error:
-            raise ValueError(str(error)) from None
-        return self
-
-    @property
-    def painted(self) -> PaintedLight:
-        """The light; an image's file is named as in the session."""
-        given = {name: value for name, value in self if value is not None and name not in ("name", "kind")}
-        return restored_painted(self.kind, self.name, given)
-
-
-class LightRecord(StrictModel):
-    environment: PathText
-    mapping: Mapping = "latlong"
-    rotation: Number = 0.0
-    intensity: Annotated[Number, Field(ge=0.0, le=INTENSITY.maximum)] = 1.0
-    radiance: Radiance | None = None
-    suns: Annotated[tuple[SunRecord, ...], Field(max_length=MAX_SUNS)] | None = None
-    deleted_suns: Annotated[tuple[Name, ...], Field(max_length=MAX_SUNS)] = ()
-    mix: Annotated[tuple[MixRecord, ...], Field(max_length=MAX_MIX_ROWS)] = ()
-    tilt: Number = 0.0
-    hue: Number = 0.0
-    contrast: Number = 1.0
-    clamp: Number = 0.0
-    sides: Flag = False
-    painted: Annotated[tuple[PaintedRecord, ...], Field(max_length=MAX_PAINTED)] = ()
-
-    @field_validator("painted")
-    @classmethod
-    def _have_own_names(cls, painted: tuple[PaintedRecord, ...]) -> tuple[PaintedRecord, ...]:
-        names = [each.name for each in painted]
-        if len(set(names)) < len(names):
-            raise ValueError("painted lights with names that differ")
-        return painted
-
-    @model_validator(mode="after")
-    def _has_suns_of_one_name_each(self) -> LightRecord:
-        names = [*(each.name for each in self.suns or ()), *self.deleted_suns]
-        twice = next((name for k, name in enumerate(names) if name in (*names[:k], *NO_SUNS)), None)
-        if twice is not None:
-            raise ValueError(f"suns: each with a name of its own, and none of {', '.join(NO_SUNS)}")
         return self
 
 

@@ -28,7 +28,8 @@ from app.document.scene_files import (
 from app.document.sources import Source, find_source, source_of
 from app.document.view_state import Viewpoint
 from app.files.bookmarks import camera_bookmarks, find_bookmark
-from app.files.session import Session, archived_session, fit_session, load_session, session_notes
+from app.files.session import Session, archived_session, load_session
+from app.files.session_fitting import fit_session, session_notes
 from app.project.assignments import set_path, value_with_full_path
 from app.project.distant_light import sky_of
 from app.project.document_scene import posed_scene, scene_at_rest, shape_of

@@ -14,24 +14,21 @@ from app.document.named_files import files_of_document, layers_of_document, meas
 from app.export.environment import write_environment
 from app.files.brdf_files import export_steps
 from app.files.material_files import read_file_materials
-from app.messages.worker_messages import (
+from app.messages.file_messages import (
     ColourViewRead,
     CurveTableRead,
-    FetchTable,
     FilesWritten,
     MaterialsRead,
     MeasurementsRead,
-    Progress,
     ReadColourView,
     ReadCurveTable,
     ReadMaterials,
     ReadMeasured,
-    Response,
     SaveEnvironment,
     SaveScene,
-    TableFetched,
     WriteFiles,
 )
+from app.messages.worker_messages import FetchTable, Progress, Response, TableFetched
 from app.project.project import Project
 from app.system.atomic import set_inputs
 from engine.core.colour_config import read_view

@@ -32,27 +32,29 @@ from app.document.named_files import (
 from app.document.node_layers import channel_images, n_nodes_of, plan_layers, with_node_layers
 from app.document.scene_files import files_of_scene, split_axis, unpacked_scene_file, variants_of
 from app.files.session import archived_session
-from app.messages.worker_messages import (
+from app.messages.file_messages import (
     ChannelsRead,
-    FetchTable,
     ObjectsRead,
-    OpenScene,
-    Progress,
     ReadChannels,
     ReadColourView,
     ReadCurveTable,
     ReadMaterials,
     ReadMeasured,
     ReadObjects,
-    Request,
     SaveEnvironment,
     SaveScene,
+    WriteFiles,
+)
+from app.messages.worker_messages import (
+    FetchTable,
+    OpenScene,
+    Progress,
+    Request,
     SceneOpened,
     SetCamera,
     SkyImage,
     ViewTraced,
     WorkerWarnings,
-    WriteFiles,
 )
 from app.modes.mode import Mode
 from app.modes.registry import MODES

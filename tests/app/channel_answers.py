@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from app.document.node_layers import channel_images, with_node_layers
-from app.messages.worker_messages import ChannelsRead, ReadChannels
+from app.messages.file_messages import ChannelsRead, ReadChannels
 from engine.material.parameter_maps import channel_statistics
 from engine.material.parameter_nodes import known_nodes
 

@@ -13,7 +13,8 @@ from app.document.described import document_from_description
 from app.document.document import Document
 from app.document.view_state import ViewState
 from app.editor.editor import Editor
-from app.files.session import fit_session, load_session, save_session
+from app.files.session import load_session, save_session
+from app.files.session_fitting import fit_session
 from app.modes.placement.placement_messages import ComputeTransport
 from app.project.assignments import set_path
 from engine.core.errors import InsituError, LoadError

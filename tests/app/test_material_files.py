@@ -12,7 +12,7 @@ from app.document.view_state import ViewState
 from app.editor.editor import Editor
 from app.files.material_files import import_material, read_file_materials, split_material
 from app.files.session import load_session, save_session
-from app.messages.worker_messages import MaterialsRead, ReadMaterials
+from app.messages.file_messages import MaterialsRead, ReadMaterials
 from app.project.project import open_project
 from app.worker.tasks import RequestDispatcher
 from engine.core.errors import InsituError, LoadError

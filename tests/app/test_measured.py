@@ -21,18 +21,8 @@ from app.document.named_files import (
 from app.editor.editor import Editor
 from app.files.materials import Material, dump_material, import_measured, load_material, measured_layers, parse_material
 from app.files.session import load_session
-from app.messages.worker_messages import (
-    FetchTable,
-    FilesWritten,
-    MeasurementsRead,
-    OpenScene,
-    Progress,
-    ReadMeasured,
-    RequestFailed,
-    SceneOpened,
-    TableFetched,
-    WriteFiles,
-)
+from app.messages.file_messages import FilesWritten, MeasurementsRead, ReadMeasured, WriteFiles
+from app.messages.worker_messages import FetchTable, OpenScene, Progress, RequestFailed, SceneOpened, TableFetched
 from app.modes.placement.curves import Curves
 from app.modes.placement.placement_messages import ComputeTransport, LayerPicture, PlanBands
 from app.project.assignments import set_path

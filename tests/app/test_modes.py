@@ -7,15 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from app.messages.worker_messages import (
-    CancelRequests,
-    FetchTable,
-    OpenScene,
-    ReadCurveTable,
-    ReadMeasured,
-    Request,
-    SetCamera,
-)
+from app.messages.file_messages import ReadCurveTable, ReadMeasured
+from app.messages.worker_messages import CancelRequests, FetchTable, OpenScene, Request, SetCamera
 from app.modes.placement.placement_messages import (
     ComputeTransport,
     ContractTransport,

@@ -13,13 +13,10 @@ from dataclasses import replace
 import numpy as np
 
 from app.document.described import document_from_description
+from app.messages.file_messages import MeasurementsRead, ReadColourView, ReadCurveTable, ReadMeasured
 from app.messages.worker_messages import (
-    MeasurementsRead,
     OpenScene,
     Progress,
-    ReadColourView,
-    ReadCurveTable,
-    ReadMeasured,
     Request,
     RequestFailed,
     Response,

@@ -12,7 +12,7 @@ from imgui_bundle import imgui
 
 from app.document.view_state import SetView
 from app.files.session import load_session
-from app.messages.worker_messages import ReadCurveTable
+from app.messages.file_messages import ReadCurveTable
 from engine.curve.operators import apply_operators
 from engine.curve.table_text import parse_table
 from engine.curve.tables import HALF_PI, TabulatedCurve

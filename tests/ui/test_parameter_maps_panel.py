@@ -9,7 +9,7 @@ import pytest
 
 from app.document.commands.curves import AddOperator
 from app.document.commands.maps import SetMap, SetParameterMap
-from app.messages.worker_messages import ReadChannels
+from app.messages.file_messages import ReadChannels
 from app.modes.placement.placement_messages import MapsSampled, SampleMaps
 from engine.curve.operators import Operator
 from engine.material.layer import Layer

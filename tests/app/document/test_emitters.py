@@ -14,7 +14,8 @@ from app.document.commands.light import SetEmission
 from app.document.document import Document, Selection
 from app.document.view_state import ViewState
 from app.editor.editor import Editor
-from app.files.session import fit_session, load_session, save_session
+from app.files.session import load_session, save_session
+from app.files.session_fitting import fit_session
 from app.modes.placement.desired_state import brightening_factors
 from app.modes.placement.placement_messages import ComputeTransport
 from app.project.assignments import set_path

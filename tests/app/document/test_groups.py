@@ -25,7 +25,8 @@ from app.document.looks import in_look
 from app.document.scene_change import SceneChange
 from app.document.selection import clicked, group_around, select_in_view, toggled
 from app.document.view_state import ViewState
-from app.files.session import fit_session, load_session, save_session
+from app.files.session import load_session, save_session
+from app.files.session_fitting import fit_session
 from app.interface.values import value_at
 from app.project.assignments import set_path
 from engine.core.errors import InsituError

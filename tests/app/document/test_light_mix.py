@@ -20,7 +20,8 @@ from app.document.light_state import ENVIRONMENT_KEY, MIX_FIELDS, LightState
 from app.document.scene_change import SceneChange
 from app.document.scene_state import scene_state
 from app.document.view_state import ViewState
-from app.files.session import fit_session, load_session, save_session
+from app.files.session import load_session, save_session
+from app.files.session_fitting import fit_session
 from app.project.assignments import set_path
 from app.project.project import open_project
 from engine.core.blackbody import blackbody_colour

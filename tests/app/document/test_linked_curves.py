@@ -34,7 +34,8 @@ from app.document.document import Document, Selection
 from app.document.linked_curves import linked_keys
 from app.document.view_state import ViewState
 from app.files.materials import copy_material, dump_material
-from app.files.session import fit_session, load_session, save_session
+from app.files.session import load_session, save_session
+from app.files.session_fitting import fit_session
 from app.modes.placement.edited_curves import edited_layers
 from app.project.assignments import set_path
 from engine.core.errors import InsituError, LoadError

@@ -39,7 +39,8 @@ from app.document.looks import Look, in_look, look_names, state_of
 from app.document.named_files import files_of_document
 from app.document.scene_change import SceneChange
 from app.document.view_state import ViewState
-from app.files.session import dump_session, fit_session, load_session, save_session
+from app.files.session import dump_session, load_session, save_session
+from app.files.session_fitting import fit_session
 from app.project.assignments import set_path
 from engine.core.errors import InsituError, LoadError
 from engine.curve.operators import Operator

@@ -15,7 +15,8 @@ from app.document.described import document_from_description
 from app.document.document import Document
 from app.document.named_files import image_name, scene_folder, with_full_names
 from app.document.view_state import ViewState
-from app.files.session import fit_session, load_session, save_session
+from app.files.session import load_session, save_session
+from app.files.session_fitting import fit_session
 from app.project.assignments import set_path
 from engine.core.errors import InsituError
 from engine.material.layer_maps import LayerMaps

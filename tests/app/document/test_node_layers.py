@@ -27,7 +27,8 @@ from app.document.node_layers import (
 )
 from app.document.selection import is_layer_visible
 from app.document.view_state import ViewState
-from app.files.session import dump_session, fit_session, parse_session
+from app.files.session import dump_session, parse_session
+from app.files.session_fitting import fit_session
 from app.interface.values import value_at
 from app.project.assignments import set_path
 from engine.core.errors import InsituError

@@ -24,7 +24,8 @@ from app.document.document import Document, ObjectState
 from app.document.scene_change import SceneChange
 from app.document.scene_objects import with_objects_of, without_sources
 from app.document.view_state import ViewState
-from app.files.session import fit_session, load_session, save_session, session_notes
+from app.files.session import load_session, save_session
+from app.files.session_fitting import fit_session, session_notes
 from app.interface.values import value_at
 from app.project.assignments import set_path
 from engine.core.errors import InsituError, LoadError

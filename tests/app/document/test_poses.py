@@ -14,7 +14,8 @@ from app.document.timeline import visible_poses
 from app.document.view_state import SetView, ViewState
 from app.editor.editor import Editor
 from app.editor.view_controller import REST_SECONDS
-from app.files.session import dump_session, fit_session, load_session, save_session, session_notes
+from app.files.session import dump_session, load_session, save_session
+from app.files.session_fitting import fit_session, session_notes
 from app.messages.worker_messages import RequestFailed, SetCamera
 from app.operators.edits import Deform
 from app.operators.script import Step, load_script

@@ -16,7 +16,8 @@ from app.document.document import Document, Variant
 from app.document.history import History
 from app.document.scene_change import SceneChange, matching_parts
 from app.document.view_state import ViewState
-from app.files.session import Session, fit_session
+from app.files.session import Session
+from app.files.session_fitting import fit_session
 from engine.curve.operators import Operator
 from engine.light.suns import Sun
 from engine.material.bumps import Bumps

@@ -30,7 +30,8 @@ from app.document.history import History
 from app.document.light_state import LightState
 from app.document.scene_change import SceneChange
 from app.document.view_state import ViewState
-from app.files.session import dump_session, fit_session, load_session, parse_session, save_session
+from app.files.session import dump_session, load_session, parse_session, save_session
+from app.files.session_fitting import fit_session
 from app.project.assignments import set_path
 from app.project.project import open_project
 from engine.core.errors import InsituError

@@ -17,7 +17,8 @@ from app.document.scene_state import moved_objects
 from app.document.view_state import ViewState
 from app.editor.editor import Editor
 from app.editor.view_controller import REST_SECONDS
-from app.files.session import dump_session, fit_session, load_session, save_session
+from app.files.session import dump_session, load_session, save_session
+from app.files.session_fitting import fit_session
 from app.interface.values import value_at
 from app.messages.worker_messages import SetCamera
 from app.operators.arrange import Move

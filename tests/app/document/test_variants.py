@@ -10,7 +10,8 @@ from app.document.described import AS_IN_THE_FILE, document_from_description
 from app.document.document import Document
 from app.document.view_state import ViewState
 from app.editor.editor import Editor
-from app.files.session import fit_session, load_session, save_session
+from app.files.session import load_session, save_session
+from app.files.session_fitting import fit_session
 from app.project.assignments import set_path
 from app.project.project import open_project
 from app.worker.cache import ArrayCache

@@ -14,7 +14,8 @@ from app.document.commands.layers import SetParameter, SetVisible
 from app.document.view_state import ViewState
 from app.editor.editor import Editor
 from app.files.session import save_session
-from app.messages.worker_messages import ObjectsRead, OpenScene, ReadObjects, RequestFailed, SetCamera
+from app.messages.file_messages import ObjectsRead, ReadObjects
+from app.messages.worker_messages import OpenScene, RequestFailed, SetCamera
 from app.operators.arrange import Addition
 from app.operators.registry import run_operator
 from engine.scene.added_objects import AddedObject

@@ -14,7 +14,8 @@ from app.document.document import Document
 from app.document.history import History
 from app.document.node_layers import channel_images, with_node_layers
 from app.editor.node_controller import NodeController
-from app.messages.worker_messages import ChannelsRead, OpenScene, ReadChannels, Request, SetCamera
+from app.messages.file_messages import ChannelsRead, ReadChannels
+from app.messages.worker_messages import OpenScene, Request, SetCamera
 from app.project.project import open_project
 from app.worker.cache import ArrayCache
 from app.worker.schedule import InProcessClient

@@ -21,7 +21,8 @@ from app.document.commands.plan import SetFirstBands
 from app.document.described import document_from_description
 from app.document.document import Document, Selection
 from app.document.view_state import Bookmark, SetView, Viewpoint, ViewState
-from app.files.session import Session, fit_session, load_session, save_session, session_notes
+from app.files.session import Session, load_session, save_session
+from app.files.session_fitting import fit_session, session_notes
 from engine.core.errors import InsituError, LoadError
 from engine.curve.operators import Operator, diagonal
 from engine.scene.description import Camera, parse_description
