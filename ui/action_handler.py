@@ -16,40 +16,26 @@ from typing import cast
 
 from imgui_bundle import imgui
 
-from app.document.commands import EditCommand, SetBumps, SetOpacity, SetSurface
-from app.document.commands.light import set_environment_file
-from app.document.commands.maps import SetMap, SetParameterMap, without_strokes
-from app.document.commands.objects import AddObject
+from app.document.commands import EditCommand
+from app.document.commands.maps import without_strokes
 from app.document.linked_layers import Layers
-from app.document.named_files import image_name, with_full_names
+from app.document.named_files import with_full_names
 from app.document.scene_files import is_folder_of_scene, split_axis
-from app.document.selection import layer_shown
 from app.document.sources import (
-    EXPECTED,
-    IMAGE_SUFFIXES,
-    LIGHT_ENDINGS,
-    PICTURE_ENDINGS,
     SCENE_ENDINGS,
     SESSION_ENDING,
 )
 from app.document.view_state import OpenPanel, ViewCommand
 from app.editor.editor import Editor
-from app.export import PACKAGE_ENDING
 from app.files.journal import Recovery
 from app.files.materials import MAX_MATERIAL_BYTES, Library, dump_material, parse_material, paste_command
 from app.files.preferences import PreferenceFile, RecentFiles
 from app.files.session import CHANGED
 from app.operators.registry import run_operator
-from app.system.atomic import require_place
 from engine.core.colour import ConfigView
 from engine.core.errors import InsituError
-from engine.core.safe_files import resolved
-from engine.curve.table_text import TABLE_ENDINGS
-from engine.material.bumps import BUMP_IMAGES
-from engine.measured.measurement import ENDINGS as MEASURED_ENDINGS
 from engine.scene.builtin import builtin_scenes
-from engine.scene.mesh import MATERIAL_ENDING
-from engine.scene.surface_kinds import SURFACE_IMAGES
+from ui.file_actions import FileActions
 from ui.panels.actions import (
     Action,
     AnswerQuestion,
@@ -93,7 +79,7 @@ from ui.panels.actions import (
     ShowPanel,
     StopLayers,
 )
-from ui.panels.window_state import FileQuestion, PanelState
+from ui.panels.window_state import PanelState
 
 
 @dataclass(frozen=True)
@@ -118,23 +104,6 @@ class FrameOutcome:
         )  # fmt: skip
 
 
-# The kinds of files that a question may be about, except images; each kind has its own folder.
-KIND_OF = {
-    "open_scene": "scene", "add_file": "scene", "save_session": "scene",
-    "open_environment": "environment", "open_measured": "measured",
-    "open_material": "material",
-    "save_measured": "measured", "save_picture": "picture", "save_sheet": "picture", "save_scene": "export",
-    "save_environment": "environment", "paint_image": "image",
-    "save_package": "package",
-    "open_table": "table",
-    "open_config": "config",
-}  # fmt: skip
-
-
-# The suffixes that the shown picture can be saved with.
-PICTURE_FILES = (".png", ".exr")
-
-
 class ActionHandler:
     """Carries actions out on one editor. `recoveries` are edits that earlier editors left behind."""
 
@@ -150,8 +119,7 @@ class ActionHandler:
         self.recent = recent or RecentFiles()
         self._last_file: Path | None = None
         self.library = library or Library()
-        self._folders: dict[str, Path] = {}
-        self._picture_ending, self._deep, self._layers = ".png", False, False
+        self.files = FileActions(editor)
         self.recoveries: tuple[Recovery, ...] = ()
 
     def perform(self, actions: Sequence[Action], state: PanelState, now: float) -> FrameOutcome:
@@ -193,16 +161,16 @@ class ActionHandler:
                 self._editor.do(OpenPanel(action.name))
                 return replace(outcome, state=replace(state, front=(action.name,)))
             case AskFile():
-                return replace(outcome, state=replace(state, question=self._file_dialog(action)))
+                return replace(outcome, state=replace(state, question=self.files.question(action)))
             case AnswerQuestion():
                 return self._answer(action, outcome)
             case Screenshot():
                 return replace(outcome, screenshot=action.path or picture_name(Path.cwd(), datetime.now()))
             case SavePicture():
-                self._remember_picture(action)
+                self.files.remember_picture(action)
                 return replace(outcome, picture=action)
             case SaveContactSheet():
-                return replace(outcome, picture=self._checked_sheet(action))
+                return replace(outcome, picture=self.files.checked_sheet(action))
             case StopLayers():
                 return replace(outcome, stops_layers=True)
             case DrawLooks():
@@ -220,24 +188,6 @@ class ActionHandler:
             case _:
                 self._edit(action)
                 return outcome
-
-    def _remember_picture(self, action: SavePicture) -> None:
-        """Remember folder and kind of a picture that is about to be saved. Raises InsituError where it cannot be saved
-        there."""
-        if action.path.suffix.lower() not in PICTURE_FILES:
-            raise InsituError(f"{action.path}: the name of a picture ends in {' or '.join(PICTURE_FILES)}")
-        require_place(action.path)
-        self._folders["picture"] = action.path.absolute().parent
-        self._deep, self._layers = action.deep, action.layers
-        self._picture_ending = action.path.suffix.lower()
-
-    def _checked_sheet(self, action: SaveContactSheet) -> SaveContactSheet:
-        """A contact sheet that is about to be saved. Raises InsituError where it cannot be saved there."""
-        if action.path.suffix.lower() != ".png":
-            raise InsituError(f"{action.path}: the name of a contact sheet ends in .png")
-        require_place(action.path)
-        self._folders["picture"] = action.path.absolute().parent
-        return action
 
     def _answer(self, action: AnswerQuestion, outcome: FrameOutcome) -> FrameOutcome:
         """Do with the chosen file what the dialog was opened for; where it is refused, the dialog stays and shows
@@ -272,30 +222,30 @@ class ActionHandler:
             case MergedEdit():
                 editor.do(action.command, action.gesture)
             case OpenFile():
-                self.open(action.path)
+                self.files.open(action.path)
             case ImportMaterial():
-                if self._check_file(action.path, "material"):
+                if self.files.check_file(action.path, "material"):
                     editor.exchange.import_material(str(action.path))
             case ImportMeasured():
-                if self._check_file(action.path, "measured"):
+                if self.files.check_file(action.path, "measured"):
                     editor.exchange.import_measured(action.path, action.cloth)
             case OpenConfig():
-                if self._check_file(action.path, "config"):
+                if self.files.check_file(action.path, "config"):
                     editor.colours.open(ConfigView(str(action.path)))
             case ExportMeasured():
-                self._folders["measured"] = action.path.absolute().parent
+                self.files.folders["measured"] = action.path.absolute().parent
                 editor.exchange.export_measured(action.path)
             case SaveScene():
-                self._folders["package"] = action.path.absolute().parent
+                self.files.folders["package"] = action.path.absolute().parent
                 editor.exchange.save_scene(action.path)
             case SaveEnvironment():
-                self._folders["environment"] = action.path.absolute().parent
+                self.files.folders["environment"] = action.path.absolute().parent
                 editor.exchange.save_environment(action.path)
             case ExportScene():
-                self._folders["export"] = action.folder.absolute().parent
+                self.files.folders["export"] = action.folder.absolute().parent
                 editor.exchange.export_scene(action.folder)
             case OpenImage():
-                self._open_image(action.path, action.key, action.name)
+                self.files.open_image(action.path, action.key, action.name)
             case ReloadImages():
                 editor.reload_images(action.key)
             case SaveMaterial() | DeleteMaterial():
@@ -312,118 +262,14 @@ class ActionHandler:
             case _:
                 editor.do(cast(EditCommand | ViewCommand, action))
 
-    def open_dropped(self, paths: Sequence[str], image: str | None = None, adds: bool = False) -> list[Action]:
-        """Open the file that was dropped on the window; several at once are refused, because one would hide the other.
-
-        image: "texture" or "weight" where it was dropped on that of the selected layer. adds: the objects of meshes are
-        added to the scene. A file of materials is for the selected object, where there is one.
-        """
-        if adds and paths and self._editor.scene_is_open:
-            return [AddObject(str(resolved(Path(path)))) for path in paths]
-        selected = layer_shown(self._editor.document, self._editor.view.selected)
-        if len(paths) == 1 and image and selected and Path(paths[0]).suffix.lower() in IMAGE_SUFFIXES:
-            return [OpenImage(Path(paths[0]), selected.key, image)]
-        if len(paths) == 1 and selected and Path(paths[0]).suffix.lower() == MATERIAL_ENDING:
-            return [ImportMaterial(Path(paths[0]))]
-        if len(paths) == 1:
-            return [OpenFile(paths[0])]
-        if paths:
-            wanted = "one scene, session, environment or texture"
-            self._editor.notify(f"{len(paths)} files were dropped; drop {wanted}", True)
-        return []
-
-    def open(self, path: str) -> None:
-        """Open a file by its suffix: a scene or session, light, a measurement for the selected object, a table for the
-        selected curve, a texture for the selected layer; anything else is refused with one line."""
-        suffix = Path(split_axis(path)[0]).suffix.lower()
-        if os.path.isdir(path):
-            self._editor.open(path)
-        elif suffix in TABLE_ENDINGS:
-            if self._check_file(Path(path), "table"):
-                self._editor.exchange.read_table(path)
-        elif suffix in (*SCENE_ENDINGS, SESSION_ENDING, *LIGHT_ENDINGS, *MEASURED_ENDINGS):
-            self._open_file(Path(path), suffix)
-        elif suffix in PICTURE_ENDINGS:
-            self._drop_picture(Path(path))
-        elif Path(path).is_absolute() and not os.path.exists(path):
-            self._editor.notify(f"{path}: there is no such file; nothing was changed", True)
-        elif suffix or Path(path).is_absolute():
-            rest = (("a measured BRDF", MEASURED_ENDINGS), ("a table", TABLE_ENDINGS), ("a texture", PICTURE_ENDINGS))
-            measured, table, texture = (f"{kind} ({', '.join(endings)})" for kind, endings in rest)
-            self._editor.notify(f"{path}: expected {EXPECTED}, {measured}, {table} or {texture}", True)
-        else:  # a built-in scene, from the menu
-            self._editor.open(path)
-
-    def _drop_picture(self, path: Path) -> None:
-        selected = layer_shown(self._editor.document, self._editor.view.selected)
-        if selected is None:
-            self._editor.notify(f"{path.name}: select the layer that it is to be the texture of", True)
-        else:
-            self._open_image(path, selected.key, "texture")
-
-    def _open_image(self, path: Path, key: str, name: str) -> None:
-        if not self._check_file(path, "image"):
-            return
-        file = image_name(path, self._editor.document.source)
-        if name in SURFACE_IMAGES:
-            kind, value = SURFACE_IMAGES[name]
-            self._editor.do(SetSurface(key, kind, ((value, file),)))
-        elif name == "opacity_map":
-            self._editor.do(SetOpacity(key, name, file))
-        elif name == "parameter_map":
-            layer, _, parameter = key.rpartition(".")
-            self._editor.do(SetParameterMap(layer, parameter, file))
-        else:
-            self._editor.do(SetBumps(key, name, file) if name in BUMP_IMAGES else SetMap(key, name, file))
-
-    def _check_file(self, path: Path, kind: str) -> bool:
-        """Whether it is a file; if so its folder is remembered for files of its kind, else a message says so."""
-        if os.path.isfile(path):  # Path.is_file raises where no system takes the name
-            self._folders[kind] = path.absolute().parent
-            return True
-        what = "is a folder" if os.path.isdir(path) else "there is no such file"
-        self._editor.notify(f"{path}: {what}; nothing was changed", True)
-        return False
-
-    def _open_file(self, path: Path, suffix: str) -> None:
-        kind = "measured" if suffix in MEASURED_ENDINGS else "environment" if suffix in LIGHT_ENDINGS else "scene"
-        if not self._check_file(Path(split_axis(str(path))[0]), kind):
-            return
-        if suffix in MEASURED_ENDINGS:
-            self._editor.exchange.import_measured(path)
-        elif suffix in LIGHT_ENDINGS and self._editor.scene_is_open:
-            self._editor.do(set_environment_file(path))
-        else:
-            self._editor.open(str(path))
-
-    def _file_dialog(self, action: AskFile) -> FileQuestion:
-        """The folder to show in the file dialog, and the proposed name of a file to save.
-
-        The folder is that of the last file of the kind, else that of what is open.
-        """
-        editor = self._editor
-        file = editor.file
-        beside = Path.cwd() if file is None else file.absolute().parent
-        folder = self._folders.get(KIND_OF.get(action.purpose, "image"), beside)
-        if action.purpose == "save_picture":
-            name = f"{editor.name}{self._picture_ending}"
-            return FileQuestion(action.purpose, folder, name, deep=self._deep, layers=self._layers)
-        if action.purpose == "save_sheet":
-            return FileQuestion(action.purpose, folder, f"{editor.name} looks.png")
-        if action.purpose == "save_package":
-            return FileQuestion(action.purpose, folder, f"{editor.name}{PACKAGE_ENDING}")
-        if action.purpose != "save_session":
-            return FileQuestion(action.purpose, folder, key=action.key)
-        return FileQuestion(action.purpose, folder if file is None else beside, f"{editor.name}{SESSION_ENDING}")
-
     def _save(self, path: Path | None, outcome: FrameOutcome) -> FrameOutcome:
         has_changed = path is None and self._editor.session_has_changed
         if has_changed:
             self._editor.notify(f"{self._editor.session_path}: {CHANGED}", True)
         if has_changed or (path is None and self._editor.session_path is None):
-            return replace(outcome, state=replace(outcome.state, question=self._file_dialog(AskFile("save_session"))))
+            return replace(outcome, state=replace(outcome.state, question=self.files.question(AskFile("save_session"))))
         if path is not None:
-            self._folders["scene"] = path.absolute().parent
+            self.files.folders["scene"] = path.absolute().parent
         if self._editor.save(path) is None and outcome.state.pending_action is not None:
             return self._resume_action(outcome)
         return outcome

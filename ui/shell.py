@@ -181,7 +181,7 @@ class Shell:
         if question is not None and len(paths) == 1:
             self.do(*file_dialog.dropped(question, Path(paths[0])))
         else:
-            self.do(*self.actor.open_dropped(paths, image, imgui.get_io().key_shift))
+            self.do(*self.actor.files.open_dropped(paths, image, imgui.get_io().key_shift))
 
     @property
     def title(self) -> str:

@@ -33,33 +33,18 @@ from app.editor.colour_controller import ColourController
 from app.editor.exchange import FileExchange
 from app.editor.node_controller import NodeController
 from app.editor.opening import Opening
+from app.editor.responses import take_response
 from app.editor.scene_controller import SceneController
 from app.editor.table_controller import TableController
 from app.files.journal import Journal, Recovery, SessionStore
 from app.messages.editor_status import Status, StatusMetrics
-from app.messages.file_messages import (
-    ChannelsRead,
-    ColourViewRead,
-    CurveTableRead,
-    FilesWritten,
-    MaterialsRead,
-    MeasurementsRead,
-    ObjectsRead,
-)
 from app.messages.picture_events import PictureEvent
 from app.messages.worker_messages import (
     CancelRequests,
-    Progress,
     Request,
     RequestFailed,
     Response,
-    SceneOpened,
-    SkyImage,
-    TableFetched,
-    ViewTraced,
     WorkerClient,
-    WorkerRestarted,
-    WorkerWarnings,
 )
 from app.modes.mode import Mode, ModeController, Shared
 from app.modes.registry import MODES
@@ -106,7 +91,7 @@ class Editor:
         self.scenes = SceneController(self, self._keeper)
         self.camera_history = CameraHistory(self, self.scenes.tracing)
         self.player = Player(self)
-        self._cancelled = -1
+        self.cancelled_up_to = -1  # the number of the last request that was stopped
         self._shared: dict[type, Any] = {}
         self.modes = tuple(modes)
         self.mode = self.modes[0]
@@ -319,7 +304,7 @@ class Editor:
 
     def cancel_work(self) -> None:
         """Stop the worker; delivered pictures stay on screen, until `resume_work` or an edit that requires new work."""
-        self._cancelled = self._client.send(CancelRequests())
+        self.cancelled_up_to = self._client.send(CancelRequests())
         self.controller.cancelled()
         self.nodes.lose_request()
         self.exchange.cancel()
@@ -345,7 +330,7 @@ class Editor:
         none: list[PictureEvent] = []
         run, silence = self.barrier.run, list[Response]()
         for response in run("The connection to the worker", partial(self._client.poll, POLL_SECONDS), silence, ()):
-            events = events + run("An answer of the worker", partial(self._take, response), none)
+            events = events + run("An answer of the worker", partial(take_response, self, response), none)
         if self.scene_is_open:
             view = effective_view(self.view, self.document)
             self.scenes.update(now, view)
@@ -394,55 +379,6 @@ class Editor:
             return replace(status, picture="refining")
         return status
 
-    # -------------------------------------------------------------------------------------------------------- responses
-
-    def _take(self, response: Response) -> list[PictureEvent]:
-        """Process a response; returns what the renderer needs of it."""
-        match response:
-            case SceneOpened():
-                self.scenes.take_loaded(response)
-            case ViewTraced():
-                return self.scenes.take_traced(response)
-            case Progress():
-                if response.id > self._cancelled:  # else it was under way when the work was stopped
-                    self.metrics.progress = response
-            case RequestFailed():
-                self.take_failure(response)
-            case MeasurementsRead() | MaterialsRead():
-                self.metrics.progress = None
-                self.exchange.take_material(response)
-            case ObjectsRead():
-                self.metrics.progress = None
-                self.camera_history.add_boxes(response.objects)
-                objects = self.scenes.composing.add(response.objects)
-                self.exchange.take_objects(response, objects, self.history.dragging)
-            case CurveTableRead():
-                self.exchange.take_table(response, self.history.dragging)
-            case TableFetched():
-                self.metrics.progress = None
-                self.tables.receive(response)
-            case ColourViewRead():
-                self.colours.receive(response)
-            case ChannelsRead():
-                self.nodes.receive(response)
-            case FilesWritten():
-                self.metrics.progress = None
-                self.exchange.take_written(response)
-            case WorkerWarnings():
-                self.metrics.note(*response.lines)
-                self.notify("; ".join(response.lines), True)
-            case SkyImage() if response.id == self.scenes.tracing.id:
-                return self.scenes.take_sky(response)
-            case WorkerRestarted():
-                self.controller.worker_restarted()
-                self.colours.worker_restarted()
-                self.notify(
-                    f"computing stopped ({response.reason}) and was started again; your edits are untouched", True
-                )
-            case _:
-                return self.controller.receive(response)
-        return []
-
     def picture_voided(self, notes: tuple[str, ...]) -> None:
         """Note that the picture on screen is void: the worker has another scene or another view."""
         before = self.metrics
@@ -475,8 +411,6 @@ class Editor:
         self.controller.receive(response)
         self.scenes.take_failure(response)
         self.notify(response.line, True)
-
-    # ------------------------------------------------------------------------------------------------------------ parts
 
     def _open(self, opening: Opening) -> None:
         self.exchange.cancel()

@@ -30,9 +30,10 @@ from engine.reference.path_lights import EmitterLight, LightSamples, LinkedSky, 
 from engine.reference.path_lobes import N_NUMBERS, Scattering
 from engine.reference.texel_parameters import PixelTexels, TexelParameters, sampling_layers
 from engine.scene.map_sampler import MapFactors
-from engine.scene.primary_hits import PrimaryHits, emission_towards, object_ids, shading_frames
+from engine.scene.primary_hits import PrimaryHits, emission_towards, object_ids
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene
+from engine.scene.shading_frames import shading_frames
 
 Float64Array = NDArray[np.float64]
 Rows = NDArray[np.integer]

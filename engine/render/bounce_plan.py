@@ -18,8 +18,9 @@ from engine.planner import usual_bands
 from engine.precompute.direct.pipeline import Placement
 from engine.precompute.indirect.albedo import equivalent_albedo
 from engine.scene.map_sampler import mean_factor
-from engine.scene.primary_hits import object_ids, shading_frames
+from engine.scene.primary_hits import object_ids
 from engine.scene.scene_loader import Scene
+from engine.scene.shading_frames import shading_frames
 
 TOLERANCE = 0.005
 MOST_PLANNED = 4

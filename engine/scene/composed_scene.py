@@ -21,7 +21,8 @@ from engine.scene.added_objects import Part, read_again
 from engine.scene.composition import Composition, ObjectSource
 from engine.scene.description import ObjectDescription
 from engine.scene.mesh import join_corners
-from engine.scene.scene_loader import Scene, ranges_of
+from engine.scene.scene_loader import Scene
+from engine.scene.scene_placement import ranges_of
 from engine.scene.surface_kinds import NO_SURFACE
 
 # What describes the surface of an object in its file, for one that has none.

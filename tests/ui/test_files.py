@@ -169,8 +169,8 @@ def test_each_kind_of_file_is_asked_for_where_the_last_one_was(
         assert question is not None
         return question.folder
 
-    actor.open(str(tmp_path / "skies/probe.exr"))
-    actor.open(str(tmp_path / "brdf/velvet.binary"))
+    actor.files.open(str(tmp_path / "skies/probe.exr"))
+    actor.files.open(str(tmp_path / "brdf/velvet.binary"))
     beside = shell.editor.file.resolve().parent if shell.editor.file else tmp_path
     assert folder_of("save_picture") == folder_of("open_texture") == folder_of("save_scene") == beside
     assert folder_of("open_environment") == tmp_path / "skies"
@@ -188,7 +188,7 @@ def test_a_scene_is_saved_as_one_file_or_as_a_folder(
 ) -> None:
     saved: list[Path] = []
     monkeypatch.setattr(window.shell.editor.exchange, "save_scene", saved.append)
-    window.shell.actor._folders["package"] = tmp_path
+    window.shell.actor.files.folders["package"] = tmp_path
     window.shell.do(AskFile("save_package"))
     window.frames(3)
     for k in (1 - choice, choice):
@@ -204,11 +204,11 @@ def test_dropped_files_are_told_apart(window: HeadlessWindow, tmp_path: Path) ->
     editor = window.shell.editor
     probe = tmp_path / "probe.exr"
     probe.write_bytes(exr_head(64, 64))
-    window.shell.actor.open(str(probe))
+    window.shell.actor.files.open(str(probe))
     assert editor.document.light.environment == str(probe)
     assert editor.document.light.mapping == "angular"
     before = editor.document
-    window.shell.actor.open(str(tmp_path / "notes.txt"))
+    window.shell.actor.files.open(str(tmp_path / "notes.txt"))
     assert editor.document == before
     assert editor.status.is_error and "notes.txt" in editor.status.message
 
@@ -218,7 +218,7 @@ def test_a_dropped_measurement_is_the_selected_objects_material(window: Headless
     editor, file = window.shell.editor, tmp_path / "gloss.bsdf"
     file.touch()  # the stand-in worker reads anything
     editor.select("teapot")
-    window.shell.actor.open(str(file))
+    window.shell.actor.files.open(str(file))
     window.frames(2)
     assert [layer.model.name for layer in editor.document.object("teapot").layers] == ["measured_diffuse", "measured"]
 
@@ -228,10 +228,10 @@ def test_a_dropped_material_is_the_selected_objects_and_else_a_scene(window: Hea
     editor, file = window.shell.editor, tmp_path / "wood.mtlx"
     file.touch()
     editor.select("teapot")
-    assert window.shell.actor.open_dropped([str(file)]) == [ImportMaterial(file)]
+    assert window.shell.actor.files.open_dropped([str(file)]) == [ImportMaterial(file)]
     assert answer(FileQuestion("open_material", tmp_path), file).action == ImportMaterial(file)
     editor.select(None)
-    assert window.shell.actor.open_dropped([str(file)]) == [OpenFile(str(file))]
+    assert window.shell.actor.files.open_dropped([str(file)]) == [OpenFile(str(file))]
 
 
 @pytest.mark.gl
@@ -241,7 +241,7 @@ def test_the_mapping_of_a_probe_can_be_switched(window: HeadlessWindow, tmp_path
         window.shell.handle_position("light.mapping")
     probe = tmp_path / "probe.exr"
     probe.write_bytes(exr_head(64, 64))
-    window.shell.actor.open(str(probe))
+    window.shell.actor.files.open(str(probe))
     guessed = editor.document
     assert guessed.light.mapping == "angular"
     window.frames(2)
@@ -260,7 +260,7 @@ def test_a_panorama_is_no_angular_map(window: HeadlessWindow, tmp_path: Path) ->
     editor = window.shell.editor
     sky = tmp_path / "sky.exr"
     sky.write_bytes(exr_head(128, 64))
-    window.shell.actor.open(str(sky))
+    window.shell.actor.files.open(str(sky))
     window.frames(2)
     before, steps = editor.document, len(editor.history.undo_steps)
     assert before.light.mapping == "latlong"

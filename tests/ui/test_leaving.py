@@ -84,7 +84,7 @@ def test_without_unsaved_edits_nothing_is_asked(kept: RealWindow) -> None:
 @pytest.mark.window
 def test_quitting_saves_under_a_name_with_the_keyboard_alone(kept: RealWindow, tmp_path: Path) -> None:
     edit(kept)
-    kept.do(f"from pathlib import Path; shell.actor._folders['scene'] = Path({str(tmp_path)!r})")
+    kept.do(f"from pathlib import Path; shell.actor.files.folders['scene'] = Path({str(tmp_path)!r})")
     kept.key("ctrl+q")
     assert not quit_is_asked_for(kept)
     kept.key("enter")  # Save: asks for a name, which stands there and is selected

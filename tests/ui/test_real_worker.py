@@ -81,7 +81,7 @@ def test_light_that_is_opened_and_turned_at_once(small: RealWindow, tmp_path: Pa
     red = np.zeros((16, 32, 3), np.float32)
     red[..., 0] = 0.5
     write_exr(tmp_path / "red.exr", red)
-    small.do(f"shell.actor.open({str(tmp_path / 'red.exr')!r})")
+    small.do(f"shell.actor.files.open({str(tmp_path / 'red.exr')!r})")
     small.drag("viewport.centre", by=(60, 0), held="shift", steps=12)
     assert small.ask("editor.document.light.rotation") != 0.0
     small.wait_until("editor.status.is_finished")

@@ -172,7 +172,7 @@ def test_closing_waits_for_what_is_being_written(tmp_path: Path) -> None:
 
 @pytest.mark.gl
 def test_the_format_goes_with_the_names_ending(window: HeadlessWindow, tmp_path: Path) -> None:
-    window.shell.actor._folders["picture"] = tmp_path
+    window.shell.actor.files.folders["picture"] = tmp_path
     window.key(imgui.Key.f12)
     window.frames(2)
     question = window.shell.state.question
@@ -202,7 +202,7 @@ def test_a_picture_with_layers_is_saved_beside_the_work_and_can_be_stopped(
 
     monkeypatch.setattr(LayerSaver, "save", save)
     monkeypatch.setattr(LayerSaver, "stop", lambda saver: monkeypatch.setattr(LayerSaver, "progress", ""))
-    window.shell.actor._folders["picture"] = tmp_path
+    window.shell.actor.files.folders["picture"] = tmp_path
     for _ in range(2):  # the second time the dialog begins with layers
         window.key(imgui.Key.f12)
         window.frames(2)
@@ -221,7 +221,7 @@ def test_a_picture_with_layers_is_saved_beside_the_work_and_can_be_stopped(
 @pytest.mark.window
 def test_f12_saves_the_picture_and_shift_f12_the_window(real: RealWindow, tmp_path: Path) -> None:
     real.fresh()
-    real.do(f"from pathlib import Path; shell.actor._folders['picture'] = Path({str(tmp_path)!r})")
+    real.do(f"from pathlib import Path; shell.actor.files.folders['picture'] = Path({str(tmp_path)!r})")
     real.key("f12")
     real.text("pot")
     real.key("enter")

@@ -28,9 +28,9 @@ from engine.realtime.triple_product import _visibility_kernels as kernels
 from engine.realtime.triple_product.incident import N_PLACES, Incident, SceneEmitters, SkyMap
 from engine.realtime.triple_product.pixel_reflection import peak_lights_of
 from engine.realtime.triple_product.visibility import SHORT
-from engine.scene.primary_hits import LEAST_COSINE
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene
+from engine.scene.shading_frames import LEAST_COSINE
 
 Float32Array = NDArray[np.float32]
 _ROWS_AT_ONCE = 65536

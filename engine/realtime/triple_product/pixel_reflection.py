@@ -32,9 +32,9 @@ from engine.realtime.triple_product._patch_query_kernels import query_patches
 from engine.realtime.triple_product.incident import Incident, SceneEmitters, SkyMap, hemisphere, make_sky
 from engine.scene.bump_normals import offset_normals
 from engine.scene.map_sampler import MOVING_PROBES
-from engine.scene.primary_hits import LEAST_COSINE
 from engine.scene.raycaster import Intersections
 from engine.scene.scene_loader import Scene
+from engine.scene.shading_frames import LEAST_COSINE
 from engine.sphere.geodesic import geodesic, triangle_first_moments
 
 Float32Array = NDArray[np.float32]

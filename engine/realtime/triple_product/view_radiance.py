@@ -37,8 +37,8 @@ from engine.realtime.triple_product.pixel_reflection import (
 from engine.realtime.triple_product.reflections import Reflections, Term
 from engine.reference.path_lobes import N_NUMBERS, Scattering
 from engine.render.still import StillProgress
-from engine.scene.primary_hits import LEAST_COSINE
 from engine.scene.scene_loader import Scene
+from engine.scene.shading_frames import LEAST_COSINE
 
 Float32Array = NDArray[np.float32]
 Quality = Literal["moving", "rest", "still"]

@@ -32,7 +32,8 @@ from engine.realtime.zonal_harmonics.posed_scene import (
 )
 from engine.realtime.zonal_harmonics.transfer import TransferPoints
 from engine.scene.raycaster import Intersections, RayCaster, SurfacePoints
-from engine.scene.scene_loader import MAX_EXTENT, Scene
+from engine.scene.scene_loader import Scene
+from engine.scene.scene_placement import MAX_EXTENT
 from engine.scene.surface_uvs import corner_uvs, uvs_at
 
 Float32Array = NDArray[np.float32]

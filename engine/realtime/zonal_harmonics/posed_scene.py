@@ -37,7 +37,8 @@ from engine.realtime.zonal_harmonics.pose import (
 from engine.scene.loaders.gltf_nodes import matrix_of
 from engine.scene.mesh import face_normals
 from engine.scene.rig import PATHS, Clip, Rig, Track, morph_weight, normal_matrices
-from engine.scene.scene_loader import MAX_EXTENT, Scene
+from engine.scene.scene_loader import Scene
+from engine.scene.scene_placement import MAX_EXTENT
 from engine.scene.tangents import object_tangents
 from engine.scene.transform import Transform
 

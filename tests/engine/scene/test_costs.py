@@ -220,8 +220,8 @@ def test_lists_of_different_lengths_hold_what_they_held(mesh_file: Callable[...,
 def test_too_many_triangles_are_refused_before_copies_are_made(
     scene_file: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("engine.scene.scene_loader.MAX_TRIANGLES", 20)
-    monkeypatch.setattr("engine.scene.scene_loader.place_copies", None)
+    monkeypatch.setattr("engine.scene.scene_placement.MAX_TRIANGLES", 20)
+    monkeypatch.setattr("engine.scene.scene_placement.place_copies", None)
     cubes = "".join(placed(str(k), "cube") for k in range(2))
     with pytest.raises(LoadError, match="triangles = 24, expected at most 20"):
         load_scene(scene_file(cubes))
