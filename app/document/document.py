@@ -10,7 +10,7 @@ its name: ``"teapot"``, ``"teapot.1"``, ``"teapot.coat.theta_h"``, ``"teapot.1.a
 ``"teapot.bend"``, ``"teapot.position"``, ``"bat.time"``, ``"bat.membrane.translucency"``, ``"lamp.emission"``,
 ``"light.rotation"``, ``"light.Noon.direction"``, ``"lamp.strength"`` (of its row in the mix,
 `app.document.light_state`), ``"teapot.duplicate"``, ``"teapot.name"``, ``"teapot.deleted"``, ``"teapot.in_group"``,
-``"groups.Tea.visible"``, ``"look"``.
+``"teapot.linked"``, ``"groups.Tea.visible"``, ``"look"``.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ from app.document.linked_curves import (
     with_links_followed,
 )
 from app.document.linked_layers import linked_indices, with_covers, with_layer
+from app.document.linked_objects import ObjectLinks, frozen_one, object_links, with_material_of
 from app.document.looks import Look
 from engine.core.errors import InsituError
 from engine.material.bumps import NO_BUMPS, Bumps, BumpsByObject
@@ -84,7 +85,8 @@ class ObjectState:
     it by the names of the scene's variants. ``former_name`` is its name in sessions of version 2, empty where that is
     the same. ``original`` is the object of the scene's file that it is a duplicate of, or was before it was renamed;
     empty where the file has it by its name. ``added``: what it is read from where the scene's file does not have it.
-    ``in_group`` is the name of the group of objects that it is in, empty for none.
+    ``in_group`` is the name of the group of objects that it is in, empty for none; ``linked`` that of the link of those
+    that share its material (`app.document.linked_objects`).
     """
 
     name: str
@@ -110,6 +112,7 @@ class ObjectState:
     added: ObjectDescription | None = None
     shadow_catcher: bool = False
     in_group: str = ""
+    linked: str = ""
 
     def in_variant(self, name: str) -> ObjectState:
         """The object in one of the scene's variants; as it is where it has none of that name."""
@@ -230,10 +233,11 @@ class Document:
                 yield layer_key(state.name, index), layer
 
     def with_object(self, changed: ObjectState) -> Document:
-        """This document with the object of the same name replaced."""
+        """This document with the object of the same name replaced, and its material in those that share it."""
         self.object(changed.name)
         changed = replace(changed, layers=with_covers(changed.layers))
-        return replace(self, objects=tuple(changed if o.name == changed.name else o for o in self.objects))
+        linked = (with_material_of(o, changed) if o.linked and o.linked == changed.linked else o for o in self.objects)
+        return replace(self, objects=tuple(changed if o.name == changed.name else o for o in linked))
 
     def with_layer(self, key: str, changed: Layer) -> Document:
         """This document with one layer replaced, and its curves in the layers that share them."""
@@ -253,12 +257,17 @@ class Document:
         """The layers that share each curve that has a link (`app.document.linked_curves`). Panels ask in each frame."""
         return curve_links(self)
 
+    @functools.cached_property
+    def object_links(self) -> ObjectLinks:
+        """The objects that share each material that has a link (`app.document.linked_objects`)."""
+        return object_links(self)
+
     def is_frozen(self, key: str) -> bool:
-        """Whether the layer, one that shares its curves, or the object that one of them belongs to, refuses edits."""
+        """Whether the layer, one that shares its curves, or an object that one of them belongs to, refuses edits."""
         name, index = split_key(self, key)
         own = [layer_key(name, i) for i in linked_indices(self.object(name).layers, index)]
         others = [other for each in own for other in linked_layers_of(self, each)] if self.curve_links else []
-        return any(self.object(object_of(each)).frozen or self.layer(each).frozen for each in (*own, *others))
+        return any(self.layer(each).frozen or frozen_one(self, object_of(each)) for each in (*own, *others))
 
     @functools.cached_property
     def variants(self) -> tuple[str, ...]:

@@ -134,6 +134,7 @@ class SceneChange:
         merged = replace(
             own, **kept, layers=_merge_layers(edited.layers, None if base is None else base.layers, own.layers),
             deformations=edited.deformations, moment=moment, transform=edited.transform, in_group=edited.in_group,
+            linked=edited.linked,
             new_bumps=None if own.is_lamp or bumps == own.own_bumps else bumps,
             new_opacity=None if own.is_lamp or opacity == own.own_opacity else opacity,
             new_surface=None if own.is_lamp or surface == own.own_surface else surface,

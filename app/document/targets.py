@@ -47,6 +47,8 @@ TRANSFORM_FIELDS = {"position": "translation", "rotation": "rotation", "scale": 
 ADD = "add"
 IN_GROUP = "in_group"
 PRESENCE_FIELDS = ("name", "duplicate", "deleted", IN_GROUP)
+# Of objects alone: a duplicate that shares their material, and the link of those that do.
+LINKED_DUPLICATE, LINKED = "linked_duplicate", "linked"
 # Of groups of objects, whose paths begin so.
 GROUPS, GROUP_FIELDS = "groups", ("name", "visible", "frozen")
 SURFACE = "surface"
@@ -121,7 +123,7 @@ def _resolve_group(document: Document, path: str) -> Target:
 
 
 def check_presence(path: str, field: str, value: Any) -> None:
-    """Raise LoadError unless `deleted` is true, and `name` and `duplicate` are names."""
+    """Raise LoadError unless `deleted` is true, and `name` and duplicates are names."""
     if field == "deleted" and value is not True:
         raise LoadError(path, "value", value, "true; undo brings back what was deleted")
     if field != "deleted" and not isinstance(value, str):
@@ -145,7 +147,7 @@ def _kind_of(name: str) -> Kind | None:
         return "deformer"
     if name == TIME:
         return "time"
-    if name in PRESENCE_FIELDS:
+    if name in (*PRESENCE_FIELDS, LINKED_DUPLICATE, LINKED):
         return "presence"
     if name in TRANSFORM_FIELDS:
         return "transform"

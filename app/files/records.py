@@ -142,7 +142,13 @@ class ObjectRecord(StrictModel):
     original: Name | None = None
     added: AddedRecord | None = None
     in_group: Name | None = None
+    linked: Name | None = None
     deformers: tuple[DeformerRecord, ...] = Field(default=(), alias="deformer", max_length=MAX_DEFORMERS)
+
+    @property
+    def has_material(self) -> bool:
+        """Whether it says any of what linked objects share."""
+        return any((self.layers, self.emission, self.bumps, self.opacity, self.deform))
 
     @model_validator(mode="after")
     def _is_a_pose(self) -> ObjectRecord:
@@ -266,9 +272,9 @@ class LookRecord(StrictModel):
     def _is_a_difference(self) -> LookRecord:
         if self.current and (self.light or self.background or self.objects):
             raise ValueError("current: a look without values of its own, which are those of the session")
-        other = next((each.name for each in self.objects if each.original or each.added), None)
+        other = next((each.name for each in self.objects if each.original or each.added or each.linked), None)
         if other is not None:
-            raise ValueError(f"object {other!r}: without original and added, which all looks share")
+            raise ValueError(f"object {other!r}: without original, added and linked, which all looks share")
         return self
 
 
@@ -315,6 +321,17 @@ class SessionRecord(StrictModel):
         views = [record.name for record in self.bookmarks]
         if len(set(views)) < len(views):
             raise ValueError("bookmark: names that differ")
+        return self
+
+    @model_validator(mode="after")
+    def _links_are_of_one_source(self) -> SessionRecord:
+        first = dict[str, ObjectRecord]()
+        for each in (record for record in self.objects if record.linked):
+            lead = first.setdefault(each.linked or "", each)
+            if (each.added or each.original or each.name) != (lead.added or lead.original or lead.name):
+                raise ValueError(f"object {each.name!r}: linked: a duplicate of what {lead.name!r} is")
+            if each is not lead and each.has_material:
+                raise ValueError(f"object {each.name!r}: linked: without a material, which is that of {lead.name!r}")
         return self
 
     @model_validator(mode="after")

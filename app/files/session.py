@@ -21,6 +21,7 @@ from app.document.background import Background
 from app.document.commands.light import MAP_PARAMETERS, check_light
 from app.document.document import Document, ObjectState, Selection, all_factors
 from app.document.light_state import MIX_FIELDS, PLAIN_ROW, LightState, MixRow, sun_key
+from app.document.linked_objects import with_shared_materials, without_material
 from app.document.looks import Look, LookState, in_all_looks, objects_of_looks
 from app.document.named_files import with_full_paths
 from app.document.painted_parameters import painted_values
@@ -160,7 +161,7 @@ def parse_session(data: bytes, path: Path, folder: Path | None) -> Session:
         record = SessionRecord.model_validate(tree)
     except ValidationError as error:
         raise first_validation_error(error, tree, path, SessionRecord) from None
-    objects = tuple(_object(str(path), folder, each) for each in record.objects)
+    objects = with_shared_materials(_object(str(path), folder, each) for each in record.objects)
     light = _light(str(path), folder, record.light)
     document = Document(full_path(record.scene, folder), objects, light, record.first_bands)
     document = replace(
@@ -200,8 +201,10 @@ def dump_session(
         lines += ["[background]", *toml_lines(vars(document.background))]
     lines += ["[overrides]", *toml_lines(dict(document.overrides))]
     lines += ["[view]", *toml_lines(_view_values(view, folder))]
+    leads = dict[str, str]()
     for state in (*document.objects, *document.absent):
-        lines += _object_lines(state, folder)
+        lead = leads.setdefault(state.linked, state.name) if state.linked else state.name
+        lines += _object_lines(state if lead == state.name else without_material(state), folder)
     for look in document.looks:
         lines += _look_lines(look, document, folder)
     for bookmark in view.bookmarks:
@@ -246,7 +249,9 @@ def _look_lines(look: Look, document: Document, folder: Path | None) -> Iterator
     for state in (*look.state.objects, *look.state.absent):
         if (same := current[state.name]) != state:
             layers = () if state.layers == same.layers else state.layers
-            yield from _object_lines(replace(state, layers=layers, original="", added=None), folder, "look.object")
+            yield from _object_lines(
+                replace(state, layers=layers, original="", added=None, linked=""), folder, "look.object"
+            )
 
 
 def _object_lines(state: ObjectState, folder: Path | None, table: str = "object") -> Iterator[str]:
@@ -254,6 +259,7 @@ def _object_lines(state: ObjectState, folder: Path | None, table: str = "object"
     switches |= {"shadow_catcher": True} if state.shadow_catcher else {}
     yield f"[[{table}]]"
     names = {"name": state.name, "original": state.original or None, "in_group": state.in_group or None}
+    names["linked"] = state.linked or None
     yield from toml_lines({**names, **switches, "emission": state.emission})
     if state.added is not None:
         yield f"added = {toml_value(_added_values(state.added, folder))}"
@@ -335,7 +341,8 @@ def _look(file: Path, folder: Path | None, record: LookRecord, current: Document
         found = own.get(same.name)
         if found is None:
             return same
-        return replace(found, layers=found.layers or same.layers, original=same.original, added=same.added)
+        layers = found.layers or same.layers
+        return replace(found, layers=layers, original=same.original, added=same.added, linked=same.linked)
 
     return LookState(tuple(map(state, current.objects)), light, background)
 
@@ -361,6 +368,7 @@ def _object(file: str, folder: Path | None, record: ObjectRecord) -> ObjectState
         original=record.original or "",
         added=None if record.added is None else record.added.description(folder),
         in_group=record.in_group or "",
+        linked=record.linked or "",
     )
 
 

@@ -30,6 +30,7 @@ from app.document.targets import (
     GROUPS,
     IN_GROUP,
     LIGHT_FIELDS,
+    LINKED,
     MAP_SUFFIX,
     PAINTED,
     PRESENCE_FIELDS,
@@ -185,11 +186,12 @@ class GroupNode(Node):
 
 class ObjectNode(Node):
     """An object: `visible`, `frozen`, `editable`, `shadow_catcher` (rendered pictures show only shadows on it),
-    `in_group` (the name of a group of objects, "" for none), `emission` (of a lamp, three numbers) and its row in the
-    mix of lights (`on`, `solo`, `strength`, `colour`, `kelvin`, `group`, `excludes`), `position` (metres), `rotation`
-    (degrees) and `scale` relative to its place in the file, `time` of its animation, amounts of deformers (`bend`,
-    `twist` …), parts of bumps and opacity; `material`, which can be set alone, to the name of a material of the
-    library, a material's file or a measured BRDF's. Its layers are found by name or number.
+    `in_group` (the name of a group of objects, "" for none), `linked` (the name of the link of objects that share its
+    material, "" for none; `linked_duplicate`, set to a new name, makes one), `emission` (of a lamp, three numbers) and
+    its row in the mix of lights (`on`, `solo`, `strength`, `colour`, `kelvin`, `group`, `excludes`), `position`
+    (metres), `rotation` (degrees) and `scale` relative to its place in the file, `time` of its animation, amounts of
+    deformers (`bend`, `twist` …), parts of bumps and opacity; `material`, which can be set alone, to the name of a
+    material of the library, a material's file or a measured BRDF's. Its layers are found by name or number.
 
     >>> import insitu
     >>> scene = insitu.open("teatray")
@@ -212,7 +214,7 @@ class ObjectNode(Node):
 
     def _names(self) -> Sequence[str]:
         mix = MIX_FIELDS if self._editing.document.object(self._path).emits else ()
-        return (*SWITCHES, IN_GROUP, EMISSION, *mix, TIME, *KINDS, *bump_fields(), *opacity_fields())
+        return (*SWITCHES, IN_GROUP, LINKED, EMISSION, *mix, TIME, *KINDS, *bump_fields(), *opacity_fields())
 
 
 class LayerNode(Node):

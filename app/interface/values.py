@@ -16,6 +16,7 @@ from app.document.targets import (
     BACKGROUND_COLOUR,
     FRAME,
     IN_GROUP,
+    LINKED,
     MATERIAL,
     PLACE,
     PRESENCE_FIELDS,
@@ -70,10 +71,10 @@ def value_at(document: Document, path: str) -> Any:
             return getattr(state, name)
         case "deformer":
             return next((each.amount for each in state.deformations if each.kind == name), 0.0)
-        case "presence" if name == IN_GROUP:
-            return state.in_group
+        case "presence" if name in (IN_GROUP, LINKED):
+            return getattr(state, name)
         case "presence":
-            return state.name if name == "name" else "" if name == "duplicate" else False
+            return state.name if name == "name" else False if name == "deleted" else ""
         case "transform":
             return getattr(state.transform, TRANSFORM_FIELDS[name])
         case "time":

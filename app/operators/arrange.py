@@ -9,6 +9,7 @@ from pydantic import ConfigDict, Field, model_validator
 
 from app.document.arranging import RestingBox, dropping, move_together, placed_objects
 from app.document.commands.groups import RenameGroup, SetGroup, free_group_name, members_of, switching, ungrouping
+from app.document.commands.linked_objects import single_users
 from app.document.commands.objects import AddObject, DeleteObject, DuplicateObjects, ShowObjects, duplicates_of
 from app.document.commands.painted import AddPainted
 from app.document.commands.poses import MoveObject, PlaceObjects
@@ -16,6 +17,7 @@ from app.document.commands.several import Several, named_together
 from app.document.commands.suns import AddSun, DeleteSun, DuplicateSun, sun_addition
 from app.document.document import Document
 from app.document.light_state import sun_key
+from app.document.linked_objects import linked_objects
 from app.document.painted_parameters import FILE, TITLES
 from app.document.scene_objects import numbered_name, taken_names
 from app.editor.editor import Editor
@@ -208,16 +210,28 @@ def _put_back(editor: Editor, value: None) -> str | None:
 
 
 def _duplicate(editor: Editor, value: None) -> str | None:
-    """Duplicate all selected objects, or the selected sun; the duplicates are selected then, with the same curve of the
-    active one."""
+    """Duplicate all selected objects, or the selected sun, which is selected then."""
     if (sun := editor.view.sun) is not None:
         name = numbered_name(sun, taken_names(editor.document))
         return editor.do(DuplicateSun(sun, name)) or editor.select(sun_key(name))
+    return _duplicate_objects(editor)
+
+
+def _duplicate_linked(editor: Editor, value: None) -> str | None:
+    return _duplicate_objects(editor, linked=True)
+
+
+def _duplicate_objects(editor: Editor, linked: bool = False) -> str | None:
+    """Duplicate all selected objects; the duplicates are selected then, with the same curve of the active one."""
     names, selected, before = editor.view.selected_objects, editor.view.selected, editor.document
-    if selected is None or (refusal := editor.do(DuplicateObjects(names))) is not None:
+    if selected is None or (refusal := editor.do(DuplicateObjects(names, linked))) is not None:
         return refusal
     new = duplicates_of(before, editor.document)
     return editor.select((*(new[name] for name in names[:-1]), selected._replace(object=new[names[-1]])))
+
+
+def _make_single_user(editor: Editor, value: None) -> str | None:
+    return editor.do(single_users(editor.document, editor.view.selected_objects))
 
 
 def _delete(editor: Editor, value: None) -> str | None:
@@ -234,6 +248,10 @@ def _group_selected(editor: Editor, value: None) -> str | None:
 def _ungroup_selected(editor: Editor, value: None) -> str | None:
     """Dissolve the groups that selected objects are in."""
     return editor.do(ungrouping(editor.document, editor.view.selected_objects))
+
+
+def _is_linked(context: OperatorContext) -> bool:
+    return any(linked_objects(context.document, name) for name in context.view.selected_objects)
 
 
 def _is_grouped(context: OperatorContext) -> bool:
@@ -265,6 +283,7 @@ def _has_others(context: OperatorContext) -> bool:
 
 OTHERS = Need("select an object, of several", _has_others)
 LIGHT = Need("select a light", _has_light)
+LINKED = Need("select an object that shares its material", _is_linked)
 GROUPED = Need("select objects of a group", _is_grouped)
 OBJECT_OR_SUN = Need(
     "select an object or a sun", lambda context: context.view.selected is not None or context.view.sun is not None
@@ -378,6 +397,14 @@ ARRANGE: tuple[Operator | Gesture, ...] = (
     Operator(
         "duplicate", _duplicate, ("Shift D",), "Duplicate the selected objects or sun, in their place",
         entry="Duplicate", needs=OBJECT_OR_SUN, waits=True,
+    ),
+    Operator(
+        "linked_duplicate", _duplicate_linked, ("Alt D",), "The same, with one material for both",
+        entry="Linked duplicate", needs=OBJECT, waits=True,
+    ),
+    Operator(
+        "make_single_user", _make_single_user, help="Edits of its material are its own from now on.",
+        entry="Make single user", needs=LINKED, waits=True,
     ),
     Operator(
         "delete_object", _delete, ("Ctrl Delete",), "Delete the selected objects or sun", entry="Delete the objects",

@@ -65,7 +65,8 @@ MENUS = (
             "grab", "turn", "resize", None, "gizmo_move", "gizmo_rotate", "gizmo_scale", None, "aim",
             "gizmo_aim", None, "drop_selected", "snaps", "aligns", None, "put_back", "own_pivots", "keymap",
         )),
-        "duplicate", "delete_object", "hide", "show_all", "group_selected", "ungroup_selected", None,
+        "duplicate", "linked_duplicate", "make_single_user", "delete_object", "hide", "show_all",
+        "group_selected", "ungroup_selected", None,
         "table", "mute", "delete", "reset_curve", "unlink",
     )),
     Menu("Add", (

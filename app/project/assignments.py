@@ -30,6 +30,7 @@ from app.document.commands.light import (
     SetRotation,
     SplitEnvironment,
 )
+from app.document.commands.linked_objects import link_edit
 from app.document.commands.links import LinkCurves, UnlinkCurve
 from app.document.commands.looks import SetLook
 from app.document.commands.maps import SetBumps, SetMap, SetOpacity, SetParameterMap, surface_named
@@ -50,6 +51,7 @@ from app.document.targets import (
     FRAME,
     FRESNEL_TERM,
     IN_GROUP,
+    LINKED,
     LOOK,
     MAP_FIELDS,
     MATERIAL,
@@ -139,6 +141,8 @@ def set_path(document: Document, path: str, value: Any) -> EditCommand:
         if not isinstance(value, str):
             raise LoadError(path, "value", value, 'the name of a group, or ""')
         return SetGroup((target.object,), value)
+    if target.kind == "presence" and target.name == LINKED:
+        return link_edit(path, target.object, value)
     if target.kind == "presence" and target.name is not None:
         return with_presence(path, target.object, target.name, value)
     if target.kind == "time":

@@ -106,6 +106,11 @@ def test_elsewhere_the_picture_is_the_same_bit_for_bit(scene: insitu.Scene, tmp_
 
 def test_meshes_that_were_added_take_what_they_name_along(scene: insitu.Scene, chair: Path, tmp_path: Path) -> None:
     scene.add(chair)
+    for name, place in (("linked_duplicate", (0.5, 0.0, 0.0)), ("duplicate", (-0.5, 0.0, 0.0))):
+        setattr(scene["chair"], name, name)
+        scene[name].position = place
+    scene["linked_duplicate"][0].albedo = 0.3
+    assert scene["chair"][0].albedo == (0.3, 0.3, 0.3) != scene["duplicate"][0].albedo
     expected = scene.image()
     there = moved(scene.save_scene(tmp_path / "a"), tmp_path)
     shutil.rmtree(chair.parent)

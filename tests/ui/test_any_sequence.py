@@ -247,6 +247,8 @@ OBJECTS: dict[str, Callable[[Walk], object]] = {
     "add a spot": lambda w: w.editor.do(AddObject("spot light", "key")),
     "add what is not there": lambda w: w.editor.do(AddObject("/nowhere/cup.ply")),
     "duplicate": lambda w: run_operator(w.editor, "duplicate"),
+    "linked duplicate": lambda w: run_operator(w.editor, "linked_duplicate"),
+    "make single user": lambda w: run_operator(w.editor, "make_single_user"),
     "delete": lambda w: run_operator(w.editor, "delete_object"),
     "delete the lamp": lambda w: w.editor.do(DeleteObject("lamp")),
     "rename": lambda w: w.editor.do(RenameObject("ball", "bowl")),

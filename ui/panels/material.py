@@ -12,20 +12,24 @@ from imgui_bundle import imgui
 
 from app.document.commands.layers import SetFresnelTerm, SetModel, SetParameter, SetUnder, SetVariant
 from app.document.commands.light import EMISSION, STRENGTH, SetEmission
+from app.document.commands.linked_objects import LinkObjects
 from app.document.document import ObjectState, Selection
 from app.document.light_mix import emission_of
 from app.document.light_state import RGB
 from app.document.linked_layers import linked_indices, possible_covers
+from app.document.linked_objects import linked_objects
 from app.document.selection import selected_sun
 from app.files.materials import describe_measurement
 from app.operators.files import VariantChoice
 from app.system.lazy_import import import_named
+from engine.core.errors import list_names
 from engine.material import MODELS, Layer, Parameter
 from engine.material.bumps import BUMP_STRENGTH, COAT_STRENGTH, TANGENT_ANGLE
 from engine.material.measured import HIGHLIGHT_MODELS
 from engine.material.opacity import OPAQUE
 from engine.material.parameters import INDICES, Value, index_of_reflectance, reflectance_of_index
 from engine.measured.measurement import Measurement
+from ui import theme as look
 from ui.panels import light_colour, maps, parameter_maps, rows, suns, transform, widgets
 from ui.panels.actions import Action, RunOperator, SetPanel
 from ui.panels.brdf import is_anisotropic
@@ -67,6 +71,7 @@ def _material(context: PanelContext) -> list[Action]:
         widgets.caption("Click an object in the picture, or a layer in the list.")
         return actions
     state = context.document.object(selection.object)
+    actions += _users(context, state)
     if state.emission is not None:
         actions += _emission(context, state, state.emission)
     if state.is_lamp:
@@ -97,6 +102,21 @@ def _material(context: PanelContext) -> list[Action]:
     if context.status.material_note:
         widgets.caption(context.status.material_note)
     return actions
+
+
+def _users(context: PanelContext, state: ObjectState) -> list[Action]:
+    """With which objects it shares its material, and what gives it one of its own, where it shares it."""
+    linked = linked_objects(context.document, state.name)
+    if not linked:
+        return []
+    imgui.align_text_to_frame_padding()
+    hint = f"Shared with {list_names(linked, 8)}: edits of one are edits of all. Click: it is edited alone from now on."
+    is_pressed = widgets.icon_button(context, "material.single_user", Icon.LINK, hint, lit=True)
+    imgui.same_line()
+    text = f"Shared with {list_names(linked, 2)}"
+    imgui.text_colored(look.ACCENT, widgets.shortened(text, imgui.get_content_region_avail().x))
+    widgets.tooltip(hint)
+    return [LinkObjects((state.name,))] if is_pressed else []
 
 
 def _shows_bumps(context: PanelContext, state: ObjectState, layer: Layer) -> bool:

@@ -57,7 +57,8 @@ def _menu(context: PanelContext, group: str, members: tuple[str, ...]) -> list[A
         actions.append(RenameGroup(group, typed.strip()))
     select = RunOperator("select", members)
     for text, operator, is_possible in (
-        ("Duplicate", "duplicate", True), ("Delete", "delete_object", len(members) < len(context.document.objects)),
+        ("Duplicate", "duplicate", True), ("Linked duplicate", "linked_duplicate", True),
+        ("Delete", "delete_object", len(members) < len(context.document.objects)),
         ("Ungroup", "ungroup_selected", True),
     ):  # fmt: skip
         if imgui.menu_item_simple(text, context.keys_of(operator), False, is_possible):

@@ -19,8 +19,10 @@ from app.document.commands.layers import (
 )
 from app.document.commands.objects import DeleteObject, RenameObject
 from app.document.document import Document, ObjectState, layer_key
+from app.document.linked_objects import linked_objects
 from app.document.selection import is_layer_visible, solo_layer, toggle_solo, toggled
 from app.files.materials import copy_layer, copy_material
+from engine.core.errors import list_names
 from engine.material import MODELS
 from engine.material.layer import Layer
 from ui import theme as look
@@ -107,7 +109,9 @@ def _object(context: PanelContext, state: ObjectState) -> list[Action]:
     imgui.same_line()
     what = "the colour and strength of its light" if state.is_lamp else CURVES
     hint = f"Select {state.name} to see {what}; its outline shows in the picture."
-    icon = Icon.EMITTER if state.emits else ""
+    linked = linked_objects(context.document, state.name)
+    icon = (Icon.EMITTER if state.emits else "") + (Icon.LINK if linked else "")
+    hint += f" Its material is shared with {list_names(linked, 3)}." if linked else ""
     if rows.name(context, state.name, state.name, hint, icon, corner, width, not state.visible):
         actions.append(RunOperator("select", _clicked(context, state.name)))
     actions += _drop(context, state) + _object_menu(context, state)
@@ -210,6 +214,13 @@ def _object_menu(context: PanelContext, state: ObjectState) -> list[Action]:
     if imgui.menu_item_simple("Duplicate"):
         actions += [*select, RunOperator("duplicate")]
     context.handles.note_item(f"objects.{state.name}.duplicate")
+    if imgui.menu_item_simple("Linked duplicate"):
+        actions += [*select, RunOperator("linked_duplicate")]
+    context.handles.note_item(f"objects.{state.name}.linked_duplicate")
+    widgets.tooltip("Shares the material: edits of one are edits of both.")
+    if linked_objects(context.document, state.name) and imgui.menu_item_simple("Make single user"):
+        actions += [*select, RunOperator("make_single_user")]
+    context.handles.note_item(f"objects.{state.name}.make_single_user")
     if imgui.menu_item_simple("Delete", None, False, context.document.can_delete(names)):
         actions.append(RunOperator("delete_object") if len(names) > 1 else DeleteObject(state.name))
     context.handles.note_item(f"objects.{state.name}.delete")

@@ -44,6 +44,7 @@ from app.document.commands.light import (
     SetRotation,
     SplitEnvironment,
 )
+from app.document.commands.linked_objects import LinkObjects
 from app.document.commands.links import LinkCurves, UnlinkCurve
 from app.document.commands.looks import AddLook, DeleteLook, MoveLook, RenameLook, SetLook
 from app.document.commands.maps import (
@@ -89,7 +90,7 @@ EditCommand = (
     | SetFirstBands | SetPose | AddDeformer | SetDeformer | MoveDeformer | RemoveDeformer | SetTime | SetSurface
     | OverrideLine | SetSun | SetMix | SetTransform | MoveObject | DuplicateObject | DeleteObject
     | RenameObject | SetBackground | SetBackgroundColour | AddObject | ShowObjects | Several | PlaceObjects
-    | LinkCurves | UnlinkCurve | AddLook | SetLook | RenameLook | DeleteLook | MoveLook
+    | LinkCurves | UnlinkCurve | LinkObjects | AddLook | SetLook | RenameLook | DeleteLook | MoveLook
     | DuplicateObjects | SetGroup | RenameGroup | AddSun | DuplicateSun | DeleteSun | RenameSun
     | SetShadowCatcher | SetMapChange | SplitEnvironment | AddPainted | SetPainted | RemovePainted
 )  # fmt: skip

@@ -18,6 +18,7 @@ from app.document.linked_layers import (
     with_fresnel,
     without_fresnel,
 )
+from app.document.linked_objects import frozen_one
 from app.document.looks import carried_out_in_all_looks
 from app.document.named_files import variant_with_scene_names, with_scene_names
 from app.document.targets import resolve
@@ -368,8 +369,8 @@ def _editable_object(document: Document, name: str) -> ObjectState:
         raise InsituError(f"{name} is an emitter; it has an emission and no material")
     if not state.editable:
         raise InsituError(f"{name} is fixed; make it editable to change its material")
-    if state.frozen:
-        raise InsituError(f"{name} is frozen; thaw it to change its material")
+    if frozen := frozen_one(document, name):
+        raise InsituError(f"{frozen} is frozen; thaw it to change its material")
     return state
 
 

@@ -9,6 +9,7 @@ from typing import Any, cast
 from app.document.background import BACKGROUND_KINDS, Background, BackgroundKind
 from app.document.document import Document
 from app.document.light_state import RGB, LightState, side_key
+from app.document.linked_objects import frozen_one
 from app.document.sources import likely_mapping, probe_size
 from engine.core.errors import InsituError, LoadError
 from engine.core.safe_files import resolved
@@ -302,8 +303,8 @@ class SetEmission:
         state = document.object(self.object)
         if not state.emits:
             raise InsituError(f"{self.object} is not an emitter; the scene file says which objects are")
-        if state.frozen:
-            raise InsituError(f"{self.object} is frozen; thaw it to change its light")
+        if frozen := frozen_one(document, self.object):
+            raise InsituError(f"{frozen} is frozen; thaw it to change its light")
         red, green, blue = cast(RGB, EMISSION.accept(self.emission))
         return document.with_object(replace(state, emission=(red, green, blue)))
 

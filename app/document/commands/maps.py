@@ -16,6 +16,7 @@ from typing import Any
 from app.document.commands.layers import editable_layer
 from app.document.document import Document, ObjectState, split_key
 from app.document.linked_layers import Layers
+from app.document.linked_objects import frozen_one
 from app.document.targets import SURFACE
 from engine.core.errors import InsituError, LoadError
 from engine.material.bumps import set_bump_field
@@ -233,8 +234,8 @@ def surface_named(object_name: str, path: str, value: Any) -> SetSurface:
 def _reflecting(document: Document, name: str, what: str) -> ObjectState:
     """An object to edit. Raises InsituError where it is frozen or cannot have `what`."""
     state = document.object(name)
-    if state.frozen:
-        raise InsituError(f"{name} is frozen; thaw it to edit it")
+    if frozen := frozen_one(document, name):
+        raise InsituError(f"{frozen} is frozen; thaw it to edit it")
     if state.is_lamp:
         raise InsituError(f"{name} is an emitter; only objects that reflect have {what}")
     return state

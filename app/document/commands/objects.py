@@ -12,9 +12,10 @@ from app.document.commands.several import named_together
 from app.document.commands.suns import AddSun
 from app.document.document import Document, ObjectState
 from app.document.light_state import sun_key
+from app.document.linked_objects import free_link
 from app.document.looks import carried_out_in_all_looks
 from app.document.scene_objects import checked_new_name, numbered_name, taken_names, with_group
-from app.document.targets import check_presence
+from app.document.targets import LINKED_DUPLICATE, check_presence
 from app.system.paths import full_path
 from engine.core.errors import InsituError, LoadError
 from engine.scene.composition import ADDABLE, SUN
@@ -71,14 +72,16 @@ class AddObject:
 @dataclass(frozen=True)
 class DuplicateObject:
     """Add a duplicate behind an object: the same shape, material, pose and place, with a row of its own in the mix.
-    name: of the duplicate; "" for the object's with the next number."""
+    name: of the duplicate; "" for the object's with the next number. linked: whether they share the material from then
+    on (`app.document.linked_objects`)."""
 
     object: str
     name: str = ""
+    linked: bool = False
 
     @property
     def label(self) -> str:
-        return f"duplicate {self.object}"
+        return f"{'linked ' if self.linked else ''}duplicate {self.object}"
 
     @carried_out_in_all_looks
     def apply(self, document: Document) -> Document:
@@ -86,26 +89,31 @@ class DuplicateObject:
         if len(document.objects) == MAX_OBJECTS:
             raise InsituError(f"{self.object} is not duplicated: a scene has at most {MAX_OBJECTS} objects")
         name = checked_new_name(document, self.name) if self.name else free_name(document, self.object)
-        place = document.objects.index(state) + 1
-        objects = (*document.objects[:place], _renamed(state, name), *document.objects[place:])
+        place = document.objects.index(state)
+        link = (state.linked or free_link(document, state.name)) if self.linked else ""
+        own = replace(state, linked=link) if link else state
+        copy = replace(_renamed(state, name), linked=link)
+        objects = (*document.objects[:place], own, copy, *document.objects[place + 1 :])
         light = document.light.with_duplicate(name, state.name)
         return _of_file(replace(document, objects=objects, light=light))
 
 
 @dataclass(frozen=True)
 class DuplicateObjects:
-    """Add duplicates of several objects. Those of a whole group are a group of their own, with the next number."""
+    """Add duplicates of several objects, each linked to its original or not. Those of a whole group are a group of
+    their own, with the next number."""
 
     objects: tuple[str, ...]
+    linked: bool = False
 
     @property
     def label(self) -> str:
-        return f"duplicate {named_together(self.objects)}"
+        return f"{'linked ' if self.linked else ''}duplicate {named_together(self.objects)}"
 
     def apply(self, document: Document) -> Document:
         found = document
         for name in self.objects:
-            found = DuplicateObject(name).apply(found)
+            found = DuplicateObject(name, linked=self.linked).apply(found)
         copies = duplicates_of(document, found)
         for group, members in document.groups.items():
             if len(members) > 1 and copies.keys() >= set(members):
@@ -183,12 +191,12 @@ def addition(path: str, name: str, value: Any) -> AddObject | AddSun:
 
 
 def with_presence(path: str, name: str, field: str, value: Any) -> DuplicateObject | DeleteObject | RenameObject:
-    """The command that an object's `name`, `duplicate` (the name of a new one) or `deleted` (true) stands for, by a
-    value from a file or a command line. Raises LoadError."""
+    """The command that an object's `name`, `duplicate` or `linked_duplicate` (the name of a new one) or `deleted`
+    (true) stands for, by a value from a file or a command line. Raises LoadError."""
     check_presence(path, field, value)
     if field == "deleted":
         return DeleteObject(name)
-    return RenameObject(name, value) if field == "name" else DuplicateObject(name, value)
+    return RenameObject(name, value) if field == "name" else DuplicateObject(name, value, field == LINKED_DUPLICATE)
 
 
 def duplicates_of(before: Document, document: Document) -> dict[str, str]:

@@ -1,5 +1,5 @@
 """The transport of edited curves that is desired, requested and ready: the selected layer's, and that of layers that
-share its curve, those of other objects with a link to it among them.
+share its curve, those of other objects with a link to it, or to its object, among them.
 
 All of them follow the pointer in every frame, each from its own transport. The selected one's is requested first.
 """
@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from app.document.document import Document, Selection
 from app.document.linked_curves import linked_keys
 from app.document.linked_layers import linked_indices
+from app.document.linked_objects import linked_places
 from app.modes.placement.curves import Curves
 from app.modes.placement.desired_state import DesiredCurve, ReadyCurve, ReadyLayer, same_coefficients
 from engine.material.layer import object_of
@@ -32,10 +33,11 @@ def edited_layers(document: Document, selected: Selection | None) -> tuple[str, 
     ]
     sharing = [i for i in others if selected.factor in state.layers[i].model.curve_names]
     own = tuple(f"{selected.object}.{i}" for i in (selected.layer, *sharing))
-    if not document.curve_links:
+    if not (document.curve_links or document.object_links):
         return own
-    linked = dict.fromkeys(key for each in own for key in linked_keys(document, each, selected.factor))
-    return (*own, *(key for key in linked if key not in own and _is_drawn(document, key)))
+    linked = [*own, *(key for each in own for key in linked_keys(document, each, selected.factor))]
+    everywhere = dict.fromkeys([*linked, *(key for each in linked for key in linked_places(document, each))])
+    return (*own, *(key for key in everywhere if key not in own and _is_drawn(document, key)))
 
 
 def _is_drawn(document: Document, key: str) -> bool:

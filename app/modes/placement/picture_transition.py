@@ -167,7 +167,8 @@ class PictureTransition:
         elif self._has_same_light(document, self._desired) and self._has_same_light(self.drawn, self._desired):
             for before, now in zip(self.drawn.objects, document.objects, strict=True):
                 if now != before and self._can_draw_object(now.name, document, self._layers, {}, True):
-                    self.drawn = self.drawn.with_object(now)
+                    objects = (now if each.name == now.name else each for each in self.drawn.objects)
+                    self.drawn = replace(self.drawn, objects=tuple(objects))  # without those that share its material
 
     def _refined(
         self, document: Document, requested: RequestedTransport, dragging: bool, follows: Mapping[str, str | None]

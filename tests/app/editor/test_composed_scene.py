@@ -6,7 +6,7 @@ import random
 
 import pytest
 
-from app.document.commands import DeleteObject, DuplicateObject, RenameObject, SetTransform
+from app.document.commands import DeleteObject, DuplicateObject, RenameObject, SetParameter, SetTransform
 from app.document.document import Document
 from app.document.view_state import SetView
 from app.editor.editor import Editor
@@ -186,9 +186,13 @@ def test_any_sequence_of_objects_and_answers(settled: Editor, client: FakeClient
     for _ in range(40):
         now += rng.choice((0.01, 0.3))
         name = rng.choice([state.name for state in settled.document.objects])
-        match rng.choice(("duplicate", "delete", "move", "undo", "redo", "trace", "trace")):
+        match rng.choice(("duplicate", "link", "edit", "delete", "move", "undo", "redo", "trace", "trace")):
             case "duplicate":
                 settled.do(DuplicateObject(name))
+            case "link":
+                settled.do(DuplicateObject(name, linked=True))
+            case "edit" if settled.document.object(name).layers:
+                settled.do(SetParameter(f"{name}.0", "albedo", rng.random()))
             case "delete":
                 settled.do(DeleteObject(name))
             case "move":

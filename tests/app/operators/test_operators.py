@@ -87,6 +87,8 @@ def test_each_operator_does_something(worked: Editor, client: FakeClient, name: 
         worked.history.document = DuplicateObject("pot", "cup").apply(worked.document)
     if name == "unlink":
         worked.history.document = LinkCurves("pot.1.theta_h", ("cup.1.theta_h",)).apply(worked.document)
+    if name == "make_single_user":
+        worked.history.document = DuplicateObject("pot", "cup", linked=True).apply(worked.document)
     if name == "looks_1":
         worked.do(SetView.of(looks_shown=4))
     before = worked.document, worked.view, len(client.requests)
