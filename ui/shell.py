@@ -24,8 +24,6 @@ from imgui_bundle import ImVec2, imgui
 from app.document.display_names import with_display_names
 from app.editor.editor import Editor
 from app.files.preferences import PreferenceFile, RecentFiles
-from app.stills.layer_saver import LayerSaver
-from engine.core.errors import InsituError
 from ui import theme
 from ui.action_handler import ActionHandler, FrameOutcome
 from ui.brdf_feed import BrdfFeed, TableFeed
@@ -36,13 +34,14 @@ from ui.layout import Docking
 from ui.look_feed import LookFeed
 from ui.panel_pictures import PanelPictures, panel_context
 from ui.panels import file_dialog, grab, shortcuts
-from ui.panels.actions import Action, CancelDrag, SaveContactSheet, SavePicture, SetPanel
+from ui.panels.actions import Action, CancelDrag, SetPanel
 from ui.panels.context import Fields, Handles, PanelContext
 from ui.panels.look_board import LookBoard
 from ui.panels.panel_windows import close_what_is_open, depth_now, draw_guarded, draw_panels
 from ui.panels.pictures import BrdfBoard
 from ui.panels.window_state import PanelState, StatusMessage
-from ui.picture_feed import PictureFeed, StillSaver
+from ui.picture_feed import PictureFeed
+from ui.picture_saving import PictureSaving
 from ui.surface_lobe import SurfacePoint
 
 TITLE = "Insitu"
@@ -128,7 +127,7 @@ class Shell:
         self._last_frame = clock()
         self._shown_message = 0
         self._requested: list[Action] = []
-        self._stills, self._layers = StillSaver(), LayerSaver()
+        self._saving = PictureSaving(editor)
         self._shown_saving = ""
         self._library_unread = True
         self.environments: tuple[str, ...] = ()
@@ -152,27 +151,6 @@ class Shell:
         """Carry out actions in the coming frame, as if a panel returned them then."""
         self._requested += actions
         self.pacing.note_input()
-
-    def _save_picture(self, action: SavePicture | SaveContactSheet) -> None:
-        """Save what is shown now, read at once and written by a thread; or, with its layers or all looks, what is drawn
-        anew."""
-        if isinstance(action, SaveContactSheet) or action.layers:
-            self._save_layers(action.path)
-            return
-        still = None if self.source is None else self.source.still(self.editor)
-        if still is None:
-            self.editor.notify("there is no picture yet to be saved", True)
-            return
-        exact = self.editor.status.picture == "exact"
-        remark = "" if exact else "; it is a preview: the picture is not exact yet"
-        self._stills.save(still, action.path, action.deep, remark)
-
-    def _save_layers(self, path: Path) -> None:
-        editor = self.editor
-        try:
-            self._layers.save(editor.document, editor.view, path)
-        except InsituError as error:
-            editor.notify(str(error), True)
 
     def drop(self, paths: Sequence[str], image: str | None = None) -> None:
         """Files were dropped on the window; `image`: on the "texture" or the "weight" of the selected layer. With Shift
@@ -248,9 +226,9 @@ class Shell:
         working = self._draw_brdf(now) or working
         working = working or follows_looks
         if outcome.picture is not None:
-            self._save_picture(outcome.picture)
+            self._saving.save(outcome.picture, self.source)
         if outcome.stops_layers:
-            self._layers.stop()
+            self._saving.stop()
         if outcome.draws_looks is not None:
             (self.looks.pictures.resume if outcome.draws_looks else self.looks.pictures.stop)()
         self.draw_interface(target)
@@ -322,8 +300,7 @@ class Shell:
 
     def take(self, now: float) -> bool:
         """As `idle`, but without regard to what only the panels would show."""
-        for line, failed in (*self._stills.finished_messages(), *self._layers.finished_messages()):
-            self.editor.notify(line, failed)
+        self._saving.notify_finished()
         source, run = self.source, self.editor.barrier.run
         if source is None:
             return False
@@ -353,8 +330,7 @@ class Shell:
     def close(self) -> None:
         """Store the layout and free what was made here."""
         imgui.set_current_context(self._imgui)
-        self._stills.close()
-        self._layers.close()
+        self._saving.close()
         self._docking.keep()
         self._brdf.close()
         self.looks.close()
@@ -405,7 +381,7 @@ class Shell:
         return point
 
     def _has_news(self, now: float) -> bool:
-        shown = self._layers.progress != self._shown_saving or self.looks.progress_changed
+        shown = self._saving.progress != self._shown_saving or self.looks.progress_changed
         return self.pacing.has_news(now, self.editor.status) or shown
 
     def _result(self, busy: bool, screenshot: Path | None, quit: bool) -> FrameResult:
@@ -444,7 +420,7 @@ class Shell:
             self._shown_message = status.message_number
 
     def _context(self, now: float) -> PanelContext:
-        handler, self._shown_saving = self.actor, self._layers.progress
+        handler, self._shown_saving = self.actor, self._saving.progress
         return panel_context(
             self.editor, self.source, self._pictures, state=self.state, theme=self.theme, handles=self.handles,
             fields=self._fields, brdf=self._brdf_board, looks=self._look_board, record=self._record,

@@ -12,7 +12,7 @@ from __future__ import annotations
 import itertools
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -31,16 +31,14 @@ from app.modes.placement.placement_messages import (
     IndirectFrozen,
     IndirectImproved,
     IndirectNoise,
-    IndirectRelit,
     SampleEdited,
     SamplingProgress,
 )
-from app.worker.array_files import Tiles
 from app.worker.cache import ArrayCache, content_key
 from app.worker.executor import IndirectSteps
+from app.worker.found_light import MOST_PARTS, Checkpoints, FoundLight, layer_visibility, materials_of, relit_message
 from app.worker.moved_pictures import MovedPictures
 from engine.core.generators import map_steps
-from engine.core.stored_arrays import Arrays
 from engine.material.layer import Layer, object_of
 from engine.precompute.direct.pipeline import Placement, SkyState
 from engine.precompute.indirect.albedo import albedo_bands
@@ -53,60 +51,21 @@ from engine.precompute.indirect.indirect_light import IndirectLight
 from engine.precompute.indirect.irradiance_cache import NO_OBJECT
 from engine.precompute.indirect.moved_light import CARRIED, moved_light
 from engine.precompute.indirect.reflection import OutgoingRadiance
-from engine.precompute.indirect.relighting import IndirectRelighting, RelitLayer, SceneLight, SourceLighting
-from engine.precompute.indirect.sampling_settings import FINE, ROUGH, SamplingSettings
+from engine.precompute.indirect.relighting import IndirectRelighting, SceneLight, SourceLighting
+from engine.precompute.indirect.sampling_settings import FINE, ROUGH
 from engine.precompute.indirect.solver import Solver, relit
 from engine.render.bounce_plan import planned_bounces
 from engine.render.still import direct_mean
 from engine.scene.scene_loader import Scene
 
 Steps = Iterator[Response | None]
-# The visible layers by key.
-Materials = tuple[tuple[str, Layer], ...]
 RemoteSolve = Callable[[Sequence[LayerState], str, int, int], IndirectSteps | None]
 # Raised when anything changes the numbers in what is cached on disk.
 STORED_VERSION = 10
-MOST_PARTS = 1024
 # The share of the work until indirect light is found; then surfaces reflect it, and its noise is estimated.
 FOUND_AT = 0.9
 # A freezing that takes longer than this tells how far it is.
 QUIET_SECONDS = 0.5
-
-
-@dataclass(frozen=True, eq=False)
-class _FoundLight:
-    """Indirect light, and what its rays and its irradiance were computed for; lit_by: the key of `lit`; n_rays: 0 for
-    as many as it needs; sampled_for: the materials that decided last where rays go, None for light
-    that an edit changed, until rays are added; filtered_for: those of the filter since rays were added, None before."""
-
-    light: IndirectLight
-    lit: SceneLight
-    settings: SamplingSettings
-    n_rays: int
-    models: tuple[tuple[str, str], ...]
-    lit_by: str
-    depth: int  # bounces that the rays were traced for
-    sampled_for: Materials | None
-    number: int = 0
-    filtered_for: Materials | None = None
-
-    def lacks_rays(self, materials: Materials) -> bool:
-        """Whether rays may be missing where these materials need them: not where gloss goes by albedo."""
-        return self.sampled_for != materials and self.settings not in (ROUGH, CARRIED) and self.light.points.glossy
-
-
-class _Checkpoints:
-    """The finished parts of light that is being computed, as the solver stores them."""
-
-    def __init__(self, tiles: Tiles) -> None:
-        self._tiles = tiles
-
-    def load(self, index: int) -> Arrays | None:
-        return self._tiles.tile(index, dict)
-
-    def store(self, index: int, arrays: Arrays) -> None:
-        if index < MOST_PARTS:
-            self._tiles.append_tile(index, arrays)
 
 
 class IndirectTasks:
@@ -119,7 +78,7 @@ class IndirectTasks:
         """store: where fine light is cached, under keys of the scene, None for nowhere; scene_id: the number of the
         request that opened it; elsewhere: what may compute fine light for this process, see `Executor`."""
         self._placement, self._store, self._scene_key, self._elsewhere = placement, store, scene_key, elsewhere
-        self._found: _FoundLight | None = None
+        self._found: FoundLight | None = None
         self._freeze_request: FreezeIndirect | None = None
         self._scene_id = scene_id
         self._requested: tuple[str, int] | None = None
@@ -127,7 +86,7 @@ class IndirectTasks:
         self._sent = 0
         self._noise_found: tuple[int, FreezeIndirect, tuple[float, float]] | None = None
         self._representations: GatherPolynomial | None = None
-        self._frozen_light: _FoundLight | None = None
+        self._frozen_light: FoundLight | None = None
         self._frozen_bands: int | None = None  # of the second bounce
         self._answered: tuple[int, str | None, int | None] | None = None  # light, and what was edited of it
         self._relighting: IndirectRelighting | None = None
@@ -215,8 +174,8 @@ class IndirectTasks:
         # Light that takes the place of other fine light was changed by an edit.
         is_edited = self._found is not None and self._found.settings not in (ROUGH, CARRIED)
         as_requested = partial(
-            _FoundLight, lit=self._scene_light(sky), settings=fine, n_rays=n_rays, models=models, lit_by=lit_by,
-            depth=n_bounces, sampled_for=None if is_edited else _materials(layers),
+            FoundLight, lit=self._scene_light(sky), settings=fine, n_rays=n_rays, models=models, lit_by=lit_by,
+            depth=n_bounces, sampled_for=None if is_edited else materials_of(layers),
         )  # fmt: skip
         kept = None if self._store is None else self._store.get(key, lambda arrays: solver(fine).restored(arrays))
         if kept is not None:
@@ -241,7 +200,7 @@ class IndirectTasks:
             yield from self._cache_light(as_requested((yield from _as_progress(finder.solve(reflecting)))))
             return
         with self._store.open_tiles(key, MOST_PARTS) as tiles:
-            light = yield from _as_progress(finder.solve(reflecting, _Checkpoints(tiles)))
+            light = yield from _as_progress(finder.solve(reflecting, Checkpoints(tiles)))
             yield from self._cache_light(as_requested(light))
             if self._store.put(key, arrays_of(light)):
                 tiles.finish()
@@ -258,7 +217,7 @@ class IndirectTasks:
         """Trace rays where the materials of the request need them, round by round. Light with more rays replaces what
         was found once it is frozen: what is cancelled before leaves no trace. It is not cached on disk, where whoever
         opens the scene next would find what was tried in between."""
-        materials, found = _materials(request.scene.visible), self._found
+        materials, found = materials_of(request.scene.visible), self._found
         if found is None or not found.lacks_rays(materials):
             return EditedSampled()
         layers = [self._reflecting(each) for each in request.scene.visible]
@@ -278,7 +237,7 @@ class IndirectTasks:
         n_sets = len(samples.rows)
         return EditedSampled(len(samples.points), n_sets, n_sets - n_before, n_noisy, before, noise)
 
-    def _exchange(self, found: _FoundLight) -> Generator[Response | None, None, float]:
+    def _exchange(self, found: FoundLight) -> Generator[Response | None, None, float]:
         """Use light with more rays from now on, frozen as was requested last; returns its noise."""
         while True:
             desired = self._freeze_request
@@ -308,7 +267,7 @@ class IndirectTasks:
         relit = relighting.mixed(weights, resting) if resting else None
         if relit is None:
             relit = yield from relighting.relit(self._scene_light(sky))
-        yield _relit_message(found, layers, relit)
+        yield relit_message(found, layers, relit)
 
     def relight_moved(
         self, layers: Sequence[LayerState], moved: Scene, lamps: NDArray[np.bool_], n_bounces: int
@@ -318,7 +277,7 @@ class IndirectTasks:
         if relighting is None or found is None or n_bounces not in (0, found.light.n_bounces):
             return
         relit = yield from relighting.relit_moved(moved, lamps)
-        yield _relit_message(found, layers, relit)
+        yield relit_message(found, layers, relit)
 
     def prepare_relighting(self, layers: Sequence[LayerState]) -> Steps:
         """Do of `relight` what does not depend on the other light."""
@@ -372,12 +331,12 @@ class IndirectTasks:
     def _scene_light(self, sky: SkyState) -> SceneLight:
         return SceneLight(sky, self._placement.scene.emission)
 
-    def _is_requested_light(self, found: _FoundLight) -> bool:
+    def _is_requested_light(self, found: FoundLight) -> bool:
         """Whether it is the light of the transport requested last."""
         lit_by, n_bounces = self._requested or (found.lit_by, found.light.n_bounces)
         return found.lit_by == lit_by and n_bounces in (0, found.light.n_bounces)
 
-    def _cache_light(self, found: _FoundLight) -> Steps:
+    def _cache_light(self, found: FoundLight) -> Steps:
         self._represented(found.light)
         self._found = found = replace(found, number=next(self._numbers))
         yield self._found_message(found)
@@ -385,24 +344,22 @@ class IndirectTasks:
             yield Progress("indirect light", FOUND_AT, text="gathering towards the camera")
             yield from self._answer(found, self._freeze_request)
 
-    def _found_message(self, found: _FoundLight) -> IndirectFound:
+    def _found_message(self, found: FoundLight) -> IndirectFound:
         rows, weights = found.light.footprint_by_object()
         self._sent = found.number
         need = found.light.ray_budget
         rays_and_reason = (need.n_rays, need.reason) if need.noise is not None else (0, "")
         return IndirectFound(found.number, found.settings.name, rows, weights, *rays_and_reason, id=self._scene_id)
 
-    def _answer(self, found: _FoundLight, desired: FreezeIndirect) -> Steps:
+    def _answer(self, found: FoundLight, desired: FreezeIndirect) -> Steps:
         """A freezing and its noise."""
         yield from self._frozen(found, desired)
         yield (yield from self._noise(found, desired))
 
-    def _frozen(
-        self, found: _FoundLight, desired: FreezeIndirect
-    ) -> Iterator[IndirectFrozen | FreezingProgress | None]:
+    def _frozen(self, found: FoundLight, desired: FreezeIndirect) -> Iterator[IndirectFrozen | FreezingProgress | None]:
         layers = {each.key: self._reflecting(each, desired.second_bands) for each in desired.scene.visible}
         edited = NO_OBJECT if desired.key is None else self._placement.scene.object_index(object_of(desired.key))
-        seen = _layer_visibility(found, desired)
+        seen = layer_visibility(found, desired)
         polynomial = self._represented(seen)
         keys = list(layers)
         curves = {key: factor for key, factor in desired.curves.items() if key in layers}
@@ -436,15 +393,15 @@ class IndirectTasks:
         self._answered = answers
         self._frozen_light, self._frozen_bands = replace(found, light=seen), desired.second_bands
 
-    def _noise(self, found: _FoundLight, desired: FreezeIndirect) -> Generator[None, None, IndirectNoise]:
+    def _noise(self, found: FoundLight, desired: FreezeIndirect) -> Generator[None, None, IndirectNoise]:
         """The noise of the light with its layers as they are: a curve that is raised may show what was hidden by the
         rest."""
         known, appearance = self._noise_found, (desired.second_bands, desired.scene.visible)
         if known is None or known[0] != found.number or (known[1].second_bands, known[1].scene.visible) != appearance:
             layers = [self._reflecting(each, desired.second_bands) for each in desired.scene.visible]
-            noise = yield from self._represented(_layer_visibility(found, desired)).noise(layers)
+            noise = yield from self._represented(layer_visibility(found, desired)).noise(layers)
             self._noise_found = known = found.number, desired, noise
-        is_sampled = desired.second_bands == 1 or not found.lacks_rays(_materials(desired.scene.visible))
+        is_sampled = desired.second_bands == 1 or not found.lacks_rays(materials_of(desired.scene.visible))
         return IndirectNoise(found.number, desired.serial, *known[2], is_sampled, id=self._scene_id)
 
     def _reflecting(self, state: LayerState, second: int | None = None) -> IndirectLayer:
@@ -453,22 +410,6 @@ class IndirectTasks:
 
     def _object(self, state: LayerState) -> int:
         return self._placement.scene.object_index(state.object)
-
-
-def _relit_message(found: _FoundLight, layers: Sequence[LayerState], relit: Sequence[RelitLayer]) -> IndirectRelit:
-    parts = (
-        {each.key: getattr(layer, what) for each, layer in zip(layers, relit, strict=True)}
-        for what in ("now", "resting", "gloss", "mirrored")
-    )
-    return IndirectRelit(found.number, *parts)
-
-
-def _materials(layers: Sequence[LayerState]) -> Materials:
-    return tuple((each.key, each.layer) for each in layers)
-
-
-def _layer_visibility(found: _FoundLight, desired: FreezeIndirect) -> IndirectLight:
-    return found.light.without_glossy_hits() if desired.second_bands == 1 else found.light
 
 
 def _as_progress(

@@ -4,12 +4,11 @@
               └─► transport, indirect light, images, side A ─► requests ─► worker ─► responses ─► picture events
 
 Each of them compares what the document and the view desire with what was requested and has come (see
-`transport_controller`); this joins them, and sums them up in the status.
+`transport_controller`); this joins them, and `picture_summary` sums them up in the status.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import partial
@@ -18,9 +17,8 @@ from app.document.commands import EditCommand
 from app.document.commands.layers import SetMaterial, SetVariant
 from app.document.document import Document
 from app.document.effective_settings import effective_view
-from app.document.light_mix import mixed_light
 from app.document.view_state import SetView, ViewState
-from app.messages.editor_status import PictureState, Status
+from app.messages.editor_status import Status
 from app.messages.picture_events import PictureEvent, SkyChanged
 from app.messages.worker_messages import CancelRequests, RequestFailed, Response
 from app.modes.mode import EditorServices, ModeController, OpenedScene
@@ -33,6 +31,7 @@ from app.modes.placement.idle_work import IdleWork
 from app.modes.placement.indirect_controller import IndirectController
 from app.modes.placement.map_controller import MapController
 from app.modes.placement.moved_lamps import moved_lamps
+from app.modes.placement.picture_summary import PictureSummary
 from app.modes.placement.picture_transition import PictureTransition, RequestedTransport
 from app.modes.placement.placement_events import (
     DocumentDrawn,
@@ -67,15 +66,9 @@ from app.modes.placement.placement_messages import (
     StageFootprint,
 )
 from app.modes.placement.placement_status import (
-    NO_NOISE,
     PlacementReport,
     PlacementStatus,
     RenderReport,
-    emitter_note,
-    error_note,
-    light_note,
-    material_note,
-    transport_note,
 )
 from app.modes.placement.transport_controller import TransportController
 from engine.core.clamping import TOO_BRIGHT
@@ -99,6 +92,16 @@ class PlacementController(ModeController):
         self.idle = IdleWork(services.send, self.curves)
         self._changeover = PictureTransition(self.curves)
         self.picture = DrawnPicture(services, self.curves, self._changeover, self.indirect, self.maps)
+        self._summary = PictureSummary(
+            self.curves,
+            self._transport,
+            self.indirect,
+            self.maps,
+            self._changeover,
+            self.picture,
+            self.idle,
+            self._comparison,
+        )
         self._warned_clamped = False
         self._forget()
 
@@ -107,7 +110,7 @@ class PlacementController(ModeController):
         self._view_id = 0
         self._footprints: dict[str, Footprint] = {}
         self._accepted_light = AcceptedLight()
-        self._report = PlacementReport()
+        self._summary.report = PlacementReport()
         self._was_held = False
         self._poses: Poses = ()
 
@@ -160,7 +163,7 @@ class PlacementController(ModeController):
             changed = command.objects(self._document) if isinstance(command, SetVariant) else (command.object,)
             self.curves.plans.replan(key for key, _ in self._document.layers() if object_of(key) in changed)
             self._transport.hand_released()  # chosen, and not on its way to something else
-        self._report.picture_changed()
+        self._summary.report.picture_changed()
         self._transport.edited()
         self.indirect.edited()
         self.maps.edited()
@@ -173,7 +176,7 @@ class PlacementController(ModeController):
         for each, layer in self._document.layers():
             if each == key or (object_of(each) == object_of(key) and layer.node_of == chosen.name):
                 self.maps.reload(each, layer.maps)
-        self._report.picture_changed()
+        self._summary.report.picture_changed()
         self.idle.images_changed()
 
     def cancelled(self) -> None:
@@ -209,7 +212,7 @@ class PlacementController(ModeController):
             events += self._advance_transition(document, view, True)
         planned = self._request_missing(now, document, view)
         events += self._advance_transition(document, view, planned)
-        state = self._picture_state
+        state = self._summary.state
         # Errors, rays and other skies are those of light in place.
         rests = state in ("finished", "exact") and not self._services.history.dragging
         rests &= view.settings.lighting == "scene"
@@ -245,7 +248,7 @@ class PlacementController(ModeController):
         requested, dragging = self._requested_transport() if planned else None, self._services.history.dragging
         changes = change.update(document, requested, dragging, self.picture.edited_layers, self.picture.factor)
         if changes:
-            self._report.picture_changed()
+            self._summary.report.picture_changed()
         self._was_held = change.drawn is not document
         if not change.waits if controller.drag_quality else self._was_held and changes:
             changes += self.indirect.follow_light(change.drawn, controller.revision)
@@ -280,7 +283,7 @@ class PlacementController(ModeController):
 
     def _compare(self, now: float, document: Document, view: ViewState) -> list[PictureEvent]:
         """Follow the choice of side A, and refine its picture; returns the events."""
-        exact = self._picture_state in ("finished", "exact")
+        exact = self._summary.state in ("finished", "exact")
         compared = None if view.compare is None else self._services.with_nodes(view.compare)
         if compared is not self._comparison.document:
             self._comparison.begin(compared, exact and compared is document)
@@ -306,7 +309,7 @@ class PlacementController(ModeController):
     def rendered(self, report: RenderReport) -> None:
         """Take the renderer's report on the frame just drawn, for the present document and selection."""
         waits = self.picture.is_held or self._changeover.waits
-        self._report.render = report = replace(report, exact=report.exact and not waits)
+        self._summary.report.render = report = replace(report, exact=report.exact and not waits)
         factor = self.picture.factor
         for key in self.picture.edited_layers if report.exact else ():
             wanted = self.picture.coefficients(key)
@@ -315,71 +318,7 @@ class PlacementController(ModeController):
                 self._changeover.rendered(key, factor, wanted[factor])
 
     def status(self, status: Status) -> PlacementStatus:
-        controller, report, view = self._transport, self._report.render, self._view
-        noise, picture = self._noise, self._picture_state
-        known, has_picture = picture not in ("waiting", "preview"), self._changeover.has_picture
-        # That nothing is left to add does not imply a small error.
-        says_error = known and self._other_parts_complete and picture != "exact"
-        error = math.hypot(report.image_error or 0.0, noise) if says_error else None
-        is_whole = picture in ("finished", "exact")
-        estimated = self.idle.estimated(self._document, view) if is_whole else None
-        estimate = None if estimated is None else estimated.estimate
-        missing = transport_note(controller, report.precision, view.settings.precision)
-        fine = self.indirect.found_under(controller.revision)
-        said = {
-            "picture": picture,
-            "is_held": picture in ("preview", "refining") and self.picture.is_held,
-            "image_error": error if estimate is None else estimate.overall,
-            "estimate": estimate,
-            "error_colours": None if estimated is None else estimated.colours,
-            "light_note": light_note(controller, mixed_light(self._changeover.drawn)) if has_picture else "",
-            "material_note": material_note(controller) if has_picture else "",
-            "emitter_note": emitter_note(controller) if has_picture else "",
-            "missing_note": missing or "Wavelet coefficients, or light of further bounces, are still being added.",
-            "error_note": error_note(report.image_error if known else None, self.indirect.noise),
-            "compared_exact": self._comparison.exact,
-            "curve_error": report.image_error if known else None,
-            "bands": tuple((shape.key, shape.bands_kept) for shape in controller.requested_layers),
-            "indirect_noise": self.indirect.noise,
-            "transport_note": missing,
-            "has_sky": controller.has_sky,
-            "mixed_lights": self.idle.relight.n_lights,
-            "planned_bands": self.curves.all_planned(self._document),
-            **self.idle.sampling_status(status),
-            **self.indirect.status(status),
-        }
-        return PlacementStatus(
-            **(
-                vars(status)
-                | said
-                | self._report.status(controller.revision, view.settings.n_bounces, fine, self.indirect.sent_on)
-            )
-        )
-
-    @property
-    def _noise(self) -> float:
-        """The noise of the whole picture."""
-        return self.indirect.noise_of_picture(self._report.render.mean_radiance)
-
-    @property
-    def _other_parts_complete(self) -> bool:
-        """Whether indirect light and images, all that makes the picture besides direct light, are complete."""
-        return self.indirect.is_complete and self.maps.is_complete
-
-    @property
-    def _picture_state(self) -> PictureState:
-        controller = self._transport
-        if not self._changeover.has_picture:
-            return "waiting"
-        if not (
-            controller.is_open
-            and (controller.shows_final or controller.transport_is_current and controller.delivered_final)
-        ):
-            return "preview"
-        is_complete = controller.finished and self._report.render.exact and self._other_parts_complete
-        if not is_complete or self.picture.is_held:
-            return "refining"
-        return "exact" if self._noise <= NO_NOISE else "finished"
+        return self._summary.status(status, self._document, self._view)
 
     # -------------------------------------------------------------------------------------------------------- responses
 
@@ -394,7 +333,7 @@ class PlacementController(ModeController):
                 self.maps.receive(response)
                 self._services.notify_once(response.note)
                 self.indirect.means_changed()
-                self._report.picture_changed()
+                self._summary.report.picture_changed()
                 self.idle.images_changed()
             case MapsRefused() if is_open:
                 if self.maps.refuse(response, self._services.history):
@@ -425,14 +364,14 @@ class PlacementController(ModeController):
     def _take_picture(self, response: Response) -> list[PictureEvent]:
         match response:
             case LightPlanned():
-                self._report.lights_planned(response)
+                self._summary.report.lights_planned(response)
             case BouncesPlanned() if self._view.settings.n_bounces in (AS_PLANNED, response.n_bounces):
                 self._take_bounces(response)  # else the user has chosen meanwhile
             case ErrorEstimated():
                 self.idle.receive(response)
             case LightsReady() | RelightingPrepared() | EditedSampled():
                 self.idle.receive(response)
-                self._report.note_memory(response.transport_bytes)
+                self._summary.report.note_memory(response.transport_bytes)
             case IndirectFrozen():
                 self.indirect.receive_frozen(response)
             case FreezingProgress():
@@ -446,7 +385,7 @@ class PlacementController(ModeController):
             case LayerTransport() if self._transport.contractions.receive_transport(
                 response, self._document, self._services.pictured_view.selected
             ):
-                self._report.picture_changed()
+                self._summary.report.picture_changed()
                 footprint = self._footprints.get(response.stage)
                 self._changeover.receive_transport(TransportReady.of(response, self.picture.edited_layers, footprint))
             case StageDone():
@@ -458,7 +397,7 @@ class PlacementController(ModeController):
         if controller.requested_light is not None:
             self._accepted_light.accept(controller.requested_light)
         made_with = controller.contractions.receive_picture(response)
-        self._report.picture_changed()
+        self._summary.report.picture_changed()
         footprint, look = self._footprints.get(response.stage), controller.picture_identity(response.key)
         return LayerRadiance(response.key, response.stage, response.radiance, made_with, footprint, look)
 
@@ -466,7 +405,7 @@ class PlacementController(ModeController):
         if self._view.settings.n_bounces == AS_PLANNED:
             self._services.view = SetView.of(n_bounces=response.n_bounces).apply(self._services.view)
             self._transport.receive_bounces(response.n_bounces)
-        if warning := self._report.bounces_planned(response):
+        if warning := self._summary.report.bounces_planned(response):
             self._services.notify(warning)
 
     def _take_failure(self, response: RequestFailed) -> None:
@@ -483,6 +422,6 @@ class PlacementController(ModeController):
     def _take_stage(self, response: StageDone) -> None:
         self._transport.receive_stage(response)
         self._comparison.stage_finished()
-        self._report.stage_done(response)
+        self._summary.report.stage_done(response)
         if response.exact:
             self._services.metrics.progress = None

@@ -19,7 +19,7 @@ active makes that transport stale: increments continue from the new picture, but
 
 from __future__ import annotations
 
-from collections.abc import Collection, Generator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import moderngl
@@ -32,6 +32,7 @@ from ui.gl.context import GraphicsError
 from ui.gl.display import Display, DisplayView
 from ui.gl.gpu_memory import TextureMemory
 from ui.gl.program import Box, Passes
+from ui.modes.placement.gl.coming_frame import ComingFrame
 from ui.modes.placement.gl.composite import Compositor
 from ui.modes.placement.gl.edited_layers import EditedLayers
 from ui.modes.placement.gl.layers import ComparedAppearance, LayerStack
@@ -50,15 +51,6 @@ class UpdateReport:
     remaining: int = 0
     image_error: float = 0.0
     exact: bool = True
-
-
-@dataclass(eq=False)
-class _Coming:
-    """A frame's resources, made step by step; made: once they are there."""
-
-    frame: PictureFrame
-    steps: Generator[None, None, tuple[Compositor, Display]]
-    made: tuple[Compositor, Display] | None = None
 
 
 @dataclass(eq=False)
@@ -86,7 +78,7 @@ class PlacementRenderer:
         self._passes = Passes(context)
         self._terms = TermSum(self._passes, self.memory)
         self._picture: _Picture | None = None
-        self._coming: _Coming | None = None
+        self._coming: ComingFrame | None = None
         self._edited = EditedLayers(self.memory, self._terms)
 
     # --------------------------------------------------------------------------------------------------------- the view
@@ -106,32 +98,16 @@ class PlacementRenderer:
         more."""
         if self._coming is None or self._coming.frame is not frame:
             self._drop_coming()
-            self._coming = _Coming(frame, self._making(frame))
-        coming = self._coming
+            self._coming = ComingFrame(self._passes, self.memory, frame)
         try:
-            if coming.made is None:
-                next(coming.steps)
-        except StopIteration as end:
-            coming.made = end.value
+            return self._coming.advance()
         except BaseException:
             self._coming = None
-            raise
-        return coming.made is None
-
-    def _making(self, frame: PictureFrame) -> Generator[None, None, tuple[Compositor, Display]]:
-        compositor = Compositor(self._passes, self.memory, frame)
-        yield from compositor.allocating()
-        try:
-            return compositor, Display(self._passes, self.memory, frame)
-        except GraphicsError:
-            compositor.release()
             raise
 
     def _drop_coming(self) -> None:
         if self._coming is not None:
-            self._coming.steps.close()
-            for made in self._coming.made or ():
-                made.release()
+            self._coming.release()
         self._coming = None
 
     def clear(self) -> None:

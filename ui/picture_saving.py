@@ -1,0 +1,58 @@
+"""Saves what is shown: at once, or drawn anew with its layers or all looks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from app.editor.editor import Editor
+from app.stills.layer_saver import LayerSaver
+from engine.core.errors import InsituError
+from ui.panels.actions import SaveContactSheet, SavePicture
+from ui.picture_feed import PictureFeed, StillSaver
+
+
+class PictureSaving:
+    """Saves pictures of one editor, each by a thread or a process of its own, and notifies when they are written."""
+
+    def __init__(self, editor: Editor) -> None:
+        self._editor = editor
+        self._stills, self._layers = StillSaver(), LayerSaver()
+
+    @property
+    def progress(self) -> str:
+        """How far a picture with layers is, for the status bar."""
+        return self._layers.progress
+
+    def save(self, action: SavePicture | SaveContactSheet, source: PictureFeed | None) -> None:
+        """Save what is shown now, read at once and written by a thread; or, with its layers or all looks, what is drawn
+        anew."""
+        if isinstance(action, SaveContactSheet) or action.layers:
+            self._save_layers(action.path)
+            return
+        still = None if source is None else source.still(self._editor)
+        if still is None:
+            self._editor.notify("there is no picture yet to be saved", True)
+            return
+        exact = self._editor.status.picture == "exact"
+        remark = "" if exact else "; it is a preview: the picture is not exact yet"
+        self._stills.save(still, action.path, action.deep, remark)
+
+    def _save_layers(self, path: Path) -> None:
+        try:
+            self._layers.save(self._editor.document, self._editor.view, path)
+        except InsituError as error:
+            self._editor.notify(str(error), True)
+
+    def stop(self) -> None:
+        """Stop drawing pictures with layers."""
+        self._layers.stop()
+
+    def notify_finished(self) -> None:
+        """Say what has been written since, or could not be."""
+        for line, failed in (*self._stills.finished_messages(), *self._layers.finished_messages()):
+            self._editor.notify(line, failed)
+
+    def close(self) -> None:
+        """Wait until pictures that are being written are whole; stop what is being drawn."""
+        self._stills.close()
+        self._layers.close()
