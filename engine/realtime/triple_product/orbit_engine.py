@@ -17,30 +17,27 @@ The object refers to no window and no process, and may be dropped between any tw
 from __future__ import annotations
 
 from collections.abc import Generator, Iterator, Mapping
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.core.errors import InsituError
 from engine.core.generators import StepRunner, run_to_end
-from engine.core.stored_arrays import ArrayReader, Arrays
+from engine.core.stored_arrays import Arrays
 from engine.core.threads import n_threads
-from engine.light.emitters import EmitterPatches
 from engine.material.bumps import Bumps
 from engine.material.layer import FRAMES
-from engine.precompute.direct.linking import object_groups, sky_numbers
 from engine.precompute.direct.pipeline import SkyState
-from engine.realtime.core.shading_points import ShadingPoints, place_points, with_rotated_tangents
 from engine.realtime.core.terms import LayersOf
 from engine.realtime.core.view_samples import ViewSamples, assemble_picture
-from engine.realtime.triple_product.incident import ReachingLight, SceneEmitters, SkyMap, make_sky
+from engine.realtime.triple_product.incident import SkyMap
 from engine.realtime.triple_product.kept_points import FormerPoints, keep_points
 from engine.realtime.triple_product.lit_points import EXACTLY, GLOSSILY, UNLIT, LitPoints
+from engine.realtime.triple_product.point_placement import PointPlacement
+from engine.realtime.triple_product.reaching_lights import ReachingLights, shining_patches
 from engine.realtime.triple_product.reflections import Reflections
 from engine.realtime.triple_product.scene_patches import ScenePatches, scene_patches
+from engine.realtime.triple_product.stored_visibility import StoredVisibility, dump_visibility, read_visibility
 from engine.realtime.triple_product.view_radiance import N_MOVING, Quality, view_radiance
-from engine.realtime.triple_product.visibility import N_UPPER, Bits, deflate_bits, find_enclosed, inflate_bits
 from engine.render.still import StillProgress
 from engine.scene.cutouts import scene_caster
 from engine.scene.description import CameraDescription
@@ -56,8 +53,6 @@ N_PATCHES = 64
 N_BOUNCES = 4  # if the scene gives no number
 MOST_BYTES = 3 << 29
 MOST_SLICE_BYTES = 1 << 29
-_LEAST_COEFFICIENTS = 20
-_BYTES_A_COEFFICIENT = 8
 # Points a piece and thread: about 15 ms.
 _COARSE, _FINE, _TRACED = 1536, 256, 96
 # Share of a picture. Back faces below it wait until the user is idle: perturbed normals show them at silhouettes one
@@ -89,11 +84,10 @@ class Orbit:
         self._placing: StepRunner[LitPoints] | None = None
         self._former = former
         self._lit: LitPoints | None = None
-        self._restored: tuple[Bits, Bits, list[int]] | None = None
+        self._restored: StoredVisibility | None = None
         self._patches = scene_patches(scene, n_patches)
         self._n_bounces = scene.description.bounces or N_BOUNCES
-        self._light, self._sky = SkyState(None), make_sky(None, 0.0)
-        self._linked: list[SkyMap] = []
+        self._lights = ReachingLights()
         self._reflections = Reflections(most_slice_bytes)
 
     # ------------------------------------------------------------------------------------------ stored visibility
@@ -116,31 +110,20 @@ class Orbit:
         """Return the visibility of all points, to be stored under `geometry`. Raises ValueError before points exist."""
         if self._lit is None:
             raise ValueError("nothing is seen yet: expected some steps of work before")
-        lit = self._lit
-        lit.n_traced = 0
-        arrays = {
-            "backs": np.array(lit.with_backs, np.int64),
-            "n_points": np.array([len(lit.points)], np.int64),
-        }
-        return arrays | deflate_bits("bits", lit.bits) | deflate_bits("patch_bits", lit.patch_bits)
+        self._lit.n_traced = 0
+        return dump_visibility(self._lit)
 
     def restore(self, arrays: Arrays) -> None:
         """Take over visibility that `stored_visibility` returned for the same geometry; before any work. Raises
         UnsoundArrays."""
-        reader = ArrayReader(arrays)
-        n = int(reader.take("n_points", np.int64, 1)[0])
-        backs = reader.take("backs", np.int64, "backs", below=len(self.scene.smooth))
-        bits = inflate_bits("bits", reader, n, N_UPPER // 2)
         n_patches = 0 if self._patches is None else len(self._patches[0])
-        self._restored = bits, inflate_bits("patch_bits", reader, n, (n_patches + 7) // 8), backs.tolist()
+        self._restored = read_visibility(arrays, len(self.scene.smooth), n_patches)
 
     # ---------------------------------------------------------------------------------------------- desired state
 
     def set_light(self, sky: SkyState) -> None:
         """Set the distant light."""
-        if sky != self._light:
-            self._light, self._sky = sky, _sky_map(sky)
-            self._linked = [_sky_map(link.sky) for link in sky.links]
+        if self._lights.set_sky(sky):
             self._stale()
 
     def set_emission(self, emission: Mapping[str, tuple[float, float, float]]) -> None:
@@ -208,18 +191,17 @@ class Orbit:
     @property
     def light(self) -> SkyState:
         """The distant light."""
-        return self._light
+        return self._lights.sky
 
     @property
     def sky_map(self) -> SkyMap:
         """The same, as points look it up."""
-        return self._sky
+        return self._lights.sky_map
 
     @property
     def sky_maps(self) -> list[SkyMap]:
         """The same for each object: what its links say."""
-        maps = self._sky, *self._linked
-        return [maps[number] for number in sky_numbers(self._light, len(self.scene.emission))]
+        return self._lights.sky_maps(len(self.scene.emission))
 
     @property
     def reflections(self) -> Reflections:
@@ -372,9 +354,9 @@ class Orbit:
         while len(which := np.flatnonzero(lit.seen & ~lit.known)[: _COARSE * n_threads()]):
             self.light_points(lit, which, is_coarse=True)
             yield StillProgress(0.0, "light")
-        what = lit, self._reflections, self.scene, self._reaching(lit)
+        what = lit, self._reflections, self.scene, self._lights.reaching(self.scene, self._patches, lit)
         radiance = yield from view_radiance(seen, *what, self._n_bounces, quality, n_moving)
-        sky = self._light
+        sky = self._lights.sky
         return assemble_picture(seen, radiance, sky.environment, sky.rotation, sky.scale, transparent)
 
     # ---------------------------------------------------------------------------------------------------- private
@@ -399,22 +381,20 @@ class Orbit:
     def _place(self) -> None:
         """Do one piece of placing points."""
         if self._placing is None:
-            self._check_memory(self._n_least())  # do not search for minutes only to find more of them
-            self._placing = StepRunner(self._placed())
+            placement = PointPlacement(
+                self.scene, self._caster, self._n_points, self._n_coefficients, self._n_patches, self._most_bytes
+            )
+            placement.check_vertices()
+            self._placing = StepRunner(self._placed(placement))
         if not self._placing.advance():
             return
         self._lit, self._placing, self._former = self._placing.result, None, None
         self.prioritize_view(self.scene.description.camera)
         self.version += 1
 
-    def _placed(self) -> Generator[None, None, LitPoints]:
+    def _placed(self, placement: PointPlacement) -> Generator[None, None, LitPoints]:
         """The points, with what is known of them from before."""
-        points = yield from self._points(self._n_points)
-        n = self._within_memory(len(points))
-        if n < self._n_coefficients and self._n_points:
-            points = run_to_end(self._points(0))
-            n = self._within_memory(len(points))
-        self._check_memory(len(points))
+        points, n = yield from placement.steps()
         if n < self._n_coefficients:
             self._notes = (f"{n} coefficients of light a point instead of {self._n_coefficients}, for want of memory",)
         n_patches = 0 if self._patches is None else len(self._patches[0])
@@ -423,15 +403,10 @@ class Orbit:
             lit.restore(*self._restored, self._are_glossy)
             self._restored = None
         elif self._former is not None:
-            yield from keep_points(lit, self.scene, self._former, self._light, self._shining_patches)
+            yield from keep_points(
+                lit, self.scene, self._former, self._lights.sky, shining_patches(self.scene, self._patches)
+            )
         return lit
-
-    def _points(self, n_points: int) -> Generator[None, None, ShadingPoints]:
-        points = yield from place_points(self.scene, self._caster, n_points)
-        if self.scene.tangent_rotations.digest:
-            points = with_rotated_tangents(points, self.scene)
-        found = yield from find_enclosed(self.scene, self._caster, points)
-        return replace(points, buried=found)
 
     def prioritize_view(self, camera: CameraDescription) -> None:
         """Give priority to the points that this camera sees."""
@@ -455,40 +430,11 @@ class Orbit:
         lit.seen, lit.behind = seen.visible_points(), lit.behind | set(seen.from_behind())
         return seen
 
-    def _within_memory(self, n_points: int) -> int:
-        """How many coefficients a point fit into memory, at most the desired number."""
-        rest = self._most_bytes - n_points * (N_UPPER // 2 + self._n_patches // 8 + 160)
-        return min(self._n_coefficients, rest // (n_points or 1) // _BYTES_A_COEFFICIENT)
-
-    def _n_least(self) -> int:
-        """Least number of points: distinct positions of vertices on reflecting objects."""
-        scene = self.scene
-        used = np.zeros(len(scene.vertices), bool)
-        used[scene.triangles[scene.reflecting[scene.object_of_triangle]]] = True
-        bits = (scene.vertices[used] + np.float32(0.0)).view(np.int32).astype(np.int64)  # −0 as 0
-        return len(np.unique(bits @ np.array([1, 0x9E3779B1, 0x85EBCA6B0001])))  # a hash: the sums wrap around
-
-    def _check_memory(self, n_points: int) -> None:
-        """Raise InsituError if so many points do not fit into memory."""
-        if self._within_memory(n_points) < _LEAST_COEFFICIENTS:
-            raise InsituError(
-                f"{self.scene.file}: {n_points} vertices, of which Orbit would store more than "
-                f"{self._most_bytes / 2**20:.0f} MiB; expected fewer, or a simpler mesh"
-            )
-
     def light_points(self, lit: LitPoints, which: NDArray[np.int64], is_coarse: bool, asks_peaks: bool = False) -> None:
         """Light some points, each by what reaches its object; asks_peaks: see `LitPoints.light`."""
-        for each in self._reaching(lit):
+        for each in self._lights.reaching(self.scene, self._patches, lit):
             if len(mine := which[each.objects[lit.points.i_object[which]]]):
                 lit.light(mine, each.sky, each.emitters, is_coarse, asks_peaks)
-
-    def _reaching(self, lit: LitPoints) -> list[ReachingLight]:
-        """What reaches each group of objects."""
-        skies = {id(link.sky): own for link, own in zip(self._light.links, self._linked, strict=True)}
-        return [
-            ReachingLight(objects, skies.get(id(sky), self._sky), self._scene_emitters(lit, emitters))
-            for objects, sky, emitters in object_groups(self._light, len(self.scene.emission))
-        ]
 
     def former_points(
         self, scene: Scene, caster: RayCaster, is_sound: NDArray[np.bool_], is_lit: NDArray[np.bool_]
@@ -497,23 +443,6 @@ class Orbit:
         were made for; is_sound, is_lit (S,): see `FormerPoints`. Raises ValueError before there are points."""
         if self._lit is None:
             raise ValueError("no points are known yet: expected some steps of work before")
-        return FormerPoints(scene, caster, self._lit, is_sound, is_lit, self._light, self._shining_patches)
-
-    @property
-    def _shining_patches(self) -> EmitterPatches | None:
-        """The emitters' patches with their radiance; None where nothing emits."""
-        if self._patches is None:
-            return None
-        patches, owner = self._patches
-        return replace(patches, radiance=self.scene.emission[owner] * patches.radiance)
-
-    def _scene_emitters(self, lit: LitPoints, reaching: NDArray[np.bool_]) -> SceneEmitters | None:
-        if self._patches is None:
-            return None
-        patches, owner = self._patches
-        emission = np.where(reaching[:, None], self.scene.emission, np.float32(0.0))
-        return SceneEmitters(replace(patches, radiance=emission[owner] * patches.radiance), lit.patch_bits)
-
-
-def _sky_map(sky: SkyState) -> SkyMap:
-    return make_sky(sky.environment, sky.rotation, sky.scale)
+        return FormerPoints(
+            scene, caster, self._lit, is_sound, is_lit, self._lights.sky, shining_patches(self.scene, self._patches)
+        )

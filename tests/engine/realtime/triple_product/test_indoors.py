@@ -84,7 +84,7 @@ def test_shadows_of_the_sun_are_found_between_points(quality: Quality) -> None:
     picture = orbit.draw(eye, (96, 72), quality).max(axis=2)
     seen = orbit.lit.mesh.sample_view(eye, (96, 72), 16)
     whole = seen.order[(seen.share[seen.order] == 1.0) & (seen.samples.i_object[seen.order] == 0)]
-    places, toward = seen.places(whole), orbit._sky.peak_direction[0]
+    places, toward = seen.places(whole), orbit.sky_map.peak_direction[0]
     above = places + (1.0 - places[:, 1:2]) / toward[1] * toward
     inside = np.maximum(np.abs(above[:, 0]) / 1.5, np.abs(above[:, 2]) / 0.15)
     value = picture.ravel()[seen.pixel[whole]]
@@ -166,7 +166,7 @@ def test_points_know_the_suns_that_they_see() -> None:
     image[64, 256] = 1e5
     slat = placed("slat", "cube", scaled((3, 0.02, 0.3), (0, 1, 0)))
     orbit = made(camera((0.0, 6.0, 0.6), 45, (32, 24)) + FLOOR + slat, 600, SkyState(Environment(image, "sun")))
-    lit, sky = orbit.lit, orbit._sky
+    lit, sky = orbit.lit, orbit.sky_map
     floor = np.flatnonzero((lit.points.i_object == 0) & (lit.points.normal[:, 1] > 0.0) & ~lit.points.buried)
     assert 0 < len(sky.peak_power) <= 8
     bits = np.unpackbits(lit.incident.stored.peak_bits[floor], axis=1, bitorder="little")

@@ -12,7 +12,7 @@ from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.precompute.direct.pipeline import SkyState
 from engine.realtime.core._sample_kernels import silhouettes
-from engine.realtime.triple_product import orbit_engine
+from engine.realtime.triple_product import orbit_engine, point_placement
 from engine.realtime.triple_product.lit_points import UNLIT
 from engine.realtime.triple_product.orbit_engine import Orbit
 from engine.scene.description import parse_description
@@ -197,7 +197,7 @@ def test_edges_are_smooth_on_request_while_something_moves(orbit) -> None:
 
 def test_too_many_vertices_are_refused_before_any_point_is_placed(block_scene, monkeypatch) -> None:
     # The floor and the block have 12 places; 1,800 bytes each are more than so little memory has.
-    monkeypatch.setattr(orbit_engine, "place_points", None)
+    monkeypatch.setattr(point_placement, "place_points", None)
     orbit = Orbit(block_scene, most_bytes=12 * 1500)
     with pytest.raises(InsituError, match=r"^block.toml: 12 vertices, of which Orbit would store more than 0 MiB; "):
         [*orbit.work()]
