@@ -34,6 +34,7 @@ from engine.precompute.direct.pipeline import SkyState
 from engine.realtime.core.gpu_parts import NO_PARTS, Numbers, PictureExport
 from engine.realtime.core.terms import LayersOf, is_glossy
 from engine.realtime.zonal_harmonics.bending_points import BendingPoints, bending_points
+from engine.realtime.zonal_harmonics.desired_transfers import N_BOUNCES, DesiredTransfers
 from engine.realtime.zonal_harmonics.gloss_transfer import GlossTransfer, GlossTransfers, LayerGloss
 from engine.realtime.zonal_harmonics.gpu_export import PictureExporter
 from engine.realtime.zonal_harmonics.light_between_objects import LightBetweenObjects
@@ -65,15 +66,13 @@ from engine.scene.cutouts import scene_caster
 from engine.scene.description import CameraDescription
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene
-from engine.scene.surface_kinds import DeformSurface, SurfacesByObject
+from engine.scene.surface_kinds import SurfacesByObject
 from engine.sphere.harmonics import project
 
 Float32Array = NDArray[np.float32]
 Float64Array = NDArray[np.float64]
 
 N_POINTS = 12_000  # in addition to the meshes' vertices
-N_BOUNCES = 2  # of an object's light onto itself
-FEW_RAYS = 128  # for the first approximation
 
 
 class Deform:
@@ -89,7 +88,7 @@ class Deform:
         self.version = 0
         self._caster = caster or scene_caster(scene)
         self._n_points, self._store = N_POINTS if n_points is None else n_points, store
-        self._rays, self._n_lobes = (min(FEW_RAYS, n_rays), n_rays), N_LOBES
+        self._desired = DesiredTransfers(scene.description.objects, n_rays)
         self._points: BendingPoints | None = None
         self._light = SkyState(None)
         self._sky: SkyLight | None = None
@@ -98,9 +97,6 @@ class Deform:
         self._albedos: dict[int, Float64Array] = {}  # of points (P, 3), computed on request
         self._between = LightBetweenObjects()
         self._state: ShadingState | None = None
-        self._surfaces: dict[str, DeformSurface] = {}
-        self._posed: frozenset[int] = frozenset()
-        self._n_bounces = N_BOUNCES
         self._cache: dict[int, ObjectTransfer] = {}
         self._transfers: TransferCache | None = None
         self._n_gloss_rows: int | None = None
@@ -145,8 +141,8 @@ class Deform:
         """Set the names of the objects that bend. Their transfer contains only their own shadows; the shadows that they
         cast on others are coarse, see `engine.realtime.zonal_harmonics.shading`."""
         posed = frozenset(self.scene.object_index(each) for each in names if each in self.scene.object_names)
-        if posed != self._posed:
-            self._posed = posed
+        if posed != self._desired.posed:
+            self._desired.posed = posed
             self.version += 1
 
     def set_moved(self, moved: Sequence[str], lamps: Poses) -> None:
@@ -158,20 +154,20 @@ class Deform:
         """Set descriptions of objects' surfaces, by name, which replace those of the scene's file. Raises LoadError if
         an image cannot be used."""
         self.scene.textures.load(Images(weight=file) for _, surface in surfaces for _, file in surface.files)
-        self._surfaces = dict(surfaces)
+        self._desired.surfaces = dict(surfaces)
 
     def set_effort(self, n_rays: int, n_lobes: int, n_gloss_rows: int | None = None) -> None:
         """Set the number of rays of each point, and of lobes that approximate the result, 1 to `N_LOBES`; `UNSHADOWED`
         for light without shadows and reflections. n_gloss_rows: of each glossy layer, 0 for one lobe, None for what a
         pilot finds."""
-        self._rays, self._n_lobes = (min(FEW_RAYS, n_rays), n_rays), n_lobes
+        self._desired.n_rays, self._desired.n_lobes = n_rays, n_lobes
         if n_gloss_rows != self._n_gloss_rows:
             self._n_gloss_rows = n_gloss_rows
             self.version += 1
 
     def set_bounces(self, n_bounces: int) -> None:
         """Set the number of reflections between light and camera; 0 restores the largest possible number."""
-        self._n_bounces = min(n_bounces - 1, N_BOUNCES) if n_bounces else N_BOUNCES
+        self._desired.n_bounces = min(n_bounces - 1, N_BOUNCES) if n_bounces else N_BOUNCES
 
     # ----------------------------------------------------------------------------------------------------- the work
 
@@ -187,7 +183,7 @@ class Deform:
         return (
             self._lobes is not None
             and has_lobes
-            and self._between.has_paths(self._alone)
+            and self._between.has_paths(self._desired.alone)
             and self._glosses is not None
             and (self._glosses.first_missing(self._wanted_gloss()) is None)
         )
@@ -229,7 +225,7 @@ class Deform:
 
     def work(self) -> Iterator[StillProgress]:
         """Compute what is missing, piece by piece, until nothing is. Changes made meanwhile take effect at once."""
-        if self._points is None or self._even != self._translucent():
+        if self._points is None or self._even != self._desired.translucent:
             yield StillProgress(0.0, "placing points")
             self._make_points()
         for layer in [each for own in self._layers_of.values() for each in own if is_glossy(each)]:
@@ -237,7 +233,7 @@ class Deform:
             yield StillProgress(self.fraction, "finding reflections")
         while True:
             has_outdated = any(map(self._is_outdated, self._final_transfers()))
-            if not has_outdated and not self._between.has_paths(self._alone):
+            if not has_outdated and not self._between.has_paths(self._desired.alone):
                 yield from self._trace_light_between_objects()
                 continue
             if (wanted := self._most_urgent()) is None:
@@ -276,11 +272,6 @@ class Deform:
                 self.version += 1
                 return
 
-    @property
-    def _alone(self) -> tuple[int, ...]:
-        """Objects whose transfer contains only themselves."""
-        return tuple(i for i in range(len(self.scene.smooth)) if i in self._posed or self._surface_of(i).kind)
-
     def _is_outdated(self, wanted: ObjectTransfer) -> bool:
         """Whether an object's transfer, as it is now, has other shadows, or is of another surface."""
         known = self._cache.get(wanted.i_object)
@@ -290,22 +281,17 @@ class Deform:
         """Trace where light goes between objects; stops where other objects begin to bend, and the caller begins
         anew."""
         assert self._points is not None
-        alone = self._alone
+        alone = self._desired.alone
         for _ in self._between.trace(self.scene, self._points, alone):
             yield StillProgress(self.fraction, "tracing light between objects")
-            if alone != self._alone:
+            if alone != self._desired.alone:
                 return
         self.version += 1
-
-    def _translucent(self) -> frozenset[int]:
-        """Objects that transmit light. They need evenly spaced points: their sums over points would show where
-        triangles are split."""
-        return frozenset(i for i in range(len(self.scene.smooth)) if self._surface_of(i).subsurface is not None)
 
     def _make_points(self) -> None:
         """Make all points, with unshadowed lobes, or with those of the nearest points if there were points before."""
         before, had, errors = self._points, self._lobes, self._errors
-        self._even = self._translucent()
+        self._even = self._desired.translucent
         even = np.isin(np.arange(len(self.scene.smooth)), list(self._even))
         points = bending_points(self.scene, self._caster, self._n_points, even)
         self._albedos = {}
@@ -323,21 +309,7 @@ class Deform:
         self.version += 1
 
     def _final_transfers(self) -> list[ObjectTransfer]:
-        """The best transfer that each object is to get."""
-        resting = tuple(i for i in range(len(self.scene.smooth)) if i not in self._posed)
-        found = []
-        for i in self._layers_of:
-            surface = self._surface_of(i)
-            casters = (i,) if i in self._posed or surface.kind else resting
-            bright = self._reflectance(i) if surface.is_opaque and self._n_bounces else Reflectance()
-            if surface.is_mapped:  # one map for all of the object
-                bright = bright.average
-            n_bounces = self._n_bounces if bright.brightest else 0
-            if self._n_lobes == UNSHADOWED:
-                found.append(ObjectTransfer(i, (), surface, Reflectance(), 0, 0, UNSHADOWED))
-            else:
-                found.append(ObjectTransfer(i, casters, surface, bright, n_bounces, self._rays[1], self._n_lobes))
-        return found
+        return self._desired.final(self._layers_of, self._reflectance)
 
     def _reflectance(self, i: int) -> Reflectance:
         """The albedos with which an object reflects light onto itself."""
@@ -354,28 +326,23 @@ class Deform:
         known = self._cache.get(wanted.i_object)
         return 0.0 if known is None else 1.0 if known == wanted else 0.1
 
-    def _surface_of(self, i: int) -> DeformSurface:
-        """The description of an object's surface."""
-        described = self.scene.description.objects[i]
-        return self._surfaces.get(described.name, described.deform)
-
     def _most_urgent(self) -> ObjectTransfer | None:
         """Choose the most urgent transfer: a first approximation of every object before the final one of any; objects
         at rest first, because they show outdated shadows."""
         missing = [each for each in self._final_transfers() if self._cache.get(each.i_object) != each]
-        missing.sort(key=lambda each: each.i_object in self._posed)
+        missing.sort(key=lambda each: each.i_object in self._desired.posed)
         for each in missing:
             if self._is_outdated(each):
                 is_there = self._transfers is not None and self._transfers.get(each) is not None
                 if is_there or each.surface.wrinkles is not None or each.n_lobes == UNSHADOWED:
                     return each  # which costs as much by few rays
-                return replace(each, reflectance=Reflectance(), n_rays=self._rays[0], n_lobes=1)
+                return self._desired.first(each)
         return missing[0] if missing else None
 
     def _load_or_simulate(self, wanted: ObjectTransfer) -> Generator[float, None, Zonal]:
         """Load a transfer from the cache or compute it; yields the share of the rays that is done."""
         assert self._points is not None and self._transfers is not None
-        is_final = (wanted.n_rays, wanted.n_lobes) == (self._rays[1], self._n_lobes)
+        is_final = (wanted.n_rays, wanted.n_lobes) == (self._desired.n_rays, self._desired.n_lobes)
         if is_final and (cached := self._transfers.get(wanted)) is not None:
             return cached
         zonal = yield from wanted.compute(self.scene, self._points)
@@ -441,11 +408,11 @@ class Deform:
             state = ShadingState(
                 self.version, scene, self._light, self._sky, *known, gloss=self.gloss, linked=self._linked
             )
-            if self._n_lobes != UNSHADOWED:
+            if self._desired.n_lobes != UNSHADOWED:
                 assert self._points is not None
-                opaque = tuple(i for i in self._alone if not self._surface_of(i).kind)
+                opaque = tuple(i for i in self._desired.alone if not self._desired.surface_of(i).kind)
                 state = self._between.added_to(
-                    state, self._pictures, self._points, self._alone, opaque, self._albedos_of_all()
+                    state, self._pictures, self._points, self._desired.alone, opaque, self._albedos_of_all()
                 )
             self._state = state
         return self._state, self._pictures
@@ -454,16 +421,16 @@ class Deform:
         """Albedos of all points (P, 3); 0 where light is reflected once only."""
         assert self._points is not None
         found = np.zeros((len(self._points), 3))
-        for i in self._layers_of if self._n_bounces else ():
+        for i in self._layers_of if self._desired.n_bounces else ():
             found[self._points.points_of(i)] = self._albedos_of(i)
         return found
 
     def _missing_casters(self) -> tuple[frozenset[int], ...]:
         """For each object the other bending objects that its transfer, as it is now, does not contain."""
-        if self._n_lobes == UNSHADOWED:
+        if self._desired.n_lobes == UNSHADOWED:
             return (frozenset(),) * len(self.scene.smooth)
         seen = {i: each.casters for i, each in self._cache.items()}
-        shown = self._posed.intersection(self._layers_of)
+        shown = self._desired.posed.intersection(self._layers_of)
         return tuple(shown.difference((i, *seen.get(i, ()))) for i in range(len(self.scene.smooth)))
 
 

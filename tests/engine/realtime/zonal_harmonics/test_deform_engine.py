@@ -15,7 +15,8 @@ from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.precompute.direct.pipeline import SkyState
 from engine.realtime.core.raster import RasterTriangles, draw
-from engine.realtime.zonal_harmonics.deform_engine import FEW_RAYS, N_LOBES, ORDER, Deform, finish_deform
+from engine.realtime.zonal_harmonics.deform_engine import N_LOBES, ORDER, Deform, finish_deform
+from engine.realtime.zonal_harmonics.desired_transfers import FEW_RAYS
 from engine.realtime.zonal_harmonics.pose import Deformation
 from engine.realtime.zonal_harmonics.shading import shade
 from engine.realtime.zonal_harmonics.transfer import add_bounces, rotate_transfer, simulate_shadows
