@@ -17,7 +17,7 @@ from app.document.linked_layers import Layers
 from app.document.looks import in_all_looks, lights_of_looks, objects_of_looks
 from app.document.scene_files import files_of_scene, scene_file
 from app.system.paths import full_path
-from engine.core.safe_files import resolved
+from engine.core.safe_files import named_in, resolved
 from engine.material.layer import Layer
 from engine.material.layer_maps import split_image_name
 from engine.material.measured import HIGHLIGHT_MODELS
@@ -109,19 +109,19 @@ def image_name(path: Path, source: str) -> str:
 
 def with_full_names(layers: Layers, source: str) -> Layers:
     """The layers with absolute names of their images, for another scene or the library."""
-    return _with_image_names(layers, lambda name: str(resolved(scene_folder(source) / name)))
+    return _with_image_names(layers, lambda name: str(resolved(named_in(scene_folder(source), name))))
 
 
 def with_scene_names(layers: Layers, source: str) -> Layers:
     """The layers with the names that documents of the scene `source` have for their images."""
-    return _with_image_names(layers, lambda name: image_name(scene_folder(source) / name, source))
+    return _with_image_names(layers, lambda name: image_name(named_in(scene_folder(source), name), source))
 
 
 def variant_with_scene_names(variant: Variant, source: str) -> Variant:
     """The same of a whole material."""
 
     def renamed(name: str) -> str:
-        return _renamed(name, lambda file: image_name(scene_folder(source) / file, source))
+        return _renamed(name, lambda file: image_name(named_in(scene_folder(source), file), source))
 
     bumps, opacity = variant.bumps, variant.opacity
     if bumps is not None:
@@ -198,7 +198,7 @@ def files_of_document(document: Document, known: Document | None = None) -> set[
     changed = [state for state in objects_of_looks(document) if id(state) not in unchanged]
     names = {name for state in changed for name in names_of_object(state)}
     folder = scene_folder(document.source) if names else Path()
-    return found | {folder / name for name in names}
+    return found | {named_in(folder, name) for name in names}
 
 
 def names_of_object(state: ObjectState) -> Iterator[str]:

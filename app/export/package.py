@@ -12,7 +12,7 @@ is read back before it replaces another: not every name and size that a folder h
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Container, Generator, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
@@ -27,7 +27,7 @@ from app.export import PACKAGE_ENDING, is_archive_name
 from app.files.session import dump_session
 from app.system.atomic import replacing_folder, saving_file
 from engine.core.errors import InsituError, LoadError, describe_value
-from engine.core.safe_files import read_regular_file, resolved
+from engine.core.safe_files import named_in, read_regular_file, resolved
 from engine.core.zip_files import ZipArchive
 from engine.scene.mesh import MAX_MESH_BYTES
 
@@ -70,8 +70,20 @@ def package_steps(document: Document, view: ViewState, scene_files: Iterable[Pat
 def _session_name(target: Path) -> str:
     """The name of the session in a package: that of the package, without what opens nowhere or is hidden."""
     name = target.name.removesuffix(PACKAGE_ENDING).removesuffix(SESSION_ENDING)
-    name = "".join(each if each.isprintable() and each not in ":\\" else "_" for each in name)
-    return (name.lstrip(".") or "scene") + SESSION_ENDING
+    return (_plain(name).lstrip(".") or "scene") + SESSION_ENDING
+
+
+def _plain(name: str) -> str:
+    """The name of a file that every system and archive takes."""
+    return "".join(each if each.isprintable() and each not in ':\\"*?<>|' else "_" for each in name)
+
+
+def _portable(name: str, taken: Container[str]) -> str:
+    """The name that a file has in the package, where the scene calls it so: a backslash in it is one between folders,
+    as every system and archive reads it (`named_in`), unless that is another file or leads elsewhere."""
+    parts = name.replace("\\", "/").split("/")
+    other = "/".join(parts)
+    return name if other in taken or any(part in ("", ".", "..") for part in parts) else other
 
 
 def packed(document: Document, scene_files: Iterable[Path], target: Path) -> Package:
@@ -82,37 +94,44 @@ def packed(document: Document, scene_files: Iterable[Path], target: Path) -> Pac
     files = {source, *map(resolved, scene_files)}
     document, notes = _without_incomplete(document, own)
     inside = sorted(file.relative_to(own).as_posix() for file in files if file.is_relative_to(own))
-    copies = {f"{SCENE_FOLDER}/{name}": own / name for name in inside}
     states = (*objects_of_looks(document), *absent_of_looks(document))
     named_files = {name for state in states for name in names_of_object(state)}
     named_files |= {light.environment for light in lights_of_looks(document)}
     named_files |= {each.file for light in lights_of_looks(document) for each in light.painted if each.file}
-    named = {resolved(own / name) for name in named_files}
+    named = {resolved(named_in(own, name)) for name in named_files}
     own_names = {*inside, *(file.relative_to(own).as_posix() for file in named if file.is_relative_to(own))}
+    copies = {f"{SCENE_FOLDER}/{_portable(name, own_names)}": own / name for name in inside}
     elsewhere = _free(FILES_FOLDER, own_names, is_folder=True)
     taken = {own: ""}  # folders and files, and their names from the folder of the scene
 
     def placed(file: str) -> str:
         """The name of a file in the package, from the folder of its scene."""
-        path = resolved(own / file)
+        path = resolved(named_in(own, file))
         parent = next((each for each in path.parents if each in taken), None)
         if parent is not None:
             name = (PurePosixPath(taken[parent]) / path.relative_to(parent).as_posix()).as_posix()
+            name = _portable(name, (*own_names, *taken.values()))
         else:
-            name = taken[path] = taken.get(path) or _free(f"{elsewhere}/{path.name}", (*own_names, *taken.values()))
+            known = (*own_names, *taken.values())
+            name = taken[path] = taken.get(path) or _free(f"{elsewhere}/{_plain(path.name)}", known)
         copies[f"{SCENE_FOLDER}/{name}"] = path
         return name
+
+    def image_placed(file: str) -> str:
+        """The same of an image; as the scene's file has it where that is the same place."""
+        name = placed(file)
+        return file if name == file.replace("\\", "/") else name
 
     for mesh in (Path(each.mesh) for each in document.added_sources if each.mesh is not None):
         parent = resolved(mesh).parent
         if not any(each in taken for each in (parent, *parent.parents)):
-            taken[parent] = _free(f"{elsewhere}/{mesh.stem}", (*own_names, *taken.values()))
+            taken[parent] = _free(f"{elsewhere}/{_plain(mesh.stem)}", (*own_names, *taken.values()))
         for each in (file for file in files if file.is_relative_to(parent)):
             placed(str(each))
 
     def objects(states: Iterable[ObjectState]) -> tuple[ObjectState, ...]:
         """Objects with other names of their files; measured BRDFs and added meshes have absolute ones."""
-        return tuple(with_file_names(each, placed, lambda file: str(folder / placed(file))) for each in states)
+        return tuple(with_file_names(each, image_placed, lambda file: str(folder / placed(file))) for each in states)
 
     def with_names(look: Document) -> Document:
         light = look.light
@@ -136,7 +155,7 @@ def _without_incomplete(document: Document, own: Path) -> tuple[Document, tuple[
     picture needs them; and a note of each."""
     lost = dict[str, str]()
     for state in absent_of_looks(document):
-        gone = next((name for name in names_of_object(state) if not (own / name).is_file()), None)
+        gone = next((name for name in names_of_object(state) if not named_in(own, name).is_file()), None)
         if gone is not None:
             lost[state.name] = gone
 

@@ -148,15 +148,23 @@ def resolved(path: Path) -> Path:
         raise LoadError(path, "name", str(error), "the name of a file") from None
 
 
+def named_in(folder: Path, name: str) -> Path:
+    """The path of what a file in `folder` calls `name`. Windows has a backslash between folders; elsewhere it
+    may be part of a name, and is where a file has that name."""
+    path = folder / name
+    return folder / name.replace("\\", "/") if "\\" in name and not exists(path) else path
+
+
 def resolve_inside(folder: Path, name: str, file: Path, what: str) -> Path:
     """The path of `name` in `folder`, with symbolic links resolved; raises LoadError naming `file` and `what` if it is
     outside."""
     expected = "a relative path to a file inside the scene's folder"
-    if not name or _SCHEME.match(name) or Path(name).is_absolute() or "\\" in name:
-        raise LoadError(file, what, name, expected)
     try:
         root = folder.resolve()
-        path = (root / name).resolve()
+        path = named_in(root, name)
+        if not name or Path(name).is_absolute() or _SCHEME.match(name) and not exists(path):
+            raise LoadError(file, what, name, expected)
+        path = path.resolve()
     except (OSError, ValueError, RuntimeError):
         raise LoadError(file, what, name, expected) from None
     if not path.is_relative_to(root):
@@ -170,10 +178,9 @@ def find_inside(root: Path, folder: Path, name: str) -> Path | None:
     The name may have another system's separators or capitals; of a path that leads elsewhere, as those of the machine
     where a file was made, the last part is tried in `folder`.
     """
-    parts = name.replace("\\", "/").split("/")
-    for each in (parts, parts[-1:]):
+    for each in (name, name.replace("\\", "/").rpartition("/")[2]):
         with contextlib.suppress(LoadError, ValueError, OSError):
-            inside = (resolved(folder).relative_to(resolved(root)) / "/".join(each)).as_posix()
+            inside = (resolved(folder).relative_to(resolved(root)) / each).as_posix()
             path = resolve_inside(root, inside, root, "name")
             if exists(path):
                 return path

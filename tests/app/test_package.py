@@ -29,6 +29,7 @@ from app.worker.cache import ArrayCache
 from app.worker.schedule import InProcessClient
 from app.worker.tasks import RequestDispatcher
 from engine.core.errors import InsituError
+from engine.scene.toml_text import toml_value
 from tests.pictures import write_exr
 from tests.scene_text import camera, facing_up, material, placed, scaled
 
@@ -120,6 +121,63 @@ def test_meshes_that_were_added_take_what_they_name_along(scene: insitu.Scene, c
     assert found == {"chair.obj", "chair.mtl", "maps/cloth.png"}
 
 
+ODD_NAMES = [
+    "wo\\od.png",
+    "maps\\wo\\od.png",
+    "wo#1.png",
+    "wo: od.png",
+    "wo\"od'.png",
+    "wöod 100%.png",
+    "[wo]*?.png",
+    " wood .png",
+]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no such names")
+@pytest.mark.parametrize("name", ODD_NAMES)
+def test_images_with_odd_names_are_opened_saved_and_read_again(
+    scene: insitu.Scene, file: Path, tmp_path: Path, name: str
+) -> None:
+    """In the folder of the scene, named by its file and by an edit, and elsewhere, named by an edit."""
+    wood = tmp_path / "work" / "wood.png"
+    shutil.copy(wood, tmp_path / "work" / name.rpartition("/")[2])
+    (file.parent / name).parent.mkdir(exist_ok=True)
+    shutil.copy(wood, file.parent / name)
+    text = file.read_text()
+    file.write_text(text.replace('"maps/wood.png"', toml_value(name)))
+    for where in (file.parent, tmp_path / "work"):
+        made = insitu.open(file)
+        made["tent"]["cloth"].texture = str(where / name)
+        expected = made.image()
+        session = made.save(tmp_path / "work" / "a.insitu")
+        assert np.array_equal(insitu.open(session).image(), expected)
+        for target in (tmp_path / "folder", tmp_path / "b.insitu.zip"):
+            if ":" in name and target.suffix == ".zip":
+                with pytest.raises(InsituError, match="no archive can be opened with this.*save a folder"):
+                    made.save_scene(target)
+                continue
+            there = made.save_scene(target)
+            hidden = tmp_path / "hidden"
+            (tmp_path / "work").rename(hidden)
+            assert np.array_equal(insitu.open(there).image(), expected)
+            hidden.rename(tmp_path / "work")
+            there.unlink() if there.is_file() else shutil.rmtree(there)
+
+
+def test_a_scene_of_windows_is_opened_saved_and_read_again(scene: insitu.Scene, file: Path, tmp_path: Path) -> None:
+    expected = insitu.open(file).image()
+    file.write_text(file.read_text().replace("maps/wood.png", r"maps\\wood.png"))
+    made = insitu.open(file)
+    assert np.array_equal(made.image(), expected)
+    for name in ("a", "a.insitu.zip"):
+        there = made.save_scene(tmp_path / name)
+        (tmp_path / "work").rename(tmp_path / "hidden")
+        again = insitu.open(there)
+        assert np.array_equal(again.image(), expected)
+        assert again.document.objects[0].layers == made.document.objects[0].layers
+        (tmp_path / "hidden").rename(tmp_path / "work")
+
+
 def test_what_is_in_it(scene: insitu.Scene, tmp_path: Path) -> None:
     scene.save_scene(tmp_path / "a.insitu.zip")
     with zipfile.ZipFile(tmp_path / "a.insitu.zip") as archive:
@@ -187,10 +245,10 @@ def test_any_name_opens_with_its_edits(scene: insitu.Scene, tmp_path: Path, name
     assert again.light.rotation == 40.0 and again["tent"]["cloth"].texture is not None
 
 
-def test_names_that_no_archive_can_have(scene: insitu.Scene, tmp_path: Path) -> None:
+def test_names_that_no_archive_can_have(scene: insitu.Scene, file: Path, tmp_path: Path) -> None:
     name = "wood:1.png"
-    shutil.copy(tmp_path / "work" / "wood.png", tmp_path / name)
-    scene["tent"]["cloth"].texture = str(tmp_path / name)
+    shutil.copy(tmp_path / "work" / "wood.png", file.parent / name)
+    scene["tent"]["cloth"].texture = str(file.parent / name)
     with pytest.raises(InsituError, match="a.insitu.zip: .*name in the archive.*; save a folder"):
         scene.save_scene(tmp_path / "a.insitu.zip")
     assert not list(tmp_path.glob("*a.insitu*"))

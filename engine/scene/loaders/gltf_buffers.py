@@ -187,8 +187,7 @@ def gltf_image_reader(path: Path) -> Callable[[int], bytes]:
 
 def _path(owner: JsonObject, uri: str) -> Path:
     """The path of a file in the folder of the glTF file."""
-    name = unquote(uri).replace("\\", "/")  # some programs write their system's separator
-    return resolve_inside(owner.file.parent, name, owner.file, f"{owner.place}: uri")
+    return resolve_inside(owner.file.parent, unquote(uri), owner.file, f"{owner.place}: uri")
 
 
 def _from_data(owner: JsonObject, uri: str) -> bytes:

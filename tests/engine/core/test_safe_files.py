@@ -9,7 +9,9 @@ import pytest
 from engine.core import safe_files
 from engine.core.errors import LoadError
 from engine.core.safe_files import (
+    find_inside,
     local_path,
+    named_in,
     read_regular_file,
     record_files,
     redirect_files,
@@ -51,9 +53,35 @@ def test_paths_stay_inside_the_folder(tmp_path):
     assert inside == (folder / "meshes" / "a.ply").resolve()  # dots that stay inside are harmless
 
 
+@pytest.mark.skipif(os.name == "nt", reason="a backslash is never part of a name")
+def test_a_backslash_is_between_folders_unless_a_file_has_it_in_its_name(tmp_path):
+    (tmp_path / "maps").mkdir()
+    (tmp_path / "maps" / "a.png").write_bytes(b"folder")
+    scene = tmp_path / "s.toml"
+    for literal, name in ((False, "maps\\a.png"), (True, "maps\\a.png"), (False, "MAPS\\A.PNG"), (True, "a: b.png")):
+        if literal:
+            (tmp_path / name).write_bytes(b"name")
+        found = find_inside(tmp_path, tmp_path, name)
+        assert found is not None and found.read_bytes() == (b"name" if literal else b"folder")
+        if name.islower():
+            assert resolve_inside(tmp_path, name, scene, "texture") == found == named_in(tmp_path, name)
+    with pytest.raises(LoadError, match="expected a relative path"):
+        resolve_inside(tmp_path, "http: b.png", scene, "texture")
+
+
 @pytest.mark.parametrize(
     "name",
-    ["../a.ply", "meshes/../../a.ply", "/etc/passwd", "http://x.org/a.ply", "file:a.ply", "C:/a.ply", "a\\b", ""],
+    [
+        "../a.ply",
+        "meshes/../../a.ply",
+        "/etc/passwd",
+        "http://x.org/a.ply",
+        "file:a.ply",
+        "C:/a.ply",
+        "..\\a.ply",
+        "\\a.ply",
+        "",
+    ],
 )
 def test_paths_out_of_the_folder_are_refused(tmp_path, name):
     with pytest.raises(LoadError, match="s.toml: mesh = .*expected a relative path to a file inside"):
