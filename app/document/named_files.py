@@ -121,7 +121,7 @@ def variant_with_scene_names(variant: Variant, source: str) -> Variant:
     """The same of a whole material."""
 
     def renamed(name: str) -> str:
-        return _renamed(name, lambda file: image_name(named_in(scene_folder(source), file), source))
+        return renamed_image(name, lambda file: image_name(named_in(scene_folder(source), file), source))
 
     bumps, opacity = variant.bumps, variant.opacity
     if bumps is not None:
@@ -131,7 +131,7 @@ def variant_with_scene_names(variant: Variant, source: str) -> Variant:
     return replace(variant, layers=with_scene_names(variant.layers, source), bumps=bumps, opacity=opacity)
 
 
-def _renamed(name: str, new_name: Callable[[str], str]) -> str:
+def renamed_image(name: str, new_name: Callable[[str], str]) -> str:
     """An image's file under a new name; its number in that file stays."""
     file, number = split_image_name(name)
     return new_name(file) if number is None else f"{new_name(file)}#{number}"
@@ -141,7 +141,7 @@ def _with_image_names(layers: Layers, new_name: Callable[[str], str]) -> Layers:
     """Every file under a new name."""
 
     def renamed(name: str) -> str:
-        return _renamed(name, new_name)
+        return renamed_image(name, new_name)
 
     return tuple(
         layer if layer.maps.is_plain and not layer.parameter_maps
@@ -157,7 +157,7 @@ def with_file_names(state: ObjectState, new_name: Callable[[str], str], new_path
     mesh that was added by new_path."""
 
     def renamed(name: str) -> str:
-        return _renamed(name, new_name)
+        return renamed_image(name, new_name)
 
     def measured(layer: Layer) -> Layer:
         there = measurement_in(layer)
@@ -166,8 +166,9 @@ def with_file_names(state: ObjectState, new_name: Callable[[str], str], new_path
     bumps, opacity, surface, added = state.new_bumps, state.new_opacity, state.new_surface, state.added
     if opacity is not None:
         opacity = replace(opacity, opacity_map=opacity.opacity_map and renamed(opacity.opacity_map))
-    if added is not None and added.mesh is not None:
-        added = added.model_copy(update={"mesh": new_path(added.mesh)})
+    if added is not None:
+        texture = added.emission_texture.with_files(lambda name: renamed_image(name, new_path))
+        added = added.model_copy(update={"mesh": added.mesh and new_path(added.mesh), "emission_texture": texture})
     return replace(
         state, added=added, layers=tuple(map(measured, _with_image_names(state.layers, new_name))),
         new_bumps=None if bumps is None else bumps.with_files(renamed), new_opacity=opacity,

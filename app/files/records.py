@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import base64
 import binascii
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -24,6 +25,7 @@ from app.document.background import Background, BackgroundKind
 from app.document.commands.looks import MAX_LOOKS
 from app.document.commands.plan import FirstBands
 from app.document.commands.poses import MAX_DEFORMERS
+from app.document.named_files import renamed_image
 from app.document.view_state import Bookmark, LooksShown, Viewpoint
 from app.files.bookmarks import MAX_BOOKMARKS, MAX_NAME, MAX_THUMBNAIL_BYTES, check_thumbnail, is_name
 from app.files.layer_records import MAX_LAYERS, Flag, LayerRecord, StrictModel
@@ -32,12 +34,14 @@ from app.system.paths import full_path
 from engine.core.colour import ToneMapping
 from engine.core.errors import InsituError
 from engine.material.bumps import Bumps, bumps_of_parts
+from engine.material.layer_maps import LayerMaps
 from engine.material.opacity import Opacity, opacity_of_parts
 from engine.realtime.zonal_harmonics.pose import MAX_GROWTH, Deformation, largest_growth
 from engine.scene.description import (
     MAX_OBJECTS,
     Camera,
     ConeDescription,
+    EmissionTexture,
     Name,
     Number,
     ObjectDescription,
@@ -100,7 +104,7 @@ class TransformRecord(StrictModel):
 
 class AddedRecord(StrictModel):
     """What an object is read from that the scene's file does not have: a shape, or a part of a mesh file; of a lamp
-    what it emits, and into which cone."""
+    what it emits, into which cone, and its image."""
 
     name: Name
     mesh: PathText | None = None
@@ -109,6 +113,7 @@ class AddedRecord(StrictModel):
     transform: Annotated[tuple[Number, ...], Field(min_length=16, max_length=16)]
     emission: Radiance | None = None
     cone: ConeDescription | None = None
+    emission_texture: EmissionTexture = LayerMaps()
 
     @model_validator(mode="after")
     def _is_one(self) -> AddedRecord:
@@ -116,9 +121,12 @@ class AddedRecord(StrictModel):
         return self
 
     def description(self, folder: Path | None) -> ObjectDescription:
-        """The object, its file by its full path; files are named from `folder`."""
+        """The object, its files by their full paths; they are named from `folder`."""
         values = {name: getattr(self, name) for name in AddedRecord.model_fields}
-        return ObjectDescription(**values | {"mesh": self.mesh and full_path(self.mesh, folder)})
+        new_name = partial(full_path, folder=folder)
+        texture = self.emission_texture.with_files(partial(renamed_image, new_name=new_name))
+        values |= {"mesh": self.mesh and full_path(self.mesh, folder), "emission_texture": texture}
+        return ObjectDescription(**values)
 
 
 SavedBumps = Annotated[Bumps, PlainValidator(table_validator(Bumps, bumps_of_parts))]

@@ -10,6 +10,7 @@ from __future__ import annotations
 import base64
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ from app.document.document import Document, ObjectState, Selection, all_factors
 from app.document.light_state import MIX_FIELDS, PLAIN_ROW, LightState, MixRow, sun_key
 from app.document.linked_objects import with_shared_materials, without_material
 from app.document.looks import Look, LookState, in_all_looks, objects_of_looks
-from app.document.named_files import with_full_paths
+from app.document.named_files import renamed_image, with_full_paths
 from app.document.painted_parameters import painted_values
 from app.document.scene_files import renamed, session_of_archive, split_axis
 from app.document.selection import sun_of_path
@@ -53,6 +54,7 @@ from engine.light.painted_lights import PaintedLight
 from engine.light.suns import Sun
 from engine.material.bumps import bump_parts
 from engine.material.layer import object_of, place_of
+from engine.material.map_tables import map_values
 from engine.material.opacity import opacity_parts
 from engine.realtime.zonal_harmonics.pose import Moment
 from engine.scene.description import Camera, ObjectDescription
@@ -284,7 +286,10 @@ def _added_values(added: ObjectDescription, folder: Path | None) -> dict[str, An
     values = {name: getattr(added, name) for name in AddedRecord.model_fields}
     mesh = None if added.mesh is None else written_path(added.mesh, folder)
     cone = None if added.cone is None else added.cone.model_dump()
-    return {name: value for name, value in {**values, "mesh": mesh, "cone": cone}.items() if value is not None}
+    new_name = partial(written_path, folder=folder)
+    texture = added.emission_texture.with_files(partial(renamed_image, new_name=new_name))
+    values |= {"mesh": mesh, "cone": cone, "emission_texture": map_values(texture) or None}
+    return {name: value for name, value in values.items() if value is not None}
 
 
 def _view_values(view: ViewState, folder: Path | None) -> dict[str, Any]:

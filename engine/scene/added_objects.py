@@ -90,7 +90,12 @@ def read_added(what: str, scene: Scene, at: Sequence[float] | None = None, size:
         return _reading(scene, sources)
     placed = place_objects(replace(read, items=moved), scene)
     suns = ("its suns are left out: the scene has its own",) if _has_suns(placed) else ()
-    return _read_of(sources, placed, (*placed.notes, *suns))
+    found = _read_of(sources, placed, (*placed.notes, *suns))
+    # Lamps are placed alone, as they are when they are read again.
+    lamps = _reading(scene, [each for each in sources if each.mesh is None])
+    alone = {each.source: each for each in lamps.objects}
+    objects = tuple(alone.get(each.source, each) for each in found.objects)
+    return Reading(objects, found.notes, found.parts | lamps.parts)
 
 
 def read_again(sources: Iterable[ObjectDescription], scene: Scene) -> Reading:
@@ -318,7 +323,7 @@ def _source(described: ObjectDescription) -> ObjectDescription:
         )
     return ObjectDescription(
         name=described.name, primitive=described.primitive, transform=described.transform,
-        emission=described.emission, cone=described.cone,
+        emission=described.emission, cone=described.cone, emission_texture=described.emission_texture,
     )  # fmt: skip
 
 

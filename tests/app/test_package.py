@@ -32,6 +32,8 @@ from engine.core.errors import InsituError
 from engine.scene.toml_text import toml_value
 from tests.pictures import write_exr
 from tests.scene_text import camera, facing_up, material, placed, scaled
+from tests.usd_text import CARD
+from tests.usd_text import write as write_usd
 
 SIZE = 16, 12
 
@@ -176,6 +178,36 @@ def test_a_scene_of_windows_is_opened_saved_and_read_again(scene: insitu.Scene, 
         assert np.array_equal(again.image(), expected)
         assert again.document.objects[0].layers == made.document.objects[0].layers
         (tmp_path / "hidden").rename(tmp_path / "work")
+
+
+def test_images_of_lamps_that_were_added_come_along(file: Path, tmp_path: Path) -> None:
+    pytest.importorskip("pxr", reason="usd-core, the extra insitu[usd], is not installed")
+    props = tmp_path / "props"
+    props.mkdir()
+    Image.fromarray(np.array([[[255, 0, 0], [0, 255, 0]]], np.uint8)).save(props / "two.png")
+    lamp = 'def RectLight "Panel" { asset inputs:texture:file = @two.png@\n float inputs:intensity = 3 }'
+    scene = insitu.open(file)
+    scene.add(write_usd(props / "lamp.usda", f"{CARD}\n{lamp}"), at=(0.0, 0.5, 0.0))
+    texture = scene.document.object("Panel").emission_texture
+    assert texture.texture == str(props / "two.png")
+    expected = scene.image()
+    # Both colours of the image light the scene.
+    dark = insitu.open(file)
+    dark.add(props / "lamp.usda", at=(0.0, 0.5, 0.0))
+    dark["Panel"].emission = 0.0
+    gain = (expected - dark.image()).reshape(-1, 3).max(axis=0)
+    assert gain[0] > 1e-3 and gain[1] > 1e-3 and gain[2] < 0.02 * gain[0]
+    # A session names the image from its folder; a saved scene has it.
+    session = scene.save(tmp_path / "a.insitu")
+    assert 'texture = "props/two.png"' in session.read_text()
+    again = insitu.open(session)
+    assert again.document.object("Panel").emission_texture == texture
+    assert np.array_equal(again.image(), expected)
+    for name in ("a", "a.insitu.zip"):
+        there = scene.save_scene(tmp_path / name)
+        props.rename(tmp_path / "hidden")
+        assert np.array_equal(insitu.open(there).image(), expected)
+        (tmp_path / "hidden").rename(props)
 
 
 def test_what_is_in_it(scene: insitu.Scene, tmp_path: Path) -> None:
