@@ -306,12 +306,12 @@ class Document:
 
     @property
     def shadow_catchers(self) -> tuple[str, ...]:
-        """The names of the objects of which rendered pictures show the shadows on them alone."""
-        return tuple(state.name for state in self.objects if state.shadow_catcher)
+        """The names of the shown objects of which pictures show the shadows on them alone."""
+        return tuple(state.name for state in self.shown if state.shadow_catcher)
 
     @property
     def hides_environment(self) -> bool:
-        """Whether rendered pictures are drawn without the environment first, with alpha."""
+        """Whether stills are drawn without the environment first, with alpha."""
         return self.background.hides_environment or bool(self.shadow_catchers)
 
     @property

@@ -35,6 +35,7 @@ from app.stills.stills import (
     with_caught_shadows,
 )
 from engine.core.errors import InsituError
+from engine.precompute.direct.pipeline import Quality
 from engine.precompute.indirect.sampling_settings import BounceSeries
 from engine.realtime.zonal_harmonics.pose import Poses
 from engine.realtime.zonal_harmonics.posed_scene import pose_scene
@@ -152,8 +153,8 @@ class _RawDrawer(Protocol):
     def prepare(self, report: Report) -> None:
         """Do what is done once for all frames."""
 
-    def draw(self, i: int) -> Still:
-        """Frame i."""
+    def draw(self, i: int, quality: Quality | None = None) -> Still:
+        """Frame i; quality: see `still_steps`."""
 
     def scene(self, i: int) -> Scene:
         """The scene of frame i, as it is seen."""
@@ -177,11 +178,12 @@ class _FinishedFrames:
         still = self._whole.draw(i)
         picture = still.picture
         if self._alone is not None and self._rest is not None:
+            rest = self._rest.draw(i, still.quality)
             project, alone = (
                 replace(each, scene=drawer.scene(i))
                 for each, drawer in ((self._project, self._whole), (self._alone, self._rest))
             )
-            picture = with_caught_shadows(project, alone, picture, self._rest.draw(i).picture, still.catchers)
+            picture = with_caught_shadows(project, alone, picture, rest.picture, still.catchers)
         return finished_picture(self._project.document, picture)
 
 
@@ -201,9 +203,10 @@ class _PlacementFrames:
     def scene(self, i: int) -> Scene:
         return self._seen[i]
 
-    def draw(self, i: int) -> Still:
+    def draw(self, i: int, quality: Quality | None = None) -> Still:
         own, frames = replace(self._project, scene=self._seen[i]), self._frames
-        return draw_still(own, lambda step: None, series=frames.series, caster=self._caster, **dict(frames.settings))
+        how = dict(frames.settings, series=frames.series, caster=self._caster, quality=quality)
+        return draw_still(own, lambda step: None, **how)
 
 
 class _OrbitFrames:
@@ -223,7 +226,7 @@ class _OrbitFrames:
     def scene(self, i: int) -> Scene:
         return self._seen[i]
 
-    def draw(self, i: int) -> Still:
+    def draw(self, i: int, quality: Quality | None = None) -> Still:
         camera, resolution = self._seen[i].description.camera, self._seen[i].resolution
         transparent = self._document.hides_environment
         picture = self._orbit.draw(camera, resolution, "still", transparent=transparent)
@@ -255,7 +258,7 @@ class _DeformFrames:
     def scene(self, i: int) -> Scene:
         return _in_poses(self._project, self._poses[i])
 
-    def draw(self, i: int) -> Still:
+    def draw(self, i: int, quality: Quality | None = None) -> Still:
         camera, resolution = self._scene.description.camera, self._scene.resolution
         transparent = self._document.hides_environment
         picture = self._deform.draw(camera, resolution, self._poses[i], "rest", transparent=transparent)

@@ -128,7 +128,8 @@ def _with_caught_shadows(
         nothing = np.zeros((len(hits.pixel), 3))
         light = light - (compose(parts.placement, nothing, sky) - compose(parts.placement, nothing, sky, True)[..., :3])
     covered, view = 1.0 - hits.open_image, catcher_view(project, hits)
-    rest = draw_still(alone, lambda step: None, series=parts.series).picture
+    quality = run_to_end(parts.quality(parts.placement, sky))
+    rest = draw_still(alone, lambda step: None, series=parts.series, quality=quality).picture
     catchers = catcher_light(project, hits, whole.direct + whole.indirect)
     view_alone = catcher_view(alone, Placement(alone.scene, None, plan_still(alone).n_edge_rays).hits)
     picture = caught_shadows(with_alpha(light, covered), rest, view, view_alone, catchers)
@@ -175,8 +176,8 @@ def _lit_part(parts: StillParts, project: Project, keys: Collection[str], report
     placement = _with_emission(parts.placement, dict(emission_of(document)))
     if not (placement.scene.emission.any() or sky.environment is not None and sky.environment.radiance.any()):
         return _black(placement.hits)
-    indirect, noise = parts.indirect(placement, sky, _within(report, 0.0, INDIRECT), finds_noise=True)
-    steps = reflect_layers(placement, parts.direct_layers, sky, parts.quality(placement, sky))
+    indirect, noise = run_to_end(parts.indirect(placement, sky, finds_noise=True), _within(report, 0.0, INDIRECT))
+    steps = reflect_layers(placement, parts.direct_layers, sky, run_to_end(parts.quality(placement, sky)))
     direct = run_to_end(steps, _within(report, INDIRECT, 1.0))
     nothing = np.zeros_like(direct)
     hides_sky = project.document.background.hides_environment
@@ -215,9 +216,10 @@ def _estimated_errors(parts: StillParts, sky: SkyState, whole: _LitPart, report:
     """The error of the whole picture at some of its points, as finely as `error_map` needs it."""
     placement, n_bounces = parts.placement, parts.series.n_bounces
     indirect, noise = (None, None) if n_bounces == 1 else (whole.indirect, whole.noise)
+    quality = run_to_end(parts.quality(placement, sky))
     steps = estimate_point_errors(
-        placement, parts.direct_layers, sky, parts.quality(placement, sky), n_bounces, whole.direct + whole.indirect,
-        indirect, n_points=MAP_POINTS, noise=noise,
+        placement, parts.direct_layers, sky, quality, n_bounces, whole.direct + whole.indirect, indirect,
+        n_points=MAP_POINTS, noise=noise,
     )  # fmt: skip
     return run_to_end(steps, report)
 

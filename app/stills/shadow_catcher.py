@@ -16,11 +16,12 @@ know C by their points. Orbit and Deform do not: there C / W is that of the near
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from app.document.shadow_catchers import catchers_alone
 from app.document.view_state import Viewpoint
 from app.project.project import Project
 from engine.light.environment import LUMINANCE
@@ -47,13 +48,8 @@ class CatcherView:
 
 def without_others(project: Project) -> Project | None:
     """The project with its catchers and what emits alone; None where it has no catcher."""
-    document = project.document
-    if not document.shadow_catchers:
-        return None
-    stay = tuple(state for state in document.objects if state.shadow_catcher or state.emits)
-    gone = tuple(state.name for state in document.objects if state.is_of_file and state not in stay)
-    alone = replace(document, objects=stay, deleted=(*document.deleted, *gone), looks=())
-    return project.edited(alone, Viewpoint())
+    alone = catchers_alone(project.document)
+    return None if alone is None else project.edited(alone, Viewpoint())
 
 
 def catcher_view(project: Project, hits: PrimaryHits) -> CatcherView:
@@ -81,7 +77,7 @@ def caught_shadows(
     add to the first, None where that is not known."""
     if not view.is_alone.any() or not view_alone.is_alone.any():
         return whole
-    empty, share = _filled(_per_share(alone, view_alone), view_alone.is_alone), view.share[..., None]
+    empty, share = empty_light(alone, view_alone), view.share[..., None]
     if light is None:
         seen = _per_share(whole, view)
         ratio = np.where(empty > 0.0, seen / np.where(empty > 0.0, empty, 1.0), 1.0)
@@ -96,6 +92,11 @@ def caught_shadows(
     others = np.where(share > 0.0, others, whole[..., :3])
     alpha = np.clip(whole[..., 3] - view.share * np.clip(left, 0.0, 1.0), 0.0, 1.0)
     return with_alpha(others + share * excess, alpha)
+
+
+def empty_light(alone: Picture, view_alone: CatcherView) -> Float64Array:
+    """W (H, W, 3), in each pixel of a picture of catchers and emitters alone, as if catchers filled it."""
+    return _filled(_per_share(alone, view_alone), view_alone.is_alone)
 
 
 def over_sky(picture: Picture, sky: SkyState, directions: NDArray[np.float32]) -> Picture:

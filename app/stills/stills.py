@@ -24,7 +24,7 @@ from app.worker.deform_worker import StoredLobes
 from engine.core.clamping import BRIGHTEST, clamp_radiance
 from engine.core.colour import AnyView
 from engine.core.errors import InsituError
-from engine.core.generators import StillProgress, run_to_end
+from engine.core.generators import StillProgress, map_steps, run_to_end
 from engine.material.layer import Layer, object_of
 from engine.planner import Plan, plan_scene
 from engine.precompute.direct.pipeline import Placement, Quality, SkyState
@@ -83,13 +83,14 @@ class Still:
     """Linear radiance (H, W, 3), with alpha (H, W, 4) over a transparent background, and its estimated error, None
     where that was not requested. warning: about light that is left out, else ""; layers: besides the picture itself,
     where they were requested; catchers (H, W, 3): what shadow catchers add to a picture that is not
-    finished, None where that is not known."""
+    finished, None where that is not known; quality: of direct light that was projected, else None."""
 
     picture: NDArray[np.float32]
     error: ErrorEstimate | None = None
     warning: str = ""
     layers: tuple[PictureLayer, ...] = ()
     catchers: NDArray[np.float64] | None = None
+    quality: Quality | None = None
 
 
 def render_picture(
@@ -122,7 +123,7 @@ def render_project(
         return replace(still, picture=finished_picture(project.document, still.picture))
     whole = _within(report, 0.0, _WHOLE)
     still = draw_still(project, whole, estimates_error=estimates_error, caster=caster, **how)
-    rest = draw_still(alone, _within(report, _WHOLE, 1.0), **how).picture
+    rest = draw_still(alone, _within(report, _WHOLE, 1.0), quality=still.quality, **how).picture
     picture = with_caught_shadows(project, alone, still.picture, rest, still.catchers)
     return replace(still, picture=finished_picture(project.document, picture))
 
@@ -145,34 +146,39 @@ def _within(report: Report, begin: float, end: float) -> Report:
     return lambda step: report(replace(step, fraction=begin + (end - begin) * step.fraction))
 
 
-def draw_still(
-    project: Project, report: Report, *, reference: bool = False, series: BounceSeries | None = None,
-    n_samples: int | None = None,
-    mode: Mode = "placement", estimates_error: bool = False, caster: RayCaster | None = None, **settings: Any,
-) -> Still:  # fmt: skip
-    """A still before the intensity of the light, its background and catchers; arguments: see `render_project`."""
+def draw_still(project: Project, report: Report, **how: Any) -> Still:
+    """A still before the intensity of the light, its background and catchers; how: see `render_project`."""
+    return run_to_end(still_steps(project, **how), report)
+
+
+def still_steps(
+    project: Project, *, reference: bool = False, series: BounceSeries | None = None, n_samples: int | None = None,
+    mode: Mode = "placement", estimates_error: bool = False, caster: RayCaster | None = None,
+    quality: Quality | None = None, **settings: Any,
+) -> Generator[StillProgress, None, Still]:  # fmt: skip
+    """The same in steps. quality: how finely its direct light is projected, None: as finely as it needs. Shadow
+    catchers alone need the lights of the whole picture: other ones would leave shadows of nothing."""
     chosen = still_settings(project, mode, settings)
     parts = still_parts(project, chosen, series, caster)
     placement, layers, series, warning = parts.placement, parts.layers, parts.series, parts.warning
     if reference:
-        steps = _reference(placement, project, series.n_bounces, n_samples)
-        picture, catchers = run_to_end(steps, report)
+        picture, catchers = yield from _reference(placement, project, series.n_bounces, n_samples)
         return Still(picture, warning=warning, catchers=catchers)
     if mode != "placement":
-        how = report, placement, layers, series, chosen
-        return _real_time_still(project, mode, *how, estimates_error, warning)
+        how = placement, layers, series, chosen, estimates_error, warning
+        return (yield from _real_time_still(project, mode, *how))
     sky, error = project.sky, None
     layers = parts.direct_layers
-    indirect, noise = parts.indirect(placement, sky, report, estimates_error)
-    quality = parts.quality(placement, sky)
-    radiance = run_to_end(reflect_layers(placement, layers, sky, quality, indirect), report)
+    indirect, noise = yield from parts.indirect(placement, sky, estimates_error)
+    if quality is None:
+        quality = yield from parts.quality(placement, sky)
+    radiance = yield from reflect_layers(placement, layers, sky, quality, indirect)
     if estimates_error:
-        estimating = estimate_error(
+        error = yield from estimate_error(
             placement, layers, sky, quality, series.n_bounces, radiance, indirect, noise=noise
         )  # fmt: skip
-        error = run_to_end(estimating, report)
     picture = compose(placement, radiance, sky, project.document.hides_environment)
-    return Still(picture, error, warning, catchers=catcher_light(project, placement.hits, radiance))
+    return Still(picture, error, warning, (), catcher_light(project, placement.hits, radiance), quality)
 
 
 def with_intensity(document: Document, light: NDArray[np.floating]) -> NDArray[np.float32]:
@@ -214,8 +220,8 @@ class StillParts:
         return self.layers if self.series.whole_direct else self.limited
 
     def indirect(
-        self, placement: Placement, sky: SkyState, report: Report, finds_noise: bool
-    ) -> tuple[NDArray[np.float32] | None, float | None]:
+        self, placement: Placement, sky: SkyState, finds_noise: bool
+    ) -> Generator[StillProgress, None, tuple[NDArray[np.float32] | None, float | None]]:
         """Indirect light (P, 3) of a placement's emitters and a sky, None where the series has one bounce; and its
         noise, RMS radiance, None where it is not asked for."""
         series = self.series
@@ -223,14 +229,17 @@ class StillParts:
             return None, None
         n_rays = self.plan.settings.n_hemisphere_rays
         fineness, as_needed = STILL.with_rays(n_rays), not n_rays
-        found = run_to_end(find_indirect(placement, self.limited, sky, series, fineness, as_needed), report)
-        light = run_to_end(reflected_light(found, self.limited, series.second, placement.hits, third=series.third))
-        noise = run_to_end(noise_in(found, self.limited, series.second, series.third)) if finds_noise else None
+        found = yield from find_indirect(placement, self.limited, sky, series, fineness, as_needed)
+        reflecting = reflected_light(found, self.limited, series.second, placement.hits, third=series.third)
+        light, noise = (yield from map_steps(reflecting, _reflecting)), None
+        if finds_noise:
+            noise = yield from map_steps(noise_in(found, self.limited, series.second, series.third), _reflecting)
         return light, noise
 
-    def quality(self, placement: Placement, sky: SkyState) -> Quality:
+    def quality(self, placement: Placement, sky: SkyState) -> Generator[StillProgress, None, Quality]:
         """How finely the direct light of a placement's emitters and a sky is computed."""
-        return still_quality(run_to_end(with_light_budget(placement, self.direct_layers, sky, self.plan)))
+        budget = with_light_budget(placement, self.direct_layers, sky, self.plan)
+        return still_quality((yield from map_steps(budget, lambda step: StillProgress(0.0, "choosing lights"))))
 
 
 def still_parts(
@@ -247,10 +256,14 @@ def still_parts(
     return StillParts(placement, plan, layers, series, bounces.warning)
 
 
+def _reflecting(step: object) -> StillProgress:
+    return StillProgress(1.0, "light between surfaces")
+
+
 def _real_time_still(
-    project: Project, mode: Mode, report: Report, placement: Placement, layers: Sequence[StillLayer],
+    project: Project, mode: Mode, placement: Placement, layers: Sequence[StillLayer],
     series: BounceSeries, settings: RenderSettings, estimates_error: bool, warning: str,
-) -> Still:  # fmt: skip
+) -> Generator[StillProgress, None, Still]:  # fmt: skip
     """A still as Orbit or Deform shows it at rest; layers: those of its estimate."""
     transparent = project.document.hides_environment
     if mode == "orbit":
@@ -262,13 +275,14 @@ def _real_time_still(
         # A still has one pose: transfer of the meshes in it includes the shadows between objects.
         prepared = prepared_deform(project, project.scene, (), series, settings)
         drawing = render_deform(prepared, project.scene.resolution, transparent)
-    picture, error = run_to_end(drawing, report), None
+    picture, error = (yield from drawing), None
     alone = deform_only_objects(project) if mode == "deform" else ()
     if estimates_error and alone:
         warning = warning or f"no error estimate: path tracing does not support the surface of {', '.join(alone)}"
     elif estimates_error:
-        estimating = estimate_drawn_errors(placement, layers, project.sky, series.n_bounces, [picture[..., :3]])
-        (estimated,) = run_to_end(estimating, report)
+        (estimated,) = yield from estimate_drawn_errors(
+            placement, layers, project.sky, series.n_bounces, [picture[..., :3]]
+        )
         error = estimated.estimate
     return Still(picture, error, warning)
 
