@@ -29,6 +29,7 @@ from app.document.selection import follow_in_view, select_in_view
 from app.document.timeline import Player
 from app.document.view_state import OpenPanel, SetView, ViewCommand, ViewState
 from app.editor.camera_history import CameraHistory
+from app.editor.catcher_controller import CatcherController
 from app.editor.colour_controller import ColourController
 from app.editor.exchange import FileExchange
 from app.editor.node_controller import NodeController
@@ -90,6 +91,7 @@ class Editor:
         self.nodes = NodeController(self)
         self.scenes = SceneController(self, self._keeper)
         self.camera_history = CameraHistory(self, self.scenes.tracing)
+        self.catchers = CatcherController(self, self.scenes.tracing)
         self.player = Player(self)
         self.cancelled_up_to = -1  # the number of the last request that was stopped
         self._shared: dict[type, Any] = {}
@@ -306,6 +308,7 @@ class Editor:
         """Stop the worker; delivered pictures stay on screen, until `resume_work` or an edit that requires new work."""
         self.cancelled_up_to = self._client.send(CancelRequests())
         self.controller.cancelled()
+        self.catchers.cancelled()
         self.nodes.lose_request()
         self.exchange.cancel()
         self.scenes.give_up()
@@ -316,6 +319,7 @@ class Editor:
     def resume_work(self) -> None:
         """Request again what was stopped or failed: the picture, or the scene where none is open yet."""
         self.metrics.stopped = False
+        self.catchers.resume()
         if not self.scenes.reopen():
             self.controller.resume()
 
@@ -340,6 +344,7 @@ class Editor:
             made_of = self.with_nodes(drawn), self.scenes.composing.view_of(drawn, view)
             update = partial(self.controller.update, now, *made_of)
             events = events + run("The update after an edit", update, none, made_of)
+            run("Shadow catchers", partial(self.catchers.update, now, *made_of), None, made_of)
             run("The journal", partial(self._autosave, now), None, made_of)
         self.metrics.stopped &= not (self.controller.is_running or self.status.is_finished)
         self.metrics.measure_memory(now, self._client.pid)
@@ -375,6 +380,7 @@ class Editor:
             changed_files=self.scenes.watch.changed, map_nodes=self.nodes.counts(self.document),
         )  # fmt: skip
         status = self.controller.status(status)
+        status = self.catchers.status(status, self.document, self.view)
         if status.is_finished and not self.nodes.is_complete(self.document):
             return replace(status, picture="refining")
         return status
@@ -408,6 +414,7 @@ class Editor:
             return
         self.exchange.cancel(response.id)
         self.nodes.receive_failure(response.id, response.line)
+        self.catchers.receive_failure(response.id)
         self.controller.receive(response)
         self.scenes.take_failure(response)
         self.notify(response.line, True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from app.messages.catcher_messages import CatcherLightFound, CatcherProgress
 from app.messages.file_messages import (
     ChannelsRead,
     ColourViewRead,
@@ -59,6 +60,8 @@ def take_response(editor: Editor, response: Response) -> list[PictureEvent]:
             editor.colours.receive(response)
         case ChannelsRead():
             editor.nodes.receive(response)
+        case CatcherLightFound() | CatcherProgress():
+            return editor.catchers.receive(response)
         case FilesWritten():
             editor.metrics.progress = None
             editor.exchange.take_written(response)

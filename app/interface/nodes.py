@@ -185,7 +185,7 @@ class GroupNode(Node):
 
 
 class ObjectNode(Node):
-    """An object: `visible`, `frozen`, `editable`, `shadow_catcher` (rendered pictures show only shadows on it),
+    """An object: `visible`, `frozen`, `editable`, `shadow_catcher` (pictures show only shadows on it),
     `in_group` (the name of a group of objects, "" for none), `linked` (the name of the link of objects that share its
     material, "" for none; `linked_duplicate`, set to a new name, makes one), `emission` (of a lamp, three numbers) and
     its row in the mix of lights (`on`, `solo`, `strength`, `colour`, `kelvin`, `group`, `excludes`), `position`

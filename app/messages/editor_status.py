@@ -39,7 +39,8 @@ class Status:
     traced last. ``is_held``: whether the picture is still that of an earlier document, until one of the present is as
     good. ``compared_exact``: whether side A of a comparison is. ``stopped``: whether the user stopped what is missing.
     ``planned_edges`` are the rays through a pixel at an edge that the scene requires, ``map_nodes`` the nodes of its
-    parameter maps. ``changed_files`` are files of the scene that other programs have written since they were read.
+    parameter maps. ``catcher_note`` says why shadow catchers are shown as objects, empty where they are not.
+    ``changed_files`` are files of the scene that other programs have written since they were read.
     ``message`` is the last event, ``is_error`` whether it is an error; ``message_number`` counts them.
     """
 
@@ -63,6 +64,7 @@ class Status:
     missing_note: str = ""
     missing_hint: str = ""
     error_note: str = ""
+    catcher_note: str = ""
     shown_by: str = ""
     compared_exact: bool = True
     is_away: bool = False

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol, TypeVar
+from typing import TYPE_CHECKING, Literal, Protocol, TypeVar
 
 from app.document.commands import EditCommand
 from app.document.document import Document
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
 
 Shared = TypeVar("Shared")
+StillMode = Literal["placement", "orbit", "deform"]
 
 
 class EditorServices(Protocol):
@@ -156,6 +157,11 @@ class ModeController(Protocol):
     def is_running(self) -> bool:
         """Whether the worker is computing the picture."""
         return False
+
+    @property
+    def still_mode(self) -> StillMode:
+        """The mode of stills that are drawn as the picture that is shown."""
+        return "placement"
 
     @property
     def follows_objects(self) -> bool:

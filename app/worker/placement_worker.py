@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from app.document.scene_state import LayerState, SceneState
 from app.document.single_lights import Weights, light_weights
+from app.messages.catcher_messages import FindCatcherLight
 from app.messages.worker_messages import Progress, Response
 from app.modes.mode import ModeWorker
 from app.modes.placement.placement_messages import (
@@ -31,6 +32,7 @@ from app.modes.placement.placement_messages import (
     StageDone,
     StageFootprint,
 )
+from app.worker.catcher_tasks import find_catcher_light
 from app.worker.file_tasks import ensure_tables
 from app.worker.kernels import COMPILING, ESTIMATE, FIRST_TIME, INDIRECT, PAINTING, RELIGHTING
 from app.worker.layer_data import (
@@ -93,6 +95,7 @@ class PlacementWorker(ModeWorker):
             SampleEdited: self._sample_edited,
             EstimateError: self._estimate_error,
             PrepareRelighting: self._prepare_relighting,
+            FindCatcherLight: self._find_catcher_light,
         }
 
     def view_traced(self) -> None:
@@ -146,6 +149,13 @@ class PlacementWorker(ModeWorker):
 
         found = None if self._indirect is None else self._indirect.light
         yield from estimate_error(request, self._context, self._current, found)
+
+    def _find_catcher_light(self, request: FindCatcherLight) -> Steps:
+        quality = None
+        if request.mode == "placement" and self._current:  # by the lights of the whole picture
+            lit_by = next(iter(self._current.values())).lit_by
+            quality = final_quality(lit_by.planned_settings or lit_by.settings)
+        yield from find_catcher_light(request, self._context, quality)
 
     def _prepare_relighting(self, request: PrepareRelighting) -> Steps:
         yield from self._until_compiled(RELIGHTING)

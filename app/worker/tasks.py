@@ -201,7 +201,11 @@ class WorkerContext:
 
     def sky(self, light: LightState) -> SkyState:
         """The sky of the open scene, under a document's light, mixed. Raises LoadError."""
-        return sky_of(self.open_placement.scene, light, self._environment)
+        return self.sky_over(self.open_placement.scene, light)
+
+    def sky_over(self, scene: Scene, light: LightState) -> SkyState:
+        """The same of the open scene with other objects."""
+        return sky_of(scene, light, self._environment)
 
     def sky_image(self, sky: SkyState) -> SkyImage | None:
         """The image of the sky, when it is not the one that was sent last."""

@@ -35,8 +35,8 @@ from ui.theme import Icon
 
 INDENT = 12.0
 CATCHER_HINT = (
-    "Rendered pictures show only the shadows that others throw on it: insitu render, and pictures that are saved with "
-    "layers. Here it stays as it is."
+    "The picture shows only the shadows that others throw on it, over what is behind it. While something is computed "
+    "or compared it is shown as an object, and a label says so."
 )
 CURVES = "its curves and parameters"
 

@@ -345,9 +345,9 @@ def _draw_labels(context: PanelContext, corner: ImVec2) -> None:
         texts.append(f"{Icon.EMITTER}  {LIGHTING_WORDS[view.lighting]} ({keys_of('lighting')})")
     if channel := inspection.channel_label(context):
         texts.append(f"{channel} ({keys_of('channel_colour')})")
-    if context.document.shadow_catchers:
+    if note := context.status.catcher_note:
         names = list_names(context.document.shadow_catchers)
-        texts.append(f"{Icon.HIDDEN}  {names}: only shadows, in rendered pictures")
+        texts.append(f"{Icon.HIDDEN}  {names}: shadow catchers are shown as objects {note}")
     solo = solo_layer(context.document, view)
     if solo is not None:
         texts.append(f"{Icon.SOLO}  {object_of(solo)}: {context.document.layer(solo).name} alone")

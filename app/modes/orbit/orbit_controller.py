@@ -24,7 +24,7 @@ from app.messages.editor_status import PictureState, Status
 from app.messages.picture_events import PictureEvent
 from app.messages.worker_messages import CancelRequests, RequestFailed, Response
 from app.modes.error_controller import ErrorController
-from app.modes.mode import EditorServices, ModeController, OpenedScene
+from app.modes.mode import EditorServices, ModeController, OpenedScene, StillMode
 from app.modes.orbit.desired_state import DesiredDrawing, ReadyState, ShownPicture
 from app.modes.orbit.orbit_drawing import OrbitDrawing
 from app.modes.orbit.orbit_events import OrbitPartArrived
@@ -173,6 +173,10 @@ class OrbitController(ModeController):
         self._pictures.record_seconds(seconds)
 
     # --------------------------------------------------------------------------------------------- state for the window
+
+    @property
+    def still_mode(self) -> StillMode:
+        return "placement" if self._handover.is_shown else self._drawing.still_mode
 
     @property
     def drawn_in_window(self) -> WindowPicture | None:

@@ -16,6 +16,7 @@ from app.document.timeline import visible_poses
 from app.document.view_state import ViewState
 from app.messages.picture_events import PictureEvent
 from app.messages.worker_messages import Request, Response
+from app.modes.mode import StillMode
 from app.modes.orbit.desired_state import DesiredOrbit, PictureContent, PictureRequest
 from app.modes.orbit.orbit_events import OrbitPicture
 from app.modes.orbit.orbit_messages import (
@@ -43,6 +44,7 @@ class OrbitDrawing:
     of its requests."""
 
     title, limitations, follows_objects = "Orbit", LACKS, True
+    still_mode: StillMode = "orbit"
     prepares: type[Request] = PrepareOrbit
     draws: type[Request] = DrawOrbit
     estimates: type[EstimateDrawn] = EstimateOrbit

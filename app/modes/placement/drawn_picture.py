@@ -6,6 +6,8 @@ that one in every frame.
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 from app.document.document import Document
 from app.modes.mode import EditorServices
 from app.modes.placement.curves import Curves, Float64Array, picture_identity
@@ -51,6 +53,10 @@ class DrawnPicture:
     def is_held(self) -> bool:
         """Whether the picture shows an earlier document than the present one."""
         return self.document is not self._present
+
+    def is_fine_of(self, objects: Collection[str]) -> bool:
+        """Whether these objects are not shown coarsely."""
+        return self._transition.is_fine_of(objects)
 
     @property
     def factor(self) -> str | None:

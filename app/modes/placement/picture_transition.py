@@ -31,6 +31,7 @@ from app.messages.picture_events import PictureEvent, SkyChanged
 from app.modes.placement.curves import Coefficients, Curves, Float64Array, picture_identity
 from app.modes.placement.desired_state import DesiredTransport, brightening_factors, same_coefficients
 from app.modes.placement.placement_events import LayerRadiance, TransportReady
+from engine.material.layer import object_of
 
 # Coarse to fine. A relit picture is as fine as a preview in its pixels, and has the exact picture's details beside.
 _RANK = {"drag": 0, "coarse": 1, "preview": 2, "relit": 3, "final": 4}
@@ -97,6 +98,11 @@ class PictureTransition:
     def is_fine(self) -> bool:
         """Whether all that is on screen is of the last stage."""
         return self.has_picture and self._rank == _RANK["final"]
+
+    def is_fine_of(self, objects: Collection[str]) -> bool:
+        """Whether what is on screen of these objects, by name, has the detail of the last stage."""
+        ranks = [layer.rank for key, layer in self._layers.items() if object_of(key) in objects]
+        return self.has_picture and min(ranks, default=_ANY) >= _RANK["relit"]
 
     @property
     def light_gain(self) -> Float64Array:

@@ -253,6 +253,7 @@ class PlacementFeed(PictureSource):
             self._followed = document
         self._follow_visibility(editor, document)
         self.renderer.hide_environment(editor.document.background.hides_environment)
+        self._follow_catchers(editor, document)
         self._follow_comparison(editor)
         allowed = editor.view.frame_budget_ms
         budget = 1e-3 * max(allowed - (last_frame_ms - self._spent_ms), LEAST_SHARE * allowed)
@@ -372,6 +373,14 @@ class PlacementFeed(PictureSource):
                 if self._wanted.get(key) is not coefficients:
                     self.renderer.want(key, forward(coefficients), factor)
         self._wanted = found
+
+    def _follow_catchers(self, editor: Editor, document: Document) -> None:
+        """Follow which objects show only the shadows on them."""
+        names = document.shadow_catchers
+        is_fine = bool(names) and _controller(editor).picture.is_fine_of(names)
+        light = editor.catchers.light(document, "placement") if is_fine else None
+        are_caught = self.renderer.set_catchers([i for i, name in enumerate(self._names) if name in names], light)
+        editor.catchers.drawn(are_caught)
 
     def _follow_comparison(self, editor: Editor) -> None:
         compared = editor.view.compare

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import moderngl
 import numpy as np
@@ -19,6 +19,7 @@ from engine.scene.picture_frame import PictureFrame
 from ui.gl.context import GraphicsError
 from ui.gl.gpu_memory import TextureMemory, read_texture
 from ui.gl.program import Box, Passes
+from ui.modes.placement.gl.catching import Catching
 from ui.modes.placement.gl.transport import (
     SAMPLES_PER_ROW,
     Accumulator,
@@ -87,6 +88,8 @@ class Compositor:
         self._textures: list[moderngl.Texture] = []
         self._framebuffers: list[moderngl.Framebuffer] = []
         self._environment: moderngl.Texture | None = None
+        self._catching: Catching | None = None
+        self._sky: dict[str, Any] = {}
 
     def allocating(self) -> Generator[None, None, None]:
         """Make its textures, in steps each shorter than a frame; to be called before anything else.
@@ -244,17 +247,39 @@ class Compositor:
         return True
 
     def draw_backdrop(self, rotation_degrees: float, intensity: float, transparent: bool) -> None:
-        """Redraw what is behind the surfaces; transparent: emitters alone, with alpha."""
+        """Redraw what is behind the surfaces; transparent: emitters alone, with alpha. Shadows on catchers have the
+        environment behind them when the picture is composed."""
         if self._environment is None:
             self.set_environment(None)
         assert self._environment is not None
         program = self._passes.full_screen("placement/backdrop.frag.glsl")
         textures = {"emission": self._emission, "ray_directions": self._rays, "environment": self._environment}
         rotation = float(np.radians(rotation_degrees % 360.0))
-        self._passes.draw(
-            program, self._backdrop_target, self.picture_box, textures, rotation=rotation, intensity=float(intensity),
-            transparent=int(transparent),
-        )  # fmt: skip
+        self._sky = {"rotation": rotation, "intensity": float(intensity), "transparent": int(transparent)}
+        uniforms = self._sky | {"transparent": int(transparent or self._catching is not None)}
+        self._passes.draw(program, self._backdrop_target, self.picture_box, textures, **uniforms)
+
+    @property
+    def catches(self) -> bool:
+        """Whether shadows are shown in place of some objects."""
+        return self._catching is not None
+
+    def set_catchers(self, objects: Sequence[int], light: NDArray[np.floating] | None) -> bool:
+        """Show of these objects only the shadows on them, see `Catching`; None: as they are. Returns whether the
+        picture changes."""
+        frame, before = self.frame, self._catching
+        wanted = None if light is None or light.shape[:2] != (frame.height, frame.width) else light
+        if before is None if wanted is None else before is not None and before.is_of(objects, wanted):
+            return False
+        self._catching = None
+        if before is not None:
+            before.release(self._memory)
+        if wanted is not None:
+            rows = np.zeros(self._n_rows, np.uint8)
+            for first, count in map(self.object_rows, objects):
+                rows[first : first + count] = 255
+            self._catching = Catching(self._memory, tuple(objects), wanted, rows)
+        return True
 
     @property
     def picture_box(self) -> Box:
@@ -304,11 +329,17 @@ class Compositor:
 
     def composite(self, box: Box) -> None:
         """Redraw the linear picture inside `box`."""
-        program = self._passes.full_screen("placement/composite.frag.glsl")
+        catching = self._catching
+        program = self._passes.full_screen("placement/composite.frag.glsl", CATCHERS=int(catching is not None))
         textures = {
             "pixel_addresses": self._pixel_addresses, "mixed": self._mixed, "shaded": self.shaded,
             "backdrop": self.backdrop,
         }  # fmt: skip
+        if catching is not None:
+            assert self._environment is not None
+            textures |= {"ray_directions": self._rays, "environment": self._environment, **catching.textures}
+            self._passes.draw(program, self.linear_target, box, textures, **self._sky)
+            return
         self._passes.draw(program, self.linear_target, box, textures)
 
     def read_linear(self) -> NDArray[np.float32]:
@@ -328,6 +359,9 @@ class Compositor:
         for texture in self._textures:
             self._memory.release(texture)
         self._memory.release(self._environment)
+        if self._catching is not None:
+            self._catching.release(self._memory)
+            self._catching = None
         self._textures, self._framebuffers, self._environment = [], [], None
 
 

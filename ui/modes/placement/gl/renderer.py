@@ -142,6 +142,13 @@ class PlacementRenderer:
         picture.backdrop_is_stale = picture.backdrop_is_stale or hides != picture.transparent
         picture.transparent = hides
 
+    def set_catchers(self, objects: Sequence[int], light: NDArray[np.floating] | None) -> bool:
+        """Show of these objects only the shadows on them; light (H,W,3): what they send where nothing throws any, None
+        to show them as they are. Returns whether their shadows are shown. Free where nothing changes."""
+        picture = self._shown()
+        picture.backdrop_is_stale |= picture.compositor.set_catchers(objects, light)
+        return picture.compositor.catches
+
     def set_footprint(self, rows: NDArray[np.integer] | None, weights: NDArray[np.floating] | None = None) -> None:
         """Set which samples stand for each pixel in the pictures set from now on; None: one sample per pixel.
 

@@ -45,6 +45,10 @@ def _picture(renderer: PlacementRenderer, width: int, height: int) -> Iterator[N
     yield
     renderer.composite(DisplayView(selected=0))
     yield
+    renderer.set_catchers([0], np.ones((height, width, 3), np.float32))
+    renderer.linear_image()
+    renderer.set_catchers([], None)
+    yield
     rows, weights = np.zeros((_N_SAMPLES, 4), np.int32), np.full((_N_SAMPLES, 4), 0.25, np.float32)
     renderer.set_footprint(rows, weights)
     renderer.set_indirect_footprint(rows, weights)

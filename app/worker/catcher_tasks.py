@@ -1,0 +1,44 @@
+"""Finds what shadow catchers show where nothing stands on them: a still of these and what emits, alone."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from app.document.light_mix import mixed_light
+from app.messages.catcher_messages import CatcherLightFound, CatcherProgress, FindCatcherLight
+from app.worker.file_tasks import ensure_tables
+from app.worker.kernels import DEFORM, ESTIMATE, INDIRECT, ORBIT
+from app.worker.schedule import Steps
+from engine.core.generators import map_steps
+
+if TYPE_CHECKING:
+    from app.worker.tasks import WorkerContext
+    from engine.precompute.direct.pipeline import Quality
+
+_NOTHING = np.zeros((0, 0, 3), np.float32)
+
+
+def find_catcher_light(request: FindCatcherLight, context: WorkerContext, quality: Quality | None) -> Steps:
+    """The responses. quality: that of the whole picture's direct light in Placement. Raises InsituError."""
+    document = request.document
+    yield from ensure_tables((layer for _, layer in document.layers()), context.store)
+    if context.kernels is not None:
+        of_mode = {"orbit": (ORBIT,), "deform": (DEFORM,)}.get(request.mode, ())
+        for what in (INDIRECT, ESTIMATE, *of_mode):
+            for _ in context.kernels.until_ready(what):
+                yield None
+    from app.project.project import Project
+    from app.stills.shadow_catcher import catcher_view, empty_light
+    from app.stills.stills import plan_still, still_steps
+    from engine.precompute.direct.pipeline import Placement
+
+    alone = Project(context.scene_of(document), document, settings=request.settings)
+    vars(alone)["sky"] = context.sky_over(alone.scene, mixed_light(document))  # its map is in memory
+    yield None
+    drawing = still_steps(alone, mode=request.mode, quality=quality)
+    still = yield from map_steps(drawing, lambda step: CatcherProgress(step.fraction))
+    view = catcher_view(alone, Placement(alone.scene, None, plan_still(alone).n_edge_rays).hits)
+    light = empty_light(still.picture, view).astype(np.float32) if view.is_alone.any() else _NOTHING
+    yield CatcherLightFound(light)
