@@ -64,6 +64,7 @@ class FileExchange:
         self.reading = PendingMeasurement(send)
         self._table: tuple[int, str, str] | None = None  # the request, and the curve that its table is for
         self._late: CurveTableRead | None = None  # one that came during a drag
+        self._late_material: MeasurementsRead | MaterialsRead | None = None  # as well
         self._adding: list[AddObject] = []  # the first one's objects are being read, by the request of that number
         self._adding_id = -1
         self._late_objects: tuple[ObjectsRead, tuple[ObjectState, ...]] | None = None  # as well
@@ -151,8 +152,12 @@ class FileExchange:
             return self._refuse(str(error))
         return host.do(command)
 
-    def take_material(self, response: MeasurementsRead | MaterialsRead) -> None:
-        """Carry out the edit that waited for these measurements, or for a material of a file."""
+    def take_material(self, response: MeasurementsRead | MaterialsRead, is_dragging: bool) -> None:
+        """Carry out the edit that waited for these measurements, or for a material of a file, as a step of its own: the
+        end of a drag is waited for."""
+        if is_dragging and self.reading.waits_for(response.id):
+            self._late_material = response
+            return
         host, command = self._host, self.reading.complete_edit(response)
         if command is None:
             return
@@ -193,7 +198,10 @@ class FileExchange:
             self._host.notify(f"a table of {len(response.table.gammas)} rows is on {key} {factor}")
 
     def drag_ended(self) -> None:
-        """Put the table that came during a drag on its curve, and add the objects that did."""
+        """Take what came during a drag: a material first, then a table for a curve, then objects."""
+        material, self._late_material = self._late_material, None
+        if material is not None:
+            self.take_material(material, False)
         late, self._late = self._late, None
         if late is not None:
             self.take_table(late, False)

@@ -45,7 +45,7 @@ def take_response(editor: Editor, response: Response) -> list[PictureEvent]:
             editor.take_failure(response)
         case MeasurementsRead() | MaterialsRead():
             editor.metrics.progress = None
-            editor.exchange.take_material(response)
+            editor.exchange.take_material(response, editor.history.dragging)
         case ObjectsRead():
             editor.metrics.progress = None
             editor.camera_history.add_boxes(response.objects)

@@ -361,6 +361,10 @@ class PendingMeasurement:
         """Whether an edit waits for its files."""
         return self._waiting is not None
 
+    def waits_for(self, id: int) -> bool:
+        """Whether an edit waits for the response to this request."""
+        return self._waiting is not None and self._waiting[0] == id
+
     def defer_command(self, command: object, document: Document) -> bool:
         """Whether a command has to wait; if so its files are requested. Raises InsituError where it would not be
         carried out."""

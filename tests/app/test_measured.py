@@ -1,5 +1,6 @@
 """Measured materials in documents: read by the worker, put on objects as one step, written by their file's name."""
 
+import random
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -229,6 +230,74 @@ def test_the_window_plans_no_bands_of_an_import(
     works = client.sent(ComputeTransport)[-1].scene.layers
     assert [work.bands for work in works if work.key.startswith("pot")] == [(32,), (128, 8)]
     assert not client.sent(PlanBands)
+
+
+@pytest.mark.parametrize("ends", ["drop", "cancel", "undo"])
+def test_an_import_that_comes_during_a_drag_is_a_step_of_its_own(client: FakeClient, tmp_path: Path, ends: str) -> None:
+    editor = Editor(client, "shelf")
+    client.open_scene()
+    editor.tick(0.0)
+    before, file = editor.document, str(tmp_path / "drawn.binary")
+    editor.do(import_measured("pot", Path(file)))
+    editor.begin_drag("albedo")
+    editor.do(SetParameter("pot.0", "albedo", 0.3))
+    client.answer(client.sent(ReadMeasured)[-1], MeasurementsRead({file: replace(drawn_measurement(), file=file)}))
+    editor.tick(0.1)
+    editor.do(SetParameter("pot.0", "albedo", 0.4))
+    dragged = editor.document
+    assert dragged.layer("pot.0") == before.layer("pot.0").with_parameter("albedo", 0.4)
+    {"drop": editor.end_drag, "cancel": editor.cancel_drag, "undo": editor.undo}[ends]()
+    assert [layer.name for layer in editor.document.object("pot").layers] == ["diffuse", "highlight"]
+    assert editor.undo() == "drawn on pot" and not editor.exchange.is_reading
+    if ends == "drop":
+        assert editor.document == dragged and editor.undo() == "albedo"
+    assert editor.document == before and editor.undo() is None
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_any_sequence_of_imports_and_drags_is_undone_to_the_bit(client: FakeClient, tmp_path: Path, seed: int) -> None:
+    """An answer changes nothing while a drag goes on, however it ends; each step of undo leads to a document that was
+    there before the import or the drag, and nothing is left to wait for."""
+    rng, editor, file, now = random.Random(seed), Editor(client, "shelf"), str(tmp_path / "drawn.binary"), 0.0
+    client.open_scene()
+    editor.tick(now)
+    first, at_rest = editor.document, [editor.document]
+    for _ in range(60):
+        before, n_steps = editor.document, len(editor.history.undo_steps)
+        match rng.choice(("ask", "answer", "answer", "hold", "drag", "drag", "drop", "cancel", "undo", "redo")):
+            case "ask":
+                editor.do(import_measured("pot", Path(file)))
+                assert editor.document is before
+            case "answer" if editor.exchange.is_reading:
+                found = MeasurementsRead({file: replace(drawn_measurement(), file=file)})
+                client.answer(client.sent(ReadMeasured)[-1], found)
+                is_dragging = editor.history.dragging
+                editor.tick(now := now + 0.1)
+                if is_dragging:
+                    assert editor.document is before and len(editor.history.undo_steps) == n_steps
+                else:
+                    assert not editor.exchange.is_reading
+            case "hold":
+                editor.begin_drag()
+            case "drag" if editor.history.dragging:
+                editor.do(SetParameter("floor.0", "albedo", rng.random()))
+                assert editor.document.object("pot") is before.object("pot")
+            case "drop":
+                editor.end_drag()
+            case "cancel":
+                editor.cancel_drag()
+            case "undo":
+                editor.undo()
+            case "redo":
+                editor.redo()
+        if not editor.history.dragging:
+            at_rest.append(editor.document)
+    editor.end_drag()
+    at_rest.append(editor.document)
+    known = [*at_rest, *(step.document for step in editor.history.undo_steps)]
+    while editor.undo() is not None:
+        assert editor.document in known
+    assert editor.document == first
 
 
 def test_an_import_that_fails_or_is_cancelled_changes_nothing(client: FakeClient, tmp_path: Path) -> None:
