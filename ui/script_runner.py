@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from app.document.arranging import placed_objects, standing
+from app.document.commands.lamps import SetTarget
 from app.document.commands.maps import Paint
 from app.document.commands.painted import place_of
 from app.document.commands.poses import PlaceObjects
@@ -311,6 +312,11 @@ def _aim(window: HeadlessWindow, editor: Editor, step: Aim) -> None:
     point = step.at if step.onto is None else _surface_at(window, "aim", step.onto).place
     assert point is not None
     window.frames(2)
+    if editor.document.object(step.light).lamp is not None:
+        x, y, z = map(float, point)
+        if (refusal := editor.do(SetTarget(step.light, (x, y, z)))) is not None:
+            raise ScriptError(refusal)
+        return
     placed = placed_objects(editor.document, [step.light], editor.camera_history.resting_box)
     facing = source.facing_of(step.light)
     if not placed or facing is None:

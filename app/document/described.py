@@ -11,6 +11,7 @@ from app.document.light_state import NO_SUNS, LightState
 from app.document.linked_layers import layers_from_descriptions
 from engine.light.suns import Sun
 from engine.scene.description import EnvironmentDescription, ObjectDescription, SceneDescription, free_name
+from engine.scene.lamp_shape import lamp_shape_of
 from engine.scene.rig import Animations
 
 # The name of the variant that a scene opens in, where its file names none for that.
@@ -76,6 +77,6 @@ def _object_state(source: str, described: ObjectDescription) -> ObjectState:
     return ObjectState(
         described.name, layers, emission, described.editable, emission_texture=described.emission_texture,
         own_bumps=described.bumps,
-        own_opacity=described.opacity, own_surface=described.deform, variants=variants,
+        lamp=lamp_shape_of(described), own_opacity=described.opacity, own_surface=described.deform, variants=variants,
         former_name=described.former_name,
     )  # fmt: skip

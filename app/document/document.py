@@ -34,6 +34,7 @@ from app.document.linked_layers import linked_indices, with_covers, with_layer
 from app.document.linked_objects import ObjectLinks, frozen_one, object_links, with_material_of
 from app.document.looks import Look
 from engine.core.errors import InsituError
+from engine.light.cones import Cone
 from engine.material.bumps import NO_BUMPS, Bumps, BumpsByObject
 from engine.material.layer import Layer, object_of
 from engine.material.layer_maps import LayerMaps
@@ -44,6 +45,7 @@ from engine.scene.composition import Composition, ObjectSource, SceneObject
 from engine.scene.description import (
     ObjectDescription,
 )
+from engine.scene.lamp_shape import LampShape
 from engine.scene.rig import Animations
 from engine.scene.surface_kinds import NO_SURFACE, DeformSurface, SurfacesByObject
 from engine.scene.transform import Transform
@@ -86,7 +88,9 @@ class ObjectState:
     the same. ``original`` is the object of the scene's file that it is a duplicate of, or was before it was renamed;
     empty where the file has it by its name. ``added``: what it is read from where the scene's file does not have it.
     ``in_group`` is the name of the group of objects that it is in, empty for none; ``linked`` that of the link of those
-    that share its material (`app.document.linked_objects`).
+    that share its material (`app.document.linked_objects`). ``lamp`` is its shape, where it shines and has one by
+    numbers, ``new_cone`` replaces the cone of that, and ``target_distance`` is how many metres away its target is;
+    None: where its axis meets the ground.
     """
 
     name: str
@@ -113,6 +117,9 @@ class ObjectState:
     shadow_catcher: bool = False
     in_group: str = ""
     linked: str = ""
+    lamp: LampShape | None = field(default=None, compare=False)
+    new_cone: Cone | None = None
+    target_distance: float | None = None
 
     def in_variant(self, name: str) -> ObjectState:
         """The object in one of the scene's variants; as it is where it has none of that name."""
@@ -131,10 +138,20 @@ class ObjectState:
 
     @property
     def motion_stack(self) -> Motion:
-        """Its animation, all its deformers, and its transform where it was moved."""
+        """Its animation, all its deformers, its new cone, and its transform where it was moved."""
         moment = () if self.moment is None else (self.moment,)
-        transform = () if self.transform.is_identity else (self.transform,)
-        return *moment, *self.deformations, *transform
+        return *moment, *self.deformations, *self.placement
+
+    @property
+    def placement(self) -> Motion:
+        """Its new cone, and its transform where it was moved by hand."""
+        cone = () if self.new_cone is None else (self.new_cone,)
+        return cone if self.transform.is_identity else (*cone, self.transform)
+
+    @property
+    def cone(self) -> Cone | None:
+        """The cone of a spot."""
+        return self.new_cone or (None if self.lamp is None else self.lamp.cone)
 
     @property
     def bumps(self) -> Bumps:

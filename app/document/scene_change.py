@@ -20,6 +20,7 @@ from app.document.light_state import LightState
 from app.document.linked_layers import Layers, synchronize_layers
 from app.document.looks import absent_of_looks, in_all_looks, in_look, objects_of_looks
 from app.document.scene_objects import NONE_ADDED, AddedStates, in_scene_order, with_free_names
+from engine.light.cones import Cone
 from engine.material.layer import Layer
 from engine.scene.composition import ObjectSource
 from engine.scene.description import SceneDescription
@@ -135,6 +136,7 @@ class SceneChange:
             own, **kept, layers=_merge_layers(edited.layers, None if base is None else base.layers, own.layers),
             deformations=edited.deformations, moment=moment, transform=edited.transform, in_group=edited.in_group,
             linked=edited.linked,
+            new_cone=_kept_cone(edited.new_cone, own), target_distance=edited.target_distance,
             new_bumps=None if own.is_lamp or bumps == own.own_bumps else bumps,
             new_opacity=None if own.is_lamp or opacity == own.own_opacity else opacity,
             new_surface=None if own.is_lamp or surface == own.own_surface else surface,
@@ -154,6 +156,11 @@ def _merge_light(edited: LightState, base: LightState, own: LightState) -> Light
     ]  # fmt: skip
     merged = replace(_merge_fields(edited, base, own), own_suns=base.own_suns).with_suns(suns)
     return merged.with_own_suns(own.own_suns)
+
+
+def _kept_cone(cone: Cone | None, own: ObjectState) -> Cone | None:
+    """An edited cone, where the lamp still has another one."""
+    return None if own.cone is None or cone == own.cone else cone
 
 
 def _differ(edited: Any, base: Any, name: str) -> bool:

@@ -104,6 +104,7 @@ def scene_state(document: Document, layer: Callable[[Document, str], LayerState]
 
 
 def moved_objects(document: Document) -> tuple[tuple[str, ...], Poses]:
-    """The names of the shown objects that were moved by hand, and the transforms of emitters among them, for Deform."""
-    moved = [state for state in document.shown if not state.transform.is_identity]
-    return tuple(state.name for state in moved), tuple((each.name, (each.transform,)) for each in moved if each.emits)
+    """The names of the shown objects that were moved by hand or have another cone, and the placements of emitters, for
+    Deform."""
+    moved = [state for state in document.shown if state.placement]
+    return tuple(state.name for state in moved), tuple((each.name, each.placement) for each in moved if each.emits)

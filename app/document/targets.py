@@ -18,7 +18,7 @@ from engine.scene.surface_kinds import SURFACES
 
 Kind = Literal[
     "object", "layer", "factor", "parameter", "map", "parameter_map", "switch", "presence", "deformer", "transform",
-    "group", "time", "bumps", "opacity", "surface", "light", "sun", "painted", "mix",
+    "lamp", "group", "time", "bumps", "opacity", "surface", "light", "sun", "painted", "mix",
 ]  # fmt: skip
 
 
@@ -43,6 +43,8 @@ MATERIAL = "material"
 TIME = "time"
 # The paths of a transform's parts, and its fields.
 TRANSFORM_FIELDS = {"position": "translation", "rotation": "rotation", "scale": "scale"}
+# What lamps have by numbers (`app.document.commands.lamps`).
+LAMP_FIELDS = ("width", "height", "radius", "inner_angle", "outer_angle", "target")
 # What makes, deletes and renames objects; `ADD` is of a name that no object has yet.
 ADD = "add"
 IN_GROUP = "in_group"
@@ -102,6 +104,8 @@ def resolve(document: Document, path: str) -> Target:
         return Target("mix", state.name, name=rest)
     if not rest:
         return Target("object", state.name)
+    if rest in LAMP_FIELDS and state.lamp is not None and rest not in [layer.name for layer in state.layers]:
+        return Target("lamp", state.name, name=rest)
     kind = _kind_of(rest)
     if kind is not None and rest.partition(".")[0] not in [layer.name for layer in state.layers]:
         return Target(kind, state.name, name=rest)

@@ -12,6 +12,7 @@ from typing import NamedTuple
 from app.document.view_state import Viewpoint
 from app.messages.worker_messages import Request, Response, SetCamera
 from app.modes.reconciler import Reconciler
+from engine.light.cones import Cone
 from engine.material.bumps import BumpsByObject
 from engine.material.opacity import OpacityByObject
 from engine.realtime.zonal_harmonics.pose import Poses
@@ -149,8 +150,8 @@ class ViewController:
 
 
 def _without_transforms(view: TracedView) -> TracedView:
-    """The view with objects where their deformers and animations have them."""
-    rows = ((name, tuple(each for each in row if not isinstance(each, Transform))) for name, row in view.poses)
+    """The view with objects where their deformers and animations have them, and spots with the cones of their files."""
+    rows = ((name, tuple(each for each in row if not isinstance(each, Cone | Transform))) for name, row in view.poses)
     return view._replace(poses=tuple((name, row) for name, row in rows if row))
 
 

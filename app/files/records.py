@@ -90,6 +90,7 @@ class TransformRecord(StrictModel):
     position: tuple[Number, Number, Number] = (0.0, 0.0, 0.0)
     rotation: tuple[Number, Number, Number] = (0.0, 0.0, 0.0)
     scale: tuple[Number, Number, Number] = (1.0, 1.0, 1.0)
+    axes: tuple[Number, Number, Number] = (0.0, 0.0, 0.0)
 
     @model_validator(mode="after")
     def _is_one(self) -> TransformRecord:
@@ -99,7 +100,7 @@ class TransformRecord(StrictModel):
     @property
     def transform(self) -> Transform:
         """The transform."""
-        return Transform(self.position, self.rotation, self.scale)
+        return Transform(self.position, self.rotation, self.scale, self.axes)
 
 
 class AddedRecord(StrictModel):
@@ -151,6 +152,8 @@ class ObjectRecord(StrictModel):
     added: AddedRecord | None = None
     in_group: Name | None = None
     linked: Name | None = None
+    cone: ConeDescription | None = None
+    target_distance: Annotated[Number, Field(gt=0.0)] | None = None
     deformers: tuple[DeformerRecord, ...] = Field(default=(), alias="deformer", max_length=MAX_DEFORMERS)
 
     @property

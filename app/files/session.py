@@ -50,6 +50,7 @@ from engine.core.colour import ConfigView
 from engine.core.colour_config import BUILT_IN
 from engine.core.errors import InsituError, LoadError, describe_value
 from engine.core.safe_files import read_regular_file, resolved
+from engine.light.cones import Cone
 from engine.light.painted_lights import PaintedLight
 from engine.light.suns import Sun
 from engine.material.bumps import bump_parts
@@ -275,7 +276,11 @@ def _object_lines(state: ObjectState, folder: Path | None, table: str = "object"
         yield from toml_lines(vars(state.moment))
     if not state.transform.is_identity:
         own = {name: getattr(state.transform, field) for name, field in TRANSFORM_FIELDS.items()}
+        own |= {"axes": state.transform.axes} if any(state.transform.axes) else {}
         yield f"transform = {toml_value(own)}"
+    if state.new_cone is not None:
+        yield f"cone = {toml_value(vars(state.new_cone))}"
+    yield from toml_lines({"target_distance": state.target_distance})
     yield from layer_lines(state.layers, f"{table}.layer", folder)
     for deformation in state.deformations:
         yield f"[[{table}.deformer]]"
@@ -374,6 +379,8 @@ def _object(file: str, folder: Path | None, record: ObjectRecord) -> ObjectState
         added=None if record.added is None else record.added.description(folder),
         in_group=record.in_group or "",
         linked=record.linked or "",
+        new_cone=None if record.cone is None else Cone(record.cone.inner, record.cone.outer),
+        target_distance=record.target_distance,
     )
 
 

@@ -94,5 +94,6 @@ def _with_saved(scene: ObjectState, saved: ObjectState) -> ObjectState:
         moment=None if _lost_clip(scene, saved) else saved.moment, own_bumps=scene.own_bumps, new_bumps=new,
         emission_texture=scene.emission_texture,
         own_opacity=scene.own_opacity, new_opacity=opacity,
-        own_surface=scene.own_surface, new_surface=surface, variants=scene.variants,
+        own_surface=scene.own_surface, new_surface=surface, variants=scene.variants, lamp=scene.lamp,
+        new_cone=None if scene.cone in (None, saved.new_cone) else saved.new_cone,
     )  # fmt: skip

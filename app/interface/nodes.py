@@ -17,6 +17,7 @@ from pydantic import ValidationError
 
 from app.document.commands.curves import AddOperator, ResetCurve, SetOperators
 from app.document.commands.groups import members_of
+from app.document.commands.lamps import lamp_fields
 from app.document.commands.links import LinkCurves, UnlinkCurve
 from app.document.commands.painted import AddPainted
 from app.document.document import all_factors
@@ -190,8 +191,10 @@ class ObjectNode(Node):
     material, "" for none; `linked_duplicate`, set to a new name, makes one), `emission` (of a lamp, three numbers) and
     its row in the mix of lights (`on`, `solo`, `strength`, `colour`, `kelvin`, `group`, `excludes`), `position`
     (metres), `rotation` (degrees) and `scale` relative to its place in the file, `time` of its animation, amounts of
-    deformers (`bend`, `twist` …), parts of bumps and opacity; `material`, which can be set alone, to the name of a
-    material of the library, a material's file or a measured BRDF's. Its layers are found by name or number.
+    deformers (`bend`, `twist` …), parts of bumps and opacity; of a lamp its `width` and `height` or its `radius`
+    (metres), the `inner_angle` and `outer_angle` of a spot (degrees from its axis), and the `target` that it shines at;
+    `material`, which can be set alone, to the name of a material of the library, a material's file or a measured
+    BRDF's. Its layers are found by name or number.
 
     >>> import insitu
     >>> scene = insitu.open("teatray")
@@ -213,7 +216,8 @@ class ObjectNode(Node):
         return iter([layer.name for layer in self._editing.document.object(self._path).layers])
 
     def _names(self) -> Sequence[str]:
-        mix = MIX_FIELDS if self._editing.document.object(self._path).emits else ()
+        state = self._editing.document.object(self._path)
+        mix = (*MIX_FIELDS, *lamp_fields(state)) if state.emits else ()
         return (*SWITCHES, IN_GROUP, LINKED, EMISSION, *mix, TIME, *KINDS, *bump_fields(), *opacity_fields())
 
 

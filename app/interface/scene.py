@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.document.arranging import dropping, move_together, placed_objects
+from app.document.commands.lamps import SetTarget
 from app.document.commands.looks import AddLook, DeleteLook, MoveLook, RenameLook, SetLook
 from app.document.commands.objects import AddObject
 from app.document.commands.poses import PlaceObjects
@@ -328,6 +329,9 @@ class Scene:
 
     def aim(self, light: str, at: Triple) -> None:
         """Turn a flat light or a spot to shine at a point, metres. Raises insitu.Error."""
+        if self.document.object(light).lamp is not None:
+            self._editing.do(SetTarget(light, at))
+            return
         resting, (placed,) = self._seen_in(None).resting, self._placed(light)
         facing = facing_of(resting.description.objects[resting.object_names.index(light)])
         if facing is None:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from app.document.commands.lamps import lamp_value
 from app.document.commands.painted import place_of
 from app.document.commands.suns import angles_of, sun_named
 from app.document.document import Document
@@ -77,6 +78,8 @@ def value_at(document: Document, path: str) -> Any:
             return state.name if name == "name" else False if name == "deleted" else ""
         case "transform":
             return getattr(state.transform, TRANSFORM_FIELDS[name])
+        case "lamp":
+            return lamp_value(state, name)
         case "time":
             return None if state.moment is None else state.moment.time
         case "bumps":

@@ -7,6 +7,7 @@ from typing import Any
 
 from app.document.commands import EditCommand
 from app.document.commands.groups import SetGroup, group_edit
+from app.document.commands.lamps import with_lamp_value
 from app.document.commands.layers import (
     SetEditable,
     SetFrame,
@@ -135,6 +136,8 @@ def set_path(document: Document, path: str, value: Any) -> EditCommand:
         return with_amounts(document, target.object, {target.name: value})
     if target.kind == "transform" and target.name is not None:
         return with_placement(path, target.object, target.name, value)
+    if target.kind == "lamp" and target.name is not None:
+        return with_lamp_value(path, target.object, target.name, value)
     if target.kind == "group" and target.name is not None:
         return group_edit(document, path, target.object, target.name, value)
     if target.kind == "presence" and target.name == IN_GROUP:

@@ -12,12 +12,46 @@ without a cone has the row `ALL_ROUND`, for which a is 1.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+LEAST_OUTER, MOST_ANGLE = 0.05, 90.0  # degrees from the axis
 ALL_ROUND = (0.0, 0.0, 0.0, 1.0)
 _SHARPEST = 1e-3  # of cos inner - cos outer, as the extension has it
+
+
+@dataclass(frozen=True)
+class Cone:
+    """A cone by its half angles, degrees: within `inner` all of the radiance, beyond `outer` none. Raises
+    ValueError."""
+
+    inner: float
+    outer: float
+
+    def __post_init__(self) -> None:
+        if not LEAST_OUTER <= self.outer <= MOST_ANGLE:
+            raise ValueError(f"outer angle {self.outer:g}°, expected {LEAST_OUTER:g}° to {MOST_ANGLE:g}°")
+        if not 0.0 <= self.inner <= self.outer:
+            raise ValueError(f"inner angle {self.inner:g}°, expected 0° to {self.outer:g}°, the outer one")
+
+    @property
+    def is_identity(self) -> bool:
+        """Never: it is told where it is not that of the file."""
+        return False
+
+    def with_inner(self, inner: float) -> Cone:
+        """The cone with this inner angle; the outer one is at least as large. Raises ValueError."""
+        return Cone(inner, max(self.outer, inner))
+
+    def with_outer(self, outer: float) -> Cone:
+        """The cone with this outer angle; the inner one is at most as large. Raises ValueError."""
+        return Cone(min(self.inner, max(outer, 0.0)), outer)
+
+    def row(self, axis: ArrayLike) -> NDArray[np.float32]:
+        """The row (4,) of the cone about an axis (3,)."""
+        return cone_row(axis, math.radians(self.inner), math.radians(self.outer))
 
 
 def cone_row(axis: ArrayLike, inner: float, outer: float) -> NDArray[np.float32]:

@@ -102,7 +102,7 @@ def scaled(
         if axes is None and about is None:
             stretched = np.asarray(factors, np.float64)
         else:
-            stretched = np.linalg.norm(matrix @ rotation_matrix(each.transform.rotation), axis=0)
+            stretched = np.linalg.norm(matrix @ each.transform.own_axes, axis=0)
         scale = _triple(np.clip(stretched * each.transform.scale, LEAST_SCALE, MOST_SCALE))
         changed = replace(each, transform=replace(each.transform, scale=scale))
         found.append(changed if about is None else changed.at(about + matrix @ (each.centre - about)))

@@ -5,14 +5,15 @@ The pivot is the centre of the object's bounding box as the scene's file has it.
     p' = R S (p - pivot) + pivot + t ,   R = R_z R_y R_x
 
 with the scale S along the axes of the world, the rotation first about X, then about Y, then about Z ("XYZ" in Blender),
-and the translation t. Rejected: an object's own axes, which meshes that were modelled in place do not have.
+and the translation t. Rejected: an object's own axes, which meshes that were modelled in place do not have. A rectangle
+that shines has its own: of one that its file has askew S = A diag(s) A^T goes along the axes A of its sides.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,22 +23,24 @@ Triple = tuple[float, float, float]
 
 # Metres, degrees, and factors that make no object vanish.
 MOST_METRES, MOST_DEGREES, LEAST_SCALE, MOST_SCALE = 1e6, 36_000.0, 1e-3, 1e3
+_NOWHERE = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
 _POLE = 1e-9  # cosine of the angle about Y, below which X and Z are the same axis
 
 
 @dataclass(frozen=True)
 class Transform:
-    """A placement by hand: translation in metres, rotation in degrees about X, then Y, then Z, and scale. Raises
-    ValueError outside their ranges."""
+    """A placement by hand: translation in metres, rotation in degrees about X, then Y, then Z, and scale; axes: the
+    rotation of the axes that the scale goes along, from those of the world. Raises ValueError outside their ranges."""
 
     translation: Triple = (0.0, 0.0, 0.0)
     rotation: Triple = (0.0, 0.0, 0.0)
     scale: Triple = (1.0, 1.0, 1.0)
+    axes: Triple = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         ranges = ("translation", -MOST_METRES, MOST_METRES), ("rotation", -MOST_DEGREES, MOST_DEGREES), (
             "scale", LEAST_SCALE, MOST_SCALE
-        )  # fmt: skip
+        ), ("axes", -MOST_DEGREES, MOST_DEGREES)  # fmt: skip
         for name, low, high in ranges:
             values = getattr(self, name)
             if len(values) != 3 or not all(low <= each <= high for each in values):
@@ -47,12 +50,20 @@ class Transform:
     @property
     def is_identity(self) -> bool:
         """Whether it leaves an object where it is."""
-        return self == Transform()
+        return (self.translation, self.rotation, self.scale) == _NOWHERE
 
     @property
     def linear(self) -> Float64Array:
         """R S, (3, 3)."""
-        return rotation_matrix(self.rotation) * np.array(self.scale)
+        if not any(self.axes):
+            return rotation_matrix(self.rotation) * np.array(self.scale)
+        return self.own_axes * np.array(self.scale) @ rotation_matrix(self.axes).T
+
+    @property
+    def own_axes(self) -> Float64Array:
+        """The directions that the scale goes along, as they are turned: the columns of (3, 3)."""
+        turned = rotation_matrix(self.rotation)
+        return turned @ rotation_matrix(self.axes) if any(self.axes) else turned
 
     def matrix(self, pivot: ArrayLike) -> Float64Array:
         """The affine transform (4, 4) about a pivot (3,)."""
@@ -72,7 +83,7 @@ class Transform:
     def rotated(self, degrees: Sequence[float]) -> Transform:
         """The same, rotated further about the axes of the world, about X, then Y, then Z."""
         turned = rotation_matrix(degrees) @ rotation_matrix(self.rotation)
-        return Transform(self.translation, rotation_degrees(turned), self.scale)
+        return replace(self, rotation=rotation_degrees(turned))
 
 
 def rotation_matrix(degrees: Sequence[float]) -> Float64Array:

@@ -64,7 +64,12 @@ SCENE = {
         },
         {"name": "tray", "primitive": "cube", "editable": True, "layers": [{"model": "rough_conductor"}]},
         {"name": "wall", "primitive": "quad", "editable": False, "layers": [{"model": "lambert"}]},
-        {"name": "lamp", "primitive": "quad", "emission": [5.0, 5.0, 4.0]},
+        {
+            "name": "lamp",
+            "primitive": "quad",
+            "emission": [5.0, 5.0, 4.0],
+            "transform": [1, 0, 0, 0, 0, 1, 0, 2, 0, 0, 1, 0, 0, 0, 0, 1],
+        },
     ],
 }
 

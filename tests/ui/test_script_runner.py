@@ -280,7 +280,8 @@ def test_a_script_stands_an_object_on_a_surface_and_aims_a_lamp(
     assert found.rotation == pytest.approx((90.0, 0.0, 0.0)) and found.translation[2] == pytest.approx(1.5)
     for how in ("at = [0.0, 0.5, -3.0]", "onto = [4, 4]"):
         run(window, tmp_path, f'[[step]]\naim = {{ light = "lamp", {how} }}')
-        towards = np.array([0.0, 0.0, -1.0]) if how.startswith("at") else place - (0.0, 0.5, 0.0)
+        # The lamp stands at a height of 2 m.
+        towards = np.array([0.0, -1.5, -3.0]) if how.startswith("at") else place - (0.0, 2.0, 0.0)
         facing = rotation_matrix(editor.document.object("lamp").transform.rotation) @ (0.0, 0.0, 1.0)
         assert facing == pytest.approx(towards / np.linalg.norm(towards))
     for step, says in (

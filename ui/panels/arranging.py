@@ -18,7 +18,6 @@ from app.document.arranging import placed_objects, placing
 from app.document.commands.several import named_together
 from engine.core.camera import camera_frame, pixel_directions
 from engine.scene.arrangement import PlacedObject, middle_of, moved, rotated, scaled
-from engine.scene.transform import rotation_matrix
 from ui.panels.actions import Action
 from ui.panels.context import PanelContext
 from ui.panels.picture_handles import Place, on_screen
@@ -140,6 +139,11 @@ def objects_of(context: PanelContext) -> tuple[PlacedObject, ...]:
     return tuple(placed_objects(context.document, context.view.selected_objects, context.resting_box_of))
 
 
+def placed_in(context: PanelContext, name: str) -> PlacedObject | None:
+    """An object as it stands; None where it has no surface."""
+    return next(iter(placed_objects(context.document, [name], context.resting_box_of)), None)
+
+
 def arranged(context: PanelContext, placed: PictureRect) -> Arranged | None:
     """The selected objects in the picture; None where nothing with a surface is selected."""
     objects = objects_of(context)
@@ -172,7 +176,7 @@ def turned_about(axis: Float64Array, degrees: float) -> Float64Array:
 
 def own_axes(placed: PlacedObject) -> Float64Array:
     """The directions of an object's own axes, the columns of (3, 3)."""
-    return rotation_matrix(placed.transform.rotation)
+    return placed.transform.own_axes
 
 
 def _within(edit: Callable[[], list[PlacedObject]]) -> list[PlacedObject] | None:

@@ -133,7 +133,7 @@ def _move_over_ground(arranged: Arranged, to: Place) -> list[Action]:
 
 def _aiming(arranged: Arranged) -> Iterator[PictureHandle]:
     """A handle at the point that the active light shines at, with a line from the light."""
-    target = target_of(arranged)
+    target = target_of(arranged.context, arranged.active)
     line = None if target is None else arranged.on_screen(arranged.active.centre, target)
     if line is not None:
         hint = f"What {arranged.active.name} shines at: drag it over the picture."

@@ -13,6 +13,7 @@ from imgui_bundle import imgui
 
 from app.document.commands.light import SplitEnvironment
 from app.document.commands.mix import COLOUR, KELVIN, STRENGTH, SetMix
+from app.document.document import ObjectState
 from app.document.light_state import (
     ENVIRONMENT_KEY,
     PLAIN_ROW,
@@ -24,7 +25,7 @@ from app.document.light_state import (
 )
 from engine.light.sides import SIDES
 from engine.light.suns import Sun
-from ui.panels import light_colour, painted_lights, rows, suns, widgets
+from ui.panels import lamp_rows, light_colour, painted_lights, rows, suns, widgets
 from ui.panels.actions import Action
 from ui.panels.context import PanelContext
 from ui.theme import Icon
@@ -44,7 +45,7 @@ PAINTED_HINT = (
     "Painted onto the environment; a click selects it, then H and J place it in the picture. Opened: where it is, its "
     "size and colour."
 )
-EMITTER_HINT = "An object that emits light. Opened: its colour and its group; its radiance is in the Material panel."
+EMITTER_HINT = "An object that emits light. Opened: its size, colour and group; its radiance is in the Material panel."
 GROUP_HINT = "All lights of this group: what is set here multiplies each of them."
 GROUP_OF_HINT = "Lights of a group have a line together, which multiplies all of them."
 LIT_HINT = "The objects that it lights. Those without a tick still throw its shadow."
@@ -71,7 +72,7 @@ def draw(context: PanelContext) -> list[Action]:
             imgui.tree_pop()
     for state in document.objects:
         if state.emits:
-            actions += _light(context, state.name, state.name, EMITTER_HINT)
+            actions += _light(context, state.name, state.name, EMITTER_HINT, state)
     if light.groups:
         widgets.caption("Groups")
     for name in light.groups:
@@ -95,9 +96,11 @@ def _environment(context: PanelContext) -> list[Action]:
     return actions
 
 
-def _light(context: PanelContext, key: str, name: str, hint: str) -> list[Action]:
+def _light(context: PanelContext, key: str, name: str, hint: str, lamp: ObjectState | None = None) -> list[Action]:
     is_open, actions = _line(context, key, name, hint)
     if is_open:
+        if lamp is not None:
+            actions += lamp_rows.draw(context, lamp, f"light.{name}")
         actions += _details(context, key)
         imgui.tree_pop()
     return actions

@@ -30,7 +30,7 @@ from engine.material.opacity import OPAQUE
 from engine.material.parameters import INDICES, Value, index_of_reflectance, reflectance_of_index
 from engine.measured.measurement import Measurement
 from ui import theme as look
-from ui.panels import light_colour, maps, parameter_maps, rows, suns, transform, widgets
+from ui.panels import lamp_rows, light_colour, maps, parameter_maps, rows, suns, transform, widgets
 from ui.panels.actions import Action, RunOperator, SetPanel
 from ui.panels.brdf import is_anisotropic
 from ui.panels.context import PanelContext
@@ -342,6 +342,7 @@ def _emission(context: PanelContext, state: ObjectState, emission: RGB) -> list[
     parameter = replace(EMISSION, step=max(max(emission), STRENGTH.minimum) / 200.0)
     actions += light_colour.draw(context, rows.Row(parameter, emission, partial(SetEmission, state.name), "emitter"))
     imgui.end_disabled()
+    actions += lamp_rows.draw(context, state, "lamp")
     if note := context.status.emitter_note:
         widgets.caption(f"{note[0].upper()}{note[1:]}.")
     return actions

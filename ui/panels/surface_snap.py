@@ -11,10 +11,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.scene.arrangement import box_of, middle_of, stood_on
+from app.document.commands.lamps import SetTarget
+from engine.scene.arrangement import PlacedObject, box_of, middle_of, stood_on
 from engine.scene.light_placement import PlacedLight
+from engine.scene.transform import rotation_matrix
 from ui.panels.actions import Action
-from ui.panels.arranging import Arranged, own_axes
+from ui.panels.arranging import Arranged
+from ui.panels.context import PanelContext
 from ui.panels.picture_handles import Place
 from ui.panels.picture_overlays import has_moved
 from ui.scene_view import SurfaceSpot
@@ -22,6 +25,7 @@ from ui.scene_view import SurfaceSpot
 Float64Array = NDArray[np.float64]
 UP = np.array([0.0, 1.0, 0.0])
 _LEVEL = 0.02
+_AT_ONE_PLACE = 1e-4  # metres: a light cannot be aimed at itself
 
 
 def surface_under(arranged: Arranged, place: Place) -> SurfaceSpot | None:
@@ -55,14 +59,15 @@ def can_aim(arranged: Arranged) -> bool:
     return arranged.context.facing_of(arranged.active.name) is not None
 
 
-def target_of(arranged: Arranged) -> Float64Array | None:
-    """The point (3,) that the active light is aimed at: where its axis meets the ground, or else as far away as the
-    scene's middle; None for a light that shines to all sides."""
-    facing = arranged.context.facing_of(arranged.active.name)
-    box = arranged.context.box_of(None)
+def target_of(context: PanelContext, light: PlacedObject) -> Float64Array | None:
+    """The point (3,) that a light is aimed at: the one that was chosen, or where its axis meets the ground, or else as
+    far away as the scene's middle; None for a light that shines to all sides."""
+    state, facing, box = context.document.object(light.name), context.facing_of(light.name), context.box_of(None)
+    if state.lamp is not None and state.target_distance is not None:
+        return state.lamp.target(light.transform, state.target_distance)
     if facing is None:
         return None
-    axis, centre = own_axes(arranged.active) @ facing, arranged.active.centre
+    axis, centre = rotation_matrix(light.transform.rotation) @ facing, light.centre
     if box is None:
         return np.asarray(centre + axis)
     height = float(centre[1] - box[0][1])
@@ -73,7 +78,8 @@ def target_of(arranged: Arranged) -> Float64Array | None:
 
 def aim_under(arranged: Arranged, place: Place) -> list[Action]:
     """Aim the active light at what is under the mouse."""
-    spot, target, light = surface_under(arranged, place), target_of(arranged), arranged.start[-1]
+    context, light = arranged.context, arranged.start[-1]
+    spot, target = surface_under(arranged, place), target_of(context, arranged.active)
     if target is None:
         return []
     if spot is not None:
@@ -81,8 +87,11 @@ def aim_under(arranged: Arranged, place: Place) -> list[Action]:
     elif (met := arranged.on_plane(place, target, UP)) is not None:
         point = met
     else:
-        eye = np.array(arranged.context.camera.position)
+        eye = np.array(context.camera.position)
         point = eye + arranged.ray_to(place) * float(np.linalg.norm(target - eye))
-    facing = arranged.context.facing_of(light.name)
-    aimed = PlacedLight(light.pivot, facing, light.transform).aimed_at(point)
+    if context.document.object(light.name).lamp is not None:
+        x, y, z = point.tolist()
+        command = SetTarget(light.name, (x, y, z), light.transform)
+        return [] if np.linalg.norm(point - light.centre) < _AT_ONE_PLACE else [command]
+    aimed = PlacedLight(light.pivot, context.facing_of(light.name), light.transform).aimed_at(point)
     return arranged.to((*arranged.start[:-1], replace(light, transform=aimed)), "aim")

@@ -19,6 +19,7 @@ from ui.panels import (
     gizmo,
     grab,
     inspection,
+    lamp_handles,
     light_by_hand,
     look_panes,
     paint,
@@ -81,7 +82,7 @@ def _draw_picture(context: PanelContext, corner: ImVec2, room: ImVec2) -> list[A
         draw_list.add_image(context.error_overlay.reference, ImVec2(placed.x, placed.y), far)
     picture_overlays.draw_sketch(context, placed, picture)
     handles = [*picture_handles.handles_of(context, placed), *gizmo.handles(context, placed)]
-    handles += sun_handles.handles(context, placed)
+    handles += [*sun_handles.handles(context, placed), *lamp_handles.handles(context, placed)]
     picture_handles.draw_handles(context, handles)
     inspection.draw_grid(context, space, placed)
     actions = [*inspection.magnify(context, space, placed), *_gestures(context, picture, space, placed, handles)]

@@ -18,6 +18,7 @@ from app.document.commands.curves import (
     SetOperators,
 )
 from app.document.commands.groups import RenameGroup, SetGroup
+from app.document.commands.lamps import SetCone, SetLampSize, SetTarget
 from app.document.commands.layers import (
     AddLayers,
     RemoveLayer,
@@ -93,4 +94,5 @@ EditCommand = (
     | LinkCurves | UnlinkCurve | LinkObjects | AddLook | SetLook | RenameLook | DeleteLook | MoveLook
     | DuplicateObjects | SetGroup | RenameGroup | AddSun | DuplicateSun | DeleteSun | RenameSun
     | SetShadowCatcher | SetMapChange | SplitEnvironment | AddPainted | SetPainted | RemovePainted
+    | SetLampSize | SetCone | SetTarget
 )  # fmt: skip

@@ -62,6 +62,7 @@ class MovedOrbit:
         self._n_backs = len(self._lit.with_backs)
         self._parts = dict[int, tuple[MovedPart, MovedPart]]()
         self._matrices = dict[int, Float64Array]()
+        self._cones = self.scene.cones
         self._caster = self._moved_caster(0)
         self._visibility = MovedVisibility(self._lit, self._caster)
         n = len(self._points)
@@ -77,7 +78,9 @@ class MovedOrbit:
         there = {i: matrix for i, matrix in matrices.items() if np.ptp(self.scene.triangle_ranges[i])}
         self._set_apart(there.keys() - self._parts.keys())
         there = {i: there.get(i, np.eye(4)) for i in self._parts}
-        moving = [i for i, matrix in there.items() if not np.array_equal(matrix, self._matrices[i])]
+        turned_cones = (scene.cones != self._cones).any(axis=1)
+        self._cones = scene.cones
+        moving = [i for i, each in there.items() if turned_cones[i] or not np.array_equal(each, self._matrices[i])]
         before, self._matrices = self._caster.spheres_of(moving), there
         self._caster = self._moved_caster(0)
         points = move_points(self._points, scene.object_of_triangle, there)

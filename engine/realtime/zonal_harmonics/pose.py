@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from engine.core.errors import InsituError
 from engine.core.threads import even_parts, on_threads
+from engine.light.cones import Cone
 from engine.realtime.deformers import KINDS
 from engine.scene.transform import Transform
 
@@ -67,8 +68,9 @@ class Moment:
         return False
 
 
-# The steps that pose an object, in order: at most one moment comes first, at most one transform last.
-Motion = tuple[Moment | Deformation | Transform, ...]
+# The steps that pose an object, in order: at most one moment comes first, at most one transform last, and before that,
+# of a lamp, the cone that it has instead of its file's.
+Motion = tuple[Moment | Deformation | Cone | Transform, ...]
 Poses = tuple[tuple[str, Motion], ...]  # by object name
 
 

@@ -9,7 +9,7 @@ inverse transposes. The variation of weights along the surface is ignored, as us
 
 A transform comes last. With the vertices it moves all that belongs to the object's own frame: the transform in the
 scene's description, so cones of spots and tangents, the box that images are projected from, and the file's tangents.
-The scene is then the one whose file has the object there.
+The scene is then the one whose file has the object there. A cone replaces that of a spot, and moves nothing.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from engine.core.frames import local_frames, orthonormal
 from engine.core.threads import even_parts, on_threads
+from engine.light.cones import Cone
 from engine.realtime.zonal_harmonics import _animation_kernels as kernels
 from engine.realtime.zonal_harmonics.pose import (
     Deformation,
@@ -34,6 +35,7 @@ from engine.realtime.zonal_harmonics.pose import (
     deformed_frames,
     transformed,
 )
+from engine.scene.description import ConeDescription
 from engine.scene.loaders.gltf_nodes import matrix_of
 from engine.scene.mesh import face_normals
 from engine.scene.rig import PATHS, Clip, Rig, Track, morph_weight, normal_matrices
@@ -65,6 +67,8 @@ def pose_scene(scene: Scene, poses: Poses) -> Scene:
         return scene
     vertices, normals = scene.vertices.copy(), scene.normals.copy()
     placed = dict[int, Float64Array]()
+    cones = {i: cone for i, row in moving if (cone := cone_of(row)) is not None}
+    moving = [(i, row) for i, row in moving if any(not isinstance(each, Cone) for each in row)]
     for i, row in moving:
         rest, moment = animate_vertices(scene, i, row)
         shift = animation_offset(rest, moment)
@@ -83,7 +87,17 @@ def pose_scene(scene: Scene, poses: Poses) -> Scene:
         found, solid = face_normals(vertices, scene.triangles[own])
         geometric[own] = np.where(solid[:, None], found, geometric[own])
     posed = replace(scene, vertices=vertices, normals=normals, geometric_normals=geometric)
-    return _with_frames(posed, placed) if placed else posed
+    posed = _with_frames(posed, placed) if placed else posed
+    return _with_cones(posed, cones) if cones else posed
+
+
+def _with_cones(scene: Scene, cones: Mapping[int, Cone]) -> Scene:
+    """The scene with these cones of emitters, by index."""
+    objects = list(scene.description.objects)
+    for i, cone in cones.items():
+        described = ConeDescription(inner=cone.inner, outer=cone.outer)
+        objects[i] = objects[i].model_copy(update={"cone": described})
+    return replace(scene, description=scene.description.model_copy(update={"objects": tuple(objects)}))
 
 
 def _with_frames(scene: Scene, placed: Mapping[int, Float64Array]) -> Scene:
@@ -119,15 +133,21 @@ def transform_of(row: Motion) -> Transform | None:
     return next((each for each in row if isinstance(each, Transform)), None)
 
 
+def cone_of(row: Motion) -> Cone | None:
+    """The cone that an emitter has instead of its file's, None where it has none."""
+    return next((each for each in row if isinstance(each, Cone)), None)
+
+
 def movements_between(scene: Scene, before: Poses, after: Poses) -> dict[int, Float64Array] | None:
-    """The affine movements (4, 4) of objects, by index, from some poses to others, which differ by transforms alone;
-    None where they differ in more. scene: as in its file."""
+    """The affine movements (4, 4) of objects, by index, from some poses to others, which differ by transforms and
+    cones alone; None where they differ in more. An emitter whose cone alone differs has the identity. scene: as in its
+    file."""
     names = scene.object_names
     was, now = ({scene.object_index(name): row for name, row in poses if name in names} for poses in (before, after))
     found = dict[int, Float64Array]()
     for i in was.keys() | now.keys():
         rows = was.get(i, ()), now.get(i, ())
-        shapes = [tuple(each for each in row if not isinstance(each, Transform)) for row in rows]
+        shapes = [tuple(each for each in row if not isinstance(each, Cone | Transform)) for row in rows]
         if shapes[0] != shapes[1]:
             return None
         if rows[0] != rows[1] and np.ptp(scene.triangle_ranges[i]):

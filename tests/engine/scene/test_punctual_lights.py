@@ -1,6 +1,7 @@
 """Lamps for lights without size: their irradiance against closed forms."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -127,25 +128,36 @@ def text_of(lamp: ObjectDescription) -> str:
     return placed(lamp.name, str(lamp.primitive), ", ".join(map(str, lamp.transform)), more)
 
 
-@pytest.mark.parametrize("kind", ["point", "spot", "sun"])
+@pytest.mark.parametrize("kind", ["point", "spot", "edited spot", "sun"])
 @pytest.mark.parametrize("mode", ["placement", "orbit", "deform", "paths"])
 def test_a_floor_is_lit_as_by_the_light_itself(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str, mode: str
 ) -> None:
-    """Albedo over pi times the closed form of the irradiance, through all of Insitu."""
+    """Albedo over pi times the closed form of the irradiance, through all of Insitu; of a spot also with a cone that is
+    edited, after a picture of the one that its file has, and aimed there."""
     use_few_points(monkeypatch, 4000, 800)
     towards = np.array([0.4, 1.0, 0.3])
     if kind == "sun":
         sun = f"direction = {towards.tolist()}, irradiance = {list(INTENSITY)}"
         light = f"[environment]\nradiance = 0\nsun = [{{ {sun} }}]\n"
     else:
-        light = "".join(map(text_of, lamps(POINT if kind == "point" else spot(15, 45))))
+        in_file = {
+            "point": POINT,
+            "spot": spot(15, 45),
+            "edited spot": replace(spot(2, 20), direction=(0.6, -0.8, 0.0)),
+        }
+        light = "".join(map(text_of, lamps(in_file[kind])))
     floor = placed("floor", "quad", facing_up(4), material('model = "lambert", albedo = 0.5'))
     path = tmp_path / "scene.toml"
     # An orthogonal look down: pixels are squares of the floor.
     text = camera((0, 100, 0), 1.0, (12, 12), head="bounces = 1\n").replace("[camera]\n", "[camera]\nup = [0, 0, -1]\n")
     path.write_text(text + light + floor)
     scene = insitu.open(str(path))
+    if kind == "edited spot":
+        before = np.asarray(scene.image(mode, samples=4) if mode == "paths" else scene.image(mode))
+        assert np.isfinite(before).all()
+        scene["Spot"].inner_angle, scene["Spot"].outer_angle = 15, 45
+        scene["Spot"].target = POINT.position + 1.5 * AXIS
     found = np.asarray(scene.image(mode, samples=1024) if mode == "paths" else scene.image(mode))
     half = 100.0 * math.tan(math.radians(0.5))
     x, z = np.meshgrid(*[half * ((2 * np.arange(12) + 1) / 12 - 1)] * 2)
@@ -155,7 +167,7 @@ def test_a_floor_is_lit_as_by_the_light_itself(
         away = np.subtract(POINT.position, np.stack([x, 0 * x, z], axis=2))
         distance = np.linalg.norm(away, axis=2)
         shape = away[..., 1] / distance**3
-        if kind == "spot":
+        if kind.endswith("spot"):
             shape *= extension_intensity(-(away @ AXIS) / distance, 15, 45)
     expected = 0.5 / np.pi * shape[..., None] * INTENSITY
     error = np.sqrt(np.mean((found - expected) ** 2)) / expected.mean()
