@@ -202,7 +202,7 @@ def panel_context(editor: Editor, source: PictureFeed | None, pictures: PanelPic
         heading=source.heading,
         object_at=source.object_at,
         spot_at=source.spot_at,
-        facing_of=source.facing_of,
+        facing_of=editor.camera_history.resting_facing,
         values_at=partial(source.values_at, editor),
         scopes=partial(_scopes, editor, source),
         waveform=pictures.waveform,

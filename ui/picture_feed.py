@@ -191,10 +191,6 @@ class PictureFeed:
         """The name of the object that a pixel of the picture sees."""
         return self._scene.object_at(column, row)
 
-    def facing_of(self, name: str) -> NDArray[np.float64] | None:
-        """The direction (3,) that a lamp shines to where its file has it; None for one that shines to all sides."""
-        return self._scene.facing_of(name)
-
     def surface_at(self, column: int, row: int) -> SurfacePoint | None:
         """The surface that a pixel of the picture sees; None for emitters and the background."""
         return self._scene.surface_at(column, row)

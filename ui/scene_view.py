@@ -19,7 +19,6 @@ from app.messages.picture_events import SceneFrame
 from engine.light.environment import Environment, tone_mapped_thumbnail
 from engine.material.strokes import Stroke, pack_dabs
 from engine.scene.description import Camera, SceneDescription
-from engine.scene.light_placement import facing_of
 from engine.scene.picture_frame import PictureFrame
 from ui.gl.gpu_memory import small_texture
 from ui.surface_lobe import SurfacePoint
@@ -101,12 +100,6 @@ class SceneView:
         """The name of the object that a pixel of the picture sees."""
         index = -1 if self._frame is None else self._frame.object_at(column, row)
         return self._names[index] if 0 <= index < len(self._names) else None
-
-    def facing_of(self, name: str) -> NDArray[np.float64] | None:
-        """The direction (3,) that a lamp shines to where its file has it, see `engine.scene.light_placement`."""
-        objects = () if self._description is None else self._description.objects
-        described = next((each for each in objects if each.name == name), None)
-        return None if described is None else facing_of(described)
 
     def surface_at(self, column: int, row: int) -> SurfacePoint | None:
         """The surface that a pixel of the picture sees; None for emitters and the background."""

@@ -242,23 +242,16 @@ def _paint(window: HeadlessWindow, editor: Editor, step: PaintStroke) -> None:
 
 
 def _place_light(window: HeadlessWindow, editor: Editor, step: PlacedByHand) -> None:
-    source, history = window.shell.source, editor.camera_history
-    assert source is not None
-    window.frames(2)
-
-    def spot_at(pixel: tuple[int, int]) -> SurfaceSpot:
-        if (spot := source.spot_at(*pixel)) is None:
-            raise ScriptError(f"place_light: pixel {pixel[0]}, {pixel[1]} sees no surface")
-        return spot
-
+    history = editor.camera_history
     start, end = (None, step.highlight) if step.shadow is None else step.shadow
     assert end is not None
-    x, y, z = (0.0, 0.0, 0.0) if start is None else spot_at(start).place.tolist()
+    spot = _surface_at(window, editor, "place_light", end)
+    x, y, z = (0.0, 0.0, 0.0) if start is None else _surface_at(window, editor, "place_light", start).place.tolist()
     caster = None if start is None else (x, y, z)
     if step.light.startswith(f"{PAINTED}."):
         name = step.light.removeprefix(f"{PAINTED}.")
         place_of(editor.document, name)  # says which there are
-        command = painted_placement(editor.document.light, name, spot_at(end), history.camera, caster)
+        command = painted_placement(editor.document.light, name, spot, history.camera, caster)
         if command is None:
             raise ScriptError(f"place_light: no light can be mirrored at pixel {end[0]}, {end[1]}")
         refusal = editor.do(command)
@@ -267,7 +260,7 @@ def _place_light(window: HeadlessWindow, editor: Editor, step: PlacedByHand) -> 
         return
     sun = _sun_of(editor, step.light)
     if sun is not None:
-        aimed = sun_placement(sun, editor.document.light, spot_at(end), history.camera, caster)
+        aimed = sun_placement(sun, editor.document.light, spot, history.camera, caster)
         refusal = None if aimed is None else editor.do(aimed)
         if refusal is not None:
             raise ScriptError(refusal)
@@ -276,16 +269,17 @@ def _place_light(window: HeadlessWindow, editor: Editor, step: PlacedByHand) -> 
     box = history.resting_box(step.light)
     if not state.emits or box is None:
         raise ScriptError(f"place_light: {step.light} is no light that has a place")
-    light = PlacedLight(box.mean(axis=0), source.facing_of(step.light), state.transform)
-    refusal = editor.do(placement(step.light, light, spot_at(end), history.camera, caster))
+    light = PlacedLight(box.mean(axis=0), history.resting_facing(step.light), state.transform)
+    refusal = editor.do(placement(step.light, light, spot, history.camera, caster))
     if refusal is not None:
         raise ScriptError(refusal)
 
 
-def _surface_at(window: HeadlessWindow, step: str, pixel: tuple[int, int]) -> SurfaceSpot:
+def _surface_at(window: HeadlessWindow, editor: Editor, step: str, pixel: tuple[int, int]) -> SurfaceSpot:
+    """What a pixel sees, once there is a picture from the camera that the steps before have moved."""
+    wait_for_picture(window, editor, "first")
     source = window.shell.source
     assert source is not None
-    window.frames(2)
     if (spot := source.spot_at(*pixel)) is None:
         raise ScriptError(f"{step}: pixel {pixel[0]}, {pixel[1]} sees no surface")
     return spot
@@ -298,7 +292,7 @@ def _move(window: HeadlessWindow, editor: Editor, step: Move) -> None:
         return
     placed = step.placed(editor.document, editor.camera_history.resting_box)
     names = [each.name for each in placed]
-    spot, source = _surface_at(window, "move", step.onto), window.shell.source
+    spot, source = _surface_at(window, editor, "move", step.onto), window.shell.source
     if not placed or source is None or source.object_at(*step.onto) in names:
         raise ScriptError(f"move: pixel {step.onto[0]}, {step.onto[1]} sees what is moved, expected another surface")
     refusal = editor.do(standing(placed, spot.place, spot.normal, step.align))
@@ -307,18 +301,15 @@ def _move(window: HeadlessWindow, editor: Editor, step: Move) -> None:
 
 
 def _aim(window: HeadlessWindow, editor: Editor, step: Aim) -> None:
-    source = window.shell.source
-    assert source is not None
-    point = step.at if step.onto is None else _surface_at(window, "aim", step.onto).place
+    point = step.at if step.onto is None else _surface_at(window, editor, "aim", step.onto).place
     assert point is not None
-    window.frames(2)
     if editor.document.object(step.light).lamp is not None:
         x, y, z = map(float, point)
         if (refusal := editor.do(SetTarget(step.light, (x, y, z)))) is not None:
             raise ScriptError(refusal)
         return
     placed = placed_objects(editor.document, [step.light], editor.camera_history.resting_box)
-    facing = source.facing_of(step.light)
+    facing = editor.camera_history.resting_facing(step.light)
     if not placed or facing is None:
         raise ScriptError(f"aim: {step.light} shines to all sides or not at all, expected a flat light or a spot")
     aimed = PlacedLight(placed[0].pivot, facing, placed[0].transform).aimed_at(point)

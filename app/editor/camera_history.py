@@ -1,4 +1,4 @@
-"""The camera of the view, its own undo history, and the boxes of objects that it can frame.
+"""The camera of the view, its own undo history, and where objects are in their files.
 
 The camera is a part of the view, not of the document: moving it is no edit, and has an undo of its own.
 """
@@ -19,8 +19,9 @@ from app.editor.view_controller import ViewController
 from app.system.memory import require_memory_for
 from engine.core.errors import InsituError
 from engine.scene.composition import ObjectSource
-from engine.scene.description import Camera, SceneDescription
+from engine.scene.description import Camera, ObjectDescription, SceneDescription
 from engine.scene.ground_boxes import find_ground_boxes
+from engine.scene.light_placement import facing_of
 
 if TYPE_CHECKING:
     from engine.scene.added_objects import AddedObject
@@ -52,6 +53,7 @@ class CameraHistory:
         self.own_camera, self.own_resolution = NO_CAMERA, (0, 0)
         self.history = History(Viewpoint())
         self._boxes: dict[ObjectSource, Box] = {}
+        self._described: dict[str, ObjectDescription] = {}
 
     def scene_opened(self, description: SceneDescription, boxes: Box) -> None:
         """Take over another scene, with the box (2, 3) of each of its objects, NaN where an object has no surface."""
@@ -59,6 +61,7 @@ class CameraHistory:
         self.own_camera = Camera(**{name: getattr(description.camera, name) for name in Camera.model_fields})
         named = zip((described.name for described in description.objects), boxes, strict=False)
         self._boxes = {name: box for name, box in named if np.all(np.isfinite(box))}
+        self._described = {described.name: described for described in description.objects}
 
     def add_boxes(self, objects: Iterable[AddedObject]) -> None:
         """Take over the boxes of objects that the scene's file does not have."""
@@ -166,6 +169,13 @@ class CameraHistory:
     def resting_box(self, name: str) -> Box | None:
         """The box (2, 3) of an object where its file has it, in metres; None where it has no surface."""
         return next((self._boxes.get(each.source) for each in self._host.document.objects if each.name == name), None)
+
+    def resting_facing(self, name: str) -> NDArray[np.float64] | None:
+        """The direction (3,) that a lamp shines to where its file has it; None for one that shines to all sides. It is
+        known as soon as the lamp is in the document, before the worker has it in the scene."""
+        source = next((each.source for each in self._host.document.objects if each.name == name), None)
+        described = self._described.get(source) if isinstance(source, str) else source
+        return None if described is None else facing_of(described)
 
     def _history_now(self) -> History[Viewpoint]:
         """The history, with its present state set to the view: a session or a script may have set that directly."""
