@@ -20,7 +20,7 @@ from app.document.commands.plan import OverrideLine
 from app.document.view_state import SetView
 from app.worker.cache import ArrayCache
 from tests.ui.small_scene import write_small_scene
-from tests.ui.test_any_sequence import LIFT, LateClient, Walk, fresh, relative_error, walk
+from tests.ui.test_any_sequence import LIFT, TOLERANCE, LateClient, Walk, fresh, relative_error, walk
 
 pytestmark = pytest.mark.gl
 
@@ -78,6 +78,7 @@ def opened(context: moderngl.Context, source: str, tmp_path: Path) -> Walk:
 def test_a_map_is_one_row_with_nodes_behind_it(context: moderngl.Context, source: str, tmp_path: Path) -> None:
     here = opened(context, source, tmp_path)
     try:
+        here.editor.do(SetView.of(precision="float"))
         plain = here.settle()
         here.editor.do(SetParameterMap("ball.1", "alpha", {"map": "rough.png", "range": [0.1, 0.6]}))
         mapped = here.settle()
@@ -91,11 +92,11 @@ def test_a_map_is_one_row_with_nodes_behind_it(context: moderngl.Context, source
         here.editor.do(AddOperator("ball.1", "theta_h", LIFT))
         lifted = here.settle()
         assert relative_error(lifted, mapped) > 0.008
-        assert relative_error(lifted, fresh(context, here, tmp_path)) < 4e-3
+        assert relative_error(lifted, fresh(context, here, tmp_path)) < TOLERANCE
         here.editor.undo()
-        assert relative_error(here.settle(), mapped) < 4e-3
+        assert relative_error(here.settle(), mapped) < TOLERANCE
         here.editor.undo()
-        assert relative_error(here.settle(), plain) < 4e-3 and not here.editor.status.map_nodes
+        assert relative_error(here.settle(), plain) < TOLERANCE and not here.editor.status.map_nodes
         assert not here.told
     finally:
         here.close()

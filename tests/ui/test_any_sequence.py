@@ -52,8 +52,13 @@ LIFT = Operator("translate", "y", 0.1, 0.2, 0.5, 0.8, magnitude=0.4)
 RESOLUTION = (48, 32)
 FRAME_SECONDS = 0.03
 MOST_FRAMES = 20_000
-# Half floats, and sums of 128 of them.
-TOLERANCE = 4e-3
+# Of the root of the mean square of all pixels to their mean.
+TOLERANCE = 1e-5
+# While a curve is selected its layer is a sum of transport in half floats, each of which is off by up to 2^-11 of
+# itself, unless the user wants full floats. Once it is left, the worker sums it.
+HALVES = 1e-3
+# Rays between surfaces go where the materials need them by which they were sent: those of a fresh start are others.
+SAMPLED = 0.1
 
 
 class LateClient:
@@ -87,8 +92,10 @@ class LateClient:
         taken, self._late = self._late[:n], self._late[n:]
         return [response for response in taken if self._counts(response)]
 
-    def kill(self) -> None:
-        """The process dies: of what it has sent a part is still read, and another one is given what stands."""
+    def kill(self, store: ArrayCache | None = None) -> None:
+        """The process dies: of what it has sent a part is still read, and another one is given what stands; store: and
+        another cache."""
+        self._store = store or self._store
         self._late = [*self._late[: int(self._random.integers(0, len(self._late) + 1))], WorkerRestarted("killed")]
         self._schedule = Schedule(RequestDispatcher(self._store))
         self._standing.worker_restarted()
@@ -346,11 +353,9 @@ def test_a_hand_that_never_rests_while_the_stages_come(
             here.frames()
             assert n < MOST_FRAMES
         assert not here.told
-        shown = here.settle()
-        expected = fresh(context, here, tmp_path)
+        assert_as_fresh(context, here, tmp_path, bounces=1)
     finally:
         here.close()
-    assert relative_error(shown, expected) < TOLERANCE
 
 
 def walk(
@@ -372,15 +377,38 @@ def walk(
             here.frames(int(random.choice([0, 1, 3, 10, 40])))
         here.editor.do(SetView.of(lighting="scene"))
         here.frames()  # until then the status is of the picture under the light before
-        shown = here.settle()
+        here.settle()
         assert all(any(known in line for known in MAY_BE_TOLD) for line in here.told), here.told
-        here.editor.do(SetView.of(compare=None, solo=None))
-        expected = fresh(context, here, tmp_path)
+        assert_as_fresh(context, here, tmp_path, bounces)
     finally:
         print(seed, done)
         here.close()
-    assert relative_error(shown, expected) < (TOLERANCE if bounces == 1 else 0.1), seed
     assert context.error == "GL_NO_ERROR"
+
+
+def assert_as_fresh(context: moderngl.Context, here: Walk, tmp_path: Path, bounces: int) -> None:
+    """The picture at rest is that of a new editor on the document as it was saved."""
+    here.editor.do(SetView.of(compare=None, solo=None))
+    as_edited = here.settle()
+    selected = here.editor.view.selected
+    is_edited = selected is not None and selected.factor is not None
+    here.editor.do(SetView.of(precision="float"))
+    if bounces > 1:
+        find_anew(here, tmp_path)
+    here.frames()
+    shown, expected = here.settle(), fresh(context, here, tmp_path)
+    assert relative_error(shown, expected) < TOLERANCE
+    assert relative_error(as_edited, expected) < (SAMPLED if bounces > 1 else HALVES if is_edited else TOLERANCE)
+
+
+def find_anew(here: Walk, tmp_path: Path) -> None:
+    """Have another worker, which knows nothing, find light between surfaces for the materials as they are: those that
+    the transport is requested with."""
+    n_lights = here.editor.view.settings.n_lights
+    for each in (n_lights + 1, n_lights):
+        here.editor.do(SetView.of(n_lights=each))
+        here.frames(40)
+    here.client.kill(ArrayCache(tmp_path / "forgotten"))
 
 
 def fresh(context: moderngl.Context, before: Walk, tmp_path: Path) -> np.ndarray:

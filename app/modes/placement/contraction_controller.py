@@ -3,7 +3,8 @@
 - The selected curve needs its layer's transport, the layer's other factor contracted with its present curve ("curve
   switching", [BenArtzi07, eq. 4.16]), in half or single floats; it is requested again when that other curve or the
   precision has changed. So are layers that share the curve (`edited_curves`).
-- A layer that is not selected needs its radiance with its present curves: undo may have changed them.
+- A layer that is not selected needs its radiance with its present curves: undo may have changed them, or it was
+  selected before and is a sum in half floats since.
 
 At most one contraction is under way, because a newer one cancels the older; the selected curve's goes first.
 
@@ -104,16 +105,18 @@ class ContractionController:
         return self._can_contract(desired.key, self._curves.coefficients(document, desired.key))
 
     def _outdated_layers(self, document: Document, edited: Collection[str]) -> dict[str, Coefficients]:
-        """The curves of those layers, except edited ones, whose radiance was made with other curves."""
+        """The curves of those layers, except edited ones, whose radiance was made with other curves, or in half
+        floats."""
         outdated: dict[str, Coefficients] = {}
         there = {key for key, _ in document.layers()}
         for key, shown in self.layers.items():
             if key not in there:  # a Fresnel term that was taken away: the requested transport is that of before
                 continue
             wanted = self._curves.coefficients(document, key)
-            if same_coefficients(shown.coefficients, wanted):
+            is_same = same_coefficients(shown.coefficients, wanted)
+            if is_same:
                 shown.coefficients = wanted
-            elif key not in edited:
+            if key not in edited and (not is_same or shown.in_halves and self._can_contract(key, wanted)):
                 outdated[key] = wanted
         return outdated
 
@@ -161,6 +164,8 @@ class ContractionController:
         values = [np.asarray(made_with, dtype=np.float64) for made_with in response.coefficients]
         coefficients = dict(zip(names, values, strict=True))
         self.layers[response.key] = ReadyLayer(response.stage, coefficients)
+        if same_coefficients(self._requested_pictures.get(response.key, {}), coefficients):
+            del self._requested_pictures[response.key]
         under_way = self._under_way
         if under_way is not None and under_way.desired.factor is None and under_way.id == response.id:
             self._under_way = None
@@ -183,10 +188,13 @@ class ContractionController:
     def receive_failure(self, id: int) -> None:
         """Note that a request failed: it is not repeated until it would be another one."""
         if self._under_way is not None and id == self._under_way.id:
-            self._under_way = None
+            desired, self._under_way = self._under_way.desired, None
+            if desired.factor is None and desired.key in self.layers:
+                self.layers[desired.key].in_halves = False  # it stays as it is
 
     def rendered(self, key: str, factor: str, coefficients: Float64Array) -> None:
         """The renderer has updated a layer's picture to exactly these coefficients."""
         shown = self.layers.get(key)
         if shown is not None and self._edited.stage_of(key, factor) == shown.stage:
             shown.coefficients = {**shown.coefficients, factor: coefficients}
+            shown.in_halves = self._edited.is_in_halves(key)

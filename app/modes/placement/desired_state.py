@@ -157,10 +157,12 @@ class DesiredCurve:
 
 @dataclass
 class ReadyLayer:
-    """The newest radiance of a layer under the transport requested last: its stage, and the curves it was made with."""
+    """The newest radiance of a layer under the transport requested last: its stage, the curves it was made with, and
+    whether the renderer has summed it from transport in half floats."""
 
     stage: str
     coefficients: Coefficients
+    in_halves: bool = False
 
 
 @dataclass(frozen=True)

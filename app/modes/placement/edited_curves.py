@@ -126,3 +126,7 @@ class EditedCurves:
         """The stage of a curve's transport, where it is the one that is ready."""
         shown = self._ready.get(key)
         return None if shown is None or shown.factor != factor else shown.stage
+
+    def is_in_halves(self, key: str) -> bool:
+        """Whether the transport that is ready of a layer is in half floats."""
+        return key in self._ready and self._ready[key].precision == "half"
