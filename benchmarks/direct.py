@@ -7,12 +7,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from app.measure.subject import Errors, Precomputed, Subject, largest_on_gpu, open_subject, precompute
+from app.measure.subject import Precomputed, Subject, largest_on_gpu, open_subject, precompute
 from benchmarks.brute_force_ratio import Ratio, precompute_ratios, visibility_ratios, wrong_answers
 from benchmarks.effort import Effort, open_at_most, size_text
 from benchmarks.figures import Figure, not_measured
 from benchmarks.references import REFERENCES, reference_errors, reference_folder
 from engine.precompute.direct.pipeline import FINAL, PREVIEW, Placement
+from engine.render.picture_difference import Errors
 
 VISIBILITY_RESOLUTION = 512, 512
 

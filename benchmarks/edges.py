@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from app.measure.subject import CLAMP_PERCENTILE, Subject, box_averaged, direct_picture, precompute_on
+from app.measure.subject import Subject, box_averaged, direct_picture, precompute_on
 from app.project.project import Project, open_project
 from app.stills.stills import layers_by_object, plan_still
 from benchmarks.figures import Figure, not_measured
@@ -26,6 +26,7 @@ from benchmarks.references import reference_folder
 from engine.core.generators import run_to_end
 from engine.precompute.direct.pipeline import FINAL, Placement
 from engine.reference.path_tracer import trace_halves
+from engine.render.picture_difference import CLAMP_PERCENTILE
 from engine.render.still import compose
 
 SCENES = ("teatray", "bunny")

@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from app.measure.subject import Errors, errors
 from app.project.project import open_project
 from app.stills.stills import Mode, render_project
+from engine.render.picture_difference import Errors, errors
 
 SIDE = 48
 N_SAMPLES = 4096

@@ -19,11 +19,11 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from app.measure.report import save_figure
-from app.measure.subject import errors
 from engine.core.frames import local_frames
 from engine.light.environment import triangle_integrals
 from engine.material.layer import Layer, evaluate_layers
 from engine.precompute.direct.pipeline import SkyState
+from engine.render.picture_difference import errors
 from engine.scene.primary_hits import PrimaryHits
 from engine.scene.raycaster import RayCaster
 from engine.sphere.geodesic import geodesic

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from app.measure.subject import Errors, at_most, errors, open_subject
+from app.measure.subject import at_most, open_subject
 from app.project.project import open_project
 from app.stills.stills import render_picture
 from benchmarks.figures import Figure, NotMeasured, not_measured
@@ -24,6 +24,7 @@ from benchmarks.peer import peer_figure
 from benchmarks.references import masked_reference, reference_folder
 from engine.precompute.direct.pipeline import Placement
 from engine.precompute.indirect.sampling_settings import parse_series
+from engine.render.picture_difference import Errors, errors
 
 CSV = "indirect_memory.csv"
 OF_CORNELL = ("gi_edit_ms", "gi_memory_mb_cornell", "gi_first_s", "gi_first_error")

@@ -28,7 +28,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from app.measure.subject import errors
 from app.modes.placement.placement_messages import PrepareRelighting
 from app.project.project import Project, open_project
 from app.system.atomic import save_file
@@ -39,6 +38,7 @@ from benchmarks.light_mix import N_LAMPS, TIMES_TEN, mixed_scene, scene_text
 from benchmarks.peer import cleared_error, inner_pixels
 from benchmarks.relighting import ReadyScene, RelightEffort
 from engine.precompute.direct.pipeline import FINAL, Placement
+from engine.render.picture_difference import errors
 from engine.scene.picture_frame import picture_frame
 
 VARIABLE = "INSITU_LUXCORE_PYTHON"

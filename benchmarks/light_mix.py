@@ -17,12 +17,12 @@ import numpy as np
 
 from app.document.light_state import ENVIRONMENT_KEY, MixRow
 from app.document.scene_state import SceneState
-from app.measure.subject import errors
 from app.modes.placement.placement_messages import PrepareRelighting
 from benchmarks.figures import Figure, NotMeasured, not_measured
 from benchmarks.relighting import Pictures, ReadyScene, RelightEffort
 from engine.core.weighted_sum import ChangingSum
 from engine.precompute.direct.pipeline import FINAL
+from engine.render.picture_difference import errors
 from engine.scene.picture_frame import PictureFrame
 
 NAMES = ("mix_ms_8", "mix_ms_64", "mix_error")

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from app.measure.subject import CLAMP_PERCENTILE, Errors, box_averaged, errors
+from app.measure.subject import box_averaged
 from app.project.project import Project, open_project
 from app.stills.stills import render_picture
 from engine.core.generators import run_to_end
@@ -34,6 +34,7 @@ from engine.precompute.direct.pipeline import Placement
 from engine.precompute.indirect.sampling_settings import BounceSeries
 from engine.reference.path_lobes import Scattering
 from engine.reference.path_tracer import trace_paths
+from engine.render.picture_difference import CLAMP_PERCENTILE, Errors, errors
 
 FINER = 3  # rays of the judge along each side of a pixel of the quad
 SIDE = 32

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from app.document.scene_state import SceneState
-from app.measure.subject import errors
 from app.messages.worker_messages import Request, RequestFailed, Response, SetCamera, ViewTraced
 from app.modes.placement.placement_messages import (
     FreezeIndirect,
@@ -31,6 +30,7 @@ from benchmarks.figures import Figure, NotMeasured, not_measured
 from benchmarks.light_mix import scene_text
 from benchmarks.relighting import Pictures, ReadyScene, RelightEffort
 from engine.realtime.zonal_harmonics.pose import Poses
+from engine.render.picture_difference import errors
 from engine.scene.transform import Transform
 from engine.settings import RenderSettings
 

@@ -15,7 +15,6 @@ from pathlib import Path
 import numpy as np
 
 from app.measure.settings_orbit import finish_orbit, inner_rows
-from app.measure.subject import errors
 from app.project.project import Project, open_project
 from app.stills.stills import layers_by_object
 from benchmarks.figures import Figure, NotMeasured, not_measured
@@ -29,6 +28,7 @@ from engine.precompute.direct.pipeline import Placement, SkyState
 from engine.realtime.core.shading_points import place_points
 from engine.realtime.triple_product.orbit_engine import N_POINTS, Orbit
 from engine.reference.integrator import integrate_direct
+from engine.render.picture_difference import errors
 from engine.scene.camera_moves import orbit_camera
 from engine.scene.raycaster import RayCaster
 

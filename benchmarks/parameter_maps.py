@@ -22,7 +22,6 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter
 
 from app.document.node_layers import node_counts
-from app.measure.subject import errors
 from app.project.project import Project, open_project, with_overrides
 from app.stills.stills import render_project
 from engine.core.frames import local_frames
@@ -31,6 +30,7 @@ from engine.material.layer import Layer, evaluate_layer
 from engine.precompute.direct.pipeline import Placement
 from engine.reference.integrator import patch_samples
 from engine.reference.texel_parameters import TexelParameters
+from engine.render.picture_difference import errors
 from engine.scene.map_sampler import MapFactors
 from engine.sphere.geodesic import geodesic
 

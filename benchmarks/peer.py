@@ -25,7 +25,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from app.measure.subject import CLAMP_PERCENTILE, errors
 from app.project.project import Project, open_project
 from app.stills.stills import render_picture
 from benchmarks.figures import Figure, NotMeasured, not_measured
@@ -33,6 +32,7 @@ from benchmarks.launches import run_program
 from benchmarks.references import reference_folder
 from engine.precompute.direct.pipeline import Placement
 from engine.precompute.indirect.sampling_settings import parse_series
+from engine.render.picture_difference import CLAMP_PERCENTILE, errors
 from engine.scene.primary_hits import PrimaryHits
 
 VARIABLE = "INSITU_PEER_PYTHON"

@@ -22,7 +22,6 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from app.measure.subject import errors
 from app.project.project import Project, open_project
 from app.stills.stills import layers_by_object
 from app.system.atomic import save_file
@@ -34,6 +33,7 @@ from engine.planner import band_counts
 from engine.precompute.direct.pipeline import FINAL, Placement, SkyState
 from engine.reference.integrator import integrate_direct
 from engine.render.display import display_picture
+from engine.render.picture_difference import errors
 from engine.render.still import StillLayer, compose, reflect_layers
 
 Float64Array = NDArray[np.float64]

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from app.measure.subject import Errors, Precomputed, Subject, errors, reflected
+from app.measure.subject import Precomputed, Subject, reflected
 from engine.light.radiance_files import read_radiance_image
+from engine.render.picture_difference import Errors, errors
 from engine.render.still import compose
 from engine.scene.primary_hits import PrimaryHits
 

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from app.document.described import document_from_description
 from app.document.scene_state import SceneState, layer_state, scene_state
-from app.measure.subject import errors
 from app.messages.worker_messages import OpenScene, Request, RequestFailed, Response, SetCamera
 from app.modes.placement.placement_messages import ComputeTransport, LayerPicture, PrepareRelighting, RelightingPrepared
 from app.project.project import open_project
@@ -27,6 +26,7 @@ from app.worker.tasks import RequestDispatcher
 from benchmarks.figures import Figure, NotMeasured, not_measured
 from engine.planner import band_counts
 from engine.precompute.direct.pipeline import FINAL, PREVIEW
+from engine.render.picture_difference import errors
 from engine.settings import RenderSettings
 
 NAMES = ("turn_error", "turn_cpu_s", "relight_rows_s")

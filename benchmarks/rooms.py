@@ -13,12 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from app.measure.subject import Errors, errors
 from app.project.project import Project, open_project
 from app.stills.stills import render_picture
 from benchmarks.figures import Figure, not_measured
 from engine.precompute.direct.pipeline import Placement
 from engine.precompute.indirect.sampling_settings import BounceSeries
+from engine.render.picture_difference import Errors, errors
 
 BLOCK = 8
 # Of the picture's mean: in what is darker, a blotch is seen against this.

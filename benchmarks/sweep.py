@@ -34,10 +34,8 @@ from app.measure.subject import (
     BYTES,
     MIB,
     PRECISIONS,
-    Errors,
     Precomputed,
     Subject,
-    errors,
     gpu_planes,
     largest_on_gpu,
     layer_coefficients,
@@ -52,6 +50,7 @@ from app.system.atomic import save_file
 from engine.curve.wavelet import forward
 from engine.material.layer import Layer
 from engine.precompute.direct.pipeline import FINAL, Placement
+from engine.render.picture_difference import Errors, errors
 from engine.settings import Precision
 from engine.visibility.point_visibility import brute_force_visibility
 

@@ -22,13 +22,13 @@ from numpy.typing import NDArray
 
 from app.measure.report import save_figure
 from app.measure.settings_orbit import inner_rows
-from app.measure.subject import errors
 from app.project.project import open_project
 from app.stills.stills import layers_by_object
 from benchmarks.haar_truncation import COARSE, direct_factors
 from engine.precompute.direct.pipeline import Placement
 from engine.realtime.core.shading_points import ShadingPoints, shading_points
 from engine.realtime.core.view_samples import PointMesh
+from engine.render.picture_difference import errors
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene
 from engine.sphere.geodesic import geodesic

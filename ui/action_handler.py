@@ -44,6 +44,7 @@ from ui.panels.actions import (
     BeginCameraDrag,
     BeginDrag,
     CancelDrag,
+    CompareFile,
     Copy,
     CopyText,
     DeleteMaterial,
@@ -78,6 +79,7 @@ from ui.panels.actions import (
     SetPreference,
     ShowPanel,
     StopLayers,
+    StorePicture,
 )
 from ui.panels.window_state import PanelState
 
@@ -89,7 +91,7 @@ class FrameOutcome:
     state: PanelState
     reset_layout: bool = False
     screenshot: Path | None = None
-    picture: SavePicture | SaveContactSheet | None = None
+    picture: SavePicture | SaveContactSheet | StorePicture | None = None
     stops_layers: bool = False
     draws_looks: bool | None = None
     quit: bool = False
@@ -171,6 +173,8 @@ class ActionHandler:
                 return replace(outcome, picture=action)
             case SaveContactSheet():
                 return replace(outcome, picture=self.files.checked_sheet(action))
+            case StorePicture():
+                return replace(outcome, picture=action)
             case StopLayers():
                 return replace(outcome, stops_layers=True)
             case DrawLooks():
@@ -232,6 +236,9 @@ class ActionHandler:
             case OpenConfig():
                 if self.files.check_file(action.path, "config"):
                     editor.colours.open(ConfigView(str(action.path)))
+            case CompareFile():
+                if self.files.check_file(action.path, "picture"):
+                    editor.stored.load(action.path)
             case ExportMeasured():
                 self.files.folders["measured"] = action.path.absolute().parent
                 editor.exchange.export_measured(action.path)

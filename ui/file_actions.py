@@ -51,7 +51,7 @@ KIND_OF = {
     "save_environment": "environment", "paint_image": "image",
     "save_package": "package",
     "open_table": "table",
-    "open_config": "config",
+    "open_config": "config", "open_compared": "picture",
 }  # fmt: skip
 # The suffixes that the shown picture can be saved with.
 PICTURE_FILES = (".png", ".exr")

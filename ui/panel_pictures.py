@@ -28,6 +28,7 @@ from app.files.materials import LibraryEntry
 from engine.core.errors import InsituError
 from engine.render.scopes import Scopes, waveform_picture
 from ui.brdf_feed import TableFeed
+from ui.difference_feed import DifferenceFeed
 from ui.gl.display import ErrorOverlay
 from ui.gl.gpu_memory import TextureMemory
 from ui.gl.interface import InterfaceRenderer
@@ -107,6 +108,7 @@ class PanelPictures:
         self.materials = Thumbnails(context, tables.tables, partial(tables.complete, editor))
         self._views = ViewThumbnails(context)
         self._waveform = ScopeTexture(context)
+        self.difference = DifferenceFeed(context, self.picture)
 
     def picture(self, texture: moderngl.Texture | None, sharp: bool = False) -> Picture | None:
         """A texture for panels to draw; `sharp` shows its pixels as squares where they are enlarged."""
@@ -147,6 +149,7 @@ class PanelPictures:
         self.materials.release()
         self._views.release()
         self._waveform.release()
+        self.difference.release()
         self._error_overlay.release()
 
 
@@ -181,17 +184,20 @@ def panel_context(editor: Editor, source: PictureFeed | None, pictures: PanelPic
         resting_box_of=history.resting_box,
         view_thumbnail=pictures.view,
         thumbnail=pictures.material,
+        stored_names=editor.stored.names,
         **window,
     )
     if source is None:
         return context
     selected, refusal = layer_shown(document, editor.view.selected), None
+    sharp = not editor.view.fit and editor.view.zoom > SHARP_ZOOM
     if selected is not None:
         refusal = source.map_refusal(editor, selected.key) or editor.nodes.refusal(document.layer(selected.key))
     return replace(
         context,
         status=replace(context.status, is_away=status.is_away or source.shows_view_before),
-        picture=pictures.picture(source.picture, sharp=not editor.view.fit and editor.view.zoom > SHARP_ZOOM),
+        picture=pictures.picture(source.picture, sharp),
+        difference=pictures.difference.board(sharp),
         picture_camera=source.camera,
         mode_before="" if source.mode_before is None else source.mode_before.title,
         error_overlay=pictures.error_map(status.error_colours),

@@ -134,6 +134,8 @@ class PictureFeed:
         self._left_of: object = None  # what the picture of the mode before was made of, where it was finished
         self._finished_of: object = None
         self._took_scene = False  # whether the source has the scene
+        self.stamp = 0  # rises with each frame in which the picture may have changed
+        self._drawn_of: object = None
         self._is_plain = False  # whether objects lit from the camera are shown, and no mode's picture
         self._choose(mode, source or import_named(mode.picture)(context))
 
@@ -266,6 +268,9 @@ class PictureFeed:
             busy = self.source.draw(editor, last_frame_ms, not self._waiting) or thumbnail_came
             status = editor.status
             made_of = _made_of(editor)
+            if busy or took or self._stepped or made_of != self._drawn_of:
+                self.stamp += 1
+            self._drawn_of = made_of
             is_better = self.mode_before is not None and self._left_of == made_of
             if is_better and not status.stopped:
                 # "Finished" of a mode whose source has yet to take its scene and layers is that of the source before.

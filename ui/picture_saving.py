@@ -1,13 +1,16 @@
-"""Saves what is shown: at once, or drawn anew with its layers or all looks."""
+"""Saves what is shown, in a file or to be compared: at once, or drawn anew with its layers or all looks."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from app.editor.editor import Editor
 from app.stills.layer_saver import LayerSaver
 from engine.core.errors import InsituError
-from ui.panels.actions import SaveContactSheet, SavePicture
+from ui.gl.gpu_memory import read_texture
+from ui.panels.actions import SaveContactSheet, SavePicture, StorePicture
 from ui.picture_feed import PictureFeed, StillSaver
 
 
@@ -23,9 +26,12 @@ class PictureSaving:
         """How far a picture with layers is, for the status bar."""
         return self._layers.progress
 
-    def save(self, action: SavePicture | SaveContactSheet, source: PictureFeed | None) -> None:
+    def save(self, action: SavePicture | SaveContactSheet | StorePicture, source: PictureFeed | None) -> None:
         """Save what is shown now, read at once and written by a thread; or, with its layers or all looks, what is drawn
         anew."""
+        if isinstance(action, StorePicture):
+            self._store(action.name, source)
+            return
         if isinstance(action, SaveContactSheet) or action.layers:
             self._save_layers(action.path)
             return
@@ -36,6 +42,23 @@ class PictureSaving:
         exact = self._editor.status.picture == "exact"
         remark = "" if exact else "; it is a preview: the picture is not exact yet"
         self._stills.save(still, action.path, action.deep, remark)
+
+    def _store(self, name: str, source: PictureFeed | None) -> None:
+        """Store what is shown, as linear light with the light's intensity, to be compared."""
+        editor = self._editor
+        shown = None if source is None else source.shown(editor)
+        if shown is None:
+            editor.notify("there is no picture yet to be stored", True)
+            return
+        light = np.array(read_texture(shown.linear, np.float32), np.float32)
+        light[..., :3] *= np.float32(shown.intensity)
+        try:
+            editor.stored.store(np.nan_to_num(light, posinf=0.0, neginf=0.0), name)
+        except InsituError as error:
+            editor.notify(str(error), True)
+            return
+        remark = "" if editor.status.picture == "exact" else ", a preview: it is not exact yet"
+        editor.notify(f"stored as {editor.view.stored}{remark}")
 
     def _save_layers(self, path: Path) -> None:
         try:

@@ -36,7 +36,7 @@ from engine.scene.light_placement import PlacedLight
 from ui.gl.view_transform import is_view_ready
 from ui.headless import DEFAULT_SIZE, HeadlessWindow
 from ui.layout import PANELS
-from ui.panels.actions import SavePicture, SetPanel, ShowPanel
+from ui.panels.actions import SavePicture, SetPanel, ShowPanel, StorePicture
 from ui.panels.light_by_hand import painted_placement, placement, sun_placement
 from ui.picture_feed import PictureFeed
 from ui.scene_view import SurfaceSpot, sample_path, spots_at, stroke_at
@@ -128,6 +128,8 @@ def wait_for_picture(
         _wait(window, editor, lambda: window.shell.looks.pictures.is_finished, timeout)
         window.frames(1)
     _wait(window, editor, lambda: not window.shell.awaits_table, timeout)
+    _wait(window, editor, lambda: not window.shell.awaits_difference, timeout)
+    window.frames(1)
 
 
 def _wait(window: HeadlessWindow, editor: Editor, done: Callable[[], bool], timeout: float) -> None:
@@ -176,6 +178,23 @@ def _open_config(window: HeadlessWindow, editor: Editor, value: ConfiguredView) 
     wanted = editor.view.tone_mapping
     _wait_for_view(window, editor)
     if isinstance(wanted, ConfigView) and editor.colours.shader(wanted) is None:
+        raise ScriptError(editor.status.message)
+
+
+def _store_picture(window: HeadlessWindow, editor: Editor, name: str) -> None:
+    said_before = editor.status.message_number
+    window.shell.request(StorePicture(name))
+    window.frames(1)
+    if editor.status.message_number != said_before and editor.status.is_error:
+        raise ScriptError(editor.status.message)
+
+
+def _compare_file(window: HeadlessWindow, editor: Editor, file: str) -> None:
+    said_before = editor.status.message_number
+    _run_operator(window, editor, "compare_file", file)
+    if not window.run_until(lambda: not editor.stored.is_reading, WAIT_SECONDS):
+        raise ScriptError(f"the file is still being read after {WAIT_SECONDS:.0f} s")
+    if editor.status.message_number != said_before and editor.status.is_error:
         raise ScriptError(editor.status.message)
 
 
@@ -362,6 +381,7 @@ def _assert_error(window: HeadlessWindow, editor: Editor, bound: float) -> None:
 
 # The steps that only a window can carry out, by their operator's name.
 WINDOW_STEPS: dict[str, Callable[[HeadlessWindow, Editor, Any], None]] = {
+    "store_picture": _store_picture, "compare_file": _compare_file,
     "gizmo": _show_gizmo, "set": _set, "view": _choose_view, "ocio": _open_config, "drag": _drag, "paint": _paint,
     "show": _show, "place_light": _place_light, "move": _move, "aim": _aim,
     "save_as": _save_session, "save_scene": _save_scene, "export_scene": _export_scene, "picture": _save_picture,

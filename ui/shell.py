@@ -216,7 +216,9 @@ class Shell:
         self._docking.take_size(size, self.theme.scale)
         # Before the panels draw their textures, some of which it replaces.
         follow = partial(self.looks.follow, self.editor, now)
-        follows_looks = self.editor.barrier.run("Looks side by side", follow, False, ())
+        follows = self.editor.barrier.run("Looks side by side", follow, False, ())
+        compare = partial(self._pictures.difference.follow, self.editor, self.source)
+        follows |= self.editor.barrier.run("The difference", compare, False, ())
         actions, outcome = self._process_events(now)
         imgui.render()
         self._note_look()
@@ -224,7 +226,7 @@ class Shell:
         hand_first = prepared is None or bool(actions) or self._is_dragging
         working = self._draw_picture() if hand_first else bool(prepared)
         working = self._draw_brdf(now) or working
-        working = working or follows_looks
+        working = working or follows or self._pictures.difference.is_behind(self.editor, self.source)
         if outcome.picture is not None:
             self._saving.save(outcome.picture, self.source)
         if outcome.stops_layers:
@@ -317,6 +319,12 @@ class Shell:
     def awaits_table(self) -> bool:
         """Whether the BRDF panel shows only the curves of a measurement, until the rest of it is here."""
         return self._brdf_board.curves_alone and not self._brdf_board.why_alone
+
+    @property
+    def awaits_difference(self) -> bool:
+        """Whether the comparison with a stored picture is not yet that of the present one."""
+        is_behind = self._pictures.difference.is_behind(self.editor, self.source)
+        return is_behind or self.editor.stored.is_reading
 
     def prepare(self) -> None:
         """Before a frame without input: update the picture, and wait until it is drawn."""

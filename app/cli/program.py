@@ -12,6 +12,7 @@ import typer
 
 from app.cli.console import FAILED, INTERRUPTED, USAGE, Frontend, print_error, print_line
 from app.cli.contact_sheet import contact_sheet
+from app.cli.diff import diff
 from app.cli.exchange import export, export_brdf, import_brdf, save_environment, save_scene
 from app.cli.info import info
 from app.cli.options import (
@@ -185,6 +186,7 @@ cli.command("export-brdf")(export_brdf)
 cli.command()(export)
 cli.command("save-scene")(save_scene)
 cli.command("contact-sheet")(contact_sheet)
+cli.command()(diff)
 cli.command("save-environment")(save_environment)
 cli.command()(doctor)
 

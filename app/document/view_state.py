@@ -22,9 +22,12 @@ LooksShown = Literal[1, 2, 4, 6]
 Channel = Literal["rgb", "r", "g", "b"]
 PictureChannel = Literal["colour", "red", "green", "blue", "alpha", "luminance"]
 BrdfPlot = Literal["lobe", "slice", "albedo"]
+# What is shown where the picture is compared with a stored one: itself, the other, both, or how they differ.
+Difference = Literal["present", "stored", "split", "signed", "absolute"]
 
 CHANNELS: tuple[Channel, ...] = ("rgb", "r", "g", "b")
 PICTURE_CHANNELS: tuple[PictureChannel, ...] = get_args(PictureChannel)
+DIFFERENCES: tuple[Difference, ...] = get_args(Difference)
 BRDF_PLOTS: tuple[BrdfPlot, ...] = ("lobe", "slice", "albedo")
 LIGHTING_WORDS: Mapping[Lighting, str] = MappingProxyType(
     {"scene": "", "no_shadows": "no shadows", "point_light": "one light, no shadows"}
@@ -82,6 +85,7 @@ class ViewState:
     selection. ``mode`` is the name of the mode that makes the picture.
     ``settings`` are those of that picture; its number of bounces is 0 until the worker has found how many the scene
     requires. ``compare`` is the document that A/B shows left of ``compare_divider`` (0 the left edge, 1 the right).
+    ``stored`` is the name of the stored picture that is compared, "" for none; ``difference``: what is shown of both.
     Unless it is shown to ``fit``, the picture has ``zoom`` screen pixels for each of its own, and its point ``centre``
     (fractions across, down) is in the panel's middle. ``camera`` and ``resolution``, (width, height) of the picture,
     replace the scene's own, None for those; ``bookmarks`` are views stored by name. While an animation is ``playing``
@@ -115,6 +119,8 @@ class ViewState:
     zebra: bool = False
     compare: Document | None = None
     compare_divider: float = 0.5
+    stored: str = ""
+    difference: Difference = "split"
     fit: bool = True
     zoom: float = 1.0
     centre: tuple[float, float] = (0.5, 0.5)
@@ -165,7 +171,7 @@ class ViewState:
     def for_scene(self, description: SceneDescription) -> ViewState:
         """The view of a scene that was just opened, with the same display settings: nothing in it is selected yet."""
         return replace(
-            self, selected=None, others=(), sun=None, hovered=None, compare=None, operator=None, node=None,
+            self, selected=None, others=(), sun=None, hovered=None, compare=None, stored="", operator=None, node=None,
             curve_zoom=None, solo=None, lobe_pixel=None, camera=None, resolution=None, bookmarks=(), playing=None,
             lighting="scene", settings=replace(self.settings, n_bounces=description.bounces or AS_PLANNED),
         )  # fmt: skip

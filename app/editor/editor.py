@@ -36,6 +36,7 @@ from app.editor.node_controller import NodeController
 from app.editor.opening import Opening
 from app.editor.responses import take_response
 from app.editor.scene_controller import SceneController
+from app.editor.stored_pictures import StoredPictures
 from app.editor.table_controller import TableController
 from app.files.journal import Journal, Recovery, SessionStore
 from app.messages.editor_status import Status, StatusMetrics
@@ -88,6 +89,7 @@ class Editor:
         self.exchange = FileExchange(self, client.send)
         self.tables = TableController(client.send)
         self.colours = ColourController(self, client.send)
+        self.stored = StoredPictures(self, client.send)
         self.nodes = NodeController(self)
         self.scenes = SceneController(self, self._keeper)
         self.camera_history = CameraHistory(self, self.scenes.tracing)
@@ -410,7 +412,7 @@ class Editor:
     def take_failure(self, response: RequestFailed) -> None:
         """Note that a request failed: its response will not come."""
         self.metrics.progress = None
-        if self.tables.receive_failure(response) or self.colours.receive_failure(response):
+        if any(each.receive_failure(response) for each in (self.tables, self.colours, self.stored)):
             return
         self.exchange.cancel(response.id)
         self.nodes.receive_failure(response.id, response.line)

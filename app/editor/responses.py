@@ -13,6 +13,7 @@ from app.messages.file_messages import (
     MaterialsRead,
     MeasurementsRead,
     ObjectsRead,
+    PictureRead,
 )
 from app.messages.picture_events import PictureEvent
 from app.messages.worker_messages import (
@@ -58,6 +59,8 @@ def take_response(editor: Editor, response: Response) -> list[PictureEvent]:
             editor.tables.receive(response)
         case ColourViewRead():
             editor.colours.receive(response)
+        case PictureRead():
+            editor.stored.receive(response)
         case ChannelsRead():
             editor.nodes.receive(response)
         case CatcherLightFound() | CatcherProgress():
@@ -73,6 +76,7 @@ def take_response(editor: Editor, response: Response) -> list[PictureEvent]:
         case WorkerRestarted():
             editor.controller.worker_restarted()
             editor.colours.worker_restarted()
+            editor.stored.worker_restarted()
             editor.notify(
                 f"computing stopped ({response.reason}) and was started again; your edits are untouched", True
             )

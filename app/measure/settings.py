@@ -24,8 +24,8 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from app.measure.subject import errors
 from app.system.atomic import save_file
+from engine.render.picture_difference import errors
 
 Mode = Literal["placement", "orbit", "deform"]
 MODES: tuple[Mode, ...] = get_args(Mode)

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.measure.settings import Outcome, Setting
-from app.measure.subject import MIB, errors
+from app.measure.subject import MIB
 from engine.core.generators import run_to_end
 from engine.light.environment import Environment, triangle_integrals
 from engine.precompute.direct.pipeline import SkyState
@@ -36,6 +36,7 @@ from engine.realtime.zonal_harmonics.transfer import (
     simulate_shadows,
 )
 from engine.realtime.zonal_harmonics.zonal import MAX_LOBES, fit
+from engine.render.picture_difference import errors
 from engine.scene.cutouts import scene_caster
 from engine.scene.raycaster import RayCaster, surface_points
 from engine.scene.scene_loader import Scene, load_scene

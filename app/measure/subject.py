@@ -179,30 +179,9 @@ def largest_on_gpu(done: Precomputed, precision: Precision) -> int:
     return max(sizes, default=0)
 
 
-CLAMP_PERCENTILE = 99.9
 ORACLE_PATCHES = 1024
 
 Radiance = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Errors:
-    """relRMSE and the relative difference of means of a picture against the truth."""
-
-    rmse: float
-    mean: float
-
-
-def errors(ours: NDArray[np.floating], truth: NDArray[np.floating]) -> Errors:
-    """relRMSE = sqrt(mean((a-b)²)) / mean(b), both clamped at the truth's 99.9 percentile [docs/conventions.md].
-
-    Any equal shapes, linear RGB. A black truth counts differences as they are.
-    """
-    a, b = np.asarray(ours, np.float64), np.asarray(truth, np.float64)
-    top = np.percentile(b, CLAMP_PERCENTILE)
-    a, b = np.minimum(a, top), np.minimum(b, top)
-    mean = b.mean() or 1.0
-    return Errors(float(np.sqrt(np.mean((a - b) ** 2)) / mean), float((a.mean() - b.mean()) / mean))
 
 
 def seen_scale(placement: Placement, rows: NDArray[np.integer], layer: Layer) -> Radiance:

@@ -6,6 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+import numpy as np
+from numpy.typing import NDArray
+
 from app.messages.worker_messages import OpenScene, Request, Response
 
 if TYPE_CHECKING:
@@ -101,6 +104,17 @@ class ReadColourView(Request):
 
 
 @dataclass(frozen=True)
+class ReadPicture(Request):
+    """Read a finished picture from a file; answered by `PictureRead`."""
+
+    priority = 4
+    answered_once = True
+    is_stopped_by_user = False
+
+    file: str
+
+
+@dataclass(frozen=True)
 class WriteFiles(Request):
     """Export for other programs: the reflection of layers as a MERL file; or, with a `document`, the open scene as a
     folder for Mitsuba 3, with so many bounces. Answered by `FilesWritten`."""
@@ -192,6 +206,13 @@ class ColourViewRead(Response):
 
     catalogue: ConfigCatalogue
     shader: ViewShader
+
+
+@dataclass(frozen=True, eq=False)
+class PictureRead(Response):
+    """Linear light (H, W, 3) of a `ReadPicture`."""
+
+    light: NDArray[np.float32]
 
 
 @dataclass(frozen=True)

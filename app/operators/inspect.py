@@ -1,16 +1,18 @@
-"""Operators that inspect the picture: its channels, what is clipped, its values."""
+"""Operators that inspect the picture: its channels, what is clipped, its values, and how it differs from another."""
 
 from __future__ import annotations
 
 from functools import partial
+from pathlib import Path
 from typing import Annotated
 
 from pydantic import Field
 
-from app.document.view_state import PICTURE_CHANNELS, PictureChannel, SetView
+from app.document.view_state import DIFFERENCES, PICTURE_CHANNELS, Difference, PictureChannel, SetView
 from app.editor.editor import Editor
-from app.operators.operator import Operator, OperatorContext, ScriptKey, ValueRecord
+from app.operators.operator import SCENE, Need, Operator, OperatorContext, ScriptKey, ValueRecord
 from engine.core.colour import ConfigView
+from engine.core.errors import InsituError
 from engine.scene.description import Text
 
 FALSE_COLOUR = "false_colour"
@@ -59,6 +61,32 @@ def _open_config(editor: Editor, value: ConfiguredView) -> str | None:
     return None
 
 
+STORED = Need("store a picture first, or compare with a file", lambda context: bool(context.view.stored))
+
+
+def _compare_with(editor: Editor, name: str) -> str | None:
+    return editor.stored.compare_with(name)
+
+
+def _compare_file(editor: Editor, file: str) -> str | None:
+    editor.stored.load(Path(file))
+    return None
+
+
+def _show_difference(editor: Editor, difference: Difference | None) -> str | None:
+    """Show this, or what comes next."""
+    after = DIFFERENCES[(DIFFERENCES.index(editor.view.difference) + 1) % len(DIFFERENCES)]
+    return editor.do(SetView.of(difference=difference or after))
+
+
+def _remove_stored(editor: Editor, name: str | None) -> str | None:
+    """Forget a stored picture; by default the one that is compared."""
+    if not (name := name or editor.view.stored):
+        raise InsituError(STORED.reason)
+    editor.stored.remove(name)
+    return None
+
+
 def channel_operator(channel: PictureChannel) -> str:
     """The name of the operator that shows a channel alone."""
     return f"channel_{channel}"
@@ -97,6 +125,28 @@ INSPECT = (
     Operator(
         "reset_exposure", _reset_exposure, ("\\",), "Exposure and gamma as at first",
         entry="Reset exposure, gamma",
+    ),
+    Operator(
+        "store_picture", keys=("Shift C",), help="Store the picture, to compare it", entry="Store the picture",
+        needs=SCENE, script=ScriptKey(Text, "Stores the picture under a name, and compares later ones with it."),
+    ),
+    Operator(
+        "compare_file", _compare_file, entry="Compare with a file…", needs=SCENE,
+        help="Compare with a picture of the same size: EXR, HDR, PNG.",
+        script=ScriptKey(Text, "Compares the picture with one from a file: EXR, HDR, PNG."),
+    ),
+    Operator(
+        "compare_with", _compare_with, entry="Compare with",
+        script=ScriptKey(str, "Compares the picture with a stored one, by its name; `\"\"` ends the comparison."),
+    ),
+    Operator(
+        "difference", _show_difference, ("Alt C",), "Stored, split, the difference", entry="Show the next of both",
+        needs=STORED,
+        script=ScriptKey(Difference, "What is shown of the picture and the stored one, or how they differ."),
+    ),
+    Operator(
+        "remove_stored", _remove_stored, entry="Remove the stored picture",
+        help="Forget the stored picture that is compared.", script=ScriptKey(Text, "Forgets a stored picture."),
     ),
     Operator("scopes", keys=("Ctrl 0",), help="Histogram and waveforms", entry="Histogram and waveforms"),
     Operator("zoom_in", keys=("Ctrl =",), help="Magnify the picture, and back", listed_keys="Ctrl = -", repeats=True,

@@ -85,6 +85,9 @@ MENUS = (
             "values", "average", "copy_values", None, *map(channel_operator, PICTURE_CHANNELS), None, "zebra", "stops",
             "scopes", "error", None, "zoom_in", "zoom_out",
         )),
+        Menu("Stored pictures", (
+            "store_picture", "compare_file", None, "compare_with", None, "difference", "remove_stored",
+        )),
         "resolution", "compare", Menu("Side by side", ("looks_1", "looks_2", "looks_4", "looks_6")), "lighting", "log",
         None, "show", "reset_layout", None, "screenshot",
     )),

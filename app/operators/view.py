@@ -39,7 +39,9 @@ def _toggle_mode(editor: Editor, name: str) -> str | None:
 
 
 def _toggle_comparison(editor: Editor, value: None) -> str | None:
-    return editor.do(SetView.of(compare=None if editor.view.compare is not None else editor.document))
+    if editor.view.compare is not None:
+        return editor.do(SetView.of(compare=None))
+    return editor.do(SetView.of(compare=editor.document, stored=""))
 
 
 def _choose_lighting(editor: Editor, lighting: Lighting | None) -> str | None:

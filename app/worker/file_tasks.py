@@ -20,10 +20,12 @@ from app.messages.file_messages import (
     FilesWritten,
     MaterialsRead,
     MeasurementsRead,
+    PictureRead,
     ReadColourView,
     ReadCurveTable,
     ReadMaterials,
     ReadMeasured,
+    ReadPicture,
     SaveEnvironment,
     SaveScene,
     WriteFiles,
@@ -43,6 +45,7 @@ from engine.measured.measurement import Measurement
 from engine.measured.tables import ArrayStore, is_table_loaded, read_measurement, table_of
 from engine.planner import band_counts
 from engine.precompute.direct.pipeline import SkyState
+from engine.render.picture_files import read_picture
 from engine.render.tabulate import untabulated_features
 from engine.scene.scene_loader import Scene
 
@@ -95,6 +98,11 @@ def read_curve_table(request: ReadCurveTable) -> Generator[Response | None, None
 def read_colour_view(request: ReadColourView) -> Generator[Response | None, None, None]:
     """A view of an OpenColorIO configuration. Raises LoadError."""
     yield ColourViewRead(*read_view(request.view))
+
+
+def read_stored_picture(request: ReadPicture) -> Generator[Response | None, None, None]:
+    """A finished picture. Raises LoadError."""
+    yield PictureRead(read_picture(Path(request.file)))
 
 
 def read_channels(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from app.measure.report import table
 from app.measure.settings_placement import Strategy, frame_coefficients
-from app.measure.subject import errors, gpu_planes, open_subject, precompute, seen_scale
+from app.measure.subject import gpu_planes, open_subject, precompute, seen_scale
 from benchmarks.papers.entries import Work, paragraph
 from benchmarks.papers.sheets import sheet
 from benchmarks.turning_sky import ROWS, TurningEffort, turning_errors
@@ -19,6 +19,7 @@ from engine.curve.operators import HALF_PI, Operator
 from engine.curve.wavelet import forward, inverse
 from engine.precompute.direct.pipeline import FINAL
 from engine.render.display import display_picture
+from engine.render.picture_difference import errors
 
 Float64Array = NDArray[np.float64]
 

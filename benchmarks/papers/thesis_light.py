@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.measure.report import table
-from app.measure.subject import errors
 from app.project.project import open_project
 from assets.scripts import simple_lighting as guide_picture
 from assets.scripts.bounces import save
@@ -24,6 +23,7 @@ from engine.planner import band_counts
 from engine.precompute.direct.pipeline import FINAL, Placement, Quality, SkyState
 from engine.precompute.direct.simple_lighting import simple_lighting
 from engine.render.display import display_picture
+from engine.render.picture_difference import errors
 from engine.render.still import StillLayer, render_still
 from engine.settings import Lighting
 

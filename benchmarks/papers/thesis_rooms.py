@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.measure.report import table
-from app.measure.subject import at_most, errors, open_subject
+from app.measure.subject import at_most, open_subject
 from app.project.project import Project, open_project
 from app.stills.stills import layers_by_object, render_picture
 from assets.scripts import bounces
@@ -24,6 +24,7 @@ from engine.core.generators import run_to_end
 from engine.precompute.direct.pipeline import Placement
 from engine.precompute.indirect.sampling_settings import BounceSeries, parse_series
 from engine.render.display import display_picture
+from engine.render.picture_difference import errors
 from engine.render.still import render_paths
 from engine.scene.builtin import scene_path
 

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.measure.report import table
-from app.measure.subject import errors
 from app.project.project import Project, open_project
 from benchmarks.papers.entries import Work, paragraph
 from benchmarks.papers.sheets import closeup, difference, sheet
@@ -38,6 +37,7 @@ from benchmarks.visibility_methods import (
 from engine.light.triangle_lights import TriangleLights, cut_lights
 from engine.precompute.direct.pipeline import Placement
 from engine.render.display import display_picture
+from engine.render.picture_difference import errors
 from engine.visibility.point_visibility import Visibility
 
 Radiance = NDArray[np.float32]

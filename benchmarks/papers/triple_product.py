@@ -12,7 +12,7 @@ from PIL import Image
 from app.measure.report import table
 from app.measure.settings import Setting
 from app.measure.settings_orbit import finish_orbit
-from app.measure.subject import errors, open_subject
+from app.measure.subject import open_subject
 from app.project.project import Project, open_project
 from app.stills.stills import layers_by_object
 from assets.scripts import orbit as guide_pictures
@@ -21,6 +21,7 @@ from benchmarks.papers.entries import Make, Work, paragraph
 from benchmarks.variants import SELECTIONS, VariantEffort, orbit_variants
 from benchmarks.visibility_textures import PLOT, TextureEffort, measure_all, write_plot
 from engine.realtime.triple_product.orbit_engine import Orbit
+from engine.render.picture_difference import errors
 from engine.scene.camera_moves import orbit_camera
 
 MB = 1e6

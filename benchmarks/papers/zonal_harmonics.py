@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from app.measure.report import table
-from app.measure.subject import errors
 from app.project.project import open_project
 from app.stills.stills import layers_by_object
 from assets.scripts import deform as guide_pictures
@@ -22,6 +21,7 @@ from engine.precompute.direct.pipeline import Placement
 from engine.realtime.zonal_harmonics.deform_engine import ORDER, Deform, finish_deform
 from engine.realtime.zonal_harmonics.gloss_pilot import PilotResult
 from engine.realtime.zonal_harmonics.posed_scene import pose_scene
+from engine.render.picture_difference import errors
 from engine.render.still import render_paths
 from engine.scene.surface_kinds import NO_SURFACE
 

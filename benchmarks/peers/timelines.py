@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from app.measure.subject import CLAMP_PERCENTILE
 from benchmarks.peer import Pictures, cleared_error
 from benchmarks.peers.edits import Edit
+from engine.render.picture_difference import CLAMP_PERCENTILE
 
 # Errors that differ by less of themselves are of a picture that the edit did not reach.
 SAME = 0.1

@@ -23,12 +23,12 @@ from app.document.document import Document
 from app.document.light_mix import emission_of
 from app.document.view_state import SetView
 from app.editor.editor import Editor
-from app.measure.subject import errors
 from app.messages.picture_events import PictureEvent
 from app.modes.placement.placement_events import IndirectRadiance
 from benchmarks.programs.command_line import Figures, command_line, resolution_of, write_found
 from benchmarks.programs.renderer import EditorRig
 from engine.core.errors import InsituError
+from engine.render.picture_difference import errors
 from ui.gl.display import DisplayView
 from ui.modes.placement.gl.renderer import PlacementRenderer
 from ui.modes.placement.placement_feed import PlacementFeed

@@ -12,7 +12,6 @@ from scipy.ndimage import zoom
 
 from app.__main__ import Desktop
 from app.cli.program import run
-from app.measure.subject import errors
 from app.project.project import Project, open_project
 from app.stills.stills import Still, layers_by_object, plan_still, render_picture, render_project
 from engine.core.generators import run_to_end
@@ -26,6 +25,7 @@ from engine.realtime.zonal_harmonics.deform_engine import Deform, finish_deform
 from engine.reference.path_tracer import trace_halves
 from engine.render import error_estimate, picture_error
 from engine.render.error_estimate import estimate_drawn_errors, estimate_point_errors, interior_points
+from engine.render.picture_difference import errors
 from engine.render.picture_error import ErrorEstimate
 from engine.render.still import (
     Picture,

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.measure.subject import errors
 from app.project.project import open_project
 from app.stills.stills import render_project
 from engine.precompute.direct.pipeline import Placement
 from engine.precompute.indirect.sampling_settings import BounceSeries
+from engine.render.picture_difference import errors
 from engine.render.picture_error import POOR
 from tests.scene_text import LEANING_LAMP, camera, material, placed
 

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from app.measure.subject import Errors, errors
 from app.project.project import Project, open_project
 from app.stills.stills import render_picture
 from benchmarks.rooms import (
@@ -27,6 +26,7 @@ from engine.light.radiance_files import read_radiance_image
 from engine.precompute.direct.pipeline import Placement
 from engine.precompute.indirect.sampling_settings import BounceSeries
 from engine.reference.integrator import integrate_direct
+from engine.render.picture_difference import Errors, errors
 
 JUDGES = Path(__file__).resolve().parents[1] / "golden" / "rooms"
 # (relRMSE, difference of means) that direct light of each room keeps, and light after four bounces in blocks of 8 × 8

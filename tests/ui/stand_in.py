@@ -9,11 +9,12 @@ from __future__ import annotations
 import functools
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from app.document.described import document_from_description
-from app.messages.file_messages import MeasurementsRead, ReadColourView, ReadCurveTable, ReadMeasured
+from app.messages.file_messages import MeasurementsRead, ReadColourView, ReadCurveTable, ReadMeasured, ReadPicture
 from app.messages.worker_messages import (
     OpenScene,
     Progress,
@@ -35,7 +36,7 @@ from app.modes.placement.placement_messages import (
     StageDone,
     StageFootprint,
 )
-from app.worker.file_tasks import read_colour_view, read_curve_table
+from app.worker.file_tasks import read_colour_view, read_curve_table, read_stored_picture
 from app.worker.planning import plan_bands
 from engine.core.errors import LoadError
 from engine.curve.wavelet import forward
@@ -46,6 +47,9 @@ from engine.settings import Precision
 from tests.naive.measured import drawn_measurement
 
 WIDTH, HEIGHT = 48, 32
+READERS: dict[type[Request], Any] = {
+    ReadCurveTable: read_curve_table, ReadColourView: read_colour_view, ReadPicture: read_stored_picture,
+}  # fmt: skip
 STRIPES = ("teapot", "tray", "wall", "lamp")
 SCENE = {
     "version": 1,
@@ -175,10 +179,9 @@ class StandInClient:
             yield from self._contract(request)
         elif isinstance(request, PlanBands):
             yield from (answer for answer in plan_bands(request) if answer is not None)
-        elif isinstance(request, ReadCurveTable | ReadColourView):
-            read = read_curve_table if isinstance(request, ReadCurveTable) else read_colour_view
+        elif type(request) in READERS:
             try:
-                yield from (answer for answer in read(request) if answer is not None)
+                yield from (answer for answer in READERS[type(request)](request) if answer is not None)
             except LoadError as error:
                 yield RequestFailed(str(error))
         elif isinstance(request, ReadMeasured):

@@ -217,6 +217,20 @@ class SavePicture:
 
 
 @dataclass(frozen=True)
+class StorePicture:
+    """Store the picture, to compare later ones with it; "": under a new name."""
+
+    name: str = ""
+
+
+@dataclass(frozen=True)
+class CompareFile:
+    """Compare the picture with one from a file."""
+
+    path: Path
+
+
+@dataclass(frozen=True)
 class SaveContactSheet:
     """Draw all looks, and write them on one page."""
 
@@ -315,5 +329,6 @@ WindowAction = (
     | SavePicture | ImportMaterial | ImportMeasured | ExportMeasured | ExportScene | SaveScene | Screenshot
     | SaveEnvironment | SaveMaterial | DeleteMaterial | Copy | CopyText | Paste | Recover | AnswerUnsaved | ShowPanel
     | ResetLayout | Quit | AnswerQuestion | StopLayers | DrawLooks | SaveContactSheet | OpenConfig
+    | StorePicture | CompareFile
 )  # fmt: skip
 Action = EditCommand | SetView | OpenPanel | WindowAction

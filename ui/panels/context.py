@@ -29,6 +29,7 @@ from engine.render.scopes import Scopes
 from engine.scene.description import Camera
 from engine.scene.import_report import ImportReport
 from ui.frame_times import PerformanceRecord
+from ui.panels.difference_board import DifferenceBoard
 from ui.panels.look_board import LookBoard
 from ui.panels.pictures import BrdfBoard, Picture
 from ui.panels.window_state import PanelState, Travel
@@ -161,9 +162,10 @@ class PanelContext:
     scene's own file has it. `name` is the name of what is open, `unsaved` whether there are edits that no session has.
     `recent` are the files opened last, `recoveries` edits that the program left behind when it ended. `keys_taken`:
     keys go to a text field, a list or a menu; `alt_tapped`: Alt was pressed and released by itself; `catalogues` are
-    those of the OpenColorIO configurations that are known; `scopes` measures what is shown, `waveform` draws
-    one, of luma or the channels; `saving`: the picture with layers that is being saved, and
-    its progress, "" for none; `repeated`: the key that the system repeats in this pass, while it is held.
+    those of the OpenColorIO configurations that are known; `scopes` measures what is shown, `waveform` draws one, of
+    luma or the channels; `stored_names` are the stored pictures, `difference` compares one; `saving`: the picture with
+    layers that is being saved, and its progress, "" for none; `repeated`: the key that the system repeats in this pass,
+    while it is held.
     """
 
     document: Document
@@ -214,6 +216,8 @@ class PanelContext:
     saving: str = ""
     scopes: Callable[[], Scopes | None] = no_scopes
     waveform: Callable[[Scopes, bool], Picture | None] = no_waveform
+    stored_names: tuple[str, ...] = ()
+    difference: DifferenceBoard = DifferenceBoard()
     catalogues: tuple[ConfigCatalogue, ...] = ()
     recoveries: tuple[Recovery, ...] = ()
     now: float = 0.0

@@ -21,12 +21,14 @@ from engine.core.colour_config import ENDINGS as CONFIG_ENDINGS
 from engine.core.safe_files import resolved
 from engine.curve.table_text import TABLE_ENDINGS
 from engine.measured.measurement import ENDINGS as MEASURED_ENDINGS
+from engine.render.picture_files import PICTURE_ENDINGS as STORED_ENDINGS
 from engine.scene.mesh import MATERIAL_ENDING, MESH_ENDINGS
 from ui import theme as look
 from ui.panels import widgets
 from ui.panels.actions import (
     Action,
     AnswerQuestion,
+    CompareFile,
     ExportMeasured,
     ExportScene,
     ImportMaterial,
@@ -53,6 +55,7 @@ TITLES = {
     "open_material": "Import a material of MaterialX onto the selected object",
     "open_measured": "Import a measured BRDF onto the selected object",
     "open_config": "Open a configuration of OpenColorIO",
+    "open_compared": "Compare the picture with one from a file",
     "open_table": "Load a table onto the selected curve (CSV: angle in degrees, values)",
     "open_texture": "Open a texture",
     "open_normal_map": "Open a normal map",
@@ -81,6 +84,7 @@ ENDINGS = {
     "open_material": (MATERIAL_ENDING,),
     "open_measured": MEASURED_ENDINGS,
     "open_config": CONFIG_ENDINGS,
+    "open_compared": STORED_ENDINGS,
     "open_table": TABLE_ENDINGS,
     "open_texture": IMAGE_SUFFIXES,
     "open_normal_map": IMAGE_SUFFIXES,
@@ -332,7 +336,7 @@ def answer(question: FileQuestion, path: Path) -> AnswerQuestion:
         path = path.with_name(_named(question, path.name))
     actions: dict[str, Action] = {
         "add_file": AddObject(str(resolved(path))), "open_material": ImportMaterial(path),
-        "open_config": OpenConfig(path),
+        "open_config": OpenConfig(path), "open_compared": CompareFile(path),
         "open_measured": ImportMeasured(path, question.cloth), "save_measured": ExportMeasured(path),
         "save_session": SaveSession(path), "save_picture": _saved_picture(question, path),
         "save_sheet": SaveContactSheet(path),

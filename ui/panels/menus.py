@@ -178,6 +178,19 @@ def _looks(context: PanelContext) -> list[Action]:
     return actions
 
 
+def _stored(context: PanelContext) -> list[Action]:
+    """The stored pictures, the one that is compared checked; a click on that ends the comparison."""
+    actions: list[Action] = []
+    for index, name in enumerate(context.stored_names):
+        is_compared = name == context.view.stored
+        if imgui.menu_item_simple(f"{name}###stored.{name}", None, is_compared):
+            actions.append(RunOperator("compare_with", "" if is_compared else name))
+        context.handles.note_item(f"menu.stored.{index}")
+    if not context.stored_names:
+        imgui.text_disabled("None is stored yet")
+    return actions
+
+
 def _keymaps(context: PanelContext) -> list[Action]:
     """The keys that arrange objects."""
     if not _begin(context, OPERATORS["keymap"].entry):
@@ -253,7 +266,7 @@ def _gamma(context: PanelContext) -> list[Action]:
 CHOICES: dict[str, Callable[[PanelContext], list[Action]]] = {
     "open_recent": _recent, "open_builtin": _builtin_scenes, "recover": _recover, "show": _panels,
     "go_to_view": _saved_views, "conventions": _conventions, "keymap": _keymaps, "resolution": _resolution,
-    "view": _views, "look": _looks,
+    "view": _views, "look": _looks, "compare_with": _stored,
 }  # fmt: skip
 
 

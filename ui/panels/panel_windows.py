@@ -31,6 +31,7 @@ from ui.panels import (
     paint,
     scopes,
     status_bar,
+    stored_pictures,
     viewport,
     widgets,
 )
@@ -112,6 +113,7 @@ def _picture_and_brush(context: PanelContext) -> list[Action]:
         + paint.draw_strip(context, corner, room)
         + camera.draw(context, corner, room)
         + scopes.draw(context, corner, room)
+        + stored_pictures.draw(context, corner, room)
     )
 
 

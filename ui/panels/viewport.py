@@ -25,6 +25,7 @@ from ui.panels import (
     paint,
     picture_handles,
     picture_overlays,
+    stored_pictures,
     sun_handles,
     widgets,
 )
@@ -80,19 +81,20 @@ def _draw_picture(context: PanelContext, corner: ImVec2, room: ImVec2) -> list[A
     draw_list.add_image(picture.reference, ImVec2(placed.x, placed.y), far, upper, lower)
     if context.view.shows_error and context.error_overlay is not None:
         draw_list.add_image(context.error_overlay.reference, ImVec2(placed.x, placed.y), far)
+    stored_pictures.draw_over_picture(context, placed)
     picture_overlays.draw_sketch(context, placed, picture)
     handles = [*picture_handles.handles_of(context, placed), *gizmo.handles(context, placed)]
     handles += [*sun_handles.handles(context, placed), *lamp_handles.handles(context, placed)]
     picture_handles.draw_handles(context, handles)
     inspection.draw_grid(context, space, placed)
     actions = [*inspection.magnify(context, space, placed), *_gestures(context, picture, space, placed, handles)]
-    if context.view.compare is not None:
+    if _is_divided(context):
         _draw_divider(context, placed, corner.y, end.y)
     picture_overlays.draw_lobe(context, placed.x, placed.y, placed.scale)
     _draw_labels(context, ImVec2(max(placed.x, corner.x), max(placed.y, corner.y)))
     _draw_zoom(context, end)
     inspection.draw_stops_legend(context, end)
-    if context.view.shows_error:
+    if context.view.shows_error or stored_pictures.legend(context):
         _draw_error_legend(context, ImVec2(max(placed.x, corner.x), min(placed.y + placed.height, end.y)))
     if context.status.picture == "waiting":
         _draw_waiting(context, corner, room, BELOW)
@@ -113,6 +115,11 @@ def _gestures(
     return gestures(context, space, placed) or _interact(context, picture, placed, handles)
 
 
+def _is_divided(context: PanelContext) -> bool:
+    """Whether a divider is between two pictures."""
+    return context.view.compare is not None or stored_pictures.is_split(context)
+
+
 def divider_x(context: PanelContext, placed: PictureRect) -> float:
     """Screen column of the A/B divider."""
     return placed.x + context.view.compare_divider * placed.width
@@ -123,7 +130,7 @@ def _interact(
 ) -> list[Action]:
     mouse = imgui.get_mouse_pos()
     grip = context.state.grip
-    comparing = context.view.compare is not None
+    comparing = _is_divided(context)
     on_divider = comparing and abs(mouse.x - divider_x(context, placed)) <= context.px(DIVIDER_REACH)
     if comparing:
         context.handles.note("viewport.divider", divider_x(context, placed), placed.y + 0.5 * placed.height)
@@ -203,6 +210,8 @@ def _turns_light() -> bool:
 
 
 def _comparison_hint(context: PanelContext) -> str:
+    if stored_pictures.is_split(context):
+        return f"Left: {context.view.stored}. Right: the present picture."
     text = "Left: the saved picture (A). Right: the current one (B)."
     if context.status.compared_exact:
         return text
@@ -293,10 +302,15 @@ def _draw_divider(context: PanelContext, placed: PictureRect, upper: float, lowe
         back = middle.x + side * 0.5 * size
         draw_list.add_triangle_filled(tip, ImVec2(back, middle.y - 0.8 * size), ImVec2(back, middle.y + 0.8 * size),
                                       look.pack(look.grey(40)))  # fmt: skip
-    for text, side in (("A" if context.status.compared_exact else "preview  A", -1.0), ("B", 1.0)):
+    names = ("A" if context.status.compared_exact else "preview  A", "B")
+    if stored_pictures.is_split(context):
+        names = context.view.stored, "Now"
+    for text, side in zip(names, (-1.0, 1.0), strict=True):
         extent = imgui.calc_text_size(text)
         near = x + side * context.px(14)
-        spot = ImVec2(near if side > 0.0 else near - extent.x, top + context.px(10))
+        # The strip of a stored picture is at the upper edge.
+        y = bottom - context.px(10) - extent.y if context.view.stored else top + context.px(10)
+        spot = ImVec2(near if side > 0.0 else near - extent.x, y)
         pad = context.px(5)
         far = ImVec2(spot.x + extent.x + pad, spot.y + extent.y + 2)
         draw_list.add_rect_filled(ImVec2(spot.x - pad, spot.y - 2), far, look.pack(look.grey(20, 0.75)), context.px(4))
@@ -322,9 +336,10 @@ def error_missing(status: Status) -> str:
 
 def _draw_error_legend(context: PanelContext, corner: ImVec2) -> None:
     """The legend of the false colours over the picture, above its lower left corner; or why there are none."""
-    pad, width = context.px(12), context.px(LEGEND_WIDTH)
-    known = context.error_overlay is not None
-    words = ERROR_LEGEND if known else error_missing(context.status)
+    pad, width, of_difference = context.px(12), context.px(LEGEND_WIDTH), stored_pictures.legend(context)
+    known = bool(of_difference) or context.error_overlay is not None
+    words = of_difference or (ERROR_LEGEND if known else error_missing(context.status))
+    width = max(width, imgui.calc_text_size(words).x)
     line, bar = imgui.get_text_line_height(), picture_overlays.legend_height(context) + 0.3 * pad if known else 0.0
     place = ImVec2(corner.x + pad, corner.y - 1.5 * pad - line - bar)
     draw_list = imgui.get_window_draw_list()
@@ -335,7 +350,8 @@ def _draw_error_legend(context: PanelContext, corner: ImVec2) -> None:
     high = ImVec2(place.x + width + 0.5 * pad, place.y + line + bar + 0.3 * pad)
     draw_list.add_rect_filled(low, high, look.pack(look.grey(26, 0.88)), context.px(4))
     draw_list.add_text(place, look.pack(look.TEXT), words)
-    picture_overlays.draw_legend(context, draw_list, ImVec2(place.x, place.y + line + 0.3 * pad), width)
+    draw_bar = stored_pictures.draw_legend if of_difference else picture_overlays.draw_legend
+    draw_bar(context, draw_list, ImVec2(place.x, place.y + line + 0.3 * pad), width)
 
 
 def _draw_labels(context: PanelContext, corner: ImVec2) -> None:

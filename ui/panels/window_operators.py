@@ -33,6 +33,7 @@ from ui.panels.actions import (
     Screenshot,
     SetPanel,
     ShowPanel,
+    StorePicture,
 )
 from ui.panels.context import PanelContext
 from ui.panels.curve_gestures import operators_in_use, tool_of
@@ -241,6 +242,8 @@ WINDOW_OPERATORS: dict[str, Callable[[PanelContext], list[Action]]] = {
     "alone": _leave_alone,
     "camera_panel": _toggle_camera_panel,
     "report": _toggle_report,
+    "store_picture": _always(StorePicture()),
+    "compare_file": _always(AskFile("open_compared")),
     "open_config": _always(AskFile("open_config")),
     "values": _toggle_values,
     "scopes": _toggle_scopes,

@@ -46,6 +46,7 @@ VALUES: dict[str, Any] = {
     "picture_channel": "red",
     "look": "Night", "rename_look": "Gold", "move_look": 2, "delete_look": "Night", "side_by_side": 2,
     "link": CurveLink(curve="pot.1.theta_h", to=("cup.1.theta_h",)), "unlink": "pot.1.theta_h",
+    "compare_file": "before.exr", "compare_with": "", "remove_stored": "Before",
     "ocio": ConfiguredView(config="studio.ocio"),
     "draw_curve": CurveStroke(points=((0.0, 1.0), (30.0, 2.0))), "set_points": CurvePoints(points=((5.0, 1.0),)),
 }  # fmt: skip
@@ -70,6 +71,7 @@ def worked(client: FakeClient) -> Editor:
     for camera in (orbit_camera(tilted, 0.1, 0.0), tilted):
         editor.camera_history.set_viewpoint(Viewpoint(camera), "orbit")
     run_operator(editor, "save_view")
+    editor.stored.store(np.ones((2, 2, 4), np.float32), "Before")
     return editor
 
 

@@ -13,7 +13,6 @@ import pytest
 from app.document.light_state import ENVIRONMENT_KEY, LightState, MixRow
 from app.document.scene_state import SceneState
 from app.document.single_lights import light_weights
-from app.measure.subject import errors
 from app.messages.worker_messages import Response
 from app.modes.placement.placement_messages import (
     ComputeTransport,
@@ -30,6 +29,7 @@ from app.worker.cache import ArrayCache
 from app.worker.tasks import RequestDispatcher
 from engine.light.sides import SIDES
 from engine.light.suns import Sun
+from engine.render.picture_difference import errors
 from tests.app.worker.ball_and_lamp import GLOSS, SCENE, Recorder, compute, opened, tiles_of, twice
 from tests.opened import run_in_process
 from tests.scene_text import facing_down, placed

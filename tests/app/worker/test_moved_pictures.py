@@ -10,7 +10,6 @@ import pytest
 
 from app.document.light_state import LightState
 from app.document.scene_state import SceneState
-from app.measure.subject import errors
 from app.messages.worker_messages import OpenScene, Request, RequestFailed, Response, SetCamera
 from app.modes.placement.placement_messages import (
     ComputeTransport,
@@ -26,6 +25,7 @@ from app.worker.schedule import InProcessClient
 from app.worker.tasks import RequestDispatcher
 from engine.light.suns import Sun
 from engine.realtime.zonal_harmonics.pose import Poses
+from engine.render.picture_difference import errors
 from engine.scene.transform import Transform
 from engine.settings import RenderSettings
 from tests.app.worker.ball_and_lamp import pictures, work

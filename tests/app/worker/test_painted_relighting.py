@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from app.document.light_state import LightState
-from app.measure.subject import errors
 from app.messages.worker_messages import RequestFailed
 from app.modes.placement.desired_state import DesiredTransport
 from app.modes.placement.placement_messages import PrepareRelighting
 from engine.light.painted_lights import PaintedLight
+from engine.render.picture_difference import errors
 from tests.app.worker.test_relighting import SCENE, asked, opened, pictures
 from tests.opened import run_in_process
 

@@ -8,7 +8,6 @@ import pytest
 
 from app.document.light_state import LightState, MixRow
 from app.document.scene_state import LayerState, SceneState
-from app.measure.subject import errors
 from app.messages.worker_messages import Response
 from app.modes.placement.placement_messages import (
     ComputeTransport,
@@ -23,6 +22,7 @@ from app.worker.tasks import RequestDispatcher
 from engine.curve.operators import Operator
 from engine.material import MODELS
 from engine.material.layer import make_layer
+from engine.render.picture_difference import errors
 from engine.settings import RenderSettings
 from tests.opened import open_in_process, run_in_process
 from tests.pictures import write_exr

@@ -5,13 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from app.measure.subject import errors
 from engine.core.generators import run_to_end
 from engine.light.environment import Environment, constant_environment, texel_solid_angles
 from engine.light.triangle_lights import turned
 from engine.material.layer import Layer
 from engine.precompute.direct.peaks import split_peaks, trace_peaks
 from engine.precompute.direct.relight import RowMaker, joined_rows, layer_reflection, light_coefficients
+from engine.render.picture_difference import errors
 from engine.sphere.geodesic import geodesic
 from tests.engine.precompute.direct.test_relight import (
     BALL,

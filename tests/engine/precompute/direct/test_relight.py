@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.measure.subject import errors
 from engine.core.frames import local_frames
 from engine.core.generators import run_to_end
 from engine.light.environment import Environment, constant_environment
@@ -16,6 +15,7 @@ from engine.precompute.direct.bandstore import join_tiles
 from engine.precompute.direct.pipeline import FINAL, Placement, SkyState
 from engine.precompute.direct.projection import LayerShape, project_layer
 from engine.precompute.direct.relight import RowMaker, joined_rows, light_coefficients, turning_effects
+from engine.render.picture_difference import errors
 from engine.scene.scene_loader import load_scene
 from engine.sphere.geodesic import geodesic
 from engine.sphere.haar import inverse

@@ -1,0 +1,62 @@
+"""Pictures read back as they were written; those that cannot be are refused in one line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from engine.core.colour import encode_srgb
+from engine.core.errors import LoadError
+from engine.render.display import deep_png, exr_bytes, png_bytes
+from engine.render.picture_files import read_picture
+
+LIGHT = np.random.default_rng(5).uniform(0.0, 1.0, (7, 9, 3)).astype(np.float32)
+
+
+def test_exr_files_are_read_back_to_the_bit(tmp_path: Path) -> None:
+    file = tmp_path / "a.exr"
+    file.write_bytes(exr_bytes(100.0 * LIGHT))
+    np.testing.assert_array_equal(read_picture(file), 100.0 * LIGHT)
+
+
+@pytest.mark.parametrize(("deep", "bound"), [(False, 0.5), (True, 1.0)])  # of 255; Pillow cuts 16 bits to 8
+def test_png_files_are_decoded_by_srgb(tmp_path: Path, deep: bool, bound: float) -> None:
+    file = tmp_path / "a.png"
+    file.write_bytes(deep_png(encode_srgb(LIGHT)) if deep else png_bytes(LIGHT, tone_mapping="linear"))
+    read = read_picture(file)
+    np.testing.assert_allclose(encode_srgb(read), encode_srgb(LIGHT), atol=1.01 * bound / 255.0)
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (b"", "first bytes"),
+        (b"not a picture", "expected an OpenEXR, a Radiance HDR or a PNG picture"),
+        (exr_bytes(LIGHT)[:200], "a.exr"),
+        (png_bytes(LIGHT)[:80], "a.exr"),
+        (b"#?RADIANCE\n", "a.exr"),
+    ],
+)
+def test_what_is_no_whole_picture_is_refused(tmp_path: Path, data: bytes, words: str) -> None:
+    file = tmp_path / "a.exr"
+    file.write_bytes(data)
+    with pytest.raises(LoadError, match=words):
+        read_picture(file)
+
+
+def test_values_that_are_not_finite_are_refused_with_their_place(tmp_path: Path) -> None:
+    import OpenEXR
+
+    light = LIGHT.copy()
+    light[2, 3, 1] = np.nan
+    file = tmp_path / "a.exr"
+    OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION}, {"RGB": light}).write(str(file))
+    with pytest.raises(LoadError, match="pixel 3, 2"):
+        read_picture(file)
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(LoadError, match="none.exr"):
+        read_picture(tmp_path / "none.exr")

@@ -1,0 +1,160 @@
+"""A stored picture beside the present one: by keys, the mouse and scripts; the number follows edits."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from imgui_bundle import imgui
+
+from app.document.commands.light import SetIntensity, SetRotation
+from app.document.view_state import DIFFERENCES, SetView
+from engine.render.display import LEAST_ERROR, exr_bytes
+from engine.render.picture_difference import difference_colours, errors
+from tests.ui.stand_in import HEIGHT, WIDTH
+from ui import difference_feed
+from ui.gl.gpu_memory import read_texture
+from ui.headless import HeadlessWindow
+from ui.picture_feed import PictureFeed
+
+pytestmark = pytest.mark.gl
+
+
+def present(window: HeadlessWindow) -> np.ndarray:
+    source = window.shell.source
+    assert isinstance(source, PictureFeed)
+    still = source.still(window.shell.editor)
+    assert still is not None
+    return still.radiance
+
+
+def settle(window: HeadlessWindow) -> None:
+    window.frames(2)
+    assert window.run_until(lambda: not window.shell.awaits_difference, 20)
+    window.frames(2)
+
+
+def store(window: HeadlessWindow) -> None:
+    window.key(imgui.Key.c, imgui.Key.mod_shift)
+    settle(window)
+
+
+def feed_of(window: HeadlessWindow) -> difference_feed.DifferenceFeed:
+    return window.shell._pictures.difference
+
+
+def test_the_number_is_that_of_the_picture_after_edits(window: HeadlessWindow, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(difference_feed, "BAND_PIXELS", 3 * WIDTH)  # several frames for a picture
+    editor = window.shell.editor
+    store(window)
+    before = present(window)
+    assert editor.view.stored == "Picture 1" and feed_of(window).board(False).error == 0.0
+    for command in (SetIntensity(1.5), SetRotation(70.0), SetIntensity(1.0)):
+        editor.do(command)
+        settle(window)
+        found = feed_of(window).board(False)
+        assert found.error == pytest.approx(errors(present(window), before).rmse, rel=1e-5)
+        assert not found.is_behind and not found.refusal
+    editor.undo(), editor.undo(), editor.undo()
+    settle(window)
+    assert feed_of(window).board(False).error == pytest.approx(0.0, abs=1e-6)
+
+
+def test_false_colours_and_the_stored_picture_are_drawn(window: HeadlessWindow) -> None:
+    editor, shell = window.shell.editor, window.shell
+    editor.select(None)
+    editor.do(SetView.of(tone_mapping="linear", exposure=0.5))
+    window.frames(3)
+    source = shell.source
+    assert isinstance(source, PictureFeed)
+    store(window)
+    before, shown_before = present(window), source.source.renderer.display_image()
+    editor.do(SetIntensity(1.01))
+    for kind in ("signed", "absolute"):
+        editor.do(SetView.of(difference=kind))
+        settle(window)
+        texture = feed_of(window)._colours
+        assert texture is not None
+        expected = difference_colours(present(window), before, kind)
+        np.testing.assert_array_equal(read_texture(texture, np.uint8)[..., :3], expected)
+    editor.do(SetView.of(difference="stored"))
+    settle(window)
+    drawn = feed_of(window)._texture
+    assert drawn is not None
+    assert np.abs(read_texture(drawn, np.uint8)[..., :3].astype(int) - shown_before).max() <= 1
+    # It follows the exposure of the view.
+    editor.do(SetIntensity(1.0))
+    editor.do(SetView.of(exposure=-1.0))
+    settle(window)
+    now = source.source.renderer.display_image().astype(int)
+    assert np.abs(read_texture(drawn, np.uint8)[..., :3].astype(int) - now).max() <= 1
+    assert LEAST_ERROR < 0.01
+
+
+def test_keys_and_the_mouse_choose_what_is_shown(window: HeadlessWindow) -> None:
+    editor, shell = window.shell.editor, window.shell
+    window.key(imgui.Key.c, imgui.Key.mod_alt)
+    window.frames(2)
+    assert shell.state.message is not None and "store a picture first" in shell.state.message.text
+    store(window)
+    store(window)
+    seen = [editor.view.difference]
+    for _ in DIFFERENCES:
+        window.key(imgui.Key.c, imgui.Key.mod_alt)
+        window.frames(2)
+        seen.append(editor.view.difference)
+    assert set(seen) == set(DIFFERENCES) and seen[0] == seen[-1]
+    for i, each in enumerate(DIFFERENCES):
+        window.click_handle(f"stored.show.{i}")
+        settle(window)
+        assert editor.view.difference == each
+    window.click_handle("stored.name")
+    window.frames(2)
+    window.click_handle("stored.name.Picture 1")
+    window.frames(2)
+    assert editor.view.stored == "Picture 1"
+    window.click_handle("button.stored.remove")
+    window.frames(2)
+    assert editor.stored.names == ("Picture 2",) and editor.view.stored == ""
+    window.click_handle("menu.View")
+    window.frames(3)
+    window.click_handle("menu.Stored pictures")
+    window.frames(3)
+    window.click_handle("menu.stored.0")
+    window.frames(3)
+    assert editor.view.stored == "Picture 2"
+    window.click_handle("button.stored.close")
+    window.frames(2)
+    assert editor.view.stored == "" and editor.stored.names == ("Picture 2",)
+
+
+def test_the_divider_is_dragged_and_escape_takes_it_back_or_leaves_it_valid(window: HeadlessWindow) -> None:
+    editor = window.shell.editor
+    store(window)
+    editor.do(SetView.of(difference="split"))
+    settle(window)
+    x, y = window.shell.handle_position("viewport.divider")
+    window.drag((x, y + 40.0), (x - 60.0, y + 40.0))
+    window.frames(2)
+    assert 0.0 < editor.view.compare_divider < 0.5
+    window.drag((x - 60.0, y + 40.0), (x - 5000.0, y + 40.0))  # far beside the window
+    window.frames(2)
+    assert editor.view.compare_divider == 0.0
+
+
+def test_another_size_is_said_and_no_number_is_shown(window: HeadlessWindow, tmp_path: Path) -> None:
+    editor = window.shell.editor
+    file = tmp_path / "small.exr"
+    file.write_bytes(exr_bytes(np.ones((HEIGHT, WIDTH + 1, 3), np.float32)))
+    editor.stored.load(file)
+    assert window.run_until(lambda: not editor.stored.is_reading, 20)
+    settle(window)
+    board = feed_of(window).board(False)
+    assert board.error is None and board.colours is None
+    assert board.refusal.startswith(f"small.exr: {WIDTH + 1} x {HEIGHT} pixels, expected {WIDTH} x {HEIGHT}")
+    file.write_bytes(exr_bytes(present(window)))
+    editor.stored.load(file)
+    assert window.run_until(lambda: not editor.stored.is_reading, 20)
+    settle(window)
+    assert feed_of(window).board(False).error == pytest.approx(0.0, abs=1e-6)

@@ -1,0 +1,216 @@
+"""Compares the present picture with a stored one: shows that through the view, and has their difference measured.
+
+The present picture is read from the graphics card in bands of rows, one a frame, so that a frame has time for it; a
+thread measures. Where the picture changes meanwhile, it is read again: at rest the number is that of the picture.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import NamedTuple
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from app.document.view_state import Difference
+from app.editor.editor import Editor
+from app.editor.stored_pictures import StoredPicture
+from engine.core.errors import InsituError
+from engine.render.picture_difference import check_same_size, difference_colours, errors
+from ui.gl.context import GraphicsError
+from ui.gl.display import DisplayView, ShownPicture, draw_on_screen
+from ui.gl.gpu_memory import TextureMemory
+from ui.gl.program import Passes
+from ui.gl.view_transform import ToneMapper, ToneView
+from ui.modes.placement.placement_feed import exposed_background, inspection
+from ui.panels.difference_board import DifferenceBoard
+from ui.panels.pictures import Picture
+from ui.picture_feed import PictureFeed
+
+# Pixels that are read in one frame: 4 MiB.
+BAND_PIXELS = 1 << 18
+
+Light = NDArray[np.float32]
+
+
+class _Wanted(NamedTuple):
+    """What a measurement is of: the picture's stamp, the stored picture by its identity, and the false colours."""
+
+    stamp: int
+    stored: int
+    colours: Difference | None
+
+
+class _Measured(NamedTuple):
+    """relRMSE, and false colours (H, W, 4) where they were wanted."""
+
+    error: float
+    colours: NDArray[np.uint8] | None
+
+
+class DifferenceFeed:
+    """Follows the editor. make_picture: makes a texture drawable by panels, its pixels as squares or not."""
+
+    def __init__(
+        self, context: moderngl.Context, make_picture: Callable[[moderngl.Texture | None, bool], Picture | None]
+    ) -> None:
+        self._make_picture = make_picture
+        self._memory, self._passes = TextureMemory(context), Passes(context)
+        self._mapper, self._tone = ToneMapper(self._passes, self._memory), ToneView()
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="difference")
+        self._of: StoredPicture | None = None
+        self._linear: moderngl.Texture | None = None
+        self._texture: moderngl.Texture | None = None
+        self._view: DisplayView | None = None
+        self._colours: moderngl.Texture | None = None
+        self._read: Light | None = None  # as far as it has been read
+        self._row = 0
+        self._reading: _Wanted | None = None
+        self._measuring: tuple[_Wanted, Future[_Measured]] | None = None
+        self._measured: _Wanted | None = None
+        self._error: float | None = None
+        self._refusal = ""
+
+    def board(self, sharp: bool) -> DifferenceBoard:
+        """What there is for panels. sharp: pixels are shown as squares."""
+        if self._of is None:
+            return DifferenceBoard()
+        stored, colours = (self._make_picture(each, sharp) for each in (self._texture, self._colours))
+        return DifferenceBoard(stored, colours, self._error, self._is_under_way, self._refusal)
+
+    @property
+    def _is_under_way(self) -> bool:
+        return self._reading is not None or self._measuring is not None
+
+    def is_behind(self, editor: Editor, source: PictureFeed | None) -> bool:
+        """Whether another frame will show more, or the picture has changed since it was measured."""
+        if editor.stored.compared is None or source is None:
+            return False
+        wanted = _wanted(editor, source, editor.stored.compared)
+        return self._of is None or self._tone.waits or self._is_under_way or self._measured != wanted
+
+    def follow(self, editor: Editor, source: PictureFeed | None) -> bool:
+        """Take a step of what is missing, before the panels of a frame; returns whether there is something new."""
+        stored = editor.stored.compared
+        if stored is None or source is None:
+            self._forget()
+            return False
+        try:
+            is_new = self._draw_stored(editor, stored)
+            return self._measure(editor, source, stored) or is_new
+        except GraphicsError as error:
+            self._refusal = str(error)
+            self._measured, self._reading = _wanted(editor, source, stored), None
+            return False
+
+    def _draw_stored(self, editor: Editor, stored: StoredPicture) -> bool:
+        """Upload the stored picture, and draw it as the display settings say; returns whether it changed."""
+        if self._of is not stored:
+            self._forget()
+            self._linear = self._memory.texture(stored.size, 4, "f4", stored.light)
+            self._texture = self._memory.texture(stored.size, 4, "f1")
+            self._of = stored
+        assert self._linear is not None and self._texture is not None
+        view = DisplayView(
+            editor.view.exposure, self._tone.follow(editor.view.tone_mapping, editor.colours),
+            behind=exposed_background(editor.document.background, editor.view.exposure), **inspection(editor.view),
+        )  # fmt: skip
+        if view == self._view:
+            return False
+        target = self._memory.framebuffer([self._texture])
+        draw_on_screen(self._passes, self._mapper, target, self._linear, view, (0, 0, *stored.size))
+        self._memory.release_framebuffer(target)
+        self._view = view
+        return True
+
+    def _measure(self, editor: Editor, source: PictureFeed, stored: StoredPicture) -> bool:
+        """Go on with the measurement; returns whether one has ended."""
+        wanted, is_new = _wanted(editor, source, stored), self._take_measured(stored)
+        if self._measuring is not None or (self._reading is None and self._measured == wanted):
+            return is_new
+        shown = source.shown(editor)
+        if shown is None:  # another picture stays on screen until the mode has its own
+            self._reading, self._measured = None, wanted
+            return is_new
+        width, height = shown.linear.size
+        if (width, height) != stored.size:
+            self._refuse(shown, stored)
+            self._reading, self._measured = None, wanted
+            return True
+        if self._reading is None or self._read is None or self._read.shape[:2] != (height, width):
+            self._reading, self._read, self._row = wanted, np.empty((height, width, 4), np.float32), 0
+        self._refusal = ""
+        if self._read_band(shown):
+            light, self._read = self._read, None
+            of, self._reading = self._reading, None
+            done = self._thread.submit(_measured, light, np.float32(shown.intensity), stored.light, of.colours)
+            self._measuring = of, done
+        return is_new
+
+    def _read_band(self, shown: ShownPicture) -> bool:
+        """Read some rows; returns whether all have been."""
+        assert self._read is not None
+        height, width = self._read.shape[:2]
+        n = min(max(BAND_PIXELS // width, 1), height - self._row)
+        raw = shown.target.read(viewport=(0, self._row, width, n), components=4, dtype="f4", alignment=1)
+        self._read[self._row : self._row + n] = np.frombuffer(raw, np.float32).reshape(n, width, 4)
+        self._row += n
+        return self._row == height
+
+    def _take_measured(self, stored: StoredPicture) -> bool:
+        if self._measuring is None or not self._measuring[1].done():
+            return False
+        (of, done), self._measuring = self._measuring, None
+        if of.stored != id(stored):
+            return False
+        measured, self._measured = done.result(), of
+        self._error = measured.error
+        if measured.colours is None:
+            return True
+        size = measured.colours.shape[1], measured.colours.shape[0]
+        if self._colours is None or self._colours.size != size:
+            self._memory.release(self._colours)
+            self._colours = self._memory.texture(size, 4, "f1")
+        self._colours.write(np.ascontiguousarray(measured.colours), alignment=1)
+        return True
+
+    def _refuse(self, shown: ShownPicture, stored: StoredPicture) -> None:
+        width, height = shown.linear.size
+        try:
+            check_same_size(np.empty((height, width)), stored.light, stored.name)
+        except InsituError as error:
+            self._refusal = str(error)
+        self._error = None
+        self._memory.release(self._colours)
+        self._colours = None
+
+    def _forget(self) -> None:
+        for texture in (self._linear, self._texture, self._colours):
+            self._memory.release(texture)
+        self._of = self._linear = self._texture = self._colours = self._view = None
+        self._read = self._reading = self._measured = self._error = None
+        self._refusal = ""
+
+    def release(self) -> None:
+        """End the thread, and free all textures."""
+        self._thread.shutdown(wait=True)
+        self._forget()
+        self._mapper.release()
+        self._passes.release()
+
+
+def _wanted(editor: Editor, source: PictureFeed, stored: StoredPicture) -> _Wanted:
+    kind = editor.view.difference
+    return _Wanted(source.stamp, id(stored), kind if kind in ("signed", "absolute") else None)
+
+
+def _measured(light: Light, intensity: np.float32, stored: Light, kind: Difference | None) -> _Measured:
+    """Of a present picture (H, W, 4) without the light's intensity."""
+    ours, reference = np.nan_to_num(light[..., :3] * intensity, posinf=0.0, neginf=0.0), stored[..., :3]
+    error = errors(ours, reference).rmse
+    if kind not in ("signed", "absolute"):
+        return _Measured(error, None)
+    colours = difference_colours(ours, reference, kind)
+    return _Measured(error, np.concatenate([colours, np.full((*colours.shape[:2], 1), 255, np.uint8)], axis=2))

@@ -1,0 +1,155 @@
+"""The comparison with a stored picture: what is shown of both over the picture, and the strip that chooses it."""
+
+from __future__ import annotations
+
+import numpy as np
+from imgui_bundle import ImVec2, imgui
+
+from app.document.view_state import DIFFERENCES, Difference
+from app.operators.registry import keys_of
+from engine.render.display import LEAST_ERROR, MOST_ERROR
+from engine.render.picture_difference import signed_colours
+from ui import theme as look
+from ui.panels import picture_overlays, widgets
+from ui.panels.actions import Action, RunOperator
+from ui.panels.context import PanelContext
+from ui.panels.viewport_layout import PictureRect
+from ui.theme import Icon
+
+MARGIN, LIST_WIDTH, WIDE, LEAST = 10.0, 120.0, 640.0, 300.0
+CHOICES: dict[Difference, tuple[str, str]] = {
+    "present": ("Now", "The present picture."),
+    "stored": ("Stored", "The stored picture, in the same exposure and view."),
+    "split": ("Split", "The stored picture left of a divider, the present one right of it."),
+    "signed": ("Signed", "The difference of luminance: red where the present picture is brighter, blue where darker."),
+    "absolute": ("Absolute", "The size of the difference in all channels, in the colours of the error map."),
+}
+LEGENDS = {
+    "signed": "Darker or brighter than stored",
+    "absolute": "Difference, relative to the mean",
+}
+TICKS = (-0.1, -0.01, 0.01, 0.1)
+N_SHADES = 48
+ERROR_HINT = (
+    "relRMSE of the present picture: the root mean square of the difference divided by the stored picture's mean, in "
+    "linear light, both clamped at its 99.9th percentile."
+)
+
+
+def is_split(context: PanelContext) -> bool:
+    """Whether a divider is between the stored and the present picture."""
+    view = context.view
+    return bool(view.stored) and view.difference == "split" and context.difference.stored is not None
+
+
+def draw_over_picture(context: PanelContext, placed: PictureRect) -> None:
+    """What is compared, in the place of the picture, in the panel's draw list."""
+    view, board = context.view, context.difference
+    if not view.stored or view.difference == "present":
+        return
+    picture = board.stored if view.difference in ("stored", "split") else board.colours
+    if picture is None or (board.refusal and view.difference != "stored"):
+        return
+    share = min(max(view.compare_divider, 0.0), 1.0) if view.difference == "split" else 1.0
+    start = ImVec2(placed.x, placed.y)
+    end = ImVec2(placed.x + share * placed.width, placed.y + placed.height)
+    imgui.get_window_draw_list().add_image(picture.reference, start, end, ImVec2(0, 0), ImVec2(share, 1))
+
+
+def legend(context: PanelContext) -> str:
+    """The words above the legend of false colours, "" where there are none."""
+    view, board = context.view, context.difference
+    return LEGENDS.get(view.difference, "") if view.stored and board.colours is not None and not board.refusal else ""
+
+
+def draw_legend(context: PanelContext, draw_list: imgui.ImDrawList, corner: ImVec2, room: float) -> None:
+    """The legend's bar from an upper left corner, in this width."""
+    if context.view.difference == "absolute":
+        picture_overlays.draw_legend(context, draw_list, corner, room)
+        return
+    bar, span = context.px(picture_overlays.BAR), np.log(MOST_ERROR / LEAST_ERROR)
+    places = (np.arange(N_SHADES) + 0.5) / N_SHADES * 2.0 - 1.0  # -1: the end of what is darker
+    shares = np.sign(places) * LEAST_ERROR * np.exp(np.abs(places) * span)
+    for i, colour in enumerate(signed_colours(shares)):
+        left, right = (corner.x + room * n / N_SHADES for n in (i, i + 1))
+        ink = look.pack((float(colour[0]), float(colour[1]), float(colour[2]), 1.0))
+        draw_list.add_rect_filled(ImVec2(left, corner.y), ImVec2(right, corner.y + bar), ink)
+    imgui.push_font(None, look.SMALL_SIZE)
+    for share in TICKS:
+        text = f"{100.0 * share:+g} %"
+        place = 0.5 + 0.5 * np.sign(share) * np.log(abs(share) / LEAST_ERROR) / span
+        x = corner.x + room * place - 0.5 * imgui.calc_text_size(text).x
+        draw_list.add_text(ImVec2(x, corner.y + bar + context.px(2)), look.pack(look.TEXT_SOFT), text)
+    imgui.pop_font()
+
+
+def draw(context: PanelContext, corner: ImVec2, room: ImVec2) -> list[Action]:
+    """The strip at the picture's upper edge, while there is a comparison and room for it."""
+    if not context.view.stored or room.x < context.px(LEAST):
+        return []
+    actions: list[Action] = []
+    at = ImVec2(corner.x + 0.5 * room.x, corner.y + context.px(MARGIN))
+    with widgets.strip(context, "Stored picture###stored", at, ImVec2(0.5, 0.0), ImVec2(10, 8)) as is_seen:
+        if is_seen:
+            is_wide = room.x >= context.px(WIDE)
+            actions += _names(context)
+            if is_wide:
+                imgui.same_line()
+                actions += _choice(context)
+                imgui.same_line()
+                _number(context, room.x)
+                imgui.same_line()
+                actions += _buttons(context)
+            else:
+                imgui.same_line()
+                actions += _buttons(context)
+                actions += _choice(context)
+                _number(context, room.x)
+    return actions
+
+
+def _names(context: PanelContext) -> list[Action]:
+    names = context.stored_names
+    chosen = [i for i, name in enumerate(names) if name == context.view.stored]
+    imgui.set_next_item_width(context.px(LIST_WIDTH))
+    choices = [widgets.Choice(name) for name in names]
+    hint = f"The stored picture that is compared. ({keys_of('store_picture')} stores another)"
+    picked = widgets.choose(context, "stored.name", choices, chosen, hint, shown=context.view.stored)
+    return [] if picked is None else [RunOperator("compare_with", names[picked])]
+
+
+def _choice(context: PanelContext) -> list[Action]:
+    chosen = DIFFERENCES.index(context.view.difference)
+    pressed = widgets.segments(context, "stored.show", [CHOICES[each] for each in DIFFERENCES], chosen)
+    return [] if pressed is None else [RunOperator("difference", DIFFERENCES[pressed])]
+
+
+def _number(context: PanelContext, room: float) -> None:
+    """relRMSE, or why there is none."""
+    board = context.difference
+    imgui.align_text_to_frame_padding()
+    if board.refusal:
+        imgui.push_style_color(imgui.Col_.text, look.pack(look.BAD))
+        imgui.text_unformatted(widgets.shortened("another size", 0.5 * room))
+        imgui.pop_style_color()
+        widgets.tooltip(board.refusal)
+        return
+    # Of the same width while it changes, so that the strip does not tremble.
+    text = "relRMSE …" if board.error is None else f"relRMSE {100.0 * board.error:#.3g} %"
+    imgui.push_style_color(imgui.Col_.text, look.pack(look.TEXT_SOFT if board.is_behind else look.TEXT))
+    place = imgui.get_cursor_pos_x()
+    imgui.text_unformatted(text)
+    imgui.pop_style_color()
+    widgets.tooltip(ERROR_HINT)
+    imgui.same_line(place + imgui.calc_text_size("relRMSE 0.0000 %").x, 0.0)
+    imgui.dummy(ImVec2(0, 0))
+
+
+def _buttons(context: PanelContext) -> list[Action]:
+    actions: list[Action] = []
+    if widgets.icon_button(context, "stored.remove", Icon.DELETE, "Forget this stored picture."):
+        actions.append(RunOperator("remove_stored", context.view.stored))
+    imgui.same_line(0.0, 0.0)
+    if widgets.icon_button(context, "stored.close", Icon.CLOSE, "End the comparison; the stored picture stays."):
+        actions.append(RunOperator("compare_with", ""))
+    return actions
