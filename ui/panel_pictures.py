@@ -207,6 +207,7 @@ def panel_context(editor: Editor, source: PictureFeed | None, pictures: PanelPic
         map_refusal=refusal,
         heading=source.heading,
         object_at=source.object_at,
+        objects_in=source.objects_in,
         spot_at=source.spot_at,
         facing_of=editor.camera_history.resting_facing,
         values_at=partial(source.values_at, editor),

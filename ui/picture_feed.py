@@ -193,6 +193,10 @@ class PictureFeed:
         """The name of the object that a pixel of the picture sees."""
         return self._scene.object_at(column, row)
 
+    def objects_in(self, left: float, top: float, right: float, bottom: float) -> tuple[str, ...]:
+        """The names of the objects that are seen in a rectangle, pixels of the picture."""
+        return self._scene.objects_in(left, top, right, bottom)
+
     def surface_at(self, column: int, row: int) -> SurfacePoint | None:
         """The surface that a pixel of the picture sees; None for emitters and the background."""
         return self._scene.surface_at(column, row)

@@ -101,6 +101,11 @@ class SceneView:
         index = -1 if self._frame is None else self._frame.object_at(column, row)
         return self._names[index] if 0 <= index < len(self._names) else None
 
+    def objects_in(self, left: float, top: float, right: float, bottom: float) -> tuple[str, ...]:
+        """The names of the objects that are seen in a rectangle, pixels of the picture."""
+        found = [] if self._frame is None else self._frame.objects_in(left, top, right, bottom).tolist()
+        return tuple(self._names[index] for index in found if 0 <= index < len(self._names))
+
     def surface_at(self, column: int, row: int) -> SurfacePoint | None:
         """The surface that a pixel of the picture sees; None for emitters and the background."""
         frame, description = self._frame, self._description

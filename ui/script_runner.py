@@ -25,6 +25,7 @@ from app.operators.edits import Drag, PaintStroke
 from app.operators.inspect import ConfiguredView
 from app.operators.registry import run_operator
 from app.operators.script import Step
+from app.operators.selecting import BoxSelection
 from app.operators.view import AwaitedPicture
 from app.system.atomic import make_folder_of, require_place
 from app.worker.client import Client
@@ -37,6 +38,7 @@ from ui.gl.view_transform import is_view_ready
 from ui.headless import DEFAULT_SIZE, HeadlessWindow
 from ui.layout import PANELS
 from ui.panels.actions import SavePicture, SetPanel, ShowPanel, StorePicture
+from ui.panels.box_select import box_between, boxed, lamp_places, names_in
 from ui.panels.light_by_hand import painted_placement, placement, sun_placement
 from ui.picture_feed import PictureFeed
 from ui.scene_view import SurfaceSpot, sample_path, spots_at, stroke_at
@@ -337,6 +339,21 @@ def _aim(window: HeadlessWindow, editor: Editor, step: Aim) -> None:
         raise ScriptError(refusal)
 
 
+def _box_select(window: HeadlessWindow, editor: Editor, step: BoxSelection) -> None:
+    """By what is seen in it, as a drag over the picture selects."""
+    source = window.shell.source
+    assert source is not None
+    window.frames(2)
+    if source.picture is None:
+        raise ScriptError("box_select: there is no picture yet")
+    history, size = editor.camera_history, (source.picture.width, source.picture.height)
+    box = box_between(step.start, step.to)
+    lamps = lamp_places(editor.document, history.resting_box, history.camera, size)
+    found = names_in(editor.document, source.objects_in(*box), lamps, box)
+    if (refusal := editor.select(boxed(editor.view, found, step.mode))) is not None:
+        raise ScriptError(refusal)
+
+
 def _sun_of(editor: Editor, name: str) -> Sun | None:
     """The sun that a name means, also as "light.Noon"; None of an object."""
     if any(state.name == name for state in editor.document.objects):
@@ -383,7 +400,7 @@ def _assert_error(window: HeadlessWindow, editor: Editor, bound: float) -> None:
 WINDOW_STEPS: dict[str, Callable[[HeadlessWindow, Editor, Any], None]] = {
     "store_picture": _store_picture, "compare_file": _compare_file,
     "gizmo": _show_gizmo, "set": _set, "view": _choose_view, "ocio": _open_config, "drag": _drag, "paint": _paint,
-    "show": _show, "place_light": _place_light, "move": _move, "aim": _aim,
+    "show": _show, "place_light": _place_light, "move": _move, "aim": _aim, "box_select": _box_select,
     "save_as": _save_session, "save_scene": _save_scene, "export_scene": _export_scene, "picture": _save_picture,
     "wait": wait_for_picture, "capture": _capture, "assert_error_below": _assert_error,
 }  # fmt: skip

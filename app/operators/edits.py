@@ -284,7 +284,7 @@ EDITS = (
 MATERIAL = (
     Gesture("Right click", "Put a parameter back to the scene's value"),
     Gesture("Double click", "Type a number; a drag with Shift is fine"),
-    Operator("brdf", keys=("B",), help="Show the BRDF: sphere, lobe, slice, albedo"),
+    Operator("brdf", keys=("Shift B",), help="Show the BRDF: sphere, lobe, slice, albedo"),
 )
 
 CURVES = (

@@ -60,7 +60,7 @@ MENUS = (
     Menu("Edit", (
         "undo", "redo", "undo_view", "redo_view", None, "copy_material", "copy_curve", "copy_table", "paste",
         "paste_layers", None,
-        Menu("Select", ("select_all", "select_none", "select_others")),
+        Menu("Select", ("select_all", "select_none", "select_others", None, "box_select")),
         Menu("Arrange", (
             "grab", "turn", "resize", None, "gizmo_move", "gizmo_rotate", "gizmo_scale", None, "aim",
             "gizmo_aim", None, "drop_selected", "snaps", "aligns", None, "put_back", "own_pivots", "keymap",

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Annotated, Literal
+
+from pydantic import Field
+
 from app.editor.editor import Editor
-from app.operators.operator import SCENE, Gesture, Operator
+from app.operators.edits import PictureIndex
+from app.operators.operator import SCENE, Gesture, Operator, ScriptKey, ValueRecord
 
 
 def _select_all(editor: Editor, value: None) -> str | None:
@@ -23,9 +28,25 @@ def _invert(editor: Editor, value: None) -> str | None:
     return editor.select(tuple(s.name for s in editor.document.objects if s.visible and s.name not in chosen))
 
 
+BoxMode = Literal["replace", "add", "remove"]
+PicturePlace = tuple[PictureIndex, PictureIndex]
+
+
+class BoxSelection(ValueRecord):
+    """A rectangle of the picture, whose objects are selected; corners are column and row of pixels."""
+
+    start: Annotated[PicturePlace, Field(alias="from", description="A corner.")]
+    to: Annotated[PicturePlace, Field(description="The corner opposite.")]
+    mode: Annotated[BoxMode, Field(description="Instead of what is selected, as well, or no longer.")] = "replace"
+
+
 SELECTING = (
     Gesture("Shift click", "Select another one as well, or no longer"),
     Gesture("Double click", "Select one object of a group alone"),
+    Operator(
+        "box_select", keys=("B",), help="Select by a rectangle; Shift adds, Ctrl removes", entry="By a rectangle",
+        needs=SCENE, waits=True, script=ScriptKey(BoxSelection, "Selects what is seen in a rectangle: see below."),
+    ),
     Operator("select_all", _select_all, ("Ctrl A",), "Select all objects; with Shift none",
              entry="All", needs=SCENE),
     Operator("select_none", _select_none, ("Ctrl Shift A",), entry="None", needs=SCENE),

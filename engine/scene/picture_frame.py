@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -104,6 +105,15 @@ class PictureFrame:
         """Index of the object at a pixel; −1 for none, also outside of the picture."""
         inside = 0 <= column < self.width and 0 <= row < self.height
         return int(self.object_image[row, column]) if inside else -1
+
+    def objects_in(self, left: float, top: float, right: float, bottom: float) -> NDArray[np.integer]:
+        """Indices of the objects that pixels show which a rectangle meets, also in a part of them alone."""
+        x = slice(max(math.floor(left), 0), max(math.floor(right) + 1, 0))
+        y = slice(max(math.floor(top), 0), max(math.floor(bottom) + 1, 0))
+        found = np.unique(self.object_image[y, x])
+        row, column = np.divmod(self.lamps.pixel, self.width)
+        lit = (row >= y.start) & (row < y.stop) & (column >= x.start) & (column < x.stop)
+        return np.union1d(found[found >= 0], self.lamps.object[lit])
 
     def sample_at(self, column: int, row: int) -> int | None:
         """Index of the point at a pixel's centre; None for emitters and the background."""

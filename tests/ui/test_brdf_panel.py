@@ -174,7 +174,7 @@ def test_a_closed_panel_costs_nothing(window: HeadlessWindow) -> None:
     editor.do(SetParameter("teapot.1", "alpha", 0.3))
     settled(window)
     assert window.shell._brdf._n_made == made
-    window.key(imgui.Key.b)
+    window.key(imgui.Key.b, imgui.Key.mod_shift)
     assert editor.view.panel_open("brdf")
     settled(window)
     assert window.shell._brdf._n_made > made

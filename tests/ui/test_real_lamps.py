@@ -104,3 +104,23 @@ def test_handles_leave_for_those_that_move_and_come_back(real: RealWindow) -> No
     assert "light.width" in real.handles()
     real.click("objects.ball", held="ctrl")
     assert "light.width" not in real.handles()
+
+
+def test_a_rectangle_over_the_picture_selects_what_it_meets(real: RealWindow) -> None:
+    real.fresh(select="ball.1.theta_h")
+    x, y = real.at("viewport.centre")
+    real.key("b")
+    real.drag((x + 15.0, y + 10.0), by=(-30.0, -20.0))
+    assert real.ask("editor.view.selected_objects") == ("ball",) and real.ask("state.grip is None")
+    left, top = real.at("viewport.corner")
+    real.key("b")
+    real.drag((left + 2.0, 2.0 * y - top - 2.0), to=(x, y), held="shift")
+    assert set(real.ask("editor.view.selected_objects")) == {"ball", "ground"}
+    real.key("b")
+    real.drag((x + 15.0, y + 10.0), by=(-30.0, -20.0), held="ctrl")
+    assert real.ask("editor.view.selected_objects") == ("ground",)
+    real.key("b")
+    real.drag((left + 2.0, top + 2.0), to=(x, y), let_go=False)
+    real.key("escape")
+    real.release()
+    assert real.ask("editor.view.selected_objects") == ("ground",) and real.n_steps() == 0

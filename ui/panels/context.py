@@ -136,6 +136,11 @@ def no_facing(name: str) -> NDArray[np.float64] | None:
     return None
 
 
+def no_objects(left: float, top: float, right: float, bottom: float) -> tuple[str, ...]:
+    """The objects in a rectangle before there is a picture: none."""
+    return ()
+
+
 def no_spot(column: int, row: int) -> SurfaceSpot | None:
     """The point of a surface at a pixel before there is a picture: none."""
     return None
@@ -149,8 +154,9 @@ class PanelContext:
 
     `map_thumbnails` are the selected layer's "texture" and "weight", `map_refusal` says why they cannot be used.
     `undo_label` and `redo_label` name what would be undone or redone. `object_at` returns the object's name at a pixel
-    (column, row) of the picture, `spot_at` the point of the surface there, `values_at` the pixel's values; `facing_of`
-    the direction that a lamp shines to. `heading` is the camera's direction, degrees clockwise from -Z seen from above.
+    (column, row) of the picture, `objects_in` the names of those in a rectangle, `spot_at` the point of the surface
+    there, `values_at` the pixel's values; `facing_of` the direction that a lamp shines to. `heading` is the camera's
+    direction, degrees clockwise from -Z seen from above.
     `library` are its materials, `thumbnail` a material's picture, None while there is none. `now` is seconds of the
     window's clock. `brdf` has the plots of the selected material, `record` the recent frame times and errors. `camera`
     is the camera that the scene is seen from, or is about to be, `picture_camera` that of the picture shown;
@@ -188,6 +194,7 @@ class PanelContext:
     undo_label: str | None = None
     redo_label: str | None = None
     object_at: Callable[[int, int], str | None] = no_object
+    objects_in: Callable[[float, float, float, float], tuple[str, ...]] = no_objects
     spot_at: Callable[[int, int], SurfaceSpot | None] = no_spot
     facing_of: Callable[[str], NDArray[np.float64] | None] = no_facing
     values_at: Callable[[int, int, int], PixelValues | None] = no_values

@@ -17,7 +17,7 @@ from ui.panels.context import PanelContext
 from ui.panels.curve_gestures import DrawnCurves, OperatorGroup, grip_at
 from ui.panels.curve_input import handle_position, move_handle
 from ui.panels.number_fields import PIXELS_TO_DOUBLE
-from ui.panels.window_state import FINE, GrabGrip, KeyGrip
+from ui.panels.window_state import FINE, KeyGrip
 
 # Shares of the plot's width and height, so that zooming in makes the keys finer: one degree where all 90 are shown.
 WIDTH_A_STEP, HEIGHT_A_STEP = 1.0 / 90.0, 1.0 / 50.0
@@ -69,7 +69,8 @@ def _has_keyboard(context: PanelContext) -> bool:
     if context.keys_taken or io.key_ctrl or io.key_alt or io.key_super or imgui.is_any_item_active():
         return False
     state = context.state
-    if state.question is not None or isinstance(state.grip, GrabGrip) or context.view.show_shortcuts:
+    takes_input = state.grip is not None and state.grip.takes_input
+    if state.question is not None or takes_input or context.view.show_shortcuts:
         return False
     return not io.nav_visible or imgui.is_window_focused(int(imgui.FocusedFlags_.root_and_child_windows))
 

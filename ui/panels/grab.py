@@ -70,8 +70,9 @@ def begin(kind: str, context: PanelContext) -> list[Action]:
 
 
 def claim_input(state: PanelState) -> None:
-    """Keep mouse buttons and keys from all controls while objects follow the mouse; at the start of a pass."""
-    if isinstance(state.grip, GrabGrip):
+    """Keep mouse buttons and keys from all controls while objects follow the mouse, or a rectangle is drawn; at the
+    start of a pass."""
+    if state.grip is not None and state.grip.takes_input:
         for key in (*_BUTTONS, *_CONFIRM):
             imgui.internal.set_key_owner(key, _OWNER)
 

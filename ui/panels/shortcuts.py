@@ -15,7 +15,6 @@ from app.operators.keymap import KEYMAPS, in_keymap
 from app.operators.operator import Operator
 from app.operators.registry import OPERATORS, listed_lines
 from ui import theme as look
-from ui.panels import grab
 from ui.panels.actions import Action, CancelDrag, RunOperator, SetPanel
 from ui.panels.context import PanelContext
 from ui.panels.window_operators import chord_of, perform, play_or_leave_alone
@@ -30,12 +29,13 @@ CHORDS = {
 
 def keyboard(context: PanelContext) -> list[Action]:
     """The actions of the key pressed in this pass; none while the user types, or chooses from a list or a file."""
-    if context.keys_taken or context.state.question is not None or grab.is_under_way(context):
+    grip = context.state.grip
+    if context.keys_taken or context.state.question is not None or (grip is not None and grip.takes_input):
         return []
     actions: list[Action] = []
     for name, chords in CHORDS[context.preferences.keys].items():
         operator = OPERATORS[name]
-        if context.state.grip is not None and operator.waits:
+        if grip is not None and operator.waits:
             continue
         if name == "alone" and imgui.get_io().nav_visible:  # the key presses the control that has the frame
             continue

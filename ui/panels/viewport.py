@@ -15,6 +15,7 @@ from engine.core.errors import list_names
 from engine.material.layer import object_of
 from ui import theme as look
 from ui.panels import (
+    box_select,
     camera,
     gizmo,
     grab,
@@ -35,7 +36,7 @@ from ui.panels.library import apply, dropped_material
 from ui.panels.picture_handles import PictureHandle
 from ui.panels.pictures import Picture
 from ui.panels.viewport_layout import PAN, PictureRect, ViewportRect, gestures, viewport_rect
-from ui.panels.window_state import Grip, LightGrip, PaintedGrip, PaintGrip
+from ui.panels.window_state import BoxGrip, Grip, LightGrip, PaintedGrip, PaintGrip
 from ui.theme import Icon
 
 DEGREES_PER_PIXEL = 0.5
@@ -108,6 +109,8 @@ def _gestures(
     """Gestures over the picture: they move the camera, or the picture in its panel, or act on the scene."""
     if grab.is_under_way(context):
         return grab.go_on(context, placed)
+    if isinstance(context.state.grip, BoxGrip):
+        return box_select.go_on(context, placed, picture)
     moved = camera.navigate(context, placed, picture)
     if moved is not None:
         clicked = camera.was_a_click(context, moved)

@@ -18,7 +18,7 @@ from app.operators.registry import OPERATORS
 from engine.curve.operators import collapse
 from engine.curve.table_text import MAX_ROWS, table_text
 from engine.scene.builtin import EMPTY_SCENE
-from ui.panels import gizmo, grab, paint, timeline
+from ui.panels import box_select, gizmo, grab, paint, timeline
 from ui.panels.actions import (
     Action,
     AskFile,
@@ -234,6 +234,7 @@ WINDOW_OPERATORS: dict[str, Callable[[PanelContext], list[Action]]] = {
     "turn": partial(_grab_or_aim, "rotate"),
     "resize": partial(grab.begin, "scale"),
     "aim": partial(grab.begin, "aim"),
+    "box_select": box_select.begin,
     **{name: partial(_toggle, name) for name in SWITCHES},
     "brdf": _always(ShowPanel("brdf")),
     "reset_layout": _always(ResetLayout()),

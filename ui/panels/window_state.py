@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from app.document.document import Selection
 from engine.curve.operators import Operator
@@ -56,6 +56,15 @@ class Grip:
 
     handle: str
     offset: tuple[float, float]
+    takes_input: ClassVar[bool] = False  # no control and no key gets what is pressed meanwhile
+
+
+@dataclass(frozen=True)
+class BoxGrip(Grip):
+    """A rectangle that is about to be drawn over the picture, or is being drawn from `offset` on."""
+
+    takes_input: ClassVar[bool] = True
+    is_drawn: bool = False
 
 
 @dataclass(frozen=True)
@@ -139,6 +148,7 @@ class GrabGrip(ArrangeGrip):
     object's own. typed: the number so far. angle: by which the mouse has turned them, degrees, more than one turn as
     well."""
 
+    takes_input: ClassVar[bool] = True
     kind: str = "move"
     travel: Travel = Travel((0.0, 0.0))
     axis: int | None = None
