@@ -44,6 +44,9 @@ CURVES = "its curves and parameters"
 def draw(context: PanelContext) -> list[Action]:
     """The whole panel, inside its window."""
     actions: list[Action] = []
+    if not context.document.objects:
+        imgui.text_disabled("No objects")
+        widgets.caption(f"The Add menu ({context.keys_of('add')}) has shapes, lights and objects of files.")
     imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(0, context.px(1)))
     selected, storage, last = context.view.selected, imgui.get_state_storage(), imgui.get_id("last selected")
     chosen = 0 if selected is None else imgui.get_id(selected.object) & 0x7FFFFFFF

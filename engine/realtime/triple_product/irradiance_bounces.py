@@ -243,7 +243,7 @@ def _unlike(exchange: Exchange, shone: Float32Array) -> Float32Array:
     around = replace(around, share=share / share.sum(axis=1, keepdims=True))
     mean, square = around.between(found), around.between(found**2)
     spread = np.sqrt(np.maximum(square - mean**2, 0.0))
-    least = np.maximum(_FAINT * mean.mean(axis=0, keepdims=True), 1e-12)
+    least = np.maximum(_FAINT * mean.sum(axis=0, keepdims=True) / max(len(mean), 1), 1e-12)  # there may be no points
     return np.asarray((spread / np.maximum(mean, least)).max(axis=1, initial=0.0), np.float32)
 
 

@@ -110,3 +110,18 @@ def test_weights_between_gathering_points_are_those_of_a_fitted_plane() -> None:
         right = np.concatenate([np.sqrt(own) * value, np.zeros(2)])
         plane = np.linalg.lstsq(np.concatenate([rows, ridge]), right)[0]
         assert mine @ value == pytest.approx(plane[0])
+
+
+@pytest.mark.parametrize("kept", [("lamp",), ()])
+def test_where_nothing_gathers_there_is_no_light_between_surfaces(tmp_path: Path, kept: tuple[str, ...]) -> None:
+    lamp = placed("lamp", "quad", facing_up(0.1), "emission = [100.0, 50.0, 25.0]\n") if kept else ""
+    text = camera((0.6, 0.3, 0.0), 80.0, target=(-0.5, 0, 0)) + lamp
+    scene = build_scene(parse_description(tomllib.loads(text), "bare"), tmp_path / "bare.toml", (16, 12))
+    orbit = Orbit(scene, n_points=100, n_patches=4)
+    orbit.set_layers({})
+    orbit.set_bounces(1)
+    assert [*orbit.work()]
+    direct = orbit.draw(scene.description.camera, (16, 12))
+    orbit.set_bounces(3)
+    assert [*orbit.work()]
+    np.testing.assert_array_equal(orbit.draw(scene.description.camera, (16, 12)), direct)
