@@ -1,5 +1,5 @@
-"""Whatever is painted onto the environment, and done to its map and to all other lights, in a window: no fault, in the
-end the picture of a fresh start, and undo to the bit.
+"""Any sequence of all commands in a window, under a painted sky among others: no fault, in the end the picture of a
+fresh start, and undo to the bit.
 
 As in `test_any_sequence`, the worker is the real one, on a small scene, and commands come between any two of its steps.
 They come as panels return them, and all panels are drawn beside each document that they lead to.
@@ -9,24 +9,25 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import get_args
 
 import moderngl
 import numpy as np
 import pytest
 from PIL import Image
 
+from app.document.commands import EditCommand
 from app.document.commands.layers import SetVisible
 from app.document.commands.light import SetIntensity, SetMapChange, SetRotation, SplitEnvironment
 from app.document.commands.mix import SetMix
 from app.document.commands.painted import AddPainted, RemovePainted, SetPainted
 from app.document.document import Document
-from app.document.painted_parameters import parameters_of
 from app.document.view_state import SetView, ViewState
 from app.editor.editor import Editor
 from app.files.session import dump_session
 from app.operators.arrange import painting
 from app.worker.cache import ArrayCache
+from tests.ui.any_command import MAKERS, AnyCommand
 from tests.ui.small_scene import write_small_scene
 from tests.ui.test_any_sequence import (
     COMMANDS,
@@ -83,22 +84,6 @@ def painted(walk: WindowWalk) -> str | None:
     return str(walk.random.choice(names)) if names else None
 
 
-def set_any(walk: WindowWalk) -> None:
-    """Set any parameter of a painted light to any value that it may have."""
-    light = next((each for each in walk.editor.document.light.painted if each.name == painted(walk)), None)
-    if light is None:
-        return
-    parameters = parameters_of(light.kind)
-    name = str(walk.random.choice(sorted(parameters)))
-    low, high = parameters[name].limits
-    value: Any = float(walk.random.uniform(low, min(high, low + 200.0)))
-    if parameters[name].kind == "choice":
-        value = str(walk.random.choice(parameters[name].choices))
-    elif parameters[name].kind == "rgb":
-        value = tuple(walk.random.uniform(0.0, 2.0, 3))
-    walk.do(SetPainted.of(light.name, name, value))
-
-
 def drag_light(walk: WindowWalk, last: Action) -> None:
     """Drag a painted light over the sky, some steps in frames of their own."""
     name = painted(walk)
@@ -130,8 +115,8 @@ PAINTED: dict[str, Callable[[WindowWalk], object]] = {
     **{f"paint a {kind}": lambda w, kind=kind: w.do(RunOperator(painting(kind))) for kind in KINDS},
     "paint a card": lambda w: w.do(AddPainted("image", "", (("file", str(w.folder / "card.png")),))),
     "paint what is not there": lambda w: w.do(AddPainted("image", "", (("file", "/nowhere/card.png"),))),
-    "set any": set_any,
-    "set any again": set_any,
+    "set any": lambda w: give(w, MAKERS[SetPainted]),
+    "set any again": lambda w: give(w, MAKERS[SetPainted]),
     "drag it": lambda w: drag_light(w, EndDrag()),
     "drag it and give up": lambda w: drag_light(w, CancelDrag()),
     "paint it first": named(lambda name: SetPainted.of(name, "position", 0)),
@@ -185,21 +170,32 @@ def written(document: Document) -> str:
     return dump_session(document, ViewState())
 
 
-@pytest.mark.parametrize("seed", [500, *(pytest.param(seed, marks=pytest.mark.sweep) for seed in range(501, 540))])
-def test_any_sequence_under_a_painted_sky(context: moderngl.Context, source: str, tmp_path: Path, seed: int) -> None:
+def stroll(walk: WindowWalk, commands: dict[str, Callable[[WindowWalk], object]], n: int) -> list[str]:
+    """Give so many commands, some frames apart; their names."""
+    done = []
+    for name in map(str, walk.random.choice(sorted(commands), n)):
+        done.append(name)
+        print(name, end=", ")
+        commands[name](walk)
+        walk.frames(int(walk.random.choice([0, 1, 3, 10])))
+    return done
+
+
+def hold_to_fresh_start(
+    context: moderngl.Context, source: str, tmp_path: Path, seed: int,
+    commands: dict[str, Callable[[WindowWalk], object]], n: int,
+) -> None:  # fmt: skip
+    """After any of these commands: no fault, undo to the bit, and the picture of a fresh start."""
     random = np.random.default_rng(seed)
     here = WindowWalk(context, source, LateClient(random, ArrayCache(tmp_path / "cache")), random)
-    editor, done = here.editor, list[str]()
+    editor = here.editor
     try:
         here.client.hurries = True
         here.until(lambda: editor.scene_is_open)
         editor.do(SetView.of(n_bounces=1))
         here.client.hurries = False
         first = editor.document
-        for name in map(str, random.choice(sorted(PAINTED), 20)):
-            done.append(name)
-            PAINTED[name](here)
-            here.frames(int(random.choice([0, 1, 3, 10])))
+        stroll(here, commands, n)
         here.do(SetView.of(lighting="scene"))
         here.frames()
         here.settle()
@@ -214,6 +210,40 @@ def test_any_sequence_under_a_painted_sky(context: moderngl.Context, source: str
         assert editor.document == last and written(editor.document) == written(last)
         assert_as_fresh(context, here, tmp_path, bounces=1)
     finally:
-        print(seed, done)
         here.close()
     assert context.error == "GL_NO_ERROR"
+
+
+@pytest.mark.parametrize("seed", [500, *(pytest.param(seed, marks=pytest.mark.sweep) for seed in range(501, 540))])
+def test_any_sequence_under_a_painted_sky(context: moderngl.Context, source: str, tmp_path: Path, seed: int) -> None:
+    hold_to_fresh_start(context, source, tmp_path, seed, PAINTED, 20)
+
+
+def test_every_command_takes_part() -> None:
+    assert MAKERS.keys() == set(get_args(EditCommand))
+
+
+def give(walk: WindowWalk, make: Callable[[AnyCommand], EditCommand]) -> None:
+    """Give a command of one kind, where there is something that it edits."""
+    try:
+        command = make(AnyCommand(walk.editor.document, walk.random, walk.folder))
+    except IndexError:
+        return
+    walk.do(command)
+
+
+EVERY: dict[str, Callable[[WindowWalk], object]] = {
+    **{kind.__name__: lambda w, make=make: give(w, make) for kind, make in MAKERS.items()},
+    **{
+        name: PAINTED[name]
+        for name in (
+            "undo", "undo again", "redo", "drag it", "tilt", "select θh", "select nothing", "select the last", "kill",
+            "stop and go on", "compare", "compare no more", "one light", "light in place", "wait",
+        )
+    },
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", [600, *(pytest.param(seed, marks=pytest.mark.sweep) for seed in range(601, 700))])
+def test_any_sequence_of_all_commands(context: moderngl.Context, source: str, tmp_path: Path, seed: int) -> None:
+    hold_to_fresh_start(context, source, tmp_path, seed, EVERY, 25)
