@@ -18,6 +18,7 @@ from app.document.view_state import Difference
 from app.editor.editor import Editor
 from app.editor.stored_pictures import StoredPicture
 from engine.core.errors import InsituError
+from engine.render.crop import Crop, cropped
 from engine.render.picture_difference import check_same_size, difference_colours, errors
 from ui.gl.context import GraphicsError
 from ui.gl.display import DisplayView, ShownPicture, draw_on_screen
@@ -36,11 +37,13 @@ Light = NDArray[np.float32]
 
 
 class _Wanted(NamedTuple):
-    """What a measurement is of: the picture's stamp, the stored picture by its identity, and the false colours."""
+    """What a measurement is of: the picture's stamp, the stored picture by its identity, the false colours, and the
+    part of the picture whose error is measured."""
 
     stamp: int
     stored: int
     colours: Difference | None
+    crop: Crop | None
 
 
 class _Measured(NamedTuple):
@@ -145,7 +148,7 @@ class DifferenceFeed:
         if self._read_band(shown):
             light, self._read = self._read, None
             of, self._reading = self._reading, None
-            done = self._thread.submit(_measured, light, np.float32(shown.intensity), stored.light, of.colours)
+            done = self._thread.submit(_measured, light, np.float32(shown.intensity), stored.light, of)
             self._measuring = of, done
         return is_new
 
@@ -203,14 +206,14 @@ class DifferenceFeed:
 
 def _wanted(editor: Editor, source: PictureFeed, stored: StoredPicture) -> _Wanted:
     kind = editor.view.difference
-    return _Wanted(source.stamp, id(stored), kind if kind in ("signed", "absolute") else None)
+    return _Wanted(source.stamp, id(stored), kind if kind in ("signed", "absolute") else None, editor.view.crop)
 
 
-def _measured(light: Light, intensity: np.float32, stored: Light, kind: Difference | None) -> _Measured:
+def _measured(light: Light, intensity: np.float32, stored: Light, of: _Wanted) -> _Measured:
     """Of a present picture (H, W, 4) without the light's intensity."""
     ours, reference = np.nan_to_num(light[..., :3] * intensity, posinf=0.0, neginf=0.0), stored[..., :3]
-    error = errors(ours, reference).rmse
-    if kind not in ("signed", "absolute"):
+    error = errors(cropped(ours, of.crop), cropped(reference, of.crop)).rmse
+    if of.colours not in ("signed", "absolute"):
         return _Measured(error, None)
-    colours = difference_colours(ours, reference, kind)
+    colours = difference_colours(ours, reference, of.colours)
     return _Measured(error, np.concatenate([colours, np.full((*colours.shape[:2], 1), 255, np.uint8)], axis=2))

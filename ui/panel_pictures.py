@@ -218,7 +218,7 @@ def panel_context(editor: Editor, source: PictureFeed | None, pictures: PanelPic
 
 def _scopes(editor: Editor, source: PictureFeed) -> Scopes | None:
     picture = source.shown(editor)
-    return None if picture is None else scopes_of(picture)
+    return None if picture is None else scopes_of(picture, editor.view.crop)
 
 
 def _box_of(editor: Editor, name: str | None) -> NDArray[np.float64] | None:

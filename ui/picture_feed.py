@@ -35,6 +35,7 @@ from app.modes.registry import MODES
 from app.system.atomic import save_file
 from app.system.lazy_import import import_named
 from engine.core.errors import InsituError
+from engine.render.crop import Crop, cropped
 from engine.render.display import deep_png, exr_bytes, pixels_png
 from engine.scene.description import Camera
 from ui.gl.context import GraphicsError
@@ -388,11 +389,13 @@ class ViewportStill:
     shown: NDArray[np.float32]
     radiance: NDArray[np.float32]
 
-    def encoded(self, ending: str, deep: bool) -> bytes:
-        """The bytes of a file: ".exr" linear, 32 bits; ".png" as shown, 8 bits or `deep` 16."""
+    def encoded(self, ending: str, deep: bool, crop: Crop | None = None) -> bytes:
+        """The bytes of a file: ".exr" linear, 32 bits; ".png" as shown, 8 bits or `deep` 16. crop: only that part,
+        which keeps its place in an .exr."""
         if ending == ".exr":
-            return exr_bytes(np.nan_to_num(self.radiance, posinf=0.0, neginf=0.0))  # black, as on screen
-        return deep_png(self.shown) if deep else pixels_png(np.round(255.0 * self.shown).astype(np.uint8))
+            return exr_bytes(np.nan_to_num(self.radiance, posinf=0.0, neginf=0.0), crop=crop)  # black, as on screen
+        shown = cropped(self.shown, crop)
+        return deep_png(shown) if deep else pixels_png(np.round(255.0 * shown).astype(np.uint8))
 
 
 def viewport_still(
@@ -412,9 +415,9 @@ class StillSaver:
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="still")
         self._pending: list[Future[tuple[str, bool]]] = []
 
-    def save(self, still: ViewportStill, path: Path, deep: bool, remark: str = "") -> None:
+    def save(self, still: ViewportStill, path: Path, deep: bool, remark: str = "", crop: Crop | None = None) -> None:
         """Begin to write a picture; a remark is added to the message when it is written."""
-        self._pending.append(self._thread.submit(_save, still, path, deep, remark))
+        self._pending.append(self._thread.submit(_save, still, path, deep, remark, crop))
 
     def finished_messages(self) -> list[tuple[str, bool]]:
         """A line for the user for each that has ended, and whether it failed."""
@@ -427,9 +430,9 @@ class StillSaver:
         self._thread.shutdown(wait=True)
 
 
-def _save(still: ViewportStill, path: Path, deep: bool, remark: str) -> tuple[str, bool]:
+def _save(still: ViewportStill, path: Path, deep: bool, remark: str, crop: Crop | None) -> tuple[str, bool]:
     try:
-        save_file(path, still.encoded(path.suffix.lower(), deep))
+        save_file(path, still.encoded(path.suffix.lower(), deep, crop))
     except (InsituError, ValueError, MemoryError) as error:
         return f"{error}", True
     return f"saved {path}{remark}", False

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from app.editor.editor import Editor
 from app.stills.layer_saver import LayerSaver
 from engine.core.errors import InsituError
+from engine.render.crop import Crop
 from ui.gl.gpu_memory import read_texture
 from ui.panels.actions import SaveContactSheet, SavePicture, StorePicture
 from ui.picture_feed import PictureFeed, StillSaver
@@ -33,7 +35,8 @@ class PictureSaving:
             self._store(action.name, source)
             return
         if isinstance(action, SaveContactSheet) or action.layers:
-            self._save_layers(action.path)
+            is_cropped = isinstance(action, SavePicture) and action.cropped
+            self._save_layers(action.path, self._editor.view.crop if is_cropped else None)
             return
         still = None if source is None else source.still(self._editor)
         if still is None:
@@ -41,7 +44,8 @@ class PictureSaving:
             return
         exact = self._editor.status.picture == "exact"
         remark = "" if exact else "; it is a preview: the picture is not exact yet"
-        self._stills.save(still, action.path, action.deep, remark)
+        crop = self._editor.view.crop if action.cropped else None
+        self._stills.save(still, action.path, action.deep, remark, crop)
 
     def _store(self, name: str, source: PictureFeed | None) -> None:
         """Store what is shown, as linear light with the light's intensity, to be compared."""
@@ -60,9 +64,9 @@ class PictureSaving:
         remark = "" if editor.status.picture == "exact" else ", a preview: it is not exact yet"
         editor.notify(f"stored as {editor.view.stored}{remark}")
 
-    def _save_layers(self, path: Path) -> None:
+    def _save_layers(self, path: Path, crop: Crop | None) -> None:
         try:
-            self._layers.save(self._editor.document, self._editor.view, path)
+            self._layers.save(self._editor.document, replace(self._editor.view, crop=crop), path)
         except InsituError as error:
             self._editor.notify(str(error), True)
 

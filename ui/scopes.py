@@ -9,6 +9,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.render.crop import Crop
 from engine.render.scopes import Scopes, measure_scopes
 from ui.gl.display import ShownPicture
 from ui.gl.gpu_memory import TextureMemory
@@ -16,11 +17,12 @@ from ui.gl.gpu_memory import TextureMemory
 SIDE = 192
 
 
-def scopes_of(picture: ShownPicture) -> Scopes:
-    """The scopes of what is shown; waits for the GPU."""
-    width, height = picture.linear.size
+def scopes_of(picture: ShownPicture, crop: Crop | None = None) -> Scopes:
+    """The scopes of what is shown, or of a part of it; waits for the GPU."""
+    box = (0, 0, *picture.linear.size) if crop is None else crop.box(picture.linear.size)
+    _, _, width, height = box
     size = min(width, SIDE), min(height, SIDE)
-    pixels = picture.display.sampled(picture.linear, picture.view, (0, 0, width, height), size)
+    pixels = picture.display.sampled(picture.linear, picture.view, box, size)
     return measure_scopes(np.asarray(pixels[..., :3], np.uint8), width * height)
 
 

@@ -80,6 +80,23 @@ Configuration = Annotated[
         "--ocio", metavar="FILE", help="An OpenColorIO configuration; --view names a view of it, or DISPLAY: VIEW."
     ),
 ]
+Exposure = Annotated[
+    float | None,
+    typer.Option(
+        "--exposure", metavar="STOPS", min=-20.0, max=20.0, help="Of a PNG: twice as bright for each stop. Default 0."
+    ),
+]
+Gamma = Annotated[
+    float | None,
+    typer.Option("--gamma", metavar="G", min=0.2, max=5.0, help="Of a PNG: its colours to the power of 1 / G."),
+]
+CropSides = Annotated[
+    tuple[float, float, float, float] | None,
+    typer.Option(
+        "--crop", metavar="X0 Y0 X1 Y1",
+        help="A part of the picture: fractions from its upper left corner. EXR files keep its place in the whole.",
+    ),
+]  # fmt: skip
 SavedView = Annotated[
     str | None, typer.Option("--camera", metavar="NAME", help="A view saved in the session, or a camera of the file.")
 ]

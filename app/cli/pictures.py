@@ -18,7 +18,10 @@ from app.cli.options import (
     Axis,
     Bounces,
     Configuration,
+    CropSides,
     Edges,
+    Exposure,
+    Gamma,
     Lights,
     LookName,
     Nodes,
@@ -57,6 +60,8 @@ from engine.settings import DEFAULT_SETTINGS, MODE_LINES, N_LIGHTS, N_PATCHES
 
 if TYPE_CHECKING:
     from app.stills.frame_sequence import Frames
+    from app.stills.stills import Shown
+    from engine.render.crop import Crop
 
 
 class StillMode(Enum):
@@ -107,8 +112,17 @@ def render(
     aovs: Annotated[
         bool, typer.Option("--aovs", help="With layers: each light, direct and indirect light, masks, normals, depth.")
     ] = False,
+    exposure: Exposure = None,
+    gamma: Gamma = None,
+    crop: CropSides = None,
 ) -> int:
     """Render a picture with the editor's engine, without a window."""
+    from app.stills.stills import Shown
+    from engine.render.crop import Crop
+
+    part = None if crop is None else Crop.checked(crop, "--crop")
+    _check_display(output, exposure, gamma, part, frames if turntable is None else turntable)
+    written = Shown(exposure or 0.0, 1.0 if gamma is None else gamma, part)
     if aovs:
         _check_layers(output, mode, reference, turntable, frames)
     shown = chosen_view(view, ocio)
@@ -153,15 +167,18 @@ def render(
         )
     how = {"series": chosen, **settings}
     if not aovs:
-        how |= {"reference": reference, "n_samples": samples, "mode": mode.value, "estimates_error": True}
-    return _still(words, output, shown, how, aovs)
+        how |= {"reference": reference, "n_samples": samples, "mode": mode.value, "estimates_error": True, "crop": part}
+    return _still(words, output, shown, how, aovs, written)
 
 
-def _still(words: ProjectSpec, output: Path, view: AnyView | None, how: Mapping[str, Any], aovs: bool) -> int:
+def _still(
+    words: ProjectSpec, output: Path, view: AnyView | None, how: Mapping[str, Any], aovs: bool, written: Shown
+) -> int:
     """Draw one picture, with its layers or without; how: as `render_layers` or `render_project` takes it."""
     from app.stills.picture_layers import render_layers
     from app.stills.stills import StillProgress, check_output, render_project, write_picture
     from engine.core.clamping import TOO_BRIGHT, is_clamped
+    from engine.render.crop import cropped
 
     check_output(output)
     started = time.monotonic()
@@ -180,7 +197,8 @@ def _still(words: ProjectSpec, output: Path, view: AnyView | None, how: Mapping[
     picture, error = still.picture, still.error
     remains = "" if noise is None else f"noise {noise:.2%}"
     said = remains if error is None else error.text
-    write_picture(output, picture, view or project.view, said, still.layers)
+    write_picture(output, picture, view or project.view, said, still.layers, written)
+    picture = cropped(picture, written.crop)
     if is_clamped(picture):
         print(TOO_BRIGHT, file=sys.stderr)
     line = f"{output}: {picture.shape[1]} x {picture.shape[0]}, {time.monotonic() - started:.1f} s"
@@ -197,6 +215,19 @@ def _check_view(output: Path, view: str | None, ocio: str | None) -> None:
     given = f"--view {view}" if view is not None else f"--ocio {ocio}"
     if (view is not None or ocio is not None) and output.suffix.lower() == ".exr":
         raise InsituError(f"{given}: {output} holds light itself, expected a name that ends in .png")
+
+
+def _check_display(
+    output: Path, exposure: float | None, gamma: float | None, crop: Crop | None, n_frames: int | None
+) -> None:
+    """Refuse exposure and gamma of light itself, and what frames do not have."""
+    for name, value in (("--exposure", exposure), ("--gamma", gamma)):
+        if value is not None and output.suffix.lower() == ".exr":
+            raise InsituError(f"{name} {value:g}: {output} holds light itself, expected a name that ends in .png")
+        if value is not None and n_frames is not None:
+            raise InsituError(f"{name} {value:g}: expected one picture, without --turntable and --frames")
+    if crop is not None and n_frames is not None:
+        raise InsituError("--crop: expected one picture, without --turntable and --frames")
 
 
 def _check_layers(output: Path, mode: StillMode, reference: bool, turntable: int | None, frames: int | None) -> None:

@@ -14,10 +14,14 @@ from app.document.document import Document, Selection
 from engine.core.colour import AnyView
 from engine.core.errors import InsituError
 from engine.material.parameters import Parameter
+from engine.render.crop import Crop
 from engine.scene.description import Camera, SceneDescription
 from engine.settings import AS_PLANNED, SETTINGS, Lighting, RenderSettings
 
 Tool = Literal["translate_x", "translate_y", "translate_xy", "amplify_x", "amplify_y", "amplify_xy", "stroke", "points"]
+# A place on the picture: fractions across and down.
+Probe = tuple[float, float]
+MOST_PROBES = 8
 LooksShown = Literal[1, 2, 4, 6]
 Channel = Literal["rgb", "r", "g", "b"]
 PictureChannel = Literal["colour", "red", "green", "blue", "alpha", "luminance"]
@@ -86,6 +90,7 @@ class ViewState:
     ``settings`` are those of that picture; its number of bounces is 0 until the worker has found how many the scene
     requires. ``compare`` is the document that A/B shows left of ``compare_divider`` (0 the left edge, 1 the right).
     ``stored`` is the name of the stored picture that is compared, "" for none; ``difference``: what is shown of both.
+    ``crop`` is the part of the picture that is inspected and saved; ``probes`` are places whose values stay on screen.
     Unless it is shown to ``fit``, the picture has ``zoom`` screen pixels for each of its own, and its point ``centre``
     (fractions across, down) is in the panel's middle. ``camera`` and ``resolution``, (width, height) of the picture,
     replace the scene's own, None for those; ``bookmarks`` are views stored by name. While an animation is ``playing``
@@ -121,6 +126,8 @@ class ViewState:
     compare_divider: float = 0.5
     stored: str = ""
     difference: Difference = "split"
+    crop: Crop | None = None
+    probes: tuple[Probe, ...] = ()
     fit: bool = True
     zoom: float = 1.0
     centre: tuple[float, float] = (0.5, 0.5)
@@ -171,9 +178,10 @@ class ViewState:
     def for_scene(self, description: SceneDescription) -> ViewState:
         """The view of a scene that was just opened, with the same display settings: nothing in it is selected yet."""
         return replace(
-            self, selected=None, others=(), sun=None, hovered=None, compare=None, stored="", operator=None, node=None,
-            curve_zoom=None, solo=None, lobe_pixel=None, camera=None, resolution=None, bookmarks=(), playing=None,
-            lighting="scene", settings=replace(self.settings, n_bounces=description.bounces or AS_PLANNED),
+            self, selected=None, others=(), sun=None, hovered=None, compare=None, stored="", crop=None, probes=(),
+            operator=None, node=None, curve_zoom=None, solo=None, lobe_pixel=None, camera=None, resolution=None,
+            bookmarks=(), playing=None, lighting="scene",
+            settings=replace(self.settings, n_bounces=description.bounces or AS_PLANNED),
         )  # fmt: skip
 
     def from_viewpoint(self, look: Viewpoint) -> ViewState:
@@ -274,6 +282,10 @@ ViewCommand = SetView | OpenPanel
 def _in_range(name: str, value: Any) -> Any:
     if name == "split":
         return value and tuple(sorted(min(max(float(x), 0.0), 1.0) for x in value))
+    if name == "crop":
+        return value and Crop.checked(value)
+    if name == "probes":
+        return tuple((min(max(x, 0.0), 1.0), min(max(y, 0.0), 1.0)) for x, y in value[:MOST_PROBES])
     if name == "regions":
         return _ordered_regions(value)
     if name in LIMITS:

@@ -170,7 +170,7 @@ class Editor:
         if self.history.dragging:
             self.history.cancel_drag()
             before = self._view_before_drag
-            self.view = replace(self.view, operator=before.operator, regions=before.regions)
+            self.view = replace(self.view, operator=before.operator, regions=before.regions, crop=before.crop)
             self.controller.drag_ended()
             self.document_changed()
             self.exchange.drag_ended()

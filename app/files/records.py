@@ -26,7 +26,7 @@ from app.document.commands.looks import MAX_LOOKS
 from app.document.commands.plan import FirstBands
 from app.document.commands.poses import MAX_DEFORMERS
 from app.document.named_files import renamed_image
-from app.document.view_state import Bookmark, LooksShown, Viewpoint
+from app.document.view_state import MOST_PROBES, Bookmark, LooksShown, Viewpoint
 from app.files.bookmarks import MAX_BOOKMARKS, MAX_NAME, MAX_THUMBNAIL_BYTES, check_thumbnail, is_name
 from app.files.layer_records import MAX_LAYERS, Flag, LayerRecord, StrictModel
 from app.files.light_records import LightRecord, PathText
@@ -37,6 +37,7 @@ from engine.material.bumps import Bumps, bumps_of_parts
 from engine.material.layer_maps import LayerMaps
 from engine.material.opacity import Opacity, opacity_of_parts
 from engine.realtime.zonal_harmonics.pose import MAX_GROWTH, Deformation, largest_growth
+from engine.render.crop import Crop
 from engine.scene.description import (
     MAX_OBJECTS,
     Camera,
@@ -197,6 +198,9 @@ class ConfigViewRecord(StrictModel):
     look: Annotated[str, Field(strict=True, max_length=1000)] = ""
 
 
+Fraction = Annotated[Number, Field(ge=0.0, le=1.0)]
+
+
 class ViewRecord(_SettingsRecord):  # type: ignore[misc, valid-type]
     mode: Text = "placement"
     selected: Text | None = None
@@ -210,6 +214,16 @@ class ViewRecord(_SettingsRecord):  # type: ignore[misc, valid-type]
     camera: Camera | None = None
     resolution: tuple[Pixels, Pixels] | None = None
     looks_shown: LooksShown = 1
+    crop: tuple[Number, Number, Number, Number] | None = None
+    probes: Annotated[tuple[tuple[Fraction, Fraction], ...], Field(max_length=MOST_PROBES)] = ()
+
+    @field_validator("crop")
+    @classmethod
+    def _is_a_crop(cls, sides: tuple[float, ...] | None) -> tuple[float, ...] | None:
+        try:
+            return sides and Crop.checked(sides)
+        except InsituError as error:
+            raise ValueError(str(error)) from None
 
 
 class BookmarkRecord(StrictModel):

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 from pydantic import Field
 
-from app.document.view_state import DIFFERENCES, PICTURE_CHANNELS, Difference, PictureChannel, SetView
+from app.document.view_state import DIFFERENCES, MOST_PROBES, PICTURE_CHANNELS, Difference, PictureChannel, SetView
 from app.editor.editor import Editor
+from app.operators.edits import PictureIndex
 from app.operators.operator import SCENE, Need, Operator, OperatorContext, ScriptKey, ValueRecord
 from engine.core.colour import ConfigView
 from engine.core.errors import InsituError
+from engine.render.crop import Crop
 from engine.scene.description import Text
 
 FALSE_COLOUR = "false_colour"
@@ -47,6 +50,19 @@ def _toggle_false_colour(editor: Editor, value: None) -> str | None:
 
 def _reset_exposure(editor: Editor, value: None) -> str | None:
     return editor.do(SetView.of(exposure=0.0, gamma=1.0))
+
+
+Side = Annotated[float, Field(ge=0.0, le=1.0)]
+
+
+def _set_crop(editor: Editor, sides: Sequence[float]) -> str | None:
+    return editor.do(SetView.of(crop=Crop.checked(sides) if sides else None))
+
+
+def _pin_probes(editor: Editor, pixels: Sequence[tuple[int, int]]) -> str | None:
+    """Pin pixels of the picture as it is now, in place of others."""
+    width, height = editor.view.resolution or editor.camera_history.own_resolution
+    return editor.do(SetView.of(probes=tuple(((x + 0.5) / width, (y + 0.5) / height) for x, y in pixels)))
 
 
 class ConfiguredView(ValueRecord):
@@ -125,6 +141,31 @@ INSPECT = (
     Operator(
         "reset_exposure", _reset_exposure, ("\\",), "Exposure and gamma as at first",
         entry="Reset exposure, gamma",
+    ),
+    Operator("pin_probe", keys=("Shift Alt Q",), help="Pin the pixel, or unpin it", entry="Pin the pixel"),
+    Operator(
+        "clear_probes", lambda editor, value: editor.do(SetView.of(probes=())), entry="Unpin all pixels",
+        needs=Need("pin a pixel first", lambda context: bool(context.view.probes)), help="Remove all pinned pixels.",
+    ),
+    Operator(
+        "probes", _pin_probes,
+        script=ScriptKey(
+            Annotated[list[tuple[PictureIndex, PictureIndex]], Field(max_length=MOST_PROBES)],
+            "Pins pixels of the picture, whose values stay on screen; `[]` removes all.",
+        ),
+    ),
+    Operator("draw_crop", keys=("Ctrl B",), help="Draw a crop; remove it", listed_keys="Ctrl B   Ctrl Alt B",
+             entry="Draw a crop", needs=SCENE),
+    Operator(
+        "clear_crop", lambda editor, value: editor.do(SetView.of(crop=None)), ("Ctrl Alt B",), entry="Remove the crop",
+        needs=Need("there is no crop", lambda context: context.view.crop is not None),
+    ),
+    Operator(
+        "crop", _set_crop,
+        script=ScriptKey(
+            Annotated[list[Side], Field(min_length=0, max_length=4)],
+            "The part that is inspected and saved: left, upper, right, lower, in fractions; `[]` for all.",
+        ),
     ),
     Operator(
         "store_picture", keys=("Shift C",), help="Store the picture, to compare it", entry="Store the picture",

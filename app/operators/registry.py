@@ -82,7 +82,8 @@ MENUS = (
         )),
         Menu("Colours", ("view", None, "open_config", "reset_exposure")),
         Menu("Inspect", (
-            "values", "average", "copy_values", None, *map(channel_operator, PICTURE_CHANNELS), None, "zebra", "stops",
+            "values", "average", "copy_values", "pin_probe", "clear_probes", None, "draw_crop", "clear_crop", None,
+            *map(channel_operator, PICTURE_CHANNELS), None, "zebra", "stops",
             "scopes", "error", None, "zoom_in", "zoom_out",
         )),
         Menu("Stored pictures", (

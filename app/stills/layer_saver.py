@@ -28,6 +28,7 @@ from app.system.paths import log_directory, open_log
 from app.system.system import end_with_parent, lower_priority
 from app.worker.process import LITTLE, NICENESS, yield_to_window
 from engine.core.errors import InsituError
+from engine.render.crop import Crop
 
 LOG = "layers.log"
 _PATIENCE_S = 5.0
@@ -122,7 +123,7 @@ class LayerSaver:
         session = folder / "picture.insitu"
         session.write_text(dump_session(picture.document, picture.view), encoding="utf-8")
         command = [sys.executable, "-P", "-m", qualified("app.stills.layer_saver")]
-        command += [str(session), str(picture.path), str(os.getpid())]
+        command += [str(session), str(picture.path), str(os.getpid()), json.dumps(picture.view.crop)]
         with open_log(LOG) as log, self._lock:
             if picture.is_stopped:
                 return "", True
@@ -148,12 +149,13 @@ def _how_it_ended(status: int) -> str:
     return f"it could not be drawn: a bug in Insitu (for a report: {log_directory() / LOG})"
 
 
-def main(session: str, output: str) -> None:
-    """Draw the picture of a session with its layers, or its contact sheet, and write it; tell how far it is."""
+def main(session: str, output: str, crop: Crop | None) -> None:
+    """Draw the picture of a session with its layers, or its contact sheet, and write it; tell how far it is. crop: what
+    is written of the picture."""
     from app.project.project import open_project
     from app.stills.contact_sheet import render_sheet, sheet_of, write_sheet
     from app.stills.picture_layers import render_layers
-    from app.stills.stills import write_picture
+    from app.stills.stills import Shown, write_picture
     from app.system.kernel_cache import use_kernel_cache
 
     def tell(**what: object) -> None:
@@ -174,7 +176,7 @@ def main(session: str, output: str) -> None:
             return
         still = render_layers(project, lambda step: tell(fraction=step.fraction))
         error = "" if still.error is None else still.error.text
-        write_picture(Path(output), still.picture, comment=error, layers=still.layers)
+        write_picture(Path(output), still.picture, comment=error, layers=still.layers, shown=Shown(crop=crop))
     except InsituError as refusal:
         tell(said=str(refusal), failed=True)
         return
@@ -186,4 +188,5 @@ if __name__ == "__main__":
     end_with_parent(int(sys.argv[3]))
     yield_to_window()
     lower_priority(NICENESS - LITTLE)
-    main(sys.argv[1], sys.argv[2])
+    sides = json.loads(sys.argv[4])
+    main(sys.argv[1], sys.argv[2], sides and Crop.checked(sides))

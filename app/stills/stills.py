@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +35,7 @@ from engine.realtime.zonal_harmonics.deform_engine import Deform
 from engine.realtime.zonal_harmonics.transfer import N_RAYS as DEFORM_RAYS
 from engine.reference.path_tracer import N_SAMPLES, trace_paths
 from engine.render.bounce_plan import planned_bounces
+from engine.render.crop import Crop, cropped
 from engine.render.display import PictureLayer, exr_bytes, png_bytes
 from engine.render.error_estimate import estimate_drawn_errors, estimate_error
 from engine.render.light_pilot import with_light_budget
@@ -78,6 +79,18 @@ def check_output(path: Path, endings: tuple[str, ...] = ENDINGS) -> Path:
     return path
 
 
+class Shown(NamedTuple):
+    """What is written of a picture: its exposure in stops and gamma, on screen and in PNG files; the crop, None: the
+    whole."""
+
+    exposure: float = 0.0
+    gamma: float = 1.0
+    crop: Crop | None = None
+
+
+AS_IT_IS = Shown()
+
+
 @dataclass(frozen=True, eq=False)
 class Still:
     """Linear radiance (H, W, 3), with alpha (H, W, 4) over a transparent background, and its estimated error, None
@@ -113,8 +126,9 @@ def render_project(
     by brute force bands do not matter. n_samples: paths per pixel, by brute force; without them direct light alone is
     integrated over all directions, without noise. estimates_error: whether its error is estimated; not by brute force,
     which knows its noise, and of shadow catchers as they are themselves. caster: the ray caster of the scene's
-    triangles, where there is one already; settings: those that differ from `STILL_SETTINGS`, the numbers of lights and
-    patches at most (`engine.render.light_pilot`).
+    triangles, where there is one already; crop: the part of the picture that is wanted, the rest may be black;
+    settings: those that differ from `STILL_SETTINGS`, the numbers of lights and patches at most
+    (`engine.render.light_pilot`).
     """
     how: dict[str, Any] = dict(reference=reference, series=series, n_samples=n_samples, mode=mode, **settings)
     alone = without_others(project)
@@ -154,12 +168,13 @@ def draw_still(project: Project, report: Report, **how: Any) -> Still:
 def still_steps(
     project: Project, *, reference: bool = False, series: BounceSeries | None = None, n_samples: int | None = None,
     mode: Mode = "placement", estimates_error: bool = False, caster: RayCaster | None = None,
-    quality: Quality | None = None, **settings: Any,
+    quality: Quality | None = None, crop: Crop | None = None, **settings: Any,
 ) -> Generator[StillProgress, None, Still]:  # fmt: skip
     """The same in steps. quality: how finely its direct light is projected, None: as finely as it needs. Shadow
-    catchers alone need the lights of the whole picture: other ones would leave shadows of nothing."""
+    catchers alone need the lights of the whole picture: other ones would leave shadows of nothing. crop: where light is
+    needed alone; Orbit and Deform draw all."""
     chosen = still_settings(project, mode, settings)
-    parts = still_parts(project, chosen, series, caster)
+    parts = still_parts(project, chosen, series, caster, crop if mode == "placement" else None)
     placement, layers, series, warning = parts.placement, parts.layers, parts.series, parts.warning
     if reference:
         picture, catchers = yield from _reference(placement, project, series.n_bounces, n_samples)
@@ -243,13 +258,16 @@ class StillParts:
 
 
 def still_parts(
-    project: Project, settings: RenderSettings, series: BounceSeries | None = None, caster: RayCaster | None = None
-) -> StillParts:
-    """The parts of a project's still; arguments: see `render_project`."""
+    project: Project, settings: RenderSettings, series: BounceSeries | None = None, caster: RayCaster | None = None,
+    crop: Crop | None = None,
+) -> StillParts:  # fmt: skip
+    """The parts of a project's still; arguments: see `render_project`, crop: of points in it alone."""
     plan = plan_still(project, settings)
     placement = Placement(project.scene, caster, plan.n_edge_rays)
     wanted = series.n_bounces if series else chosen_bounces(project, plan)
     bounces = planned_bounces(placement, project.indexed_layers, wanted)
+    if crop is not None:
+        placement = placement.at_rows(crop.rows(placement.hits.pixel, placement.hits.resolution))
     series = series or BounceSeries(bounces.n_bounces)
     series = replace(series, first=series.first or project.document.first_bands)
     layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
@@ -384,20 +402,21 @@ def chosen_bounces(project: Project, plan: Plan) -> int | None:
 
 def write_picture(
     path: Path, radiance: NDArray[np.float32], view: AnyView = "filmic", comment: str = "",
-    layers: Sequence[PictureLayer] = (),
+    layers: Sequence[PictureLayer] = (), shown: Shown = AS_IT_IS,
 ) -> None:  # fmt: skip
     """Write a picture (H, W, 3), or with alpha (H, W, 4), to a file, whole or not at all; see `picture_bytes`."""
-    save_file(path, picture_bytes(path, radiance, view, comment, layers))
+    save_file(path, picture_bytes(path, radiance, view, comment, layers, shown))
 
 
 def picture_bytes(
     path: Path, radiance: NDArray[np.float32], view: AnyView = "filmic", comment: str = "",
-    layers: Sequence[PictureLayer] = (),
+    layers: Sequence[PictureLayer] = (), shown: Shown = AS_IT_IS,
 ) -> bytes:  # fmt: skip
     """The bytes of a picture's file: an .exr (linear, 32 bits, with a comment and layers) or a .png (as the viewport
     shows it, without)."""
-    is_png = path.suffix.lower() == ".png"
-    return png_bytes(radiance, tone_mapping=view) if is_png else exr_bytes(radiance, comment, layers)
+    if path.suffix.lower() == ".png":
+        return png_bytes(cropped(radiance, shown.crop), shown.exposure, view, shown.gamma)
+    return exr_bytes(radiance, comment, layers, shown.crop)
 
 
 def layers_by_object(project: Project, layers: Mapping[str, Layer] | None = None) -> Mapping[int, tuple[Layer, ...]]:

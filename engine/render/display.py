@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from engine.core.colour import TABULATED_VIEWS, AnyView, ConfigView, display_transform, encode_srgb
 from engine.core.colour_config import config_transform
 from engine.light.environment import LUMINANCE
+from engine.render.crop import Crop, cropped
 
 BRIGHTEST = 1e4
 # In false colours: the error whose colour is that of radiance 1, and the ends of the scale.
@@ -114,31 +115,45 @@ class PictureLayer(NamedTuple):
         }
 
 
-def exr_bytes(radiance: NDArray[np.float32], comment: str = "", layers: Iterable[PictureLayer] = ()) -> bytes:
+def exr_bytes(
+    radiance: NDArray[np.float32], comment: str = "", layers: Iterable[PictureLayer] = (), crop: Crop | None = None
+) -> bytes:
     """An OpenEXR file of linear radiance (H, W, 3), all values finite: 32-bit channels R, G, B, ZIP-compressed, and
     those of more layers, whose names differ. With alpha (H, W, 4), which is multiplied into the light, also A.
 
-    comment: for the file's header, if not empty.
+    comment: for the file's header, if not empty; crop: what is written of it, as a data window in the display window
+    of the whole.
     """
     import OpenEXR
 
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    if crop is not None:
+        size = radiance.shape[1], radiance.shape[0]
+        x, y, width, height = crop.box(size)
+        windows = {"dataWindow": (x, y, width, height), "displayWindow": (0, 0, *size)}
+        header |= {
+            name: (np.array([x, y], np.int32), np.array([x + w - 1, y + h - 1], np.int32))
+            for name, (x, y, w, h) in windows.items()
+        }
     header |= {"comments": comment} if comment else {}
     channels: dict[str, NDArray[np.float32]] = {}
     for layer in (PictureLayer("", "RGBA" if radiance.shape[2:] == (4,) else "RGB", radiance), *layers):
-        channels |= layer.channels()
+        channels |= layer._replace(values=cropped(layer.values, crop)).channels()
     buffer = io.BytesIO()
     OpenEXR.File(header, channels).write(buffer)
     return buffer.getvalue()
 
 
-def png_bytes(radiance: NDArray[np.float32], exposure: float = 0.0, tone_mapping: AnyView = "filmic") -> bytes:
+def png_bytes(
+    radiance: NDArray[np.float32], exposure: float = 0.0, tone_mapping: AnyView = "filmic", gamma: float = 1.0
+) -> bytes:
     """A PNG, 8-bit sRGB, of linear radiance (H, W, 3) as the editor's viewport shows it; with alpha (H, W, 4), by which
     PNG does not multiply its colours."""
     if radiance.shape[2] == 3:
-        return pixels_png(display_picture(radiance, exposure, tone_mapping))
+        shown = display_values(radiance, exposure, tone_mapping) ** (1.0 / gamma)
+        return pixels_png(np.round(255.0 * shown).astype(np.uint8))
     colour, alpha = without_alpha(radiance)
-    shown = display_values(colour, exposure, tone_mapping)
+    shown = display_values(colour, exposure, tone_mapping) ** (1.0 / gamma)
     return pixels_png(np.round(255.0 * np.concatenate([shown, alpha], axis=2)).astype(np.uint8))
 
 

@@ -209,11 +209,12 @@ class Screenshot:
 @dataclass(frozen=True)
 class SavePicture:
     """Write the picture alone, at the scene's resolution: .png as shown, of 8 bits or `deep` 16; .exr linear, and with
-    `layers` drawn anew with its layers."""
+    `layers` drawn anew with its layers. cropped: only the view's crop, where there is one."""
 
     path: Path
     deep: bool = False
     layers: bool = False
+    cropped: bool = True
 
 
 @dataclass(frozen=True)

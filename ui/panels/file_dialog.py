@@ -114,6 +114,10 @@ PICTURE_CHOICES = (
     ("EXR", "Linear light in 32-bit numbers, without exposure and view: for compositing."),
     ("EXR with layers", LAYERS_HINT),
 )
+CROP_CHOICES = (
+    ("Whole", "The whole picture."),
+    ("Crop", "Only the crop; an EXR keeps its place in the whole."),
+)
 PACKAGE_CHOICES = (
     ("One file", "An archive, to be sent: it opens as it is."),
     ("Folder", "A new folder, with the scene's files as they lie beside each other."),
@@ -218,6 +222,11 @@ def _picture_line(context: PanelContext, question: FileQuestion) -> list[Action]
     is_exr = question.name.lower().endswith(".exr")
     chosen = 2 + question.layers if is_exr else int(question.deep)
     pressed = widgets.segments(context, "files.picture", PICTURE_CHOICES, chosen)
+    if context.view.crop is not None:
+        imgui.same_line()
+        part = widgets.segments(context, "files.crop", CROP_CHOICES, int(question.cropped))
+        if part is not None:
+            return [_input_line(replace(question, cropped=part == 1, focus="name"))]
     if pressed is None:
         return []
     ending = ENDINGS["save_picture"][pressed >= 2]
@@ -347,7 +356,8 @@ def answer(question: FileQuestion, path: Path) -> AnswerQuestion:
 
 
 def _saved_picture(question: FileQuestion, path: Path) -> SavePicture:
-    return SavePicture(path, question.deep, question.layers and path.suffix.lower() == ".exr")
+    layers = question.layers and path.suffix.lower() == ".exr"
+    return SavePicture(path, question.deep, layers, question.cropped)
 
 
 def dropped(question: FileQuestion, path: Path) -> list[Action]:

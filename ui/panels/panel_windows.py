@@ -29,6 +29,7 @@ from ui.panels import (
     menus,
     objects,
     paint,
+    picture_marks,
     scopes,
     status_bar,
     stored_pictures,
@@ -114,6 +115,7 @@ def _picture_and_brush(context: PanelContext) -> list[Action]:
         + camera.draw(context, corner, room)
         + scopes.draw(context, corner, room)
         + stored_pictures.draw(context, corner, room)
+        + picture_marks.draw_list_of_probes(context, corner, room)
     )
 
 

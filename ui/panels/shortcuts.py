@@ -178,6 +178,7 @@ def _way_out(context: PanelContext) -> list[Action]:
         (state.shows_camera, SetPanel({"shows_camera": False, "renames": None})),
         (state.single_panel, SetPanel({"single_panel": False})),
         (state.picks_lobe, SetPanel({"picks_lobe": False})),
+        (state.draws_crop, SetPanel({"draws_crop": False})),
         (bool(state.gizmo), SetPanel({"gizmo": ""})),
         (message is not None and message.is_error, SetPanel({"message": None})),
         (view.operator is not None, SetView.of(operator=None)),

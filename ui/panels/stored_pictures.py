@@ -17,6 +17,7 @@ from ui.panels.viewport_layout import PictureRect
 from ui.theme import Icon
 
 MARGIN, LIST_WIDTH, WIDE, LEAST = 10.0, 120.0, 640.0, 300.0
+HEIGHT = 52.0  # of the strip in a wide panel, with its margin
 CHOICES: dict[Difference, tuple[str, str]] = {
     "present": ("Now", "The present picture."),
     "stored": ("Stored", "The stored picture, in the same exposure and view."),

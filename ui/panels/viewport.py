@@ -25,6 +25,7 @@ from ui.panels import (
     look_panes,
     paint,
     picture_handles,
+    picture_marks,
     picture_overlays,
     stored_pictures,
     sun_handles,
@@ -84,11 +85,15 @@ def _draw_picture(context: PanelContext, corner: ImVec2, room: ImVec2) -> list[A
         draw_list.add_image(context.error_overlay.reference, ImVec2(placed.x, placed.y), far)
     stored_pictures.draw_over_picture(context, placed)
     picture_overlays.draw_sketch(context, placed, picture)
+    picture_marks.draw_crop(context, placed)
     handles = [*picture_handles.handles_of(context, placed), *gizmo.handles(context, placed)]
     handles += [*sun_handles.handles(context, placed), *lamp_handles.handles(context, placed)]
+    handles = [] if context.state.draws_crop else handles
     picture_handles.draw_handles(context, handles)
     inspection.draw_grid(context, space, placed)
-    actions = [*inspection.magnify(context, space, placed), *_gestures(context, picture, space, placed, handles)]
+    picture_marks.draw_probes(context, placed)
+    actions = [*inspection.magnify(context, space, placed), *picture_marks.pin(context, placed, picture)]
+    actions += _gestures(context, picture, space, placed, handles)
     if _is_divided(context):
         _draw_divider(context, placed, corner.y, end.y)
     picture_overlays.draw_lobe(context, placed.x, placed.y, placed.scale)
@@ -134,7 +139,11 @@ def _interact(
     mouse = imgui.get_mouse_pos()
     grip = context.state.grip
     comparing = _is_divided(context)
-    on_divider = comparing and abs(mouse.x - divider_x(context, placed)) <= context.px(DIVIDER_REACH)
+    on_divider = (
+        comparing
+        and not context.state.draws_crop
+        and abs(mouse.x - divider_x(context, placed)) <= context.px(DIVIDER_REACH)
+    )
     if comparing:
         context.handles.note("viewport.divider", divider_x(context, placed), placed.y + 0.5 * placed.height)
     context.handles.note("viewport.corner", placed.x, placed.y)
@@ -158,7 +167,7 @@ def _interact(
     elif imgui.is_item_active() and grip is not None:
         actions += _drag(context, picture, placed, grip, mouse)
     if imgui.is_item_deactivated() and grip is not None:
-        actions += [EndDrag(), HoldGrip(None)]
+        actions += [EndDrag(), HoldGrip(None), *(picture_marks.end_crop() if grip.handle == picture_marks.CROP else [])]
         if grip.handle == TURN_OR_CLICK:
             actions += _toggle(context, _object_at(context, placed.pixel(mouse.x, mouse.y, picture)))
     return actions + _drop(context, picture, placed)
@@ -181,6 +190,9 @@ def _drop(context: PanelContext, picture: Picture, placed: PictureRect) -> list[
 
 
 def _hover(context: PanelContext, picture: Picture, placed: PictureRect, on_divider: bool) -> list[Action]:
+    if context.state.draws_crop:
+        imgui.set_mouse_cursor(imgui.MouseCursor_.resize_all)
+        return []
     if on_divider:
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
         widgets.tooltip(_comparison_hint(context))
@@ -223,6 +235,8 @@ def _comparison_hint(context: PanelContext) -> str:
 
 def _take_hold(context: PanelContext, picture: Picture, placed: PictureRect, on_divider: bool) -> list[Action]:
     mouse = imgui.get_mouse_pos()
+    if context.state.draws_crop:
+        return picture_marks.begin_crop(placed, mouse)
     if on_divider:
         return [HoldGrip(Grip("divider", (mouse.x - divider_x(context, placed), 0.0)))]
     if _turns_light():
@@ -279,6 +293,8 @@ def _drag(context: PanelContext, picture: Picture, placed: PictureRect, grip: Gr
     if isinstance(grip, LightGrip | PaintedGrip):
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_all)
         return light_by_hand.go_on(context, grip, placed.pixel(mouse.x, mouse.y, picture))
+    if grip.handle == picture_marks.CROP:
+        return picture_marks.drag_crop(placed, grip, mouse)
     if grip.handle == "divider":
         share = (mouse.x - grip.offset[0] - placed.x) / max(placed.width, 1.0)
         return [SetView.of(compare_divider=share)]
@@ -365,6 +381,8 @@ def _draw_labels(context: PanelContext, corner: ImVec2) -> None:
         texts.append(f"{Icon.EMITTER}  {LIGHTING_WORDS[view.lighting]} ({keys_of('lighting')})")
     if channel := inspection.channel_label(context):
         texts.append(f"{channel} ({keys_of('channel_colour')})")
+    if crop := picture_marks.crop_label(context):
+        texts.append(crop)
     if note := context.status.catcher_note:
         names = list_names(context.document.shadow_catchers)
         texts.append(f"{Icon.HIDDEN}  {names}: shadow catchers are shown as objects {note}")
@@ -372,7 +390,8 @@ def _draw_labels(context: PanelContext, corner: ImVec2) -> None:
     if solo is not None:
         texts.append(f"{Icon.SOLO}  {object_of(solo)}: {context.document.layer(solo).name} alone")
     for row, text in enumerate(texts):
-        place = ImVec2(corner.x + context.px(12), corner.y + context.px(10 + 28 * row))
+        below = 10 + stored_pictures.HEIGHT if view.stored else 10
+        place = ImVec2(corner.x + context.px(12), corner.y + context.px(below + 28 * row))
         picture_overlays.plate(context, imgui.get_window_draw_list(), place, text, look.ACCENT)
 
 

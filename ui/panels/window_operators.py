@@ -243,6 +243,8 @@ WINDOW_OPERATORS: dict[str, Callable[[PanelContext], list[Action]]] = {
     "alone": _leave_alone,
     "camera_panel": _toggle_camera_panel,
     "report": _toggle_report,
+    "pin_probe": _always(SetPanel({"pins_probe": True})),
+    "draw_crop": _always(SetPanel({"draws_crop": True})),
     "store_picture": _always(StorePicture()),
     "compare_file": _always(AskFile("open_compared")),
     "open_config": _always(AskFile("open_config")),

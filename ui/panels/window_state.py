@@ -248,7 +248,7 @@ class StatusMessage:
 class FileQuestion:
     """A file is being asked for: the purpose (a key of `ui.panels.file_dialog.TITLES`), the folder, and the name so
     far; the layer of an image, whether a measurement becomes cloth, whether a picture has 16 bits, or layers,
-    and whether a scene is saved as a folder.
+    whether a scene is saved as a folder, and a picture only where its crop is.
 
     refusal: why the last entry was refused, "" where it was not. typed: the folder that was entered and refused, in
     place of the one that is shown. focus: the field that is about to get the keyboard, "name" or "folder"; "": none.
@@ -262,6 +262,7 @@ class FileQuestion:
     deep: bool = False
     layers: bool = False
     as_folder: bool = False
+    cropped: bool = True
     refusal: str = ""
     typed: str = ""
     focus: str = "name"
@@ -296,7 +297,8 @@ class PanelState:
     chooses where it shows the lobe. `paints`: dragging over the selected object paints its layer's weight map, with
     `brush`. `shows_values`: the values of the pixel under the mouse are shown, the mean of a square of `values_side`
     pixels; `copies_values`: they are about to be copied; `scope`: which of `SCOPES` is over the picture, "" for none,
-    its counts logarithmic where `scope_is_log`; `zoom_steps`: by which the picture is about to be magnified.
+    its counts logarithmic where `scope_is_log`; `zoom_steps`: by which the picture is about to be magnified;
+    `pins_probe`: the pixel under the mouse is about to be pinned; `draws_crop`: a drag over the picture draws the crop.
     `gizmo`: which of its tools is over the picture, "" for none. `own_pivots`: several objects are rotated and scaled
     each about its own centre; `snaps`: what follows the mouse stands on what is under it, and with `aligns` upright on
     that. `painted` is the painted light that keys and the environment's picture move. `shows_report`: the sheet on what
@@ -321,6 +323,8 @@ class PanelState:
     values_side: int = 1
     copies_values: bool = False
     zoom_steps: int = 0
+    pins_probe: bool = False
+    draws_crop: bool = False
     gizmo: str = ""
     own_pivots: bool = False
     snaps: bool = False

@@ -100,3 +100,45 @@ def test_edges_are_smooth_by_default(scene: Path, tmp_path: Path, capsys: Captur
     capsys.readouterr()
     assert run("render", scene, "-o", tmp_path / "a.exr", "--edges", "5") != 0
     assert "--edges 5: expected one of 0, 4, 8, 16" in capsys.readouterr().err
+
+
+def test_exposure_and_gamma_are_of_png_files(scene: Path, tmp_path: Path, capsys: Captured) -> None:
+    words = ("render", scene, "-o", tmp_path / "a.png", "--lights", "200", "--view", "standard")
+    assert run(*words, "--exposure", "-1", "--gamma", "2") == 0
+    with Image.open(tmp_path / "a.png") as image:
+        # 0.5 a stop darker is 0.25, in sRGB 0.5371; its square root is 0.7329, of 255: 187.
+        assert image.getpixel((0, 0)) == (187, 187, 187)
+    for option in ("--exposure", "--gamma"):
+        capsys.readouterr()
+        assert run("render", scene, "-o", tmp_path / "a.exr", option, "1") == 1
+        assert "holds light itself, expected a name that ends in .png" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("mode", ["placement", "orbit"])
+def test_a_crop_is_that_part_of_the_picture(scene: Path, tmp_path: Path, capsys: Captured, mode: str) -> None:
+    words, sides = ("--resolution", "24", "16", "--mode", mode), ("--crop", "0.25", "0.5", "0.75", "1")
+    assert run("render", scene, "-o", tmp_path / "whole.exr", *words) == 0
+    assert run("render", scene, "-o", tmp_path / "part.exr", *words, *sides) == 0
+    assert "12 x 8" in capsys.readouterr().out
+    whole, part = (read_radiance_image(tmp_path / f"{name}.exr") for name in ("whole", "part"))
+    assert part.shape == whole.shape and part[:8].max() == part[:, :6].max() == part[:, 18:].max() == 0.0
+    np.testing.assert_allclose(part[8:, 6:18], whole[8:, 6:18], rtol=0.02)
+    assert run("render", scene, "-o", tmp_path / "part.png", *words, *sides) == 0
+    with Image.open(tmp_path / "part.png") as image:
+        assert image.size == (12, 8)
+
+
+def test_a_crop_in_which_nothing_reflects_is_rendered(scene: Path, tmp_path: Path) -> None:
+    words = ("--crop", "0", "0", "0.1", "0.1", "--bounces", "2")
+    assert run("render", scene, "-o", tmp_path / "sky.png", *words) == 0
+    with Image.open(tmp_path / "sky.png") as image:
+        assert image.size == (2, 2) and image.getpixel((0, 0)) == (206, 206, 206)
+
+
+def test_what_is_no_crop_is_refused_before_the_work(scene: Path, tmp_path: Path, capsys: Captured) -> None:
+    for words, says in (
+        (("--crop", "0.5", "0", "0.2", "1"), "--crop 0.5 0 0.2 1: expected fractions"),
+        (("--crop", "0", "0", "1", "1", "--turntable", "3"), "--crop: expected one picture"),
+    ):
+        assert run("render", scene, "-o", tmp_path / "a.png", *words) == 1
+        assert says in capsys.readouterr().err

@@ -121,6 +121,16 @@ def test_a_damaged_view_is_named_in_one_line(document: Document, tmp_path: Path,
     assert "\n" not in str(found.value)
 
 
+def test_crop_and_pinned_pixels_come_back_equal(document: Document, tmp_path: Path) -> None:
+    view = SetView.of(crop=(0.1, 0.2, 0.3, 0.4), probes=((0.5, 0.25),)).apply(ViewState())
+    path = save_session(tmp_path / "a.insitu", document, view)
+    found = load_session(path).view
+    assert found.crop == (0.1, 0.2, 0.3, 0.4) and found.probes == ((0.5, 0.25),)
+    path.write_text(path.read_text().replace("0.3", "0.05"))
+    with pytest.raises(LoadError, match="crop"):
+        load_session(path)
+
+
 def test_a_diagonal_edit_stays_one_and_others_become_none(tmp_path: Path) -> None:
     pair = diagonal((0.1, 0.2, 0.3, 0.4), 0.01, 0.5)
     for joined in (True, False):

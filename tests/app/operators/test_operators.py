@@ -46,7 +46,8 @@ VALUES: dict[str, Any] = {
     "picture_channel": "red",
     "look": "Night", "rename_look": "Gold", "move_look": 2, "delete_look": "Night", "side_by_side": 2,
     "link": CurveLink(curve="pot.1.theta_h", to=("cup.1.theta_h",)), "unlink": "pot.1.theta_h",
-    "compare_file": "before.exr", "compare_with": "", "remove_stored": "Before",
+    "compare_file": "before.exr", "compare_with": "", "remove_stored": "Before", "crop": [],
+    "probes": [(1, 1)],
     "ocio": ConfiguredView(config="studio.ocio"),
     "draw_curve": CurveStroke(points=((0.0, 1.0), (30.0, 2.0))), "set_points": CurvePoints(points=((5.0, 1.0),)),
 }  # fmt: skip
@@ -67,6 +68,7 @@ def worked(client: FakeClient) -> Editor:
     for command in (AddLook("Brass"), AddLook("Night"), SetLook("Brass"), SetRotation(50.0)):
         editor.do(command)
     editor.do(SetView.of(operator=0, fit=False, zoom=3.0, exposure=1.0, picture_channel="alpha"))
+    editor.do(SetView.of(crop=(0.0, 0.0, 0.5, 0.5), probes=((0.5, 0.5),)))
     tilted = orbit_camera(editor.camera_history.camera, 0.3, 0.4).model_copy(update={"up": (0.3, 1.0, 0.0)})
     for camera in (orbit_camera(tilted, 0.1, 0.0), tilted):
         editor.camera_history.set_viewpoint(Viewpoint(camera), "orbit")
