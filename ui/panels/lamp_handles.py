@@ -131,6 +131,9 @@ def _rectangle(lamp: _Lamp) -> Iterator[PictureHandle]:
     corners = found.on_screen(*(centre + a * u + b * v for a, b in ((1, -1), (1, 1), (-1, 1), (-1, -1))))
     if corners is None:
         return
+    outline: list[ImVec2 | tuple[float, float] | list[float]] = [ImVec2(*corner) for corner in corners]
+    faint = look.pack(look.with_alpha(INK, 0.45))
+    imgui.get_window_draw_list().add_polyline(outline, faint, found.context.px(1.2), imgui.ImDrawFlags_.closed)
     width, height = (shape.size(name, lamp.now.transform) for name in (WIDTH, HEIGHT))
     at_corner = _is_under_mouse(found.context, corners[1])
     for name, size, first, sides in (
