@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from engine.light.cones import Cone
 from engine.light.environment import constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
@@ -144,6 +145,38 @@ def test_what_hides_a_movement_keeps_all_behind_it(tmp_path: Path) -> None:
     floor = after.lit.points.i_object == 0
     behind, beside = (floor & (side * after.lit.points.position[:, 0] > 0.1) for side in (-1.0, 1.0))
     assert after.lit.traced[behind].mean() > 0.9 and not after.lit.traced[beside].any()
+
+
+def test_a_cone_that_is_opened_is_followed(tmp_path: Path) -> None:
+    # A small spot 2 m above a floor, whose light falls off sharply at the angle of its cone.
+    turned = "0.02,0,0,0, 0,0,-0.02,2, 0,0.02,0,0, 0,0,0,1"
+    spot = placed("spot", "sphere", turned, "emission = [9000, 9000, 9000]\ncone = { inner = 10, outer = 11 }\n")
+    text = camera((0.0, 6.0, 0.01), 45.0) + placed("floor", "quad", facing_up(4)) + spot
+    scene = build_scene(parse_description(tomllib.loads(text), "spot"), tmp_path / "spot.toml", SIZE)
+    orbit = Orbit(scene, n_points=1500, n_coefficients=20, n_patches=4)
+    orbit.set_light(DARK)
+    orbit.set_layers({0: [WHITE]})
+    orbit.set_bounces(1)
+    finished(orbit)
+    picture(orbit, "moving")
+    moved = MovedOrbit(orbit)
+    for cone in (Cone(10.0, 11.0), Cone(30.0, 31.0), Cone(20.0, 21.0)):
+        poses = (("spot", (cone,)),)
+        moved.move(pose_scene(scene, poses), movements_between(scene, (), poses))
+        for _ in moved.work():
+            pass
+        lit = orbit.lit
+        at = lit.points.position.astype(np.float64)[lit.points.i_object == 0]
+        irradiance = lit.incident.irradiance[lit.points.i_object == 0][:, 1]
+        distance = np.linalg.norm(at - (0.0, 2.0, 0.0), axis=1)
+        cosine = (2.0 - at[:, 1]) / distance
+        angle = np.degrees(np.arccos(cosine))
+        # E = L π r² cos / d² within the cone, of a ball of r = 1 cm; half a degree is the ball's own width.
+        inside, outside = angle < cone.inner - 0.5, angle > cone.outer + 0.5
+        expected = 9000.0 * np.pi * 0.01**2 * cosine / distance**2
+        assert inside.sum() > 10 and (irradiance[outside] == 0.0).all()
+        off = np.abs(irradiance[inside] / expected[inside] - 1.0)
+        assert np.median(off) < 0.01 and off.max() < 0.1  # of four patches a point may miss a part
 
 
 def test_the_shadow_of_a_ball_moves_to_where_a_small_lamp_throws_it(tmp_path: Path) -> None:
