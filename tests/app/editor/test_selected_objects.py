@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import random
+from pathlib import Path
 
 import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from app.document.commands import DeleteObject, RenameObject, SetGroup
+from app.document.commands import AddLook, DeleteObject, RenameObject, SetGroup, SetLook, SetParameter
+from app.document.commands.groups import group_edit
 from app.document.selection import toggled
 from app.editor.editor import Editor
+from app.files.session import load_session, save_session
+from app.files.session_fitting import fit_session
 from app.operators.arrange import Move
 from app.operators.registry import run_operator
 from engine.scene.transform import Transform
@@ -140,13 +144,16 @@ def test_a_renamed_object_stays_selected_and_a_deleted_one_does_not(several: Edi
     assert several.view.selected_objects == ("lamp",)
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_any_sequence_selects_only_what_is_there_and_undoes_to_the_bit(several: Editor, seed: int) -> None:
+@pytest.mark.parametrize("seed", range(6))
+def test_any_sequence_selects_only_what_is_there_and_undoes_to_the_bit(
+    several: Editor, seed: int, tmp_path: Path
+) -> None:
+    """Objects that are linked, in groups and hidden among them; a session of what is left is a fresh start."""
     rng, first = random.Random(seed), several.document
-    for _ in range(60):
+    for _ in range(80):
         names = [state.name for state in several.document.objects]
         chosen = rng.choice(names)
-        match rng.randrange(10):
+        match rng.randrange(16):
             case 0:
                 several.select(toggled(several.view, chosen))
             case 1:
@@ -154,7 +161,23 @@ def test_any_sequence_selects_only_what_is_there_and_undoes_to_the_bit(several: 
             case 2:
                 run_operator(several, rng.choice(("select_all", "select_none", "select_others")))
             case 3 if len(names) < 12:
-                run_operator(several, "duplicate")
+                run_operator(several, rng.choice(("duplicate", "linked_duplicate")))
+            case 10 if len(names) < 12:
+                run_operator(several, "linked_duplicate")
+            case 11:
+                run_operator(several, rng.choice(("group_selected", "group_selected", "ungroup_selected")))
+            case 12:
+                run_operator(several, rng.choice(("hide", "hide", "show_all", "make_single_user")))
+            case 13 if several.document.object(chosen).layers:
+                several.do(SetParameter(f"{chosen}.0", "albedo", rng.random()))
+            case 14 if several.document.groups:
+                group = rng.choice(sorted(several.document.groups))
+                several.do(group_edit(several.document, "", group, "visible", rng.random() < 0.5))
+            case 15:
+                looks = [each.name for each in several.document.looks]
+                several.do(
+                    SetLook(rng.choice(looks)) if looks and rng.random() < 0.7 else AddLook(f"look {len(looks)}")
+                )
             case 4:
                 run_operator(several, "delete_object")
             case 5:
@@ -169,6 +192,11 @@ def test_any_sequence_selects_only_what_is_there_and_undoes_to_the_bit(several: 
         there = [state.name for state in several.document.objects]
         selected = several.view.selected_objects
         assert len(set(selected)) == len(selected) and set(selected) <= set(there)
+        for first_name, *others in several.document.object_links.values():
+            shared = several.document.object(first_name).layers
+            assert all(several.document.object(name).layers == shared for name in others)
+    path = save_session(tmp_path / "a.insitu", several.document, several.view)
+    assert fit_session(load_session(path), first, str(path)) == several.document
     while several.undo() is not None:
         pass
     assert several.document == first
