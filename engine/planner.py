@@ -113,7 +113,8 @@ class Cost:
     seconds: processor time in all, of which for visibility and for indirect light; memory, disk, editing and gpu in MiB
     (2^20 bytes): main memory of the precomputing process; main memory that an editor then holds of transport, of
     indirect light, of what is frozen of it for the curve for which that is most, and of rows of a sky that may turn;
-    and the GPU's for the largest layer when it is selected. n_cores: the cores that share the seconds.
+    and the GPU's for the largest layer when it is selected. looks_mib, looks_gpu_mib: what looks side by side take at
+    most, besides. n_cores: the cores that share the seconds.
     """
 
     seconds: float
@@ -126,6 +127,8 @@ class Cost:
     n_points: int
     n_sampled: int
     n_cores: int = 1
+    looks_mib: float = 0.0
+    looks_gpu_mib: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -94,7 +94,9 @@ class FramePacing:
 
 def _relevant_status(status: Status) -> Status:
     """The part of the status that requires a frame when it changes."""
-    return replace(status, frame_ms=0.0, memory_mb=0.0, seconds_left=None, fraction=round(status.fraction, 2))
+    return replace(
+        status, frame_ms=0.0, memory_mb=0.0, looks_mb=0.0, seconds_left=None, fraction=round(status.fraction, 2)
+    )
 
 
 RECORDED_SECONDS = 120.0

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from app.document.document import Document
 from app.editor.editor import Editor
+from app.messages.editor_status import HeldByLooks
 from app.stills.look_pictures import LookPicture, LookPictures, LookView, look_alone
 from ui.gl.context import GraphicsError
 from ui.gl.display import DisplayView, draw_on_screen
@@ -86,6 +87,7 @@ class LookFeed:
         pictures.want(now, others)
         is_new = pictures.take()
         pictures.want(now, others)
+        editor.metrics.looks = self._held()
         if not views:
             self._forget()
             return is_new
@@ -117,6 +119,12 @@ class LookFeed:
         self._forget()
         self._mapper.release()
         self._passes.release()
+
+    def _held(self) -> HeldByLooks:
+        """What all of it holds."""
+        process, copies = self.pictures.process, sum(each.n_bytes for each in self._copies.values())
+        processes = () if process is None else (process,)
+        return HeldByLooks(processes, self.pictures.n_bytes, self._memory.bytes_in_use + copies)
 
     def _draw(self, editor: Editor, name: str) -> bool:
         """Upload a picture that came, and draw it as the display settings say; returns whether it changed."""

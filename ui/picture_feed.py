@@ -113,6 +113,10 @@ class CopiedPicture:
     def picture(self) -> moderngl.Texture:
         return self._picture
 
+    @property
+    def n_bytes(self) -> int:
+        return self._memory.bytes_in_use
+
     def close(self) -> None:
         """Free the copy."""
         self._memory.release(self._picture)

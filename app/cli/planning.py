@@ -9,13 +9,14 @@ from dataclasses import replace
 from app.cli.precompute import ActualCost
 from app.document.node_layers import node_counts, nodes_reason
 from app.project.project import Project
+from app.stills.look_pictures import looks_memory
 from app.stills.stills import chosen_bounces
 from app.system.memory import gib
 from engine.core.generators import StillProgress, run_to_end
 from engine.planner import Plan, plan_lines, plan_scene
 from engine.precompute.direct.pipeline import Placement
 from engine.render.bounce_plan import planned_bounces
-from engine.render.cost_pilot import estimate_cost
+from engine.render.cost_pilot import MIB, estimate_cost
 from engine.render.light_pilot import with_light_budget
 from engine.render.still import still_layers, with_maps
 
@@ -51,7 +52,16 @@ def plan_project(
     if nodes := node_counts(project.document, project.statistics, project.n_map_nodes):
         text = ", ".join(f"{each.n_nodes}" for each in nodes)
         plan = replace(plan, nodes=text, reasons={"nodes": nodes_reason(nodes), **plan.reasons})
-    return run_to_end(estimate_cost(placement, planned_layers, sky, plan, spent_seconds=spent), report)
+    plan = run_to_end(estimate_cost(placement, planned_layers, sky, plan, spent_seconds=spent), report)
+    return _with_looks(plan, project)
+
+
+def _with_looks(plan: Plan, project: Project) -> Plan:
+    """The plan with what looks side by side take at most, where the project has some."""
+    if plan.cost is None or len(project.document.looks) < 2:
+        return plan
+    memory, on_gpu = looks_memory(plan.cost.memory_mib * MIB, len(project.scene.triangles), project.scene.resolution)
+    return replace(plan, cost=replace(plan.cost, looks_mib=memory / MIB, looks_gpu_mib=on_gpu / MIB))
 
 
 def describe_plan(plan: Plan) -> Iterator[str]:
@@ -70,6 +80,11 @@ def describe_plan(plan: Plan) -> Iterator[str]:
             f"{cost.editing_mib:.0f} MiB held while it is edited, "
             f"{cost.gpu_mib:.0f} MiB on the GPU (largest layer selected)"
         )
+        if cost.looks_mib:
+            yield (
+                f"looks side by side take up to {cost.looks_mib:.0f} MiB of main memory more, with the process that "
+                f"draws them, and {cost.looks_gpu_mib:.0f} MiB on the GPU"
+            )
         yield f"measured on {cost.n_sampled:,} of {cost.n_points:,} points and a few windows: within about 30 %"
 
 

@@ -52,6 +52,13 @@ def look_names(document: Document) -> tuple[str, ...]:
     return tuple(each.name for each in document.looks)
 
 
+def shown_looks(document: Document, count: int) -> tuple[str, ...]:
+    """The names of the looks that are shown side by side: the first ones, the current one among them."""
+    names = look_names(document)
+    shown = names[:count]
+    return shown if document.look in shown else (*shown[:-1], document.look)
+
+
 def in_look(document: Document, name: str) -> Document:
     """The document with this look as its current one. Raises InsituError where it has none of that name."""
     from app.document.document import unknown

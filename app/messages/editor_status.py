@@ -40,7 +40,8 @@ class Status:
     good. ``compared_exact``: whether side A of a comparison is. ``stopped``: whether the user stopped what is missing.
     ``planned_edges`` are the rays through a pixel at an edge that the scene requires, ``map_nodes`` the nodes of its
     parameter maps. ``catcher_note`` says why shadow catchers are shown as objects, empty where they are not.
-    ``changed_files`` are files of the scene that other programs have written since they were read.
+    ``changed_files`` are files of the scene that other programs have written since they were read. ``looks_mb`` is the
+    memory of looks side by side, with the process that draws them, ``looks_gpu_mb`` that of their textures.
     ``message`` is the last event, ``is_error`` whether it is an error; ``message_number`` counts them.
     """
 
@@ -77,6 +78,8 @@ class Status:
     stopped: bool = False
     planned_edges: int = 0
     changed_files: tuple[str, ...] = ()
+    looks_mb: float = 0.0
+    looks_gpu_mb: float = 0.0
 
     @property
     def follows_input(self) -> bool:
@@ -99,6 +102,16 @@ class Status:
         return self.is_finished or self.follows_input and self.picture == "refining"
 
 
+@dataclass(frozen=True)
+class HeldByLooks:
+    """What pictures of looks side by side hold: the processes that draw them, bytes of pictures in the window's own
+    memory, and of textures."""
+
+    processes: tuple[int, ...] = ()
+    picture_bytes: int = 0
+    texture_bytes: int = 0
+
+
 @dataclass
 class StatusMetrics:
     """The part of a ``Status`` that is neither in the document nor a mode's. `notify` and `note` add messages and
@@ -112,7 +125,9 @@ class StatusMetrics:
     memory_mb: float = 0.0
     frame_ms: float = 0.0
     stopped: bool = False
+    looks: HeldByLooks = HeldByLooks()
     _memory_at: float = -math.inf
+    _looks_process_mb: float = 0.0
 
     def notify(self, text: str, is_error: bool) -> None:
         """Note an event."""
@@ -123,10 +138,11 @@ class StatusMetrics:
         self.notes = tuple(dict.fromkeys((*self.notes, *map(plain_line, lines))))
 
     def measure_memory(self, now: float, worker: int | None) -> None:
-        """Measure the memory of the window and the worker; once a second."""
+        """Measure the memory of the window, the worker and what draws looks; once a second."""
         if now - self._memory_at >= MEMORY_SECONDS:
             self._memory_at = now
-            self.memory_mb = resident_megabytes(os.getpid(), worker)
+            self._looks_process_mb = resident_megabytes(*self.looks.processes)
+            self.memory_mb = resident_megabytes(os.getpid(), worker) + self._looks_process_mb
 
     def status(self, worker_alive: bool) -> Status:
         """All metrics at this moment."""
@@ -139,6 +155,8 @@ class StatusMetrics:
             text=progress.text,
             frame_ms=self.frame_ms,
             memory_mb=self.memory_mb,
+            looks_mb=self._looks_process_mb + self.looks.picture_bytes / 1e6,
+            looks_gpu_mb=self.looks.texture_bytes / 1e6,
             message=self.message,
             is_error=self.is_error,
             message_number=self.message_number,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import threading
 import time
 from collections.abc import Iterator
 from dataclasses import replace
@@ -11,13 +12,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from app.cli.planning import describe_plan, plan_project
 from app.document.commands import AddLook, RenameLook, SetLook, SetParameter, SetRotation
 from app.document.document import Document
+from app.document.looks import shown_looks
 from app.document.view_state import Viewpoint
 from app.project.project import Project, open_project
 from app.stills import look_pictures
-from app.stills.look_pictures import IDLE_SECONDS, LookPictures, LookView, look_alone, shown_looks
+from app.stills.look_pictures import IDLE_SECONDS, LookPictures, LookView, look_alone
 from app.stills.stills import render_picture
+from app.system.system import resident_bytes
 from engine.settings import RenderSettings
 from tests.scene_text import LAMBERT, camera, environment, facing_up, placed
 
@@ -70,6 +74,31 @@ def draw(pictures: LookPictures, wanted: dict[str, LookView]) -> list[tuple[str,
                 seen[name] = picture
         time.sleep(0.01)
     return came
+
+
+@pytest.mark.parametrize("size", [SIZE, (160, 120)])
+def test_the_plan_has_at_least_what_looks_take(project: Project, pictures: LookPictures, size: tuple[int, int]) -> None:
+    planned = replace(project, scene=project.scene.from_camera(None, size))
+    plan = plan_project(planned, lambda step: None)
+    assert plan.cost is not None and plan.cost.looks_mib > 0.0
+    peak, ended = [0], threading.Event()
+
+    def watch() -> None:
+        while not ended.wait(0.01):
+            if (process := pictures.process) is not None:
+                peak[0] = max(peak[0], resident_bytes(process))
+
+    thread = threading.Thread(target=watch)
+    thread.start()
+    draw(pictures, views(project, size=size))
+    ended.set()
+    thread.join()
+    width, height = size
+    assert pictures.n_bytes == 2 * width * height * 3 * 4  # finished ones of two looks
+    assert peak[0] > 100 << 20
+    assert peak[0] + pictures.n_bytes <= plan.cost.looks_mib * 2**20
+    lines = list(describe_plan(plan))
+    assert any(line.startswith(f"looks side by side take up to {plan.cost.looks_mib:.0f} MiB") for line in lines)
 
 
 def test_each_picture_is_the_still_of_its_look(project: Project, pictures: LookPictures) -> None:

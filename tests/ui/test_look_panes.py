@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import os
 from typing import Any
 
 import numpy as np
@@ -9,6 +11,7 @@ import pytest
 
 from app.document.commands import AddLook, SetParameter
 from app.document.view_state import SetView
+from app.modes.placement.plan_table import plan_table
 from app.stills import look_pictures
 from app.stills.look_pictures import LookView
 from tests.ui.stand_in import HEIGHT, WIDTH
@@ -20,6 +23,8 @@ GREY = 0.18
 
 class Painter:
     """A process that answers each request at once: all pixels are grey."""
+
+    pid = os.getpid()
 
     def __init__(self, answers: Any) -> None:
         self._answers = answers
@@ -100,6 +105,32 @@ def test_pictures_are_drawn_in_the_resolution_of_their_panes(looks: HeadlessWind
     shell.editor.do(SetView.of(looks_shown=1))
     looks.frames(60)
     assert shell.looks._board.pictures == {} and shell.looks.pictures.is_finished
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("count", [2, 4, 6])
+def test_the_plan_counts_what_looks_side_by_side_hold(looks: HeadlessWindow, count: int) -> None:
+    shell, editor = looks.shell, looks.shell.editor
+    for name in ("Blue", "Red", "Green"):
+        assert editor.do(AddLook(name)) is None
+    editor.do(SetView.of(looks_shown=count))
+    looks.frames(150)
+    assert shell.looks.pictures.is_finished
+    editor.metrics._memory_at = -math.inf
+    looks.frames(2)
+    pictures = shell.looks.pictures.pictures.values()
+    textures = [each for shown in shell.looks._shown.values() for each in (shown.linear, shown.texture)]
+    held = sum(each.radiance.nbytes for each in pictures)
+    on_card = sum(each.width * each.height * each.components * int(each.dtype[1]) for each in textures)
+    assert len(pictures) >= count - 1 and held > 0 and on_card > 0
+    status = editor.status
+    # The process that draws is this one here.
+    assert status.looks_mb >= held / 1e6 + 50.0 and status.looks_gpu_mb >= on_card / 1e6
+    assert status.memory_mb >= status.looks_mb - held / 1e6
+    (line,) = (each for each in plan_table(editor.document, editor.view, status) if each.line == "looks")
+    assert line.value == f"{count} looks" and line.reason.startswith(f"{status.looks_mb:.0f} MB of main memory")
+    editor.do(SetView.of(looks_shown=1))
+    assert all(each.line != "looks" for each in plan_table(editor.document, editor.view, status))
 
 
 @pytest.mark.gl

@@ -11,9 +11,8 @@ from dataclasses import replace
 
 from imgui_bundle import ImVec2, imgui
 
-from app.document.looks import look_names
+from app.document.looks import look_names, shown_looks
 from app.operators.registry import keys_of
-from app.stills.look_pictures import shown_looks
 from ui import theme as look
 from ui.panels import widgets
 from ui.panels.actions import Action, RunOperator, SetPanel

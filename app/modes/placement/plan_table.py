@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from app.document.display_names import with_display_names
 from app.document.document import Document, reflecting_layers
 from app.document.light_mix import emission_of
+from app.document.looks import shown_looks
 from app.document.node_layers import nodes_reason
 from app.document.view_state import ViewState
 from app.messages.editor_status import Status, duration
@@ -51,6 +52,7 @@ class PlanTableRow:
 def plan_table(document: Document, view: ViewState, status: Status) -> tuple[PlanTableRow, ...]:
     """The lines of the current mode: of the picture, then of each layer that reflects."""
     lines = [*_common_lines(document, view, status), *_mode_lines(document, view)]
+    lines += _looks_line(document, view, status)
     if isinstance(status, DeformStatus):
         lines += _gloss_lines(document, status)
     if isinstance(status, PlacementStatus):
@@ -73,7 +75,8 @@ def _line(
 
 def _cost_line(status: PlacementStatus) -> PlanTableRow:
     """The cost of the picture: the time left while it is being computed, then the time it took."""
-    memory = f"{status.memory_mb:.0f} MB of main memory, {status.gpu_mb:.0f} MB on the graphics card"
+    on_card = status.gpu_mb + status.looks_gpu_mb
+    memory = f"{status.memory_mb:.0f} MB of main memory, {on_card:.0f} MB on the graphics card"
     if status.spent_seconds is None:
         left = "being computed" if status.seconds_left is None else f"{duration(status.seconds_left)} to go"
         return PlanTableRow("cost", "Cost", left, f"so far {memory}", (), False)
@@ -126,6 +129,15 @@ def _common_lines(document: Document, view: ViewState, status: Status) -> Iterat
     if counts := status.map_nodes:
         numbers = ", ".join(f"{each.n_nodes}" for each in counts)
         yield _setting_line(document, "nodes", numbers, with_display_names(document, nodes_reason(counts)))
+
+
+def _looks_line(document: Document, view: ViewState, status: Status) -> Iterator[PlanTableRow]:
+    """What looks side by side take, besides what is edited: measured."""
+    shown = shown_looks(document, view.looks_shown)
+    if view.looks_shown > 1 and len(shown) > 1:
+        memory = f"{status.looks_mb:.0f} MB of main memory, {status.looks_gpu_mb:.0f} MB on the graphics card"
+        reason = f"{memory}, with the process that draws them, which has the scene once more"
+        yield PlanTableRow("looks", "Side by side", f"{len(shown)} looks", reason, (), False)
 
 
 def _mode_lines(document: Document, view: ViewState) -> Iterator[PlanTableRow]:
