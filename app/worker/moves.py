@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 from app.document.scene_state import LayerState, SceneState
 from app.worker.dragged_lamps import DraggedLamps
@@ -16,32 +17,40 @@ from engine.precompute.direct.pipeline import SkyState
 from engine.realtime.zonal_harmonics.posed_scene import pose_scene
 from engine.scene.scene_loader import Scene
 
+if TYPE_CHECKING:
+    from app.worker.indirect_tasks import IndirectTasks
+
 Layers = Mapping[str, LayerData]
 # A layer's picture, or None after another step.
 Pictures = Iterator[LayerData | None]
 
 
 class Moves:
-    """The moves of the open view. moved: from the view before, until pictures of this one are made of it; dragged: the
-    lamps that a hand has."""
+    """The moves of the open view. moved: from the view before, or from that where something was drawn last, until
+    pictures of this one are made of it; dragged: the lamps that a hand has."""
 
     def __init__(self, context: WorkerContext) -> None:
         self._context = context
         self._traced: TracedScene | None = None
         self._first: dict[str, LayerData] = {}
         self.moved: MovedPictures | None = None
+        self._light: IndirectTasks | None = None  # of the view that `moved` begins with
         self.dragged: DraggedLamps | None = None
 
-    def view_traced(self, layers: Layers) -> MovedPictures | None:
-        """Note that another view is open; returns what was moved since the one before. layers: of that one."""
+    def view_traced(
+        self, layers: Layers, light: IndirectTasks | None
+    ) -> tuple[MovedPictures | None, IndirectTasks | None]:
+        """Note that another view is open; returns what was moved, and the light between surfaces of the view that this
+        begins with. layers, light: of the view before."""
         placement, before = self._context.open_placement, self._traced
         pictures = self._resting(layers)
         if self.moved is not None and not pictures:  # moved again before anything was drawn
-            before, pictures = self.moved.before, self.moved.layers
+            before, pictures, light = self.moved.before, self.moved.layers, self._light
         self.moved = None if before is None else MovedPictures.between(before, placement, pictures)
+        self._light = None if self.moved is None else light
         self._traced = TracedScene(placement.scene, placement.caster, placement.hits)
         self._first, self.dragged = {}, None
-        return self.moved
+        return self.moved, self._light
 
     def _resting(self, layers: Layers) -> dict[str, LayerData]:
         """The pictures of the open view, at every point."""
@@ -63,7 +72,11 @@ class Moves:
             picture = yield from map_steps(moved.picture(work), lambda step: None)
             self._first[work.key] = LayerData(work, lit_by, RELIT.name, FixedPicture(picture), 1.0)
             yield self._first[work.key]
-        self.moved = None
+        self.forget_before()
+
+    def forget_before(self) -> None:
+        """Forget the view that this one began with: it has pictures of its own."""
+        self.moved = self._light = None
 
     def dragged_pictures(
         self, works: Sequence[LayerState], scene: SceneState, moved: Scene, layers: Layers, lights: LightPictures

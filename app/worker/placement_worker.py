@@ -99,7 +99,7 @@ class PlacementWorker(ModeWorker):
         }
 
     def view_traced(self) -> None:
-        moved, known = self._moves.view_traced(self._layers), self._indirect
+        moved, known = self._moves.view_traced(self._layers, self._indirect)
         self._layers, self._current = {}, {}
         self._indirect, self._maps = None, None
         if moved is not None and known is not None:
@@ -240,6 +240,8 @@ class PlacementWorker(ModeWorker):
             if due or exact or quality.name in (COARSE.name, RELIT.name) and n_bounces > 1:
                 spent = time.process_time() - begun
                 yield StageDone(quality.name, exact, time.monotonic() - started, self._n_bytes, spent)
+            if exact and quality is not DRAG:
+                self._moves.forget_before()
             yield from self._context.new_warnings()
         yield from self._lights.compare(scene, self._current)
 

@@ -204,6 +204,26 @@ def test_light_between_surfaces_is_carried_until_it_is_found_anew(
         assert np.array_equal(last.reflected[key], powers)
 
 
+def test_light_between_surfaces_is_carried_from_the_view_before_two_moves(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    light_quickly(monkeypatch)
+    request = transport(n_bounces=3)
+    away: Poses = (("ball", (Transform((-0.6, 0.1, 0.0)),)),)
+    carried = []
+    for name, views in (("at once", (away,)), ("twice", (OBJECT, away))):
+        worker = Worker(tmp_path / name, 0.2)
+        worker.ask(request, freezing(request))
+        for poses in views:
+            worker.look(poses)
+        answers = worker.ask(request, freezing(request))
+        carried.append(next(each for each in answers if isinstance(each, IndirectFound)))
+        assert carried[-1].stage == "carried"
+    # The same places of the same objects: what the view between them showed is nothing to these.
+    assert np.array_equal(carried[0].rows, carried[1].rows)
+    assert np.array_equal(carried[0].weights, carried[1].weights)
+
+
 def test_light_between_surfaces_follows_a_dragged_lamp(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """On the other side of the floor's middle the lamp gives the ball's lower half more light by the floor."""
     light_quickly(monkeypatch)
