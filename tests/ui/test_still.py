@@ -132,7 +132,7 @@ def test_frames_go_on_while_a_picture_is_written(
 ) -> None:
     held, encoded = threading.Event(), ViewportStill.encoded
 
-    def slow(still: ViewportStill, ending: str, deep: bool) -> bytes:
+    def slow(still: ViewportStill, ending: str, deep: bool, crop: object = None) -> bytes:
         assert held.wait(60.0)
         return encoded(still, ending, deep)
 
