@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import difflib
 import functools
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -300,11 +300,11 @@ class Document:
         return names[0] if names else ""
 
     @functools.cached_property
-    def composition(self) -> Composition:
-        """The objects of its scene; none where they are those of the scene's file, all of them shown. Controllers ask
+    def composition(self) -> Composition | None:
+        """The objects of its scene; None where they are those of the scene's file, all of them shown. Controllers ask
         in each frame."""
         if not self.deleted and all(state.is_of_file and state.visible for state in self.objects):
-            return ()
+            return None
         return tuple(SceneObject(state.name, state.source, not state.visible) for state in self.objects)
 
     @property
@@ -335,11 +335,6 @@ class Document:
     def added_sources(self) -> tuple[ObjectDescription, ...]:
         """What those of its objects are read from that the scene's file does not have, absent ones too, each once."""
         return tuple(dict.fromkeys(state.added for state in (*self.objects, *self.absent) if state.added is not None))
-
-    def can_delete(self, names: Collection[str]) -> bool:
-        """Whether objects of these names can be deleted: one stays of a scene whose file has any."""
-        is_empty = all(state.name in names for state in self.objects)
-        return not is_empty or not self.deleted and not any(state.is_of_file for state in self.objects)
 
     @property
     def poses(self) -> Poses:

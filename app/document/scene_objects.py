@@ -38,7 +38,7 @@ def by_source(described: Document, added: AddedStates) -> dict[ObjectSource, Obj
 def with_objects_of(described: Document, document: Document, added: AddedStates = NONE_ADDED) -> Document:
     """The document of a scene as its file describes it, with the objects that another document of this scene has;
     added: those that the file does not have, as they were read."""
-    if not document.composition:
+    if document.composition is None:
         return described
     own = by_source(described, added)
     objects = tuple(

@@ -62,7 +62,7 @@ class CompositionController:
         self.is_waiting = False
         # The last documents with the objects of the picture and with those that were requested.
         self._drawn = self._requested = Document("")
-        self._shown: Composition = ()
+        self._shown: Composition | None = None
 
     def open_scene(self, fitted: FittedScene, added: Iterable[AddedObject]) -> None:
         """Begin with a scene that was opened and traced, with the objects of its document where it has others than its
@@ -138,7 +138,7 @@ class CompositionController:
         self._drawn, self._shown, self.is_waiting = self._requested, self._tracing.composition, False
         description, described = self.own
         document = self.drawn(self._host.document)
-        if document.composition:
+        if document.composition is not None:
             own = {each.name: each for each in description.objects}
             objects = tuple(
                 (own[state.source] if isinstance(state.source, str) else self._descriptions[state.source]).model_copy(

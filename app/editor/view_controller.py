@@ -34,7 +34,7 @@ class TracedView(NamedTuple):
     n_edge_rays: int | None = None
     scene: int = 0
     opacities: OpacityByObject = ()
-    composition: Composition = ()
+    composition: Composition | None = None
 
 
 class ViewController:
@@ -75,15 +75,15 @@ class ViewController:
         return self._traced.scene
 
     @property
-    def composition(self) -> Composition:
+    def composition(self) -> Composition | None:
         """The objects that the picture shows."""
         return self._traced.composition
 
     @property
-    def requested_composition(self) -> Composition:
+    def requested_composition(self) -> Composition | None:
         """The objects of the view that was requested last."""
         requested = self._reconciler.requested
-        return () if requested is None else requested.desired.composition
+        return None if requested is None else requested.desired.composition
 
     @property
     def id(self) -> int:
@@ -132,7 +132,7 @@ class ViewController:
             self._reconciler.accept(self.id, adopted)
         return self.traced
 
-    def adopt_composition(self, composition: Composition) -> None:
+    def adopt_composition(self, composition: Composition | None) -> None:
         """Note that the traced view has these objects: others could not be read."""
         self._reconciler.accept(self.id, self._traced._replace(composition=composition))
 

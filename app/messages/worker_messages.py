@@ -115,7 +115,7 @@ class SetCamera(Request):
     bumps: BumpsByObject = ()
     n_edge_rays: int | None = 0
     opacities: OpacityByObject = ()
-    composition: Composition = ()
+    composition: Composition | None = None
 
 
 @dataclass(frozen=True)

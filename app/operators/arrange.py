@@ -276,12 +276,6 @@ def _has_hidden(context: OperatorContext) -> bool:
     return len(context.document.shown) < len(context.document.objects)
 
 
-def _has_others(context: OperatorContext) -> bool:
-    names = context.view.selected_objects
-    return context.view.sun is not None or bool(names) and context.document.can_delete(names)
-
-
-OTHERS = Need("select an object, of several", _has_others)
 LIGHT = Need("select a light", _has_light)
 LINKED = Need("select an object that shares its material", _is_linked)
 GROUPED = Need("select objects of a group", _is_grouped)
@@ -408,7 +402,7 @@ ARRANGE: tuple[Operator | Gesture, ...] = (
     ),
     Operator(
         "delete_object", _delete, ("Ctrl Delete",), "Delete the selected objects or sun", entry="Delete the objects",
-        needs=OTHERS, waits=True,
+        needs=OBJECT_OR_SUN, waits=True,
     ),
     Operator(
         "group", lambda editor, value: editor.do(SetGroup(value.objects, value.name)),

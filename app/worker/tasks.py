@@ -237,19 +237,19 @@ class _LoadedScene:
     id: int = -1
     composer: SceneComposer | None = None
     composed: ComposedScene | None = None
-    asked: Composition = ()
+    asked: Composition | None = None
     resting: tuple[OpacityByObject, Scene] | None = None
     pose: tuple[Poses, Scene, RayCaster] | None = None
 
     def in_poses(
-        self, poses: Poses, opacities: OpacityByObject, composition: Composition = ()
+        self, poses: Poses, opacities: OpacityByObject, composition: Composition | None = None
     ) -> tuple[Scene, RayCaster]:
         """The scene of these objects in these poses, and its ray caster: the same ones as long as all of these are.
         Objects that cannot be read are left out (`composed` says which)."""
         assert self.composer is not None
         if self.composed is None or self.asked != composition or self.composed.missing:
             own = ComposedScene(self.composer.own, ())
-            self.composed, self.asked = self.composer.compose(composition) if composition else own, composition
+            self.composed, self.asked = own if composition is None else self.composer.compose(composition), composition
             self.resting = None
         if self.resting is None or self.resting[0] != opacities:
             scene = self.composed.scene

@@ -21,7 +21,7 @@ from engine.scene.added_objects import Part, read_again
 from engine.scene.composition import Composition, ObjectSource
 from engine.scene.description import ObjectDescription
 from engine.scene.mesh import join_corners
-from engine.scene.scene_loader import Scene
+from engine.scene.scene_loader import ObjectsRead, Scene, place_objects
 from engine.scene.scene_placement import ranges_of
 from engine.scene.surface_kinds import NO_SURFACE
 
@@ -29,6 +29,11 @@ from engine.scene.surface_kinds import NO_SURFACE
 _NO_SURFACE = {
     "bumps": NO_BUMPS, "opacity": OPAQUE, "emission_texture": LayerMaps(), "deform": NO_SURFACE, "variants": ()
 }  # fmt: skip
+# What a scene has of its objects.
+_OF_OBJECTS = (
+    "vertices", "normals", "triangles", "object_of_triangle", "triangle_ranges", "geometric_normals", "smooth",
+    "emission", "uvs", "tangents", "colours", "has_uvs", "boxes", "vertex_ranges", "rigs", "material_names",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -68,8 +73,6 @@ class SceneComposer:
             each for each in sources if (each not in names if isinstance(each, str) else each not in self._parts)
         )
         there = tuple(each for each in composition if each.source not in missing)
-        if not there:
-            return ComposedScene(self.own, (), missing, read.notes)
         parts = [
             (
                 _Part(self.own, self.own.object_index(each.source), each.name, each.is_hidden)
@@ -80,10 +83,10 @@ class SceneComposer:
         ]
         return ComposedScene(_joined(self.own, parts), there, missing, read.notes)
 
-    def compose_all(self, composition: Composition) -> Scene:
-        """The scene of all of these objects; its file's for none. Raises InsituError where some are not in its file or
+    def compose_all(self, composition: Composition | None) -> Scene:
+        """The scene of all of these objects; the file's for None. Raises InsituError where some are not in its file or
         cannot be read."""
-        if not composition:
+        if composition is None:
             return self.own
         composed = self.compose(composition)
         if composed.missing:
@@ -92,7 +95,7 @@ class SceneComposer:
         return composed.scene
 
 
-def compose_scene(own: Scene, composition: Composition) -> Scene:
+def compose_scene(own: Scene, composition: Composition | None) -> Scene:
     """The scene of these objects, in their order, in the frame of the file's scene `own`. Raises InsituError where some
     are not in its file or cannot be read."""
     return SceneComposer(own).compose_all(composition)
@@ -126,9 +129,18 @@ class _Part(NamedTuple):
         return self.scene.description.objects[self.place].model_copy(update={"name": self.name, **changed})
 
 
+def _bare(base: Scene) -> Scene:
+    """The scene without objects, its light alone."""
+    nothing = place_objects(ObjectsRead((), (), frozenset()), base)
+    arrays = {name: getattr(nothing, name) for name in _OF_OBJECTS}
+    return replace(base, description=base.description.model_copy(update={"objects": ()}), **arrays)
+
+
 def _joined(base: Scene, parts: Sequence[_Part]) -> Scene:
     """Objects of several scenes as one, `base` with other arrays. Where all are hidden, a point of the first is left:
-    there is always something to be traced."""
+    rays have something to be traced against."""
+    if not parts:
+        return _bare(base)
     if all(part.is_hidden for part in parts):
         parts = [parts[0]._replace(is_point=True), *parts[1:]]
     every = [(part.scene, part.vertices, part.triangles) for part in parts]

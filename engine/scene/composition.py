@@ -35,4 +35,5 @@ class SceneObject:
     is_hidden: bool = False
 
 
-Composition = tuple[SceneObject, ...]  # in their order; empty for a scene as its file has it
+# In their order; None in its place: the scene as its file has it.
+Composition = tuple[SceneObject, ...]

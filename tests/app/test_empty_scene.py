@@ -52,13 +52,19 @@ def test_an_added_object_looks_as_one_of_a_file(file: Path, tmp_path: Path) -> N
     np.testing.assert_array_equal(scene.image(), bare)
 
 
-def test_all_objects_can_be_deleted_only_where_the_file_has_none(file: Path) -> None:
-    shapes = insitu.open("ring")
-    names = [state.name for state in shapes.document.objects]
-    for name in names[:-1]:
-        shapes[name].deleted = True
-    with pytest.raises(insitu.Error, match=f"{names[-1]} is not deleted: a scene has at least one object"):
-        shapes[names[-1]].deleted = True
+@pytest.mark.parametrize("mode", ["placement", "orbit", "deform", "paths"])
+def test_the_light_remains_of_a_scene_whose_objects_are_deleted(mode: insitu.Mode, tmp_path: Path) -> None:
+    shapes = insitu.open("teatray", resolution=SIZE)
+    for state in shapes.document.objects:
+        shapes[state.name].deleted = True
+    bare = shapes.image(mode, bounces=2, samples=1)
+    light = load_environment(builtin_scenes()["teatray"].with_name("studio.exr"))
+    directions = centre_directions(shapes.viewpoint.camera, SIZE).reshape(-1, 3)
+    expected = light.evaluate(directions).reshape(SIZE[1], SIZE[0], 3)
+    np.testing.assert_allclose(bare, expected, rtol=0.06 if mode == "deform" else 1e-5, atol=1e-6)
+    shapes.save(tmp_path / "bare.insitu")
+    again = insitu.open(tmp_path / "bare.insitu", resolution=SIZE)
+    np.testing.assert_array_equal(again.image(mode, bounces=2, samples=1), bare)
 
 
 def test_any_sequence_of_additions_and_deletions_is_taken_back_to_the_bit(file: Path) -> None:

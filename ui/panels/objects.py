@@ -224,7 +224,7 @@ def _object_menu(context: PanelContext, state: ObjectState) -> list[Action]:
     if linked_objects(context.document, state.name) and imgui.menu_item_simple("Make single user"):
         actions += [*select, RunOperator("make_single_user")]
     context.handles.note_item(f"objects.{state.name}.make_single_user")
-    if imgui.menu_item_simple("Delete", None, False, context.document.can_delete(names)):
+    if imgui.menu_item_simple("Delete"):
         actions.append(RunOperator("delete_object") if len(names) > 1 else DeleteObject(state.name))
     context.handles.note_item(f"objects.{state.name}.delete")
     if state.in_group and imgui.menu_item_simple(f"Take out of {state.in_group}"):

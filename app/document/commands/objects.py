@@ -124,7 +124,7 @@ class DuplicateObjects:
 
 @dataclass(frozen=True)
 class DeleteObject:
-    """Delete an object, with its row in the mix; one of the scene's at least stays."""
+    """Delete an object, with its row in the mix; of a scene without objects the light remains."""
 
     object: str
 
@@ -135,8 +135,6 @@ class DeleteObject:
     @carried_out_in_all_looks
     def apply(self, document: Document) -> Document:
         state = document.object(self.object)
-        if not document.can_delete((self.object,)):
-            raise InsituError(f"{self.object} is not deleted: a scene has at least one object")
         objects = tuple(each for each in document.objects if each is not state)
         deleted = (*document.deleted, state.name) if state.is_of_file else document.deleted
         return replace(document, objects=objects, light=document.light.without_object(state.name), deleted=deleted)

@@ -259,6 +259,10 @@ def test_any_sequence_keeps_materials_together_and_is_undone_to_the_bit(
         before = history.document
         if len(before.objects) > 14:
             continue
+        if not before.objects:
+            history.undo()
+            texts.pop()
+            continue
         try:
             history.do(any_command(rng, before))
         except InsituError:

@@ -48,7 +48,7 @@ def names(document: Document) -> list[str]:
 
 def test_a_duplicate_stands_behind_its_original_and_is_edited_alone(document: Document) -> None:
     found = edited(document, DuplicateObject("pot"), SetParameter("pot 2.0", "albedo", 0.3))
-    assert names(found) == ["pot", "pot 2", "floor", "lamp"] and document.composition == ()
+    assert names(found) == ["pot", "pot 2", "floor", "lamp"] and document.composition is None
     assert found.composition[:2] == (SceneObject("pot", "pot"), SceneObject("pot 2", "pot"))
     assert found.object("pot") == document.object("pot") and found.object("pot 2") != found.object("pot")
     assert names(edited(found, DuplicateObject("pot 2"), DuplicateObject("pot", "mug"))) == [
@@ -87,7 +87,7 @@ def test_what_is_added_stands_behind_all_others_under_free_names(document: Docum
     # Where none are left it has those of the file.
     alone = edited(found, *(DeleteObject(name) for name in ("floor", "lamp", "pot", "ball 2", "pot 3")))
     left = without_sources(alone, {ball("pot").added}, document)
-    assert names(left) == names(document) and left.composition == () and names_absent(left) == ["pot 2"]
+    assert names(left) == names(document) and left.composition is None and names_absent(left) == ["pot 2"]
     with pytest.raises(InsituError, match="size = -1.0, expected metres"):
         edited(document, AddObject("box", size=-1.0, objects=(ball(),)))
     with pytest.raises(InsituError, match="name = 'pot', expected one that no other object has"):
@@ -159,7 +159,7 @@ def test_another_name_takes_the_row_of_the_mix_and_the_plan_along(document: Docu
     assert found.light.row("key").strength == 1.0 and found.overrides == (("mug.1.theta_h", 64),)
     assert found.composition[0] == SceneObject("mug", "pot") and set(found.deleted) == {"lamp", "pot"}
     back = edited(found, RenameObject("key", "lamp"), RenameObject("mug", "pot"))
-    assert back.composition == () and back.deleted == () and back.objects == document.objects
+    assert back.composition is None and back.deleted == () and back.objects == document.objects
 
 
 @pytest.mark.parametrize(
@@ -177,10 +177,11 @@ def test_what_makes_no_sense_is_refused(document: Document, command: EditCommand
         command.apply(document)
 
 
-def test_the_last_object_stays(document: Document) -> None:
-    last = edited(document, DeleteObject("lamp"), DeleteObject("floor"))
-    with pytest.raises(InsituError, match="pot is not deleted: a scene has at least one object"):
-        DeleteObject("pot").apply(last)
+def test_the_last_object_can_be_deleted(document: Document, tmp_path: Path) -> None:
+    bare = edited(document, DeleteObject("lamp"), DeleteObject("floor"), DeleteObject("pot"))
+    assert bare.objects == () and set(bare.deleted) == {"lamp", "floor", "pot"}
+    path = save_session(tmp_path / "bare.insitu", bare, ViewState())
+    assert fit_session(load_session(path), document, str(path)) == bare
 
 
 def test_a_session_keeps_which_objects_there_are(document: Document, tmp_path: Path) -> None:
@@ -247,7 +248,7 @@ def test_any_sequence_survives_sessions_and_undo(document: Document, tmp_path: P
             assert {each.source for each in here.objects} <= {"pot", "floor", "lamp", ball().added}
             # Undone to the file's objects there is nothing to compose.
             own = not here.deleted and all(each.is_of_file for each in here.objects)
-            assert (here.composition == ()) == own
+            assert (here.composition is None) == own
 
 
 def test_paths_rename_duplicate_and_delete(document: Document) -> None:

@@ -122,7 +122,7 @@ def test_what_cannot_be_traced_waits_for_its_file_in_all_of_the_history(settled:
     assert names(settled) == ["pot", "mug", "floor", "lamp"] and absent(settled) == ["cup", "cup 2"]
     assert settled.status.is_error and settled.status.message.startswith("/models/cup.glb: no such file; its objects")
     # The mode goes on with what is left.
-    assert [each.name for each in client.sent(SetCamera)[-1].composition] == names(settled)
+    assert [each.name for each in client.sent(SetCamera)[-1].composition or ()] == names(settled)
     client.see_scene()
     settled.tick(4.0)
     assert settled.scenes.opened is not None
@@ -183,7 +183,10 @@ def test_any_sequence_of_additions_and_answers(settled: Editor, client: FakeClie
     for _ in range(40):
         now += rng.choice((0.01, 0.3))
         kinds = ("add", "read", "fail", "delete", "duplicate", "rename", "hide", "drag", "drop", "gone", "undo", "redo")
-        match rng.choice((*kinds, "trace", "trace", "trace")):
+        step = rng.choice((*kinds, "trace", "trace", "trace"))
+        if not names(settled) and step in ("delete", "duplicate", "rename", "hide", "drag"):
+            continue
+        match step:
             case "add":
                 settled.do(AddObject("box"))
             case "read" if settled.exchange.is_reading:
@@ -214,7 +217,7 @@ def test_any_sequence_of_additions_and_answers(settled: Editor, client: FakeClie
             case "trace" if client.sent(SetCamera):
                 client.see_scene()
         settled.tick(now)
-        assert len(set(names(settled))) == len(names(settled)) >= 1
+        assert len(set(names(settled))) == len(names(settled))
         selected = settled.view.selected
         assert selected is None or selected.object in names(settled)
     settled.end_drag()

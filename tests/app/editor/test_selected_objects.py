@@ -84,7 +84,9 @@ def test_edits_of_several_are_one_step(several: Editor) -> None:
     labels = [step.label for step in several.history.undo_steps]
     assert labels == ["duplicate 2 objects", "delete 2 objects"]
     run_operator(several, "select_all")
-    assert run_operator(several, "delete_object") == "select an object, of several" and several.document == first
+    assert run_operator(several, "delete_object") is None and several.document.objects == ()
+    several.undo()
+    assert several.document == first
 
 
 def test_a_move_of_several_goes_about_their_middle(several: Editor) -> None:
@@ -152,6 +154,9 @@ def test_any_sequence_selects_only_what_is_there_and_undoes_to_the_bit(
     rng, first = random.Random(seed), several.document
     for _ in range(80):
         names = [state.name for state in several.document.objects]
+        if not names:
+            several.undo()
+            continue
         chosen = rng.choice(names)
         match rng.randrange(16):
             case 0:
