@@ -12,6 +12,7 @@ from PIL import Image
 from engine.light.radiance_files import read_radiance_image
 from tests.app.cli.command_line import SCENE, run
 from tests.app.limits import largest_file
+from tests.colour_configs import write_config
 from tests.scene_text import environment, facing_down, placed
 
 Captured = pytest.CaptureFixture[str]
@@ -76,6 +77,23 @@ def test_a_view_is_chosen_by_name(scene: Path, tmp_path: Path, capsys: Captured)
     assert run(*words, tmp_path / "a.png", "--view", "sepia") == 1
     assert "insitu: view: name = sepia, expected Filmic, AgX, ACES 2.0, ACES 1.3, Standard" in capsys.readouterr().err
     assert run(*words, tmp_path / "a.exr", "--view", "agx") == 1
+    assert "holds light itself, expected a name that ends in .png" in capsys.readouterr().err
+
+
+def test_views_of_a_configuration_are_chosen_by_name(scene: Path, tmp_path: Path, capsys: Captured) -> None:
+    config, output = write_config(tmp_path), tmp_path / "a.png"
+    words = ("render", scene, "--lights", "200", "--resolution", "6", "4", "-o", output, "--ocio", config)
+    # Of 0.5: 0.735 in sRGB; a quarter of it, 0.125, on the curve x^2 (3 - 2x) is 0.0430; 0.5^(1/2.2) is 0.7297.
+    for view, level in ((), 188), (("--view", "Film"), 11), (("--view", "Projector: Plain"), 186):
+        assert run(*words, *view) == 0
+        with Image.open(output) as image:
+            assert image.getpixel((0, 0)) == pytest.approx((level, level, level), abs=1)
+    capsys.readouterr()
+    assert run(*words, "--view", "Cinema") == 1
+    assert re.search(r"insitu: .*Cinema.*expected .*Film", capsys.readouterr().err)
+    assert run(*words[:-1], tmp_path / "none.ocio") == 1
+    assert "none.ocio" in capsys.readouterr().err
+    assert run(*(tmp_path / "a.exr" if word is output else word for word in words)) == 1
     assert "holds light itself, expected a name that ends in .png" in capsys.readouterr().err
 
 
