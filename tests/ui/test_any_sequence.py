@@ -407,7 +407,9 @@ def find_anew(here: Walk, tmp_path: Path) -> None:
     n_lights = here.editor.view.settings.n_lights
     for each in (n_lights + 1, n_lights):
         here.editor.do(SetView.of(n_lights=each))
-        here.frames(40)
+        here.frames(2)
+        here.client.hurries = True
+        here.until(lambda: here.editor.status.is_finished)
     here.client.kill(ArrayCache(tmp_path / "forgotten"))
 
 
