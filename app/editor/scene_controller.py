@@ -144,10 +144,10 @@ class SceneController:
         self._give_up_view(self._given_up)
 
     def reopen(self) -> bool:
-        """Open what `give_up` dropped, where no other scene is open, or trace the objects that wait; returns whether
-        there was something to do."""
+        """Open what `give_up` dropped, where no other scene is open, or trace the view that waits; returns whether the
+        mode has to wait for that."""
+        self.tracing.retry()
         if self.composing.is_waiting:
-            self.tracing.retry()
             return True
         if self._given_up is None or self._host.scene_is_open:
             return False

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from app.document.commands.layers import SetParameter, SetVisible
+from app.document.commands.poses import SetTransform
 from app.document.view_state import Bookmark, SetView, Viewpoint
 from app.editor.editor import Editor
 from app.editor.view_controller import REST_SECONDS
@@ -104,6 +105,25 @@ def test_a_look_that_is_refused_or_stopped_leaves_the_view_before(editor: Editor
     editor.tick(4.0)
     editor.tick(5.0)
     assert len(client.sent(ComputeTransport)) == 1 and len(client.sent(SetCamera)) == 1
+
+
+def test_a_pose_that_was_stopped_is_traced_when_work_goes_on(editor: Editor, client: FakeClient) -> None:
+    editor.do(SetTransform("pot", (1.0, 0.0, 0.0)))
+    for now in (2.0, 3.0):
+        editor.tick(now)
+    assert len(client.sent(SetCamera)) == 1
+    editor.cancel_work()
+    for now in (4.0, 5.0):
+        editor.tick(now)
+    assert len(client.sent(SetCamera)) == 1 and editor.document.poses  # the pose is an edit, and stays
+    editor.resume_work()
+    for now in (6.0, 7.0):
+        editor.tick(now)
+    again = client.sent(SetCamera)
+    assert len(again) == 2 and again[1].poses == again[0].poses == editor.document.poses
+    client.see_scene()
+    editor.tick(8.0)
+    assert not editor.scenes.tracing.is_away
 
 
 def test_a_session_has_its_camera(editor: Editor, tmp_path: Path) -> None:
