@@ -1,4 +1,4 @@
-"""What a dragged lamp and a moved object cost in Placement until they are seen, and how exact that is.
+"""What a dragged lamp or sun and a moved object cost in Placement until they are seen, and how exact that is.
 
 The worker's own requests are carried out in this process, as the window asks them, and their pictures are uploaded and
 shaded. The scene is that of the mix of lights: two balls under a sky and seven lamps, one of which is coated metal.
@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from app.document.commands.suns import direction_of
 from app.document.scene_state import SceneState
 from app.messages.worker_messages import Request, RequestFailed, Response, SetCamera, ViewTraced
 from app.modes.placement.placement_messages import (
@@ -23,12 +24,14 @@ from app.modes.placement.placement_messages import (
     IndirectFrozen,
     IndirectRelit,
     LayerPicture,
+    PrepareRelighting,
     StageDone,
 )
 from app.worker.schedule import InProcessClient
 from benchmarks.figures import Figure, NotMeasured, not_measured
 from benchmarks.light_mix import scene_text
 from benchmarks.relighting import Pictures, ReadyScene, RelightEffort
+from engine.light.suns import Sun
 from engine.realtime.zonal_harmonics.pose import Poses
 from engine.render.picture_difference import errors
 from engine.scene.transform import Transform
@@ -41,6 +44,7 @@ if TYPE_CHECKING:
 
 NAMES = ("light_drag_first_ms", "light_drag_exact_s", "move_first_s")
 LAMP, OBJECT = "lamp 2", "matt"
+SUN_ELEVATION, SUN_IRRADIANCE = 40.0, (2.0, 1.8, 1.5)  # degrees, W/m²
 _FACTOR = 0  # of the selected layer
 
 
@@ -76,6 +80,8 @@ def _measured(effort: MoveEffort, folder: Path) -> list[Figure]:
     first, whole = (tuple(getattr(each, name) for each in drags) for name in ("first_s", "whole_s"))
     moves = [ready.move(OBJECT, (0.06 * (k + 1), 0.0, 0.04 * k)) for k in range(effort.n_moves)]
     lamp = ready.move(LAMP, (0.3, 0.0, 0.1))
+    ready.rest_in_sun()
+    suns = [ready.drag_sun(8.0 * (k + 1)) for k in range(effort.n_moves)]
     return [
         Figure(
             "light_drag_first_ms", tuple(1e3 * each for each in first[1:]),
@@ -83,11 +89,20 @@ def _measured(effort: MoveEffort, folder: Path) -> list[Figure]:
             {
                 "the first place": 1e3 * first[0],
                 "processor": 1e3 * float(np.median([each.first_cpu for each in drags[1:]])),
+                "a sun, the first place": 1e3 * suns[0].first_s,
+                "a sun": 1e3 * float(np.median([each.first_s for each in suns[1:]])),
+                "a sun, processor": 1e3 * float(np.median([each.first_cpu for each in suns[1:]])),
             },
         ),
         Figure(
             "light_drag_exact_s", whole[1:], f"{how}: the same, with all bounces",
-            {"the first place": whole[0], "processor": float(np.median([each.whole_cpu for each in drags[1:]]))},
+            {
+                "the first place": whole[0],
+                "processor": float(np.median([each.whole_cpu for each in drags[1:]])),
+                "a sun, the first place": suns[0].whole_s,
+                "a sun": float(np.median([each.whole_s for each in suns[1:]])),
+                "a sun, processor": float(np.median([each.whole_cpu for each in suns[1:]])),
+            },
         ),
         Figure(
             "move_first_s", tuple(each.first_s for each in moves),
@@ -174,16 +189,34 @@ class _OpenScene(ReadyScene):
                 yield answer
 
     def drag(self, by: tuple[float, float, float]) -> _Drag:
-        lamps = ((LAMP, (Transform(by),)),)
+        """A lamp as a hand has it."""
+        return self._drag_light(replace(self.scene, lamps=((LAMP, (Transform(by),)),)))
+
+    def drag_sun(self, azimuth: float) -> _Drag:
+        """The sun as a hand has it."""
+        return self._drag_light(self._with_sun(azimuth))
+
+    def rest_in_sun(self) -> None:
+        """Find the exact picture with a sun as well, and prepare it for another sky, as the window does at rest."""
+        self.scene = self._with_sun(0.0)
+        self.rest()
+        self.ask(PrepareRelighting(self.scene))
+
+    def _with_sun(self, azimuth: float) -> SceneState:
+        sun = Sun(direction_of(azimuth, SUN_ELEVATION), SUN_IRRADIANCE, name="sun")
+        return replace(self.scene, light=replace(self.scene.light, new_suns=(sun,)))
+
+    def _drag_light(self, scene: SceneState) -> _Drag:
         begun, cpu = time.perf_counter(), time.process_time()
-        first_s = first_cpu = 0.0
-        for answer in self.answers(self.request(replace(self.scene, lamps=lamps), is_drag=True)):
+        first_s, first_cpu, n_direct = 0.0, 0.0, 0
+        for answer in self.answers(self.request(scene, is_drag=True)):
             match answer:
                 case LayerPicture():
                     self._screen.take(answer.key, answer.radiance)
-                case StageDone():
-                    self._screen.draw()
-                    first_s, first_cpu = time.perf_counter() - begun, time.process_time() - cpu
+                    n_direct += 1
+                    if n_direct == len(scene.layers):  # direct light is whole; that between surfaces comes later
+                        self._screen.draw()
+                        first_s, first_cpu = time.perf_counter() - begun, time.process_time() - cpu
                 case IndirectRelit():
                     for key, light in answer.now.items():
                         self._screen.take_indirect(key, light)

@@ -226,7 +226,7 @@ def _scaled(subject: Subject) -> Environment | None:
     environment = subject.sky.environment
     if environment is None:
         return None
-    return replace(environment, radiance=environment.radiance * np.float32(subject.sky.scale))
+    return environment.scale_by(subject.sky.scale)
 
 
 def random_rows(placement: Placement, n_points: int, seed: int = 3) -> NDArray[np.integer]:

@@ -34,6 +34,7 @@ import math
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -44,6 +45,9 @@ from engine.core.threads import even_parts, on_threads
 from engine.light.probe_mappings import MAPPINGS, Mapping, blacken_unused, check_mapping, to_latlong
 from engine.light.radiance_files import read_radiance_image
 from engine.light.resampling import area_average
+
+if TYPE_CHECKING:
+    from engine.light.suns import Sun
 
 # Rec. 709 luminance weights
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
@@ -59,12 +63,15 @@ class Environment:
     """A lat-long image of radiance around the scene.
 
     radiance: (H, W, 3) float32, finite and not negative, read-only; copied unless it is that already. source: its
-    origin, for messages. notes: one line for each repair while loading.
+    origin, for messages. notes: one line for each repair while loading. base, suns: where the image has suns
+    (`engine.light.suns.with_suns`), the environment without them, and these; another image has none of its own.
     """
 
     radiance: NDArray[np.float32]
     source: str
     notes: tuple[str, ...] = ()
+    base: Environment | None = None
+    suns: tuple[Sun, ...] = ()
 
     def __post_init__(self) -> None:
         given = np.asarray(self.radiance)
@@ -87,10 +94,16 @@ class Environment:
 
     @cached_property
     def digest(self) -> str:
-        """Identifies the radiance. Equal images have equal digests."""
+        """Identifies the radiance. Equal images have equal digests, those with suns where map and suns are equal."""
+        if self.base is not None:  # while a sun is dragged, only the map's is long
+            return hashlib.blake2b(f"{self.base.digest} {self.suns!r}".encode(), digest_size=16).hexdigest()
         found = hashlib.blake2b(repr(self.radiance.shape).encode(), digest_size=16)
         found.update(self.radiance.data)
         return found.hexdigest()
+
+    def scale_by(self, scale: float) -> Environment:
+        """The same image, so many times as bright."""
+        return Environment(self.radiance * np.float32(scale), self.source, self.notes)
 
     def evaluate(self, directions: ArrayLike, rotation: float = 0.0) -> NDArray[np.float32]:
         """Radiance arriving from world `directions` (N, 3), which need not be unit; (N, 3) float32.
@@ -205,7 +218,7 @@ def interpolated_image(environment: Environment, times: int) -> NDArray[np.float
     return image
 
 
-@lru_cache(maxsize=2)  # the stages of a picture cut the same light
+@lru_cache(maxsize=4)  # the stages of a picture cut the same light, places of a sun the same map
 def triangle_integrals(environment: Environment, rotation: float, level: int) -> NDArray[np.float64]:
     """The integral of L d omega over each geodesic triangle of `level` (0 to 7): (20 * 4^level, 3) float64.
 

@@ -14,6 +14,8 @@ from engine.light.environment import Environment, texel_solid_angles, upsample_i
 SUN_DIAMETER = 0.53  # degrees
 _ROWS = 1024  # texels of 0.18 degrees: a sun covers nine
 _N_SUB = 8
+# Directions that stand for a sun while the light is dragged: of the real sun, and of a large one.
+_LIGHTS_PER_SUN, _MOST_LIGHTS = 12, 96
 
 
 class Sun(NamedTuple):
@@ -44,7 +46,29 @@ def with_suns(environment: Environment, suns: tuple[Sun, ...]) -> Environment:
     for sun in suns:
         add_sun_disc(image, sun)
     image.flags.writeable = False
-    return Environment(image, environment.source, environment.notes)
+    return Environment(image, environment.source, environment.notes, environment, suns)
+
+
+def sun_lights(sun: Sun) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Unit directions (N, 3) spread evenly over a sun's disc, and the power (N, 3) of each, the integral of L dω."""
+    radius = math.radians(sun.diameter / 2.0)
+    n = min(max(math.ceil(_LIGHTS_PER_SUN * sun.diameter / SUN_DIAMETER), 1), _MOST_LIGHTS)
+    # Vogel's spiral: equal steps of the solid angle, turned by the golden angle.
+    k = np.arange(n)
+    lowered, phi = 2.0 * math.sin(0.5 * radius) ** 2 * (k + 0.5) / n, math.pi * (3.0 - math.sqrt(5.0)) * k
+    across = np.sqrt(lowered * (2.0 - lowered))
+    axis = np.divide(sun.direction, math.hypot(*sun.direction))
+    one = np.cross(axis, np.eye(3)[int(np.abs(axis).argmin())])
+    one /= np.linalg.norm(one)
+    sides = np.cos(phi)[:, None] * one + np.sin(phi)[:, None] * np.cross(axis, one)
+    directions = (1.0 - lowered)[:, None] * axis + across[:, None] * sides
+    power = np.tile(_power_share(radius) / n * np.array(sun.irradiance), (n, 1))
+    return directions.astype(np.float32), power.astype(np.float32)
+
+
+def _power_share(radius: float) -> float:
+    """The integral of L dω of a disc of this angular radius, for an irradiance of 1: its solid angle / (pi sin² r)."""
+    return 4.0 * math.pi * math.sin(0.5 * radius) ** 2 / (math.pi * math.sin(radius) ** 2)
 
 
 def _refined(environment: Environment) -> NDArray[np.float32]:
@@ -73,6 +97,5 @@ def add_sun_disc(image: NDArray[np.float32], sun: Sun) -> None:
     if not covered.any():  # smaller than the samples are apart
         column = int((math.atan2(x, -z) / (2.0 * math.pi) + 0.5) * width) % width
         covered[(last - first) // 2, column] = 1.0
-    power = 2.0 * math.pi * (1.0 - math.cos(radius)) / (math.pi * math.sin(radius) ** 2)
-    share = covered * (power / (covered * solid_angles).sum())
+    share = covered * (_power_share(radius) / (covered * solid_angles).sum())
     image[first:last] += (share[..., None] * np.array(sun.irradiance)).astype(np.float32)

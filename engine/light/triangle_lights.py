@@ -30,8 +30,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.core.triangles import quarters
-from engine.light.environment import LUMINANCE, Environment, triangle_integrals, upsample_interpolated
-from engine.sphere.geodesic import MAX_LEVEL, geodesic, triangle_solid_angles
+from engine.light.environment import LUMINANCE, Environment, downsample, triangle_integrals, upsample_interpolated
+from engine.light.suns import sun_lights
+from engine.sphere.geodesic import MAX_LEVEL, geodesic, locate, triangle_solid_angles
 
 MIN_LIGHTS = 20
 # A light with more than this share of the total power is a peak, such as the sun or a piece of it.
@@ -133,6 +134,21 @@ def cut_lights(
     kept = [np.flatnonzero(mask) for mask in _leaves(split)]
     lights = _assemble(kept, powers, moments)
     return _with_split_peaks(lights, environment, rotation, max_level, peak_level)
+
+
+def quick_integrals(
+    environment: Environment, rotation: float, level: int, n_rows: int | None = None
+) -> NDArray[np.float64]:
+    """The integral of L d omega over each triangle (20 * 4^level, 3), as `triangle_integrals` has it of the map,
+    averaged to n_rows, and of suns by the directions that stand for them. So those of a map are found once for all
+    places of its suns, while the light is dragged."""
+    base = environment if environment.base is None else environment.base
+    integrals = triangle_integrals(base if n_rows is None else downsample(base, n_rows), rotation, level)
+    if environment.suns:
+        integrals = integrals.copy()
+        for directions, power in map(sun_lights, environment.suns):
+            np.add.at(integrals, locate(turned(directions, rotation), level), power)
+    return integrals
 
 
 def powers_in(lights: TriangleLights, environment: Environment, rotation: float) -> NDArray[np.float32]:

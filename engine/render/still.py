@@ -250,7 +250,7 @@ def _reference_work(
         MapFactors(placement.scene, layers_of).at_primary_hits(placement.caster, placement.hits),
     )
     if environment is not None and sky.scale != 1.0:
-        environment = replace(environment, radiance=environment.radiance * np.float32(sky.scale))
+        environment = environment.scale_by(sky.scale)
     return lambda block: integrate_direct(
         placement.hits, block, placement.caster, lambda i: layers_of.get(i, ()), environment, sky.rotation, patches,
         level, factors,

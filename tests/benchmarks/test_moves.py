@@ -14,6 +14,8 @@ def test_the_first_pictures_after_moves_are_near_the_exact_ones(monkeypatch: pyt
     figures = {each.name: each for each in move_figures(MoveEffort(40, 120, 2, 2), lambda line: None)}
     assert set(figures) == set(NAMES) <= SPECS.keys()
     assert len(figures["light_drag_first_ms"].samples) == 1 and len(figures["move_first_s"].samples) == 2
+    direct, whole = (figures[name].parts["a sun"] for name in NAMES[:2])
+    assert 0.0 < direct < 1e3 * whole  # light between surfaces comes after direct light
     assert max(figures["light_drag_exact_s"].samples) > 0.001 * max(figures["light_drag_first_ms"].samples)
     assert 0.0 < figures["move_first_s"].parts["error"] < 0.1 and figures["move_first_s"].parts["error of a lamp"] < 0.1
 

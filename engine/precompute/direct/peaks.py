@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from engine.core.threads import on_threads
 from engine.light.environment import LUMINANCE, Environment, texel_solid_angles
+from engine.light.suns import sun_lights
 from engine.light.triangle_lights import cut_lights, turned
 from engine.material.layer import frame_of
 from engine.precompute.direct import _relight_kernels as kernels
@@ -51,9 +52,13 @@ class Peaks:
     power: Float32Array
 
 
-@lru_cache(maxsize=2)
+@lru_cache(maxsize=4)
 def split_peaks(environment: Environment) -> tuple[Peaks, Environment]:
-    """The peaks of an environment, and the environment without them."""
+    """The peaks of an environment, and the environment without them. Suns that were added to a map are peaks."""
+    if environment.base is not None:  # as long as the map stays, only the suns are new
+        peaks, rest = split_peaks(environment.base)
+        found = [(peaks.directions, peaks.power), *map(sun_lights, environment.suns)]
+        return Peaks(*(np.concatenate(part) for part in zip(*found, strict=True))), rest
     radiance = environment.radiance
     luminance = radiance @ LUMINANCE
     power = luminance * texel_solid_angles(*luminance.shape)[:, None]
@@ -62,7 +67,7 @@ def split_peaks(environment: Environment) -> tuple[Peaks, Environment]:
         none = np.zeros((0, 3), np.float32)
         return Peaks(none, none), environment
     alone, rest = (
-        replace(environment, radiance=np.where(part[..., None], radiance, np.float32(0.0)))
+        Environment(np.where(part[..., None], radiance, np.float32(0.0)), environment.source, environment.notes)
         for part in (is_peak, ~is_peak)
     )
     lights = cut_lights(alone, N_LIGHTS, peak_level=LEVEL)

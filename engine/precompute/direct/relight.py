@@ -27,7 +27,8 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d
 from engine.core.clamping import BRIGHTEST
 from engine.core.threads import map_ahead, n_threads, on_threads, pool
 from engine.curve.operators import HALF_PI
-from engine.light.environment import Environment, downsample, triangle_integrals
+from engine.light.environment import Environment
+from engine.light.triangle_lights import quick_integrals
 from engine.material.layer import Layer
 from engine.precompute.direct import _relight_kernels as kernels
 from engine.precompute.direct._angle_kernels import slope
@@ -88,7 +89,7 @@ def light_coefficients(environment: Environment, rotation: float, scale: float =
     Each is the wavelet coefficient of the triangles' power times the wavelet's measure, so that the product with a row
     is a plain sum.
     """
-    power = triangle_integrals(downsample(environment, SKY_HEIGHT), rotation, VISIBILITY_LEVEL)
+    power = quick_integrals(environment, rotation, VISIBILITY_LEVEL, SKY_HEIGHT)
     return np.ascontiguousarray(forward(scale * power) * _measures()[:, None], np.float32)
 
 
@@ -100,7 +101,7 @@ def sky_likeness(one: SkyState, two: SkyState) -> Float32Array:
     if one.environment is None or two.environment is None:
         return np.zeros(3, np.float32)
     first, second = (
-        sky.scale * triangle_integrals(downsample(sky.environment, SKY_HEIGHT), sky.rotation, VISIBILITY_LEVEL)
+        sky.scale * quick_integrals(sky.environment, sky.rotation, VISIBILITY_LEVEL, SKY_HEIGHT)
         for sky in (one, two)
         if sky.environment is not None
     )

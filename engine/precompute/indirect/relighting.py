@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from engine.core.clamping import BRIGHTEST, clamp_radiance, unscaled
 from engine.core.generators import map_steps
-from engine.light.triangle_lights import TriangleLights, cut_lights, turned
+from engine.light.triangle_lights import TriangleLights, cut_lights, quick_integrals, turned
 from engine.precompute.direct.linking import has_one_sky
 from engine.precompute.direct.pipeline import SkyState, patches_of
 from engine.precompute.direct.relight import is_same_sky, sky_likeness
@@ -47,6 +47,7 @@ from engine.precompute.indirect.indirect_light import IndirectLight
 from engine.precompute.indirect.irradiance_cache import direct_irradiance
 from engine.precompute.indirect.reflection import OutgoingRadiance
 from engine.scene.scene_loader import Scene
+from engine.sphere.geodesic import MAX_LEVEL
 
 # Samples of a source by each record: as many as make about this many rays.
 _RAYS = 1 << 19
@@ -153,7 +154,9 @@ class SourceLighting:
         """The lights of a sky, none where it is dark, and their unit."""
         if sky.environment is None:
             return (), 1.0
-        cut, _, unit = in_units(cut_lights(sky.environment, N_LIGHTS, sky.rotation), None, sky.scale)
+        integrals = quick_integrals(sky.environment, sky.rotation, MAX_LEVEL)
+        lights = cut_lights(sky.environment, N_LIGHTS, sky.rotation, integrals=integrals)
+        cut, _, unit = in_units(lights, None, sky.scale)
         if sky.links:
             return group_lights(replace(self._scene, emission=np.zeros_like(self._scene.emission)), sky, unit), unit
         return () if cut is None else (ReachingLights(sky_lights(cut)),), unit

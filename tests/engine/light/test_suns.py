@@ -3,6 +3,7 @@ import pytest
 
 from engine.light.environment import Environment, constant_environment, texel_solid_angles, triangle_integrals
 from engine.light.suns import Sun, with_suns
+from engine.light.triangle_lights import quick_integrals
 from tests.naive.sphere import directions_of_texels
 
 OVERCAST = Environment(np.full((32, 64, 3), 0.25, np.float32), "overcast")
@@ -51,3 +52,17 @@ def test_lights_are_cut_from_it() -> None:
     """The power in the triangles is that of the disc."""
     lit = with_suns(constant_environment(0.0), (Sun((0.2, 0.9, 0.3), (3.0, 3.0, 3.0)),))
     np.testing.assert_allclose(triangle_integrals(lit, 0.0, 5).sum(axis=0), 3.0, rtol=1e-4)
+
+
+@pytest.mark.parametrize("rotation", [0.0, 70.0])
+def test_quick_integrals_are_those_of_the_image(rotation: float) -> None:
+    rng = np.random.default_rng(5)
+    base = Environment(rng.uniform(0.1, 1.0, (256, 512, 3)).astype(np.float32), "noise")
+    suns = (Sun((0.48, 0.6, 0.64), (300.0, 200.0, 100.0)), Sun((-0.6, 0.0, 0.8), (5.0, 9.0, 7.0), 15.0))
+    whole = with_suns(base, suns)
+    found, truth = quick_integrals(whole, rotation, 3), triangle_integrals(whole, rotation, 3)
+    np.testing.assert_allclose(found.sum(axis=0), truth.sum(axis=0), rtol=2e-3)
+    # A sun at an edge may lie in either triangle: what neighbours share is compared.
+    size = truth.max()
+    assert np.abs(found - truth).sum() < 0.1 * size + 0.02 * truth.sum()
+    assert quick_integrals(base, rotation, 3) is triangle_integrals(base, rotation, 3)

@@ -7,6 +7,7 @@ import pytest
 
 from engine.core.generators import run_to_end
 from engine.light.environment import Environment, constant_environment, texel_solid_angles
+from engine.light.suns import Sun, with_suns
 from engine.light.triangle_lights import turned
 from engine.material.layer import Layer
 from engine.precompute.direct.peaks import split_peaks, trace_peaks
@@ -96,3 +97,33 @@ def test_peaks_and_rows_are_the_transport_of_a_turned_sky(tmp_path, i_object: in
     together += light.reflected(placement.hits, layer_reflection(layer), points)
     by_rows = errors(rows.lit(light_coefficients(whole, ROTATION)), truth).rmse
     assert errors(together, truth).rmse < min(0.03, 0.5 * by_rows)
+
+
+@pytest.mark.parametrize("diameter", [0.05, 0.53, 12.0])
+def test_suns_that_were_added_are_peaks_and_their_map_is_the_rest(diameter: float) -> None:
+    base, toward = constant_environment(0.3), np.array([0.48, 0.6, 0.64])
+    sun = Sun(tuple(toward.tolist()), (3.0, 2.0, 1.0), diameter)
+    whole = with_suns(base, (sun,))
+    peaks, rest = split_peaks(whole)
+    assert rest is base
+    # All directions are within the disc and stand for even parts of it: their mean is its axis, shortened by half a
+    # cap; the irradiance of a surface that faces it is as stated.
+    cosines, radius = peaks.directions.astype(np.float64) @ toward, math.radians(0.5 * diameter)
+    assert cosines.min() >= math.cos(radius) - 1e-6
+    assert cosines.mean() == pytest.approx(0.5 * (1.0 + math.cos(radius)), abs=1e-6)
+    np.testing.assert_allclose(peaks.power.T @ cosines, sun.irradiance, rtol=1e-5)
+    omega = texel_solid_angles(*whole.radiance.shape[:2])[:, None, None]
+    np.testing.assert_allclose(peaks.power.sum(axis=0), np.sum((whole.radiance - 0.3) * omega, axis=(0, 1)), rtol=1e-3)
+
+
+def test_another_place_of_a_sun_leaves_the_rest_as_it_is() -> None:
+    base = sunny()
+    first, second = (split_peaks(with_suns(base, (Sun((0.0, height, 0.8), (1.0, 1.0, 1.0)),))) for height in (0.6, 0.1))
+    own, rest = split_peaks(base)
+    assert first[1] is second[1] is rest and len(first[0].power) == len(own.power) + 12
+
+
+def test_an_image_that_is_made_of_one_with_suns_has_none_of_its_own() -> None:
+    lit = with_suns(sunny(), (Sun((0.0, 0.6, 0.8), (1.0, 1.0, 1.0)),))
+    assert lit.suns and lit.base is not None
+    assert not lit.scale_by(2.0).suns and lit.scale_by(2.0).base is None
