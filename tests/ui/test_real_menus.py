@@ -28,13 +28,15 @@ def test_the_colours_are_chosen_from_the_list_and_from_the_menu(real: RealWindow
     real.fresh()
     real.click("view.tone_mapping")
     real.click("colours.agx")
-    assert real.ask(VIEW) == "agx" and real.ask(POPUPS) == 0
+    real.wait_until(f"{VIEW} == 'agx'")
+    assert real.ask(POPUPS) == 0
     # In a window too narrow for the list the menu has it still.
     real.resize(400, 300)
     assert "view.tone_mapping" not in real.handles()
     open_menu(real, "View", "Colours")
     real.click("menu.colours.aces_2")
-    assert real.ask(VIEW) == "aces_2" and real.ask(POPUPS) == 0
+    real.wait_until(f"{VIEW} == 'aces_2'")
+    assert real.ask(POPUPS) == 0
     real.resize(1380, 860)
     assert real.n_steps() == 0  # it is a way to look, no edit
 

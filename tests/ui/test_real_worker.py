@@ -101,7 +101,7 @@ def test_exact_is_said_of_nothing_that_is_not(small: RealWindow) -> None:
     assert "exact" not in small.ask(said) and "error" not in small.ask(said)
     small.wait_until("editor.status.is_finished", timeout=240.0)
     assert (
-        0.0 < small.ask("editor.controller._noise") < small.ask("editor.status.indirect_noise")
+        0.0 < small.ask("editor.controller._summary._noise") < small.ask("editor.status.indirect_noise")
     )  # part of it is direct
     small.wait_until("editor.status.estimate is not None")
     assert small.ask("editor.status.image_error == editor.status.estimate.overall")
