@@ -16,6 +16,7 @@ from tests.ui.stand_in import HEIGHT, WIDTH
 from ui import difference_feed
 from ui.gl.gpu_memory import read_texture
 from ui.headless import HeadlessWindow
+from ui.panels.stored_pictures import error_text
 from ui.picture_feed import PictureFeed
 
 pytestmark = pytest.mark.gl
@@ -158,3 +159,18 @@ def test_another_size_is_said_and_no_number_is_shown(window: HeadlessWindow, tmp
     assert window.run_until(lambda: not editor.stored.is_reading, 20)
     settle(window)
     assert feed_of(window).board(False).error == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("error", "text"),
+    [
+        (0.0, "0.00 %"),
+        (0.00012345, "0.0123 %"),
+        (0.018, "1.80 %"),
+        (0.9996, "100 %"),
+        (1.1149, "111 %"),
+        (25.0, "2500 %"),
+    ],
+)
+def test_the_number_has_three_digits(error: float, text: str) -> None:
+    assert error_text(error) == text

@@ -125,6 +125,12 @@ def _choice(context: PanelContext) -> list[Action]:
     return [] if pressed is None else [RunOperator("difference", DIFFERENCES[pressed])]
 
 
+def error_text(error: float) -> str:
+    """A relRMSE in percent, of three digits: "1.80 %", "111 %"."""
+    percent = 100.0 * error
+    return f"{percent:#.3g} %" if percent < 99.95 else f"{percent:.0f} %"
+
+
 def _number(context: PanelContext, room: float) -> None:
     """relRMSE, or why there is none."""
     board = context.difference
@@ -136,7 +142,7 @@ def _number(context: PanelContext, room: float) -> None:
         widgets.tooltip(board.refusal)
         return
     # Of the same width while it changes, so that the strip does not tremble.
-    text = "relRMSE …" if board.error is None else f"relRMSE {100.0 * board.error:#.3g} %"
+    text = "relRMSE …" if board.error is None else f"relRMSE {error_text(board.error)}"
     imgui.push_style_color(imgui.Col_.text, look.pack(look.TEXT_SOFT if board.is_behind else look.TEXT))
     place = imgui.get_cursor_pos_x()
     imgui.text_unformatted(text)
