@@ -155,6 +155,9 @@ class AnyCommand:
     def lamp(self) -> str:
         return str(self.one(each.name for each in self.document.objects if each.emits))
 
+    def spot(self) -> str:
+        return str(self.one(each.name for each in self.document.objects if each.cone is not None))
+
     def deformed(self) -> tuple[str, int]:
         state = self.one(each for each in self.document.objects if each.deformations)
         return state.name, int(self._random.integers(len(state.deformations)))
@@ -343,6 +346,6 @@ MAKERS: dict[type, Callable[[AnyCommand], EditCommand]] = {
     SetPainted: AnyCommand.painted,
     RemovePainted: lambda any: RemovePainted(any.one(any.document.light.painted).name),
     SetLampSize: lambda any: SetLampSize(any.lamp(), any.one(("width", "height", "radius")), any.number(0.1, 1.0)),
-    SetCone: lambda any: SetCone(any.lamp(), any.number(5.0, 40.0)),
+    SetCone: lambda any: SetCone(any.spot(), any.number(5.0, 40.0)),
     SetTarget: lambda any: SetTarget(any.lamp(), any.three(-0.5, 0.5)),
 }

@@ -62,6 +62,8 @@ def test_the_rim_of_a_round_light(real: RealWindow, what: str) -> None:
     assert radius == pytest.approx(0.15, rel=1e-3)
     steps = real.n_steps()
     x, y = real.at("light.radius")
+    real.click((x + 1.0, y))  # a click without a drag is no edit
+    assert value(real, "radius") == radius and real.n_steps() == steps
     real.drag((x, y), by=(20.0, 0.0))
     grown = value(real, "radius")
     assert grown > 1.1 * radius and real.n_steps() == steps + 1

@@ -25,7 +25,7 @@ from ui import theme as look
 from ui.panels.actions import Action
 from ui.panels.arranging import SNAP_METRES, Arranged, arranged, in_steps
 from ui.panels.context import PanelContext
-from ui.panels.picture_handles import REACH, PictureHandle, Place, value_at
+from ui.panels.picture_handles import REACH, PictureHandle, Place, nearest_on_line, value_at
 from ui.panels.surface_snap import target_of
 from ui.panels.viewport_layout import PictureRect
 
@@ -35,6 +35,7 @@ SNAP_ANGLE = 5.0
 HOW = "drag it; Ctrl snaps."
 _N_RIM, _N_SPOKES = 64, 4
 _SHORTEST, _LONGEST = 1.0, 3.0  # of an arm of the gizmo: how long a cone is drawn
+_SAME = 1e-6  # of a size: the rounding of a pointer that has returned
 _OPENS = 5.0  # degrees: an angle at which the rim has a direction for each of its points
 
 
@@ -61,9 +62,11 @@ class _Lamp:
         return 0.5 * self.now.transform.linear @ self.shape.linear
 
     def resized(self, sizes: dict[str, float]) -> list[Action]:
-        """Set sizes, in metres, as far as the range goes."""
+        """Set sizes, in metres, as far as the range goes; those at the start give its transform, to the bit."""
         light = self.arranged.start[-1]
         transform = light.transform
+        if all(abs(metres / self.shape.size(name, transform) - 1.0) < _SAME for name, metres in sizes.items()):
+            return self.arranged.to(self.arranged.start, "size")
         for name, metres in sizes.items():
             low, high = self.shape.range_of(name, transform)
             transform = self.shape.resized(name, min(max(metres, low), high), transform)
@@ -101,7 +104,7 @@ def _grip(context: PanelContext, name: str, line: Sequence[Place], first: Place)
         return first
     if grip is not None:
         at -= complex(*grip.offset)
-    near = min((_nearest(at, complex(*a), complex(*b)) for a, b in zip(line, line[1:], strict=False)),
+    near = min((nearest_on_line(at, complex(*a), complex(*b)) for a, b in zip(line, line[1:], strict=False)),
                key=lambda spot: abs(spot - at), default=complex(*first))  # fmt: skip
     return (near.real, near.imag) if grip is not None or abs(near - at) <= context.px(0.5 * REACH) else first
 
@@ -110,13 +113,6 @@ def _is_under_mouse(context: PanelContext, place: Place) -> bool:
     """Whether a grip is within reach, which an outline through it then leaves alone."""
     mouse = imgui.get_mouse_pos()
     return context.state.grip is None and bool(np.hypot(place[0] - mouse.x, place[1] - mouse.y) <= context.px(REACH))
-
-
-def _nearest(at: complex, start: complex, end: complex) -> complex:
-    """The point of a line segment nearest to another."""
-    along = end - start
-    share = ((at - start) * along.conjugate()).real / max(abs(along) ** 2, 1e-12)
-    return start + min(max(share, 0.0), 1.0) * along
 
 
 # ---------------------------------------------------------------------------------------------------------------- sizes
@@ -146,7 +142,7 @@ def _rectangle(lamp: _Lamp) -> Iterator[PictureHandle]:
         yield _handle(lamp, name, place, line, f"{name.capitalize()} {size:.4g} m", partial(_drag_side, lamp, first))
     corner = corners[1]
     hint = f"{width:.4g} × {height:.4g} m"
-    yield _handle(lamp, "size", corner, (), hint, partial(_drag_corner, lamp, width / max(height, 1e-30)))
+    yield _handle(lamp, "size", corner, (), hint, partial(_drag_corner, lamp))
 
 
 def _between(a: Place, b: Place) -> Place:
@@ -157,7 +153,7 @@ def _away(context: PanelContext, a: Place, b: Place) -> float:
     """How far a side is from the mouse, or from the grip that the mouse has."""
     mouse = imgui.get_mouse_pos()
     at = complex(mouse.x, mouse.y)
-    return abs(_nearest(at, complex(*a), complex(*b)) - at)
+    return abs(nearest_on_line(at, complex(*a), complex(*b)) - at)
 
 
 def _in_plane(lamp: _Lamp, to: Place) -> Float64Array | None:
@@ -175,15 +171,16 @@ def _drag_side(lamp: _Lamp, k: int, to: Place) -> list[Action]:
     return lamp.resized({(WIDTH, HEIGHT)[k]: in_steps(2.0 * abs(float(met @ side)), SNAP_METRES)})
 
 
-def _drag_corner(lamp: _Lamp, proportion: float, to: Place) -> list[Action]:
-    """Both sides, in proportion: the corner is as far from the middle as the pointer."""
+def _drag_corner(lamp: _Lamp, to: Place) -> list[Action]:
+    """Both sides, in the proportion that they had at the start: the corner is as far from the middle as the pointer."""
     met = _in_plane(lamp, to)
     if met is None:
         return []
     diagonal = lamp.sides[:, 0] + lamp.sides[:, 1]
     grown = abs(float(met @ diagonal)) / float(diagonal @ diagonal)
     height = in_steps(grown * lamp.shape.size(HEIGHT, lamp.now.transform), SNAP_METRES)
-    return lamp.resized({WIDTH: height * proportion, HEIGHT: height})
+    width, before = (lamp.shape.size(name, lamp.arranged.start[-1].transform) for name in (WIDTH, HEIGHT))
+    return lamp.resized({WIDTH: height * width / max(before, 1e-30), HEIGHT: height})
 
 
 def _round(lamp: _Lamp) -> Iterator[PictureHandle]:
@@ -202,14 +199,19 @@ def _round(lamp: _Lamp) -> Iterator[PictureHandle]:
 
 
 def _drag_rim(lamp: _Lamp, line: Sequence[Place], to: Place) -> list[Action]:
-    """The rim goes through the pointer: as its point does that is seen nearest to the pointer's direction."""
+    """The rim goes through the pointer: it grows from where it is seen in the pointer's direction from the middle."""
     radius = lamp.shape.size(RADIUS, lamp.now.transform)
     if (middle := lamp.arranged.place_of(lamp.centre)) is None:
         return []
     towards = complex(*to) - complex(*middle)
     rim = [complex(*each) - complex(*middle) for each in line]
-    # The one whose direction agrees best, in proportion.
-    best = max(rim, key=lambda each: (each * towards.conjugate()).real / max(abs(each), 1e-9))
+    sides = [(each * towards.conjugate()).imag for each in rim]  # of the pointer's direction, left or right
+    met = [
+        a + (b - a) * (left / (left - right))
+        for a, b, left, right in zip(rim, rim[1:], sides, sides[1:], strict=False)
+        if left * right <= 0.0 and left != right
+    ]
+    best = max(met, key=lambda each: (each * towards.conjugate()).real, default=0j)
     if abs(best) < 1.0:  # it is seen from its edge, or far away
         grown = 1.0 + (abs(towards) - abs(best)) / lamp.arranged.context.px(REACH)
     else:

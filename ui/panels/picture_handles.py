@@ -28,6 +28,7 @@ Float64Array = NDArray[np.float64]
 Place = tuple[float, float]
 RADIUS, REACH = 6.0, 10.0
 _ROUNDS = 4
+_LEAST_DRAG = 0.5  # pixels that the mouse went from where it was pressed
 _LEAST_MOVE = 5e-6  # of a handle by a step, pixels
 _NEAREST = 1e-3  # of the distance to the target; a point behind the camera has no place in the picture
 
@@ -57,7 +58,7 @@ class PictureHandle:
         return min(
             [
                 abs(spot - complex(*self.place)),
-                *(_distance_to_line(spot, *pair) for pair in zip(ends, ends[1:], strict=False)),
+                *(abs(spot - nearest_on_line(spot, *pair)) for pair in zip(ends, ends[1:], strict=False)),
             ]
         )
 
@@ -106,11 +107,11 @@ def under_mouse(context: PanelContext, handles: Sequence[PictureHandle]) -> Pict
     return handles[min(near)[2]] if near else None
 
 
-def _distance_to_line(spot: complex, start: complex, end: complex) -> float:
-    """The distance from a line segment."""
+def nearest_on_line(spot: complex, start: complex, end: complex) -> complex:
+    """The point of a line segment that is nearest to another."""
     along = end - start
     share = ((spot - start) * along.conjugate()).real / max(abs(along) ** 2, 1e-12)
-    return abs(spot - start - min(max(share, 0.0), 1.0) * along)
+    return start + min(max(share, 0.0), 1.0) * along
 
 
 def held_handle(context: PanelContext, handles: Sequence[PictureHandle]) -> PictureHandle | None:
@@ -129,9 +130,11 @@ def take_hold(handle: PictureHandle) -> list[Action]:
 
 
 def drag_actions(context: PanelContext, handle: PictureHandle) -> list[Action]:
-    """The actions of the drag by now."""
+    """The actions of the drag by now; none of a click, whose grip is where it was up to rounding."""
     grip, mouse = context.state.grip, imgui.get_mouse_pos()
     assert grip is not None
+    if not imgui.is_mouse_dragging(imgui.MouseButton_.left, _LEAST_DRAG):
+        return []
     return handle.drag((mouse.x - grip.offset[0], mouse.y - grip.offset[1]))
 
 
