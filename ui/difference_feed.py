@@ -68,6 +68,7 @@ class DifferenceFeed:
         self._texture: moderngl.Texture | None = None
         self._view: DisplayView | None = None
         self._colours: moderngl.Texture | None = None
+        self._kind: Difference | None = None  # of the false colours
         self._read: Light | None = None  # as far as it has been read
         self._row = 0
         self._reading: _Wanted | None = None
@@ -101,20 +102,27 @@ class DifferenceFeed:
             self._forget()
             return False
         try:
-            is_new = self._draw_stored(editor, stored)
+            if self._of is not stored:
+                self._take_stored(stored)
+            if self._texture is None:  # it was refused
+                self._measured = _wanted(editor, source, stored)
+                return False
+            is_new = self._draw_stored(editor)
             return self._measure(editor, source, stored) or is_new
         except GraphicsError as error:
             self._refusal = str(error)
             self._measured, self._reading = _wanted(editor, source, stored), None
-            return False
+            return True
 
-    def _draw_stored(self, editor: Editor, stored: StoredPicture) -> bool:
-        """Upload the stored picture, and draw it as the display settings say; returns whether it changed."""
-        if self._of is not stored:
-            self._forget()
-            self._linear = self._memory.texture(stored.size, 4, "f4", stored.light)
-            self._texture = self._memory.texture(stored.size, 4, "f1")
-            self._of = stored
+    def _take_stored(self, stored: StoredPicture) -> None:
+        """Upload another stored picture: once, when it is chosen. Raises GraphicsError."""
+        self._forget()
+        self._of = stored
+        self._linear = self._memory.texture(stored.size, 4, "f4", stored.light)
+        self._texture = self._memory.texture(stored.size, 4, "f1")
+
+    def _draw_stored(self, editor: Editor) -> bool:
+        """Draw the stored picture as the display settings say; returns whether it changed."""
         assert self._linear is not None and self._texture is not None
         view = DisplayView(
             editor.view.exposure, self._tone.follow(editor.view.tone_mapping, editor.colours),
@@ -123,7 +131,7 @@ class DifferenceFeed:
         if view == self._view:
             return False
         target = self._memory.framebuffer([self._texture])
-        draw_on_screen(self._passes, self._mapper, target, self._linear, view, (0, 0, *stored.size))
+        draw_on_screen(self._passes, self._mapper, target, self._linear, view, (0, 0, *self._linear.size))
         self._memory.release_framebuffer(target)
         self._view = view
         return True
@@ -131,6 +139,8 @@ class DifferenceFeed:
     def _measure(self, editor: Editor, source: PictureFeed, stored: StoredPicture) -> bool:
         """Go on with the measurement; returns whether one has ended."""
         wanted, is_new = _wanted(editor, source, stored), self._take_measured(stored)
+        if wanted.colours != self._kind:  # those of another kind would stand under the wrong legend
+            self._drop_colours()
         if self._measuring is not None or (self._reading is None and self._measured == wanted):
             return is_new
         shown = source.shown(editor)
@@ -177,6 +187,7 @@ class DifferenceFeed:
             self._memory.release(self._colours)
             self._colours = self._memory.texture(size, 4, "f1")
         self._colours.write(np.ascontiguousarray(measured.colours), alignment=1)
+        self._kind = of.colours
         return True
 
     def _refuse(self, shown: ShownPicture, stored: StoredPicture) -> None:
@@ -186,14 +197,17 @@ class DifferenceFeed:
         except InsituError as error:
             self._refusal = str(error)
         self._error = None
+        self._drop_colours()
+
+    def _drop_colours(self) -> None:
         self._memory.release(self._colours)
-        self._colours = None
+        self._colours = self._kind = None
 
     def _forget(self) -> None:
         for texture in (self._linear, self._texture, self._colours):
             self._memory.release(texture)
-        self._of = self._linear = self._texture = self._colours = self._view = None
-        self._read = self._reading = self._measured = self._error = None
+        self._of = self._linear = self._texture = self._colours = self._kind = self._view = None
+        self._read = self._reading = self._measuring = self._measured = self._error = None
         self._refusal = ""
 
     def release(self) -> None:

@@ -108,10 +108,8 @@ class StoredPictures:
         if self._requested is None or response.id != self._requested:
             return
         file = self._end()
-        alpha = np.ones((*response.light.shape[:2], 1), np.float32)
-        light = np.concatenate([response.light, alpha], axis=2, dtype=np.float32)
         try:
-            self.store(light, _free_name(printable_name(file.name, MAX_NAME - 4), self._pictures, first=""))
+            self.store(response.light, _free_name(printable_name(file.name, MAX_NAME - 4), self._pictures, first=""))
         except InsituError as error:
             self._host.notify(f"{file}: {error}", True)
 

@@ -210,7 +210,7 @@ class ColourViewRead(Response):
 
 @dataclass(frozen=True, eq=False)
 class PictureRead(Response):
-    """Linear light (H, W, 3) of a `ReadPicture`."""
+    """Linear light and alpha (H, W, 4) of a `ReadPicture`."""
 
     light: NDArray[np.float32]
 

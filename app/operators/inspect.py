@@ -77,7 +77,7 @@ def _open_config(editor: Editor, value: ConfiguredView) -> str | None:
     return None
 
 
-STORED = Need("store a picture first, or compare with a file", lambda context: bool(context.view.stored))
+STORED = Need("choose a stored picture, or store one first", lambda context: bool(context.view.stored))
 
 
 def _compare_with(editor: Editor, name: str) -> str | None:

@@ -39,8 +39,8 @@ ERROR_HINT = (
 
 def is_split(context: PanelContext) -> bool:
     """Whether a divider is between the stored and the present picture."""
-    view = context.view
-    return bool(view.stored) and view.difference == "split" and context.difference.stored is not None
+    view, board = context.view, context.difference
+    return bool(view.stored) and view.difference == "split" and board.stored is not None and not board.refusal
 
 
 def draw_over_picture(context: PanelContext, placed: PictureRect) -> None:

@@ -61,17 +61,17 @@ def test_files_are_read_one_after_the_other(editor: Editor, client: FakeClient, 
     for name in ("a.exr", "broken.png", "a.exr"):
         editor.stored.load(tmp_path / name)
     (first,) = client.sent(ReadPicture)
-    client.answer(first, PictureRead(light()[..., :3]))
+    client.answer(first, PictureRead(light()))
     editor.tick(0.1)
     assert editor.view.stored == "a.exr" and editor.stored.is_reading
     client.answer(client.sent(ReadPicture)[1], RequestFailed("broken.png: first bytes = b'', expected a picture"))
     editor.tick(0.2)
     assert "broken.png" in editor.status.message and editor.status.is_error and editor.view.stored == "a.exr"
-    client.answer(client.sent(ReadPicture)[2], PictureRead(light(5.0)[..., :3]))
+    client.answer(client.sent(ReadPicture)[2], PictureRead(light(5.0)))
     editor.tick(0.3)
     assert editor.stored.names == ("a.exr", "a.exr 2") and not editor.stored.is_reading
     stored = editor.stored.picture("a.exr 2")
-    assert stored.size == (3, 2) and (stored.light[..., 3] == 1.0).all() and stored.light[0, 0, 0] == 5.0
+    assert stored.size == (3, 2) and stored.light[0, 0, 0] == 5.0
 
 
 def test_a_worker_that_ends_takes_only_the_file_with_it(editor: Editor, client: FakeClient, tmp_path: Path) -> None:
@@ -103,7 +103,7 @@ def test_random_sequences_leave_it_valid(editor: Editor, client: FakeClient, tmp
                 editor.stored.load(tmp_path / f"{chance.randrange(3)}.exr")
             case "answer" if due:
                 before = editor.view.stored
-                client.answer(due.pop(), PictureRead(light(step)[..., :3]))
+                client.answer(due.pop(), PictureRead(light(step)))
                 editor.tick(float(step))
                 if len(model) < MOST_PICTURES:
                     assert editor.view.stored not in model
