@@ -120,6 +120,8 @@ class CatcherController:
 
     def hindrance(self, document: Document, view: ViewState) -> str:
         """Why the window shows catchers as objects, in a few words; empty where it need not."""
+        if self._mode != "placement":  # neither Orbit nor Deform shows them in pictures of its own
+            return "until Placement's picture is there"
         if view.compare is not None:
             return "while pictures are compared"
         if solo_layer(document, view) is not None:

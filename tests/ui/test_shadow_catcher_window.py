@@ -121,6 +121,19 @@ def test_only_what_changes_its_light_is_computed_again(window: HeadlessWindow, c
     assert client.n_asked(FindCatcherLight) == 3
 
 
+def test_none_is_asked_for_by_a_mode_whose_picture_would_not_show_it(
+    window: HeadlessWindow, client: CountingClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    editor = window.shell.editor
+    monkeypatch.setattr(type(editor.controller), "still_mode", "orbit")
+    editor.do(SetRotation(25.0))
+    wait_until_exact(window)
+    assert client.n_asked(FindCatcherLight) == 1 and "until Placement's picture is there" in label(window)
+    monkeypatch.undo()
+    wait_until_exact(window)
+    assert client.n_asked(FindCatcherLight) == 2 and not label(window)
+
+
 def test_it_is_an_object_where_something_else_is_shown(window: HeadlessWindow) -> None:
     editor, caught = window.shell.editor, picture(window)
     for shown, words in (
