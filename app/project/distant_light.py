@@ -85,7 +85,8 @@ def _distant_light(scene: Scene, light: LightState, load: Callable[[Path, str], 
             environment = load(scene.environment_path, described.mapping)
     gain = light.row(ENVIRONMENT_KEY).gain
     brightest = max(gain)
-    suns = tuple(each for each in light.suns if any(each.irradiance))
+    # Without names: a renamed sun is the same light.
+    suns = tuple(each._replace(name="") for each in light.suns if any(each.irradiance))
     if brightest == 0.0 or (suns or light.painted) and scale == 0.0:
         environment, scale = constant_environment(0.0), 1.0
     else:

@@ -49,7 +49,7 @@ def with_side_gains(environment: Environment, gains: tuple[RGB, ...]) -> Environ
     repeats = -(-_FEWEST_ROWS // len(image)), -(-2 * _FEWEST_ROWS // image.shape[1])
     image = np.repeat(np.repeat(image, repeats[0], axis=0), repeats[1], axis=1)
     factors = _weights(*image.shape[:2]) @ np.array(gains, np.float32)
-    return replace(environment, radiance=image * factors)
+    return replace(environment, radiance=image * factors, base=None, suns=())
 
 
 @lru_cache(maxsize=2)

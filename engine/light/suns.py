@@ -67,8 +67,9 @@ def sun_lights(sun: Sun) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
 
 
 def _power_share(radius: float) -> float:
-    """The integral of L dω of a disc of this angular radius, for an irradiance of 1: its solid angle / (pi sin² r)."""
-    return 4.0 * math.pi * math.sin(0.5 * radius) ** 2 / (math.pi * math.sin(radius) ** 2)
+    """The integral of L dω of a disc of this angular radius, for an irradiance of 1: its solid angle divided by
+    pi sin² r, which is 1 / cos² (r / 2)."""
+    return 1.0 / math.cos(0.5 * radius) ** 2
 
 
 def _refined(environment: Environment) -> NDArray[np.float32]:

@@ -20,6 +20,7 @@ from app.project.assignments import parse_assignment
 from app.project.distant_light import sky_of
 from app.project.project import open_project
 from engine.core.errors import InsituError, LoadError
+from engine.light.suns import Sun
 from engine.scene.builtin import builtin_environments
 from tests.app.cli.command_line import SCENE
 from tests.engine.scene.conftest import TRIANGLE_PLY
@@ -183,3 +184,10 @@ def test_a_commands_notes_are_of_the_light_too(tmp_path: Path, capsys: pytest.Ca
     said = "".join(capsys.readouterr())
     assert said.startswith("note: 1 of 32 pixels had negative values, set to 0") and said.count("note:") == 1
     assert project.sky is project.sky  # it is read once
+
+
+def test_a_renamed_sun_is_the_same_light() -> None:
+    scene, resting = open_project("teatray", (8, 6)).scene, LightState("constant", radiance=(0.2, 0.2, 0.2))
+    suns = [Sun((0.0, 0.6, 0.8), (1.0, 1.0, 1.0), name=name) for name in ("sun", "Noon")]
+    first, second = (sky_of(scene, replace(resting, new_suns=(sun,))).environment for sun in suns)
+    assert first is second and first is not None and first.suns

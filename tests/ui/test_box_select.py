@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
-from app.document.commands import SetGroup
+from app.document.commands import SetGroup, SetVisible
 from app.document.view_state import SetView
 from app.operators.script import load_script
 from engine.scene.picture_frame import Lamps, PictureFrame
@@ -110,6 +110,10 @@ def test_a_group_comes_whole_and_what_is_hidden_does_not(there: HeadlessWindow) 
     there.frames(2)
     box(there, at(there, 0.2), at(there, 0.8, 0.6))
     assert set(names(there)) == {"teapot", "lamp"}
+    editor.do(SetVisible("lamp", False))
+    there.frames(2)
+    box(there, at(there, 0.2), at(there, 0.8, 0.6))
+    assert "lamp" not in names(there)
 
 
 def test_a_lamp_is_met_by_its_middle(there: HeadlessWindow) -> None:

@@ -49,7 +49,9 @@ def go_on(context: PanelContext, placed: PictureRect, picture: Picture) -> list[
     """The actions of the mouse by now; draws the rectangle."""
     grip, mouse = context.state.grip, imgui.get_mouse_pos()
     assert isinstance(grip, BoxGrip)
-    if imgui.is_mouse_clicked(imgui.MouseButton_.right) or _has_moved_on(context):
+    if _has_moved_on(context):
+        return [HoldGrip(None), SetPanel({"message": StatusMessage(NOT_THERE, context.now)})]
+    if imgui.is_mouse_clicked(imgui.MouseButton_.right):
         return [HoldGrip(None)]
     _draw(context, placed, grip, mouse)
     if not grip.is_drawn:
