@@ -59,7 +59,7 @@ Window = tuple[tuple[int, int], tuple[int, int]]
 Samplings = dict[str, tuple[int, int]]  # along x and y, of channels by name
 
 
-def read_exr(file: Path, notes: list[str], is_colour: bool, most_pixels: int) -> Float32Array:
+def read_exr(file: Path, notes: list[str], is_colour: bool, most_pixels: int | None) -> Float32Array:
     """The image in its display window and in Rec. 709: (H, W, 3). Raises LoadError."""
     _check_compression(file)
     parts = _open_exr(file, header_only=True)
@@ -83,7 +83,7 @@ def read_exr(file: Path, notes: list[str], is_colour: bool, most_pixels: int) ->
         _check_whole_size(file, [part.header for part in parts])
     rows = _rows_of_first_part if is_first else _rows_of_any_part
     with rows(file, chosen, sampling, data, notes) as read_planes:
-        return _in_display_window(lambda a, b: convert(read_planes(a, b)), data, display, most_pixels, notes)
+        return _in_display_window(file, lambda a, b: convert(read_planes(a, b)), data, display, most_pixels, notes)
 
 
 def _storage(header: dict[str, Any]) -> str:
@@ -150,8 +150,9 @@ def _conversion(
 
 
 def _in_display_window(
-    read: Callable[[int, int], Float32Array], data: Window, display: Window, most_pixels: int, notes: list[str]
-) -> Float32Array:
+    file: Path, read: Callable[[int, int], Float32Array], data: Window, display: Window, most_pixels: int | None,
+    notes: list[str],
+) -> Float32Array:  # fmt: skip
     """The display window of an image with a data window: pixels outside are cropped, missing ones are black.
 
     read: rows of the data window, counted from its top, as RGB.
@@ -172,7 +173,7 @@ def _in_display_window(
         band[first - y0 - start : last - y0 - start, columns.start - x0 : columns.stop - x0] = inside
         return band
 
-    k = divisor_of(width, height, most_pixels, notes)
+    k = divisor_of(file, width, height, most_pixels, notes)
     image = empty_image(height, width, k)
     fill_in_bands(image, height, k, max(width, right - left + 1), read_band)
     return image

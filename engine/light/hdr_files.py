@@ -33,7 +33,7 @@ class _Side(NamedTuple):
     n: int
 
 
-def read_hdr(file: Path, notes: list[str], most_pixels: int) -> Float32Array:
+def read_hdr(file: Path, notes: list[str], most_pixels: int | None) -> Float32Array:
     """Reads (r, g, b) 2^(e - 136), 0 where e = 0 [Ward91].
 
     As Radiance defines it, values are divided by all EXPOSURE and COLORCORR of the header, XYZ becomes RGB, and the
@@ -46,7 +46,7 @@ def read_hdr(file: Path, notes: list[str], most_pixels: int) -> Float32Array:
         header, (first, second), position = _parse_header(file, opened.read(65_536))
     width, height = (second.n, first.n) if first.axis == b"Y" else (first.n, second.n)
     check_size(file, width, height)
-    k = divisor_of(width, height, most_pixels, notes)
+    k = divisor_of(file, width, height, most_pixels, notes)
     factor, matrix = _conversion(header, notes)
     data = np.fromfile(file, np.uint8)
     scale = np.exp2(np.arange(256, dtype=np.float32) - np.float32(136.0))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,13 +29,21 @@ def check_size(file: Path, width: int, height: int) -> None:
         raise LoadError(file, "image size", f"{width} x {height}", f"sides of 1 to {MAX_SIDE}")
 
 
-def divisor_of(width: int, height: int, most_pixels: int, notes: list[str]) -> int:
-    """The divisor of the sides: 1 up to `MAX_PIXELS`, otherwise what leaves `most_pixels`, with a note."""
+def divisor_of(file: Path, width: int, height: int, most_pixels: int | None, notes: list[str]) -> int:
+    """The divisor of the sides: 1 up to `MAX_PIXELS`, otherwise what leaves `most_pixels`, with a note. None: the image
+    must be read whole; raises LoadError."""
     if width * height <= MAX_PIXELS:
         return 1
+    if most_pixels is None:
+        refuse_size(file, width, height, MAX_PIXELS)
     k = reduction(width, height, most_pixels)
     notes.append(f"{width} x {height} pixels, shown at {-(-width // k)} x {-(-height // k)}")
     return k
+
+
+def refuse_size(file: Path, width: int, height: int, most: int) -> NoReturn:
+    """Raises LoadError for an image that must be read whole, and has more pixels than that."""
+    raise LoadError(file, "image size", f"{width} x {height}", f"at most {most:,} pixels")
 
 
 def empty_image(height: int, width: int, k: int) -> Float32Array:

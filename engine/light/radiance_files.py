@@ -31,33 +31,34 @@ MAX_FILE_BYTES = 1 << 30
 
 
 def read_radiance_image(
-    file: Path, notes: list[str] | None = None, is_colour: bool = True, most_pixels: int | None = None
+    file: Path,
+    notes: list[str] | None = None,
+    is_colour: bool = True,
+    most_pixels: int | None = None,
+    may_reduce: bool = True,
 ) -> NDArray[np.float32]:
     """The RGB image in an .exr or .hdr file (identified by content, not by name): (H, W, 3) float32, row 0 at the top.
 
     notes receives a line for each conversion. is_colour: False where the numbers are not colours, such as normals or
     weights, and must not be converted. most_pixels: the size that an image of more than `MAX_PIXELS` is reduced to, by
-    default that number. Raises LoadError for anything that cannot be read as one complete image with sides of at most
-    16,384.
+    default that number; not may_reduce: one of more is refused. Raises LoadError for anything that cannot be read as
+    one complete image with sides of at most 16,384.
     """
     said: list[str] = [] if notes is None else notes
-    most_pixels = MAX_PIXELS if most_pixels is None else most_pixels
-    try:
-        file = local_path(file)
-    except OSError as error:
-        raise LoadError(file, "file", str(error), "a readable file") from None
-    start = _check_regular_file(file)
+    largest = (MAX_PIXELS if most_pixels is None else most_pixels) if may_reduce else None
+    start = read_start(file)
+    file = local_path(file)
     if start.startswith(EXR_MAGIC):
-        return read_exr(file, said, is_colour, most_pixels)
+        return read_exr(file, said, is_colour, largest)
     if start.startswith(b"#?") or b"FORMAT=32-bit_rle_" in start:  # some programs leave the first line out
-        return read_hdr(file, said, most_pixels)
+        return read_hdr(file, said, largest)
     raise LoadError(file, "first bytes", start[:8], "an OpenEXR or a Radiance HDR image")
 
 
-def _check_regular_file(file: Path) -> bytes:
-    """Refuses files that are missing, not regular, empty or too large; returns the first bytes."""
+def read_start(file: Path) -> bytes:
+    """The first bytes of a file. Raises LoadError for files that are missing, not regular, empty or too large."""
     try:
-        opened = open(file, "rb", opener=_open_without_waiting)
+        opened = open(local_path(file), "rb", opener=_open_without_waiting)
     except (OSError, ValueError) as error:
         raise LoadError(file, "file", str(error), "a readable file") from None
     with opened:

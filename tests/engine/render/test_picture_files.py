@@ -32,7 +32,7 @@ def test_png_files_are_decoded_by_srgb(tmp_path: Path, deep: bool, bound: float)
 @pytest.mark.parametrize(
     ("data", "words"),
     [
-        (b"", "first bytes"),
+        (b"", "file size = 0 bytes"),
         (b"not a picture", "expected an OpenEXR, a Radiance HDR or a PNG picture"),
         (exr_bytes(LIGHT)[:200], "a.exr"),
         (png_bytes(LIGHT)[:80], "a.exr"),
@@ -55,6 +55,38 @@ def test_values_that_are_not_finite_are_refused_with_their_place(tmp_path: Path)
     OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION}, {"RGB": light}).write(str(file))
     with pytest.raises(LoadError, match="pixel 3, 2"):
         read_picture(file)
+
+
+@pytest.mark.parametrize(
+    ("ending", "limit"),
+    [
+        ("exr", "engine.light.picture_bands"),
+        ("hdr", "engine.light.picture_bands"),
+        ("png", "engine.texture.texture_files"),
+    ],
+)
+def test_one_that_is_too_large_to_be_read_whole_is_refused_by_its_size(
+    tmp_path: Path, ending: str, limit: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / f"shown at half.{ending}"  # the name says nothing of the size
+    if ending == "exr":
+        file.write_bytes(exr_bytes(LIGHT))
+    elif ending == "png":
+        file.write_bytes(png_bytes(LIGHT))
+    else:
+        file.write_bytes(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 7 +X 9\n" + bytes([128, 128, 128, 129]) * 63)
+    assert read_picture(file).shape == LIGHT.shape
+    for module in {limit, "engine.render.picture_files"} if ending == "png" else {limit}:
+        monkeypatch.setattr(f"{module}.MAX_PIXELS", 62)
+    with pytest.raises(LoadError, match=r"half\.(exr|hdr|png): image size = 9 x 7, expected at most 62 pixels"):
+        read_picture(file)
+
+
+def test_the_pixels_of_a_file_are_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("engine.render.picture_files.read_regular_file", None)  # only of a PNG
+    file = tmp_path / "a.exr"
+    file.write_bytes(exr_bytes(LIGHT))
+    np.testing.assert_array_equal(read_picture(file), LIGHT)
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
