@@ -36,7 +36,7 @@ from ui.gl.thumbnails import Thumbnails
 from ui.panels.context import PanelContext
 from ui.panels.pictures import Picture
 from ui.picture_feed import PictureFeed, ViewportStill
-from ui.scopes import ScopeTexture, scopes_of
+from ui.scopes import ScopeTexture
 
 QUALITY = 85
 # Beyond this zoom the user inspects pixels, which are then drawn as squares.
@@ -211,14 +211,9 @@ def panel_context(editor: Editor, source: PictureFeed | None, pictures: PanelPic
         spot_at=source.spot_at,
         facing_of=editor.camera_history.resting_facing,
         values_at=partial(source.values_at, editor),
-        scopes=partial(_scopes, editor, source),
+        scopes=lambda: source.scopes(editor, editor.view.crop),
         waveform=pictures.waveform,
     )
-
-
-def _scopes(editor: Editor, source: PictureFeed) -> Scopes | None:
-    picture = source.shown(editor)
-    return None if picture is None else scopes_of(picture, editor.view.crop)
 
 
 def _box_of(editor: Editor, name: str | None) -> NDArray[np.float64] | None:

@@ -8,8 +8,7 @@ processed in the meantime. Everything slow is sliced: responses are processed fo
 next time. Before there is a scene `take` warms up, after which no shader is left to compile and no mode to import. When
 another mode is chosen, or the camera moves, the picture before stays until there is something to show.
 
-A still is the picture on screen, without the window's interface. The GPU is read at once, so that the file has what the
-user saw; a thread writes it, because encoding takes longer than a frame has.
+A still is the picture on screen, without the window's interface.
 """
 
 from __future__ import annotations
@@ -17,10 +16,8 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Iterator, Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import chain
-from pathlib import Path
 from typing import Protocol
 
 import moderngl
@@ -32,16 +29,16 @@ from app.editor.editor import Editor
 from app.messages.picture_events import PictureEvent, SceneFrame, SkyChanged
 from app.modes.mode import Mode
 from app.modes.registry import MODES
-from app.system.atomic import save_file
 from app.system.lazy_import import import_named
-from engine.core.errors import InsituError
 from engine.render.crop import Crop, cropped
 from engine.render.display import deep_png, exr_bytes, pixels_png
+from engine.render.scopes import Scopes
 from engine.scene.description import Camera
 from ui.gl.context import GraphicsError
 from ui.gl.display import ShownPicture
 from ui.gl.gpu_memory import TextureMemory
-from ui.pixel_values import PixelValues, pixel_values
+from ui.picture_readings import PictureReadings
+from ui.pixel_values import PixelValues
 from ui.scene_view import SceneView, SurfaceSpot
 from ui.surface_lobe import SurfacePoint
 
@@ -99,7 +96,9 @@ class PictureSource(Protocol):
 
 def _made_of(editor: Editor) -> tuple[object, ...]:
     """The state that a picture depends on besides its mode; it may stay while that is equal."""
-    return editor.document, replace(editor.view, mode="", hovered=None)
+    return editor.document, replace(
+        editor.view, mode="", hovered=None, fit=True, zoom=1.0, centre=(0.5, 0.5), crop=None, probes=()
+    )
 
 
 class CopiedPicture:
@@ -139,6 +138,7 @@ class PictureFeed:
         self._left_of: object = None  # what the picture of the mode before was made of, where it was finished
         self._finished_of: object = None
         self._took_scene = False  # whether the source has the scene
+        self._readings = PictureReadings()
         self.stamp = 0  # rises with each frame in which the picture may have changed
         self._drawn_of: object = None
         self._is_plain = False  # whether objects lit from the camera are shown, and no mode's picture
@@ -220,7 +220,17 @@ class PictureFeed:
         """The values of a pixel of the mode's own picture, or the mean of a square about it; None while another one
         stays on screen."""
         picture = self.shown(editor)
-        return None if picture is None else pixel_values(picture, column, row, side)
+        return None if picture is None else self._readings.values(self._known_stamp, picture, column, row, side)
+
+    def scopes(self, editor: Editor, crop: Crop | None) -> Scopes | None:
+        """The scopes of the mode's own picture, or of a part of it; None while another one stays on screen."""
+        picture = self.shown(editor)
+        return None if picture is None else self._readings.scopes(self._known_stamp, picture, crop)
+
+    @property
+    def _known_stamp(self) -> int | None:
+        """The stamp of what is on screen; None where that has changed since the last frame."""
+        return None if self._took else self.stamp
 
     def take(self, editor: Editor, now: float) -> bool:
         """Process the worker's responses and request what is missing. Returns whether there is something to draw."""
@@ -410,33 +420,3 @@ def viewport_still(
         light = linear[..., :3] * np.float32(intensity)
         return ViewportStill(shown, background.behind(np.concatenate([light, linear[..., 3:]], axis=2)))
     return ViewportStill(shown, linear[..., :3] * np.float32(intensity))
-
-
-class StillSaver:
-    """Saves pictures one after the other; their results are collected between frames."""
-
-    def __init__(self) -> None:
-        self._thread = ThreadPoolExecutor(1, thread_name_prefix="still")
-        self._pending: list[Future[tuple[str, bool]]] = []
-
-    def save(self, still: ViewportStill, path: Path, deep: bool, remark: str = "", crop: Crop | None = None) -> None:
-        """Begin to write a picture; a remark is added to the message when it is written."""
-        self._pending.append(self._thread.submit(_save, still, path, deep, remark, crop))
-
-    def finished_messages(self) -> list[tuple[str, bool]]:
-        """A line for the user for each that has ended, and whether it failed."""
-        ended = [future for future in self._pending if future.done()]
-        self._pending = [future for future in self._pending if not future.done()]
-        return [future.result() for future in ended]
-
-    def close(self) -> None:
-        """Wait until all are written."""
-        self._thread.shutdown(wait=True)
-
-
-def _save(still: ViewportStill, path: Path, deep: bool, remark: str, crop: Crop | None) -> tuple[str, bool]:
-    try:
-        save_file(path, still.encoded(path.suffix.lower(), deep, crop))
-    except (InsituError, ValueError, MemoryError) as error:
-        return f"{error}", True
-    return f"saved {path}{remark}", False

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,11 +10,12 @@ import numpy as np
 
 from app.editor.editor import Editor
 from app.stills.layer_saver import LayerSaver
+from app.system.atomic import save_file
 from engine.core.errors import InsituError
 from engine.render.crop import Crop
 from ui.gl.gpu_memory import read_texture
 from ui.panels.actions import SaveContactSheet, SavePicture, StorePicture
-from ui.picture_feed import PictureFeed, StillSaver
+from ui.picture_feed import PictureFeed, ViewportStill
 
 
 class PictureSaving:
@@ -83,3 +85,33 @@ class PictureSaving:
         """Wait until pictures that are being written are whole; stop what is being drawn."""
         self._stills.close()
         self._layers.close()
+
+
+class StillSaver:
+    """Saves pictures one after the other; their results are collected between frames."""
+
+    def __init__(self) -> None:
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="still")
+        self._pending: list[Future[tuple[str, bool]]] = []
+
+    def save(self, still: ViewportStill, path: Path, deep: bool, remark: str = "", crop: Crop | None = None) -> None:
+        """Begin to write a picture; a remark is added to the message when it is written."""
+        self._pending.append(self._thread.submit(_save, still, path, deep, remark, crop))
+
+    def finished_messages(self) -> list[tuple[str, bool]]:
+        """A line for the user for each that has ended, and whether it failed."""
+        ended = [future for future in self._pending if future.done()]
+        self._pending = [future for future in self._pending if not future.done()]
+        return [future.result() for future in ended]
+
+    def close(self) -> None:
+        """Wait until all are written."""
+        self._thread.shutdown(wait=True)
+
+
+def _save(still: ViewportStill, path: Path, deep: bool, remark: str, crop: Crop | None) -> tuple[str, bool]:
+    try:
+        save_file(path, still.encoded(path.suffix.lower(), deep, crop))
+    except (InsituError, ValueError, MemoryError) as error:
+        return f"{error}", True
+    return f"saved {path}{remark}", False

@@ -24,7 +24,8 @@ from tests.ui.real_window import RealWindow, real_window_fixture
 from tests.ui.stand_in import HEIGHT, WIDTH
 from ui.headless import HeadlessWindow
 from ui.panels.actions import SavePicture
-from ui.picture_feed import PictureFeed, StillSaver, ViewportStill
+from ui.picture_feed import PictureFeed, ViewportStill
+from ui.picture_saving import StillSaver
 
 real = real_window_fixture()
 
