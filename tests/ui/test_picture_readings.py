@@ -57,7 +57,9 @@ def test_pins_and_scopes_are_read_once_for_a_picture(window: HeadlessWindow, n_r
     for command in (SetRotation(40.0), SetIntensity(2.0), SetView.of(exposure=1.0), SetView.of(gamma=2.0)):
         n_read.clear()
         editor.do(command)
-        window.frames(10)
+        window.frames(3)
+        assert window.run_until(lambda: feed_of(window).is_finished, 20)
+        window.frames(5)
         assert set(n_read) == {"pixel_values", "scopes_of"}, command
         n_read.clear()
         window.frames(10)
