@@ -1,7 +1,8 @@
 """Compares the present picture with a stored one: shows that through the view, and has their difference measured.
 
-The present picture is read from the graphics card in bands of rows, one a frame, so that a frame has time for it; a
-thread measures. Where the picture changes meanwhile, it is read again: at rest the number is that of the picture.
+The stored picture is written to the graphics card in bands of rows, one a frame, so that a frame has time for it; then
+the present one is read likewise, and a thread measures. Where that changes meanwhile, it is read again: at rest the
+number is that of the picture.
 """
 
 from __future__ import annotations
@@ -24,14 +25,12 @@ from ui.gl.context import GraphicsError
 from ui.gl.display import DisplayView, ShownPicture, draw_on_screen
 from ui.gl.gpu_memory import TextureMemory
 from ui.gl.program import Passes
+from ui.gl.row_bands import RowReading, RowUpload
 from ui.gl.view_transform import ToneMapper, ToneView
 from ui.modes.placement.placement_feed import exposed_background, inspection
 from ui.panels.difference_board import DifferenceBoard
 from ui.panels.pictures import Picture
 from ui.picture_feed import PictureFeed
-
-# Pixels that are read in one frame: 4 MiB.
-BAND_PIXELS = 1 << 18
 
 Light = NDArray[np.float32]
 
@@ -69,9 +68,9 @@ class DifferenceFeed:
         self._view: DisplayView | None = None
         self._colours: moderngl.Texture | None = None
         self._kind: Difference | None = None  # of the false colours
-        self._read: Light | None = None  # as far as it has been read
-        self._row = 0
-        self._reading: _Wanted | None = None
+        self._upload: RowUpload | None = None  # of the stored picture
+        self._coming: tuple[moderngl.Texture, RowUpload, Difference | None] | None = None  # newer false colours
+        self._reading: tuple[_Wanted, RowReading] | None = None
         self._measuring: tuple[_Wanted, Future[_Measured]] | None = None
         self._measured: _Wanted | None = None
         self._error: float | None = None
@@ -81,12 +80,13 @@ class DifferenceFeed:
         """What there is for panels. sharp: pixels are shown as squares."""
         if self._of is None:
             return DifferenceBoard()
-        stored, colours = (self._make_picture(each, sharp) for each in (self._texture, self._colours))
+        texture = None if self._view is None else self._texture
+        stored, colours = (self._make_picture(each, sharp) for each in (texture, self._colours))
         return DifferenceBoard(stored, colours, self._error, self._is_under_way, self._refusal)
 
     @property
     def _is_under_way(self) -> bool:
-        return self._reading is not None or self._measuring is not None
+        return any(each is not None for each in (self._upload, self._coming, self._reading, self._measuring))
 
     def is_behind(self, editor: Editor, source: PictureFeed | None) -> bool:
         """Whether another frame will show more, or the picture has changed since it was measured."""
@@ -107,7 +107,11 @@ class DifferenceFeed:
             if self._texture is None:  # it was refused
                 self._measured = _wanted(editor, source, stored)
                 return False
+            if self._upload is not None:
+                self._upload = None if self._upload.step() else self._upload
+                return False
             is_new = self._draw_stored(editor)
+            is_new |= self._take_colours()
             return self._measure(editor, source, stored) or is_new
         except GraphicsError as error:
             self._refusal = str(error)
@@ -115,11 +119,12 @@ class DifferenceFeed:
             return True
 
     def _take_stored(self, stored: StoredPicture) -> None:
-        """Upload another stored picture: once, when it is chosen. Raises GraphicsError."""
+        """Begin to upload another stored picture: once, when it is chosen. Raises GraphicsError."""
         self._forget()
         self._of = stored
-        self._linear = self._memory.texture(stored.size, 4, "f4", stored.light)
+        self._linear = self._memory.texture(stored.size, 4, "f4")
         self._texture = self._memory.texture(stored.size, 4, "f1")
+        self._upload = RowUpload(self._linear, stored.light)
 
     def _draw_stored(self, editor: Editor) -> bool:
         """Draw the stored picture as the display settings say; returns whether it changed."""
@@ -140,7 +145,9 @@ class DifferenceFeed:
         """Go on with the measurement; returns whether one has ended."""
         wanted, is_new = _wanted(editor, source, stored), self._take_measured(stored)
         if wanted.colours != self._kind:  # those of another kind would stand under the wrong legend
-            self._drop_colours()
+            self._drop_shown_colours()
+        if self._coming is not None and wanted.colours != self._coming[2]:
+            self._drop_coming()
         if self._measuring is not None or (self._reading is None and self._measured == wanted):
             return is_new
         shown = source.shown(editor)
@@ -152,25 +159,15 @@ class DifferenceFeed:
             self._refuse(shown, stored)
             self._reading, self._measured = None, wanted
             return True
-        if self._reading is None or self._read is None or self._read.shape[:2] != (height, width):
-            self._reading, self._read, self._row = wanted, np.empty((height, width, 4), np.float32), 0
+        if self._reading is None or self._reading[1].pixels.shape[:2] != (height, width):
+            self._reading = wanted, RowReading((width, height))
         self._refusal = ""
-        if self._read_band(shown):
-            light, self._read = self._read, None
-            of, self._reading = self._reading, None
-            done = self._thread.submit(_measured, light, np.float32(shown.intensity), stored.light, of)
+        of, reading = self._reading
+        if reading.step(shown.target):
+            self._reading = None
+            done = self._thread.submit(_measured, reading.pixels, np.float32(shown.intensity), stored.light, of)
             self._measuring = of, done
         return is_new
-
-    def _read_band(self, shown: ShownPicture) -> bool:
-        """Read some rows; returns whether all have been."""
-        assert self._read is not None
-        height, width = self._read.shape[:2]
-        n = min(max(BAND_PIXELS // width, 1), height - self._row)
-        raw = shown.target.read(viewport=(0, self._row, width, n), components=4, dtype="f4", alignment=1)
-        self._read[self._row : self._row + n] = np.frombuffer(raw, np.float32).reshape(n, width, 4)
-        self._row += n
-        return self._row == height
 
     def _take_measured(self, stored: StoredPicture) -> bool:
         if self._measuring is None or not self._measuring[1].done():
@@ -183,11 +180,18 @@ class DifferenceFeed:
         if measured.colours is None:
             return True
         size = measured.colours.shape[1], measured.colours.shape[0]
-        if self._colours is None or self._colours.size != size:
-            self._memory.release(self._colours)
-            self._colours = self._memory.texture(size, 4, "f1")
-        self._colours.write(np.ascontiguousarray(measured.colours), alignment=1)
-        self._kind = of.colours
+        self._drop_coming()
+        texture = self._memory.texture(size, 4, "f1")
+        self._coming = texture, RowUpload(texture, measured.colours), of.colours
+        return True
+
+    def _take_colours(self) -> bool:
+        """Go on with the upload of newer false colours; those before stay until it has ended. Returns whether it
+        has."""
+        if self._coming is None or not self._coming[1].step():
+            return False
+        self._memory.release(self._colours)
+        (self._colours, _, self._kind), self._coming = self._coming, None
         return True
 
     def _refuse(self, shown: ShownPicture, stored: StoredPicture) -> None:
@@ -199,15 +203,25 @@ class DifferenceFeed:
         self._error = None
         self._drop_colours()
 
+    def _drop_coming(self) -> None:
+        if self._coming is not None:
+            self._memory.release(self._coming[0])
+        self._coming = None
+
     def _drop_colours(self) -> None:
+        self._drop_coming()
+        self._drop_shown_colours()
+
+    def _drop_shown_colours(self) -> None:
         self._memory.release(self._colours)
         self._colours = self._kind = None
 
     def _forget(self) -> None:
+        self._drop_coming()
         for texture in (self._linear, self._texture, self._colours):
             self._memory.release(texture)
         self._of = self._linear = self._texture = self._colours = self._kind = self._view = None
-        self._read = self._reading = self._measuring = self._measured = self._error = None
+        self._upload = self._reading = self._measuring = self._measured = self._error = None
         self._refusal = ""
 
     def release(self) -> None:

@@ -6,29 +6,40 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
+import moderngl
 
 from app.editor.editor import Editor
 from app.stills.layer_saver import LayerSaver
 from app.system.atomic import save_file
 from engine.core.errors import InsituError
 from engine.render.crop import Crop
-from ui.gl.gpu_memory import read_texture
+from ui.gl.context import GraphicsError
 from ui.panels.actions import SaveContactSheet, SavePicture, StorePicture
 from ui.picture_feed import PictureFeed, ViewportStill
+from ui.picture_storing import PictureStoring
 
 
 class PictureSaving:
     """Saves pictures of one editor, each by a thread or a process of its own, and notifies when they are written."""
 
-    def __init__(self, editor: Editor) -> None:
+    def __init__(self, context: moderngl.Context, editor: Editor) -> None:
         self._editor = editor
         self._stills, self._layers = StillSaver(), LayerSaver()
+        self._storing = PictureStoring(context, editor)
 
     @property
     def progress(self) -> str:
         """How far a picture with layers is, for the status bar."""
         return self._layers.progress
+
+    @property
+    def is_storing(self) -> bool:
+        """Whether a picture is still to be stored."""
+        return self._storing.is_under_way
+
+    def follow(self) -> bool:
+        """Take a step of what is to be stored, once a frame; returns whether there is more to do, or something new."""
+        return self._storing.follow()
 
     def save(self, action: SavePicture | SaveContactSheet | StorePicture, source: PictureFeed | None) -> None:
         """Save what is shown now, read at once and written by a thread; or, with its layers or all looks, what is drawn
@@ -50,21 +61,16 @@ class PictureSaving:
         self._stills.save(still, action.path, action.deep, remark, crop)
 
     def _store(self, name: str, source: PictureFeed | None) -> None:
-        """Store what is shown, as linear light with the light's intensity, to be compared."""
+        """Begin to store what is shown."""
         editor = self._editor
         shown = None if source is None else source.shown(editor)
         if shown is None:
             editor.notify("there is no picture yet to be stored", True)
             return
-        light = np.array(read_texture(shown.linear, np.float32), np.float32)
-        light[..., :3] *= np.float32(shown.intensity)
         try:
-            editor.stored.store(np.nan_to_num(light, posinf=0.0, neginf=0.0), name)
-        except InsituError as error:
+            self._storing.begin(name, shown)
+        except (InsituError, GraphicsError) as error:
             editor.notify(str(error), True)
-            return
-        remark = "" if editor.status.picture == "exact" else ", a preview: it is not exact yet"
-        editor.notify(f"stored as {editor.view.stored}{remark}")
 
     def _save_layers(self, path: Path, crop: Crop | None) -> None:
         try:
@@ -85,6 +91,7 @@ class PictureSaving:
         """Wait until pictures that are being written are whole; stop what is being drawn."""
         self._stills.close()
         self._layers.close()
+        self._storing.close()
 
 
 class StillSaver:

@@ -187,6 +187,8 @@ def _store_picture(window: HeadlessWindow, editor: Editor, name: str) -> None:
     said_before = editor.status.message_number
     window.shell.request(StorePicture(name))
     window.frames(1)
+    if not window.run_until(lambda: not window.shell.saving.is_storing, WAIT_SECONDS):
+        raise ScriptError(f"the picture is still being stored after {WAIT_SECONDS:.0f} s")
     if editor.status.message_number != said_before and editor.status.is_error:
         raise ScriptError(editor.status.message)
 

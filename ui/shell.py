@@ -127,7 +127,7 @@ class Shell:
         self._last_frame = clock()
         self._shown_message = 0
         self._requested: list[Action] = []
-        self._saving = PictureSaving(editor)
+        self.saving = PictureSaving(context, editor)
         self._shown_saving = ""
         self._library_unread = True
         self.environments: tuple[str, ...] = ()
@@ -228,13 +228,15 @@ class Shell:
         working = self._draw_brdf(now) or working
         working = working or follows or self._pictures.difference.is_behind(self.editor, self.source)
         if outcome.picture is not None:
-            self._saving.save(outcome.picture, self.source)
+            self.saving.save(outcome.picture, self.source)
+        working |= self.editor.barrier.run("The stored picture", self.saving.follow, False, ())
         if outcome.stops_layers:
-            self._saving.stop()
+            self.saving.stop()
         if outcome.draws_looks is not None:
             (self.looks.pictures.resume if outcome.draws_looks else self.looks.pictures.stop)()
         self.draw_interface(target)
-        self.editor.barrier.run("A thumbnail", self._advance_thumbnails, None, ())
+        thumbnail = partial(self._pictures.materials.step, may_draw=self._is_idle)
+        self.editor.barrier.run("A thumbnail", thumbnail, None, ())
         self.editor.barrier.run("A view's picture", self._follow_view, None, ())
         self._docking.remember()
         return self._result(working or bool(actions) or self._docking.is_settling, outcome.screenshot, outcome.quit)
@@ -302,7 +304,7 @@ class Shell:
 
     def take(self, now: float) -> bool:
         """As `idle`, but without regard to what only the panels would show."""
-        self._saving.notify_finished()
+        self.saving.notify_finished()
         source, run = self.source, self.editor.barrier.run
         if source is None:
             return False
@@ -324,7 +326,7 @@ class Shell:
     def awaits_difference(self) -> bool:
         """Whether the comparison with a stored picture is not yet that of the present one."""
         is_behind = self._pictures.difference.is_behind(self.editor, self.source)
-        return is_behind or self.editor.stored.is_reading
+        return is_behind or self.saving.is_storing or self.editor.stored.is_reading
 
     def prepare(self) -> None:
         """Before a frame without input: update the picture, and wait until it is drawn."""
@@ -338,7 +340,7 @@ class Shell:
     def close(self) -> None:
         """Store the layout and free what was made here."""
         imgui.set_current_context(self._imgui)
-        self._saving.close()
+        self.saving.close()
         self._docking.keep()
         self._brdf.close()
         self.looks.close()
@@ -355,7 +357,8 @@ class Shell:
     def _note_look(self) -> None:
         """Before the picture follows the document: what was on screen of a look that was left stays beside it."""
         picture = None if self.source is None else self.source.picture
-        self.editor.barrier.run("Looks", partial(self.looks.note_switch, self.editor, picture), None, ())
+        note = partial(self.looks.note_switch, self.editor, picture)
+        self.editor.barrier.run("Looks", note, None, ())
 
     def _draw_picture(self) -> bool:
         """Update the picture; textures that were replaced since the panels drew are drawn in their place."""
@@ -370,15 +373,13 @@ class Shell:
         return working
 
     def _draw_source(self, source: PictureFeed) -> bool:
-        editor = self.editor
-        made_of = editor.document, editor.view
-        return editor.barrier.run("The picture", lambda: source.draw(editor, self._frame_ms), False, made_of)
+        editor, draw = self.editor, lambda: source.draw(self.editor, self._frame_ms)
+        return editor.barrier.run("The picture", draw, False, (editor.document, editor.view))
 
     def _draw_brdf(self, now: float) -> bool:
         editor = self.editor
-        made_of = editor.document, editor.view
         draw = partial(self._brdf.draw, editor, self._surface_at, self._is_dragging, now)
-        return editor.barrier.run("The BRDF's picture", draw, False, made_of)
+        return editor.barrier.run("The BRDF's picture", draw, False, (editor.document, editor.view))
 
     def _surface_at(self, column: int, row: int) -> SurfacePoint | None:
         """The point of the selected object that a pixel sees."""
@@ -389,7 +390,7 @@ class Shell:
         return point
 
     def _has_news(self, now: float) -> bool:
-        shown = self._saving.progress != self._shown_saving or self.looks.progress_changed
+        shown = self.saving.progress != self._shown_saving or self.looks.progress_changed
         return self.pacing.has_news(now, self.editor.status) or shown
 
     def _result(self, busy: bool, screenshot: Path | None, quit: bool) -> FrameResult:
@@ -403,9 +404,6 @@ class Shell:
     def _is_idle(self) -> bool:
         """Whether nothing waits for a frame: neither input nor the picture."""
         return not self._is_dragging and self.editor.status.is_finished
-
-    def _advance_thumbnails(self) -> None:
-        self._pictures.materials.step(may_draw=self._is_idle)
 
     def _follow_view(self) -> None:
         if not self._is_dragging and self.editor.status.is_whole and self._pictures.follow_view(self.source):
@@ -428,7 +426,7 @@ class Shell:
             self._shown_message = status.message_number
 
     def _context(self, now: float) -> PanelContext:
-        handler, self._shown_saving = self.actor, self._saving.progress
+        handler, self._shown_saving = self.actor, self.saving.progress
         return panel_context(
             self.editor, self.source, self._pictures, state=self.state, theme=self.theme, handles=self.handles,
             fields=self._fields, brdf=self._brdf_board, looks=self._look_board, record=self._record,

@@ -80,13 +80,18 @@ class StoredPictures:
     def store(self, light: NDArray[np.float32], name: str = "") -> None:
         """Store a picture and compare with it; one of the same name is replaced. name: "" for a new one. Raises
         InsituError."""
+        self.check_name(name)
         name = name or _free_name("Picture", self._pictures)
-        if not is_name(name):
-            raise InsituError(f"stored picture: name = {name!r}, expected 1 to {MAX_NAME} characters")
-        if len(self._pictures) >= MOST_PICTURES and name not in self._pictures:
-            raise InsituError(f"{MOST_PICTURES} pictures are stored; remove one first")
         self._pictures[name] = StoredPicture(name, light)
         self._host.do(SetView.of(stored=name, compare=None))
+
+    def check_name(self, name: str, n_coming: int = 0) -> None:
+        """Raise InsituError where no picture can be stored under a name, "" for a new one; n_coming: how many are
+        already to be stored before it."""
+        if name and not is_name(name):
+            raise InsituError(f"stored picture: name = {name!r}, expected 1 to {MAX_NAME} characters")
+        if len(self._pictures) + n_coming >= MOST_PICTURES and name not in self._pictures:
+            raise InsituError(f"{MOST_PICTURES} pictures are stored; remove one first")
 
     def load(self, file: Path) -> None:
         """Let the worker read a file, and compare with it when it has come."""

@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
+import moderngl
 import numpy as np
 import pytest
 from imgui_bundle import imgui
 
 from app.document.commands.light import SetIntensity, SetRotation
 from app.document.view_state import DIFFERENCES, SetView
+from app.editor.stored_pictures import MOST_PICTURES
 from engine.render.display import exr_bytes
 from engine.render.picture_difference import difference_colours, errors
 from tests.ui.stand_in import HEIGHT, WIDTH
 from ui import difference_feed
+from ui.gl import row_bands
 from ui.gl.context import GraphicsError
 from ui.gl.gpu_memory import read_texture
 from ui.headless import HeadlessWindow
+from ui.panels.actions import StorePicture
 from ui.panels.stored_pictures import error_text
 from ui.picture_feed import PictureFeed
 
@@ -47,7 +52,7 @@ def feed_of(window: HeadlessWindow) -> difference_feed.DifferenceFeed:
 
 
 def test_the_number_is_that_of_the_picture_after_edits(window: HeadlessWindow, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(difference_feed, "BAND_PIXELS", 3 * WIDTH)  # several frames for a picture
+    monkeypatch.setattr(row_bands, "BAND_PIXELS", 3 * WIDTH)  # several frames for a picture
     editor = window.shell.editor
     store(window)
     before = present(window)
@@ -63,6 +68,61 @@ def test_the_number_is_that_of_the_picture_after_edits(window: HeadlessWindow, m
     assert feed_of(window).board(False).error == pytest.approx(0.0, abs=1e-6)
     compared = editor.stored.compared
     assert compared is not None and (compared.light[..., 3] == 1.0).all()
+
+
+def test_a_picture_is_stored_as_it_was_when_the_key_was_pressed(
+    window: HeadlessWindow, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(row_bands, "BAND_PIXELS", 3 * WIDTH)  # a frame for each three rows
+    editor, before = window.shell.editor, present(window)
+    for _ in range(2):
+        window.shell.request(StorePicture())
+        window.frames(1)
+        editor.do(SetIntensity(2.0))
+        window.frames(1)
+        assert window.shell.saving.is_storing
+    assert not editor.stored.names
+    settle(window)
+    first, second = (editor.stored.picture(name).light for name in ("Picture 1", "Picture 2"))
+    np.testing.assert_allclose(first[..., :3], before, rtol=1e-6)
+    np.testing.assert_allclose(second[..., :3], 2.0 * before, rtol=1e-5)
+    assert editor.view.stored == "Picture 2" and not window.shell.saving.is_storing
+
+
+def test_no_frame_moves_more_than_a_band(window: HeadlessWindow, monkeypatch: pytest.MonkeyPatch) -> None:
+    band, editor = 5 * WIDTH, window.shell.editor
+    monkeypatch.setattr(row_bands, "BAND_PIXELS", band)
+    moved: list[int] = []
+    for kind, name in ((moderngl.Framebuffer, "read"), (moderngl.Texture, "write"), (moderngl.Texture, "read")):
+        move = getattr(kind, name)
+
+        def noted(thing: Any, *arguments: Any, move: Any = move, **named: Any) -> Any:
+            box = named.get("viewport") or (0, 0, *thing.size)
+            moved.append(box[2] * box[3])
+            return move(thing, *arguments, **named)
+
+        monkeypatch.setattr(kind, name, noted)
+    window.frames(3)
+    moved.clear()
+    window.shell.request(StorePicture())
+    for kind in ("split", "signed", "absolute"):
+        editor.do(SetView.of(difference=kind))
+        n_moved = 0
+        while window.shell.awaits_difference or not n_moved:
+            window.frame()
+            assert max(moved, default=0) <= band and len(moved) <= 4, kind  # other panels have textures, too
+            n_moved, moved[:] = n_moved + sum(moved), []
+        assert n_moved >= WIDTH * HEIGHT
+
+
+def test_a_thirteenth_picture_is_refused_before_it_is_read(window: HeadlessWindow) -> None:
+    editor = window.shell.editor
+    for _ in range(MOST_PICTURES + 1):
+        window.shell.request(StorePicture())
+        window.frames(1)
+    assert editor.status.is_error and "remove one first" in editor.status.message
+    settle(window)
+    assert len(editor.stored.names) == MOST_PICTURES
 
 
 def test_false_colours_and_the_stored_picture_are_drawn(window: HeadlessWindow) -> None:

@@ -74,9 +74,11 @@ class TextureMemory:
     def copied(self, texture: moderngl.Texture) -> moderngl.Texture:
         """Another texture of the same texels; raises GraphicsError when it does not fit."""
         made = self.texture(texture.size, texture.components, texture.dtype)
-        source = self.context.framebuffer([texture])
-        self.context.copy_framebuffer(made, source)
+        # Between framebuffers: copied into a texture, numbers would be clamped to [0, 1].
+        source, target = self.context.framebuffer([texture]), self.context.framebuffer([made])
+        self.context.copy_framebuffer(target, source)
         self.release_framebuffer(source)
+        self.release_framebuffer(target)
         return made
 
     def release(self, texture: AnyTexture | None) -> None:

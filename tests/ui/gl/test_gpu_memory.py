@@ -28,6 +28,16 @@ def test_texels_come_back_row_0_first(context: moderngl.Context) -> None:
     memory.release(texture)
 
 
+@pytest.mark.parametrize(("dtype", "kind"), [("f4", np.float32), ("f1", np.uint8)])
+def test_a_copy_has_the_same_texels_also_beyond_1(context: moderngl.Context, dtype: str, kind: type) -> None:
+    memory, values = TextureMemory(context), (np.arange(5 * 3 * 4) * 3.7 - 9.0).reshape(5, 3, 4)
+    texture = memory.texture((3, 5), 4, dtype, np.maximum(values, 0.0 if kind is np.uint8 else -9.0).astype(kind))
+    copy = memory.copied(texture)
+    np.testing.assert_array_equal(read_texture(copy, kind), read_texture(texture, kind))
+    for each in (texture, copy):
+        memory.release(each)
+
+
 def test_a_size_beyond_the_driver_is_refused(context: moderngl.Context) -> None:
     memory = TextureMemory(context)
     with pytest.raises(GraphicsError, match="40000"):
