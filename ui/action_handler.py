@@ -80,6 +80,7 @@ from ui.panels.actions import (
     ShowPanel,
     StopLayers,
     StorePicture,
+    TracePath,
 )
 from ui.panels.window_state import PanelState
 
@@ -223,6 +224,8 @@ class ActionHandler:
                 run_operator(editor, action.name, action.value)
             case SetPreference():
                 self.preferences.choose(**action.changes)
+            case TracePath():
+                editor.light_paths.trace(action.path, again=False)
             case MergedEdit():
                 editor.do(action.command, action.gesture)
             case OpenFile():

@@ -34,12 +34,13 @@ from engine.render.crop import Crop, cropped
 from engine.render.display import deep_png, exr_bytes, pixels_png
 from engine.render.scopes import Scopes
 from engine.scene.description import Camera
+from engine.scene.surface_spot import SurfaceSpot
 from ui.gl.context import GraphicsError
 from ui.gl.display import ShownPicture
 from ui.gl.gpu_memory import TextureMemory
 from ui.picture_readings import PictureReadings
 from ui.pixel_values import PixelValues
-from ui.scene_view import SceneView, SurfaceSpot
+from ui.scene_view import SceneView
 from ui.surface_lobe import SurfacePoint
 
 # The time between two checks for responses, while a selected curve is waited for.

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
 
 import moderngl
 import numpy as np
@@ -18,8 +17,9 @@ from numpy.typing import NDArray
 from app.messages.picture_events import SceneFrame
 from engine.light.environment import Environment, tone_mapped_thumbnail
 from engine.material.strokes import Stroke, pack_dabs
-from engine.scene.description import Camera, SceneDescription
+from engine.scene.description import SceneDescription
 from engine.scene.picture_frame import PictureFrame
+from engine.scene.surface_spot import SurfaceSpot, spot_in
 from ui.gl.gpu_memory import small_texture
 from ui.surface_lobe import SurfacePoint
 
@@ -123,10 +123,9 @@ class SceneView:
     def spot_at(self, column: int, row: int) -> SurfaceSpot | None:
         """The point that a pixel of the picture sees; None for emitters and the background."""
         frame, description = self._frame, self._description
-        sample = None if frame is None else frame.sample_at(column, row)
-        if frame is None or description is None or sample is None:
+        if frame is None or description is None:
             return None
-        return spot_of(frame, description.camera, column, row, sample)
+        return spot_in(frame, description.camera, column, row)
 
 
 def _thumbnail(radiance: NDArray[np.floating]) -> NDArray[np.uint8]:
@@ -139,32 +138,8 @@ SPACING = 0.3
 MOST_DABS = 400  # in one frame
 _NEAR = 1024.0
 
-Float64Array = NDArray[np.float64]
 Point = tuple[float, float]
-
-
-@dataclass(frozen=True, eq=False)
-class SurfaceSpot:
-    """The surface that a pixel sees: a point (3,) of the world, the outward normal (3,), and the size of a pixel there
-    in metres."""
-
-    place: Float64Array
-    normal: Float64Array
-    metres: float
-
-
 SpotAt = Callable[[int, int], SurfaceSpot | None]
-
-
-def spot_of(frame: PictureFrame, camera: Camera, column: int, row: int, sample: int) -> SurfaceSpot:
-    """The spot at a pixel that the given sample of the primary hits belongs to."""
-    ray, distance = frame.ray_directions[row, column].astype(np.float64), float(frame.distance[sample])
-    eye, target = np.array(camera.position), np.array(camera.target)
-    forward = (target - eye) / np.linalg.norm(target - eye)
-    metres = 2.0 * distance * float(ray @ forward) * math.tan(math.radians(camera.fov_y) / 2.0) / frame.height
-    normal = frame.normal[sample].astype(np.float64)
-    normal /= np.linalg.norm(normal)
-    return SurfaceSpot(eye + distance * ray, normal if frame.front[sample] else -normal, metres)
 
 
 def sample_path(points: Sequence[Point], radius: float) -> list[Point]:

@@ -6,17 +6,16 @@ A step is an operator (`app.operators`). Drags are mouse events through the same
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from app.document.arranging import placed_objects, standing
 from app.document.commands.lamps import SetTarget
 from app.document.commands.maps import Paint
-from app.document.commands.painted import place_of
 from app.document.commands.poses import PlaceObjects
 from app.document.document import layer_key, split_key
-from app.document.light_state import sun_key
-from app.document.targets import PAINTED
+from app.document.light_placing import LightAim, place_named
 from app.editor.editor import Editor
 from app.messages.worker_messages import WorkerClient
 from app.modes.placement.placement_status import PlacementStatus
@@ -31,17 +30,17 @@ from app.system.atomic import make_folder_of, require_place
 from app.worker.client import Client
 from engine.core.colour import ConfigView
 from engine.core.errors import InsituError
-from engine.light.suns import Sun
 from engine.scene.builtin import builtin_environments, builtin_scenes
+from engine.scene.light_paths import describe_unplaced
 from engine.scene.light_placement import PlacedLight
+from engine.scene.surface_spot import SurfaceSpot
 from ui.gl.view_transform import is_view_ready
 from ui.headless import DEFAULT_SIZE, HeadlessWindow
 from ui.layout import PANELS
 from ui.panels.actions import SavePicture, SetPanel, ShowPanel, StorePicture
 from ui.panels.box_select import box_between, boxed, lamp_places, names_in
-from ui.panels.light_by_hand import painted_placement, placement, sun_placement
 from ui.picture_feed import PictureFeed
-from ui.scene_view import SurfaceSpot, sample_path, spots_at, stroke_at
+from ui.scene_view import sample_path, spots_at, stroke_at
 
 WAIT_SECONDS = 1800.0
 # While a picture is refined, a window asks for frames without end.
@@ -265,37 +264,27 @@ def _paint(window: HeadlessWindow, editor: Editor, step: PaintStroke) -> None:
 
 
 def _place_light(window: HeadlessWindow, editor: Editor, step: PlacedByHand) -> None:
+    """Place a light, and show what keeps it from doing what it was placed for."""
     history = editor.camera_history
     start, end = (None, step.highlight) if step.shadow is None else step.shadow
     assert end is not None
-    spot = _surface_at(window, editor, "place_light", end)
-    x, y, z = (0.0, 0.0, 0.0) if start is None else _surface_at(window, editor, "place_light", start).place.tolist()
-    caster = None if start is None else (x, y, z)
-    if step.light.startswith(f"{PAINTED}."):
-        name = step.light.removeprefix(f"{PAINTED}.")
-        place_of(editor.document, name)  # says which there are
-        command = painted_placement(editor.document.light, name, spot, history.camera, caster)
-        if command is None:
-            raise ScriptError(f"place_light: no light can be mirrored at pixel {end[0]}, {end[1]}")
-        refusal = editor.do(command)
-        if refusal is not None:
-            raise ScriptError(refusal)
-        return
-    sun = _sun_of(editor, step.light)
-    if sun is not None:
-        aimed = sun_placement(sun, editor.document.light, spot, history.camera, caster)
-        refusal = None if aimed is None else editor.do(aimed)
-        if refusal is not None:
-            raise ScriptError(refusal)
-        return
-    state = editor.document.object(step.light)
-    box = history.resting_box(step.light)
-    if not state.emits or box is None:
-        raise ScriptError(f"place_light: {step.light} is no light that has a place")
-    light = PlacedLight(box.mean(axis=0), history.resting_facing(step.light), state.transform)
-    refusal = editor.do(placement(step.light, light, spot, history.camera, caster))
-    if refusal is not None:
+    aim = LightAim(_surface_at(window, editor, "place_light", end), history.camera)
+    if start is not None:
+        x, y, z = _surface_at(window, editor, "place_light", start).place.tolist()
+        thrower = None if window.shell.source is None else window.shell.source.object_at(*start)
+        aim = replace(aim, caster=(x, y, z), caster_object=thrower or "")
+
+    def lamp_of(name: str) -> PlacedLight | None:
+        box, transform = history.resting_box(name), editor.document.object(name).transform
+        return None if box is None else PlacedLight(box.mean(axis=0), history.resting_facing(name), transform)
+
+    command, path = place_named(editor.document, step.light, lamp_of, aim)
+    if path.towards is None:
+        raise ScriptError(f"place_light: {describe_unplaced(path)}")
+    if command is not None and (refusal := editor.do(command)) is not None:
         raise ScriptError(refusal)
+    editor.light_paths.trace(path)
+    window.run_until(lambda: not editor.light_paths.is_tracing, WAIT_SECONDS)
 
 
 def _surface_at(window: HeadlessWindow, editor: Editor, step: str, pixel: tuple[int, int]) -> SurfaceSpot:
@@ -354,13 +343,6 @@ def _box_select(window: HeadlessWindow, editor: Editor, step: BoxSelection) -> N
     found = names_in(editor.document, source.objects_in(*box), lamps, box)
     if (refusal := editor.select(boxed(editor.view, found, step.mode))) is not None:
         raise ScriptError(refusal)
-
-
-def _sun_of(editor: Editor, name: str) -> Sun | None:
-    """The sun that a name means, also as "light.Noon"; None of an object."""
-    if any(state.name == name for state in editor.document.objects):
-        return None
-    return next((sun for sun in editor.document.light.suns if name in (sun.name, sun_key(sun.name))), None)
 
 
 def _drag(window: HeadlessWindow, editor: Editor, drag: Drag) -> None:

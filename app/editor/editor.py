@@ -32,6 +32,7 @@ from app.editor.camera_history import CameraHistory
 from app.editor.catcher_controller import CatcherController
 from app.editor.colour_controller import ColourController
 from app.editor.exchange import FileExchange
+from app.editor.light_paths import LightPaths
 from app.editor.node_controller import NodeController
 from app.editor.opening import Opening
 from app.editor.responses import take_response
@@ -90,6 +91,7 @@ class Editor:
         self.tables = TableController(client.send)
         self.colours = ColourController(self, client.send)
         self.stored = StoredPictures(self, client.send)
+        self.light_paths = LightPaths(self, client.send)
         self.nodes = NodeController(self)
         self.scenes = SceneController(self, self._keeper)
         self.camera_history = CameraHistory(self, self.scenes.tracing)
@@ -412,7 +414,7 @@ class Editor:
     def take_failure(self, response: RequestFailed) -> None:
         """Note that a request failed: its response will not come."""
         self.metrics.progress = None
-        if any(each.receive_failure(response) for each in (self.tables, self.colours, self.stored)):
+        if any(each.receive_failure(response) for each in (self.tables, self.colours, self.stored, self.light_paths)):
             return
         self.exchange.cancel(response.id)
         self.nodes.receive_failure(response.id, response.line)

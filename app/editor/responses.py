@@ -15,6 +15,7 @@ from app.messages.file_messages import (
     ObjectsRead,
     PictureRead,
 )
+from app.messages.light_path_messages import LightPathTraced
 from app.messages.picture_events import PictureEvent
 from app.messages.worker_messages import (
     Progress,
@@ -38,7 +39,9 @@ def take_response(editor: Editor, response: Response) -> list[PictureEvent]:
         case SceneOpened():
             editor.scenes.take_loaded(response)
         case ViewTraced():
-            return editor.scenes.take_traced(response)
+            events = editor.scenes.take_traced(response)
+            editor.light_paths.view_traced()
+            return events
         case Progress():
             if response.id > editor.cancelled_up_to:  # else it was under way when the work was stopped
                 editor.metrics.progress = response
@@ -61,6 +64,8 @@ def take_response(editor: Editor, response: Response) -> list[PictureEvent]:
             editor.colours.receive(response)
         case PictureRead():
             editor.stored.receive(response)
+        case LightPathTraced():
+            editor.light_paths.receive(response)
         case ChannelsRead():
             editor.nodes.receive(response)
         case CatcherLightFound() | CatcherProgress():
@@ -77,6 +82,7 @@ def take_response(editor: Editor, response: Response) -> list[PictureEvent]:
             editor.controller.worker_restarted()
             editor.colours.worker_restarted()
             editor.stored.worker_restarted()
+            editor.light_paths.worker_restarted()
             editor.notify(
                 f"computing stopped ({response.reason}) and was started again; your edits are untouched", True
             )

@@ -24,6 +24,7 @@ from app.document.view_state import Viewpoint, ViewState
 from app.export import require_package_place
 from app.files.session import save_session
 from app.interface.editing import Editing
+from app.interface.light_placing import placing_in_picture
 from app.interface.nodes import CameraNode, GroupsNode, LightNode, ObjectNode, RowNode
 from app.interface.pictures import Mode, Picture, Pictures
 from app.project.project import Project, open_project, session_of
@@ -338,6 +339,26 @@ class Scene:
             raise InsituError(f"aim: {light} shines to all sides or not at all, expected a flat light or a spot")
         aimed = PlacedLight(placed.pivot, facing, placed.transform).aimed_at(at)
         self._editing.do(PlaceObjects(((light, aimed),), f"aim {light}"))
+
+    def place_light(
+        self, light: str, *, highlight: tuple[int, int] | None = None,
+        shadow: tuple[tuple[int, int], tuple[int, int]] | None = None,
+    ) -> str:  # fmt: skip
+        """Place a light, a sun or `"painted.Key"`: where the camera sees its `highlight` at a pixel, column and row; or
+        where it throws the `shadow` of what is at one pixel on another. It stays as far away as it was. Returns one
+        line that says what keeps it from doing so, such as an object that hides it there; "" where nothing does.
+        Raises insitu.Error.
+
+        >>> import insitu
+        >>> scene = insitu.open("shapes", resolution=(48, 32))
+        >>> _ = scene.add("sphere light", "key", at=(0.0, 1.5, 0.0))
+        >>> scene.place_light("key", highlight=(24, 28))
+        ''
+        """
+        command, line = placing_in_picture(self._seen_in(None), light, highlight, shadow, self._resting_box)
+        if command is not None:
+            self._editing.do(command)
+        return line
 
     def _placed(self, objects: str | Sequence[str]) -> list[PlacedObject]:
         """Objects as they stand."""

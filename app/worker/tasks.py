@@ -46,6 +46,7 @@ from app.messages.file_messages import (
     SaveScene,
     WriteFiles,
 )
+from app.messages.light_path_messages import LightPathTraced, TraceLightPath
 from app.messages.worker_messages import (
     FetchTable,
     OpenScene,
@@ -96,6 +97,7 @@ from engine.scene.composition import Composition
 from engine.scene.cutouts import scene_caster
 from engine.scene.description import ObjectDescription
 from engine.scene.import_report import report_scene
+from engine.scene.light_paths import describe_light_path
 from engine.scene.picture_frame import picture_frame
 from engine.scene.primary_hits import trace_primary_steps
 from engine.scene.raycaster import RayCaster
@@ -300,6 +302,7 @@ class RequestDispatcher:
             ReadPicture: read_stored_picture,
             ReadObjects: self._read_objects,
             ReadChannels: self._read_channels,
+            TraceLightPath: self._trace_light_path,
             FetchTable: lambda request: fetch_table(request, self.context.store),
             WriteFiles: self._write,
             SaveEnvironment: self._save_environment,
@@ -375,6 +378,10 @@ class RequestDispatcher:
             yield None
             with_node_layers(document, found, n_nodes_of(document))
         yield ChannelsRead(found, refused, known_nodes(found))
+
+    def _trace_light_path(self, request: TraceLightPath) -> Steps:
+        placement = self.context.open_placement
+        yield LightPathTraced(describe_light_path(request.path, placement.scene, placement.caster))
 
     def _save_environment(self, request: SaveEnvironment) -> Steps:
         sky = self.context.sky(mixed_light(request.document))

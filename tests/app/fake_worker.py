@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from app.document.described import document_from_description
 from app.document.named_files import document_with_measurements, unread_files
+from app.messages.light_path_messages import LightPathTraced, TraceLightPath
 from app.messages.worker_messages import (
     CancelRequests,
     OpenScene,
@@ -75,10 +76,11 @@ class FakeClient:
     """Satisfies `app.messages.worker_messages.WorkerClient`. `requests` holds all that was sent, oldest first, ids from
     1.
 
-    It ``plans`` bands by itself, a poll after it was asked.
+    It ``plans`` bands by itself, and says what is in the way of lights, a poll after it was asked.
     """
 
     plans = True
+    light_path = ""  # what is in the way of lights that are placed
 
     def __init__(self) -> None:
         self.alive = True
@@ -95,6 +97,8 @@ class FakeClient:
         self.requests.append(sent)
         if isinstance(sent, PlanBands) and self.plans:
             self.answer(sent, *(answer for answer in plan_bands(sent) if answer is not None))
+        elif isinstance(sent, TraceLightPath):
+            self.answer(sent, LightPathTraced(self.light_path))
         return self._id
 
     def poll(self, budget_s: float = 0.0) -> list[Response]:

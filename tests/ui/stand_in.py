@@ -15,6 +15,7 @@ import numpy as np
 
 from app.document.described import document_from_description
 from app.messages.file_messages import MeasurementsRead, ReadColourView, ReadCurveTable, ReadMeasured, ReadPicture
+from app.messages.light_path_messages import LightPathTraced, TraceLightPath
 from app.messages.worker_messages import (
     OpenScene,
     Progress,
@@ -136,6 +137,7 @@ class StandInClient:
     def __init__(self) -> None:
         self.requests: list[Request] = []
         self.closed = False
+        self.light_path = ""  # what is in the way of lights that are placed
         self.arriving = False
         self._due: list[Response] = []
         self._view_id = 0
@@ -171,6 +173,8 @@ class StandInClient:
     def _answers(self, request: Request) -> Iterator[Response]:
         if isinstance(request, OpenScene):
             yield scene_opened()
+        elif isinstance(request, TraceLightPath):
+            yield LightPathTraced(self.light_path)
         elif isinstance(request, SetCamera):
             yield ViewTraced(scene_frame())
         elif isinstance(request, ComputeTransport):

@@ -11,13 +11,13 @@ from imgui_bundle import imgui
 from app.editor.editor import Editor
 from app.operators.keymap import KEYMAPS
 from app.operators.registry import OPERATORS
+from engine.scene.surface_spot import SurfaceSpot
 from engine.scene.transform import Transform, rotation_matrix
 from ui.headless import HeadlessWindow
 from ui.panels.actions import SetPanel, SetPreference
 from ui.panels.grab import typed_value, with_character
 from ui.panels.window_operators import chord_of
 from ui.picture_feed import PictureFeed
-from ui.scene_view import SurfaceSpot
 
 pytestmark = pytest.mark.gl
 Key = imgui.Key

@@ -10,13 +10,16 @@ from app.document.commands.light import SetRotation
 from app.document.commands.suns import AddSun, in_world
 from app.document.light_state import LightState
 from app.editor.editor import Editor
+from app.messages.light_path_messages import TraceLightPath
 from engine.scene.light_placement import PlacedLight, mirror_direction
+from engine.scene.surface_spot import SurfaceSpot
 from engine.scene.transform import Transform
+from tests.ui.stand_in import StandInClient
 from tests.ui.test_gizmo import BOX, prepared
 from ui.headless import HeadlessWindow
 from ui.picture_feed import PictureFeed
-from ui.scene_view import SurfaceSpot
 
+HIDDEN = "lamp is placed, but teapot hides it from that point"
 pytestmark = pytest.mark.gl
 H, J = imgui.Key.h, imgui.Key.j
 
@@ -44,13 +47,22 @@ def place(window: HeadlessWindow, x: float, y: float) -> tuple[float, float]:
 
 def spot(window: HeadlessWindow, at: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
     """The point and the normal of the surface there."""
+    feed = window.shell.source
+    assert isinstance(feed, PictureFeed)
+    found = feed.spot_at(*pixel(window, at))
+    assert found is not None
+    return found.place, found.normal
+
+
+def pixel(window: HeadlessWindow, at: tuple[float, float]) -> tuple[int, int]:
+    """The picture's pixel there."""
     feed, (left, top) = window.shell.source, window.shell.handle_position("viewport.corner")
     assert isinstance(feed, PictureFeed) and feed.picture is not None
     size = 2.0 * (window.shell.handle_position("viewport.centre")[0] - left)
-    pixel = [int((value - start) * feed.picture.width / size) for value, start in zip(at, (left, top), strict=True)]
-    found = feed.spot_at(*pixel)
-    assert found is not None
-    return found.place, found.normal
+    column, row = (
+        int((value - start) * feed.picture.width / size) for value, start in zip(at, (left, top), strict=True)
+    )
+    return column, row
 
 
 def lamp(editor: Editor) -> Transform:
@@ -74,6 +86,38 @@ def test_a_click_places_the_highlight_and_a_drag_slides_it_in_one_step(window: H
     assert lamp(editor) == clicked
     editor.undo()
     assert lamp(editor) == resting
+
+
+def test_what_hides_the_light_is_said_and_that_nothing_does_any_more(window: HeadlessWindow, editor: Editor) -> None:
+    client = editor._client
+    assert isinstance(client, StandInClient)
+    client.light_path = HIDDEN
+    window.hold(H, True)
+    window.click(*place(window, 0.22, 0.53))
+    window.frames(2)
+    assert editor.status.message == HIDDEN and not editor.status.is_error
+    (path, *others) = [each.path for each in client.requests if isinstance(each, TraceLightPath)]
+    assert path.light == "lamp" and not others  # one way is traced once
+    # As far from the surface as it was, and seen from the camera.
+    assert path.reach == pytest.approx(np.linalg.norm(BOX.mean(axis=0) - path.point))
+    assert path.eye == editor.camera_history.camera.position
+    client.light_path = ""
+    window.click(*place(window, 0.31, 0.72))
+    window.hold(H, False)
+    window.frames(2)
+    assert not editor.status.message
+
+
+def test_a_drag_from_a_caster_names_it(window: HeadlessWindow, editor: Editor) -> None:
+    client, start = editor._client, place(window, 0.22, 0.33)
+    assert isinstance(client, StandInClient)
+    window.hold(J, True)
+    window.drag(start, place(window, 0.27, 0.91))
+    window.hold(J, False)
+    path = [each.path for each in client.requests if isinstance(each, TraceLightPath)][-1]
+    assert path.caster == pytest.approx(spot(window, start)[0])
+    feed, (column, row) = window.shell.source, pixel(window, start)
+    assert isinstance(feed, PictureFeed) and path.caster_object == (feed.object_at(column, row) or "")
 
 
 def test_a_drag_goes_from_what_casts_the_shadow_to_where_it_falls(window: HeadlessWindow, editor: Editor) -> None:

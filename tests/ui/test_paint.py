@@ -10,10 +10,11 @@ from imgui_bundle import imgui
 
 from app.document.commands.layers import SetParameter
 from app.operators.script import load_script
+from engine.scene.surface_spot import SurfaceSpot
 from tests.ui.stand_in import HEIGHT, WIDTH
 from ui.headless import HeadlessWindow
 from ui.panels.actions import SaveMaterial
-from ui.scene_view import SurfaceSpot, stroke_at
+from ui.scene_view import stroke_at
 from ui.script_runner import ScriptError, run_steps
 
 pytestmark = pytest.mark.gl

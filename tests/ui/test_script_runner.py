@@ -14,6 +14,7 @@ from app.operators.script import Step, load_script
 from engine.core.errors import InsituError
 from engine.curve.operators import Operator
 from engine.render.picture_error import ErrorEstimate
+from engine.scene.surface_spot import SurfaceSpot
 from engine.scene.transform import rotation_matrix
 from tests.app.limits import largest_file
 from tests.ui.stand_in import StandInClient
@@ -22,7 +23,6 @@ from ui.panels import brdf
 from ui.panels.actions import Action
 from ui.panels.context import PanelContext
 from ui.picture_feed import PictureFeed
-from ui.scene_view import SurfaceSpot
 from ui.script_runner import ScriptError, run_steps, take_screenshot
 
 pytestmark = pytest.mark.gl
@@ -317,8 +317,13 @@ def test_a_script_places_a_light(window: HeadlessWindow, tmp_path: Path, monkeyp
         np.testing.assert_allclose(towards, (caster - receiver) / np.linalg.norm(caster - receiver), atol=1e-9)
         run(window, tmp_path, f'[[step]]\nplace_light = {{ light = "{name}", highlight = [4, 4] }}')
         assert editor.document.light.suns[-1].direction != towards
+    assert isinstance(editor._client, StandInClient)
+    editor._client.light_path = "lamp is placed, but teapot hides it from that point"
+    run(window, tmp_path, '[[step]]\nplace_light = { light = "lamp", shadow = [[4, 4], [5, 9]] }')
+    assert editor.status.message == editor._client.light_path and not editor.status.is_error
     for step, says in (
         ('light = "lamp", highlight = [1, 1]', "pixel 1, 1 sees no surface"),
+        ('light = "lamp", shadow = [[4, 4], [4, 4]]', "lamp stays where it is: drag from"),
         ('light = "teapot", highlight = [4, 4]', "teapot is no light"),
         ('light = "lamp"', "exactly one of highlight and shadow"),
     ):

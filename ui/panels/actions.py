@@ -15,6 +15,7 @@ from app.document.commands import EditCommand
 from app.document.view_state import OpenPanel, SetView, Viewpoint
 from app.files.journal import Recovery
 from app.files.materials import Material
+from engine.scene.light_paths import LightPath
 from ui.panels.window_state import Grip
 
 
@@ -48,6 +49,13 @@ class HoldGrip:
     """Store what a gesture needs while it lasts; None when it ends."""
 
     grip: Grip | None
+
+
+@dataclass(frozen=True)
+class TracePath:
+    """Trace the way of a light that was placed, and show what is in it."""
+
+    path: LightPath
 
 
 @dataclass(frozen=True)
@@ -330,6 +338,6 @@ WindowAction = (
     | SavePicture | ImportMaterial | ImportMeasured | ExportMeasured | ExportScene | SaveScene | Screenshot
     | SaveEnvironment | SaveMaterial | DeleteMaterial | Copy | CopyText | Paste | Recover | AnswerUnsaved | ShowPanel
     | ResetLayout | Quit | AnswerQuestion | StopLayers | DrawLooks | SaveContactSheet | OpenConfig
-    | StorePicture | CompareFile
+    | StorePicture | CompareFile | TracePath
 )  # fmt: skip
 Action = EditCommand | SetView | OpenPanel | WindowAction

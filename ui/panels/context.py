@@ -28,13 +28,13 @@ from engine.light.painted_lights import PaintedLight
 from engine.render.scopes import Scopes
 from engine.scene.description import Camera
 from engine.scene.import_report import ImportReport
+from engine.scene.surface_spot import SurfaceSpot
 from ui.frame_times import PerformanceRecord
 from ui.panels.difference_board import DifferenceBoard
 from ui.panels.look_board import LookBoard
 from ui.panels.pictures import BrdfBoard, Picture
 from ui.panels.window_state import PanelState, Travel
 from ui.pixel_values import PixelValues
-from ui.scene_view import SurfaceSpot
 from ui.theme import Theme
 
 

@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from app.document.commands.lamps import SetTarget
 from engine.scene.arrangement import PlacedObject, box_of, middle_of, stood_on
 from engine.scene.light_placement import PlacedLight
+from engine.scene.surface_spot import SurfaceSpot
 from engine.scene.transform import rotation_matrix
 from ui.panels.actions import Action
 from ui.panels.arranging import Arranged
 from ui.panels.context import PanelContext
 from ui.panels.picture_handles import Place
 from ui.panels.picture_overlays import has_moved
-from ui.scene_view import SurfaceSpot
 
 Float64Array = NDArray[np.float64]
 UP = np.array([0.0, 1.0, 0.0])

@@ -167,6 +167,8 @@ def _interact(
     elif imgui.is_item_active() and grip is not None:
         actions += _drag(context, picture, placed, grip, mouse)
     if imgui.is_item_deactivated() and grip is not None:
+        if isinstance(grip, LightGrip | PaintedGrip):
+            actions += light_by_hand.end(context, grip, placed.pixel(mouse.x, mouse.y, picture))
         actions += [EndDrag(), HoldGrip(None), *(picture_marks.end_crop() if grip.handle == picture_marks.CROP else [])]
         if grip.handle == TURN_OR_CLICK:
             actions += _toggle(context, _object_at(context, placed.pixel(mouse.x, mouse.y, picture)))

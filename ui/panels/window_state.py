@@ -107,11 +107,13 @@ class PaintGrip(Grip):
 @dataclass(frozen=True)
 class PaintedGrip(Grip):
     """A painted light that is being moved or sized on the environment's picture, or, by its highlight or the shadow of
-    `caster`, in the scene's. handle: "move", "size" or "light"; `offset`: its middle at the start, pixels."""
+    `caster`, a point of `caster_object`, in the scene's. handle: "move", "size" or "light"; `offset`: its middle at the
+    start, pixels."""
 
     light: str
     travel: Travel = Travel((0.0, 0.0))
     caster: tuple[float, float, float] | None = None
+    caster_object: str = ""
 
 
 @dataclass(frozen=True)
@@ -124,12 +126,14 @@ class PaintedSelection:
 
 @dataclass(frozen=True)
 class LightGrip(Grip):
-    """A light that is being placed by its highlight, or by the shadow of a point of the world, `caster`; `start`: its
-    transform before, from which it goes to wherever the hand is, whatever way this took."""
+    """A light that is being placed by its highlight, or by the shadow of a point of the world, `caster`, of
+    `caster_object`; `start`: its transform before, from which it goes to wherever the hand is, whatever way this
+    took."""
 
     light: str
     start: Transform
     caster: tuple[float, float, float] | None = None
+    caster_object: str = ""
 
 
 @dataclass(frozen=True)

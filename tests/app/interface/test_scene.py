@@ -303,6 +303,49 @@ def test_a_picture_without_its_environment_is_the_rest_of_it(cube_file: Path, mo
     np.testing.assert_allclose(scene.image(mode, samples=2), expected, rtol=1e-5, atol=1e-5)
 
 
+def test_a_light_is_placed_in_the_picture_and_what_hides_it_is_said() -> None:
+    """The camera mirrors it where it was told to, and a wall that is put up in front of it is named."""
+    scene = insitu.open("shapes", resolution=(48, 32))
+    scene.add("sphere light", "key", at=(0.0, 1.5, 0.0))
+    scene.add("sun", "Noon")
+    scene.light.rotation = 0.0
+    assert scene.place_light("Noon", highlight=(24, 30)) == ""
+    assert scene.place_light("key", highlight=(24, 30)) == ""
+    placed = np.array(scene["key"].position)
+    assert scene.undo() == "place key" and scene.redo() == "place key"
+    centre = np.array([0.0, 1.5, 0.0]) + placed
+    point = ground_at(scene, 24, 30)
+    towards = (centre - point) / np.linalg.norm(centre - point)
+    np.testing.assert_allclose(scene.light["Noon"].direction, towards, atol=2e-3)
+    half = towards + unit(np.array(scene.camera.position) - point)
+    np.testing.assert_allclose(unit(half), (0.0, 1.0, 0.0), atol=2e-3)
+    scene.add("box", "wall", at=tuple(point + 0.5 * (centre - point)), size=0.3)
+    assert scene.place_light("key", highlight=(24, 30)) == "key is placed, but wall hides it from that point"
+    assert scene.place_light("Noon", highlight=(24, 30)) == "Noon is placed, but wall hides it from that point"
+    np.testing.assert_allclose(scene["key"].position, placed, atol=1e-9)
+    with pytest.raises(insitu.Error, match="exactly one of highlight and shadow"):
+        scene.place_light("key")
+    with pytest.raises(insitu.Error, match="pixel 24, 0 sees no surface"):
+        scene.place_light("key", highlight=(24, 0))
+    with pytest.raises(insitu.Error, match="cube is no light"):
+        scene.place_light("cube", highlight=(24, 30))
+
+
+def unit(vector: np.ndarray) -> np.ndarray:
+    return vector / np.linalg.norm(vector)
+
+
+def ground_at(scene: insitu.Scene, column: int, row: int) -> np.ndarray:
+    """The point of the ground, at height 0, that the middle of a pixel sees."""
+    eye, target = np.array(scene.camera.position), np.array(scene.camera.target)
+    forward = unit(target - eye)
+    right = unit(np.cross(forward, (0.0, 1.0, 0.0)))
+    height = np.tan(np.radians(scene.camera.fov_y) / 2.0)
+    x, y = (column + 0.5 - 24.0) / 16.0, (16.0 - row - 0.5) / 16.0
+    ray = forward + height * (x * right + y * np.cross(right, forward))
+    return eye - ray * eye[1] / ray[1]
+
+
 def test_objects_are_moved_together_dropped_and_lights_aimed() -> None:
     scene = insitu.open("shapes", resolution=(48, 32))
     scene.add("box", "plinth", at=(0.0, 0.0, 5.0), size=0.2)

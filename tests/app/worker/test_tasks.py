@@ -10,6 +10,7 @@ import pytest
 
 from app.document.light_state import LightState
 from app.editor.view_controller import describe_empty_frame
+from app.messages.light_path_messages import TraceLightPath
 from app.messages.worker_messages import Progress, Response, SceneOpened, SkyImage, ViewTraced
 from app.modes.placement.placement_messages import (
     ContractTransport,
@@ -32,6 +33,7 @@ from engine.light.environment import load_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.precompute.direct.pipeline import COARSE, PREVIEW
+from engine.scene.light_paths import LightPath
 from tests.app.worker.ball_and_lamp import (
     BANDS,
     GLOSS,
@@ -286,6 +288,16 @@ def test_a_contraction_before_its_transport_is_answered_by_it(source: str, store
 
 
 # ----------------------------------------------------------------------------------------------------- what goes wrong
+
+
+def test_what_hides_a_placed_light_is_named(source: str, store: ArrayCache) -> None:
+    """Seen from (2.8, 2, 0), the floor at x = 0.8 mirrors what is up along (-1, 1, 0): the ball, 0.9 m wide, is in the
+    way, and at x = 3 it is not. The lamp itself never is."""
+    tasks = RequestDispatcher(store)
+    open_in_process(tasks, source)
+    for x, line in ((0.8, "lamp is placed, but ball hides it from that point"), (3.0, "")):
+        path = LightPath("lamp", (x, 0.0, 0.0), (0.0, 1.0, 0.0), (x + 2.0, 2.0, 0.0), 9.0)
+        assert [answer.line for answer in run_in_process(tasks, TraceLightPath(path))] == [line]
 
 
 def test_a_missing_environment_is_named(source: str, store: ArrayCache) -> None:
