@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from app.document.light_mix import mixed_light
 from app.document.scene_state import moved_objects
 from app.project.project import Project
-from app.stills.shadow_catcher import catcher_light, without_others
+from app.stills.shadow_catcher import catcher_part, caught_objects, without_others
 from app.stills.stills import (
     chosen_bounces,
     deform_only_objects,
@@ -50,6 +50,7 @@ from engine.precompute.direct.projection import LayerShape, VisibleLight, projec
 from engine.precompute.indirect.gather_polynomial import GatherPolynomial
 from engine.precompute.indirect.indirect_light import IndirectLight
 from engine.precompute.indirect.sampling_settings import STILL, BounceSeries
+from engine.realtime.core.picture_parts import parts_of
 from engine.realtime.triple_product.orbit_engine import Orbit
 from engine.realtime.zonal_harmonics.deform_engine import Deform
 from engine.render._layer_kernels import add_points
@@ -123,11 +124,11 @@ class _KeptIndirect:
 
 
 class PlacementPictures:
-    """Pictures of one scene; see the module. catchers (H, W, 3): what shadow catchers add to the last one, None where
-    there are none."""
+    """Pictures of one scene; see the module. catchers (H, W, 4): the part of shadow catchers in the last one, None
+    where there are none."""
 
     def __init__(self) -> None:
-        self.catchers: NDArray[np.float64] | None = None
+        self.catchers: NDArray[np.float32] | None = None
         self._view: _View | None = None
         self._light: _Light | None = None
         self._layers: dict[str, _KeptLayer] = {}
@@ -146,7 +147,7 @@ class PlacementPictures:
         lit = np.ascontiguousarray(picture[..., :3])
         add_points(hits.pixel, hits.share, radiance, lit.reshape(-1, 3))
         picture[..., :3] = lit
-        self.catchers = catcher_light(project, hits, radiance)
+        self.catchers = catcher_part(project, hits, radiance)
         return picture
 
     def error(self, project: Project, n_bounces: int | None = None) -> ErrorEstimate:
@@ -351,19 +352,22 @@ class Pictures:
             series = None if n_bounces is None else BounceSeries(n_bounces)
             still = render_project(project, lambda step: None, reference=True, series=series, n_samples=n_samples)
             return still.picture
-        picture, alone = self._drawn(project, mode, n_bounces, draft), without_others(project)
+        (picture, part), alone = self._drawn(project, mode, n_bounces, draft), without_others(project)
         if alone is not None:
             self._catchers = self._catchers or Pictures()
-            rest = self._catchers._drawn(alone, mode, n_bounces, draft)
-            light = self._placement.catchers if mode == "placement" else None
-            picture = with_caught_shadows(project, alone, picture, rest, light)
+            _, rest = self._catchers._drawn(alone, mode, n_bounces, draft)
+            picture = with_caught_shadows(project, picture, part, rest)
         return finished_picture(project.document, picture)
 
-    def _drawn(self, project: Project, mode: Mode, n_bounces: int | None, draft: bool = False) -> Picture:
-        """A picture before the intensity of the light, its background and shadow catchers."""
+    def _drawn(
+        self, project: Project, mode: Mode, n_bounces: int | None, draft: bool = False
+    ) -> tuple[Picture, Picture | None]:
+        """A picture before the intensity of the light, its background and shadow catchers, and the part of these in it
+        (H, W, 4), None where there are none."""
         if mode == "placement":
-            return self._placement.picture(project, n_bounces, draft)
-        return self._in_orbit(project, n_bounces) if mode == "orbit" else self._in_deform(project, n_bounces)
+            return self._placement.picture(project, n_bounces, draft), self._placement.catchers
+        draw = self._in_orbit if mode == "orbit" else self._in_deform
+        return parts_of(draw(project, n_bounces))
 
     def error(self, project: Project, mode: Mode, n_bounces: int | None) -> ErrorEstimate:
         """The error of such a picture, estimated by path tracing. Raises InsituError where that is impossible."""
@@ -376,7 +380,8 @@ class Pictures:
             raise InsituError(f"no error estimate: path tracing does not support the surface of {', '.join(alone)}")
         if not project.document.light.intensity:
             raise InsituError("light.intensity = 0, expected more: a black picture has no relative error")
-        drawn = with_intensity(project.document, self._drawn(project, mode, n_bounces)[..., :3])
+        picture, _ = self._drawn(project, mode, n_bounces)
+        drawn = with_intensity(project.document, picture[..., :3])
         estimate = estimate_picture_error(project, drawn, n_bounces)
         assert estimate is not None
         return estimate
@@ -394,12 +399,12 @@ class Pictures:
         orbit.set_layers(layers_by_object(project))
         orbit.set_bounces(n_bounces or project.chosen_bounces or 0)
         finish_work(orbit)
-        camera, transparent = scene.description.camera, document.hides_environment
-        picture = orbit.draw(camera, scene.resolution, "still", transparent=transparent)
+        camera, how = scene.description.camera, _parts_shown(project)
+        picture = orbit.draw(camera, scene.resolution, "still", **how)
         if orbit.is_done:
             return picture
         finish_work(orbit)  # the camera sees the back faces of some objects for the first time
-        return orbit.draw(camera, scene.resolution, "still", transparent=transparent)
+        return orbit.draw(camera, scene.resolution, "still", **how)
 
     def _in_deform(self, project: Project, n_bounces: int | None) -> Picture:
         """Deform's picture at rest; objects that deform cast coarse shadows on all others."""
@@ -418,8 +423,12 @@ class Pictures:
         deform.set_moved(*moved_objects(document))
         deform.set_bounces(n_bounces or project.chosen_bounces or 0)
         finish_work(deform)
-        camera, transparent = scene.description.camera, document.hides_environment
-        return deform.draw(camera, scene.resolution, document.poses, "rest", transparent=transparent)
+        return deform.draw(scene.description.camera, scene.resolution, document.poses, "rest", **_parts_shown(project))
+
+
+def _parts_shown(project: Project) -> dict[str, Any]:
+    """What Orbit and Deform draw of a project, apart from its objects."""
+    return {"transparent": project.document.hides_environment, "apart": caught_objects(project)}
 
 
 def finish_work(engine: Orbit | Deform) -> None:

@@ -20,7 +20,7 @@ from app.document.scene_state import moved_objects
 from app.document.timeline import timeline
 from app.document.view_state import ViewState
 from app.project.project import Project
-from app.stills.shadow_catcher import without_others
+from app.stills.shadow_catcher import caught_objects, without_others
 from app.stills.stills import (
     Mode,
     Still,
@@ -37,6 +37,7 @@ from app.stills.stills import (
 from engine.core.errors import InsituError
 from engine.precompute.direct.pipeline import Quality
 from engine.precompute.indirect.sampling_settings import BounceSeries
+from engine.realtime.core.picture_parts import parts_of
 from engine.realtime.zonal_harmonics.pose import Poses
 from engine.realtime.zonal_harmonics.posed_scene import pose_scene
 from engine.scene.camera_moves import orbit_camera
@@ -97,7 +98,7 @@ def drawer_of(project: Project, frames: Frames) -> Drawer:
         return _FinishedFrames(project, _drawer(project, frames, poses))
     names = set(alone.object_names)
     own = [tuple(each for each in pose if each[0] in names) for pose in poses]
-    return _FinishedFrames(project, _drawer(project, frames, poses), alone, _drawer(alone, frames, own))
+    return _FinishedFrames(project, _drawer(project, frames, poses), _drawer(alone, frames, own))
 
 
 def _drawer(project: Project, frames: Frames, poses: Sequence[Poses]) -> _RawDrawer:
@@ -145,6 +146,12 @@ def _in_poses(project: Project, poses: Poses) -> Scene:
     return bumped.from_camera(None, project.scene.resolution)
 
 
+def _still_of(picture: Picture) -> Still:
+    """The still of a picture with the part of shadow catchers, where there are some."""
+    whole, part = parts_of(picture)
+    return Still(whole, catchers=part)
+
+
 class _RawDrawer(Protocol):
     """Draws frames before the intensity of the light, their background and shadow catchers."""
 
@@ -163,10 +170,8 @@ class _RawDrawer(Protocol):
 class _FinishedFrames:
     """Finishes frames: with the shadows on catchers, where those alone are drawn as well."""
 
-    def __init__(
-        self, project: Project, whole: _RawDrawer, alone: Project | None = None, rest: _RawDrawer | None = None
-    ) -> None:
-        self._project, self._whole, self._alone, self._rest = project, whole, alone, rest
+    def __init__(self, project: Project, whole: _RawDrawer, rest: _RawDrawer | None = None) -> None:
+        self._project, self._whole, self._rest = project, whole, rest
         self.ready_at = whole.ready_at
 
     def prepare(self, report: Report) -> None:
@@ -177,13 +182,9 @@ class _FinishedFrames:
     def draw(self, i: int) -> Picture:
         still = self._whole.draw(i)
         picture = still.picture
-        if self._alone is not None and self._rest is not None:
-            rest = self._rest.draw(i, still.quality)
-            project, alone = (
-                replace(each, scene=drawer.scene(i))
-                for each, drawer in ((self._project, self._whole), (self._alone, self._rest))
-            )
-            picture = with_caught_shadows(project, alone, picture, rest.picture, still.catchers)
+        if self._rest is not None:
+            rest, seen = self._rest.draw(i, still.quality), replace(self._project, scene=self._whole.scene(i))
+            picture = with_caught_shadows(seen, picture, still.catchers, rest.catchers)
         return finished_picture(self._project.document, picture)
 
 
@@ -217,7 +218,7 @@ class _OrbitFrames:
     def __init__(self, project: Project, frames: Frames, seen: Sequence[Scene]) -> None:
         settings = still_settings(project, "orbit", dict(frames.settings))
         self._orbit, self._seen = prepared_orbit(project, frames.series, settings), seen
-        self._document = project.document
+        self._document, self._apart = project.document, caught_objects(project)
 
     def prepare(self, report: Report) -> None:
         for step in self._orbit.work():
@@ -228,13 +229,13 @@ class _OrbitFrames:
 
     def draw(self, i: int, quality: Quality | None = None) -> Still:
         camera, resolution = self._seen[i].description.camera, self._seen[i].resolution
-        transparent = self._document.hides_environment
-        picture = self._orbit.draw(camera, resolution, "still", transparent=transparent)
+        how: dict[str, Any] = {"transparent": self._document.hides_environment, "apart": self._apart}
+        picture = self._orbit.draw(camera, resolution, "still", **how)
         if not self._orbit.is_done:
             for _ in self._orbit.work():
                 pass
-            picture = self._orbit.draw(camera, resolution, "still", transparent=transparent)
-        return Still(picture)
+            picture = self._orbit.draw(camera, resolution, "still", **how)
+        return _still_of(picture)
 
 
 class _DeformFrames:
@@ -260,6 +261,5 @@ class _DeformFrames:
 
     def draw(self, i: int, quality: Quality | None = None) -> Still:
         camera, resolution = self._scene.description.camera, self._scene.resolution
-        transparent = self._document.hides_environment
-        picture = self._deform.draw(camera, resolution, self._poses[i], "rest", transparent=transparent)
-        return Still(picture)
+        how: dict[str, Any] = {"transparent": self._document.hides_environment, "apart": caught_objects(self._project)}
+        return _still_of(self._deform.draw(camera, resolution, self._poses[i], "rest", **how))

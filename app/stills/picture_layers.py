@@ -40,14 +40,13 @@ from app.document.light_mix import emission_of, gains_of, lights_of, mixed_light
 from app.document.light_state import RGB, group_key
 from app.project.distant_light import sky_of
 from app.project.project import Project
-from app.stills.shadow_catcher import catcher_light, catcher_view, caught_shadows, over_sky, without_others
+from app.stills.shadow_catcher import catcher_part, caught_shadows, over_sky, without_others
 from app.stills.stills import (
     Report,
     Still,
     StillParts,
     draw_still,
     finished_picture,
-    plan_still,
     still_parts,
     still_settings,
     with_intensity,
@@ -127,14 +126,15 @@ def _with_caught_shadows(
     if not background.hides_environment:  # what is seen of it is in the light
         nothing = np.zeros((len(hits.pixel), 3))
         light = light - (compose(parts.placement, nothing, sky) - compose(parts.placement, nothing, sky, True)[..., :3])
-    covered, view = 1.0 - hits.open_image, catcher_view(project, hits)
+    covered = 1.0 - hits.open_image
     quality = run_to_end(parts.quality(parts.placement, sky))
-    rest = draw_still(alone, lambda step: None, series=parts.series, quality=quality).picture
-    catchers = catcher_light(project, hits, whole.direct + whole.indirect)
-    view_alone = catcher_view(alone, Placement(alone.scene, None, plan_still(alone).n_edge_rays).hits)
-    picture = caught_shadows(with_alpha(light, covered), rest, view, view_alone, catchers)
-    shadow = np.clip(picture[..., 3] - (covered - view.share), 0.0, 1.0).astype(np.float32)
-    return picture if background.hides_environment else over_sky(picture, sky, hits.ray_directions), shadow
+    rest = draw_still(alone, lambda step: None, series=parts.series, quality=quality).catchers
+    part = catcher_part(project, hits, whole.direct + whole.indirect)
+    assert part is not None and rest is not None
+    picture = caught_shadows(with_alpha(light, covered), part, rest)
+    shadow = np.clip(picture[..., 3] - (covered - part[..., 3]), 0.0, 1.0).astype(np.float32)
+    camera = project.scene.description.camera
+    return picture if background.hides_environment else over_sky(picture, sky, camera), shadow
 
 
 def _background_layer(background: Background, covered: NDArray[np.floating]) -> tuple[PictureLayer, ...]:

@@ -10,13 +10,10 @@ the catcher's part of the pixel becomes black of alpha 1 - s, plus the light e. 
 Over W itself, its own picture without the others, that has the luminance of C: Y(s W + e) = Y(C); channel by channel it
 is C where the shadow is grey. Rejected: s for each channel, which no file with one alpha can hold.
 
-Both pictures come from the mode's own engine. In pixels that a catcher shares with other objects, Placement and paths
-know C by their points. Orbit and Deform do not: there C / W is that of the nearest pixel of a catcher alone.
+Both pictures come from the mode's own engine, which knows in each pixel the light of catchers and their share of it.
 """
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,26 +21,18 @@ from numpy.typing import NDArray
 from app.document.shadow_catchers import catchers_alone
 from app.document.view_state import Viewpoint
 from app.project.project import Project
+from engine.core.camera import centre_directions
 from engine.light.environment import LUMINANCE
 from engine.precompute.direct.pipeline import SkyState
 from engine.render.data_layers import object_coverage, point_picture
 from engine.render.still import with_alpha
+from engine.scene.description import Camera
 from engine.scene.primary_hits import PrimaryHits
 
 Picture = NDArray[np.float32]
 Float64Array = NDArray[np.float64]
 
-_ALL = 1.0 - 1e-4  # of what covers a pixel: a catcher alone
-
-
-@dataclass(frozen=True, eq=False)
-class CatcherView:
-    """What the camera sees of catchers. share (H, W): of each pixel that they cover; is_alone (H, W): whether nothing
-    else covers it; directions (H, W, 3): of the rays through pixels' centres, world."""
-
-    share: Float64Array
-    is_alone: NDArray[np.bool_]
-    directions: NDArray[np.float32]
+_ALL = 1.0 - 1e-4  # of what covers a pixel: catchers alone
 
 
 def without_others(project: Project) -> Project | None:
@@ -52,73 +41,64 @@ def without_others(project: Project) -> Project | None:
     return None if alone is None else project.edited(alone, Viewpoint())
 
 
-def catcher_view(project: Project, hits: PrimaryHits) -> CatcherView:
-    """What the camera of these hits sees of the project's catchers."""
-    catches = [project.document.object(name).shadow_catcher for name in project.object_names]
-    share = object_coverage(hits)[catches].sum(axis=0).astype(np.float64)
-    covered = 1.0 - hits.open_image
-    return CatcherView(share, (share > 0.0) & (share >= _ALL * covered), hits.ray_directions)
+def caught_objects(project: Project) -> tuple[int, ...]:
+    """The catchers of a project, by their indices in its scene; none where there is nothing to catch."""
+    names = project.document.shadow_catchers
+    return tuple(i for i, name in enumerate(project.object_names) if name in names)
 
 
-def catcher_light(project: Project, hits: PrimaryHits, radiance: NDArray[np.floating]) -> Float64Array | None:
-    """What catchers add to a picture (H, W, 3) in which points reflect this radiance (P, 3); None without catchers."""
-    if not project.document.shadow_catchers:
+def catcher_part(project: Project, hits: PrimaryHits, radiance: NDArray[np.floating]) -> Picture | None:
+    """The part of catchers (H, W, 4) in a picture whose points reflect this radiance (P, 3): what they add to it, and
+    the share of each pixel that they cover; None without catchers."""
+    if not (objects := caught_objects(project)):
         return None
-    catches = np.array([project.document.object(name).shadow_catcher for name in project.object_names])
-    own = np.where(catches[hits.objects][:, None], radiance, 0.0)
-    return point_picture(hits, own).astype(np.float64)
+    own = np.where(np.isin(hits.objects, objects)[:, None], radiance, 0.0)
+    return with_alpha(point_picture(hits, own), object_coverage(hits)[list(objects)].sum(axis=0))
 
 
-def caught_shadows(
-    whole: Picture, alone: Picture, view: CatcherView, view_alone: CatcherView, light: Float64Array | None = None
-) -> Picture:
-    """A picture (H, W, 4) with shadows of other objects in place of the catchers. whole, alone: pictures (H, W, 4) of
-    the scene, and of catchers and emitters; views: what the camera sees of catchers in both; light (H, W, 3): what they
-    add to the first, None where that is not known."""
-    if not view.is_alone.any() or not view_alone.is_alone.any():
+def caught_shadows(whole: Picture, part: Picture, alone: Picture) -> Picture:
+    """A picture (H, W, 4) with shadows of other objects in place of the catchers. whole: the picture of the scene;
+    part: that of catchers in it; alone: that of catchers in the picture of them and what emits; (H, W, 4) each."""
+    share = part[..., 3:].astype(np.float64)
+    is_caught = share > 0.0
+    if not is_caught.any() or not alone[..., 3].any():
         return whole
-    empty, share = empty_light(alone, view_alone), view.share[..., None]
-    if light is None:
-        seen = _per_share(whole, view)
-        ratio = np.where(empty > 0.0, seen / np.where(empty > 0.0, empty, 1.0), 1.0)
-        seen = np.where(view.is_alone[..., None], seen, _filled(ratio, view.is_alone) * empty)
-    else:
-        seen = light / np.where(share > 0.0, share, 1.0)
+    seen, empty = _per_share(part), empty_light(alone, is_caught[..., 0])
     total = empty @ LUMINANCE
     left = np.where(total > 0.0, np.minimum(seen, empty) @ LUMINANCE / np.where(total > 0.0, total, 1.0), 1.0)
     excess = np.maximum(seen - empty, 0.0)
     # The catcher's own light leaves the pixel, and what is beyond it comes back.
-    others = np.where(view.is_alone[..., None], 0.0, np.maximum(whole[..., :3] - share * seen, 0.0))
-    others = np.where(share > 0.0, others, whole[..., :3])
-    alpha = np.clip(whole[..., 3] - view.share * np.clip(left, 0.0, 1.0), 0.0, 1.0)
+    is_alone = is_caught & (share >= _ALL * whole[..., 3:])
+    others = np.where(is_alone, 0.0, np.maximum(whole[..., :3] - part[..., :3], 0.0))
+    others = np.where(is_caught, others, whole[..., :3])
+    alpha = np.clip(whole[..., 3] - share[..., 0] * np.clip(left, 0.0, 1.0), 0.0, 1.0)
     return with_alpha(others + share * excess, alpha)
 
 
-def empty_light(alone: Picture, view_alone: CatcherView) -> Float64Array:
-    """W (H, W, 3), in each pixel of a picture of catchers and emitters alone, as if catchers filled it."""
-    return _filled(_per_share(alone, view_alone), view_alone.is_alone)
+def empty_light(alone: Picture, wanted: NDArray[np.bool_] | None = None) -> Float64Array:
+    """W (H, W, 3) of the part of catchers (H, W, 4) in a picture of these and what emits, as if they filled each pixel.
+    Where they cover none of it, it is that of the nearest pixel of which they do; wanted (H, W): where that matters,
+    None: everywhere."""
+    from scipy.ndimage import distance_transform_edt
+
+    values, known = _per_share(alone), alone[..., 3] > 0.0
+    if known.all() or wanted is not None and known[wanted].all():
+        return values
+    nearest = distance_transform_edt(~known, return_distances=False, return_indices=True)
+    return np.asarray(values[tuple(nearest)])
 
 
-def over_sky(picture: Picture, sky: SkyState, directions: NDArray[np.float32]) -> Picture:
-    """A picture (H, W, 4) over the environment (H, W, 3); directions (H, W, 3): of the rays through pixels."""
+def over_sky(picture: Picture, sky: SkyState, camera: Camera) -> Picture:
+    """A picture (H, W, 4) over the environment that a camera sees (H, W, 3)."""
     if sky.environment is None:
         return picture[..., :3]
+    height, width, _ = picture.shape
+    directions = centre_directions(camera, (width, height))
     behind = sky.environment.evaluate(directions.reshape(-1, 3), sky.rotation).reshape(directions.shape)
     return np.asarray(picture[..., :3] + (1.0 - picture[..., 3:]) * np.float32(sky.scale) * behind, np.float32)
 
 
-def _per_share(picture: Picture, view: CatcherView) -> Float64Array:
-    """The light (H, W, 3) of catchers in pixels that they cover alone, as if they filled them; 0 elsewhere."""
-    alpha = picture[..., 3:].astype(np.float64)
-    is_there = view.is_alone[..., None] & (alpha > 0.0)
-    return np.where(is_there, picture[..., :3] / np.where(is_there, alpha, 1.0), 0.0)
-
-
-def _filled(values: Float64Array, known: NDArray[np.bool_]) -> Float64Array:
-    """Values (H, W, 3) with those of the nearest known pixel where they are not."""
-    from scipy.ndimage import distance_transform_edt
-
-    if known.all():
-        return values
-    nearest = distance_transform_edt(~known, return_distances=False, return_indices=True)
-    return np.asarray(values[tuple(nearest)])
+def _per_share(part: Picture) -> Float64Array:
+    """The light (H, W, 3) of catchers, as if they filled each pixel that they share in; 0 elsewhere."""
+    share = part[..., 3:].astype(np.float64)
+    return np.where(share > 0.0, part[..., :3] / np.where(share > 0.0, share, 1.0), 0.0)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from app.document.document import Document, reflecting_layers
 from app.project.project import Project
-from app.stills.shadow_catcher import catcher_light, catcher_view, caught_shadows, over_sky, without_others
+from app.stills.shadow_catcher import catcher_part, caught_objects, caught_shadows, over_sky, without_others
 from app.system.atomic import make_folder_of, require_place, save_file
 from app.system.memory import orbit_bytes, orbit_slice_bytes
 from app.worker.cache import ArrayCache
@@ -29,6 +29,7 @@ from engine.material.layer import Layer, object_of
 from engine.planner import Plan, plan_scene
 from engine.precompute.direct.pipeline import Placement, Quality, SkyState
 from engine.precompute.indirect.sampling_settings import STILL, BounceSeries
+from engine.realtime.core.picture_parts import parts_of
 from engine.realtime.stills import render_deform, render_orbit
 from engine.realtime.triple_product.orbit_engine import Orbit
 from engine.realtime.zonal_harmonics.deform_engine import Deform
@@ -47,9 +48,9 @@ from engine.render.still import (
     find_indirect,
     first_bounce_layers,
     noise_in,
+    reference_radiance,
     reflect_layers,
     reflected_light,
-    render_reference,
     still_layers,
     still_quality,
     with_maps,
@@ -95,14 +96,14 @@ AS_IT_IS = Shown()
 class Still:
     """Linear radiance (H, W, 3), with alpha (H, W, 4) over a transparent background, and its estimated error, None
     where that was not requested. warning: about light that is left out, else ""; layers: besides the picture itself,
-    where they were requested; catchers (H, W, 3): what shadow catchers add to a picture that is not
-    finished, None where that is not known; quality: of direct light that was projected, else None."""
+    where they were requested; catchers (H, W, 4): their part of a picture that is not finished, see
+    `app.stills.shadow_catcher`, None where there are none; quality: of direct light that was projected, else None."""
 
     picture: NDArray[np.float32]
     error: ErrorEstimate | None = None
     warning: str = ""
     layers: tuple[PictureLayer, ...] = ()
-    catchers: NDArray[np.float64] | None = None
+    catchers: NDArray[np.float32] | None = None
     quality: Quality | None = None
 
 
@@ -137,22 +138,20 @@ def render_project(
         return replace(still, picture=finished_picture(project.document, still.picture))
     whole = _within(report, 0.0, _WHOLE)
     still = draw_still(project, whole, estimates_error=estimates_error, caster=caster, **how)
-    rest = draw_still(alone, _within(report, _WHOLE, 1.0), quality=still.quality, **how).picture
-    picture = with_caught_shadows(project, alone, still.picture, rest, still.catchers)
+    rest = draw_still(alone, _within(report, _WHOLE, 1.0), quality=still.quality, **how)
+    picture = with_caught_shadows(project, still.picture, still.catchers, rest.catchers)
     return replace(still, picture=finished_picture(project.document, picture))
 
 
 def with_caught_shadows(
-    project: Project, alone: Project, whole: NDArray[np.float32], rest: NDArray[np.float32],
-    light: NDArray[np.float64] | None = None,
-) -> NDArray[np.float32]:  # fmt: skip
+    project: Project, whole: NDArray[np.float32], part: NDArray[np.float32] | None, alone: NDArray[np.float32] | None
+) -> NDArray[np.float32]:
     """A picture of a project with the shadows on its catchers, over the environment (H, W, 3), or (H, W, 4) where this
-    is hidden. alone: the project of `without_others`; whole, rest: pictures (H, W, 4) of both, without the intensity of
-    the light; light (H, W, 3): what catchers add to the first, None where that is not known."""
-    hits, hits_alone = (Placement(each.scene, None, plan_still(each).n_edge_rays).hits for each in (project, alone))
-    picture = caught_shadows(whole, rest, catcher_view(project, hits), catcher_view(alone, hits_alone), light)
+    is hidden. whole: the picture (H, W, 4), without the intensity of the light; part, alone: that of catchers in it,
+    and in the picture of the project of `without_others`."""
+    picture = whole if part is None or alone is None else caught_shadows(whole, part, alone)
     hides = project.document.background.hides_environment
-    return picture if hides else over_sky(picture, project.sky, hits.ray_directions)
+    return picture if hides else over_sky(picture, project.sky, project.scene.description.camera)
 
 
 def _within(report: Report, begin: float, end: float) -> Report:
@@ -193,7 +192,7 @@ def still_steps(
             placement, layers, sky, quality, series.n_bounces, radiance, indirect, noise=noise
         )  # fmt: skip
     picture = compose(placement, radiance, sky, project.document.hides_environment)
-    return Still(picture, error, warning, (), catcher_light(project, placement.hits, radiance), quality)
+    return Still(picture, error, warning, (), catcher_part(project, placement.hits, radiance), quality)
 
 
 def with_intensity(document: Document, light: NDArray[np.floating]) -> NDArray[np.float32]:
@@ -283,17 +282,17 @@ def _real_time_still(
     series: BounceSeries, settings: RenderSettings, estimates_error: bool, warning: str,
 ) -> Generator[StillProgress, None, Still]:  # fmt: skip
     """A still as Orbit or Deform shows it at rest; layers: those of its estimate."""
-    transparent = project.document.hides_environment
+    transparent, apart = project.document.hides_environment, caught_objects(project)
     if mode == "orbit":
         drawing = render_orbit(
             placement, layers_by_object(project), project.sky, settings.n_patches, settings.n_points,
-            settings.n_coefficients, series.n_bounces, orbit_bytes(), orbit_slice_bytes(), transparent,
+            settings.n_coefficients, series.n_bounces, orbit_bytes(), orbit_slice_bytes(), transparent, apart,
         )  # fmt: skip
     else:
         # A still has one pose: transfer of the meshes in it includes the shadows between objects.
         prepared = prepared_deform(project, project.scene, (), series, settings)
-        drawing = render_deform(prepared, project.scene.resolution, transparent)
-    picture, error = (yield from drawing), None
+        drawing = render_deform(prepared, project.scene.resolution, transparent, apart)
+    (picture, part), error = parts_of((yield from drawing)), None
     alone = deform_only_objects(project) if mode == "deform" else ()
     if estimates_error and alone:
         warning = warning or f"no error estimate: path tracing does not support the surface of {', '.join(alone)}"
@@ -302,7 +301,7 @@ def _real_time_still(
             placement, layers, project.sky, series.n_bounces, [picture[..., :3]]
         )
         error = estimated.estimate
-    return Still(picture, error, warning)
+    return Still(picture, error, warning, catchers=part)
 
 
 def estimate_picture_error(
@@ -365,18 +364,17 @@ def prepared_deform(
 
 def _reference(
     placement: Placement, project: Project, n_bounces: int, n_samples: int | None
-) -> Generator[StillProgress, None, tuple[NDArray[np.float32], NDArray[np.float64] | None]]:
-    """A picture by brute force, and what shadow catchers add to it, None where that is not known."""
+) -> Generator[StillProgress, None, tuple[NDArray[np.float32], NDArray[np.float32] | None]]:
+    """A picture by brute force, and the part of shadow catchers in it, None where there are none."""
     # With the parameters of each hit where they vary, not their nodes; only paths look them up.
     layers, sky = layers_by_object(project, dict(reflecting_layers(project.document))), project.sky
-    transparent = project.document.hides_environment
     vary = any(layer.parameter_maps for own in layers.values() for layer in own)
     if n_bounces == 1 and n_samples is None and not vary:
-        shown = yield from render_reference(placement, layers, sky, REFERENCE_PATCHES, REFERENCE_LEVEL, transparent)
-        return shown, None
-    estimate = yield from trace_paths(placement, layers, sky, n_bounces, n_samples or N_SAMPLES)
-    light = catcher_light(project, placement.hits, estimate.radiance)
-    return compose(placement, estimate.radiance, sky, transparent), light
+        radiance = yield from reference_radiance(placement, layers, sky, REFERENCE_PATCHES, REFERENCE_LEVEL)
+    else:
+        radiance = (yield from trace_paths(placement, layers, sky, n_bounces, n_samples or N_SAMPLES)).radiance
+    part = catcher_part(project, placement.hits, radiance)
+    return compose(placement, radiance, sky, project.document.hides_environment), part
 
 
 def still_settings(project: Project, mode: Mode, changes: Mapping[str, int] = MappingProxyType({})) -> RenderSettings:

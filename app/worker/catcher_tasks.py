@@ -30,15 +30,16 @@ def find_catcher_light(request: FindCatcherLight, context: WorkerContext, qualit
             for _ in context.kernels.until_ready(what):
                 yield None
     from app.project.project import Project
-    from app.stills.shadow_catcher import catcher_view, empty_light
-    from app.stills.stills import plan_still, still_steps
-    from engine.precompute.direct.pipeline import Placement
+    from app.stills.shadow_catcher import empty_light
+    from app.stills.stills import still_steps
 
     alone = Project(context.scene_of(document), document, settings=request.settings)
     vars(alone)["sky"] = context.sky_over(alone.scene, mixed_light(document))  # its map is in memory
     yield None
     drawing = still_steps(alone, mode=request.mode, quality=quality)
     still = yield from map_steps(drawing, lambda step: CatcherProgress(step.fraction))
-    view = catcher_view(alone, Placement(alone.scene, None, plan_still(alone).n_edge_rays).hits)
-    light = empty_light(still.picture, view).astype(np.float32) if view.is_alone.any() else _NOTHING
-    yield CatcherLightFound(light)
+    part = still.catchers
+    if part is None or not part[..., 3].any():
+        yield CatcherLightFound(_NOTHING)
+    else:
+        yield CatcherLightFound(empty_light(part).astype(np.float32))

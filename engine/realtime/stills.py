@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Collection, Generator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,11 +35,12 @@ def render_orbit(
     most_bytes: int = MOST_BYTES,
     most_slice_bytes: int = MOST_SLICE_BYTES,
     transparent: bool = False,
+    apart: Collection[int] = (),
 ) -> Generator[StillProgress, None, Float32Array]:
     """Render radiance (H, W, 3) after up to n_bounces reflections, as Orbit shows it at rest; yield the progress.
 
     layers_of: the layers of each object, by its index; most_bytes and most_slice_bytes: limits for the points' data and
-    for the slices, see `Orbit`; transparent: without the sky, and with alpha (H, W, 4).
+    for the slices, see `Orbit`; transparent: without the sky, and with alpha (H, W, 4); apart: see `Orbit.draw`.
     """
     orbit = Orbit(placement.scene, placement.caster, n_points, n_coefficients, n_patches, most_bytes, most_slice_bytes)
     orbit.set_light(sky)
@@ -48,21 +49,22 @@ def render_orbit(
     camera, resolution = placement.scene.description.camera, placement.hits.resolution
     for step in orbit.work():
         yield StillProgress(_DRAWING * step.fraction, step.text)
-    picture = orbit.draw(camera, resolution, "still", transparent=transparent)
+    picture = orbit.draw(camera, resolution, "still", transparent=transparent, apart=apart)
     if not orbit.is_done:  # the picture shows the backs of some objects
         for step in orbit.work():
             yield StillProgress(_DRAWING * step.fraction, step.text)
-        picture = orbit.draw(camera, resolution, "still", transparent=transparent)
+        picture = orbit.draw(camera, resolution, "still", transparent=transparent, apart=apart)
     return picture
 
 
 def render_deform(
-    deform: Deform, resolution: tuple[int, int], transparent: bool = False
+    deform: Deform, resolution: tuple[int, int], transparent: bool = False, apart: Collection[int] = ()
 ) -> Generator[StillProgress, None, Float32Array]:
     """Render radiance (H, W, 3) of a scene as Deform shows it at rest; yields the progress. transparent: without the
-    sky, and with alpha (H, W, 4)."""
+    sky, and with alpha (H, W, 4); apart: see `Deform.draw`."""
     yield from deform.work()
-    return deform.draw(deform.scene.description.camera, resolution, (), "rest", transparent=transparent)
+    camera = deform.scene.description.camera
+    return deform.draw(camera, resolution, (), "rest", transparent=transparent, apart=apart)
 
 
 class PathReference:

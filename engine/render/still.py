@@ -152,10 +152,17 @@ def _reflect_group(
 
 
 def render_reference(
-    placement: Placement, layers_of: Mapping[int, Sequence[Layer]], sky: SkyState, n_patches: int, level: int,
-    transparent: bool = False,
-) -> Generator[StillProgress, None, Picture]:  # fmt: skip
-    """Render the same picture by brute force: every pixel samples 20·4^level directions and `n_patches` patches.
+    placement: Placement, layers_of: Mapping[int, Sequence[Layer]], sky: SkyState, n_patches: int, level: int
+) -> Generator[StillProgress, None, Picture]:
+    """Render the same picture by brute force; see `reference_radiance`."""
+    radiance = yield from reference_radiance(placement, layers_of, sky, n_patches, level)
+    return compose(placement, radiance, sky)
+
+
+def reference_radiance(
+    placement: Placement, layers_of: Mapping[int, Sequence[Layer]], sky: SkyState, n_patches: int, level: int
+) -> Generator[StillProgress, None, NDArray[np.float64]]:
+    """What points reflect once (P, 3) by brute force: every one samples 20·4^level directions and `n_patches` patches.
     Slow."""
     n_points, done = len(placement.hits.pixel), 0
     radiance = np.zeros((n_points, 3))
@@ -171,7 +178,7 @@ def render_reference(
                     radiance[block] = found
                     done += len(block)
                 yield StillProgress(done / n_points, "every direction of every pixel")
-    return compose(placement, radiance, sky, transparent)
+    return radiance
 
 
 def render_paths(

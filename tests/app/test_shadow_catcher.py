@@ -15,10 +15,11 @@ from app.document.commands import DuplicateObject, SetShadowCatcher
 from app.project.assignments import set_path
 from app.project.project import open_project
 from app.stills.picture_layers import render_layers
-from app.stills.shadow_catcher import CatcherView, caught_shadows
+from app.stills.shadow_catcher import caught_shadows
 from app.stills.stills import picture_bytes, render_project
 from engine.core.errors import InsituError
 from engine.light.environment import LUMINANCE
+from engine.render.crop import Crop, cropped
 from tests.scene_text import camera, environment, facing_down, facing_up, material, placed
 
 GREY = material('model = "lambert", albedo = [0.5, 0.5, 0.5]')
@@ -95,26 +96,53 @@ def test_placement_agrees_with_paths(tmp_path: Path) -> None:
     assert shown[..., 3].max() > 0.4 and shown[..., 3].min() < 0.1
 
 
+@pytest.mark.parametrize("mode", ["orbit", "deform"])
+def test_over_its_own_picture_it_is_the_picture_with_all_at_edges_too(tmp_path: Path, mode: Any) -> None:
+    """In grey light, where the disc covers a part of the floor's darkest pixels."""
+    text = camera((3, 1.5, 0), 40, (16, 12), head="bounces = 1\n") + environment()
+    text += placed("floor", "quad", facing_up(20), GREY) + placed("disc", "disc", facing_down(1, (0, 0.5, 0)), RED)
+    (tmp_path / "scene.toml").write_text(text)
+    scene = insitu.open(str(tmp_path / "scene.toml"))
+    scene.light.background = "transparent"
+    whole = np.asarray(scene.image(mode))
+    scene["floor"].shadow_catcher = True
+    caught = np.asarray(scene.image(mode))
+    edges = (caught[..., 3] > 0.55) & (caught[..., 3] < 0.95)
+    assert edges.sum() >= 4
+    below = whole[..., 3] == 1.0
+    over = caught[..., :3] + (1.0 - caught[..., 3:]) * 0.5  # a floor of albedo 1/2 under a sky of radiance 1
+    np.testing.assert_allclose(over[below], whole[below][:, :3], atol=0.01)
+
+
+def test_a_crop_has_the_shadow_of_the_whole(tmp_path: Path) -> None:
+    """Of pixels that a lamp covers in part, where catchers alone are in no pixel that is computed."""
+    source = scene_under_a_disc(tmp_path, environment())
+    lamp = placed("lamp", "quad", facing_up(0.2, (0.0, 0.1, 0.0)), "emission = [4, 4, 4]\n")
+    Path(source).write_text(Path(source).read_text() + lamp)
+    project = open_project(source, values=[("floor.shadow_catcher", True), ("light.background", "transparent")])
+    whole = render_project(project, lambda step: None).picture
+    light = whole[..., 0]
+    rows, columns = np.nonzero((light > 0.4) & (light < 3.6))
+    assert len(rows)
+    for row, column in list(zip(rows.tolist(), columns.tolist(), strict=True))[:3]:
+        crop = Crop(column / 16, row / 12, (column + 1) / 16, (row + 1) / 12)
+        part = cropped(render_project(project, lambda step: None, crop=crop).picture, crop)
+        np.testing.assert_allclose(part[0, 0], whole[row, column], atol=0.03)
+
+
 def test_what_objects_throw_on_it_is_added() -> None:
     """In closed form: C = 1/2, 1 and 3 times W, alone, at an edge, and where nothing else is."""
-    rng = np.random.default_rng(3)
     empty, share, others = np.array([0.2, 0.4, 0.6]), np.array([[1.0, 1.0, 0.25, 0.0]]), np.array([0.9, 0.5, 0.1])
     times = np.array([[0.5, 3.0, 0.5, 0.0]])
     light = times[..., None] * share[..., None] * empty
     whole = np.concatenate([light + (1.0 - share[..., None]) * others, np.ones((1, 4, 1))], axis=2)
+    part = np.concatenate([light, share[..., None]], axis=2)
     alone = np.concatenate([np.broadcast_to(empty, (1, 4, 3)), np.ones((1, 4, 1))], axis=2)
-    directions = rng.normal(size=(1, 4, 3)).astype(np.float32)
-    view = CatcherView(share, share == 1.0, directions)
-    everywhere = CatcherView(np.ones((1, 4)), np.ones((1, 4), bool), directions)
     expected = np.array([
         [0.0, 0.0, 0.0, 0.5], [*(2.0 * empty), 0.0], [*(0.75 * others), 0.75 + 0.25 * 0.5], [*others, 1.0],
     ])  # fmt: skip
-    exact = caught_shadows(whole.astype(np.float32), alone.astype(np.float32), view, everywhere, light)
-    np.testing.assert_allclose(exact[0], expected, atol=1e-6)
-    # Without the catcher's light the edge takes the share of its nearest neighbour, which has three times W.
-    guessed = caught_shadows(whole.astype(np.float32), alone.astype(np.float32), view, everywhere)
-    np.testing.assert_allclose(guessed[0, [0, 1, 3]], expected[[0, 1, 3]], atol=1e-6)
-    assert guessed[0, 2, 3] == pytest.approx(0.75)
+    found = caught_shadows(*(each.astype(np.float32) for each in (whole, part, alone)))
+    np.testing.assert_allclose(found[0], expected, atol=1e-6)
 
 
 def test_files_have_its_alpha_and_layers_its_shadow(tmp_path: Path) -> None:

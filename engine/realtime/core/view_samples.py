@@ -20,6 +20,7 @@ from engine.material.layer import Layer
 from engine.realtime.core import _sample_kernels as kernels
 from engine.realtime.core._sample_kernels import Charts, Samples
 from engine.realtime.core.corner_visibility import CornerVisibility
+from engine.realtime.core.picture_parts import with_part
 from engine.realtime.core.raster import find_triangles
 from engine.realtime.core.shading_points import ShadingPoints
 from engine.realtime.core.terms import map_factor
@@ -304,13 +305,13 @@ def add_values(which: Rows, values: Float32Array, factor: Float32Array, radiance
 
 def assemble_picture(
     seen: ViewSamples, radiance: Float32Array, environment: Environment | None, rotation: float, scale: float = 1.0,
-    transparent: bool = False,
+    transparent: bool = False, apart: Collection[int] = (),
 ) -> Float32Array:  # fmt: skip
     """Assemble the picture (H, W, 3) from the samples' reflected radiance (R, 3), which is overwritten, their emission,
     and the sky behind. transparent: without the sky, and with a fourth channel: alpha, the share of each pixel that
-    something covers."""
+    something covers. apart: objects, by index, whose own part of such a picture follows it, (H, W, 8)."""
     radiance += seen.samples.emitted
-    if environment is not None and not transparent:
+    if environment is not None and not (transparent or apart):
         image, turn = environment.radiance, math.radians(rotation % 360.0)
 
         def part(start: int, stop: int) -> None:
@@ -319,9 +320,10 @@ def assemble_picture(
 
         on_threads(part, *even_parts(len(radiance)))
     (width, height), values = seen.resolution, radiance
-    if transparent:
-        covered = seen.samples.i_object >= 0
-        values = np.concatenate([radiance, covered[:, None]], axis=1, dtype=np.float32)
+    if transparent or apart:
+        i_object = seen.samples.i_object
+        values = np.concatenate([radiance, (i_object >= 0)[:, None]], axis=1, dtype=np.float32)
+        values = with_part(values, np.isin(i_object, list(apart))) if apart else values
     if (seen.share == 1.0).all():
         return values.reshape(height, width, -1)
     whole = np.stack([np.bincount(seen.pixel, each * seen.share, width * height) for each in values.T], axis=1)

@@ -16,7 +16,7 @@ The object refers to no window and no process, and may be dropped between any tw
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Mapping
+from collections.abc import Collection, Generator, Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -326,19 +326,21 @@ class Orbit:
 
     def draw(
         self, camera: CameraDescription, resolution: tuple[int, int], quality: Quality = "rest",
-        n_moving: int = N_MOVING, transparent: bool = False,
+        n_moving: int = N_MOVING, transparent: bool = False, apart: Collection[int] = (),
     ) -> Float32Array:  # fmt: skip
         """Draw radiance (H, W, 3) as it is known now; resolution (width, height). transparent: without the sky, and
-        with alpha (H, W, 4).
+        with alpha (H, W, 4); apart: objects, by index, whose own part of such a picture follows it, (H, W, 8).
 
         quality: "moving" is the fastest, with n_moving coefficients a point; "rest" evaluates the reflection at every
         pixel; "still" evaluates every peak exactly as well. Raises ValueError before `is_ready`.
         """
-        return run_to_end(self.draw_steps(camera, resolution, quality, n_moving, transparent=transparent))
+        drawing = self.draw_steps(camera, resolution, quality, n_moving, transparent=transparent, apart=apart)
+        return run_to_end(drawing)
 
     def draw_steps(
         self, camera: CameraDescription, resolution: tuple[int, int], quality: Quality = "rest",
         n_moving: int = N_MOVING, has_soft_edges: bool = False, transparent: bool = False,
+        apart: Collection[int] = (),
     ) -> Generator[StillProgress, None, Float32Array]:  # fmt: skip
         """As `draw`, piece by piece; has_soft_edges: antialias edges in "moving" pictures as well, which takes a fifth
         longer."""
@@ -357,7 +359,7 @@ class Orbit:
         what = lit, self._reflections, self.scene, self._lights.reaching(self.scene, self._patches, lit)
         radiance = yield from view_radiance(seen, *what, self._n_bounces, quality, n_moving)
         sky = self._lights.sky
-        return assemble_picture(seen, radiance, sky.environment, sky.rotation, sky.scale, transparent)
+        return assemble_picture(seen, radiance, sky.environment, sky.rotation, sky.scale, transparent, apart)
 
     # ---------------------------------------------------------------------------------------------------- private
 

@@ -19,7 +19,7 @@ surface (`engine.scene.surface_kinds`), this replaces its own transfer.
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Mapping, Sequence
+from collections.abc import Collection, Generator, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -370,16 +370,17 @@ class Deform:
 
     def draw(
         self, camera: CameraDescription, resolution: tuple[int, int], poses: Poses = (), quality: Quality = "moving",
-        turned: bool = True, transparent: bool = False,
+        turned: bool = True, transparent: bool = False, apart: Collection[int] = (),
     ) -> Float32Array:  # fmt: skip
         """Draw radiance (H, W, 3) as it is known now; resolution (width, height). "rest": four samples a pixel. turned:
         whether transfer rotates with the surface; False shows the picture without this, for comparison. transparent:
-        without the sky, and with alpha (H, W, 4).
+        without the sky, and with alpha (H, W, 4); apart: objects, by index, whose own part of such a picture follows
+        it, (H, W, 8).
 
         Raises ValueError before `is_ready`.
         """
         subject, pictures = self._shading_state()
-        return pictures.draw(subject, camera, resolution, poses, quality, turned, transparent)
+        return pictures.draw(subject, camera, resolution, poses, quality, turned, transparent, apart)
 
     def draw_errors(self, camera: CameraDescription, resolution: tuple[int, int], poses: Poses = ()) -> Float32Array:
         """Draw the errors of the visible lobes relative to the transfer that they were fitted to (H, W, 3): see

@@ -3,7 +3,7 @@ what needs more detail than interpolation between points gives."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.core.camera import centre_directions
+from engine.realtime.core.picture_parts import with_part
 from engine.realtime.core.raster import BLACK, RasterResult, draw, paint
 from engine.realtime.core.terms import diffuse_albedo, is_glossy
 from engine.realtime.zonal_harmonics.bending_points import BendingPoints, PosedPoints
@@ -69,9 +70,9 @@ class PictureRenderer:
 
     def draw(
         self, of: ShadingState, camera: CameraDescription, resolution: tuple[int, int], poses: Poses = (),
-        quality: Quality = "moving", turned: bool = True, transparent: bool = False,
+        quality: Quality = "moving", turned: bool = True, transparent: bool = False, apart: Collection[int] = (),
     ) -> Float32Array:  # fmt: skip
-        """Draw radiance (H, W, 3), or with alpha (H, W, 4); see `Deform.draw`."""
+        """Draw radiance (H, W, 3), or with alpha (H, W, 4), or a part of that besides (H, W, 8); see `Deform.draw`."""
         points, camera_position, fine = (
             self._points,
             camera_position_of(of.scene, camera),
@@ -82,13 +83,17 @@ class PictureRenderer:
         white, gloss = found.white, self._gloss(of, places, frames, camera_position, found, quality)
         drawn = self._rasterize(of.scene, places, camera, (resolution[0] * fine, resolution[1] * fine))
         emission = of.even_emission, of.scene.cones
-        behind = BLACK if transparent else of.backdrop
+        behind = BLACK if transparent or apart else of.backdrop
         picture = paint(drawn, points.surface, white, gloss, of.albedos, *emission, behind)
         self._add_emission(of.scene, drawn, picture, quality)
         for i in of.layers_of:
             self._add_by_pixel(of, i, drawn, white, camera_position, picture, quality)
-        if transparent:
-            picture = np.concatenate([picture, (drawn.found >= 0)[..., None]], axis=2, dtype=np.float32)
+        if transparent or apart:
+            covered = drawn.found >= 0
+            picture = np.concatenate([picture, covered[..., None]], axis=2, dtype=np.float32)
+            if apart:
+                is_apart = np.isin(points.surface.i_object[np.where(covered, drawn.found, 0)], list(apart))
+                picture = with_part(picture, covered & is_apart)
         return _downsample(picture) if fine == 2 else picture
 
     def draw_errors(
