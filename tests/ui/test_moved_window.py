@@ -90,3 +90,51 @@ def test_the_picture_stays_until_the_first_one_after_a_move(context: moderngl.Co
             if editor.status.is_finished and not feed.is_behind and errors:
                 break
         assert off(before, there) > 0.3 and max(errors) < 0.1 and errors[-1] < 1e-3, errors
+
+
+SHAPES = {
+    "quad": ("quad", "transform = [0.5, 0, 0, {x}, 0, 0.4, 0, 0.5, 0, 0, 1, -0.6, 0, 0, 0, 1]\n"),
+    "disc": ("disc", "transform = [0.6, 0, 0, {x}, 0, 0.6, 0, 0.5, 0, 0, 1, -0.6, 0, 0, 0, 1]\n"),
+    "ball": ("sphere", "transform = [0.5, 0, 0, {x}, 0, 0.5, 0, 0.5, 0, 0, 0.5, -0.6, 0, 0, 0, 1]\n"),
+}
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_a_dragged_lamp_is_drawn_where_it_is(context: moderngl.Context, tmp_path: Path, shape: str) -> None:
+    """Half of it goes behind a ball; what it hid before is no longer bright."""
+    primitive, transform = SHAPES[shape]
+
+    def text(x: float) -> str:
+        lamp = f'[[object]]\nname = "lamp"\nprimitive = "{primitive}"\nemission = [9, 8, 7]\n' + transform.format(x=x)
+        return HEAD + FLOOR + placed("ball", "sphere", scaled(0.8, (0.5, 0.4, 0.2)), LAMBERT) + lamp
+
+    there = exact(context, tmp_path / "there", text(0.4))
+    for window, client in opened(context, tmp_path / "here", text(-0.5)):
+        editor, before = window.shell.editor, linear_picture(window)
+        n_views = client.n_asked(SetCamera)
+        editor.begin_drag()
+        editor.do(MoveObject("lamp", (0.9, 0, 0)))
+        window.frames(1)  # at once, while its light is on its way
+        now = linear_picture(window)
+        assert client.n_asked(SetCamera) == n_views
+        bright = [(each > 5.0).all(axis=2) for each in (before, there, now)]
+        assert bright[0].sum() > 20 and bright[1].sum() > 20 and not (bright[0] & bright[1]).any()
+        assert (bright[1] != bright[2]).sum() <= 0.15 * bright[1].sum()  # edges against the ball
+        inside = bright[1] & bright[2]
+        assert np.allclose(np.median(now[inside], axis=0), (9, 8, 7))
+        assert np.abs(now[inside] - there[inside]).mean() < 0.4  # shares of pixels, by 16 samples and by 8 rays
+        assert now[bright[0]].max() < 1.5  # what is beside it, in its light of before
+        # An edge of it in front of the sky: shares of pixels.
+        assert abs(now[:16].mean() / there[:16].mean() - 1.0) < 0.05
+        editor.do(MoveObject("lamp", (-0.9, 0, 0)))
+        window.frames(1)
+        assert (linear_picture(window) == before).all()  # to the bit, in its place
+        editor.do(MoveObject("lamp", (0.9, 0, 0)))
+        window.frames(1)
+        assert ((linear_picture(window) > 5.0).all(axis=2) == bright[2]).all()
+        editor.end_drag()
+        wait_until_exact(window)
+        assert off(linear_picture(window), there) < 1e-2
+        editor.undo()
+        wait_until_exact(window)
+        assert off(linear_picture(window), before) < 1e-4

@@ -246,7 +246,7 @@ def test_a_plain_colour_is_about_what_a_material_reflects() -> None:
 def test_before_a_scene_the_feed_warms_up_and_leaves_nothing(context: moderngl.Context) -> None:
     editor = Editor(FakeClient(), "shelf")
     feed = PictureFeed(context, editor.mode)
-    for _ in range(100):
+    for _ in range(150):
         assert not feed.take(editor, 0.0)
     assert feed.source.renderer.frame is None and feed.picture is None
     feed.close()
@@ -260,7 +260,7 @@ def test_before_a_scene_the_feed_imports_what_other_modes_draw_with(
     editor = Editor(FakeClient(), "shelf")
     feed = PictureFeed(context, editor.mode)
     before = len(imported)
-    for _ in range(100):
+    for _ in range(150):
         feed.take(editor, 0.0)
         assert len(imported) <= before + 1  # one a look, events being heard between them
         before = len(imported)

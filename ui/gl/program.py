@@ -150,10 +150,12 @@ class Passes:
         textures: Textures,
         *,
         add: bool = False,
+        over: bool = False,
         **uniforms: Any,
     ) -> None:
-        """Run `program` over `box` of `target`, replacing its content or, with `add`, adding to it."""
-        self._prepare(target, box, add)
+        """Run `program` over `box` of `target`, replacing its content; with `add`, adding to it; with `over`, laid over
+        it, its alpha multiplied into its colour."""
+        self._prepare(target, box, add, over)
         _assign(program, textures, uniforms)
         if program.glo not in self._arrays:
             self._arrays[program.glo] = self.context.vertex_array(program, [])
@@ -171,16 +173,17 @@ class Passes:
         _assign(array.program, textures, uniforms)
         array.render(moderngl.POINTS)
 
-    def _prepare(self, target: moderngl.Framebuffer, box: Box, add: bool) -> None:
+    def _prepare(self, target: moderngl.Framebuffer, box: Box, add: bool, over: bool = False) -> None:
         target.scissor = None  # type: ignore[assignment]  # off
         target.viewport = box
         target.use()
         target.color_mask = _ALL_CHANNELS[len(target.color_attachments)]  # type: ignore[assignment]
-        self.context.enable_only(moderngl.PROGRAM_POINT_SIZE | (moderngl.BLEND if add else 0))
+        self.context.enable_only(moderngl.PROGRAM_POINT_SIZE | (moderngl.BLEND if add or over else 0))
         self.context.wireframe = False
-        if add:
+        if add or over:
+            below = moderngl.ONE_MINUS_SRC_ALPHA if over else moderngl.ONE
             self.context.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]
-            self.context.blend_func = moderngl.ONE, moderngl.ONE  # type: ignore[assignment]
+            self.context.blend_func = moderngl.ONE, below  # type: ignore[assignment]
 
     def release(self) -> None:
         for array in self._arrays.values():

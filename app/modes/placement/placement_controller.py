@@ -15,7 +15,7 @@ from functools import partial
 
 from app.document.commands import EditCommand
 from app.document.commands.layers import SetMaterial, SetVariant
-from app.document.document import Document
+from app.document.document import Document, ObjectState
 from app.document.effective_settings import effective_view
 from app.document.view_state import SetView, ViewState
 from app.messages.editor_status import Status
@@ -30,7 +30,7 @@ from app.modes.placement.drawn_picture import DrawnPicture
 from app.modes.placement.idle_work import IdleWork
 from app.modes.placement.indirect_controller import IndirectController
 from app.modes.placement.map_controller import MapController
-from app.modes.placement.moved_lamps import moved_lamps
+from app.modes.placement.moved_lamps import lamps_elsewhere, moved_lamps
 from app.modes.placement.picture_summary import PictureSummary
 from app.modes.placement.picture_transition import PictureTransition, RequestedTransport
 from app.modes.placement.placement_events import (
@@ -303,6 +303,11 @@ class PlacementController(ModeController):
     @property
     def is_running(self) -> bool:
         return self._transport.running
+
+    @property
+    def lamps_elsewhere(self) -> list[ObjectState]:
+        """The lamps that the document has elsewhere than the picture."""
+        return lamps_elsewhere(self._document, self._poses)
 
     # -------------------------------------------------------------------------------------------------------- rendering
 

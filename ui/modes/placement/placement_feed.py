@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import moderngl
@@ -41,64 +41,15 @@ from app.modes.placement.placement_events import (
 from app.modes.placement.placement_status import RenderReport
 from engine.curve.wavelet import forward
 from engine.material.layer import object_of
-from engine.material.layer_maps import LayerMaps
 from engine.render.headlight import headlight_colour, headlight_radiance
 from ui.gl.display import BLACK, Behind, DisplayView, ShownPicture, exposure_factor
-from ui.gl.gpu_memory import small_texture
 from ui.gl.view_transform import ToneView
 from ui.modes.placement.gl.layers import ComparedAppearance
 from ui.modes.placement.gl.renderer import PlacementRenderer
 from ui.modes.placement.gl.shader_warm_up import warm_up
+from ui.modes.placement.lamp_feed import LampFeed
+from ui.modes.placement.map_feed import MapFeed
 from ui.picture_feed import PictureSource, ViewportStill, viewport_still
-
-
-class MapFeed:
-    """Feeds one renderer. A layer's images may come before the layer itself."""
-
-    def __init__(self, renderer: PlacementRenderer) -> None:
-        self._renderer = renderer
-        self._newest: dict[str, LayerMapsChanged] = {}
-        self._thumbnails: dict[str, dict[str, moderngl.Texture]] = {}
-        self._retired: list[moderngl.Texture] = []
-
-    def thumbnails(self, key: str) -> Mapping[str, moderngl.Texture]:
-        """The "texture" and the "weight" of a layer, small, row 0 at the top, where there are any."""
-        return self._thumbnails.get(key, {})
-
-    def take(self, event: LayerMapsChanged) -> None:
-        """Take another image, or none."""
-        self._newest[event.key] = event
-        self._retire([event.key])
-        context = self._renderer.context
-        self._thumbnails[event.key] = {name: small_texture(context, p) for name, p in event.thumbnails.items()}
-        if event.key in self._renderer.layer_keys:
-            self._renderer.set_layer_maps(event.key, event.samples)
-
-    def layer_made(self, key: str) -> None:
-        """Note that the renderer has a new layer."""
-        if key in self._newest:
-            self._renderer.set_layer_maps(key, self._newest[key].samples)
-
-    def follow(self, key: str, maps: LayerMaps) -> None:
-        """Follow a layer's numbers in the document; there is nothing to invert before there is a weight."""
-        shown = self._newest.get(key)
-        inverts = maps.weight_invert and shown is not None and shown.has_weight
-        self._renderer.set_map_numbers(key, maps.sampled_strength, inverts)
-
-    def clear(self) -> None:
-        """Drop all: another scene is open."""
-        self._newest.clear()
-        self._retire(list(self._thumbnails))
-
-    def release_retired(self) -> None:
-        """Free what panels drew in the last frame and no longer have."""
-        for texture in self._retired:
-            texture.release()
-        self._retired.clear()
-
-    def _retire(self, keys: Iterable[str]) -> None:
-        self._retired += [texture for key in keys for texture in self._thumbnails.pop(key, {}).values()]
-
 
 UPLOAD_SHARE = 0.5
 # The fraction of the frame's time that refinement gets however long the rest takes.
@@ -121,7 +72,7 @@ class PlacementFeed(PictureSource):
         self._drawn_as: dict[str, tuple[object, ...]] = {}
         self._holds = False
         self._emission: dict[str, RGB] = {}
-        self._maps = MapFeed(self.renderer)
+        self._maps, self._lamps = MapFeed(self.renderer), LampFeed(self.renderer)
         self._plain: dict[str, ObjectState] = {}
         self._is_shaded = False  # all objects, lit from the camera at least: others are black
         self._view = ToneView()
@@ -202,6 +153,7 @@ class PlacementFeed(PictureSource):
         self._drawn_as.clear()
         self._emission.clear()
         self._maps.clear()
+        self._lamps.scene_taken(event)
         self._wanted = {}
         self._compared = self._rotation = self._followed = None
         self._is_shaded = False
@@ -252,6 +204,7 @@ class PlacementFeed(PictureSource):
             self._follow_curve(editor)
             self._followed = document
         self._follow_visibility(editor, document)
+        self._lamps.follow(editor.document, _controller(editor).lamps_elsewhere)
         self.renderer.hide_environment(editor.document.background.hides_environment)
         self._follow_catchers(editor, document)
         self._follow_comparison(editor)
@@ -400,7 +353,7 @@ class PlacementFeed(PictureSource):
             compare_exposure=None if compared is None else view.exposure + stops(compared.light),
             tone_mapping=self._view.follow(view.tone_mapping, editor.colours),
             selected=self._index(view.selected.object if view.selected else None),
-            others=tuple(self._names.index(name) for name in view.others if name in self._names),
+            others=tuple(i for name in view.others if (i := self._index(name)) is not None),
             hovered=self._index(view.hovered),
             compare_divider=view.compare_divider if view.compare is not None else None,
             behind=exposed_background(editor.document.background, view.exposure),
@@ -409,6 +362,9 @@ class PlacementFeed(PictureSource):
         )
 
     def _index(self, name: str | None) -> int | None:
+        """The index of an object for its outline, None of a lamp that is not where the frame has it."""
+        if name is not None and self._lamps.shows(name):
+            return None
         return self._names.index(name) if name in self._names else None
 
 

@@ -6,9 +6,13 @@ import moderngl
 import numpy as np
 import pytest
 
+from engine.light.cones import ALL_ROUND
+from engine.scene.description import Camera
+from engine.scene.lamp_shape import SIZES
 from tests.ui.gl.pictures import finish, frame_of, norms_of
 from ui.gl.display import DisplayView
 from ui.gl.gpu_memory import TextureMemory
+from ui.modes.placement.gl.moved_lamps import ShownLamp
 from ui.modes.placement.gl.renderer import PlacementRenderer
 from ui.modes.placement.gl.shader_warm_up import warm_up
 
@@ -38,6 +42,12 @@ def draw_everything(renderer: PlacementRenderer) -> np.ndarray:
     renderer.set_layer_indirect("ball.0", np.ones((1, 3), np.float32))
     renderer.composite(DisplayView(selected=0))
     renderer.set_view_curve("ball.0", None)
+    place = tuple(np.diag([0.1, 0.1, 0.1, 1.0]).ravel().tolist())
+    camera = Camera(position=(0.0, 0.0, 2.0), target=(0.0, 0.0, 0.0))
+    lamps = [ShownLamp(0, primitive, place, (1.0, 1.0, 1.0), ALL_ROUND) for primitive in SIZES]
+    renderer.set_moved_lamps(camera, tuple(lamps))
+    renderer.composite(DisplayView())
+    renderer.set_moved_lamps(camera, ())
     transport = np.random.default_rng(1).uniform(0.1, 1.0, (4, n, 3)).astype(np.float16)
     renderer.begin_transport("ball.0", transport, norms_of(transport))
     while not renderer.upload(1.0):

@@ -15,11 +15,13 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.scene.description import Camera
 from engine.scene.picture_frame import PictureFrame
 from ui.gl.context import GraphicsError
 from ui.gl.gpu_memory import TextureMemory, read_texture
 from ui.gl.program import Box, Passes
 from ui.modes.placement.gl.catching import Catching
+from ui.modes.placement.gl.moved_lamps import MovedLamps, ShownLamp, box_of_pixels
 from ui.modes.placement.gl.transport import (
     SAMPLES_PER_ROW,
     Accumulator,
@@ -89,6 +91,7 @@ class Compositor:
         self._framebuffers: list[moderngl.Framebuffer] = []
         self._environment: moderngl.Texture | None = None
         self._catching: Catching | None = None
+        self._moved: MovedLamps | None = None
         self._sky: dict[str, Any] = {}
 
     def allocating(self) -> Generator[None, None, None]:
@@ -118,9 +121,9 @@ class Compositor:
         yield
         self._rays = self._keep(size, 3, "f4", np.asarray(frame.ray_directions, np.float32))
         yield
-        addresses, mixed = self._addresses_of_pixels()
+        self._addresses, mixed = self._addresses_of_pixels()
         yield
-        self._pixel_addresses = self._keep(size, 1, "i4", addresses)
+        self._pixel_addresses = self._keep(size, 1, "i4", self._addresses)
         self._mixed = self._keep(mixed.shape[1::-1], 2, "i4", mixed)
         self._theta_o = self._keep((SAMPLES_PER_ROW, self._n_rows), 1, "f4", self.pack(frame.theta_o, np.float32))
         self._coat_theta_o = self._theta_o
@@ -144,6 +147,11 @@ class Compositor:
     def object_box(self, i_object: int) -> Box:
         """The box of the picture that contains an object's pixels."""
         return self._object_boxes[i_object]
+
+    @property
+    def filled_box(self) -> Box | None:
+        """The box that shows moved lamps where they were, which any object may fill."""
+        return None if self._moved is None else self._moved.filled_box
 
     def object_size(self, i_object: int) -> int:
         """The number of points that the camera sees on the object."""
@@ -241,10 +249,40 @@ class Compositor:
         emitting = self._emitter_pixels.reshape(-1, 4)[:, :3]
         emitting[pixels] = 0.0
         np.add.at(emitting, lamps.pixel[there], lamps.seen[there])
-        first, last = int(pixels.min()) // self.frame.width, int(pixels.max()) // self.frame.width
-        band = np.ascontiguousarray(self._emitter_pixels[first : last + 1])
-        self._emission.write(band, viewport=(0, first, self.frame.width, len(band)), alignment=1)
+        self._write(self._emission, self._emitter_pixels, box_of_pixels(pixels, self.frame.width))
         return True
+
+    def set_moved_lamps(self, camera: Camera, lamps: tuple[ShownLamp, ...]) -> list[Box] | None:
+        """Show lamps elsewhere than the frame has them, see `MovedLamps`; camera: the frame's. Returns the boxes of the
+        picture that change, None where the backdrop does as well."""
+        objects = tuple(sorted({lamp.i_object for lamp in lamps}))
+        before, is_same = self._moved, objects == (() if self._moved is None else self._moved.objects)
+        if is_same:
+            return [] if self._moved is None else self._moved.place(lamps)
+        self._moved = None
+        if before is not None:
+            before.release()
+            self._write(self._emission, self._emitter_pixels, before.filled_box)
+            self._write(self._pixel_addresses, self._addresses, before.filled_box)
+        if lamps:
+            self._moved = MovedLamps(self._passes, self._memory, self.frame, camera, objects)
+            self._moved.place(lamps)
+            self._write(self._emission, self._emitter_pixels, self._moved.filled_box)
+            self._write(self._pixel_addresses, self._addresses, self._moved.filled_box)
+        return None
+
+    def _write(self, texture: moderngl.Texture, image: NDArray[np.generic], box: Box) -> None:
+        """Write a box of an image (H,W) or (H,W,n) of the frame; pixels that show moved lamps take others' place."""
+        x, y, width, height = box
+        if not width:
+            return
+        part = np.ascontiguousarray(image[y : y + height, x : x + width])
+        if self._moved is not None:
+            row, column = np.divmod(self._moved.filled, self.frame.width)
+            there = (row >= y) & (row < y + height) & (column >= x) & (column < x + width)
+            flat = image.reshape(self.frame.height * self.frame.width, -1)
+            part[row[there] - y, column[there] - x] = flat[self._moved.sources[there]].reshape(-1, *image.shape[2:])
+        texture.write(part, viewport=box, alignment=1)
 
     def draw_backdrop(self, rotation_degrees: float, intensity: float, transparent: bool) -> None:
         """Redraw what is behind the surfaces; transparent: emitters alone, with alpha. Shadows on catchers have the
@@ -300,7 +338,7 @@ class Compositor:
 
     def _shade_layer(self, layer: ShadedLayer, box: Box, add: bool) -> None:
         textures = {"accumulator": layer.accumulator.texture}
-        uniforms: dict[str, object] = {"gain": layer.gain}
+        uniforms: dict[str, Any] = {"gain": layer.gain}
         if layer.footprint is None or layer.maps is not None:
             uniforms["first_row"] = box[1]
         if layer.footprint is not None:
@@ -339,8 +377,10 @@ class Compositor:
             assert self._environment is not None
             textures |= {"ray_directions": self._rays, "environment": self._environment, **catching.textures}
             self._passes.draw(program, self.linear_target, box, textures, **self._sky)
-            return
-        self._passes.draw(program, self.linear_target, box, textures)
+        else:
+            self._passes.draw(program, self.linear_target, box, textures)
+        if self._moved is not None:
+            self._moved.draw(self.linear_target, box)
 
     def read_linear(self) -> NDArray[np.float32]:
         """The linear picture (H,W,4) with alpha; waits for the GPU."""
@@ -362,6 +402,9 @@ class Compositor:
         if self._catching is not None:
             self._catching.release(self._memory)
             self._catching = None
+        if self._moved is not None:
+            self._moved.release()
+            self._moved = None
         self._textures, self._framebuffers, self._environment = [], [], None
 
 

@@ -26,6 +26,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.scene.description import Camera
 from engine.scene.picture_frame import PictureFrame
 from engine.settings import Precision
 from ui.gl.context import GraphicsError
@@ -36,6 +37,7 @@ from ui.modes.placement.gl.coming_frame import ComingFrame
 from ui.modes.placement.gl.composite import Compositor
 from ui.modes.placement.gl.edited_layers import EditedLayers
 from ui.modes.placement.gl.layers import ComparedAppearance, LayerStack
+from ui.modes.placement.gl.moved_lamps import ShownLamp
 from ui.modes.placement.gl.transport import TermSum
 
 
@@ -148,6 +150,15 @@ class PlacementRenderer:
         picture = self._shown()
         picture.backdrop_is_stale |= picture.compositor.set_catchers(objects, light)
         return picture.compositor.catches
+
+    def set_moved_lamps(self, camera: Camera, lamps: tuple[ShownLamp, ...]) -> None:
+        """Show lamps elsewhere than the frame has them, see `MovedLamps`; camera: the frame's. Free where nothing
+        changes."""
+        picture = self._shown()
+        changed = picture.compositor.set_moved_lamps(camera, lamps)
+        picture.backdrop_is_stale |= changed is None
+        for box in changed or ():
+            picture.linear_box = _union(picture.linear_box, box)
 
     def set_footprint(self, rows: NDArray[np.integer] | None, weights: NDArray[np.floating] | None = None) -> None:
         """Set which samples stand for each pixel in the pictures set from now on; None: one sample per pixel.
@@ -403,6 +414,7 @@ class PlacementRenderer:
         for i_object in sorted(layers.dirty):
             compositor.shade(i_object, layers.of_object(i_object))
             picture.linear_box = _union(picture.linear_box, compositor.object_box(i_object))
+            picture.linear_box = _union(picture.linear_box, compositor.filled_box)
         layers.dirty.clear()
         if picture.linear_box is not None:
             compositor.composite(picture.linear_box)

@@ -12,8 +12,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from engine.light.cones import ALL_ROUND
+from engine.scene.description import Camera
+from engine.scene.lamp_shape import SIZES
 from engine.scene.picture_frame import PictureFrame
 from ui.gl.display import DisplayView
+from ui.modes.placement.gl.moved_lamps import ShownLamp
 from ui.modes.placement.gl.renderer import PlacementRenderer
 from ui.modes.placement.gl.transport import SAMPLES_PER_ROW
 
@@ -49,6 +53,12 @@ def _picture(renderer: PlacementRenderer, width: int, height: int) -> Iterator[N
     renderer.linear_image()
     renderer.set_catchers([], None)
     yield
+    camera, matrix = Camera(position=(0.0, 0.0, 2.0), target=(0.0, 0.0, 0.0)), tuple(np.eye(4).ravel().tolist())
+    for primitive in SIZES:
+        renderer.set_moved_lamps(camera, (ShownLamp(0, primitive, matrix, (1.0, 1.0, 1.0), ALL_ROUND),))
+        renderer.linear_image()
+        renderer.set_moved_lamps(camera, ())
+        yield
     rows, weights = np.zeros((_N_SAMPLES, 4), np.int32), np.full((_N_SAMPLES, 4), 0.25, np.float32)
     renderer.set_footprint(rows, weights)
     renderer.set_indirect_footprint(rows, weights)
@@ -107,5 +117,6 @@ def _frame(width: int, height: int) -> PictureFrame:
         theta_o=np.zeros(_N_SAMPLES, np.float32),
         emission_image=np.zeros((height, width, 3), np.float32),
         ray_directions=np.ones((height, width, 3), np.float32),
+        distance=np.ones(_N_SAMPLES, np.float32),
         share=np.where(np.arange(_N_SAMPLES) == 0, 0.5, 1.0).astype(np.float32),
     )
