@@ -331,7 +331,7 @@ class PlacementWorker(ModeWorker):
                 continue
             if lights is None:
                 lights = yield from self._relighting.lights_of(placement, sky)
-            picture = FixedPicture(self._relighting.picture(work, lit_by, lights))
+            picture = FixedPicture(self._relighting.picture(placement, work, lit_by, lights))
             yield from self._answers(self._hold(LayerData(work, lit_by, RELIT.name, picture, 1.0)), None, "half")
 
     def _send_dragged(self, request: ComputeTransport) -> Steps:

@@ -23,6 +23,7 @@ from engine.core.generators import map_steps
 from engine.light.environment import Environment, constant_environment
 from engine.precompute.direct._relight_kernels import Reflection
 from engine.precompute.direct.linking import reaching_skies
+from engine.precompute.direct.moves import lattice_stride
 from engine.precompute.direct.peaks import PeakLight, split_peaks, trace_peaks
 from engine.precompute.direct.pipeline import FINAL, Placement, SkyState
 from engine.precompute.direct.relight import (
@@ -38,6 +39,8 @@ from engine.precompute.direct.relight import (
 )
 
 Steps = Iterator[Response | None]
+# Of the lattice of pixels at which shadows of peaks are traced: every second one of 512 x 512, all of a small picture.
+MOST_POINTS = 80_000
 # Of the free memory.
 SHARE_OF_MEMORY = 0.25
 
@@ -70,9 +73,16 @@ class _LayerRows:
         """Whether the work reflects the same."""
         return reflects_alike(self.work, work)
 
-    def lit(self, light: _DistantLight) -> NDArray[np.float32]:
-        """The layer's radiance (p, 3), without f_q and f_o, under a sky alone."""
-        peaks = light.peaks.reflected(self.maker.hits, self.reflection, self.points)
+    def lit(self, light: _DistantLight, placement: Placement) -> NDArray[np.float32]:
+        """The layer's radiance (p, 3), without f_q and f_o, under a sky alone. Highlights and bumps are narrower than
+        the lattice that shadows were traced at; other light of a peak is not."""
+        stride, is_bumpy = light.peaks.stride, self.i_object in placement.scene.bump_normals.objects
+        if stride > 1 and self.work.layer.model.is_diffuse and not is_bumpy:
+            points = placement.rows_of(self.i_object, stride)
+            samples = light.peaks.reflected(self.maker.hits, self.reflection, points)
+            peaks = placement.interpolated(samples, self.i_object, stride)
+        else:
+            peaks = light.peaks.reflected(self.maker.hits, self.reflection, self.points)
         return np.asarray(self.rows.lit(light.coefficients) + peaks, np.float32)
 
 
@@ -119,7 +129,8 @@ class Relighting:
                 ready = _LayerRows(work, i_objects[work.key], maker, points, joined_rows(tiles), reflection)
             data = pictures[work.key]
             data = data.with_curves(work) if data.fits_curves(work) else data
-            rest = data.radiance - ready.lit(lights[ready.i_object]) if data.lit_by.light == scene.light else None
+            is_same = data.lit_by.light == scene.light
+            rest = data.radiance - ready.lit(lights[ready.i_object], placement) if is_same else None
             self._ready[work.key] = replace(ready, rest=rest, lit_by=data.lit_by)
             yield None
 
@@ -167,12 +178,15 @@ class Relighting:
     ) -> Generator[None, None, _DistantLight]:
         """A sky that reaches all objects, beside the one that the exact pictures were made under."""
         peaks, rest = split_peaks(sky.environment or constant_environment(0.0))
-        tracing = trace_peaks(placement, peaks, sky.rotation, sky.scale)
+        stride = lattice_stride(len(placement.hits.pixel), MOST_POINTS)
+        tracing = trace_peaks(placement, peaks, sky.rotation, sky.scale, stride)
         peak_light = yield from map_steps(tracing, lambda fraction: None)
         coefficients = light_coefficients(rest, sky.rotation, sky.scale)
         return _DistantLight(coefficients, peak_light, sky_likeness(sky, compared))
 
-    def picture(self, work: LayerState, lit_by: LightingState, lights: Sequence[_DistantLight]) -> NDArray[np.float32]:
+    def picture(
+        self, placement: Placement, work: LayerState, lit_by: LightingState, lights: Sequence[_DistantLight]
+    ) -> NDArray[np.float32]:
         """The radiance (p, 3) of a relit layer, under a sky from `lights_of`.
 
         It adds to the sky's radiance what the exact picture had more under the light before: of emitters, in proportion
@@ -181,7 +195,7 @@ class Relighting:
         """
         ready = self._ready[work.key]
         light = lights[ready.i_object]
-        radiance = ready.lit(light)
+        radiance = ready.lit(light, placement)
         assert ready.rest is not None and ready.lit_by is not None
         if lit_by.emission or source(lit_by.light) == source(ready.lit_by.light):
             factors = _emitter_factors(lit_by, ready.lit_by) if lit_by.emission else light.likeness

@@ -77,11 +77,13 @@ def split_peaks(environment: Environment) -> tuple[Peaks, Environment]:
 
 @dataclass(frozen=True, eq=False)
 class PeakLight:
-    """Peaks at one rotation: directions (M, 3), power (M, 3), and which of them each point of the picture sees."""
+    """Peaks at one rotation: directions (M, 3), power (M, 3), and which of them each point of the picture sees;
+    stride: of the lattice of points that they were traced from."""
 
     directions: Float32Array
     power: Float32Array
     visibility: Visibility
+    stride: int = 1
 
     def reflected(self, hits: PrimaryHits, reflection: kernels.Reflection, points: NDArray[np.integer]) -> Float32Array:
         """What a layer of this reflection sends to the camera from these points, (p, 3), without f_q and f_o."""
@@ -98,16 +100,18 @@ class PeakLight:
 
 
 def trace_peaks(
-    placement: Placement, peaks: Peaks, rotation: float, scale: float = 1.0
+    placement: Placement, peaks: Peaks, rotation: float, scale: float = 1.0, stride: int = 1
 ) -> Generator[float, None, PeakLight]:
-    """The peaks of an environment that is rotated by `rotation` degrees and scaled by `scale`, with their shadows;
-    yields the fraction done."""
+    """The peaks of an environment that is rotated by `rotation` degrees and scaled by `scale`, with their shadows,
+    which are traced at every `stride`-th pixel; others have those of the nearest. Yields the fraction done."""
     directions = turned(peaks.directions, rotation)
     targets = Targets(
         directions, np.zeros_like(directions), nearest_neighbours(directions), sentinel_step=SENTINELS,
         weak_step=SENTINELS, weakest_step=SENTINELS, rotating=True,
     )  # fmt: skip
     visibility = empty_visibility(placement.hits, targets)
-    yield from coherent_visibility(placement.hits, placement.caster, visibility)
-    evaluate_rows(placement.hits, placement.caster, visibility, placement.rows(1))
-    return PeakLight(directions, (np.float64(scale) * peaks.power).astype(np.float32), visibility)
+    yield from coherent_visibility(placement.hits, placement.caster, visibility, stride)
+    evaluate_rows(placement.hits, placement.caster, visibility, placement.rows(stride))
+    if stride > 1:
+        visibility.bits[:] = visibility.bits[placement.nearest_rows(stride)]
+    return PeakLight(directions, (np.float64(scale) * peaks.power).astype(np.float32), visibility, stride)

@@ -121,6 +121,7 @@ class Placement:
         self.sphere: Visibility = empty_visibility(self.hits, sphere_targets(VISIBILITY_LEVEL))
         self._rows: dict[int, np.ndarray] = {}
         self._footprints: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+        self._nearest: dict[int, np.ndarray] = {}
         self._emitters: dict[int, EmitterTree | None] = {}
         self.has_shadows = True
 
@@ -143,7 +144,7 @@ class Placement:
         part.sphere = empty_visibility(part.hits, self.sphere.targets)
         # The emitters are cut for its own points: sharing the whole's would make the result depend on the order of
         # calls.
-        part._rows, part._footprints, part._emitters = {}, {}, {}
+        part._rows, part._footprints, part._nearest, part._emitters = {}, {}, {}, {}
         return part
 
     def rows_of(self, i_object: int, stride: int = 1) -> np.ndarray:
@@ -163,6 +164,16 @@ class Placement:
         if stride not in self._footprints:
             self._footprints[stride] = footprint(self.hits, self.rows(stride), stride)
         return self._footprints[stride]
+
+    def nearest_rows(self, stride: int) -> np.ndarray:
+        """The point on the lattice of a stage that counts most for each point, by rows (P,)."""
+        if stride not in self._nearest:
+            chosen, weights = self.footprint(stride)
+            own = np.take_along_axis(chosen, weights.argmax(axis=1)[:, None], axis=1)[:, 0]
+            rows = self.rows(stride)
+            counts = np.diff(self.hits.object_ranges, axis=1)[:, 0]
+            self._nearest[stride] = rows[own + np.repeat(np.searchsorted(rows, self.hits.object_ranges[:, 0]), counts)]
+        return self._nearest[stride]
 
     def interpolated(self, samples: np.ndarray, i_object: int, stride: int) -> np.ndarray:
         """An object's picture (p, 3) at each of its points, of samples (s, 3) on the lattice of a stage."""
