@@ -37,6 +37,7 @@ from app.modes.placement.placement_messages import (
 from app.worker.cache import ArrayCache, content_key
 from app.worker.executor import IndirectSteps
 from app.worker.found_light import MOST_PARTS, Checkpoints, FoundLight, layer_visibility, materials_of, relit_message
+from app.worker.frozen_rows import FrozenRows, frozen_rows
 from app.worker.moved_pictures import MovedPictures
 from engine.core.generators import map_steps
 from engine.material.layer import Layer, object_of
@@ -89,15 +90,18 @@ class IndirectTasks:
         self._frozen_light: FoundLight | None = None
         self._frozen_bands: int | None = None  # of the second bounce
         self._answered: tuple[int, str | None, int | None] | None = None  # light, and what was edited of it
+        self._frozen_rows: FrozenRows | None = None
         self._relighting: IndirectRelighting | None = None
         self._relit_for: tuple[int, int | None, tuple[LayerState, ...]] | None = None
         self._numbers = itertools.count(time.time_ns())  # none that a worker before this one used
 
     @property
     def n_bytes(self) -> int:
-        """Memory of the light that was found, of stored freezings, and of what is prepared for other light."""
+        """Memory of the light that was found, of stored freezings, of what is frozen of edited curves, and of what is
+        prepared for other light."""
         kept = 0 if self._representations is None else self._representations.n_bytes
         kept += 0 if self._relighting is None else self._relighting.n_bytes
+        kept += 0 if self._frozen_rows is None else self._frozen_rows.n_bytes
         return kept + (0 if self._found is None else self._found.light.n_bytes)
 
     @property
@@ -300,6 +304,12 @@ class IndirectTasks:
             alone = SceneLight(sky_of(light.light), emission)
             yield from relighting.reflect_alone(light, alone, resting.get(light, BLACK))
 
+    def curve_rows(self, layer: LayerState, name: str, rows: NDArray[np.integer]) -> NDArray[np.floating] | None:
+        """What a curve reflects of the light that was frozen last, see `FrozenRows.of`; None where that is of another
+        transport."""
+        frozen = self._frozen_rows
+        return None if frozen is None or not self._is_requested_light(frozen.found) else frozen.of(layer, name, rows)
+
     def _relighting_of(self, layers: Sequence[LayerState]) -> IndirectRelighting | None:
         """That of the light that was frozen last and these layers; None where it was not frozen for such."""
         found, models = self._frozen_light, tuple((each.key, each.model) for each in layers)
@@ -389,7 +399,9 @@ class IndirectTasks:
             return FreezingProgress(desired.serial, n_done / max(n_steps, n_done + 1))
 
         light = yield from map_steps(polynomial.freeze(list(layers.values()), edited, selected), response)
-        yield frozen(light, True)
+        answer = frozen(light, True)
+        self._frozen_rows = frozen_rows(found, desired, answer)
+        yield answer
         self._answered = answers
         self._frozen_light, self._frozen_bands = replace(found, light=seen), desired.second_bands
 

@@ -17,6 +17,7 @@ from app.document.single_lights import Weights, light_weights
 from app.messages.catcher_messages import FindCatcherLight
 from app.messages.worker_messages import Progress, Response
 from app.modes.mode import ModeWorker
+from app.modes.placement.inverse_messages import FitCurves
 from app.modes.placement.placement_messages import (
     ComputeTransport,
     ContractTransport,
@@ -59,6 +60,7 @@ from engine.render.light_pilot import LightBudget
 from engine.settings import Precision, RenderSettings
 
 if TYPE_CHECKING:
+    from app.worker.curve_fits import CurveFits
     from app.worker.indirect_tasks import IndirectTasks
     from app.worker.map_tasks import MapTasks
 
@@ -80,6 +82,7 @@ class PlacementWorker(ModeWorker):
         self._current: dict[str, LayerData] = {}
         self._sent: set[str] = set()
         self._maps: MapTasks | None = None
+        self._fits: CurveFits | None = None
         self._relighting, self._lights = Relighting(), LightPictures()
         self._light_plans = LightBudgets(context)
         self._moves = Moves(context)
@@ -96,12 +99,13 @@ class PlacementWorker(ModeWorker):
             EstimateError: self._estimate_error,
             PrepareRelighting: self._prepare_relighting,
             FindCatcherLight: self._find_catcher_light,
+            FitCurves: self._fit_curves,
         }
 
     def view_traced(self) -> None:
         moved, known = self._moves.view_traced(self._layers, self._indirect)
         self._layers, self._current = {}, {}
-        self._indirect, self._maps = None, None
+        self._indirect, self._maps, self._fits = None, None, None
         if moved is not None and known is not None:
             self._indirect_tasks().carry_over(known, moved)
         self._relighting, self._lights = Relighting(), LightPictures()
@@ -127,6 +131,13 @@ class PlacementWorker(ModeWorker):
         data = self._current.get(request.layer.key)
         if data is not None and data.fits_curves(request.layer):
             yield from self._answers(self._hold(data), request.factor, request.precision, request.picture)
+
+    def _fit_curves(self, request: FitCurves) -> Steps:
+        if self._fits is None:
+            from app.worker.curve_fits import CurveFits
+
+            self._fits = CurveFits(self._context.open_placement)
+        yield from self._fits.fit(request, self._current, self._indirect)
 
     def _sample_maps(self, request: SampleMaps) -> Steps:
         if any(images.strokes for _, images in request.layers):

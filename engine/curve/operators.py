@@ -161,12 +161,23 @@ def combine(operator: Edit, x: Float64Array, values: Float64Array) -> Float64Arr
     weight = strength(operator, x)
     weight = (weight[:, None] if weight.ndim == 1 else weight) * np.array(operator.channels, dtype=float)
     if isinstance(operator, TabulatedCurve):
-        return values * (1.0 - weight) + _evaluate(operator, x) * weight
-    if operator.kind == "translate":
+        changed = _combine_table(operator, weight, _evaluate(operator, x), values)
+    elif operator.kind == "translate":
         changed = values + operator.magnitude * weight
     else:
         changed = values + (values - operator.baseline) * ((operator.magnitude - 1.0) * weight)
     return np.minimum(np.maximum(changed, -VALUE_LIMIT), VALUE_LIMIT)
+
+
+def _combine_table(
+    table: TabulatedCurve, weight: Float64Array, samples: Float64Array, values: Float64Array
+) -> Float64Array:
+    """A table's scaled samples (N, 3) on values of the curve below, at a weight, see `engine.curve.tables`."""
+    if table.kind == "change":
+        return values + weight * samples
+    if table.kind == "ratio":
+        return values * (1.0 + weight * (samples - table.magnitude))
+    return values * (1.0 - weight) + samples * weight
 
 
 @lru_cache(maxsize=256)

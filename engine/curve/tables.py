@@ -6,6 +6,11 @@ over smoothly into what is below, with the strength w of any operator, and outsi
 
     f(x) + w(x) (m t(x) - f(x)),   m the magnitude, which scales the table.
 
+Two kinds keep what is below, as edits of a curve that were solved for or come from another curve do [docs/inverse.md]:
+a *change* t is added, and a *ratio* t multiplies,
+
+    f(x) + w(x) m t(x),   f(x) (1 + w(x) m (t(x) - 1)).
+
 Between the samples of a table or a stroke, values are linear. Between control points they are monotone cubics [Fritsch
 and Butland 1984]: a curve through points that rise nowhere falls, so that no point has to be corrected for what
 another one did ("counter-editing", [BenArtzi07, 9.3]). Rejected: natural cubic splines, which overshoot.
@@ -26,7 +31,8 @@ Float64Array = NDArray[np.float64]
 Channels = tuple[bool, bool, bool]
 Regions = tuple[float, float, float, float]
 Triple = tuple[float, float, float]
-TableKind = Literal["curve", "stroke", "points"]
+TableKind = Literal["curve", "stroke", "points", "change", "ratio"]
+TABLE_KINDS: tuple[TableKind, ...] = ("curve", "stroke", "points", "change", "ratio")
 
 HALF_PI = math.pi / 2
 EVERYWHERE: Regions = (0.0, 0.0, HALF_PI, HALF_PI)
@@ -69,11 +75,12 @@ def ordered_regions(regions: Regions, **wanted: float | None) -> Regions:
 
 @dataclass(frozen=True)
 class TabulatedCurve:
-    """Samples in place of the curve below, in a region. By default that is everywhere: "collapse" replaces all
+    """Samples in place of the curve below, or a change of it, in a region. By default that is everywhere: "collapse" replaces all
     operators below by one.
 
     `gammas` (S,) radians that do not decrease, at least 1e-6 apart for "points"; `values` S triples; `kind`: "curve" a
-    table, "stroke" what was drawn, "points" control points; `magnitude` scales the values, 1 leaves them. Raises
+    table, "stroke" what was drawn, "points" control points, "change" values that are added to the curve below, "ratio"
+    factors of it; `magnitude` scales the values, or how far the factors are from 1; 1 leaves them. Raises
     OperatorError.
     """
 
@@ -93,8 +100,8 @@ class TabulatedCurve:
     def __post_init__(self) -> None:
         if len(self.gammas) != len(self.values) or not self.gammas:
             raise OperatorError(f"{len(self.gammas)} angles for {len(self.values)} values, expected as many")
-        if self.kind not in ("curve", "stroke", "points"):
-            raise OperatorError(f"kind = {self.kind}, expected curve, stroke or points")
+        if self.kind not in TABLE_KINDS:
+            raise OperatorError(f"kind = {self.kind}, expected {', '.join(TABLE_KINDS[:-1])} or {TABLE_KINDS[-1]}")
         if any(len(value) != 3 for value in self.values) or not (abs(_samples(self)[1]) <= VALUE_LIMIT).all():
             raise OperatorError(f"values of a tabulated curve must be triples of numbers within {VALUE_LIMIT:g}")
         gammas = _samples(self)[0]
@@ -107,9 +114,14 @@ class TabulatedCurve:
             raise OperatorError(f"magnitude of a table = {self.magnitude}, expected a number within {LARGEST_NUMBER:g}")
 
     @property
+    def replaces(self) -> bool:
+        """Whether it has the values that the curve is to have, and not those of a change or a ratio."""
+        return self.kind not in ("change", "ratio")
+
+    @property
     def replaces_all(self) -> bool:
         """Whether nothing is left of the curve below."""
-        return self.regions[1] <= 0.0 and self.regions[2] >= HALF_PI and all(self.channels)
+        return self.replaces and self.regions[1] <= 0.0 and self.regions[2] >= HALF_PI and all(self.channels)
 
     def with_regions(
         self, a: float | None = None, b: float | None = None, c: float | None = None, d: float | None = None

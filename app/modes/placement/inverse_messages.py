@@ -1,0 +1,57 @@
+"""Placement's requests that go from a picture to curves, and their responses.
+
+Shapes: n pixels of one object, J bands.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.messages.worker_messages import Request, Response
+from app.modes.placement.placement_messages import ComputeTransport
+
+if TYPE_CHECKING:
+    from app.document.scene_state import LayerState
+    from engine.inverse.curve_fit import CurveFit
+
+
+@dataclass(frozen=True, eq=False)
+class FitCurves(Request):
+    """Find the change of curves that brings pixels of an object to a wanted radiance, by the transport that is there;
+    answered by `CurvesFitted`.
+
+    layers: those that share the curves, the selected one first; names: of the curves; points (n,): the numbers of the
+    pixels' points among those of their object, ascending; seen and wanted (n, 3): radiance in the picture and as it is
+    to be; most_pixels: if there are more, so many of them decide, evenly chosen; smoothness, holding: see
+    `engine.inverse.curve_fit.fit_change`. serial comes back with the response.
+    """
+
+    built_on = (ComputeTransport,)
+    priority = 2
+    answered_once = True
+    is_stopped_by_user = False
+
+    layers: tuple[LayerState, ...]
+    names: tuple[str, ...]
+    points: NDArray[np.integer]
+    seen: NDArray[np.floating]
+    wanted: NDArray[np.floating]
+    smoothness: float
+    holding: float
+    most_pixels: int
+    serial: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class CurvesFitted(Response):
+    """What was found for each curve, by name, of the bands that the request's layers have; left (n, 3): the radiance
+    that no change of these curves adds, at the pixels of the request that decided, `chosen` (n,) of them."""
+
+    fits: dict[str, CurveFit]
+    chosen: NDArray[np.integer]
+    left: NDArray[np.floating]
+    serial: int = 0

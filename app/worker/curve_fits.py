@@ -1,0 +1,103 @@
+"""The worker's part of painting a highlight: pixels and their wanted radiance to changes of curves.
+
+All pixels of a stroke and some of the rest of the object, which hold it, are taken out of the transport that is there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.document.scene_state import LayerState
+from app.modes.placement.inverse_messages import CurvesFitted, FitCurves
+from app.worker.layer_data import LayerData, shape_of
+from app.worker.schedule import Steps
+from engine.core.errors import InsituError
+from engine.inverse.curve_fit import radiance_weights
+from engine.inverse.layer_fit import HeldPixels, LayerPixels, fit_layers
+from engine.material.layer_maps import LayerMaps
+from engine.precompute.direct.bandstore import BandStore
+from engine.precompute.direct.pipeline import Placement
+from engine.render.still import StillLayer, view_factors, with_maps
+from engine.scene.map_sampler import MapSamples
+
+if TYPE_CHECKING:
+    from app.worker.indirect_tasks import IndirectTasks
+
+# How many pixels of the rest of the object are held.
+N_HELD = 1024
+
+
+class CurveFits:
+    """Fits curves to pixels of one view. Images that were sampled for one fit serve the next."""
+
+    def __init__(self, placement: Placement) -> None:
+        self._placement = placement
+        self._images: dict[tuple[int, LayerMaps], MapSamples | None] = {}
+
+    def fit(self, request: FitCurves, current: Mapping[str, LayerData], indirect: IndirectTasks | None) -> Steps:
+        """Answer a request by the layers' present transport. Raises InsituError while that is coarse."""
+        chosen = _evenly(np.arange(len(request.points)), request.most_pixels)
+        points, n_points = np.asarray(request.points)[chosen], self._n_points(request.layers[0])
+        others = np.setdiff1d(_evenly(np.arange(n_points), N_HELD), request.points)
+        touched, held = [], []
+        for layer in request.layers:
+            data = current.get(layer.key)
+            if data is None or not data.fits_curves(layer) or data.store.n_points != n_points:
+                raise InsituError(f"{layer.object}: its light is still coarse; paint once the picture is finer")
+            data = data.with_curves(layer)
+            touched.append(self._pixels(layer, data, points, indirect, request.names))
+            held.append(self._pixels(layer, data, others, indirect, request.names))
+            yield None
+        seen, wanted = np.asarray(request.seen)[chosen], np.asarray(request.wanted)[chosen]
+        of_held = sum(_radiance(pixels) for pixels in held)
+        found = fit_layers(
+            touched, request.names, wanted - seen, radiance_weights(np.maximum(seen, wanted)),
+            HeldPixels(held, radiance_weights(of_held)), request.smoothness, request.holding,
+        )  # fmt: skip
+        yield CurvesFitted(found.fits, chosen, found.left, request.serial)
+
+    def _n_points(self, layer: LayerState) -> int:
+        return len(self._placement.rows_of(self._object(layer)))
+
+    def _object(self, layer: LayerState) -> int:
+        return self._placement.scene.object_index(layer.object)
+
+    def _pixels(
+        self, layer: LayerState, data: LayerData, points: NDArray[np.integer], indirect: IndirectTasks | None,
+        names: Sequence[str],
+    ) -> LayerPixels:  # fmt: skip
+        """Some points of a layer, by their numbers in its object."""
+        assert isinstance(data.store, BandStore)
+        i_object = self._object(layer)
+        rows = self._placement.rows_of(i_object)[points]
+        still = StillLayer(i_object, layer.layer, shape_of(layer).bands, editable=True)
+        view = view_factors(self._placement.hits, rows, replace(still, maps=self._sampled(still)))
+        between = {} if indirect is None else {
+            name: view * found for name in names
+            if (found := indirect.curve_rows(layer, name, rows)) is not None
+        }  # fmt: skip
+        curves = dict(zip(layer.factors, layer.coefficients, strict=True))
+        return LayerPixels(data.store.take(points), view * data.unit, curves, between)
+
+    def _sampled(self, still: StillLayer) -> MapSamples | None:
+        """A layer's images at all points of its object."""
+        key = still.i_object, still.layer.maps
+        if key not in self._images:
+            self._images[key] = with_maps(self._placement, [still])[0].maps
+        return self._images[key]
+
+
+def _evenly(points: NDArray[np.integer], most: int) -> NDArray[np.integer]:
+    """At most so many of the points, evenly chosen."""
+    return points[:: max(-(-len(points) // max(most, 1)), 1)]
+
+
+def _radiance(pixels: LayerPixels) -> NDArray[np.floating]:
+    """The direct light (n, 3) that the pixels reflect."""
+    first, *second = pixels.curves.values()
+    return np.asarray(pixels.store.radiance(first, second[0] if second else np.ones((1, 3))) * pixels.view)
