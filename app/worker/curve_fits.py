@@ -5,7 +5,7 @@ All pixels of a stroke and some of the rest of the object, which hold it, are ta
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -50,11 +50,12 @@ class CurveFits:
             if data is None or not data.fits_curves(layer) or data.store.n_points != n_points:
                 raise InsituError(f"{layer.object}: its light is still coarse; paint once the picture is finer")
             data = data.with_curves(layer)
-            touched.append(self._pixels(layer, data, points, indirect, request.names))
-            held.append(self._pixels(layer, data, others, indirect, request.names))
+            is_scaled = _shares_scale(layer, request.layers[0])
+            touched.append(self._pixels(layer, data, points, indirect, is_scaled))
+            held.append(self._pixels(layer, data, others, indirect, is_scaled))
             yield None
         seen, wanted = np.asarray(request.seen)[chosen], np.asarray(request.wanted)[chosen]
-        of_held = sum(_radiance(pixels) for pixels in held)
+        of_held = np.asarray(sum(_radiance(pixels) for pixels in held))
         found = fit_layers(
             touched, request.names, wanted - seen, radiance_weights(np.maximum(seen, wanted)),
             HeldPixels(held, radiance_weights(of_held)), request.smoothness, request.holding,
@@ -69,7 +70,7 @@ class CurveFits:
 
     def _pixels(
         self, layer: LayerState, data: LayerData, points: NDArray[np.integer], indirect: IndirectTasks | None,
-        names: Sequence[str],
+        is_scaled: bool,
     ) -> LayerPixels:  # fmt: skip
         """Some points of a layer, by their numbers in its object."""
         assert isinstance(data.store, BandStore)
@@ -78,11 +79,11 @@ class CurveFits:
         still = StillLayer(i_object, layer.layer, shape_of(layer).bands, editable=True)
         view = view_factors(self._placement.hits, rows, replace(still, maps=self._sampled(still)))
         between = {} if indirect is None else {
-            name: view * found for name in names
+            name: view * found for name in layer.factors
             if (found := indirect.curve_rows(layer, name, rows)) is not None
         }  # fmt: skip
         curves = dict(zip(layer.factors, layer.coefficients, strict=True))
-        return LayerPixels(data.store.take(points), view * data.unit, curves, between)
+        return LayerPixels(data.store.take(points), view * data.unit, curves, between, is_scaled)
 
     def _sampled(self, still: StillLayer) -> MapSamples | None:
         """A layer's images at all points of its object."""
@@ -90,6 +91,18 @@ class CurveFits:
         if key not in self._images:
             self._images[key] = with_maps(self._placement, [still])[0].maps
         return self._images[key]
+
+
+def _shares_scale(layer: LayerState, selected: LayerState) -> bool:
+    """Whether the parameter that scales the selected layer scales this one: it is itself, its Fresnel term, or another
+    node of it."""
+    one, two = layer.layer, selected.layer
+    own = layer.object == selected.object and one.model is two.model
+    return (
+        layer.key == selected.key
+        or own
+        and (one.rises != two.rises or bool(one.node_of) and one.node_of == two.node_of)
+    )
 
 
 def _evenly(points: NDArray[np.integer], most: int) -> NDArray[np.integer]:

@@ -20,8 +20,8 @@ from engine.precompute.indirect.albedo import equivalent_albedo
 
 @dataclass(frozen=True, eq=False)
 class FrozenRows:
-    """The light that was frozen last: of `found`, for the edits of `desired`; bands (3, J, D, p), in units of `unit`, by
-    the keys of the edited layers."""
+    """The light that was frozen last: of `found`, for the edits of `desired`; bands (3, J, D, p), in units of `unit`,
+    by the keys of the edited layers."""
 
     found: FoundLight
     desired: FreezeIndirect

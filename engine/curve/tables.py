@@ -75,8 +75,8 @@ def ordered_regions(regions: Regions, **wanted: float | None) -> Regions:
 
 @dataclass(frozen=True)
 class TabulatedCurve:
-    """Samples in place of the curve below, or a change of it, in a region. By default that is everywhere: "collapse" replaces all
-    operators below by one.
+    """Samples in place of the curve below, or a change of it, in a region. By default that is everywhere: "collapse"
+    replaces all operators below by one.
 
     `gammas` (S,) radians that do not decrease, at least 1e-6 apart for "points"; `values` S triples; `kind`: "curve" a
     table, "stroke" what was drawn, "points" control points, "change" values that are added to the curve below, "ratio"

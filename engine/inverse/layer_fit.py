@@ -5,6 +5,8 @@ layers: linear in the curve A where B stays, and in B where A does. One curve is
 are solved in turn, each with the other as it was found last, and each measured against what it was before: so neither
 drifts to where the other takes it back.
 
+The scale of a layer, f_q, is solved for like a curve of one band whose value is 1: `SCALE`.
+
 Light between surfaces reaches a pixel by the same curve at the last bounce, which is linear as well, and by bounces
 before, which are not. Its rows are added where they are known; for the rest the problem is solved again in the picture
 that the change made.
@@ -31,6 +33,8 @@ from engine.precompute.direct.bandstore import BandStore
 
 Curves = Mapping[str, Float64Array]
 Rows = NDArray[np.floating]
+SCALE = "scale"
+_ONE = np.ones((1, 3))
 # How often both curves are solved in turn: then each moves by less than a hundredth of its change.
 N_ROUNDS = 4
 
@@ -39,22 +43,33 @@ N_ROUNDS = 4
 class LayerPixels:
     """Some pixels of a layer, n of them: the transport of their points; view (n, 3), f_q f_o and images times the unit
     of the transport; band values (J, 3) of its one or two curves by name. indirect: rows (J, n, 3) of light between
-    surfaces by curve, with unit and view, where they are known."""
+    surfaces by curve, with unit and view, where they are known. is_scaled: whether the scale that is solved for is this
+    layer's."""
 
     store: BandStore
     view: NDArray[np.floating]
     curves: Curves
     indirect: Mapping[str, NDArray[np.floating]] = field(default_factory=dict)
+    is_scaled: bool = True
+
+    def n_bands(self, name: str) -> int:
+        """J of a curve, 0 where it has none of this name."""
+        return int(self.is_scaled) if name == SCALE else len(self.curves.get(name, ()))
 
     def rows(self, name: str, changed: Curves) -> Rows:
         """The radiance (J, n, 3) of each pixel for a 1 in each band of a curve, where the other is as in `changed`."""
+        if name == SCALE:
+            first = next(iter(self.curves))
+            values = {**self.curves, **changed}[first]
+            return np.einsum("jnc,jc->nc", self.rows(first, {**changed, SCALE: _ONE}), values)[None]
         place = list(self.curves).index(name)
-        first, *second = ({**self.curves, **changed}[each] for each in self.curves)
-        curves = first, second[0] if second else np.ones((1, 3))
+        first_curve, *second = ({**self.curves, **changed}[each] for each in self.curves)
+        curves = first_curve, second[0] if second else _ONE
         n_bands = self.store.bands[place]
         direct = self.store.fill(place, curves, np.ones(n_bands), np.float32, wavelet=False).numbers
         rows = direct.astype(np.float64) * self.view
-        return rows + self.indirect[name] if name in self.indirect else rows
+        rows = rows + self.indirect[name] if name in self.indirect else rows
+        return rows * changed[SCALE] if SCALE in changed and self.is_scaled else rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +97,7 @@ def fit_layers(
     layers: those that share the curves, at the same n pixels, the one that decides their band values first; weights
     (n, 3): see `curve_fit.radiance_weights`; smoothness, holding: see `curve_fit.fit_change`.
     """
-    before = {name: layers[0].curves[name] for name in names}
+    before = {name: _ONE if name == SCALE else layers[0].curves[name] for name in names}
     found, fits, left = dict(before), dict[str, CurveFit](), missing
     for _ in range(N_ROUNDS if len(names) > 1 else 1):
         for name in names:
@@ -99,9 +114,8 @@ def fit_layers(
 
 def _rows(layers: Sequence[LayerPixels], name: str, changed: Curves) -> Rows:
     """The rows of a curve in all layers that have it in so many bands."""
-    n_bands = len(layers[0].curves[name])
-    shared = [each for each in layers if len(each.curves.get(name, ())) == n_bands]
-    return np.asarray(sum(each.rows(name, changed) for each in shared))
+    n_bands = layers[0].n_bands(name)
+    return np.asarray(sum(each.rows(name, changed) for each in layers if each.n_bands(name) == n_bands))
 
 
 def _held_equations(held: HeldPixels, name: str, now: Curves, before: Curves) -> NormalEquations:

@@ -27,8 +27,10 @@ from app.modes.placement.band_plans import BandController, BandPlans
 from app.modes.placement.comparison import Comparison
 from app.modes.placement.curves import Curves
 from app.modes.placement.drawn_picture import DrawnPicture
+from app.modes.placement.highlight_controller import HighlightController
 from app.modes.placement.idle_work import IdleWork
 from app.modes.placement.indirect_controller import IndirectController
+from app.modes.placement.inverse_messages import CurvesFitted
 from app.modes.placement.map_controller import MapController
 from app.modes.placement.moved_lamps import lamps_elsewhere, moved_lamps
 from app.modes.placement.picture_summary import PictureSummary
@@ -90,6 +92,7 @@ class PlacementController(ModeController):
         self.maps = MapController(services.send, self.curves)
         self._comparison = Comparison(services.send, self.curves, self.maps.samples)
         self.idle = IdleWork(services.send, self.curves)
+        self.highlights = HighlightController(services, self.curves)
         self._changeover = PictureTransition(self.curves)
         self.picture = DrawnPicture(services, self.curves, self._changeover, self.indirect, self.maps)
         self._summary = PictureSummary(
@@ -108,6 +111,7 @@ class PlacementController(ModeController):
     def _forget(self) -> None:
         """Forget the picture."""
         self._view_id = 0
+        self.highlights.forget()
         self._footprints: dict[str, Footprint] = {}
         self._accepted_light = AcceptedLight()
         self._summary.report = PlacementReport()
@@ -159,6 +163,7 @@ class PlacementController(ModeController):
             self.curves.plans.add_plan(layer, bands)
 
     def edited(self, command: EditCommand | None = None) -> None:
+        self.highlights.edited()
         if isinstance(command, SetMaterial | SetVariant):
             changed = command.objects(self._document) if isinstance(command, SetVariant) else (command.object,)
             self.curves.plans.replan(key for key, _ in self._document.layers() if object_of(key) in changed)
@@ -191,6 +196,7 @@ class PlacementController(ModeController):
         self._transport.worker_restarted()
         self.indirect.worker_restarted()
         self.idle.worker_restarted()
+        self.highlights.forget()
         self._comparison.worker_restarted()
 
     @property
@@ -218,6 +224,7 @@ class PlacementController(ModeController):
         rests &= view.settings.lighting == "scene"
         lacks_rays = self.indirect.lacks_rays and state != "exact"
         self.idle.update(now, document, view, self._transport.revision, rests, lacks_rays)
+        self.highlights.update()
         return events + self._services.barrier.run("Side A", compare, none, (document, view))
 
     def _request_missing(self, now: float, document: Document, view: ViewState) -> bool:
@@ -334,6 +341,8 @@ class PlacementController(ModeController):
                 self._bands.receive(response)
             case RequestFailed():
                 self._take_failure(response)
+            case CurvesFitted():
+                self.highlights.receive(response)
             case MapsSampled() if is_open:
                 self.maps.receive(response)
                 self._services.notify_once(response.note)
@@ -418,6 +427,7 @@ class PlacementController(ModeController):
         self._transport.receive_failure(response)
         self._comparison.receive_failure(response.id)
         self.idle.receive_failure(response.id)
+        self.highlights.receive_failure(response.id)
         self.maps.receive_failure(response.id)
         self.indirect.receive_failure(response.id)
         refused = self._transport.requested_light if self._transport.is_transport(response.id) else None

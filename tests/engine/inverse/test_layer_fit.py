@@ -9,7 +9,7 @@ import pytest
 
 from engine.curve.bands import band_nodes
 from engine.inverse.curve_fit import radiance_weights
-from engine.inverse.layer_fit import HeldPixels, LayerPixels, fit_layers
+from engine.inverse.layer_fit import SCALE, HeldPixels, LayerPixels, fit_layers
 from tests.engine.precompute.direct.test_bandstore import store_of
 
 N_A, N_B, N = 16, 8, 400
@@ -38,9 +38,7 @@ def radiance(some, both):
 def test_rows_sum_to_the_picture():
     some, both = pixels(), curves()
     for name in ("a", "b"):
-        assert np.einsum("jnc,jc->nc", some.rows(name, {}), both[name]) == pytest.approx(
-            radiance(some, both), rel=1e-3
-        )
+        assert np.einsum("jnc,jc->nc", some.rows(name, {}), both[name]) == pytest.approx(radiance(some, both), rel=1e-3)
 
 
 def test_indirect_rows_are_added():
@@ -82,6 +80,22 @@ def test_layers_that_share_a_curve_are_seen_together():
     missing = target - radiance(some, before) - radiance(other, before)
     found = fit_layers([some, other], ["a"], missing, radiance_weights(target), smoothness=1e-8)
     assert before["a"] + found.fits["a"].change == pytest.approx(wanted["a"], rel=0.02)
+
+
+def test_the_scale_of_a_layer_is_found_alone_and_beside_a_curve():
+    some, before = pixels(), curves()
+    factors = np.array([2.0, 0.5, 1.0])
+    target = radiance(some, before) * factors
+    found = fit_layers([some], [SCALE], target - radiance(some, before), radiance_weights(target))
+    assert 1.0 + found.fits[SCALE].change[0] == pytest.approx(factors, rel=1e-4)
+    other = replace(pixels(seed=5), is_scaled=False)
+    alone = fit_layers([some, other], [SCALE], target - radiance(some, before), radiance_weights(target))
+    assert alone.fits[SCALE].change == pytest.approx(found.fits[SCALE].change, rel=1e-4)
+    wanted = {**before, "a": curves(fall=2.5)["a"]}
+    target = radiance(some, wanted) * factors
+    both = fit_layers([some], ["a", SCALE], target - radiance(some, before), radiance_weights(target), smoothness=1e-8)
+    after = (before["a"] + both.fits["a"].change) * (1.0 + both.fits[SCALE].change)
+    assert after == pytest.approx(wanted["a"] * factors, rel=0.03)
 
 
 def test_held_pixels_keep_their_radiance_when_both_curves_change():

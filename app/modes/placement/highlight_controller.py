@@ -1,0 +1,252 @@
+"""Painting a highlight: a stroke over the picture becomes a change of the selected object's curves.
+
+While the brush is held, few pixels are solved for and the answer follows it; once it is released, all of them. One
+request is under way at a time, for the newest form of the stroke. A stroke changes the picture as it was at the press,
+however often it is solved for: the answers replace each other. All of it is one step of the history, an answer that
+comes after the release, too.
+
+A stroke adds one operator to each curve that it changes. The next one on the same curve goes on with that operator,
+until another edit comes in between: what is painted in one sitting is muted and moved together, and undone stroke by
+stroke.
+
+Light that is reflected more than once does not change in proportion to a curve. So the finished picture is compared
+with what was wanted, and where they differ the curve is solved for again, from where it is now.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal, NamedTuple, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.document.commands.curves import CurveEdit, SetOperators
+from app.document.commands.layers import SetParameter, editable_layer
+from app.document.commands.several import Several
+from app.document.document import Document, Selection
+from app.modes.mode import EditorServices
+from app.modes.placement.curves import Curves
+from app.modes.placement.edited_curves import edited_layers
+from app.modes.placement.highlight_stroke import HighlightStroke, PaintedOutcome, pixels_of_object
+from app.modes.placement.inverse_messages import CurvesFitted, FitCurves
+from engine.core.errors import InsituError, list_names
+from engine.curve.tables import Float64Array, TabulatedCurve
+from engine.inverse.change_operator import change_operator
+from engine.inverse.curve_fit import HOLDING, SMOOTHNESS
+from engine.inverse.highlight_brush import HighlightBrush, Place
+from engine.inverse.layer_fit import SCALE
+from engine.material.layer import Layer, object_of, place_of
+from engine.material.parameters import Parameter
+from engine.scene.picture_frame import PictureFrame
+
+Solved = Literal["curve", "curves", "scale"]
+SOLVED: tuple[Solved, ...] = get_args(Solved)
+# How often a stroke is solved for again, and from which error on, relative to the wanted change.
+MOST_COMPARED, LEAST_ERROR = 3, 0.02
+# The parameter that is a layer's scale.
+_SCALES = ("scale", "albedo")
+
+
+class _Sent(NamedTuple):
+    """A request under way: its number, the form of the stroke that it is of, and the points."""
+
+    id: int
+    form: tuple[int, int]
+    points: NDArray[np.integer]
+
+
+class HighlightController:
+    """The strokes on highlights under one mode controller. curves: of the document's layers; outcome: of the last
+    stroke, None before there is one, and after another edit."""
+
+    def __init__(self, services: EditorServices, curves: Curves) -> None:
+        self._services, self._curves = services, curves
+        self._stroke: HighlightStroke | None = None
+        self._sent: _Sent | None = None
+        self._is_editing = False
+        # The operators that strokes left, by layer and curve.
+        self._left: dict[tuple[str, str], TabulatedCurve] = {}
+        self.outcome: PaintedOutcome | None = None
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether the brush is held, or an answer is awaited."""
+        return self._stroke is not None and not self.wants_picture
+
+    @property
+    def wants_picture(self) -> bool:
+        """Whether the picture, once it is at rest, is to be compared with what was wanted."""
+        stroke = self._stroke
+        return stroke is not None and not stroke.is_held and self._sent is None and stroke.is_answered
+
+    def forget(self) -> None:
+        """Forget the stroke: another view is traced, the worker died, or another edit came in between."""
+        self._stroke = self._sent = self.outcome = None
+
+    def edited(self) -> None:
+        """The document or the selection has changed: by anyone else, the sitting is over."""
+        if not self._is_editing:
+            self.forget()
+            self._left.clear()
+
+    # ------------------------------------------------------------------------------------------------------- the stroke
+
+    def begin(
+        self, brush: HighlightBrush, solved: Solved, place: Place, picture: NDArray[np.floating], frame: PictureFrame
+    ) -> None:
+        """Press the brush at a place of the picture (H, W, 3 or 4), linear at intensity 1, of this frame. Raises
+        InsituError where the selection cannot be painted."""
+        document = self._services.history.document
+        key, names = _solved_curves(document, self._services.view.selected, solved)
+        i_object = [each.name for each in self._services.pictured.objects].index(object_of(key))
+        self.forget()
+        seen = pixels_of_object(picture, frame, i_object)
+        continued = dict(self._left)
+        self._stroke = HighlightStroke(key, names, brush, document, frame, i_object, seen, place, document, continued)
+
+    def extend(self, places: Sequence[Place]) -> None:
+        """Go on through places of the picture, from the last one on."""
+        if self._stroke is not None and self._stroke.is_held and places:
+            self._stroke.extend(places)
+
+    def end(self) -> None:
+        """Release the brush: the stroke is solved for all its pixels."""
+        if self._stroke is not None:
+            self._stroke.is_held = False
+
+    def update(self) -> None:
+        """Request what is missing; once a frame."""
+        stroke = self._stroke
+        if stroke is None or self._sent is not None or stroke.is_answered or stroke.n_compared:
+            return
+        points = stroke.points()
+        if points.size:
+            self._request(stroke, points, stroke.seen[points])
+        elif not stroke.is_held:
+            self._stroke = None  # it touched nothing
+
+    def compare(self, picture: NDArray[np.floating]) -> None:
+        """Compare the picture at rest with what was wanted, see `wants_picture`."""
+        stroke, outcome = self._stroke, self.outcome
+        assert stroke is not None and outcome is not None
+        now, decided = stroke.own_pixels(picture), stroke.decided
+        wanted = stroke.wanted(decided)
+        off = wanted - now[decided] - outcome.missing
+        if stroke.n_compared >= MOST_COMPARED or _norm(off) <= LEAST_ERROR * _norm(wanted - stroke.seen[decided]):
+            self.outcome, self._stroke = stroke.outcome(wanted - now[decided]), None
+            return
+        stroke.n_compared += 1
+        stroke.base, stroke.base_change = self._services.history.document, stroke.change
+        points = stroke.points()
+        self._request(stroke, points, now[points])
+
+    def _request(self, stroke: HighlightStroke, points: NDArray[np.integer], seen: NDArray[np.floating]) -> None:
+        """Ask the worker for a change of the curves of the stroke's base, where the picture is `seen` (n, 3)."""
+        pictured = self._services.with_nodes(stroke.base)
+        curve = next((name for name in stroke.names if name != SCALE), pictured.layer(stroke.key).model.factors[0].name)
+        selected = Selection(object_of(stroke.key), place_of(stroke.key), curve)
+        keys = [key for key in edited_layers(pictured, selected) if object_of(key) == selected.object]
+        layers = tuple(self._curves.layer_state(pictured, key) for key in keys)
+        wanted, form = stroke.wanted(points), stroke.form
+        request = FitCurves(layers, stroke.names, points, seen, wanted, SMOOTHNESS, HOLDING, most_pixels=form[1])
+        self._sent = _Sent(self._services.send(request), form, points)
+
+    # -------------------------------------------------------------------------------------------------------- responses
+
+    def receive(self, response: CurvesFitted) -> None:
+        """Put an answer in place of the one before."""
+        stroke, sent = self._stroke, self._sent
+        if stroke is None or sent is None or response.id != sent.id:
+            return
+        self._sent = None
+        stroke.note_answer(sent.form, sent.points[response.chosen])
+        stroke.change = {name: _whole_change(name, stroke, fit.change) for name, fit in response.fits.items()}
+        self.outcome = stroke.outcome(response.left)
+        self._edit(stroke)
+
+    def receive_failure(self, id: int) -> None:
+        """A request failed: the stroke that waited for it ends."""
+        if self._sent is not None and id == self._sent.id:
+            self.forget()
+
+    def _edit(self, stroke: HighlightStroke) -> None:
+        """Give the document the curves of the last answer: in the step of the stroke's drag, or in that step after its
+        end."""
+        history, layer = self._services.history, stroke.before.layer(stroke.key)
+        commands: list[SetOperators | SetParameter] = []
+        left: dict[tuple[str, str], TabulatedCurve] = {}
+        for name, change in stroke.change.items():
+            if name == SCALE:
+                commands.append(_set_scale(stroke.key, layer, 1.0 + change[0]))
+                continue
+            operators = _with_change(layer, name, change, stroke.continued.get((stroke.key, name)))
+            commands.append(SetOperators(stroke.key, name, operators))
+            if operators and isinstance(operators[-1], TabulatedCurve):
+                left[stroke.key, name] = operators[-1]
+        command = Several(tuple(commands), f"paint highlight of {object_of(stroke.key)}")
+        self._is_editing = True
+        try:
+            if stroke.is_recorded and not history.dragging:
+                history.apply_unrecorded(command)
+            else:
+                stroke.is_recorded |= history.do(command)
+            self._services.document_changed()
+        finally:
+            self._is_editing = False
+        self._left = left
+
+
+def _solved_curves(document: Document, selected: Selection | None, solved: Solved) -> tuple[str, tuple[str, ...]]:
+    """The key of the layer that is painted, and the names of what is solved for. Raises InsituError."""
+    if selected is None or document.object(selected.object).is_lamp:
+        raise InsituError("select an object with a highlight to paint it")
+    layer = editable_layer(document, selected.key)
+    if solved == "scale":
+        if _scale_of(layer) is None:
+            raise InsituError(f"{selected.key}: {layer.model.label} has no scale; solve for a curve")
+        return selected.key, (SCALE,)
+    curves = [factor.name for factor in layer.model.factors]
+    first = curves[0] if selected.factor is None else layer.model.leader(selected.factor)
+    if first not in curves:
+        raise InsituError(f"{selected.path} is no curve of the light; select one of {list_names(curves)}")
+    others = [name for name in curves if layer.model.leader(name) == name and name != first]
+    return selected.key, (first, *(others if solved == "curves" else ()))
+
+
+def _whole_change(name: str, stroke: HighlightStroke, change: Float64Array) -> Float64Array:
+    """What a curve is more than at the press, where this is what it is more than in the stroke's base."""
+    before = stroke.base_change.get(name)
+    if before is None:
+        return change
+    return (1.0 + before) * (1.0 + change) - 1.0 if name == SCALE else before + change
+
+
+def _with_change(
+    layer: Layer, name: str, change: Float64Array, continued: TabulatedCurve | None
+) -> tuple[CurveEdit, ...]:
+    """The operators of a curve with a change (J, 3) on top, in place of the one that is continued, where that is still
+    there."""
+    operators = layer.operators(name)
+    if continued is not None and operators and operators[-1] == continued and len(continued.values) == len(change):
+        operators, change = operators[:-1], change + np.array(continued.values)
+    operator = change_operator(change, layer.with_operators(name, operators).coefficients(name, len(change)))
+    return operators if operator is None else (*operators, operator)
+
+
+def _scale_of(layer: Layer) -> Parameter | None:
+    """The parameter that a layer's strength is proportional to."""
+    return next((each for each in layer.parameter_table if each.name in _SCALES), None)
+
+
+def _set_scale(key: str, layer: Layer, factor: Float64Array) -> SetParameter:
+    """Multiply a layer's scale by factors (3,), as far as the parameter permits."""
+    parameter = _scale_of(layer)
+    assert parameter is not None
+    value = np.clip(np.asarray(layer.values[parameter.name]) * factor, parameter.minimum, parameter.maximum)
+    numbers = [float(each) for each in value]
+    return SetParameter(key, parameter.name, tuple(numbers) if parameter.kind == "rgb" else float(np.mean(numbers)))
+
+
+def _norm(radiance: NDArray[np.floating]) -> float:
+    return float(np.linalg.norm(radiance))

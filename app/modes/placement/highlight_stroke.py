@@ -1,0 +1,108 @@
+"""A stroke on a highlight while it is painted and solved for: where it went, what it asks of the picture, and what has
+come of that."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.document.document import Document
+from engine.curve.tables import Float64Array, TabulatedCurve
+from engine.inverse.highlight_brush import HighlightBrush, Place, stroke_shares, wanted_radiance
+from engine.scene.picture_frame import PictureFrame
+
+# Pixels that decide while the button is held, and at the end.
+LIVE_PIXELS, ALL_PIXELS = 512, 8192
+
+
+@dataclass(frozen=True, eq=False)
+class PaintedOutcome:
+    """What a stroke has reached. reached: the share of the wanted change, 0 to 1, by root mean square; pixel (n,):
+    row-major indices of the pixels that decided; missing (n, 3): the radiance that no change of the curves adds."""
+
+    reached: float
+    pixel: NDArray[np.integer]
+    missing: NDArray[np.floating]
+
+
+@dataclass(eq=False)
+class HighlightStroke:
+    """key: of the selected layer; names: of the curves to solve for; before: the document at the press, and seen (p, 3)
+    the picture then, at the points of the object of this number.
+
+    continued: the operators of strokes before, by layer and curve, that this one goes on with; base: the document that
+    is solved from, and base_change what its curves are more than those of `before`, by name;
+    change: the same of the last answer.
+    """
+
+    key: str
+    names: tuple[str, ...]
+    brush: HighlightBrush
+    before: Document
+    frame: PictureFrame
+    i_object: int
+    seen: NDArray[np.floating]
+    place: Place
+    base: Document
+    continued: dict[tuple[str, str], TabulatedCurve] = field(default_factory=dict)
+    base_change: dict[str, Float64Array] = field(default_factory=dict)
+    change: dict[str, Float64Array] = field(default_factory=dict)
+    is_held: bool = True
+    is_recorded: bool = False  # an answer is in the history
+    n_compared: int = 0
+    decided: NDArray[np.integer] = field(default_factory=lambda: np.zeros(0, int))
+    _version: int = 0
+    _answered: tuple[int, int] | None = None
+
+    def __post_init__(self) -> None:
+        self._shares = stroke_shares(self.frame, self.i_object, [self.place], self.brush)
+
+    def extend(self, places: Sequence[Place]) -> None:
+        """Go on through places of the picture."""
+        new = stroke_shares(self.frame, self.i_object, [self.place, *places], self.brush)
+        self._shares, self.place = np.maximum(self._shares, new), places[-1]
+        self._version += 1
+
+    @property
+    def form(self) -> tuple[int, int]:
+        """What decides its answer: how often it went on, and how many pixels count."""
+        return self._version, LIVE_PIXELS if self.is_held else ALL_PIXELS
+
+    @property
+    def is_answered(self) -> bool:
+        """Whether its present form has been solved for."""
+        return self._answered == self.form
+
+    def note_answer(self, form: tuple[int, int], decided: NDArray[np.integer]) -> None:
+        """An answer to this form of it has come, by these points."""
+        self._answered, self.decided = form, decided
+
+    def points(self) -> NDArray[np.integer]:
+        """The numbers (n,) of the object's points that it touches."""
+        return np.flatnonzero(self._shares > 0.0)
+
+    def wanted(self, points: NDArray[np.integer]) -> NDArray[np.float64]:
+        """The radiance (n, 3) that points are to have."""
+        return wanted_radiance(self.brush, self.seen[points], self._shares[points])
+
+    def own_pixels(self, picture: NDArray[np.floating]) -> NDArray[np.floating]:
+        """A picture (H, W, 3 or 4) of the same frame at the object's points, (p, 3)."""
+        return pixels_of_object(picture, self.frame, self.i_object)
+
+    def outcome(self, missing: NDArray[np.floating]) -> PaintedOutcome:
+        """What is reached where this radiance (n, 3) is missing at the points that decided."""
+        wanted = np.linalg.norm(self.wanted(self.decided) - self.seen[self.decided])
+        reached = 1.0 - np.linalg.norm(missing) / wanted if wanted > 0.0 else 1.0
+        pixel = self.frame.pixel[self.frame.object_ranges[self.i_object, 0] + self.decided]
+        return PaintedOutcome(float(np.clip(reached, 0.0, 1.0)), pixel, missing)
+
+
+def pixels_of_object(
+    picture: NDArray[np.floating], frame: PictureFrame, i_object: int
+) -> NDArray[np.floating]:  # fmt: skip
+    """A picture (H, W, 3 or 4) at the points of an object, (p, 3)."""
+    begin, end = frame.object_ranges[i_object]
+    return np.asarray(picture.reshape(-1, picture.shape[-1])[frame.pixel[begin:end], :3])
