@@ -49,11 +49,13 @@ from ui.panels.actions import (
     CopyText,
     DeleteMaterial,
     DragCamera,
+    DragHighlight,
     DrawLooks,
     EndCameraDrag,
     EndDrag,
     ExportMeasured,
     ExportScene,
+    HighlightAction,
     HoldGrip,
     ImportMaterial,
     ImportMeasured,
@@ -63,8 +65,11 @@ from ui.panels.actions import (
     OpenFile,
     OpenImage,
     Paste,
+    PickHighlight,
+    PressHighlight,
     Quit,
     Recover,
+    ReleaseHighlight,
     ReloadImages,
     ResetLayout,
     RunOperator,
@@ -93,6 +98,7 @@ class FrameOutcome:
     reset_layout: bool = False
     screenshot: Path | None = None
     picture: SavePicture | SaveContactSheet | StorePicture | None = None
+    highlight: tuple[HighlightAction, ...] = ()
     stops_layers: bool = False
     draws_looks: bool | None = None
     quit: bool = False
@@ -101,6 +107,7 @@ class FrameOutcome:
         """This outcome, with what is still to be done of an earlier one of the same frame."""
         return replace(
             self, screenshot=self.screenshot or earlier.screenshot, picture=self.picture or earlier.picture,
+            highlight=earlier.highlight + self.highlight,
             stops_layers=self.stops_layers or earlier.stops_layers,
             draws_looks=earlier.draws_looks if self.draws_looks is None else self.draws_looks,
             quit=self.quit or earlier.quit,
@@ -176,6 +183,8 @@ class ActionHandler:
                 return replace(outcome, picture=self.files.checked_sheet(action))
             case StorePicture():
                 return replace(outcome, picture=action)
+            case PickHighlight() | PressHighlight() | DragHighlight() | ReleaseHighlight():
+                return replace(outcome, highlight=(*outcome.highlight, action))
             case StopLayers():
                 return replace(outcome, stops_layers=True)
             case DrawLooks():

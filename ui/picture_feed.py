@@ -34,6 +34,7 @@ from engine.render.crop import Crop, cropped
 from engine.render.display import deep_png, exr_bytes, pixels_png
 from engine.render.scopes import Scopes
 from engine.scene.description import Camera
+from engine.scene.picture_frame import PictureFrame
 from engine.scene.surface_spot import SurfaceSpot
 from ui.gl.context import GraphicsError
 from ui.gl.display import ShownPicture
@@ -194,6 +195,11 @@ class PictureFeed:
     def is_finished(self) -> bool:
         """Whether the last frame showed a finished picture, with nothing of the one before fading out."""
         return self._finished_of is not None
+
+    @property
+    def frame(self) -> PictureFrame | None:
+        """What each pixel of the picture sees; None before there is a scene."""
+        return self._scene.frame
 
     def object_at(self, column: int, row: int) -> str | None:
         """The name of the object that a pixel of the picture sees."""

@@ -44,6 +44,11 @@ class SceneView:
         self._names = [described.name for described in event.description.objects]
         self._frame = event.frame
 
+    @property
+    def frame(self) -> PictureFrame | None:
+        """What each pixel sees; None before there is a scene."""
+        return self._frame
+
     def take_sky(self, radiance: NDArray[np.floating]) -> None:
         """Take another sky: a thread makes the panel's picture of it; of no light at all there is none."""
         self._thumbnail_due = self._threads.submit(_thumbnail, radiance) if np.any(radiance) else None

@@ -17,6 +17,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import moderngl
 from imgui_bundle import ImVec2, imgui
@@ -30,6 +31,7 @@ from ui.brdf_feed import BrdfFeed, TableFeed
 from ui.event_queue import ALTS, EventQueue
 from ui.frame_times import REDRAW_SECONDS, FramePacing, PerformanceRecord
 from ui.gl.interface import InterfaceRenderer
+from ui.highlight_feed import HighlightFeed
 from ui.layout import Docking
 from ui.look_feed import LookFeed
 from ui.panel_pictures import PanelPictures, panel_context
@@ -128,6 +130,7 @@ class Shell:
         self._shown_message = 0
         self._requested: list[Action] = []
         self.saving = PictureSaving(context, editor)
+        self.highlights = HighlightFeed(context, editor)
         self._shown_saving = ""
         self._library_unread = True
         self.environments: tuple[str, ...] = ()
@@ -226,6 +229,8 @@ class Shell:
         hand_first = prepared is None or bool(actions) or self._is_dragging
         working = self._draw_picture() if hand_first else bool(prepared)
         working = self._draw_brdf(now) or working
+        self.state = self.highlights.perform(outcome.highlight, self.source, self.state)
+        self.editor.barrier.run("The highlight", partial(self.highlights.follow, self.source), None, ())
         working = working or follows or self._pictures.difference.is_behind(self.editor, self.source)
         if outcome.picture is not None:
             self.saving.save(outcome.picture, self.source)
@@ -347,6 +352,7 @@ class Shell:
         self._tables.release()
         self._interface.release()
         self._pictures.release()
+        self.highlights.release()
         imgui.destroy_context(self._imgui)
 
     @property
@@ -432,8 +438,16 @@ class Shell:
             fields=self._fields, brdf=self._brdf_board, looks=self._look_board, record=self._record,
             environments=self.environments, scenes=self.scenes, preferences=handler.preferences.current,
             recent=handler.recent.entries, recoveries=handler.recoveries, library=handler.library.entries, now=now,
-            saving=self._shown_saving,
+            saving=self._shown_saving, **self._highlight(),
         )  # fmt: skip
+
+    def _highlight(self) -> dict[str, Any]:
+        """What panels show of the last stroke on a highlight."""
+        outcome, source = self.highlights.outcome, self.source
+        if not self.state.paints_highlight or outcome is None or source is None or source.picture is None:
+            return {}
+        overlay = self._pictures.picture(self.highlights.overlay(source.picture.size), sharp=True)
+        return {"highlight_reached": outcome.reached, "highlight_overlay": overlay}
 
     def _panels(self, context: PanelContext) -> list[Action]:
         barrier = self.editor.barrier

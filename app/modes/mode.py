@@ -27,6 +27,7 @@ from engine.realtime.zonal_harmonics.pose import Poses
 from engine.scene.description import SceneDescription
 
 if TYPE_CHECKING:
+    from app.modes.placement.highlight_controller import HighlightController
     from app.worker.schedule import Handlers
     from app.worker.tasks import WorkerContext
 
@@ -94,6 +95,11 @@ class ModeController(Protocol):
     """
 
     def __init__(self, services: EditorServices) -> None: ...
+
+    @property
+    def highlights(self) -> HighlightController | None:
+        """The strokes that are painted over its picture; None where that is not possible."""
+        return None
 
     def scene_closed(self) -> None:
         """Another scene is being opened: there is nothing to request meanwhile."""

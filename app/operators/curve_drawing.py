@@ -93,6 +93,10 @@ def _add(editor: Editor, table: TabulatedCurve) -> str | None:
 DRAWING = (
     Operator("draw_tool", keys=("W",), help="Draw the curve freehand, set control points", listed_keys="W   P"),
     Operator("points_tool", keys=("P",)),
+    Operator(
+        "highlight_tool", keys=("Shift P",), help="Paint the highlight in the picture: the curve follows",
+        entry="Paint highlight", needs=CURVE,
+    ),
     Gesture("Right click", "Remove the control point"),
     Operator(
         "draw_curve", _draw_stroke, needs=CURVE,

@@ -59,7 +59,7 @@ MENUS = (
     )),
     Menu("Edit", (
         "undo", "redo", "undo_view", "redo_view", None, "copy_material", "copy_curve", "copy_table", "paste",
-        "paste_layers", None,
+        "paste_layers", None, "highlight_tool", None,
         Menu("Select", ("select_all", "select_none", "select_others", None, "box_select")),
         Menu("Arrange", (
             "grab", "turn", "resize", None, "gizmo_move", "gizmo_rotate", "gizmo_scale", None, "aim",

@@ -15,6 +15,8 @@ from app.document.commands import EditCommand
 from app.document.view_state import OpenPanel, SetView, Viewpoint
 from app.files.journal import Recovery
 from app.files.materials import Material
+from app.modes.placement.highlight_controller import Solved
+from engine.inverse.highlight_brush import HighlightBrush
 from engine.scene.light_paths import LightPath
 from ui.panels.window_state import Grip
 
@@ -332,12 +334,42 @@ class Quit:
     keep_journal: bool = False
 
 
+@dataclass(frozen=True)
+class PressHighlight:
+    """Press a brush on the highlight of the selected object, at a place (column, row) of the picture; solved: what is
+    solved for."""
+
+    brush: HighlightBrush
+    solved: Solved
+    place: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class DragHighlight:
+    """Go on with the stroke through places of the picture."""
+
+    places: tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True)
+class ReleaseHighlight:
+    """Release the brush."""
+
+
+@dataclass(frozen=True)
+class PickHighlight:
+    """Paint what a place of the picture shows, from now on."""
+
+    place: tuple[float, float]
+
+
+HighlightAction = PickHighlight | PressHighlight | DragHighlight | ReleaseHighlight
 WindowAction = (
     BeginDrag | EndDrag | CancelDrag | MergedEdit | BeginCameraDrag | DragCamera | EndCameraDrag | MoveCameraTo
     | RunOperator | SetPreference | HoldGrip | SetPanel | OpenFile | OpenImage | AskFile | ReloadImages | SaveSession
     | SavePicture | ImportMaterial | ImportMeasured | ExportMeasured | ExportScene | SaveScene | Screenshot
     | SaveEnvironment | SaveMaterial | DeleteMaterial | Copy | CopyText | Paste | Recover | AnswerUnsaved | ShowPanel
     | ResetLayout | Quit | AnswerQuestion | StopLayers | DrawLooks | SaveContactSheet | OpenConfig
-    | StorePicture | CompareFile | TracePath
+    | StorePicture | CompareFile | TracePath | HighlightAction
 )  # fmt: skip
 Action = EditCommand | SetView | OpenPanel | WindowAction

@@ -150,7 +150,8 @@ def no_spot(column: int, row: int) -> SurfaceSpot | None:
 class PanelContext:
     """What every panel reads. `picture` is the scene, `environment` the thumbnail; None until there is one.
     `looks` has the pictures of looks beside the current one.
-    `error_overlay` is the map of its error, None while unknown. `has_environment`: whether the scene's file has one.
+    `error_overlay` is the map of its error, None while unknown; `highlight_reached` the share that the last stroke on a
+    highlight has reached, `highlight_overlay` where it has not. `has_environment`: whether the scene's file has one.
 
     `map_thumbnails` are the selected layer's "texture" and "weight", `map_refusal` says why they cannot be used.
     `undo_label` and `redo_label` name what would be undone or redone. `object_at` returns the object's name at a pixel
@@ -188,6 +189,8 @@ class PanelContext:
     record: PerformanceRecord = field(default_factory=PerformanceRecord)
     picture: Picture | None = None
     error_overlay: Picture | None = None
+    highlight_overlay: Picture | None = None
+    highlight_reached: float | None = None
     environment: Picture | None = None
     map_thumbnails: Mapping[str, Picture] = field(default_factory=dict)
     map_refusal: str | None = None

@@ -22,6 +22,7 @@ from ui.panels import (
     curve_editor,
     dialogs,
     file_dialog,
+    highlight,
     import_sheet,
     library,
     light,
@@ -112,6 +113,7 @@ def _picture_and_brush(context: PanelContext) -> list[Action]:
     return (
         viewport.draw(context)
         + paint.draw_strip(context, corner, room)
+        + highlight.draw_strip(context, corner, room)
         + camera.draw(context, corner, room)
         + scopes.draw(context, corner, room)
         + stored_pictures.draw(context, corner, room)

@@ -174,6 +174,7 @@ def _way_out(context: PanelContext) -> list[Action]:
         (state.look_name is not None, SetPanel({"look_name": None})),
         (view.show_shortcuts, SetView.of(show_shortcuts=False)),
         (state.paints, SetPanel({"paints": False})),
+        (state.paints_highlight, SetPanel({"paints_highlight": False})),
         (state.shows_report, SetPanel({"shows_report": False})),
         (state.shows_camera, SetPanel({"shows_camera": False, "renames": None})),
         (state.single_panel, SetPanel({"single_panel": False})),

@@ -19,6 +19,7 @@ from ui.panels import (
     camera,
     gizmo,
     grab,
+    highlight,
     inspection,
     lamp_handles,
     light_by_hand,
@@ -37,7 +38,7 @@ from ui.panels.library import apply, dropped_material
 from ui.panels.picture_handles import PictureHandle
 from ui.panels.pictures import Picture
 from ui.panels.viewport_layout import PAN, PictureRect, ViewportRect, gestures, viewport_rect
-from ui.panels.window_state import BoxGrip, Grip, LightGrip, PaintedGrip, PaintGrip
+from ui.panels.window_state import BoxGrip, Grip, HighlightGrip, LightGrip, PaintedGrip, PaintGrip
 from ui.theme import Icon
 
 DEGREES_PER_PIXEL = 0.5
@@ -83,6 +84,8 @@ def _draw_picture(context: PanelContext, corner: ImVec2, room: ImVec2) -> list[A
     draw_list.add_image(picture.reference, ImVec2(placed.x, placed.y), far, upper, lower)
     if context.view.shows_error and context.error_overlay is not None:
         draw_list.add_image(context.error_overlay.reference, ImVec2(placed.x, placed.y), far)
+    if context.highlight_overlay is not None:
+        draw_list.add_image(context.highlight_overlay.reference, ImVec2(placed.x, placed.y), far)
     stored_pictures.draw_over_picture(context, placed)
     picture_overlays.draw_sketch(context, placed, picture)
     picture_marks.draw_crop(context, placed)
@@ -166,7 +169,9 @@ def _interact(
         actions += picture_handles.drag_actions(context, handle)
     elif imgui.is_item_active() and grip is not None:
         actions += _drag(context, picture, placed, grip, mouse)
-    if imgui.is_item_deactivated() and grip is not None:
+    if imgui.is_item_deactivated() and isinstance(grip, HighlightGrip):
+        actions += highlight.end()
+    elif imgui.is_item_deactivated() and grip is not None:
         if isinstance(grip, LightGrip | PaintedGrip):
             actions += light_by_hand.end(context, grip, placed.pixel(mouse.x, mouse.y, picture))
         actions += [EndDrag(), HoldGrip(None), *(picture_marks.end_crop() if grip.handle == picture_marks.CROP else [])]
@@ -202,6 +207,10 @@ def _hover(context: PanelContext, picture: Picture, placed: PictureRect, on_divi
     if _turns_light():
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
         return []
+    if highlight.is_on(context):
+        imgui.set_mouse_cursor(imgui.MouseCursor_.resize_all)
+        highlight.draw_circle(context, placed.scale)
+        return [SetView.of(hovered=None)] if context.view.hovered is not None else []
     if paint.painting_layer_key(context) is not None:
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_all)
         paint.draw_circle(context, placed.scale)
@@ -244,6 +253,9 @@ def _take_hold(context: PanelContext, picture: Picture, placed: PictureRect, on_
     if _turns_light():
         grip = Grip(TURN_OR_CLICK, (mouse.x, context.document.light.rotation))
         return [BeginDrag("rotate the environment"), HoldGrip(grip)]
+    if highlight.is_on(context):
+        highlight.draw_circle(context, placed.scale)
+        return highlight.begin(context, placed.point(mouse.x, mouse.y))
     if paint.painting_layer_key(context) is not None:
         paint.draw_circle(context, placed.scale)
         return paint.begin(context, placed.point(mouse.x, mouse.y))
@@ -288,6 +300,10 @@ def _pick_lobe(context: PanelContext, picture: Picture, placed: PictureRect) -> 
 
 
 def _drag(context: PanelContext, picture: Picture, placed: PictureRect, grip: Grip, mouse: ImVec2) -> list[Action]:
+    if isinstance(grip, HighlightGrip):
+        imgui.set_mouse_cursor(imgui.MouseCursor_.resize_all)
+        highlight.draw_circle(context, placed.scale)
+        return highlight.go_on(context, grip, placed.point(mouse.x, mouse.y))
     if isinstance(grip, PaintGrip):
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_all)
         paint.draw_circle(context, placed.scale)

@@ -18,7 +18,7 @@ from app.operators.registry import OPERATORS
 from engine.curve.operators import collapse
 from engine.curve.table_text import MAX_ROWS, table_text
 from engine.scene.builtin import EMPTY_SCENE
-from ui.panels import box_select, gizmo, grab, paint, timeline
+from ui.panels import box_select, gizmo, grab, highlight, paint, timeline
 from ui.panels.actions import (
     Action,
     AskFile,
@@ -146,12 +146,19 @@ def _toggle(name: str, context: PanelContext) -> list[Action]:
     return [SetPanel({name: not getattr(context.state, name)})]
 
 
+def _toggle_highlight(context: PanelContext) -> list[Action]:
+    """Begin or end painting the selected object's highlight; the brush of the weight map is put away."""
+    return [SetPanel({"paints_highlight": not context.state.paints_highlight, "paints": False})]
+
+
 def _toggle_report(context: PanelContext) -> list[Action]:
     return [SetPanel({"shows_report": not context.state.shows_report})]
 
 
 def _expose(name: str, step: int, context: PanelContext) -> list[Action]:
     """Exposure, or while the brush is in use its size."""
+    if highlight.is_on(context):
+        return [highlight.resize(context.state.highlight, step)]
     if paint.painting_layer_key(context) is not None:
         return [paint.resize_brush(context.state.brush, step)]
     return [RunOperator(name)]
@@ -261,6 +268,7 @@ WINDOW_OPERATORS: dict[str, Callable[[PanelContext], list[Action]]] = {
     "axis_x": partial(_set_tool, axes="x"),
     "axis_y": partial(_set_tool, axes="y"),
     "axis_xy": partial(_set_tool, axes="xy"),
+    "highlight_tool": _toggle_highlight,
     "draw_tool": _always(SetView.of(active_tool="stroke", operator=None)),
     "points_tool": _always(SetView.of(active_tool="points", operator=None)),
 }

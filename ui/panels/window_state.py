@@ -6,13 +6,15 @@ session.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from app.document.document import Selection
+from app.modes.placement.highlight_controller import Solved
 from engine.curve.operators import Operator
 from engine.curve.tables import TabulatedCurve
+from engine.inverse.highlight_brush import LEAST_RADIUS, MOST_RADIUS, MOST_STOPS, HighlightBrush
 from engine.material.parameters import Parameter
 from engine.scene.arrangement import PlacedObject
 from engine.scene.transform import Transform
@@ -222,6 +224,27 @@ BRUSH = (
 )
 
 
+HIGHLIGHT_BRUSH = (
+    replace(BRUSH[0], default=16.0, minimum=LEAST_RADIUS, maximum=MOST_RADIUS),
+    replace(BRUSH[1], tooltip="How far from its middle the brush changes the highlight in full."),
+    Parameter(
+        "stops",
+        "scalar",
+        1.0,
+        "Stops",
+        "How much brighter or darker the highlight is to be: each stop is a factor of two.",
+        maximum=MOST_STOPS,
+        soft=(0.0, 4.0),
+        form="%.2f stops",
+    ),
+)
+
+
+@dataclass(frozen=True)
+class HighlightGrip(Grip):
+    """A stroke on a highlight. `offset` is where on the picture it was last, pixels."""
+
+
 @dataclass(frozen=True)
 class Brush:
     """The brush that paints weight maps: its radius in pixels of the picture; `erases`: it removes the layer."""
@@ -299,8 +322,9 @@ class PanelState:
     light by the mouse wheel. `scroll` is the last move of the camera by it; `shows_camera`: the camera's controls are
     over the picture, where the bookmarked view `renames` is being renamed. `picks_lobe`: the next click on the picture
     chooses where it shows the lobe. `paints`: dragging over the selected object paints its layer's weight map, with
-    `brush`. `shows_values`: the values of the pixel under the mouse are shown, the mean of a square of `values_side`
-    pixels; `copies_values`: they are about to be copied; `scope`: which of `SCOPES` is over the picture, "" for none,
+    `brush`; `paints_highlight`: it paints its highlight, with `highlight`, for which `solved` is solved for.
+    `shows_values`: the values of the pixel under the mouse are shown, the mean of a square of `values_side` pixels;
+    `copies_values`: they are about to be copied; `scope`: which of `SCOPES` is over the picture, "" for none,
     its counts logarithmic where `scope_is_log`; `zoom_steps`: by which the picture is about to be magnified;
     `pins_probe`: the pixel under the mouse is about to be pinned; `draws_crop`: a drag over the picture draws the crop.
     `gizmo`: which of its tools is over the picture, "" for none. `own_pivots`: several objects are rotated and scaled
@@ -347,3 +371,6 @@ class PanelState:
     shows_transform: bool = False
     paints: bool = False
     brush: Brush = Brush()
+    paints_highlight: bool = False
+    highlight: HighlightBrush = HighlightBrush()
+    solved: Solved = "curve"

@@ -21,9 +21,11 @@ LIVE_PIXELS, ALL_PIXELS = 512, 8192
 @dataclass(frozen=True, eq=False)
 class PaintedOutcome:
     """What a stroke has reached. reached: the share of the wanted change, 0 to 1, by root mean square; pixel (n,):
-    row-major indices of the pixels that decided; missing (n, 3): the radiance that no change of the curves adds."""
+    row-major indices of the pixels that decided; missing (n, 3): the radiance that no change of the curves adds; size:
+    the root mean square of the wanted change."""
 
     reached: float
+    size: float
     pixel: NDArray[np.integer]
     missing: NDArray[np.floating]
 
@@ -94,10 +96,14 @@ class HighlightStroke:
 
     def outcome(self, missing: NDArray[np.floating]) -> PaintedOutcome:
         """What is reached where this radiance (n, 3) is missing at the points that decided."""
-        wanted = np.linalg.norm(self.wanted(self.decided) - self.seen[self.decided])
-        reached = 1.0 - np.linalg.norm(missing) / wanted if wanted > 0.0 else 1.0
+        size = _rms(self.wanted(self.decided) - self.seen[self.decided])
+        reached = 1.0 - _rms(missing) / size if size > 0.0 else 1.0
         pixel = self.frame.pixel[self.frame.object_ranges[self.i_object, 0] + self.decided]
-        return PaintedOutcome(float(np.clip(reached, 0.0, 1.0)), pixel, missing)
+        return PaintedOutcome(float(np.clip(reached, 0.0, 1.0)), size, pixel, missing)
+
+
+def _rms(radiance: NDArray[np.floating]) -> float:
+    return float(np.sqrt(np.mean(np.square(radiance)))) if radiance.size else 0.0
 
 
 def pixels_of_object(

@@ -92,7 +92,7 @@ class PlacementController(ModeController):
         self.maps = MapController(services.send, self.curves)
         self._comparison = Comparison(services.send, self.curves, self.maps.samples)
         self.idle = IdleWork(services.send, self.curves)
-        self.highlights = HighlightController(services, self.curves)
+        self._highlights = HighlightController(services, self.curves)
         self._changeover = PictureTransition(self.curves)
         self.picture = DrawnPicture(services, self.curves, self._changeover, self.indirect, self.maps)
         self._summary = PictureSummary(
@@ -111,7 +111,7 @@ class PlacementController(ModeController):
     def _forget(self) -> None:
         """Forget the picture."""
         self._view_id = 0
-        self.highlights.forget()
+        self._highlights.forget()
         self._footprints: dict[str, Footprint] = {}
         self._accepted_light = AcceptedLight()
         self._summary.report = PlacementReport()
@@ -163,7 +163,7 @@ class PlacementController(ModeController):
             self.curves.plans.add_plan(layer, bands)
 
     def edited(self, command: EditCommand | None = None) -> None:
-        self.highlights.edited()
+        self._highlights.edited()
         if isinstance(command, SetMaterial | SetVariant):
             changed = command.objects(self._document) if isinstance(command, SetVariant) else (command.object,)
             self.curves.plans.replan(key for key, _ in self._document.layers() if object_of(key) in changed)
@@ -196,7 +196,7 @@ class PlacementController(ModeController):
         self._transport.worker_restarted()
         self.indirect.worker_restarted()
         self.idle.worker_restarted()
-        self.highlights.forget()
+        self._highlights.forget()
         self._comparison.worker_restarted()
 
     @property
@@ -224,7 +224,7 @@ class PlacementController(ModeController):
         rests &= view.settings.lighting == "scene"
         lacks_rays = self.indirect.lacks_rays and state != "exact"
         self.idle.update(now, document, view, self._transport.revision, rests, lacks_rays)
-        self.highlights.update()
+        self._highlights.update()
         return events + self._services.barrier.run("Side A", compare, none, (document, view))
 
     def _request_missing(self, now: float, document: Document, view: ViewState) -> bool:
@@ -298,6 +298,11 @@ class PlacementController(ModeController):
         return self._comparison.update(now, document, self._transport, settings, exact, self.indirect.picture.is_shown)
 
     @property
+    def highlights(self) -> HighlightController:
+        """The strokes that are painted over the picture."""
+        return self._highlights
+
+    @property
     def lacks_bounces(self) -> bool:
         """Whether the picture shows direct light alone, and the first indirect light is still to come."""
         return self._transport.running and self._view.settings.n_bounces != 1 and not self.indirect.picture.is_on_screen
@@ -342,7 +347,7 @@ class PlacementController(ModeController):
             case RequestFailed():
                 self._take_failure(response)
             case CurvesFitted():
-                self.highlights.receive(response)
+                self._highlights.receive(response)
             case MapsSampled() if is_open:
                 self.maps.receive(response)
                 self._services.notify_once(response.note)
@@ -427,7 +432,7 @@ class PlacementController(ModeController):
         self._transport.receive_failure(response)
         self._comparison.receive_failure(response.id)
         self.idle.receive_failure(response.id)
-        self.highlights.receive_failure(response.id)
+        self._highlights.receive_failure(response.id)
         self.maps.receive_failure(response.id)
         self.indirect.receive_failure(response.id)
         refused = self._transport.requested_light if self._transport.is_transport(response.id) else None
