@@ -74,14 +74,18 @@ class HighlightFeed:
             case ReleaseHighlight() if strokes is not None:
                 strokes.end()
 
-    def follow(self, source: PictureFeed | None) -> None:
-        """Compare the picture with what was wanted, once it is finished."""
+    def is_due(self, source: PictureFeed | None) -> bool:
+        """Whether the picture is finished and can be compared with what was wanted."""
         strokes = self._editor.controller.highlights
-        if strokes is None or not strokes.wants_picture or source is None or not source.is_finished:
-            return
-        shown = source.shown(self._editor)
-        if shown is not None:
-            strokes.compare(_linear(shown))
+        return strokes is not None and strokes.wants_picture and source is not None and source.is_finished
+
+    def follow(self, source: PictureFeed | None) -> None:
+        """Compare the picture with what was wanted, where that is due."""
+        strokes = self._editor.controller.highlights
+        if strokes is not None and source is not None and self.is_due(source):
+            shown = source.shown(self._editor)
+            if shown is not None:
+                strokes.compare(_linear(shown))
 
     @property
     def outcome(self) -> PaintedOutcome | None:

@@ -20,7 +20,7 @@ from app.editor.editor import Editor
 from app.messages.worker_messages import WorkerClient
 from app.modes.placement.placement_status import PlacementStatus
 from app.operators.arrange import Aim, Move, PlacedByHand
-from app.operators.edits import Drag, PaintStroke
+from app.operators.edits import Drag, HighlightStep, PaintStroke
 from app.operators.inspect import ConfiguredView
 from app.operators.registry import run_operator
 from app.operators.script import Step
@@ -41,6 +41,7 @@ from ui.panels.actions import SavePicture, SetPanel, ShowPanel, StorePicture
 from ui.panels.box_select import box_between, boxed, lamp_places, names_in
 from ui.picture_feed import PictureFeed
 from ui.scene_view import sample_path, spots_at, stroke_at
+from ui.script_highlights import paint_highlight
 
 WAIT_SECONDS = 1800.0
 # While a picture is refined, a window asks for frames without end.
@@ -263,6 +264,15 @@ def _paint(window: HeadlessWindow, editor: Editor, step: PaintStroke) -> None:
         raise ScriptError(refusal)
 
 
+def _paint_highlight(window: HeadlessWindow, editor: Editor, step: HighlightStep) -> None:
+    try:
+        refusal = paint_highlight(window, editor, step, WAIT_SECONDS)
+    except InsituError as error:
+        raise ScriptError(f"paint_highlight: {error}") from error
+    if refusal is not None:
+        raise ScriptError(refusal)
+
+
 def _place_light(window: HeadlessWindow, editor: Editor, step: PlacedByHand) -> None:
     """Place a light, and show what keeps it from doing what it was placed for."""
     history = editor.camera_history
@@ -384,6 +394,7 @@ def _assert_error(window: HeadlessWindow, editor: Editor, bound: float) -> None:
 WINDOW_STEPS: dict[str, Callable[[HeadlessWindow, Editor, Any], None]] = {
     "store_picture": _store_picture, "compare_file": _compare_file,
     "gizmo": _show_gizmo, "set": _set, "view": _choose_view, "ocio": _open_config, "drag": _drag, "paint": _paint,
+    "paint_highlight": _paint_highlight,
     "show": _show, "place_light": _place_light, "move": _move, "aim": _aim, "box_select": _box_select,
     "save_as": _save_session, "save_scene": _save_scene, "export_scene": _export_scene, "picture": _save_picture,
     "wait": wait_for_picture, "capture": _capture, "assert_error_below": _assert_error,

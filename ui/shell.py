@@ -318,6 +318,8 @@ class Shell:
         started = time.perf_counter()
         if run("The worker's answers", lambda: source.take(self.editor, now), False, ()):
             return True
+        if self.highlights.is_due(source):
+            return True
         if self._is_dragging or time.perf_counter() - started > SHORT_FRAME_SECONDS:
             return False
         return run("A measured table", lambda: self._tables.advance(self.editor), False, ())

@@ -18,8 +18,10 @@ from app.document.pareto_front import load_front
 from app.document.selection import layer_shown
 from app.document.view_state import SetView
 from app.editor.editor import Editor
+from app.modes.placement.highlight_controller import Solved
 from app.operators.operator import CURVE, LAYER, SCENE, Gesture, Need, Operator, OperatorContext, ScriptKey, ValueRecord
 from app.project.assignments import set_path
+from engine.inverse.highlight_brush import LEAST_RADIUS, MOST_RADIUS, MOST_STOPS, RGB, Effect
 from engine.realtime.deformers import KINDS
 from engine.scene.description import Number, Parameter, Text
 from engine.settings import LineValue
@@ -94,6 +96,26 @@ class PaintStroke(ValueRecord):
     value: Annotated[Share, Field(description="The share that is painted.")] = 1.0
     strength: Annotated[Share, Field(description="Of the brush.")] = 1.0
     hardness: Annotated[Share, Field(description="1: the brush has a sharp edge.")] = 0.5
+
+
+class HighlightStep(ValueRecord):
+    layer: Annotated[Text, Field(description="The layer that is painted, or one of its curves, by its path.")]
+    points: Annotated[
+        tuple[tuple[Pixel, Pixel], ...],
+        Field(min_length=1, max_length=1000, description="Pixels of the picture that the stroke goes through."),
+    ]
+    effect: Annotated[
+        Effect,
+        Field(description="`brighter`, `darker`, `tint`: this colour, as bright as it is; `as_there`: this radiance."),
+    ] = "brighter"
+    stops: Annotated[Number, Field(ge=0.0, le=MOST_STOPS, description="How much brighter or darker.")] = 1.0
+    radius: Annotated[Number, Field(ge=LEAST_RADIUS, le=MOST_RADIUS, description="Of the brush, pixels.")] = 16.0
+    hardness: Annotated[Share, Field(description="1: the brush has a sharp edge.")] = 0.5
+    colour: Annotated[RGB, Field(description="Linear: of a tint, or the radiance of `as_there`.")] = (1.0, 1.0, 1.0)
+    there: Annotated[
+        tuple[Pixel, Pixel] | None, Field(description="The pixel whose radiance is painted, in place of a colour.")
+    ] = None
+    solve: Annotated[Solved, Field(description="`curve`, `curves`: all of the layer, or `scale`.")] = "curve"
 
 
 # ----------------------------------------------------------------------------------------------------- how they are run
@@ -229,6 +251,9 @@ EDITS = (
         "deform", _deform, script=ScriptKey(Deform, "Sets deformers or the time of an animation: see below.")
     ),
     Operator("paint", script=ScriptKey(PaintStroke, "Paints a weight map: see below.")),
+    Operator(
+        "paint_highlight", script=ScriptKey(HighlightStep, "Paints a highlight, from which curves follow: see below.")
+    ),
     Operator(
         "rotate", lambda editor, degrees: editor.do(SetRotation(degrees)),
         script=ScriptKey(Annotated[Number, Field(ge=-1e9, le=1e9)], "Turns the environment by degrees."),

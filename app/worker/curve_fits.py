@@ -58,7 +58,7 @@ class CurveFits:
         of_held = np.asarray(sum(_radiance(pixels) for pixels in held))
         found = fit_layers(
             touched, request.names, wanted - seen, radiance_weights(np.maximum(seen, wanted)),
-            HeldPixels(held, radiance_weights(of_held)), request.smoothness, request.holding,
+            HeldPixels(held, radiance_weights(of_held)), request.smoothness, request.holding, request.in_grey,
         )  # fmt: skip
         yield CurvesFitted(found.fits, chosen, found.left, request.serial)
 

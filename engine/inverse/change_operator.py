@@ -24,10 +24,10 @@ def change_operator(change: Float64Array, curve: Float64Array) -> TabulatedCurve
     if not changed.size:
         return None
     n_bands = len(change)
-    nodes, width = band_nodes(n_bands), HALF_PI / n_bands
+    nodes, width = band_nodes(n_bands).tolist(), HALF_PI / n_bands
     # At full strength as far as the values on either side, from where the curve goes over into them.
     first, last = max(int(changed[0]) - 1, 0), min(int(changed[-1]) + 1, n_bands - 1)
     a, b = (0.0, 0.0) if first == 0 else (nodes[first] - width, nodes[first])
     c, d = (HALF_PI, HALF_PI) if last == n_bands - 1 else (nodes[last], nodes[last] + width)
     values = [(float(r), float(g), float(b)) for r, g, b in change]
-    return TabulatedCurve(tuple(nodes.tolist()), tuple(values), kind="change", regions=(a, b, c, d))
+    return TabulatedCurve(tuple(nodes), tuple(values), kind="change", regions=(a, b, c, d))

@@ -16,7 +16,6 @@ smoothness can be chosen afterwards. The bound is solved as a problem with x >= 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -114,15 +113,23 @@ def radiance_weights(radiance: NDArray[np.floating], relative: float = RELATIVE_
 
 def fit_change(
     equations: NormalEquations, curve: Float64Array, held: NormalEquations | None = None,
-    smoothness: float = SMOOTHNESS, holding: float = HOLDING,
+    smoothness: float = SMOOTHNESS, holding: float = HOLDING, in_grey: bool = False,
 ) -> CurveFit:  # fmt: skip
     """The change of a curve (J, 3) that fits the equations best. held: those of pixels that are to stay as they are,
-    with weight `holding` relative to all others together; smoothness: from 0, stiffer where it is larger."""
+    with weight `holding` relative to all others together; smoothness: from 0, stiffer where it is larger; in_grey: the
+    change relative to the curve's size is the same in all channels, so that the curve keeps its hues."""
     if held is not None and held.n_pixels:
         equations = equations + held.times(holding * max(equations.n_pixels, 1) / held.n_pixels)
     size = curve_size(curve)
-    fits = [_fit_channel(*channel, smoothness) for channel in _channels(equations, curve, size)]
-    return CurveFit(*(np.stack(part, axis=1) for part in zip(*fits, strict=True)))
+    # In terms of x, for each channel.
+    matrices = equations.gram * size.T[:, :, None] * size.T[:, None, :]
+    vectors, lowest = equations.moments * size.T, (-curve / size).T
+    if in_grey:
+        x, deviation = _fit_channel(matrices.sum(axis=0), vectors.sum(axis=0), lowest.max(axis=0), smoothness)
+        return CurveFit(size * x[:, None], size * deviation[:, None])
+    fits = [_fit_channel(*channel, smoothness) for channel in zip(matrices, vectors, lowest, strict=True)]
+    x, deviation = (np.stack(part, axis=1) for part in zip(*fits, strict=True))
+    return CurveFit(size * x, size * deviation)
 
 
 def curve_size(curve: Float64Array) -> Float64Array:
@@ -133,27 +140,18 @@ def curve_size(curve: Float64Array) -> Float64Array:
     return np.maximum(curve, LEAST_SIZE * np.maximum(curve.max(axis=0), LEAST_SIZE * largest))
 
 
-def _channels(
-    equations: NormalEquations, curve: Float64Array, size: Float64Array
-) -> Iterator[tuple[Float64Array, Float64Array, Float64Array, Float64Array]]:
-    """For each channel the matrix, the moments, the curve and its size."""
-    for channel in range(3):
-        yield equations.gram[channel], equations.moments[channel], curve[:, channel], size[:, channel]
-
-
 def _fit_channel(
-    gram: Float64Array, moments: Float64Array, curve: Float64Array, size: Float64Array, smoothness: float
+    matrix: Float64Array, vector: Float64Array, lowest: Float64Array, smoothness: float
 ) -> tuple[Float64Array, Float64Array]:
-    """The change (J,) and its deviation of one channel."""
-    matrix, vector = gram * np.outer(size, size), moments * size
+    """x (J,) of one channel, at least `lowest`, and its deviation."""
     mean = float(matrix.diagonal().mean())
     if not mean > 0.0:  # no light meets the curve
-        return np.zeros_like(curve), size
-    matrix = matrix + smoothness * mean * roughness_matrix(len(curve))
+        return np.zeros_like(vector), np.ones_like(vector)
+    matrix = matrix + smoothness * mean * roughness_matrix(len(vector))
     matrix[np.diag_indices_from(matrix)] += _JITTER * mean
-    x = _bounded_minimum(matrix / mean, vector / mean, -curve / size)
+    x = _bounded_minimum(matrix / mean, vector / mean, lowest)
     variance = np.linalg.inv(matrix / mean).diagonal() / mean
-    return x * size, size * np.sqrt(np.minimum(np.maximum(variance, 0.0), 1.0))
+    return x, np.sqrt(np.minimum(np.maximum(variance, 0.0), 1.0))
 
 
 def roughness_matrix(n_bands: int) -> Float64Array:

@@ -38,6 +38,11 @@ class HighlightBrush:
     hardness: float = 0.5
     colour: RGB = (1.0, 1.0, 1.0)
 
+    @property
+    def keeps_hues(self) -> bool:
+        """Whether it changes how bright a highlight is, and not its colour."""
+        return self.effect in ("brighter", "darker")
+
     def __post_init__(self) -> None:
         if self.effect not in EFFECTS:
             raise InsituError(f"effect = {self.effect!r}, expected {', '.join(EFFECTS)}")
@@ -87,7 +92,7 @@ def wanted_radiance(
 ) -> NDArray[np.float64]:
     """What pixels of radiance (n, 3) are to become where the brush touches them by these shares (n,)."""
     seen, share = np.maximum(np.nan_to_num(seen, posinf=0.0), 0.0).astype(np.float64), shares[:, None]
-    if brush.effect in ("brighter", "darker"):
+    if brush.keeps_hues:
         stops = brush.stops if brush.effect == "brighter" else -brush.stops
         return np.asarray(seen * np.exp2(stops * share))
     colour = np.asarray(brush.colour)

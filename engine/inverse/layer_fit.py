@@ -90,12 +90,12 @@ class HeldPixels:
 
 def fit_layers(
     layers: Sequence[LayerPixels], names: Sequence[str], missing: NDArray[np.floating], weights: NDArray[np.floating],
-    held: HeldPixels | None = None, smoothness: float = SMOOTHNESS, holding: float = HOLDING,
+    held: HeldPixels | None = None, smoothness: float = SMOOTHNESS, holding: float = HOLDING, in_grey: bool = False,
 ) -> LayerFit:  # fmt: skip
     """The changes of the curves of these names that add the missing radiance (n, 3) to pixels.
 
     layers: those that share the curves, at the same n pixels, the one that decides their band values first; weights
-    (n, 3): see `curve_fit.radiance_weights`; smoothness, holding: see `curve_fit.fit_change`.
+    (n, 3): see `curve_fit.radiance_weights`; smoothness, holding, in_grey: see `curve_fit.fit_change`.
     """
     before = {name: _ONE if name == SCALE else layers[0].curves[name] for name in names}
     found, fits, left = dict(before), dict[str, CurveFit](), missing
@@ -106,7 +106,7 @@ def fit_layers(
             wanted = left + np.einsum("jnc,jc->nc", rows, found[name] - before[name])
             fixed = None if held is None else _held_equations(held, name, found, before)
             equations = normal_equations(rows, wanted, weights)
-            fits[name] = fit = fit_change(equations, before[name], fixed, smoothness, holding)
+            fits[name] = fit = fit_change(equations, before[name], fixed, smoothness, holding, in_grey)
             found[name] = before[name] + fit.change
             left = wanted - np.einsum("jnc,jc->nc", rows, fit.change)
     return LayerFit(fits, left)

@@ -113,7 +113,9 @@ def _numbers(context: PanelContext) -> list[Action]:
         )  # fmt: skip
     imgui.same_line(0.0, gap)
     reached = context.highlight_reached
-    widgets.figure("Reached", "—" if reached is None else f"{100.0 * reached:.0f} %", REACHED)
+    imgui.align_text_to_frame_padding()
+    imgui.text_colored(look.TEXT_SOFT, "Reached  –" if reached is None else f"Reached {100.0 * reached:.0f} %")
+    widgets.tooltip(REACHED)
     imgui.same_line(0.0, gap)
     if widgets.icon_button(context, "highlight_off", Icon.CLOSE, "End painting (Esc)."):
         actions.append(SetPanel({"paints_highlight": False}))

@@ -33,7 +33,7 @@ from app.modes.placement.inverse_messages import CurvesFitted, FitCurves
 from engine.core.errors import InsituError, list_names
 from engine.curve.tables import Float64Array, TabulatedCurve
 from engine.inverse.change_operator import change_operator
-from engine.inverse.curve_fit import HOLDING, SMOOTHNESS
+from engine.inverse.curve_fit import HOLDING
 from engine.inverse.highlight_brush import HighlightBrush, Place
 from engine.inverse.layer_fit import SCALE
 from engine.material.layer import Layer, object_of, place_of
@@ -42,6 +42,8 @@ from engine.scene.picture_frame import PictureFrame
 
 Solved = Literal["curve", "curves", "scale"]
 SOLVED: tuple[Solved, ...] = get_args(Solved)
+# A hand says less of a curve than a whole picture does: what it leaves open is decided by smoothness.
+SMOOTHNESS = 1e-3
 # How often a stroke is solved for again, and from which error on, relative to the wanted change.
 MOST_COMPARED, LEAST_ERROR = 3, 0.02
 # The parameter that is a layer's scale.
@@ -149,7 +151,9 @@ class HighlightController:
         keys = [key for key in edited_layers(pictured, selected) if object_of(key) == selected.object]
         layers = tuple(self._curves.layer_state(pictured, key) for key in keys)
         wanted, form = stroke.wanted(points), stroke.form
-        request = FitCurves(layers, stroke.names, points, seen, wanted, SMOOTHNESS, HOLDING, most_pixels=form[1])
+        request = FitCurves(
+            layers, stroke.names, points, seen, wanted, SMOOTHNESS, HOLDING, form[1], stroke.brush.keeps_hues
+        )
         self._sent = _Sent(self._services.send(request), form, points)
 
     # -------------------------------------------------------------------------------------------------------- responses

@@ -26,7 +26,7 @@ class FitCurves(Request):
 
     layers: those that share the curves, the selected one first; names: of the curves; points (n,): the numbers of the
     pixels' points among those of their object, ascending; seen and wanted (n, 3): radiance in the picture and as it is
-    to be; most_pixels: if there are more, so many of them decide, evenly chosen; smoothness, holding: see
+    to be; most_pixels: if there are more, so many of them decide, evenly chosen; smoothness, holding, in_grey: see
     `engine.inverse.curve_fit.fit_change`. serial comes back with the response.
     """
 
@@ -43,6 +43,7 @@ class FitCurves(Request):
     smoothness: float
     holding: float
     most_pixels: int
+    in_grey: bool = False
     serial: int = 0
 
 

@@ -112,6 +112,18 @@ def test_channels_do_not_mix():
     assert not fit.change[:, (0, 2)].any() and fit.change[:, 1].any()
 
 
+def test_a_change_in_grey_keeps_the_hues_of_a_curve():
+    rows, curve = lobe_rows(200), falling_curve()
+    missing = np.einsum("jnc,jc->nc", rows, curve) * (0.5, 0.4, 0.3)
+    fit = fit_change(equations_of(rows, missing, missing), curve, in_grey=True)
+    after = curve + fit.change
+    assert after / after[:, :1] == pytest.approx(curve / curve[:, :1])
+    middle = slice(0, 10)
+    assert (after / curve)[middle].mean() == pytest.approx(1.4, abs=0.06)
+    dark = fit_change(equations_of(rows, -10.0 * missing, missing), curve, in_grey=True)
+    assert (curve + dark.change >= -1e-9).all()
+
+
 @settings(deadline=None, max_examples=60)
 @given(
     unit=st.sampled_from([1e-30, 1e-12, 1.0, 1e12, 1e30]), height=st.sampled_from([0.0, 1e-9, 1.0, 1e9]),
