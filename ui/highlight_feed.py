@@ -64,10 +64,10 @@ class HighlightFeed:
         strokes = self._editor.controller.highlights
         match action:
             case PressHighlight():
+                if strokes is None:
+                    raise InsituError("highlights are painted in Placement; choose that mode first")
                 shown = self._shown(source)
                 assert source is not None and source.frame is not None
-                if strokes is None or self._editor.mode.name != "placement":
-                    raise InsituError("highlights are painted in Placement; choose that mode first")
                 strokes.begin(action.brush, action.solved, action.place, _linear(shown), source.frame)
             case DragHighlight() if strokes is not None:
                 strokes.extend(action.places)

@@ -11,7 +11,7 @@ angle, l is the angle over which a change that no pixel asks for fades away, and
 both sums in terms of x, makes the smoothness s a number without unit.
 
 All of this depends on pixels through J x J matrices alone, so that a stroke adds its pixels as it grows, and the
-smoothness can be chosen afterwards. The bound is solved as a problem with x >= 0 by scipy [LawsonHanson74, ch. 23].
+smoothness can be chosen afterwards. The bound is solved as a problem with x >= 0 by scipy [Lawson74].
 """
 
 from __future__ import annotations
@@ -25,6 +25,8 @@ from engine.curve.tables import HALF_PI
 
 Float64Array = NDArray[np.float64]
 
+# In place of a curve's name: a layer's scale, which is solved for like a curve of one band whose value is 1.
+SCALE = "scale"
 SMOOTHNESS = 1e-6
 HOLDING = 0.1
 # l, radians.

@@ -16,12 +16,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engine.inverse.curve_fit import (
     HOLDING,
+    SCALE,
     SMOOTHNESS,
     CurveFit,
     Float64Array,
@@ -29,11 +31,12 @@ from engine.inverse.curve_fit import (
     fit_change,
     normal_equations,
 )
-from engine.precompute.direct.bandstore import BandStore
+
+if TYPE_CHECKING:
+    from engine.precompute.direct.bandstore import BandStore
 
 Curves = Mapping[str, Float64Array]
 Rows = NDArray[np.floating]
-SCALE = "scale"
 _ONE = np.ones((1, 3))
 # How often both curves are solved in turn: then each moves by less than a hundredth of its change.
 N_ROUNDS = 4

@@ -6,10 +6,14 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import moderngl
+import numpy as np
 import pytest
 from imgui_bundle import imgui
 
+from app.document.view_state import SetView
+from app.files.session import load_session
 from app.modes.placement.highlight_controller import HighlightController
+from app.operators.script import load_script
 from app.worker.cache import ArrayCache
 from app.worker.schedule import InProcessClient
 from app.worker.tasks import RequestDispatcher
@@ -18,8 +22,9 @@ from engine.inverse.highlight_brush import HighlightBrush
 from engine.light.environment import LUMINANCE
 from tests.ui.small_scene import linear_picture, opened_window, wait_until_exact, write_small_scene
 from ui.headless import HeadlessWindow
-from ui.panels.actions import DragHighlight, PressHighlight, ReleaseHighlight
+from ui.panels.actions import DragHighlight, PressHighlight, ReleaseHighlight, SetPanel
 from ui.panels.window_state import HighlightGrip
+from ui.script_runner import ScriptError, run_steps
 
 pytestmark = pytest.mark.gl
 KEY, CURVE = "ball.1", "theta_h"
@@ -102,3 +107,87 @@ def test_a_drag_of_the_mouse_is_one_operator_and_one_step(window: HeadlessWindow
     assert linear_picture(window) == pytest.approx(picture, rel=2e-3, abs=1e-5)
     window.key(imgui.Key.escape)
     assert not window.shell.state.paints_highlight
+
+
+def test_darker_tint_and_as_there_do_what_they_say(window: HeadlessWindow) -> None:
+    before = luminance(window, MIDDLE)
+    stroke(window, HighlightBrush("darker", 1.0, radius=8.0), MIDDLE)
+    assert luminance(window, MIDDLE) < 0.85 * before
+    window.shell.editor.undo()
+    wait_until_exact(window)
+    x, y = int(MIDDLE[0]), int(MIDDLE[1])
+    red_before = linear_picture(window)[y, x, 0] / linear_picture(window)[y, x, 2]
+    stroke(window, HighlightBrush("tint", radius=8.0, colour=(1.0, 0.2, 0.1)), MIDDLE)
+    pixel = linear_picture(window)[y, x]
+    assert pixel[0] / pixel[2] > 1.3 * red_before
+    assert luminance(window, MIDDLE) == pytest.approx(before, rel=0.25)
+    window.shell.editor.undo()
+    wait_until_exact(window)
+    stroke(window, HighlightBrush("as_there", radius=8.0, colour=(0.1, 0.2, 0.1)), MIDDLE, solved="curves")
+    there = linear_picture(window)[y, x, :3]
+    was = np.abs(np.array([0.1, 0.2, 0.1]) - pixel[:3]).sum()
+    assert np.abs(there - (0.1, 0.2, 0.1)).sum() < was
+
+
+def test_the_scale_alone_changes_a_parameter(window: HeadlessWindow) -> None:
+    editor = window.shell.editor
+    before = editor.document.layer(KEY).values["scale"]
+    stroke(window, HighlightBrush("darker", 2.0, radius=8.0), MIDDLE, solved="scale")
+    after = editor.document.layer(KEY).values["scale"]
+    assert np.all(np.array(after) < 0.9 * np.array(before)) and not operators(window)
+    editor.undo()
+    assert editor.document.layer(KEY).values["scale"] == before
+
+
+def test_a_place_is_picked_with_ctrl(window: HeadlessWindow) -> None:
+    window.key(imgui.Key.p, imgui.Key.mod_shift)
+    window.shell.do(SetPanel({"highlight": HighlightBrush("as_there")}))
+    window.frames(2)
+    window.hold(imgui.Key.mod_ctrl, True)
+    window.click(*on_screen(window, MIDDLE))
+    window.hold(imgui.Key.mod_ctrl, False)
+    window.frames(2)
+    expected = linear_picture(window)[int(MIDDLE[1]) - 1 : int(MIDDLE[1]) + 2, int(MIDDLE[0]) - 1 : int(MIDDLE[0]) + 2]
+    assert window.shell.state.highlight.colour == pytest.approx(expected[..., :3].mean(axis=(0, 1)).tolist(), rel=0.3)
+    assert not operators(window)
+
+
+def test_escape_during_a_stroke_takes_it_back(window: HeadlessWindow) -> None:
+    picture = linear_picture(window)
+    window.key(imgui.Key.p, imgui.Key.mod_shift)
+    window.move(*on_screen(window, MIDDLE))
+    window.press()
+    assert window.run_until(lambda: bool(operators(window)), 30.0)
+    window.key(imgui.Key.escape)
+    window.release()
+    settle(window)
+    assert not operators(window) and window.shell.editor.undo() is None
+    assert linear_picture(window) == pytest.approx(picture, rel=2e-3, abs=1e-5)
+
+
+def test_a_script_paints_and_says_what_it_cannot(window: HeadlessWindow, tmp_path: Path) -> None:
+    step = '[[step]]\npaint_highlight = {{ layer = "{}", points = [{}], radius = 8, stops = 2{} }}\n'
+
+    def run(layer: str, points: str, more: str = "") -> None:
+        (tmp_path / "a.toml").write_text(step.format(layer, points, more))
+        run_steps(window, window.shell.editor, load_script(tmp_path / "a.toml"))
+
+    before = luminance(window, MIDDLE)
+    run("ball.coat.theta_h", "[44, 31], [48, 31]")
+    assert len(operators(window)) == 1 and luminance(window, MIDDLE) > 1.2 * before
+    with pytest.raises(ScriptError, match="no pixel of the stroke"):
+        run("ball.coat.theta_h", "[2, 2]")
+    with pytest.raises(ScriptError, match="no object"):
+        run("cube.0", "[46, 31]")
+    window.shell.editor.do(SetView.of(mode="orbit"))
+    window.frames(5)
+    with pytest.raises(ScriptError, match="Placement"):
+        run("ball.coat.theta_h", "[46, 31]")
+
+
+def test_a_painted_session_opens_again(window: HeadlessWindow, tmp_path: Path) -> None:
+    stroke(window, HighlightBrush(radius=8.0), MIDDLE)
+    file = tmp_path / "painted.insitu"
+    assert window.shell.editor.save(file) is None
+    opened = load_session(file).document
+    assert opened.layer(KEY).operators(CURVE) == operators(window)

@@ -33,9 +33,8 @@ from app.modes.placement.inverse_messages import CurvesFitted, FitCurves
 from engine.core.errors import InsituError, list_names
 from engine.curve.tables import Float64Array, TabulatedCurve
 from engine.inverse.change_operator import change_operator
-from engine.inverse.curve_fit import HOLDING
+from engine.inverse.curve_fit import HOLDING, SCALE
 from engine.inverse.highlight_brush import HighlightBrush, Place
-from engine.inverse.layer_fit import SCALE
 from engine.material.layer import Layer, object_of, place_of
 from engine.material.parameters import Parameter
 from engine.scene.picture_frame import PictureFrame

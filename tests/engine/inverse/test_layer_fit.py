@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from engine.curve.bands import band_nodes
-from engine.inverse.curve_fit import radiance_weights
-from engine.inverse.layer_fit import SCALE, HeldPixels, LayerPixels, fit_layers
+from engine.inverse.curve_fit import SCALE, radiance_weights
+from engine.inverse.layer_fit import HeldPixels, LayerPixels, fit_layers
 from tests.engine.precompute.direct.test_bandstore import store_of
 
 N_A, N_B, N = 16, 8, 400

@@ -17,9 +17,8 @@ from app.modes.placement.inverse_messages import CurvesFitted, FitCurves
 from engine.core.errors import InsituError
 from engine.curve.operators import Operator
 from engine.curve.tables import TabulatedCurve
-from engine.inverse.curve_fit import CurveFit
+from engine.inverse.curve_fit import SCALE, CurveFit
 from engine.inverse.highlight_brush import HighlightBrush
-from engine.inverse.layer_fit import SCALE
 from tests.app.fake_worker import FRAME, FakeClient
 
 BRUSH = HighlightBrush("brighter", stops=1.0, radius=4.0)
