@@ -117,12 +117,14 @@ def test_no_frame_moves_more_than_a_band(window: HeadlessWindow, monkeypatch: py
 
 def test_a_thirteenth_picture_is_refused_before_it_is_read(window: HeadlessWindow) -> None:
     editor = window.shell.editor
-    for _ in range(MOST_PICTURES + 1):
+    for _ in range(MOST_PICTURES):
         window.shell.request(StorePicture())
         window.frames(1)
-    assert editor.status.is_error and "remove one first" in editor.status.message
     settle(window)
-    assert len(editor.stored.names) == MOST_PICTURES
+    window.shell.request(StorePicture())
+    window.frames(1)
+    assert editor.status.is_error and "remove one first" in editor.status.message
+    assert not window.shell.saving.is_storing and len(editor.stored.names) == MOST_PICTURES
 
 
 def test_false_colours_and_the_stored_picture_are_drawn(window: HeadlessWindow) -> None:
