@@ -139,6 +139,14 @@ def test_pixels_are_pinned_where_the_mouse_is_stay_while_zoomed_and_are_unpinned
     assert "button.probe.2" in shell.handles.names()
     editor.do(SetView.of(fit=False, zoom=40.0, centre=editor.view.probes[1]))
     window.frames(3)
+    # A pixel that is large is pinned once, and unpinned, wherever the mouse is in it.
+    middle = shell.handle_position("viewport.centre")
+    for n_pinned in (1, 2):
+        window.move(middle[0] + (15.0 if n_pinned == 1 else -15.0), middle[1] + 14.0)
+        window.frames(2)
+        window.key(Key.q, Key.mod_shift, Key.mod_alt)
+        window.frames(2)
+        assert len(editor.view.probes) == n_pinned
     at, middle = shell.handle_position("viewport.probe.2"), shell.handle_position("viewport.centre")
     assert at == pytest.approx(middle, abs=1.5)  # the centre of the view
     window.move(*at)

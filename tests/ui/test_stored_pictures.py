@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from imgui_bundle import imgui
 from app.document.commands.light import SetIntensity, SetRotation
 from app.document.view_state import DIFFERENCES, SetView
 from app.editor.stored_pictures import MOST_PICTURES
+from app.modes.placement.placement_controller import PlacementController
 from engine.render.display import exr_bytes
 from engine.render.picture_difference import difference_colours, errors
 from tests.ui.stand_in import HEIGHT, WIDTH
@@ -235,6 +237,46 @@ def test_false_colours_of_another_kind_are_not_shown_meanwhile(window: HeadlessW
     assert feed_of(window).board(False).colours is None
     settle(window)
     assert feed_of(window).board(False).colours is not None
+
+
+def test_a_legend_stands_over_its_own_colours_alone(window: HeadlessWindow, monkeypatch: pytest.MonkeyPatch) -> None:
+    editor, colours = window.shell.editor, np.full((HEIGHT, WIDTH, 4), 255, np.uint8)
+    status = PlacementController.status
+    monkeypatch.setattr(
+        PlacementController, "status", lambda controller, told: replace(status(controller, told), error_colours=colours)
+    )
+    store(window)
+
+    def legends() -> set[str]:
+        window.frames(2)
+        settle(window)
+        return {"viewport.stops", "viewport.errors"} & set(window.shell.handles.names())
+
+    # Stops, the error map and the difference are seen one over the other: the uppermost has the legend.
+    editor.do(SetView.of(tone_mapping="false_colour", difference="present"))
+    assert legends() == {"viewport.stops"}
+    editor.do(SetView.of(picture_channel="alpha"))  # shown as it is
+    assert legends() == set()
+    editor.do(SetView.of(picture_channel="red", difference="signed"))
+    assert legends() == {"viewport.errors"}
+    editor.do(SetView.of(difference="stored", shows_error=True))  # through the view, over the error map
+    assert legends() == {"viewport.stops"}
+    editor.do(SetView.of(difference="split"))  # beside it
+    assert legends() == {"viewport.stops", "viewport.errors"}
+    editor.do(SetView.of(difference="present"))
+    assert legends() == {"viewport.errors"}
+
+
+def test_the_legend_stands_above_the_scopes(window: HeadlessWindow) -> None:
+    editor = window.shell.editor
+    store(window)
+    editor.do(SetView.of(difference="absolute"))
+    settle(window)
+    window.key(imgui.Key._0, imgui.Key.mod_ctrl)
+    window.frames(3)
+    plot, legend = (window.shell.handle_position(name) for name in ("scopes.plot", "viewport.errors"))
+    # The plot's middle is 60 + 46 below the strip's upper edge; the legend is 50 high.
+    assert legend[1] + 50.0 < plot[1] - 60.0 - 46.0
 
 
 def test_another_size_is_said_and_no_number_is_shown(window: HeadlessWindow, tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from imgui_bundle import ImVec2, imgui
 from app.operators.inspect import FALSE_COLOUR
 from engine.render.display import false_colour
 from ui import theme as look
+from ui.panels import stored_pictures
 from ui.panels.actions import Action, CopyText, SetPanel
 from ui.panels.context import PanelContext
 from ui.panels.viewport_layout import PictureRect, ViewportRect, zoom_at
@@ -95,10 +96,26 @@ def channel_label(context: PanelContext) -> str:
     return "" if channel == "colour" else f"{channel.capitalize()} alone"
 
 
+def shows_error(context: PanelContext) -> bool:
+    """Whether the map of the picture's error is wanted, and not covered by a stored picture."""
+    return context.view.shows_error and stored_pictures.shows_present(context)
+
+
+def shows_stops(context: PanelContext) -> bool:
+    """Whether stops are seen in false colours: not of alpha, nor where other false colours cover them."""
+    view = context.view
+    covers_all = shows_error(context) and context.error_overlay is not None
+    covers_all = covers_all and view.compare is None and not stored_pictures.is_split(context)
+    is_covered = bool(stored_pictures.legend(context)) or covers_all
+    return view.tone_mapping == FALSE_COLOUR and view.picture_channel != "alpha" and not is_covered
+
+
 def draw_stops_legend(context: PanelContext, end: ImVec2) -> None:
-    """The legend of luminance in stops, at the panel's lower end, where that is the view."""
-    if context.view.tone_mapping != FALSE_COLOUR:
+    """The legend of stops, at the panel's lower end, where they are seen."""
+    if not shows_stops(context):
         return
+    channel = context.view.picture_channel
+    kind = "Luminance" if channel == "colour" else channel.capitalize()
     pad, width, bar = context.px(12), context.px(LEGEND_WIDTH), context.px(BAR)
     small = context.px(look.SMALL_SIZE)
     height = imgui.get_text_line_height() + bar + small + context.px(8)
@@ -106,7 +123,7 @@ def draw_stops_legend(context: PanelContext, end: ImVec2) -> None:
     draw_list = imgui.get_window_draw_list()
     low, high = ImVec2(x - 0.5 * pad, y - 0.3 * pad), ImVec2(x + width + 0.5 * pad, y + height + 0.3 * pad)
     draw_list.add_rect_filled(low, high, look.pack(look.grey(26, 0.88)), context.px(4))
-    draw_list.add_text(ImVec2(x, y), look.pack(look.TEXT), "Luminance in stops, 0 is 1.0; middle grey is -2.5")
+    draw_list.add_text(ImVec2(x, y), look.pack(look.TEXT), f"{kind} in stops, 0 is 1.0; middle grey is -2.5")
     top = y + imgui.get_text_line_height() + context.px(2)
     halves = np.arange(-N_STOPS, N_STOPS, 0.5) + 0.25
     for i, colour in enumerate(false_colour(np.repeat(2.0 ** halves[:, None], 3, axis=1))):

@@ -7,11 +7,10 @@ import math
 from imgui_bundle import ImVec2, imgui
 
 from app.document.view_state import MOST_PROBES, Probe, SetView
-from app.operators.inspect import FALSE_COLOUR
 from app.operators.registry import keys_of
 from engine.render.crop import Crop
 from ui import theme as look
-from ui.panels import picture_overlays, widgets
+from ui.panels import inspection, picture_overlays, stored_pictures, widgets
 from ui.panels.actions import Action, BeginDrag, HoldGrip, SetPanel
 from ui.panels.context import PanelContext
 from ui.panels.pictures import Picture
@@ -21,7 +20,8 @@ from ui.theme import Icon
 
 CROP = "picture.crop"
 DIM, MARK, REACH, MARGIN = 0.6, 5.0, 8.0, 10.0
-LEGEND, ZOOM = 76.0, 44.0
+LEGEND, ZOOM = 76.0, 44.0  # heights at the panel's lower edge
+LIST_WIDTH, BESIDE = 320.0, 260.0  # of the list, and of the legend of errors at the left
 
 # ------------------------------------------------------------------------------------------------------------- the crop
 
@@ -93,7 +93,8 @@ def pin(context: PanelContext, placed: PictureRect, picture: Picture) -> list[Ac
     pixel = placed.pixel(mouse.x, mouse.y, picture)
     if pixel is None or not imgui.is_item_hovered():
         return [*done, _say(context, "put the mouse on the pixel that is to be pinned")]
-    near = [each for each in probes if _distance(placed, each, mouse) <= context.px(REACH)]
+    reach = context.px(REACH)  # where pixels are large, the whole pixel is the pin's
+    near = [each for each in probes if _distance(placed, each, mouse) <= reach or pixel_of(each, picture) == pixel]
     if near:
         nearest = min(near, key=lambda each: _distance(placed, each, mouse))
         return [*done, SetView.of(probes=tuple(each for each in probes if each is not nearest))]
@@ -135,11 +136,13 @@ def draw_probes(context: PanelContext, placed: PictureRect) -> None:
 def draw_list_of_probes(context: PanelContext, corner: ImVec2, room: ImVec2) -> list[Action]:
     """The values of pinned pixels, in the panel's lower right corner: linear light, and stops above the first."""
     probes, picture = context.view.probes, context.picture
-    if not probes or picture is None or room.x < context.px(320):
+    if not probes or picture is None or room.x < context.px(LIST_WIDTH):
         return []
     actions: list[Action] = []
     # Above the legend of stops, or the zoom.
-    foot = LEGEND if context.view.tone_mapping == FALSE_COLOUR else MARGIN if context.view.fit else ZOOM
+    foot = LEGEND if inspection.shows_stops(context) else MARGIN if context.view.fit else ZOOM
+    if stored_pictures.legend(context) and room.x < context.px(LIST_WIDTH + BESIDE):
+        foot = max(foot, LEGEND)
     at = ImVec2(corner.x + room.x - context.px(MARGIN), corner.y + room.y - context.px(foot))
     with widgets.strip(context, "Pinned pixels###probes", at, ImVec2(1.0, 1.0), ImVec2(10, 8)) as is_seen:
         if is_seen and imgui.begin_table("probes", 5, imgui.TableFlags_.sizing_fixed_fit):

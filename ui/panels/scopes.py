@@ -22,13 +22,19 @@ CHOICES = (
     ("Parade", "The same of red, green and blue, side by side."),
 )
 INKS = ((0.95, 0.30, 0.28, 0.85), (0.35, 0.85, 0.38, 0.85), (0.38, 0.55, 1.0, 0.9), (0.85, 0.85, 0.85, 0.6))
+HEAD, WORDS = 46.0, 38.0  # of the strip above and below the plot
 CLIPPED = 5e-4  # share of pixels from where on a channel's clipping is said
+
+
+def height(context: PanelContext, room: ImVec2) -> float:
+    """How much of the panel's lower left corner they take; 0 where they are not shown."""
+    is_shown = bool(context.state.scope) and room.x >= context.px(WIDTH + 2 * MARGIN)
+    return context.px(HEAD + HEIGHT + WORDS + MARGIN) if is_shown and room.y >= context.px(HEIGHT + 80) else 0.0
 
 
 def draw(context: PanelContext, corner: ImVec2, room: ImVec2) -> list[Action]:
     """The scopes, where they are switched on and the picture's panel has room for them."""
-    state = context.state
-    if not state.scope or room.x < context.px(WIDTH + 2 * MARGIN) or room.y < context.px(HEIGHT + 80):
+    if not height(context, room):
         return []
     scopes = context.scopes()
     if scopes is None:

@@ -13,6 +13,7 @@ from ui import theme as look
 from ui.panels import picture_overlays, widgets
 from ui.panels.actions import Action, RunOperator
 from ui.panels.context import PanelContext
+from ui.panels.pictures import Picture
 from ui.panels.viewport_layout import PictureRect
 from ui.theme import Icon
 
@@ -37,19 +38,37 @@ ERROR_HINT = (
 )
 
 
+def overlay(context: PanelContext) -> Difference | None:
+    """What of the comparison lies over the present picture, where there is something."""
+    view, board = context.view, context.difference
+    if not view.stored or (board.refusal and view.difference != "stored"):
+        return None
+    return None if _over(context) is None else view.difference
+
+
+def _over(context: PanelContext) -> Picture | None:
+    board = context.difference
+    pictures: dict[Difference, Picture | None] = {
+        "present": None, "stored": board.stored, "split": board.stored, "signed": board.colours,
+        "absolute": board.colours,
+    }  # fmt: skip
+    return pictures[context.view.difference]
+
+
 def is_split(context: PanelContext) -> bool:
     """Whether a divider is between the stored and the present picture."""
-    view, board = context.view, context.difference
-    return bool(view.stored) and view.difference == "split" and board.stored is not None and not board.refusal
+    return overlay(context) == "split"
+
+
+def shows_present(context: PanelContext) -> bool:
+    """Whether the present picture is seen, or a part of it."""
+    return overlay(context) in (None, "split")
 
 
 def draw_over_picture(context: PanelContext, placed: PictureRect) -> None:
     """What is compared, in the place of the picture, in the panel's draw list."""
-    view, board = context.view, context.difference
-    if not view.stored or view.difference == "present":
-        return
-    picture = board.stored if view.difference in ("stored", "split") else board.colours
-    if picture is None or (board.refusal and view.difference != "stored"):
+    view, picture = context.view, _over(context)
+    if picture is None or overlay(context) is None:
         return
     share = min(max(view.compare_divider, 0.0), 1.0) if view.difference == "split" else 1.0
     start = ImVec2(placed.x, placed.y)
@@ -59,8 +78,7 @@ def draw_over_picture(context: PanelContext, placed: PictureRect) -> None:
 
 def legend(context: PanelContext) -> str:
     """The words above the legend of false colours, "" where there are none."""
-    view, board = context.view, context.difference
-    return LEGENDS.get(view.difference, "") if view.stored and board.colours is not None and not board.refusal else ""
+    return LEGENDS.get(overlay(context) or "", "")
 
 
 def draw_legend(context: PanelContext, draw_list: imgui.ImDrawList, corner: ImVec2, room: float) -> None:

@@ -28,6 +28,7 @@ from ui.panels import (
     picture_handles,
     picture_marks,
     picture_overlays,
+    scopes,
     stored_pictures,
     sun_handles,
     widgets,
@@ -82,8 +83,11 @@ def _draw_picture(context: PanelContext, corner: ImVec2, room: ImVec2) -> list[A
     upper, lower = picture.corners()
     far = ImVec2(placed.x + placed.width, placed.y + placed.height)
     draw_list.add_image(picture.reference, ImVec2(placed.x, placed.y), far, upper, lower)
-    if context.view.shows_error and context.error_overlay is not None:
-        draw_list.add_image(context.error_overlay.reference, ImVec2(placed.x, placed.y), far)
+    if inspection.shows_error(context) and context.error_overlay is not None:
+        # Right of the divider: the other picture has errors of its own.
+        share = 0.0 if context.view.compare is None else context.view.compare_divider
+        start = ImVec2(placed.x + share * placed.width, placed.y)
+        draw_list.add_image(context.error_overlay.reference, start, far, ImVec2(share, 0), ImVec2(1, 1))
     if context.highlight_overlay is not None:
         draw_list.add_image(context.highlight_overlay.reference, ImVec2(placed.x, placed.y), far)
     stored_pictures.draw_over_picture(context, placed)
@@ -103,8 +107,9 @@ def _draw_picture(context: PanelContext, corner: ImVec2, room: ImVec2) -> list[A
     _draw_labels(context, ImVec2(max(placed.x, corner.x), max(placed.y, corner.y)))
     _draw_zoom(context, end)
     inspection.draw_stops_legend(context, end)
-    if context.view.shows_error or stored_pictures.legend(context):
-        _draw_error_legend(context, ImVec2(max(placed.x, corner.x), min(placed.y + placed.height, end.y)))
+    if inspection.shows_error(context) or stored_pictures.legend(context):
+        low = min(placed.y + placed.height, end.y - scopes.height(context, room))  # above the scopes
+        _draw_error_legend(context, ImVec2(max(placed.x, corner.x), low))
     if context.status.picture == "waiting":
         _draw_waiting(context, corner, room, BELOW)
     draw_list.pop_clip_rect()
@@ -151,7 +156,7 @@ def _interact(
         context.handles.note("viewport.divider", divider_x(context, placed), placed.y + 0.5 * placed.height)
     context.handles.note("viewport.corner", placed.x, placed.y)
     actions: list[Action] = []
-    if grip is not None and grip.handle == PAN:
+    if grip is not None and grip.handle.startswith(PAN):
         return actions
     handle = picture_handles.held_handle(context, handles) or picture_handles.under_mouse(context, handles)
     if handle is not None and imgui.is_item_hovered() and grip is None:
@@ -387,6 +392,7 @@ def _draw_error_legend(context: PanelContext, corner: ImVec2) -> None:
     high = ImVec2(place.x + width + 0.5 * pad, place.y + line + bar + 0.3 * pad)
     draw_list.add_rect_filled(low, high, look.pack(look.grey(26, 0.88)), context.px(4))
     draw_list.add_text(place, look.pack(look.TEXT), words)
+    context.handles.note("viewport.errors", place.x, place.y)
     draw_bar = stored_pictures.draw_legend if of_difference else picture_overlays.draw_legend
     draw_bar(context, draw_list, ImVec2(place.x, place.y + line + 0.3 * pad), width)
 
