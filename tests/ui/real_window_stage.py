@@ -21,7 +21,8 @@ Event = tuple[Any, ...]
 VIEW_OF_THE_START = (
     "hovered", "exposure", "tone_mapping", "compare", "compare_divider", "fit", "zoom", "centre", "log_y", "curve_zoom",
     "channel", "active_tool", "regions", "operator", "solo", "lobe_pixel", "brdf_plot", "brdf_whole", "brdf_across",
-    "panels", "show_shortcuts", "mode",
+    "panels", "show_shortcuts", "mode", "gamma", "picture_channel", "zebra", "stored", "difference", "crop", "probes",
+    "looks_shown",
 )  # fmt: skip
 CALLBACKS = ("Key", "Char", "CursorPos", "MouseButton", "Scroll", "Drop", "WindowFocus")
 

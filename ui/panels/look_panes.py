@@ -1,7 +1,7 @@
 """Looks side by side: the current one, which is edited, in a pane of its own, and finished pictures of others.
 
 A click on a picture makes its look current, in its place: panes do not move. Pictures that are out of date are dimmed.
-All are seen from the same camera, in the same part of the picture.
+All are seen from the same camera, in the same part of the picture, which zoom and pan change in any pane.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from ui import theme as look
 from ui.panels import widgets
 from ui.panels.actions import Action, RunOperator, SetPanel
 from ui.panels.context import PanelContext
-from ui.panels.viewport_layout import pane_places, viewport_rect
+from ui.panels.viewport_layout import PAN, gestures, is_magnifying, pane_places, viewport_rect
 
 LABEL_HEIGHT, GAP = 26.0, 6.0
 # Of what is out of date: how much of the backdrop lies over it.
@@ -56,9 +56,13 @@ def _draw_other(context: PanelContext, name: str, at: ImVec2, size: ImVec2) -> l
     end = ImVec2(at.x + size.x, at.y + size.y)
     draw_list.push_clip_rect(at, end, True)
     picture = board.pictures.get(name)
+    grip, actions = context.state.grip, list[Action]()
+    pans = grip is not None and grip.handle.startswith(PAN)
     if context.picture is not None:
         # The place of the picture that is edited, whose pixels may be smaller.
-        place = viewport_rect(at, size, context.picture).place(context.view)
+        room = viewport_rect(at, size, context.picture)
+        place = room.place(context.view)
+        actions += gestures(context, room, place, f".{name}")
         board.shown[name] = round(place.width), round(place.height)
         low, far = ImVec2(place.x, place.y), ImVec2(place.x + place.width, place.y + place.height)
         if picture is not None:
@@ -68,12 +72,13 @@ def _draw_other(context: PanelContext, name: str, at: ImVec2, size: ImVec2) -> l
             draw_list.add_rect_filled(low, far, look.pack(look.WELL))
         elif name in board.outdated:
             draw_list.add_rect_filled(low, far, look.pack(look.with_alpha(look.BACKDROP, DIM)))
-        if is_hovered:
+        if is_hovered and not pans:
             imgui.set_mouse_cursor(imgui.MouseCursor_.hand)
             draw_list.add_rect(low, far, look.pack(look.grey(200, 0.6)), 0.0, context.px(1))
     draw_list.pop_clip_rect()
     widgets.tooltip(f"Edit the look {name}. ({keys_of('previous_look')} and {keys_of('next_look')} go on to others)")
-    return [RunOperator("look", name)] if pressed else []
+    chooses = pressed and not pans and not is_magnifying()
+    return [*actions, RunOperator("look", name)] if chooses else actions
 
 
 def _draw_label(context: PanelContext, name: str, at: ImVec2, size: ImVec2, is_current: bool) -> list[Action]:

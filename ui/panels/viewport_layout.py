@@ -124,22 +124,34 @@ def zoom_at(room: ViewportRect, placed: PictureRect, steps: float, x: float, y: 
     return room.shown(scale, x - column * scale, y - row * scale)
 
 
-def gestures(context: PanelContext, room: ViewportRect, placed: PictureRect) -> list[Action]:
-    """Zoom and pan, over the item drawn last."""
+def is_magnifying() -> bool:
+    """Whether the keys are held with which the mouse zooms and pans."""
+    io = imgui.get_io()
+    return bool(io.key_ctrl and io.key_alt)
+
+
+def gestures(context: PanelContext, room: ViewportRect, placed: PictureRect, pane: str = "") -> list[Action]:
+    """Zoom and pan, over the item drawn last; pane: where there are several, its name."""
     io, grip = imgui.get_io(), context.state.grip
     mouse = imgui.get_mouse_pos()
     if grip is not None:
-        return _pan(room, placed, grip, mouse) if grip.handle == PAN else []
-    if not (imgui.is_item_hovered() and io.key_ctrl and io.key_alt):
+        ends = grip.handle.startswith(PAN) and not _is_pressed()
+        return _pan(room, placed, grip, mouse) if ends or grip.handle == f"{PAN}{pane}" else []
+    if not (imgui.is_item_hovered() and is_magnifying()):
         return []
     if imgui.is_mouse_clicked(0) or imgui.is_mouse_clicked(2):
-        return [HoldGrip(Grip(PAN, (mouse.x - placed.x, mouse.y - placed.y)))]
+        return [HoldGrip(Grip(f"{PAN}{pane}", (mouse.x - placed.x, mouse.y - placed.y)))]
     wheel = io.mouse_wheel
     return [zoom_at(room, placed, wheel, mouse.x, mouse.y)] if wheel else []
 
 
+def _is_pressed() -> bool:
+    """Whether a button is down that pans."""
+    return bool(imgui.is_mouse_down(0) or imgui.is_mouse_down(2))
+
+
 def _pan(room: ViewportRect, placed: PictureRect, grip: Grip, mouse: ImVec2) -> list[Action]:
-    if not (imgui.is_mouse_down(0) or imgui.is_mouse_down(2)):
+    if not _is_pressed():
         return [HoldGrip(None)]
     imgui.set_mouse_cursor(imgui.MouseCursor_.resize_all)
     x, y = mouse.x - grip.offset[0], mouse.y - grip.offset[1]
